@@ -132,17 +132,14 @@ def solve_contact(
             raise ValueError(
                 f"`mean_gap={mean_gap}` is refused on a window: prescribe `pressure` or `approach`."
             )
-        if (
-            approach is not None
-            and is_concrete(operator.kernel)
-            and operator.kernel[(0,) * heights.ndim] == 0
-        ):
+        loading = loading_of(law, heights, pressure=pressure, approach=approach)
+        limited = not is_concrete(operator.kernel) or operator.kernel[(0,) * heights.ndim] != 0
+        if approach is not None and not limited:
             raise ValueError(
                 f"`approach={approach}` is refused: the displacement of this block has no limit "
                 "far away, as of all blocks in one dimension but slabs on a `Rigid()` base. "
                 "Prescribe `pressure`."
             )
-        loading = loading_of(law, heights, pressure=pressure, approach=approach)
     else:
         if approach is not None:
             raise ValueError(

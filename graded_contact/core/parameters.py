@@ -57,7 +57,10 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
     for path, value in values.items():
         if path not in known:
             near = difflib.get_close_matches(str(path), known, n=1, cutoff=0.0) or ["none"]
-            raise ValueError(f"`values` has no path {short(path)}; the nearest is {near[0]!r}.")
+            raise ValueError(
+                f"`tree` has no number {short(path)}, as `values` names it; "
+                f"the nearest is {near[0]!r}."
+            )
         value = as_float(value, path).astype(known[path].dtype)
         check_shape(path, value, known[path].shape)
         whole, bracket, index = path.rpartition("[")
@@ -97,7 +100,9 @@ def _check(tree):
     """Runs the checks of the constructors of all modules in `tree`, the innermost first."""
     if isinstance(tree, eqx.Module):
         for field in dataclasses.fields(tree):
-            _check(getattr(tree, field.name))
+            value = getattr(tree, field.name)
+            _check(value)
+            field.metadata.get("converter", lambda value: value)(value)
         getattr(tree, "__check_init__", lambda: None)()
     elif isinstance(tree, tuple | list):
         for part in tree:

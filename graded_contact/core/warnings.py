@@ -88,7 +88,7 @@ def _lost_shear(found: Any) -> ArrayLike:
     return np.isnan(_number(found, "shear_friction")) & (_number(found, "slope_in_contact") > 0)
 
 
-def _no_touch(found: Any) -> ArrayLike:
+def _no_touch(found: Any) -> Any:
     return np.isnan(found.friction) & (_number(found, "slope_in_contact") == 0)
 
 

@@ -52,16 +52,29 @@ def covariance(
     - `penalty`: weights of their squares in the cost, from what is expected beforehand.
     - `group`: of each point; neighbours are of the same one. Shape `(points,)`.
     """
+    jacobian, penalty = jacobian[free], np.broadcast_to(penalty, len(free))[free]
     inside = np.abs(residual) <= series.huber
-    jacobian = jacobian[free]
-    penalty = np.broadcast_to(penalty, len(free))[free]
     hessian = (jacobian * (series.weights * inside)) @ jacobian.T + np.diag(penalty)
-    errors = _errors_of(series, residual, jacobian, penalty, group)
-    pull = (jacobian * np.sqrt(series.weights))[:, errors.rows].T
-    noise = np.diag(penalty * errors.mean_square)
-    for parameters in errors.cloud:
-        carried = errors.carried(parameters, pull)
-        noise += carried.T @ carried / len(errors.cloud)
+    points = len(series.x)
+    group = np.zeros(points, int) if group is None else group
+    order = np.lexsort((series.x, group))
+    rows = (np.arange(0, len(residual), points)[:, None] + order).ravel()
+    rows = rows[series.measured[rows]]
+    channel = np.unique(rows // points, return_inverse=True)[1]
+    starts = (np.diff(channel) > 0) | (np.diff(group[rows % points]) > 0)
+    root_weights = np.sqrt(series.weights[rows])
+    design = (jacobian[:, rows] * root_weights).T
+    errors = _Errors(
+        channel=channel,
+        first=np.append(True, starts),
+        errors=root_weights * np.clip(residual[rows], -series.huber, series.huber),
+        design=design,
+        penalty=penalty,
+    )
+    noise, cloud = np.diag(penalty * errors.mean_square), errors.cloud()
+    for parameters in cloud:
+        carried = errors.carried(parameters, design)
+        noise += carried.T @ carried / len(cloud)
     diagonal = np.diagonal(hessian)
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1))
     # Directions that rounding alone determines are left out.
@@ -72,55 +85,6 @@ def covariance(
     return spread
 
 
-def resampled(series: Series, theta: np.ndarray, free: np.ndarray, count: int, seed: int):
-    """Returns `count` refits to data with errors drawn anew, shape `(count, unknowns)`.
-
-    Drawn with replacement among those of the same channel is what a residual has beyond what is
-    left of its neighbour's (a sieve bootstrap: P. Bühlmann, Bernoulli 3 (1997) 123,
-    doi:10.2307/3318584). Each draw has σ and ρ of another point of the cloud.
-    """
-    generator = np.random.default_rng(seed)
-    model = series.model(theta)
-    residual, jacobian, _ = series.derivatives(theta)
-    errors = _errors_of(series, residual, jacobian[free], np.zeros(np.sum(free)), None)
-    root_weights, rows = np.sqrt(series.weights[errors.rows]), errors.rows
-    own = errors.whitened(errors.likely, residual[rows] * root_weights)
-    channels = [np.flatnonzero(errors.channel == c) for c in np.unique(errors.channel)]
-    for places in channels:
-        own[places] /= np.sqrt(np.mean(own[places] ** 2)) if np.any(own[places]) else 1.0
-    refits = []
-    for _ in range(count):
-        drawn = np.empty_like(own)
-        for places in channels:
-            drawn[places] = generator.choice(own[places], len(places))
-        drawn = errors.coloured(generator.choice(errors.cloud), drawn) / root_weights
-        log_values = series.log_values.copy()
-        log_values[rows] = np.log(model[rows]) + drawn
-        again = dataclasses.replace(series, log_values=log_values)
-        refits.append(again.minimise(theta, rtol=1e-6)[0])
-    return np.array(refits)
-
-
-def _errors_of(series, residual, jacobian, penalty, group) -> "_Errors":
-    points = len(series.x)
-    group = np.zeros(points, int) if group is None else group
-    order = np.lexsort((series.x, group))
-    rows = (np.arange(0, len(residual), points)[:, None] + order).ravel()
-    rows = rows[series.measured[rows]]
-    channel = np.unique(rows // points, return_inverse=True)[1]
-    starts = (np.diff(channel) > 0) | (np.diff(group[rows % points]) > 0)
-    root_weights = np.sqrt(series.weights[rows])
-    errors = root_weights * np.clip(residual[rows], -series.huber, series.huber)
-    return _Errors(
-        rows=rows,
-        channel=channel,
-        first=np.append(True, starts),
-        errors=errors,
-        design=(jacobian[:, rows] * root_weights).T,
-        penalty=penalty,
-    )
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Errors:
     """Errors of weight 1, and the parameters (atanh ρ of each channel, ln σ² of each) of their V.
@@ -128,16 +92,14 @@ class _Errors:
     V⁻¹ = Wᵀ W. Each row of W subtracts from an error what is left of its neighbour's, and divides
     by the standard deviation of the rest. `ln σ²` is relative to `mean_square`.
 
-    **Fields:**
+    **Fields:** (rows by channel, isotherm and x, so that neighbours follow each other)
 
-    - `rows`: the measured rows by channel, isotherm and x, so that neighbours follow each other.
-    - `channel`: of each of them, counted from 0.
+    - `channel`: of each row, counted from 0.
     - `first`: which of them have no neighbour before them.
     - `errors`, `design`: residuals, and derivatives of the model, shape `(rows, unknowns)`.
     - `penalty`: as in `covariance`.
     """
 
-    rows: np.ndarray
     channel: np.ndarray
     first: np.ndarray
     errors: np.ndarray
@@ -146,7 +108,7 @@ class _Errors:
 
     @functools.cached_property
     def mean_square(self) -> float:
-        spare = max(len(self.rows) - len(self.penalty), 1)
+        spare = max(len(self.errors) - len(self.penalty), 1)
         return float(np.sum(self.errors**2)) / spare
 
     def filter(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -158,48 +120,32 @@ class _Errors:
         diagonal = 1 / np.where(size > 0, own * size, 1)
         return diagonal, np.where(self.first, 0, -alike * diagonal)
 
-    def whitened(self, parameters: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Returns W times `columns`: of errors, independent ones of unit variance."""
-        diagonal, left = self.filter(parameters)
-        before = np.concatenate([columns[:1], columns[:-1]])
-        return (diagonal * columns.T + left * before.T).T
-
-    def coloured(self, parameters: np.ndarray, independent: np.ndarray) -> np.ndarray:
-        """Returns W⁻¹ times independent errors."""
-        diagonal, left = self.filter(parameters)
-        return solve_banded((1, 0), np.array([diagonal, np.append(left[1:], 0)]), independent)
-
     def carried(self, parameters: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Returns W⁻ᵀ times `columns`, whose square is columnsᵀ V columns."""
         diagonal, left = self.filter(parameters)
         return solve_banded((0, 1), np.array([np.append(0, left[1:]), diagonal]), columns)
 
-    @functools.cached_property
-    def likely(self) -> np.ndarray:
-        """The parameters of the largest restricted likelihood."""
-        count = self.channel[-1] + 1
-        start = np.repeat([0.3, 0.0], count)
-        if not self.mean_square:
-            return start
-        bounds = [limit for limit in LIMITS for _ in range(count)]
-        return minimize(self._surprise, start, method="L-BFGS-B", bounds=bounds).x
-
-    @functools.cached_property
     def cloud(self) -> list[np.ndarray]:
-        """Equally likely parameters: the corners of a box along the axes of their covariance."""
-        steps = STEP * np.eye(len(self.likely))
+        """Equally likely parameters about those of the largest restricted likelihood.
+
+        They are the corners of a box along the axes of their covariance.
+        """
+        count = self.channel[-1] + 1
+        likely, (lower, upper) = np.repeat([0.3, 0.0], count), np.repeat(LIMITS, count, axis=0).T
         if not self.mean_square:
-            return [self.likely]
+            return [likely]
+        bounds = list(zip(lower, upper, strict=True))
+        likely = minimize(self._surprise, likely, method="L-BFGS-B", bounds=bounds).x
+        steps = STEP * np.eye(len(likely))
         curvature = np.empty(steps.shape)
         for (i, a), (j, b) in itertools.product(enumerate(steps), repeat=2):
-            corners = (self._surprise(self.likely + s * a + t * b) * s * t
+            corners = (self._surprise(likely + s * a + t * b) * s * t
                        for s in (-1, 1) for t in (-1, 1))  # fmt: skip
             curvature[i, j] = sum(corners) / (2 * STEP) ** 2
         values, axes = np.linalg.eigh(curvature)
         reach = np.sqrt(CLOUD / np.maximum(values, FLATTEST)) * axes
-        lower, upper = np.repeat(LIMITS, len(self.likely) // 2, axis=0).T
-        signs = itertools.product((-1, 1), repeat=len(self.likely))
-        return [np.clip(self.likely + reach @ sign, lower, upper) for sign in signs]
+        signs = itertools.product((-1, 1), repeat=len(likely))
+        return [np.clip(likely + reach @ sign, lower, upper) for sign in signs]
 
     @functools.cached_property
     def _orthonormal(self):
@@ -216,9 +162,11 @@ class _Errors:
         """-ln L, less a constant."""
         design, prior = self._orthonormal
         columns = np.column_stack([design * np.sqrt(self.mean_square), self.errors])
-        white = self.whitened(parameters, columns)
+        diagonal, left = self.filter(parameters)
+        before = np.concatenate([columns[:1], columns[:-1]])
+        white = (diagonal * columns.T + left * before.T).T  # W times the columns
         products = white.T @ white
         root = np.linalg.cholesky(products[:-1, :-1] + prior)
         pull = np.linalg.solve(root, products[:-1, -1])
-        half_logs = np.sum(np.log(np.diagonal(root))) - np.sum(np.log(self.filter(parameters)[0]))
+        half_logs = np.sum(np.log(np.diagonal(root))) - np.sum(np.log(diagonal))
         return half_logs + (products[-1, -1] - pull @ pull) / 2

@@ -2,7 +2,7 @@
 
 Two walks meet: upwards, each new branch put where it lowers the error most; downwards from the best
 positive spectrum of all, each time joining the two branches (or dropping the one) that costs least.
-Either alone ends in poor local minima now and then.
+Either walk alone ends in poor local minima now and then.
 The best spectrum is found by non-negative least squares on a dense grid of times (C. L. Lawson,
 R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours merged, then by
 Newton's method on all unknowns; no added branch lowers its error, which makes it the floor.
@@ -17,14 +17,14 @@ from scipy.optimize import nnls
 from ..core.checks import check_whole
 from ..core.display import shown
 from .observations import Observations, concrete
-from .series import Series
-from .series_fit import series_of
+from .series import Series, series_of
 
 Fitted = tuple[np.ndarray, float]  # unknowns θ, and their cost
 SEARCH = 1e-5  # relative tolerance of the cost
 MANY = 2000  # rows, from which on an orthogonal reduction of them pays
 PER_DECADE = 10
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
+STEPS = 40  # of a search along a walk: its neighbours follow
 RESOLUTION = 1e-6  # of measured values, relative
 AS_GOOD = 1.05  # times the error: a liquid that does no worse is what was measured
 
@@ -70,21 +70,26 @@ def check_choosable(data: Observations) -> None:
 
 
 def choose(series: Series, within: float | None) -> tuple[np.ndarray, tuple[Length, ...]]:
-    """Returns the unknowns of the best length, see `fit_prony`, and all lengths tried."""
+    """Returns the unknowns of the best length, see `fit_prony`, and all lengths tried.
+
+    The Bayes information criterion is n ln(mean square) + p ln n of G. Schwarz, Ann. Statist. 6
+    (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION` are rounding and no reason
+    for a further term.
+    """
     if within is not None and not within > 0:
         raise ValueError(f"`within={within!r}` must be a positive number [1].")
-    most = (np.sum(series.measured) - 1 - len(series.static)) // 2
-    fitted = best_path(series, max(int(most), 1))
-    path = tuple(
-        Length(n, series.rms(theta), _criterion(series, theta, cost))
-        for n, (theta, cost) in fitted.items()
-    )
+    count, total = np.sum(series.measured), np.sum(series.weights[series.measured])
+    fitted = best_path(series, max(int(count - 1 - len(series.static)) // 2, 1))
+    path = []
+    for terms, (theta, cost) in fitted.items():
+        bic = count * np.log(2 * cost / total + RESOLUTION**2) + len(theta) * np.log(count)
+        path.append(Length(terms, series.rms(theta), float(bic)))
     if within is None:
         chosen = min(path, key=lambda length: length.bic)
     else:
         least = min(length.error for length in path)
         chosen = next(length for length in path if length.error <= (1 + within) * least)
-    return fitted[chosen.terms][0], path
+    return fitted[chosen.terms][0], tuple(path)
 
 
 def choose_solid_or_liquid(
@@ -120,17 +125,6 @@ def flows(data: Observations) -> bool:
     return bool(len(lowest) and np.all(loss > storage))
 
 
-def _criterion(series, theta, cost):
-    """The Bayes information criterion, n ln(mean square) + p ln n.
-
-    G. Schwarz, Ann. Statist. 6 (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION`
-    are rounding and no reason for a further term.
-    """
-    count = np.sum(series.measured)
-    mean_square = 2 * cost / np.sum(series.weights[series.measured])
-    return float(count * np.log(mean_square + RESOLUTION**2) + len(theta) * np.log(count))
-
-
 # The best series --------------------------------------------------------------------------------
 
 
@@ -152,6 +146,7 @@ def best_spectrum(series: Series) -> Fitted:
 def best_of_length(series: Series, terms: int) -> Fitted:
     """Returns the best series of exactly `terms` branches found from two starts."""
     thinned = series.thinned()
+    # Each start leads to the lower minimum on about half of the measured sets.
     starts = [_spaced_start(thinned, terms)]
     if terms:
         dense = _dense_start(thinned, PER_DECADE / 2)
@@ -165,87 +160,66 @@ def best_of_length(series: Series, terms: int) -> Fitted:
 def best_path(series: Series, most: int) -> dict[int, Fitted]:
     """Returns the best series found of each length up to that of the floor, or to `most`."""
     thinned = series.thinned()
-    theta, _ = best_spectrum(thinned)
-    path = _downwards(thinned, _upwards(thinned, _top(thinned, theta, most)))
+    theta, cost = best_spectrum(thinned)
+    # The path ends at the shortest series that is within 0.05 % of the floor: no data show less.
+    while (terms := thinned.terms(theta)) > 1:
+        shorter = thinned.minimise(_one_fewer(thinned, theta)[0], rtol=SEARCH)
+        if terms <= most and shorter[1] > 1.001 * cost:
+            break
+        theta, cost = shorter
+    path = {terms: (theta, cost)}
+
+    def keep(terms, fitted):
+        if terms not in path or fitted[1] < path[terms][1]:
+            path[terms] = fitted
+
+    for length, fitted in _upwards(thinned, terms):
+        keep(length, fitted)
+    for length in range(max(path), min(path), -1):
+        for shorter in _one_fewer(thinned, path[length][0]):
+            keep(length - 1, thinned.minimise(shorter, rtol=SEARCH, max_steps=STEPS))
     return {terms: _measured_by(series, theta) for terms, (theta, _) in sorted(path.items())}
+
+
+def _upwards(series, longest):
+    """Yields series of each length, from the shortest, and how they fit."""
+    rows = series.weights > 0
+    needs_branch = np.any((series.known + np.sum(series.static, axis=0))[rows] <= 0)
+    start = _spaced_start(series, min(int(needs_branch), longest))
+    while True:
+        theta, cost = series.minimise(start, rtol=SEARCH, max_steps=STEPS)
+        yield series.terms(theta), (theta, cost)
+        gain, start = _with_branch(series, theta)
+        if gain <= 0 or series.terms(theta) == longest:
+            return
 
 
 def _measured_by(series, theta):
     return theta, float(series.cost(series.residual(series.model(theta))))
 
 
-def _top(series, theta, most):
-    """The shortest series that comes within 0.05 % of the floor, a difference that no data show."""
-    cost = _measured_by(series, theta)[1]
-    while True:
-        terms, limit = series.terms(theta), 1.001 * cost
-        if terms < 2:
-            return {terms: (theta, cost)}
-        shorter = series.minimise(_of_length(series, theta, terms - 1), rtol=SEARCH)
-        if terms <= most and shorter[1] > limit:
-            return {terms: (theta, cost)}
-        theta, cost = shorter
-
-
-def _upwards(series, path):
-    """Adds to `path`, which holds the longest series, those found by adding branches."""
-    longest = max(path)
-    shortest = min(0 if _static_suffices(series) else 1, longest)
-    upwards = series.minimise(_spaced_start(series, shortest), rtol=SEARCH)
-    for terms in range(shortest, longest + 1):
-        _keep_better(path, terms, upwards)
-        gain, longer = _with_branch(series, path[terms][0])
-        if gain <= 0 or terms == longest:
-            break
-        upwards = series.minimise(longer, rtol=SEARCH, max_steps=40)
-    return path
-
-
-def _downwards(series, path):
-    """Adds to `path` those found by joining or dropping branches."""
-    for terms in range(max(path), min(path), -1):
-        for shorter in _one_fewer(series, path[terms][0]):
-            _keep_better(path, terms - 1, series.minimise(shorter, rtol=SEARCH, max_steps=40))
-    return path
-
-
-def _keep_better(path, terms, fitted):
-    if terms not in path or fitted[1] < path[terms][1]:
-        path[terms] = fitted
-
-
-def _static_suffices(series):
-    rows = series.weights > 0
-    return bool(np.all((series.known + np.sum(series.static, axis=0))[rows] > 0))
-
-
 def _spaced_start(series, terms):
     """Times evenly spaced in their logarithm over the data."""
     shortest, longest = series.time_limits()
     before, after = np.log(np.minimum(series.reach, np.exp((longest - shortest) / 4)))
-    middle = (shortest + before + longest - after) / 2
-    log_times = np.linspace(shortest + before, longest - after, terms) if terms > 1 else [middle]
-    log_times = np.array(log_times[:terms])
-    strengths = non_negative(series, log_times)
+    ends = shortest + before, longest - after
+    log_times = np.linspace(*ends, terms) if terms != 1 else np.array([np.mean(ends)])
     faint = np.exp(series.faintest()) * 1e3
-    strengths = np.log(np.maximum(strengths, faint))
+    strengths = np.log(np.maximum(non_negative(series, log_times), faint))
     return np.concatenate([strengths[:terms], log_times, strengths[terms:]])
 
 
 def _dense_start(series, per_decade):
     """Non-negative least squares of relative errors on a dense grid, neighbours merged."""
-    shortest, longest = series.time_limits()
-    count = int(np.ceil((longest - shortest) / np.log(10) * per_decade)) + 1
-    log_times = np.linspace(shortest, longest, count)
+    log_times, faint = series.time_grid(per_decade), np.exp(series.faintest())
     strengths = non_negative(series, log_times)
-    branches, static = strengths[:count], strengths[count:]
-    present = np.flatnonzero(branches > np.exp(series.faintest()))
-    gaps = np.flatnonzero(np.diff(present) > 1) + 1
-    clusters = np.split(present, gaps) if len(present) else []
+    branches, static = np.split(strengths, [len(log_times)])
+    # A time between two of the grid becomes a branch at each: a run of them is one branch.
+    present = np.flatnonzero(branches > faint)
+    clusters = np.split(present, np.flatnonzero(np.diff(present) > 1) + 1) if len(present) else []
     merged = [np.sum(branches[cluster]) for cluster in clusters]
     means = [np.average(log_times[cluster], weights=branches[cluster]) for cluster in clusters]
-    static = np.maximum(static, np.exp(series.faintest()))
-    return np.concatenate([np.log(merged), means, np.log(static)])
+    return np.concatenate([np.log(merged), means, np.log(np.maximum(static, faint))])
 
 
 def non_negative(series: Series, log_times: np.ndarray) -> np.ndarray:
@@ -261,6 +235,7 @@ def non_negative(series: Series, log_times: np.ndarray) -> np.ndarray:
     values = np.exp(series.log_values[rows])
     matrix = columns * (scale / values)
     target = scale * (1 - series.known[rows] / values)
+    # Of unit norm, because strengths range over many decades.
     norms = np.linalg.norm(matrix, axis=1)
     norms[norms == 0] = 1
     matrix = (matrix / norms[:, None]).T
@@ -279,10 +254,7 @@ def _without_faint(series, theta):
 
 def _with_branch(series, theta):
     """The most a new branch lowers the cost to second order, and the series with it."""
-    shortest, longest = series.time_limits()
-    count = int(np.ceil((longest - shortest) / np.log(10) * PER_DECADE)) + 1
-    log_times = np.linspace(shortest, longest, count)
-    model = series.model(theta)
+    log_times, model = series.time_grid(PER_DECADE), series.model(theta)
     residual = series.residual(model)
     effect = series.branches(log_times) / model
     pull = effect @ (series.weights * np.clip(residual, -series.huber, series.huber))
@@ -322,6 +294,7 @@ def _one_fewer(series, theta):
     share = np.exp(s[1:] - joined)
     middle = share * log_times[1:] + (1 - share) * log_times[:-1]
     merged = model - parts[1:] - parts[:-1] + np.exp(joined)[:, None] * series.branches(middle)
+    # Without the branches that are dropped, a fit of few branches is up to 13 % worse.
     models = np.concatenate([merged, model - parts])
     costs = series.cost(series.residual(np.maximum(models, 1e-6 * model)))
     shorter = []

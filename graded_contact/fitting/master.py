@@ -23,11 +23,11 @@ from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
 from .covariance import covariance
+from .implicit import attach_derivative, search
 from .lengths import best_of_length, check_choosable, check_terms
-from .limits import check_limits, deviation, limits_where_measured, linear_limits
 from .observations import concrete
 from .prony import PronyFit, refuse_nonsense
-from .series_fit import attach_derivative, search
+from .quality import deviation, limits_of, percent
 from .shifted_series import (
     LAW_LIMITS,
     LN10,
@@ -145,17 +145,13 @@ class MasterCurve(eqx.Module):
         The uncertainty of the shifts is included. `temperature` [K] is by default the reference;
         beyond the isotherms all limits are NaN.
         """
-        omega = check_limits(omega, level)
+        kelvin = None if temperature is None else as_float(temperature, "temperature")
 
-        def material(curve):
-            return curve.material if temperature is None else curve.material.at(temperature)
+        def material(unknowns):
+            found = self.with_unknowns(unknowns).material
+            return found if kelvin is None else found.at(kelvin)
 
-        def logs(unknowns):
-            modulus = material(self.with_unknowns(unknowns)).modulus(omega)
-            return jnp.log(jnp.stack([modulus.real, modulus.imag]))
-
-        limits = linear_limits(logs, self.unknowns, self.covariance(), level)
-        return limits_where_measured(omega, material(self), limits)
+        return limits_of(material, self.unknowns, self.covariance(), omega, level)
 
     def with_unknowns(self, unknowns: Float[Array, " unknowns"]) -> "MasterCurve":
         """Returns the master curve with other `unknowns`, those of its series included."""
@@ -254,10 +250,8 @@ def master_curve(
     """
     poisson = as_float(poisson, "poisson")
     check_poisson("poisson", poisson)
-    sizes = (
-        _std_of("shift_std", shift_std) * LN10,
-        _std_of("vertical_shift_std", vertical_shift_std),
-    )
+    along = _std_of("shift_std", shift_std) * LN10
+    sizes = along, _std_of("vertical_shift_std", vertical_shift_std)
     weights = (weight, weight if loss_weight is None else loss_weight)
     known = (equilibrium, glassy, huber)
     data = isotherms_of(isotherms, kind, law, sizes, reference, weights, *known)
@@ -310,29 +304,28 @@ def _law_words(curve):
         return lines
     if curve._constants_at_bounds():
         lines.append(
-            "Error: a constant of this law ran to the end of its range, so it is no result: the "
-            "shifts follow no such law."
+            "Error: a constant of this law ran to the end of its range: the shifts follow no such "
+            "law."
         )
-    errors = curve.law_error(), curve.fit.errors().total
-    by_law, by_table = (f"{100 * error:.3g} %" for error in errors)
-    if curve._law_serves():
-        of_table = f"and is exported. The shifts of this table fit them to {by_table}."
-        return [*lines, f"This law fits the isotherms to {by_law} {of_table}"]
-    of_table = f"The exported table of shifts fits them to {by_table}."
-    return [*lines, f"This law fits the isotherms to {by_law}. {of_table}"]
+    by_law, by_table = percent(curve.law_error()), percent(curve.fit.errors().total)
+    exported = (
+        f" and is exported. The shifts of this table fit them to {by_table}."
+        if curve._law_serves()
+        else f". The exported table of shifts fits them to {by_table}."
+    )
+    return [*lines, f"This law fits the isotherms to {by_law}{exported}"]
 
 
 def _step_words(curve):
     """A sentence on neighbours whose shifts are hardly those of one material."""
     temperatures, shifts = np.asarray(curve.temperatures), np.asarray(curve.log10_shifts)
     rates = np.diff(shifts) / np.diff(temperatures)
-    steps = [
+    steps = ", ".join(
         f"{temperatures[i]:.2f} to {temperatures[i + 1]:.2f} K ({shifts[i + 1] - shifts[i]:+.2f})"
         for i in np.flatnonzero((rates < -STEEP) | (rates > 0))
-    ]
-    if not steps:
-        return []
-    return [
-        f"Look at the steps of log10 a_T from {', '.join(steps)}: more than two decades within "
-        "5 K, or upwards, are seldom those of one material."
-    ]
+    )
+    words = (
+        f"Look at the steps of log10 a_T from {steps}: more than two decades within 5 K, or "
+        "upwards, are seldom those of one material."
+    )
+    return [words] if steps else []

@@ -1,6 +1,7 @@
 """Measured moduli or compliances prepared for a fit."""
 
-from typing import Any
+import dataclasses
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -8,10 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_values, is_concrete
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_numbers,
+    check_positive,
+    check_rows,
+    check_shape,
+    check_values,
+    is_concrete,
+)
 from ..core.display import shown
-from .series import Kind
 
+Kind = Literal["frequency", "relaxation", "creep"]
 REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow
 # The arguments that hold the measured values of each channel.
 CHANNELS = {
@@ -78,9 +88,7 @@ class Observations(eqx.Module):
 
     def as_liquid(self) -> "Observations":
         """Returns the same data with E_eq = 0."""
-        return eqx.tree_at(
-            lambda data: data.equilibrium, self, jnp.zeros(()), is_leaf=lambda leaf: leaf is None
-        )
+        return dataclasses.replace(self, equilibrium=jnp.zeros(()))
 
 
 def observe(
@@ -104,44 +112,29 @@ def observe(
             f"`{x_name}` is {x.dtype}: series over many decades are fitted in double precision. "
             "Call `jax.config.update('jax_enable_x64', True)` before creating arrays."
         )
-    if x.ndim != 1 or not len(x):
-        raise ValueError(f"`{x_name}` has shape {x.shape}; one axis of at least 1 is needed.")
+    check_rows(1, **{x_name: x})
     if kind == "frequency":
         check_positive(x_name, x, unit)
     else:
         check_values(x_name, x, f"it must be zero or a positive number {unit}", at_least=0)
     # Of the number as given: inside `jit` a converted one is not concrete.
-    flows = (
-        kind == "creep"
-        and equilibrium is not None
-        and is_concrete(equilibrium)
-        and not np.any(np.asarray(equilibrium))
-    )
+    stated = equilibrium is not None and is_concrete(equilibrium)
+    flows = kind == "creep" and stated and not np.any(np.asarray(equilibrium))
     known = {"equilibrium": equilibrium, "glassy": glassy, "times": times, "huber": huber}
     known = {name: None if v is None else as_float(v, name) for name, v in known.items()}
-    if known["equilibrium"] is not None:
-        check_values(
-            "equilibrium", known["equilibrium"], "zero or a positive number [Pa]", at_least=0
-        )
-    for name, allowed in (("glassy", "[Pa]"), ("times", "[s]"), ("huber", "[1]")):
-        if (value := known[name]) is not None:
-            check_positive(name, value, allowed)
+    for name, value in known.items():
+        if name == "equilibrium" and value is not None:
+            check_values(name, value, "it must be zero or a positive number [Pa]", at_least=0)
+        elif value is not None:
+            check_positive(name, value, {"glassy": "[Pa]", "times": "[s]", "huber": "[1]"}[name])
     parts = [values]
     if kind == "frequency":
         modulus = as_numbers(values, "modulus")
         parts = [modulus.real, modulus.imag]
-    channels = [
-        _channel(name, part, weight, x)
-        for name, part, weight in zip(CHANNELS[kind], parts, weights, strict=True)
-    ]
-    data = Observations(
-        x=x,
-        values=jnp.stack([channel[0] for channel in channels]),
-        weights=jnp.stack([channel[1] for channel in channels]),
-        kind=kind,
-        flows=flows,
-        **known,
-    )
+    channels = zip(CHANNELS[kind], parts, weights, strict=True)
+    measured = [_channel(name, part, weight, x) for name, part, weight in channels]
+    rows, sizes = (jnp.stack(parts) for parts in zip(*measured, strict=True))
+    data = Observations(x=x, values=rows, weights=sizes, kind=kind, flows=flows, **known)
     if concrete(data):
         _check_content(data, x_name)
     return data
@@ -153,34 +146,28 @@ def concrete(data: Observations) -> bool:
 
 
 def _channel(name, values, weight, x):
+    """Values and weights of a channel; where the weight is 0 the value is 1."""
     values, weight = as_float(values, name), as_float(weight, f"weight of {name}")
-    if values.shape != x.shape:
-        raise ValueError(f"`{name}` has shape {values.shape}; the shape must be {x.shape}.")
-    if weight.shape not in ((), x.shape):
-        raise ValueError(
-            f"The weight of `{name}` has shape {weight.shape}; the shape must be () or {x.shape}."
-        )
+    check_shape(name, values, x.shape)
+    if weight.ndim:
+        check_shape(f"weight of {name}", weight, x.shape)
     check_values(f"weight of {name}", weight, "it must be zero or positive", at_least=0)
     weights = jnp.where(jnp.isnan(values), 0, weight)
     values = jnp.where(weights > 0, values, 1)
-    check_values(
-        name,
-        values,
-        "its logarithm is fitted, so it must be positive; NaN, or a weight of 0, leaves it out",
-        above=0,
-    )
+    allowed = "it must be positive; NaN, or a weight of 0, leaves it out"
+    check_values(name, values, allowed, above=0)
     return values, weights
 
 
 def _check_content(data, x_name):
-    names = CHANNELS[data.kind]
+    name = CHANNELS[data.kind][0]
     counts = np.sum(np.asarray(data.weights) > 0, axis=1)
     if np.sum(counts) < 2:
         raise ValueError(
-            f"`{names[0].split('.')[0]}` holds {np.sum(counts)} measured value(s) of a weight "
-            "above 0; at least 2 are needed."
+            f"`{name.split('.')[0]}` holds {np.sum(counts)} measured value(s) of a weight above 0; "
+            "at least 2 are needed."
         )
-    if data.kind == "frequency" and counts[0] == 0 and data.equilibrium is None:
+    if counts[0] == 0 and data.equilibrium is None:
         raise ValueError(
             "`equilibrium=None` cannot be fitted to a loss modulus alone, which does not depend "
             "on it. Give it, or 0 for a liquid."
@@ -188,14 +175,9 @@ def _check_content(data, x_name):
     x = np.asarray(data.x)
     if not np.any(x > 0):
         raise ValueError(f"`{x_name}` has no time above 0.")
-    for name, measured in ((x_name, x[x > 0]), (names[0], np.asarray(data.values))):
-        check_values(
-            name,
-            measured,
-            f"a measured value lies between {1 / REPRESENTABLE:g} and {REPRESENTABLE:g}",
-            at_least=1 / REPRESENTABLE,
-            at_most=REPRESENTABLE,
-        )
+    allowed = f"a measured value lies between {1 / REPRESENTABLE:g} and {REPRESENTABLE:g}"
+    for which, measured in ((x_name, x[x > 0]), (name, np.asarray(data.values))):
+        check_values(which, measured, allowed, at_least=1 / REPRESENTABLE, at_most=REPRESENTABLE)
     glassy, equilibrium = data.glassy, data.equilibrium
     if glassy is not None and equilibrium is not None and float(glassy) <= float(equilibrium):
         raise ValueError(

@@ -13,6 +13,8 @@ The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are
 the best of one kind is the best of the other, and `fit.material.creep()` is exact.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,8 +23,10 @@ from jaxtyping import Array, Complex, Float
 
 from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_types
 from ..core.display import shown
+from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
-from .covariance import covariance, resampled
+from .covariance import covariance
+from .implicit import attach_derivative, search
 from .lengths import (
     Length,
     best_of_length,
@@ -31,12 +35,20 @@ from .lengths import (
     check_terms,
     choose_solid_or_liquid,
 )
-from .limits import check_limits, limits_where_measured, linear_limits
-from .observations import Observations, concrete, observe
-from .quality import FitErrors, Floor, errors_of, floor_of, jumps_of, report_of, verdict_of
-from .series import Series
-from .series_fit import attach_derivative, material_of, model, objective, search, series_of
+from .observations import Observations, Unknowns, concrete, observe
+from .quality import (
+    FitErrors,
+    Floor,
+    errors_of,
+    floor_of,
+    jumps_of,
+    limits_of,
+    report_of,
+    verdict_of,
+)
+from .series import NEGLIGIBLE, Series, branches, fixed_columns, series_of
 
+LAST = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
 
 
@@ -102,7 +114,7 @@ class PronyFit(eqx.Module):
         return eqx.tree_at(lambda fit: fit.theta, self, unknowns)
 
     def confidence(
-        self, omega: Numbers, *, level: float = 0.95, resamples: int = 0, seed: int = 0
+        self, omega: Numbers, *, level: float = 0.95
     ) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
         """Returns `(lower, upper)`, limits of E'(ω) and, in the imaginary part, of E''(ω) [Pa].
 
@@ -110,40 +122,22 @@ class PronyFit(eqx.Module):
 
         - `omega`: angular frequencies [rad/s], positive.
         - `level`: probability that each limit pair encloses the true value.
-        - `resamples`: 0 for linearised (Gauss-Newton) limits, or the number of refits to data
-          with resampled residuals (bootstrap) whose quantiles are taken; `seed` draws them.
 
         Outside the measured frequencies (of times, their reciprocals) the limits are NaN: nothing
-        was measured there. Both kinds assume that the errors scatter about a series of this length,
-        with neighbours as correlated as the residuals show. Where `floor` reports that the data
-        contradict themselves, the true material may lie outside the limits.
+        was measured there. The limits are linearised. They assume that the errors scatter about a
+        series of this length, with neighbours as correlated as the residuals show. Where `floor`
+        reports that the data contradict themselves, the true material may lie outside the limits.
         """
 
-        def logs(theta):
-            return _log_parts(theta, self.data, omega)
+        def material(theta):
+            return material_of(theta, self.data, self.poisson)
 
-        omega = check_limits(omega, level)
-        series, theta = self._problem()
-        if resamples:
-            free = series.within_bounds(theta)
-            refits = jnp.asarray(resampled(series, theta, free, resamples, seed))
-            tails = jnp.array([(1 - level) / 2, (1 + level) / 2])
-            limits = jnp.quantile(jax.vmap(logs)(refits), tails, axis=0)
-        else:
-            limits = linear_limits(logs, self.theta, self.covariance(), level)
-        return limits_where_measured(omega, self.material, limits)
+        return limits_of(material, self.theta, self.covariance(), omega, level)
 
     def _problem(self) -> tuple[Series, np.ndarray]:
         if not concrete(self.data):
             raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
         return series_of(self.data), np.asarray(self.theta)
-
-
-@eqx.filter_jit
-def _log_parts(theta, data, omega):
-    """ln E' and ln E'', stacked."""
-    modulus = material_of(theta, data, 0.5).modulus(omega)
-    return jnp.log(jnp.stack([modulus.real, modulus.imag]))
 
 
 @check_types
@@ -275,7 +269,13 @@ def _fit(data, terms, within, start, poisson, throw):
     if data.times is not None:
         terms = data.times.size
     elif start is not None:
-        begin, terms = _unknowns_of(start, data), start.terms
+        alike = (start.data.kind, start.data.num_extras) == (data.kind, data.num_extras)
+        if not alike or start.data.times is not None:
+            raise ValueError(
+                f"`start` is a fit of kind {start.data.kind!r} with other known end values, or "
+                "with given times; it must be of the same form as this fit."
+            )
+        begin, terms = start.theta, start.terms
     elif terms is None:
         check_choosable(data)
         data, begin, path = choose_solid_or_liquid(data, within)
@@ -298,16 +298,6 @@ def _fit(data, terms, within, start, poisson, throw):
     return fit
 
 
-def _unknowns_of(start, data):
-    alike = (start.data.kind, start.data.num_extras) == (data.kind, data.num_extras)
-    if not alike or start.data.times is not None:
-        raise ValueError(
-            f"`start` is a fit of kind {start.data.kind!r} with other known end values, or with "
-            "given times; it must be of the same form as this fit."
-        )
-    return start.theta
-
-
 def refuse_nonsense(fit: PronyFit) -> None:
     """Raises `ValueError` if half of the data, where concrete, are far from every spectrum."""
     if not concrete(fit.data):
@@ -320,10 +310,9 @@ def refuse_nonsense(fit: PronyFit) -> None:
         raise ValueError(
             f"{jumps_of(series)}Half of the measured values are off by more than "
             f"{np.expm1(off):.0%} from every positive spectrum (moduli grow with frequency and "
-            "fall with time; storage and loss have one spectrum). Are the columns in the right "
-            "order and in one unit? Is a given `equilibrium` or `glassy` compatible with them? A "
-            "weight of 0 leaves a channel out (`loss_weight`), and `throw=False` fits them as they "
-            "are."
+            "fall with time). Check the order and units of the columns, and a given `equilibrium` "
+            "or `glassy`. A weight of 0 leaves a channel out (`loss_weight`), and `throw=False` "
+            "fits them as they are."
         )
 
 
@@ -337,3 +326,62 @@ def _typical_residual(series, theta):
     sizes = trust * np.abs(series.residual(series.model(theta))).reshape(shape)
     rows = zip(sizes, series.measured.reshape(shape), strict=True)
     return max(float(np.median(size[counted])) for size, counted in rows if np.any(counted))
+
+
+# The series and its material --------------------------------------------------------------------
+
+
+def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
+    """Returns Σ w ρ(ln model - ln measured), in JAX."""
+    series = series_of(data, jnp)
+    return series.cost(series.residual(series.model(theta)))
+
+
+@eqx.filter_jit
+def model(
+    theta: Unknowns, data: Observations, x: Float[Array, " any"]
+) -> Float[Array, "channels any"]:
+    """Returns the result of a measurement of this kind at frequencies or times `x`."""
+    strengths, times, extras = _unpack(theta, data)
+    known, static = fixed_columns(dataclasses.replace(data, times=None), x, jnp)
+    rows = known + strengths @ branches(data.kind, x, times)[0] + extras @ static
+    return rows.reshape(-1, len(x))
+
+
+@eqx.filter_jit
+def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
+    """Returns the material with these unknowns, in relaxation form."""
+    strengths, times, extras = _unpack(theta, data)
+    used = (data.x > 0) & jnp.any(data.weights > 0, axis=0)
+    x = jax.lax.stop_gradient(data.x)
+    ends = jnp.stack([jnp.min(jnp.where(used, x, jnp.inf)), jnp.max(jnp.where(used, x, 0))])
+    ends = ends if data.kind == "frequency" else 1 / ends[::-1]  # a time t counts as 1/t
+    common = {"poisson": poisson, "measured": MeasuredRange(ends)}
+    start = extras[0] if data.known_start is None else data.known_start
+    if data.kind != "creep":
+        if data.known_start is None:  # exactly zero where the data need none
+            smallest = jnp.min(jnp.where(data.weights > 0, data.values, jnp.inf))
+            start = jnp.where(start > 1.001 * NEGLIGIBLE * smallest, start, 0)
+        return Prony(equilibrium=start, strengths=strengths, times=times, **common)
+    glassy = 1 / start
+    if data.flows:
+        last = LAST * jax.lax.stop_gradient(jnp.maximum(jnp.max(data.x), jnp.max(times, initial=0)))
+        strengths = jnp.append(strengths, extras[-1] * last / jnp.max(data.x))
+        times = jnp.append(times, last)
+    if not len(times):
+        return Prony(equilibrium=glassy, strengths=strengths, times=times, **common)
+    # Retardation times that coincide after the fit are separated by 1e-6.
+    meet = jnp.abs(times[:, None] - times) < 1e-7 * times
+    times = times * (1 + 1e-6 * jnp.sum(jnp.tril(meet, -1), axis=1))
+    material = Prony.from_creep(glassy, strengths, times, **common)
+    if data.flows:
+        material = eqx.tree_at(lambda m: m.equilibrium, material, jnp.zeros_like(glassy))
+    return material
+
+
+def _unpack(theta, data):
+    """Strengths, times and extras, each possibly empty."""
+    terms = data.num_terms(theta)
+    extras = jnp.exp(theta[len(theta) - data.num_extras :])
+    times = jnp.exp(theta[terms : 2 * terms]) if data.times is None else data.times
+    return jnp.exp(theta[:terms]), times, extras

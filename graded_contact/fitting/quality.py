@@ -1,15 +1,21 @@
-"""The error of a fit, the smallest error of any positive spectrum, and the report."""
+"""The errors and limits of a fit, the smallest error of any positive spectrum, and the report."""
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from scipy.special import fdtrc
+from jaxtyping import Array, Complex
+from scipy.special import fdtrc, ndtri
 
+from ..core.checks import Numbers, as_float, check_positive
 from ..core.display import shown
+from ..materials.coverage import is_unknown
+from ..materials.material import Prony
 from .lengths import best_spectrum, flows
-from .series import Series
-from .series_fit import series_of
+from .series import Series, series_of
 
 # How far times of the best spectra may lie outside the data, before and after. Those that decay
 # before the data, or are over by their first strain, show in none of them.
@@ -116,6 +122,40 @@ def _chance(both, storage, loss):
         return None
     noise = max((storage.cost + loss.cost) / spare, FINEST**2)
     return float(fdtrc(saved, spare, max(both.cost - storage.cost - loss.cost, 0) / saved / noise))
+
+
+def limits_of(
+    material: Callable[[Array], Prony],
+    unknowns: Array,
+    spread: np.ndarray,
+    omega: Numbers,
+    level: float,
+) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
+    """Returns limits of E*(ω) [Pa] of `material(unknowns)`; NaN where nothing was measured.
+
+    The logarithms of E' and E'' are linearised about unknowns with the covariance `spread`.
+    """
+    if not 0 < level < 1:
+        raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
+    omega = as_float(omega, "omega")
+    check_positive("omega", omega, "[rad/s]")
+
+    def logs(unknowns):
+        modulus = material(unknowns).modulus(omega)
+        return jnp.log(jnp.stack([modulus.real, modulus.imag]))
+
+    middle = logs(unknowns)
+    reach = ndtri((1 + level) / 2) * deviation(jax.jacfwd(logs)(unknowns), spread)
+    outside = is_unknown(omega, material(unknowns).coverage())
+    lower, upper = (
+        jnp.where(outside, jnp.nan, jnp.exp(limit)) for limit in (middle - reach, middle + reach)
+    )
+    return jax.lax.complex(*lower), jax.lax.complex(*upper)
+
+
+def deviation(slopes: Array, spread: np.ndarray) -> Array:
+    """Returns standard deviations of quantities from their slopes by unknowns."""
+    return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
 
 
 def jumps_of(series: Series) -> str:

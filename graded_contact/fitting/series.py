@@ -1,4 +1,4 @@
-"""The difference between a series of exponential branches and measured values, in logarithms.
+"""A series of exponential branches as a least-squares problem in logarithms.
 
 Rows are measured values, all storage moduli before the loss moduli. The model is linear in positive
 strengths,
@@ -6,8 +6,10 @@ strengths,
     m = known + Σ_k exp(s_k) φ(x, τ_k) + Σ_j exp(c_j) B_j,
 
 with a basis φ for each kind of measurement and `static` columns B for strengths whose time is not
-fitted: E_eq, the glassy compliance, flow, or a whole grid of given times. The unknowns are
-logarithms, θ = (s, ln τ, c), so that strengths are positive by construction.
+fitted: E_eq of moduli; 1/E_inf and, for a liquid, the fluidity 1/η of compliances; or a whole grid
+of given times. The unknowns are logarithms, θ = (s, ln τ, c), so that strengths are positive by
+construction. Known values are not part of θ; a known end value that is a sum of unknowns (E_inf of
+moduli, 1/E_eq of compliances) is a row of great weight.
 
 The model takes NumPy arrays in the search and JAX arrays where the optimum is differentiated by the
 data (`model`). A search expands the model hundreds of times at every length. With derivatives by
@@ -20,21 +22,28 @@ measured value: a spectrum there that no added branch improves is the best of al
 
 import dataclasses
 import functools
-from typing import Any, Literal
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..core.checks import is_concrete
 from .newton import Expansion, newton_minimum
+from .observations import Kind, Observations
 
-Kind = Literal["frequency", "relaxation", "creep"]
 # Where a branch of relative strength one counts fully: infinite frequency, or the end of creep.
 COMPLETE = {"frequency": 1e150, "relaxation": 0.0, "creep": 1e150}
 NO_OUTLIER = 1e100  # log residual; infinity would leave NaN in derivatives
 FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
 MOST_POINTS = 400  # that a search goes through
 NEGLIGIBLE = 1e-9  # of the smallest measured value: a strength that changes nothing
+END_WEIGHT = 1e6  # of an end value that is known, over that of all measured values
+# How far times may lie outside those of the data, before and after. Farther out strengths grow
+# without effect, and a slow branch replaces E_eq, so that a solid melts just below its data.
+REACH = {"frequency": (3.0, 3.0), "relaxation": (2.5, 5.0), "creep": (10.0, 5.0)}
+REACH_TO_KNOWN = 1e3  # on the side of a known end value, which branches have to lead up to
+STIFFEST = 30.0  # times the first secant modulus of creep: more shows in no measured strain
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -47,8 +56,8 @@ class Series:
     - `x`: angular frequencies [rad/s] or times [s], shape `(points,)`.
     - `log_values`, `weights`, `known`: shape `(rows,)`; a row is an entry of a channel.
     - `static`: columns B, shape `(columns, rows)`.
-    - `reach`: factors by which times may lie outside those of the data, before and after.
     - `least`: logarithms of the least strengths of the static columns.
+    - `reach`: factors by which times may lie outside those of the data, before and after.
     - `num_ends`: how many of the last points are known end values instead of measurements.
     - `huber`: log residual from which on a row counts linearly instead of squared.
     """
@@ -59,10 +68,10 @@ class Series:
     weights: Any
     known: Any
     static: Any
-    reach: tuple[float, float]
     least: np.ndarray
-    num_ends: int = 0
-    huber: Any = NO_OUTLIER
+    reach: tuple[float, float]
+    num_ends: int
+    huber: Any
 
     @property
     def measured(self) -> np.ndarray:
@@ -70,22 +79,21 @@ class Series:
         last = len(self.x) - self.num_ends
         return (self.weights > 0) & (np.arange(len(self.weights)) % len(self.x) < last)
 
+    def terms(self, theta: Any) -> int:
+        """Returns the number of branches with a separate time."""
+        return (len(theta) - len(self.static)) // 2
+
     def split(self, theta: Any) -> tuple[Any, Any, Any]:
         """Returns `(s, ln τ, c)` of the unknowns."""
         terms = self.terms(theta)
         return theta[:terms], theta[terms : 2 * terms], theta[2 * terms :]
 
-    def terms(self, theta: Any) -> int:
-        """Returns the number of branches with a separate time."""
-        return (len(theta) - len(self.static)) // 2
-
     def bounds(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns the limits of the unknowns: strengths that matter, times that data cover."""
-        terms = self.terms(theta)
-        shortest, longest = self.time_limits()
+        times = slice(self.terms(theta), 2 * self.terms(theta))
         lower, upper = np.full(len(theta), self.faintest()), np.full(len(theta), np.inf)
-        lower[terms : 2 * terms], upper[terms : 2 * terms] = shortest, longest
-        lower[2 * terms :] = np.maximum(lower[2 * terms :], self.least)
+        lower[times], upper[times] = self.time_limits()
+        lower[times.stop :] = np.maximum(lower[times.stop :], self.least)
         return lower, upper
 
     def within_bounds(self, theta: np.ndarray) -> np.ndarray:
@@ -106,17 +114,18 @@ class Series:
         before, after = self.reach
         return float(np.log(shortest / before)), float(np.log(longest * after))
 
+    def time_grid(self, per_decade: float) -> np.ndarray:
+        """Returns logarithms of evenly spaced times between the limits."""
+        shortest, longest = self.time_limits()
+        count = int(np.ceil((longest - shortest) / np.log(10) * per_decade)) + 1
+        return np.linspace(shortest, longest, count)
+
     def restricted(self, points: np.ndarray) -> "Series":
         """Returns the problem of some of the points, given as a mask."""
         rows = np.tile(points, len(self.weights) // len(self.x))
+        parts = {name: getattr(self, name)[rows] for name in ("log_values", "weights", "known")}
         return dataclasses.replace(
-            self,
-            x=self.x[points],
-            log_values=self.log_values[rows],
-            weights=self.weights[rows],
-            known=self.known[rows],
-            static=self.static[:, rows],
-            num_ends=0,
+            self, x=self.x[points], static=self.static[:, rows], num_ends=0, **parts
         )
 
     def thinned(self) -> "Series":
@@ -140,11 +149,10 @@ class Series:
             return summed.reshape(*rows.shape[:-1], -1)
 
         sizes, weights = sums(np.ones_like(self.weights)), sums(self.weights)
-        present = np.where(weights > 0, weights, 1)
         return dataclasses.replace(
             self,
             x=np.exp(np.add.reduceat(log_x, starts) / sizes[: len(starts)]),
-            log_values=sums(self.weights * self.log_values) / present,
+            log_values=sums(self.weights * self.log_values) / np.where(weights > 0, weights, 1),
             weights=weights,
             known=sums(self.known) / sizes,
             static=sums(self.static) / sizes,
@@ -159,6 +167,15 @@ class Series:
         s, log_times, c = self.split(theta)
         xp = array_module(self.x)
         return self._sum(xp.exp(s) @ self.branches(log_times), xp.exp(c))
+
+    def _sum(self, branches, static):
+        """m, above zero also where every decay has underflowed."""
+        xp = array_module(self.x)
+        return xp.maximum(self.known + branches + static @ self.static, 1e-12 * self._values)
+
+    @functools.cached_property
+    def _values(self):
+        return array_module(self.x).exp(self.log_values)
 
     def residual(self, model: Any) -> Any:
         """Returns ln m - y; zero where nothing was measured."""
@@ -217,15 +234,6 @@ class Series:
         order = np.argsort(-log_times)
         return np.concatenate([s[order], log_times[order], c]), cost
 
-    def _sum(self, branches, static):
-        """m, above zero also where every decay has underflowed."""
-        xp = array_module(self.x)
-        return xp.maximum(self.known + branches + static @ self.static, 1e-12 * self._values)
-
-    @functools.cached_property
-    def _values(self):
-        return array_module(self.x).exp(self.log_values)
-
     def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Returns the residual, ∂ ln m/∂θ, and (∂²m/∂(ln τ)²)/m of each branch, by rows."""
         s, log_times, c = self.split(theta)
@@ -240,6 +248,57 @@ class Series:
         np.multiply(self.static, static[:, None] / model, out=jacobian[2 * terms :])
         jacobian[:, self.weights == 0] = 0
         return self.residual(model), jacobian, curvature * relative
+
+
+def series_of(data: Observations, xp: Any = np) -> Series:
+    """Returns the least-squares problem of the observations, in arrays of the module `xp`."""
+    x, values, weights = (xp.asarray(part) for part in (data.x, data.values, data.weights))
+    if data.known_end is not None:
+        x = xp.append(x, COMPLETE[data.kind])
+        end = xp.stack([xp.asarray(data.known_end)] * len(values))[:, None]
+        values = xp.concatenate([values, end], axis=1)
+        first = np.arange(len(end))[:, None] == 0
+        end_weights = xp.where(first, END_WEIGHT * xp.sum(weights), 0.0)
+        weights = xp.concatenate([weights, end_weights], axis=1)
+    known, static = fixed_columns(data, x, xp)
+    least = np.full(len(static), -np.inf)
+    if data.known_start is None:
+        first = len(static) - data.num_extras
+        least[first] = np.log(1e-300)
+        if data.kind == "creep" and is_concrete(data.values):
+            smallest = np.min(np.asarray(data.values)[np.asarray(data.weights) > 0])
+            least[first] = np.log(smallest / STIFFEST)
+    before, after = REACH[data.kind]
+    return Series(
+        kind=data.kind,
+        x=x,
+        log_values=xp.log(values).ravel(),
+        weights=weights.ravel(),
+        known=known,
+        static=static,
+        least=least,
+        reach=(
+            before if data.glassy is None else REACH_TO_KNOWN,
+            after if data.equilibrium is None else REACH_TO_KNOWN,
+        ),
+        num_ends=int(data.known_end is not None),
+        huber=NO_OUTLIER if data.huber is None else xp.asarray(data.huber),
+    )
+
+
+def fixed_columns(data: Observations, x: Any, xp: Any) -> tuple[Any, Any]:
+    """Returns the known part of a series at `x`, and the columns of strengths without a time."""
+    rows = len(data.values) * len(x)
+    constant = xp.asarray(np.arange(rows) < len(x), float)  # the first channel alone has it
+    known = constant * (0.0 if data.known_start is None else xp.asarray(data.known_start))
+    static = [xp.zeros((0, rows))]
+    if data.times is not None:
+        static.append(branches(data.kind, x, xp.asarray(data.times))[0])
+    if data.known_start is None:
+        static.append(constant[None])
+    if data.flows:
+        static.append(x[None] / xp.max(xp.asarray(data.x)))
+    return known, xp.concatenate(static)
 
 
 def array_module(values: Any) -> Any:

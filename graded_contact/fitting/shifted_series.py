@@ -23,8 +23,7 @@ from ..core.display import shown
 from ..materials.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
 from .newton import Expansion, newton_minimum
 from .observations import Observations, Unknowns
-from .series import Series, array_module, gram, gram_diagonal
-from .series_fit import series_of
+from .series import Series, array_module, gram, gram_diagonal, series_of
 
 LN10 = float(np.log(10))
 LawKind = Literal["wlf", "arrhenius"]
@@ -114,10 +113,6 @@ class ShiftedSeries:
     group: Any
     data: Isotherms
 
-    @functools.cached_property
-    def _temperatures(self):
-        return array_module(self.series.x).asarray(self.data.temperatures)
-
     @property
     def _channels(self) -> int:
         return len(self.series.weights) // len(self.series.x)
@@ -126,12 +121,12 @@ class ShiftedSeries:
     def _member(self) -> np.ndarray:
         """Which rows belong to which isotherm, shape `(isotherms, rows)`."""
         rows = np.tile(self.group, self._channels)
-        return (rows == np.arange(len(self._temperatures))[:, None]).astype(float)
+        return (rows == np.arange(len(self.data.temperatures))[:, None]).astype(float)
 
     @functools.cached_property
     def _others(self) -> np.ndarray:
-        """The isotherms that are shifted."""
-        return np.delete(np.arange(len(self._temperatures)), self.data.reference)
+        """Which isotherm each unknown shift belongs to: all but the reference."""
+        return np.delete(np.eye(len(self.data.temperatures)), self.data.reference, axis=0)
 
     def split(self, unknowns: Any) -> Parts:
         """Returns the unknowns by what they belong to."""
@@ -140,23 +135,15 @@ class ShiftedSeries:
 
     def law_shifts(self, p: Any) -> Any:
         """Returns ln a of each isotherm by the law."""
-        shifts = _law_shifts(p, self._temperatures, self.data.reference, self.data.law)
+        shifts = _law_shifts(p, self.data.temperatures, self.data.reference, self.data.law)
         return array_module(self.series.x).asarray(shifts)
 
     def shifts(self, unknowns: Any) -> tuple[Any, Any]:
         """Returns ln a and ln b of every isotherm."""
-        xp, parts = array_module(self.series.x), self.split(unknowns)
-        log_shift = self.law_shifts(parts.law)
-
-        def with_reference(values):
-            before, after = values[: self.data.reference], values[self.data.reference :]
-            return xp.concatenate([before, xp.zeros(1), after])
-
-        if self.data.departs:
-            log_shift = log_shift + with_reference(parts.departures)
-        if not self.data.lifts:
-            return log_shift, xp.zeros_like(log_shift)
-        return log_shift, with_reference(parts.log_vertical)
+        parts = self.split(unknowns)
+        departures = parts.departures @ self._others[: len(parts.departures)]
+        across = parts.log_vertical @ self._others[: len(parts.log_vertical)]
+        return self.law_shifts(parts.law) + departures, across
 
     def shifted(self, log_shift: Any, log_vertical: Any) -> Series:
         """Returns the problem of a single isotherm that remains once the shifts are known."""
@@ -172,7 +159,7 @@ class ShiftedSeries:
     def join(self, theta: np.ndarray, p: np.ndarray, log_shift: np.ndarray) -> np.ndarray:
         """Returns unknowns with these shifts, as far as departures allow, and none across."""
         _, departures, lifts = self.data.shift_counts
-        steps = (log_shift - self.law_shifts(p))[self._others][:departures]
+        steps = self._others[:departures] @ (log_shift - self.law_shifts(p))
         return np.concatenate([theta, p, steps, np.zeros(lifts)])
 
     def penalty(self, unknowns: Any) -> Any:
@@ -194,11 +181,10 @@ class ShiftedSeries:
         residual, jacobian, bend = series.derivatives(parts.theta)
         terms = len(bend)
         by_shift = np.sum(jacobian[terms : 2 * terms], axis=0) * self._member
-        law = self._temperatures, self.data.reference, self.data.law
+        law = self.data.temperatures, self.data.reference, self.data.law
         by_law, by_law_twice = map(np.asarray, _law_derivatives(parts.law, *law))
-        moves = np.concatenate([by_law, np.eye(len(self._member))[self._others]])
-        moves = moves[: len(parts.law) + len(parts.departures)]
-        lifts = self._member[self._others][: len(parts.log_vertical)] * (series.weights > 0)
+        moves = np.concatenate([by_law, self._others[: len(parts.departures)]])
+        lifts = self._others[: len(parts.log_vertical)] @ self._member * (series.weights > 0)
         jacobian = np.concatenate([jacobian, moves @ by_shift, lifts])
         return series, residual, jacobian, (bend, by_shift, moves, by_law_twice)
 

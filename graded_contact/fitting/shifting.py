@@ -22,8 +22,8 @@ from .lengths import (
     may_be_liquid,
     non_negative,
 )
-from .observations import observe
-from .series import Kind, Series
+from .observations import Kind, observe
+from .series import Series
 from .shifted_series import (
     LAW_LIMITS,
     LAW_TYPICAL,
@@ -75,9 +75,8 @@ def isotherms_of(
         raise ValueError(
             f"`isotherms` has temperatures up to {float(temperatures[-1]):g}; they are in kelvin."
         )
-    twice = np.flatnonzero(np.diff(temperatures) <= 0)
-    if len(twice):
-        raise ValueError(f"`isotherms` has {temperatures[twice[0]]:g} K twice: join these first.")
+    for temperature in temperatures[1:][np.diff(temperatures) <= 0]:
+        raise ValueError(f"`isotherms` has {temperature:g} K twice: join these first.")
     middle = len(curves) // 2
     if reference is not None:
         coldest, hottest = temperatures[[0, -1]]
@@ -85,8 +84,8 @@ def isotherms_of(
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
     x, values = (jnp.concatenate([curve[i] for curve in curves]) for i in (2, 3))
-    equilibrium, glassy, huber = known
     used = weights if kind == "frequency" else weights[:1]
+    equilibrium, glassy, huber = known
     observations = observe(kind, x, values, used, equilibrium, glassy, None, huber)
     if observations.flows:
         raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
@@ -142,7 +141,12 @@ def shifts_and_series(
 
     shared, _ = expecting(0.0)
     log_shift = _aligned(shared)
-    law = _nearest_law(shared, log_shift)
+    law = least_squares(
+        lambda p: shared.law_shifts(p) - log_shift,
+        np.log(LAW_TYPICAL[data.law]),
+        bounds=np.log(LAW_LIMITS[data.law]).T,
+        loss="soft_l1",
+    ).x
     if not data.departs:
         log_shift = shared.law_shifts(law)
     series = shared.shifted(log_shift, np.zeros(len(log_shift)))
@@ -197,14 +201,3 @@ def _aligned(shared):
         steps.append(distances[np.argmin(costs)])
     log_shift = -np.cumsum([0.0, *steps])
     return log_shift - log_shift[shared.data.reference]
-
-
-def _nearest_law(shared, log_shift):
-    kind = shared.data.law
-    found = least_squares(
-        lambda p: shared.law_shifts(p) - log_shift,
-        np.log(LAW_TYPICAL[kind]),
-        bounds=np.log(LAW_LIMITS[kind]).T,
-        loss="soft_l1",
-    )
-    return found.x

@@ -13,9 +13,8 @@ import numpy as np
 
 from ..materials.measured import Measured
 from .lengths import best_spectrum
-from .observations import observe
-from .series import Kind, Series
-from .series_fit import series_of
+from .observations import Kind, observe
+from .series import Series, series_of
 
 TIMES = 6.0  # the usual residual
 LEAST = 0.1  # log residual below which no value harms a fit
@@ -61,8 +60,12 @@ def wild_values(measured: Measured) -> list[Wild]:
         residuals = _wild(series_of(observe(kind, x, values, weights, huber=HUBER)))
         for (name, values), residual in zip(channels.items(), residuals, strict=True):
             for k in np.flatnonzero(residual):
-                row, where = int(rows[k]), _where(measured, int(rows[k]))
-                found.append(Wild(row, where, name, float(values[k]), float(residual[k])))
+                row = int(rows[k])
+                unit = "rad/s" if kind == "frequency" else "s"
+                where = f"line {measured.lines[row]} ({measured.abscissa[row]:.4g} {unit}"
+                if measured.temperature is not None:
+                    where += f", {measured.temperature[row]:.2f} K"
+                found.append(Wild(row, f"{where})", name, float(values[k]), float(residual[k])))
     return sorted(found)
 
 
@@ -70,12 +73,6 @@ def without(measured: Measured, wild: list[Wild]) -> Measured:
     """Returns what was measured without the rows of wild values."""
     rows = np.arange(len(measured.lines))
     return measured.part(np.delete(rows, [value.row for value in wild]))
-
-
-def _where(measured: Measured, row: int) -> str:
-    unit = "rad/s" if measured.kind == "frequency" else "s"
-    at = f"line {measured.lines[row]} ({measured.abscissa[row]:.4g} {unit}"
-    return at + (")" if measured.temperature is None else f", {measured.temperature[row]:.2f} K)")
 
 
 def _channels(measured: Measured, rows: np.ndarray) -> dict[str, np.ndarray]:

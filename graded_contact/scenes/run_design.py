@@ -7,6 +7,7 @@ contacts, gradients ─ minimise ─> polished ┼─> contact on unseen surface
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx

@@ -9,6 +9,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from ..core.display import short
 from .program import key_of
 from .store import Point, Store, fingerprint
 
@@ -29,7 +30,7 @@ def box_of(lower: Any, upper: Any) -> Box:
 
     **Raises:** `ValueError` unless both have the same nesting and 0 < lower <= upper.
     """
-    names, low = named(lower)
+    names, low = named(lower, "lower")
     high = _flat("upper", upper, names)
     if len(low) == 0:
         raise ValueError("`lower` is empty: at least one parameter is needed.")
@@ -57,17 +58,20 @@ def first_in(box: Box, start: Any) -> Flat:
 
 def _flat(argument: str, tree: Any, names: list[str]) -> Flat:
     """The values of a tree whose numbers have these names."""
-    own, values = named(tree)
+    own, values = named(tree, argument)
     if own != names:
         raise ValueError(f"`{argument}` must have the same nesting and shapes as `lower`.")
     return values
 
 
-def named(tree: Any) -> tuple[list[str], Flat]:
+def named(tree: Any, argument: str = "parameters") -> tuple[list[str], Flat]:
     """Returns names and values of all numbers in a nesting."""
     names, values = [], []
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-        array = np.asarray(leaf, float)
+        try:
+            array = np.asarray(leaf, float)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"`{argument}` has {short(leaf)}, which is not a number.") from None
         where = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
         for index in np.ndindex(array.shape):
             names.append(where + "".join(f"[{i}]" for i in index))

@@ -170,7 +170,7 @@ def test_derivative_that_does_not_converge_raises_or_is_nan_without_throw():
 
     hasty = jax.grad(partial(total, throw=True, max_steps=4))
     for slope in (hasty, eqx.filter_jit(hasty)):
-        with pytest.raises(RuntimeError, match="its linear solve did not converge"):
+        with pytest.raises(RuntimeError, match=r"linear solve .*did not converge"):
             slope(HEIGHTS)
     with pytest.raises(RuntimeError, match="from a derivative that is not a number"):
         jax.grad(lambda h: jnp.nan * total(h, throw=True))(HEIGHTS)

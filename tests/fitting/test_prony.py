@@ -296,13 +296,6 @@ def test_consistent_data_agree_and_a_contradiction_is_flagged(tread):
     assert "contradict each other (Kramers-Kronig)" in fit.verdict()
 
 
-def test_exact_moduli_do_not_contradict_each_other():
-    """Their floors are what the search of spectra leaves, not noise."""
-    omega = np.geomspace(1e-2, 1e4, 25)
-    fit = fit_prony(omega, young(gc.tyre_tread(), omega), terms=5)
-    assert fit.floor().chance > 1e-3 and "contradict" not in fit.verdict()
-
-
 def test_what_lies_beyond_the_ends_is_no_contradiction():
     """A melt whose glassy modes are a dashpot within its data: they need times far outside."""
     omega = np.geomspace(0.1, 100, 40)
@@ -337,14 +330,13 @@ def test_a_channel_of_little_weight_may_be_far_off(tread):
     assert fit.errors().storage < 0.1 < fit.errors().loss
 
 
-def test_the_report_holds_the_errors(tread):
+def test_errors_are_those_of_the_material(tread):
     omega, values, fit = tread
-    report, errors = fit.report(), fit.errors()
+    errors = fit.errors()
     exact = young(fit.material, omega)
     for part, value in ((np.real, errors.storage), (np.imag, errors.loss)):
         rms = np.sqrt(np.mean(np.log(part(exact) / part(values)) ** 2))
         np.testing.assert_allclose(value, rms, rtol=1e-9)
-        assert f"{100 * rms:.3g} %" in report
 
 
 # Uncertainty ------------------------------------------------------------------------------------
@@ -368,30 +360,17 @@ def test_limits_of_a_single_unknown_are_those_of_a_mean():
     assert 0.95 < np.median(ratios) < 1.25, np.median(ratios)
 
 
-@pytest.mark.slow
-def test_limits_enclose_the_truth_as_often_as_they_say():
-    _, values = measured("frequency")
-    exact, inside = channels(values), []
-    start = fit_prony(OMEGA, values, terms=3)
-    for seed in range(40):
-        fit = fit_prony(OMEGA, noisy(values, 0.03, seed), start=start)
-        lower, upper = (channels(np.asarray(limit)) for limit in fit.confidence(OMEGA, level=0.9))
-        inside.append((lower < exact) & (exact < upper))
-    assert 0.85 < np.mean(inside) < 0.95
-
-
 def test_limits_end_where_the_data_end():
-    """Of moduli in time at their reciprocals; linearised and resampled."""
+    """Of moduli in time at their reciprocals."""
     for fit, (first, last) in (
         (fit_prony(OMEGA, measured("frequency")[1], terms=2), OMEGA[[0, -1]]),
         (fit_relaxation(*measured("relaxation"), terms=2), 1 / TIME[[-1, 0]]),
     ):
         omega = np.array([1e-4 * first, 0.99 * first, first, last, 1.01 * last, 1e4 * last])
-        for resamples in (0, 2):
-            limits = fit.confidence(omega, resamples=resamples)
-            for part in (np.real, np.imag):
-                found = np.isfinite([part(limit) for limit in limits])
-                np.testing.assert_array_equal(found, [[False, False, True, True, False, False]] * 2)
+        limits = fit.confidence(omega)
+        for part in (np.real, np.imag):
+            found = np.isfinite([part(limit) for limit in limits])
+            np.testing.assert_array_equal(found, [[False, False, True, True, False, False]] * 2)
         assert f"Measured from {first:.4g} to {last:.4g} rad/s" in fit.report()
 
 
@@ -497,32 +476,24 @@ def test_more_terms_than_the_data_determine_do_no_harm(tread):
     assert spread(long, gc.tyre_tread(), omega) < 0.1
 
 
-# What a slip of columns, signs or units makes of good data.
-SLIPS = {
-    "falling": lambda m: m.real[::-1] + 1j * m.imag,
-    "threefold loss": lambda m: m.real + 3j * m.imag,
-}
-
-
-@pytest.mark.parametrize("slip", SLIPS)
-def test_data_of_no_material_are_refused_or_flagged(tread, slip):
+def test_data_of_no_material_are_refused_or_flagged(tread):
+    """A column the wrong way round."""
     omega, values, _ = tread
+    falling = values.real[::-1] + 1j * values.imag
     with pytest.raises(ValueError, match="from every positive spectrum"):
-        fit_prony(omega, SLIPS[slip](values))
-    fit = fit_prony(omega, SLIPS[slip](values), terms=3, throw=False)
+        fit_prony(omega, falling)
+    fit = fit_prony(omega, falling, terms=3, throw=False)
     assert np.all(np.isfinite(np.asarray(fit.theta))) and fit.floor().total > 0.2
     assert "contradict each other" in fit.verdict()
 
 
-FREQUENCY, RELAXATION, CREEP = (measured(kind) for kind in FITS)
+FREQUENCY, CREEP = measured("frequency"), measured("creep")
 REFUSED = [
-    # Values without a logarithm.
     (fit_prony, OMEGA, np.where(np.arange(60) == 7, 0, 1) * FREQUENCY[1], {},
      r"`modulus.real\[7\]=0` is refused"),
     (fit_prony, OMEGA, FREQUENCY[1].conj(), {},
      r"`modulus.imag\[0\]=-.*must be positive; NaN, or a weight of 0"),
     (fit_prony, OMEGA, np.full(60, np.nan + 1j * np.nan), {}, r"holds 0 measured value\(s\)"),
-    # Arguments out of range.
     (fit_prony, *FREQUENCY, {"terms": 0, "equilibrium": 0.0},
      "`terms=0` must be a whole number, at least 1"),
     (fit_prony, *FREQUENCY, {"terms": 61, "equilibrium": 0.0},
@@ -532,14 +503,12 @@ REFUSED = [
     (fit_prony, *FREQUENCY, {"equilibrium": 2e6, "glassy": 1e6},
      "`glassy=1e.06` must exceed `equilibrium=2e.06`"),
     (fit_prony, *FREQUENCY, {"loss_weight": np.ones(3)},
-     r"weight of `modulus.imag` has shape \(3,\)"),
+     r"`weight of modulus.imag` has shape \(3,\)"),
     (fit_prony, *FREQUENCY, {"poisson": 0.6}, "`poisson=0.6` is refused"),
-    # Data that no measurement gives.
     (fit_prony, np.append(0.0, OMEGA[1:]), OMEGA + 1j, {}, r"`omega\[0\]=0` is refused"),
     (fit_prony, OMEGA.astype(np.float32), OMEGA + 1j, {}, "double precision"),
     (fit_relaxation, np.zeros(60), OMEGA, {}, "`time` has no time above 0"),
     (fit_creep, 1e300 * TIME, TIME, {}, "a measured value lies between 1e-100 and 1e"),
-    (fit_relaxation, TIME, RELAXATION[1][::-1], {}, "from every positive spectrum"),
     (fit_creep, TIME, CREEP[1][::-1], {}, "from every positive spectrum"),
 ]  # fmt: skip
 

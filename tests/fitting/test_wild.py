@@ -78,12 +78,7 @@ def test_isotherms_are_judged_one_by_one():
 
 
 @pytest.mark.parametrize(
-    "name, options",
-    [
-        ("pyvisco_freq_user_raw.csv", {}),
-        ("reptate_PI_634k_T-35.tts", {}),
-        ("pp_stress_relaxation.csv", SI_TIME),
-    ],
+    "name, options", [("pyvisco_freq_user_raw.csv", {}), ("pp_stress_relaxation.csv", SI_TIME)]
 )
 def test_measured_files_have_no_wild_values(name, options):
     if not (DATA / name).exists():

@@ -444,7 +444,7 @@ def test_several_files_are_isotherms_of_one_material(tmp_path):
     assert len(cold.abscissa) == 2
     np.testing.assert_allclose(hot.abscissa, 2 * np.pi * np.array([1, 2, 10, 20]))
     assert "Together 2 isotherm(s), 280.00 to 300.20 K, of 6 points." in measured.history
-    with pytest.raises(ValueError, match=r"the temperature of .*a.csv'.* is not known; pass"):
+    with pytest.raises(ValueError, match=r"lacks the temperature of .*a.csv'.*: pass"):
         read_moduli(paths)
     with pytest.raises(ValueError, match=r"`temperature` has shape .2,.; .* of the 3 files"):
         read_moduli(paths, temperature=[300.0, 280.0])

@@ -205,7 +205,7 @@ def test_a_periodic_surface_is_unchanged_even_if_a_plane_fits_it():
 def test_a_tilted_surface_is_not_periodic():
     x = np.linspace(0, 2 * np.pi, 32, endpoint=False)
     values = np.sin(x)[:, None] + np.cos(x)[None, :] + 2 * x[None, :]
-    with pytest.raises(ValueError, match=r"Along y the heights jump by"):
+    with pytest.raises(ValueError, match=r"along y the heights jump by"):
         surface_from_heights(values, 1.0, periodic=None)
 
 

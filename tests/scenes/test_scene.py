@@ -66,7 +66,7 @@ REFUSED = [
     (in_table("sweep", '"tread.E" = [1e6]'), r"`tread.E` is not a number of the block; it takes `"),
     (in_table("sweep", '"layers[0].material.poisson" = [0.6]'),
      r"\[sweep\].*`poisson=0.6` is refused"),
-    (in_table("sweep", '"base.material.times" = [1.0, 2.0]'), r"\[sweep\].*has shape \(18,\)"),
+    (in_table("sweep", '"base.material.times" = [1.0, 2.0]'), r"\[sweep\].*shape.*\(18,\)"),
 ]  # fmt: skip
 
 
@@ -183,7 +183,7 @@ def test_columns_and_units_of_a_table_can_be_stated(tmp_path):
 
 def test_a_table_of_several_temperatures_is_refused(tmp_path):
     write(tmp_path, "f [Hz],E' [Pa],E'' [Pa],T [K]\n1,2,1,290\n2,3,1,290\n1,1,1,300\n2,2,1,300\n")
-    expected = r"\[materials.coat\].*holds 2 isotherm.*`graded-contact fit FILE` does so"
+    expected = r"\[materials.coat\].*holds 2 isotherm.*`graded-contact fit FILE`"
     with pytest.raises(ValueError, match=expected):
         parse_scene(tabulated("plateau"), tmp_path)
 

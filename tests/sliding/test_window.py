@@ -228,7 +228,7 @@ def test_an_approach_through_the_layers_or_in_another_unit_is_noticed():
 
     hidden = traced(jnp.asarray(20.0))
     assert hidden.result == gc.contacts.RESULTS.not_finite and jnp.isnan(hidden.friction)
-    assert "the approach (in metres" in repr(hidden)
+    assert "an approach beyond the window's length" in repr(hidden)
 
 
 def test_friction_at_an_approach_has_the_error_of_the_load():
