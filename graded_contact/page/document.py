@@ -79,11 +79,12 @@ def open_document(path: Path | None) -> Document:
     speeds = (float(moving[0]), float(moving[-1]))
     if speeds[1] < 100 * speeds[0]:
         speeds = (speeds[0] / 1e3, speeds[1] * 1e3)
-    load: dict[str, Any] = {"pressure": _middle(scene.pressure), "velocity": _middle(moving)}
+    middle = lambda values: float(values[len(values) // 2])  # noqa: E731
+    load: dict[str, Any] = {"pressure": middle(scene.pressure), "velocity": middle(moving)}
     if scene.direction:
         load["direction"] = scene.direction
     if scene.temperature is not None:
-        load["temperature"] = _middle(np.sort(scene.temperature, axis=None))
+        load["temperature"] = middle(np.sort(scene.temperature, axis=None))
     content = parse_toml(text)
     content = {k: v for k, v in content.items() if k not in ("sweep", "design")} | {"load": load}
     content["surface"].pop("seeds", None)
@@ -96,10 +97,6 @@ def open_document(path: Path | None) -> Document:
     for (place, key), path in scene.inputs.items():  # the scene is saved in another folder
         tables[place][key] = str(path)
     return Document(content, folder, speeds)
-
-
-def _middle(values: np.ndarray) -> float:
-    return float(values[len(values) // 2])
 
 
 def layer_name(layer: dict[str, Any]) -> str:

@@ -50,8 +50,9 @@ def interruptible() -> Iterator[Interruption]:
     # Python's C handler writes each signal's number here, also while the main thread is in XLA.
     heard, wakeup = socket.socketpair()
     wakeup.setblocking(False)
+    # Without a handler in Python, even an empty one, the thread is told nothing.
     previous = {
-        number: signal.signal(number, _leave_to_thread)
+        number: signal.signal(number, lambda *_: None)
         for number in SIGNALS
         if signal.getsignal(number) != signal.SIG_IGN
     }
@@ -97,10 +98,6 @@ def ctrl_c_later() -> Iterator[Interruption]:
     finally:
         _outer.pop()
         signal.signal(signal.SIGINT, usual)
-
-
-def _leave_to_thread(number: int, frame: object) -> None:
-    """Python must have a handler, otherwise it does not notify the thread."""
 
 
 def _listen(heard: socket.socket, found: Interruption) -> None:
