@@ -93,6 +93,7 @@ def run(
     All cores are used if that saves time.
     """
     with terminal.refusing():
+        # Checked first: a scene may take long to read.
         engine = {"workers": workers or (None if scheduler else "auto"), "client": scheduler}
         check_workers(**engine)
         scene = read_scene(scene_file)

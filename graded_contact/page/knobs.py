@@ -155,6 +155,7 @@ def _temperature(scene: Scene) -> Iterator[Knob]:
         scene.stack.at(value)
     except ValueError:  # a material without a law
         return
+    # Tables of shifts end, and WLF diverges: no slider goes there.
     low, high = value - COLDER, value + HOTTER
     for law in laws:
         if isinstance(law, TabulatedShift):

@@ -115,7 +115,7 @@ class Session(param.Parameterized):
         model, values = self._newest, self._values  # a later change makes another call
         for stage, rest in STAGES.items():
             await asyncio.sleep(rest)
-            async with self._turn:
+            async with self._turn:  # the call may have waited here while a newer one came
                 stale = self._ended or call != self._call or model is None
                 if stale or not await self._compute(call, stage, model, values):
                     return

@@ -143,6 +143,7 @@ class Dropper(pn.widgets.FileDropper):
         return sum(len(part) for parts in self._file_buffer.values() for part in parts)
 
     def _process_event(self, event: Any) -> None:
+        # The limit of Panel holds in the browser only, and a client may send what it likes.
         name, data = event.data.get("name"), event.data.get("data", b"")
         if event.event_name == "upload_event":
             if event.data.get("chunk") == 1:

@@ -90,6 +90,7 @@ def pareto_front(
         previous = found[-1][0]
     found.append(ends[1])
     values = np.array([v for _, v in found])
+    # A start may end in a local minimum: another design then beats it in both objectives.
     beaten = [bool(np.any(np.all(values < v, axis=1))) for v in values]
     front = [pair for pair, out in zip(found, beaten, strict=True) if not out]
     return sorted(front, key=lambda pair: float(pair[1][0]))

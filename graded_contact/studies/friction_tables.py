@@ -78,6 +78,7 @@ def friction_table(
         axes = {"temperature": temperature, **axes}
 
     plain = Case(stack, roughness, pressure=0.0, velocity=0.0)  # of no point yet
+    # Arguments of `slide` belong to the case (shear, heating) or to its computation (solver).
     of_case = {name: value for name, value in slide_options.items() if name in vars(plain)}
     of_numerics = {name: slide_options[name] for name in slide_options if name not in of_case}
     numerics, _ = numerics_of("slide", {**of_numerics, "throw": False})

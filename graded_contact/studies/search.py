@@ -251,6 +251,7 @@ def descend(
         method="SLSQP",
         bounds=[(0.0, 1.0 if s > 0 else 0.0) for s in span],
         constraints=[margins] if at(origin)[2].size else [],
+        # SLSQP compares changes of the scaled objective with `ftol` itself.
         options={"ftol": rtol * size * scale, "maxiter": max_steps},
     )
     last = at(np.clip(found.x, 0, 1))

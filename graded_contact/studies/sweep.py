@@ -88,6 +88,7 @@ def sweep(
         with opened(store) as points_of:
             engine = {"workers": workers, "client": client, "progress": progress}
             points = solve_points(program, columns, names, store=points_of, **engine)
+    # Arrays of one point become arrays over all axes, and NaN stands for what is missing.
     ends = [NOT_STARTED if point is None else point.message for point in points]
     data: dict[str, Any] = {}
     for name, like in program.like[0].items():
@@ -199,6 +200,7 @@ def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         raise ValueError(
             f"`axes={short(axes)}` must be a dict of axes or a list of points, one at least."
         )
+    # A store names a point by its numbers: equal points would share a file.
     if len(np.unique(np.stack([*columns.values()]), axis=1).T) < len(next(iter(columns.values()))):
         raise ValueError(f"`axes={short(axes)}` contains a point twice.")
     return coordinates, columns

@@ -150,6 +150,7 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
     slopes = jax.jacrev(numbers)(unknowns)
     variances, axes = np.linalg.eigh(fit.covariance())
     significant = variances > np.finfo(float).eps * np.max(variances)
+    # The covariance has no more directions than the fit has unknowns; rounding adds others.
     roots = np.sqrt(variances[significant])[:, None] * axes[:, significant].T
     # All entries of a series: of a table of shifts, the reference is a number that cannot err.
     entire = {path.rpartition("[")[0] for path in scalars if np.any(slopes[path])} & {*known}
