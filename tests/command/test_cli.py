@@ -569,7 +569,7 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     ]
     bare = command("fit", *paths, "-o", tmp_path)
     assert bare.exit_code == 2
-    assert "`--temperature KELVIN` [K], one for each file" in bare.stderr
+    assert "pass `--temperature KELVIN` [K]" in bare.stderr
     kelvin = [f"--temperature={celsius + 273.15}" for celsius in (-20.0, -5.0, 10.0)]
     options = ("--terms", 5, "--shift-std", 0, "--equilibrium", 5e6, "--glassy", 3e9)
     result = command("fit", *paths, *kelvin, *options, "-o", tmp_path)
