@@ -33,19 +33,12 @@ from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..core.memory import KERNEL, check_memory
 from ..fields.devices import num_devices, required, spread, whole_along
-from ..fields.grid import (
-    Grid,
-    as_velocity,
-    both_signs,
-    even_on_nyquist,
-    nyquist_lines,
-    sliding_frequency,
-    zero_mode,
-)
+from ..fields.frequency import as_velocity, sliding_frequency
+from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero_mode
 from ..materials.softening import at_strain, softens
 from .compliance import compliance_of, log_compliance
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
-from .interpolation import KernelTable, tabulate
+from .kernel_table import KernelTable, tabulate
 from .layering import Layering
 from .stack import Stack, check_at_rest, is_graded
 

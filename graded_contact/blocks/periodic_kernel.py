@@ -2,7 +2,7 @@
 
 M_zz depends on |q| and ω, and M(q, -ω) is the conjugate of M(q, ω): so it is computed on the
 quadrant of positive components of q and for ω >= 0 only. That of graded and long stacks is
-interpolated from a table over log |q| and log ω (`interpolation.py`).
+interpolated from a table over log |q| and log ω (`kernel_table.py`).
 """
 
 from functools import partial
@@ -17,8 +17,8 @@ from ..core.derivative import derivative_apart
 from ..fields.grid import Grid
 from .compliance import compliance_of, log_compliance
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
-from .interpolation import tabulate
 from .kernel import is_dear
+from .kernel_table import tabulate
 from .stack import Stack, check_at_rest
 
 _BLOCK = 16  # frequencies that are computed at once

@@ -32,15 +32,8 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.display import shown
-from ..fields.grid import (
-    Grid,
-    both_signs,
-    even_on_nyquist,
-    sliding_frequency,
-    to_field,
-    to_spectrum,
-    wavevector,
-)
+from ..fields.frequency import sliding_frequency
+from ..fields.grid import Grid, both_signs, even_on_nyquist, to_field, to_spectrum, wavevector
 from .depth import Side, depth_climb
 from .grading import AbstractGradedSolver, graded_tolerance, solve_graded
 from .kernel import checked_velocity

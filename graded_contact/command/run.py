@@ -13,7 +13,7 @@ import typer
 
 from .. import plot
 from ..core.checks import nearest, within
-from ..fields.grid import velocity_along
+from ..fields.frequency import velocity_along
 from ..plot.style import entitle
 from ..plot.sweeps import NOTHING
 from ..plot.words import label_of, title_of

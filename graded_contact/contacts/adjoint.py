@@ -33,9 +33,9 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one
+from .abstract_solver import Inputs, history_of, run_steps, slope
 from .active_set import green_of, most_eliminated, solve_on_few
 from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
-from .solver import Inputs, history_of, run_steps, slope
 from .splitting import Splitting, check_relaxation, draft
 
 # Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`

@@ -25,9 +25,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .abstract_solver import Inputs, SolverOutput, penalty_for, slope
 from .adjoint import State
 from .operator import Field, Scalar, nonzero, root_mean_square, stiffness_bound
-from .solver import Inputs, SolverOutput, penalty_for, slope
 
 # With these factors 12 of 8,552 claims were broken (`bench_contact.py random --count 1000 --seed
 # 30`).

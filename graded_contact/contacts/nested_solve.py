@@ -22,11 +22,7 @@ from jaxtyping import Array, Float
 from ..core.checks import check_whole, is_concrete
 from ..core.compilation import jit
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
-from .active_set import most_eliminated
-from .law import AbstractLaw
-from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
-from .semismooth_newton import newton_round, takes_newton_steps
-from .solver import (
+from .abstract_solver import (
     AbstractContactSolver,
     Loading,
     SolverOutput,
@@ -37,6 +33,10 @@ from .solver import (
     run_steps,
     to_mean,
 )
+from .active_set import most_eliminated
+from .law import AbstractLaw
+from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
+from .semismooth_newton import newton_round, takes_newton_steps
 from .splitting import Splitting, check_relaxation, draft
 
 # All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.

@@ -9,12 +9,12 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import Numbers, as_float, check_types, check_values
 from ..core.display import shown
+from .abstract_solver import AbstractContactSolver
 from .adjoint import LinearSolver, LinearSplitting
 from .law import AbstractLaw, check_pressure
 from .nested_solve import DouglasRachford
 from .solution import RESULTS, ContactSolution
 from .solve import RTOL, solve_contact
-from .solver import AbstractContactSolver
 
 
 @shown()

@@ -30,13 +30,7 @@ from ..core.derivative import derivative_apart, largest, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
 from ..fields.grid import half_shape
-from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
-from .estimates import assess, contact_state, penalty_at
-from .law import AbstractLaw, HardWall, check_one_law, check_pressure
-from .nested_solve import DouglasRachford
-from .operator import Field, first_mode
-from .solution import RESULTS, ContactSolution
-from .solver import (
+from .abstract_solver import (
     AbstractContactSolver,
     Inputs,
     Loading,
@@ -45,6 +39,12 @@ from .solver import (
     participation,
     penalty_for,
 )
+from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
+from .estimates import assess, contact_state, penalty_at
+from .law import AbstractLaw, HardWall, check_one_law, check_pressure
+from .nested_solve import DouglasRachford
+from .operator import Field, first_mode
+from .solution import RESULTS, ContactSolution
 from .window import Window, on_part, on_whole, operator_of
 
 # Default tolerance of the pressure. The error of friction is then at most 3e-5, in the median 2e-7,

@@ -53,7 +53,7 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.display import shown
-from ..fields.grid import as_velocity, direction_and_speed
+from ..fields.frequency import as_velocity, direction_and_speed
 from ..materials.shift import as_temperature
 from ..materials.softening import as_strain_per_slope
 from ..sliding.case import Case

@@ -31,15 +31,8 @@ from ..blocks.compliance import surface_compliance_unchecked
 from ..blocks.grading import AbstractGradedSolver, graded_tolerance
 from ..blocks.stack import Stack
 from ..fields.devices import binned
-from ..fields.grid import (
-    direction_and_speed,
-    multiplicity,
-    rings,
-    sliding_frequency,
-    to_spectrum,
-    wave_frequencies,
-    zero_mode,
-)
+from ..fields.frequency import direction_and_speed, sliding_frequency, wave_frequencies
+from ..fields.grid import multiplicity, rings, to_spectrum, zero_mode
 from ..materials.coverage import coverage, is_unknown
 from ..materials.softening import at_strain
 from ..surfaces.spectrum import between_ends

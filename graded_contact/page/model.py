@@ -20,13 +20,13 @@ from ..blocks.compliance import effective_modulus
 from ..blocks.stack import Stack
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart
-from ..fields.grid import direction_and_speed, velocity_along
+from ..fields.frequency import direction_and_speed, velocity_along
 from ..mean_field.mean_field import mean_field_friction
 from ..scenes.run_scene import build_surface
 from ..scenes.surface_source import RandomSurface
 from ..sliding.case import Case
 from ..sliding.numerics import Numerics
-from ..sliding.sliding import Sliding
+from ..sliding.result import Sliding
 from ..surfaces.statistics import radial_spectrum, statistics
 from ..surfaces.surface import Surface
 from .document import Document, described

@@ -10,7 +10,7 @@ from ..core.checks import as_float
 from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
 from ..mean_field.mean_field import MeanField, pressure_distribution
-from ..sliding.sliding import Sliding
+from ..sliding.result import Sliding
 from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface
 from .style import COLOURS, PAGE, PRESSURES, entitle, few_powers_of_ten, finished, new_figure

@@ -12,7 +12,7 @@ from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import HardWall
 from ..core.checks import within
 from ..core.memory import CYCLE, DERIVATIVE, SLIDING, check_memory
-from ..fields.grid import velocity_along
+from ..fields.frequency import velocity_along
 from ..sliding.steady import check_approach
 from ..studies.dataset import package_versions
 from ..studies.parameter_covariance import moved

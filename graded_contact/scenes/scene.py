@@ -34,7 +34,8 @@ from ..core.checks import (
 from ..core.display import shown
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
-from ..fields.grid import Grid, velocity_along
+from ..fields.frequency import velocity_along
+from ..fields.grid import Grid
 from ..materials.material import AbstractMaterial
 from ..materials.softening import as_strain_per_slope
 from ..readers.paths import check_name, read_utf8

@@ -20,7 +20,8 @@ from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.parameters import places
 from ..core.warnings import EXTRAPOLATED
-from ..fields.grid import Grid, velocity_along, wave_frequencies
+from ..fields.frequency import velocity_along, wave_frequencies
+from ..fields.grid import Grid
 from ..materials.coverage import check_frequencies, coverage, is_unknown
 from ..materials.material import Prony
 from ..materials.shift import require_shift

@@ -10,14 +10,14 @@ from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.solution import ContactSolution
 from ..core.checks import Numbers, as_float, as_scalar, check_positive, check_type, check_values
 from ..core.display import shown
-from ..fields.grid import as_velocity
+from ..fields.frequency import as_velocity
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .cycle import solve_cycle
 from .heating import Heating, solve_heated
 from .numerics import Numerics
+from .result import CyclicSliding, Sliding
 from .shear import ShearLaw
-from .sliding import CyclicSliding, Sliding
 from .steady import solve_steady
 
 

@@ -16,10 +16,10 @@ import jax.numpy as jnp
 
 from ..blocks.grading import graded_tolerance
 from ..blocks.periodic_kernel import periodic_kernel
+from ..contacts.abstract_solver import Inputs
 from ..contacts.law import check_one_law
 from ..contacts.solution import RESULTS
 from ..contacts.solve import as_start, contact_of, loading_of
-from ..contacts.solver import Inputs
 from ..contacts.space_time import SpaceTime, in_motion
 from ..core.checks import Numbers, check_squares
 from ..core.derivative import derivative_apart
@@ -30,7 +30,7 @@ from ..materials.coverage import coverage
 from ..surfaces.surface import check_periodic
 from .motion import components
 from .numerics import Numerics
-from .sliding import CyclicSliding
+from .result import CyclicSliding
 
 
 def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> CyclicSliding:

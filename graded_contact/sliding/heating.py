@@ -49,13 +49,14 @@ from ..core.compilation import jit
 from ..core.derivative import still
 from ..core.display import shown
 from ..core.fixed_point import attach_fixed_point, find_fixed_point
-from ..fields.grid import multiplicity, to_field, to_spectrum, wave_frequencies, wavenumber
+from ..fields.frequency import wave_frequencies
+from ..fields.grid import multiplicity, to_field, to_spectrum, wavenumber
 from ..materials.shift import as_temperature
 from ..materials.softening import at_strain
 from ..surfaces.surface import check_periodic
-from .heat import as_depths, gauss_within, heat_depths, heat_source, intervals, shear_heat
+from .heat_source import as_depths, gauss_within, heat_depths, heat_source, intervals, shear_heat
 from .numerics import Numerics
-from .sliding import Sliding
+from .result import Sliding
 from .steady import solve_steady
 
 NUM_CELLS = 8  # of the depth, each at one temperature

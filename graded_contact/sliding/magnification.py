@@ -24,15 +24,8 @@ from ..core.checks import (
 from ..core.compilation import jit
 from ..core.derivative import largest
 from ..fields.devices import binned
-from ..fields.grid import (
-    Grid,
-    as_velocity,
-    direction_and_speed,
-    to_field,
-    to_spectrum,
-    wave_frequencies,
-    wavenumber,
-)
+from ..fields.frequency import as_velocity, direction_and_speed, wave_frequencies
+from ..fields.grid import Grid, to_field, to_spectrum, wavenumber
 from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface, check_periodic
 from .case import Case

@@ -30,15 +30,8 @@ from ..contacts.estimates import error_of
 from ..contacts.operator import nonzero
 from ..core.derivative import largest
 from ..core.quantities import observable
-from ..fields.grid import (
-    coordinates,
-    derivative,
-    direction_and_speed,
-    odd_wavevector,
-    to_field,
-    to_spectrum,
-    wave_frequencies,
-)
+from ..fields.frequency import direction_and_speed, wave_frequencies
+from ..fields.grid import coordinates, derivative, odd_wavevector, to_field, to_spectrum
 from ..materials.coverage import is_unknown
 from .motion import Motion, odd_frequencies, rate_of
 

@@ -22,14 +22,15 @@ from ..core.checks import Numbers, as_float, check_values, is_concrete
 from ..core.compilation import jit
 from ..core.memory import SLIDING, check_memory
 from ..fields.devices import num_devices
-from ..fields.grid import Grid, direction_and_speed
+from ..fields.frequency import direction_and_speed
+from ..fields.grid import Grid
 from ..materials.coverage import coverage
 from ..materials.softening import as_strain_per_slope
 from ..surfaces.statistics import slope_up_to
 from ..surfaces.surface import Surface, check_periodic
 from .numerics import Numerics
+from .result import Sliding
 from .shear import shear_stress
-from .sliding import Sliding
 
 
 def solve_steady(

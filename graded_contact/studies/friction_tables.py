@@ -10,7 +10,7 @@ from jax import Array
 
 from ..blocks.stack import Stack
 from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
-from ..fields.grid import velocity_along
+from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import mean_field_of
 from ..sliding.case import Case
 from ..sliding.numerics import numerics_of

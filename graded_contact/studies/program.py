@@ -17,7 +17,7 @@ from jax.extend import core
 
 from ..contacts.solve import RESULTS
 from ..core.checks import nearest
-from ..sliding.sliding import with_observables
+from ..sliding.result import with_observables
 from .dataset import FAILED, package_versions
 from .store import Point, fingerprint
 

@@ -11,7 +11,7 @@ from scene_texts import TABLE, TEXT, changed, tabulated, write
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
 from graded_contact.core.quantities import OBSERVABLES, observable
-from graded_contact.fields.grid import wave_frequencies
+from graded_contact.fields.frequency import wave_frequencies
 from graded_contact.scenes.results import contact_at, kept_solves, shift_factors, warnings_of
 from graded_contact.scenes.run_scene import build_surface, point_names, run_scene
 from graded_contact.scenes.scene import parse_scene, read_scene

@@ -16,7 +16,7 @@ from graded_contact.sliding import (
     heat_depths,
     heat_source,
 )
-from graded_contact.sliding.heat import shear_heat
+from graded_contact.sliding.heat_source import shear_heat
 from graded_contact.sliding.heating import temperatures, thermal_wavenumber
 
 CELL = 4e-3  # m

@@ -24,11 +24,12 @@ from ..blocks.profile import Aged, Blend
 from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths
 from ..blocks.stress import stress_field
 from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
-from ..fields.grid import Grid, to_field, to_spectrum, wave_frequencies
+from ..fields.frequency import wave_frequencies
+from ..fields.grid import Grid, to_field, to_spectrum
 from ..materials.material import AbstractMaterial, Elastic, Prony
 from ..materials.softening import StrainSoftening
 from .observables import shear_parts
-from .sliding import Sliding
+from .result import Sliding
 
 _NODES = 2  # of Gauss's rule in each interval of the depth
 _FIRST, _LAST = 0.05, 3.0  # ends of the first interval [spacings] and of the last one [cells]

@@ -20,8 +20,8 @@ from ..core.derivative import derivative_apart
 from ..core.display import shown
 from ..core.quantities import OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, caveats_of
-from ..fields.grid import Grid, direction_and_speed
-from . import observables as _observables  # noqa: F401 (registers what the docstrings list)
+from ..fields.frequency import direction_and_speed
+from ..fields.grid import Grid
 from .motion import components, rate_of
 from .shear import ShearStress
 
