@@ -219,7 +219,7 @@ KNOWN = "equilibrium,strengths[0],strengths[1],poisson"
 @pytest.mark.parametrize(
     "table, expected",
     [
-        ("equilibrium,strengths[0]\n1,1\n", r"'strengths\[1\]' of the material is missing"),
+        ("equilibrium,strengths[0]\n1,1\n", r"'strengths\[1\]' is missing"),
         (f"{KNOWN}\n1,1,1,1\n1,1\n", "line 3 has 2 numbers under 4 paths"),
         ("\udcff\udcfe", "codec can't decode"),
         (None, "does not exist"),
