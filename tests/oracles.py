@@ -117,19 +117,13 @@ class AdhesiveLine:
             return (w @ self.stiffness @ w / 2) / unit + np.sum(t**8 / 8 - t**2 / 2)
 
         start = self.basis.T @ (gap - gap.mean() + self.heights)
-        found = minimize(
-            energy,
-            start,
+        options = dict(gtol=1e-9, maxiter=2000, max_trust_radius=self.length)
+        options["initial_trust_radius"] = self.length / 10
+        slopes = dict(
             jac=lambda y: self.imbalance(gap_of(y)) / unit,
             hess=lambda y: self.curvature(gap_of(y)) / unit,
-            method="trust-exact",
-            options=dict(
-                gtol=1e-9,
-                maxiter=2000,
-                initial_trust_radius=self.length / 10,
-                max_trust_radius=self.length,
-            ),
         )
+        found = minimize(energy, start, method="trust-exact", options=options, **slopes)
         return gap_of(found.x)
 
 

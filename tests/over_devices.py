@@ -66,13 +66,10 @@ def distance(many, one) -> float:
 
 
 def curves(surface, found):
-    return (
-        gc.sliding.cumulative_friction(
-            found.pressure, found.displacement, surface.grid, 0.5
-        ).friction,
-        gc.surfaces.radial_spectrum(surface)[1],
-        gc.surfaces.resample(surface, (24, 30)).heights,
-    )
+    fields = found.pressure, found.displacement, surface.grid
+    waves = gc.sliding.cumulative_friction(*fields, 0.5)
+    finer = gc.surfaces.resample(surface, (24, 30))
+    return waves.friction, gc.surfaces.radial_spectrum(surface)[1], finer.heights
 
 
 def refusal(make) -> str:
@@ -86,9 +83,8 @@ def refusal(make) -> str:
 def compare():
     surfaces = [draw(jax.devices()), draw(None)]
     programs = [derivatives.lower(BLOCK, surface).compile() for surface in surfaces]
-    found, slopes = zip(
-        *(program(BLOCK, s) for program, s in zip(programs, surfaces, strict=True)), strict=True
-    )
+    solved = [program(BLOCK, s) for program, s in zip(programs, surfaces, strict=True)]
+    found, slopes = zip(*solved, strict=True)
     many, one = contacts = [contact for _, contact in found]
     pairs = {
         "surface": [surface.heights for surface in surfaces],

@@ -36,27 +36,6 @@ velocity = [0.01, 1.0]
 rtol = 1e-6
 """
 
-BARE = """
-title = "a small one"
-[surface]
-kind = "self_affine"
-rms_slope = 0.2
-hurst = 0.8
-q_roll = 2e4
-q_high = 8e4
-[grid]
-shape = [32, 32]
-size = 1e-3
-[materials.tread]
-kind = "tyre_tread"
-[base]
-kind = "half_space"
-material = "tread"
-[load]
-pressure = 2e5
-velocity = [0.01, 1.0]
-"""
-
 
 def changed(*pairs: str) -> str:
     """The scene with each text replaced by the next."""
@@ -66,6 +45,12 @@ def changed(*pairs: str) -> str:
         text = text.replace(old, new)
     return text
 
+
+BARE = changed(
+    "seed = 3\n", "", '[materials.coat]\nkind = "elastic"\nmodulus = 2e7\npoisson = 0.4\n', "",
+    '[[layers]]\nmaterial = "coat"\nthickness = 2e-5\n', "", "[2e5, 4e5]", "2e5",
+    "[solver]\nrtol = 1e-6\n", "",
+)  # fmt: skip
 
 DESIGN = """
 [surface]

@@ -13,15 +13,9 @@ import pytest
 import graded_contact as gc
 from graded_contact.scenes.scene import parse_scene
 
-DOCS = Path(__file__).parents[1] / "docs"
-PAGES = sorted(
-    [
-        *DOCS.glob("*.md"),
-        *DOCS.glob("howto/*.md"),
-        *DOCS.glob("theory/*.md"),
-        DOCS.with_name("README.md"),
-    ]
-)
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("[ht]*/*.md"), ROOT / "README.md"])
 
 
 def python_blocks(page: Path) -> list[str]:
@@ -52,6 +46,23 @@ def test_what_a_page_calls_exists_and_takes_its_arguments(page):
         check_calls(block)
 
 
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.stem)
+def test_the_files_that_a_page_names_exist(page):
+    """From the root, or from the end of their path."""
+    for name in set(re.findall(r"[\w./-]+\.py\b", page.read_text(encoding="utf-8"))):
+        folders = ("graded_contact", "benchmarks", "docs")
+        assert (ROOT / name).exists() or any(any((ROOT / f).rglob(name)) for f in folders), name
+
+
+def test_the_steps_from_slide_to_friction_exist():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    steps = re.findall(r"(\w+)(?:\.\w+)?  \((\w+/\w+\.py)\)", text)
+    assert len(steps) == 10
+    for name, file in steps:
+        source = (ROOT / "graded_contact" / file).read_text(encoding="utf-8")
+        assert re.search(rf"(def|class) {name}\b", source), (name, file)
+
+
 def test_what_examples_call_exists_and_takes_their_arguments(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS))
     for name, block in importlib.import_module("_examples").EXAMPLES.items():
@@ -79,11 +90,6 @@ def test_whole_scenes_of_a_page_are_read(page):
     for scene in re.findall(r"^```toml\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL):
         if "[surface]" in scene and "[base]" in scene and "path" not in scene:
             parse_scene(scene).surface.build()
-
-
-def run(command: list[str], folder: Path) -> None:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
 
 
 RUN = [

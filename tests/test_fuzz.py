@@ -430,6 +430,7 @@ def test_a_pipe_and_a_device_are_refused(name, folder):
             PIPED[name](Path(path))
 
 
+@pytest.mark.skipif(os.name != "posix", reason="without pipes")
 def test_a_pipe_in_a_scene_is_refused(folder):
     os.mkfifo("pipe")
     for text, path in ((SCENES[0], "errors.csv"), (SCENES[3], "moduli.csv")):

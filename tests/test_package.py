@@ -199,10 +199,11 @@ TESTS = ("-m", "pytest", "-n", "0", "-p", "no:cacheprovider", "-W", "ignore::Dep
 LOWEST = {
     "cluster explore": [
         ("-c", JOB),
-        (*TESTS, "tests/page/test_knobs.py", "tests/studies/test_sweep.py", "tests/test_grid.py"),
+        (*TESTS, "tests/page/test_knobs.py", "tests/studies/test_sweep.py"),
+        (*TESTS, "tests/fields/test_grid.py"),
     ],
     "io": [(*TESTS, "tests/readers/test_topography.py", "tests/readers/test_moduli.py")],
-    "fast-cpu": [(*TESTS, "tests/test_fft.py")],
+    "fast-cpu": [(*TESTS, "tests/fields/test_fft.py")],
     "test": [
         (*TESTS, "tests/page/test_browser.py", "tests/materials/test_material.py"),
         (*TESTS, "tests/test_notebooks.py"),

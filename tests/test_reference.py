@@ -12,9 +12,7 @@ from scipy.integrate import quad
 from graded_contact import reference
 
 PAPER = Path(__file__).parents[1] / "benchmarks" / "paper" / "coated_half_space.py"
-paper_coated_half_space_compliance = runpy.run_path(str(PAPER))[
-    "paper_coated_half_space_compliance"
-]
+paper_coated_half_space = runpy.run_path(str(PAPER))["paper_coated_half_space_compliance"]
 
 # (modulus, ν): compressible, auxetic, incompressible, lossy, lossy with complex ν
 MATERIALS = [(2.0, 0.3), (0.7, -0.6), (3.0, 0.5), (2 - 1j, 0.49), (5 - 3j, 0.4 + 0.02j)]
@@ -24,15 +22,8 @@ def propagator(x, poisson):
     """exp(A x) of the in-plane equations of a slab, order (t, s | U, w), stresses in q E_r/2."""
     nu = mp.mpmathify(poisson)
     p, e = 1 - nu, 1 - 2 * nu
-    generator = mp.matrix(
-        [
-            [0, -nu / p, 2, 0],
-            [1, 0, 0, 0],
-            [1 / p, 0, 0, -1],
-            [0, e / (2 * p**2), nu / p, 0],
-        ]
-    )
-    return mp.expm(generator * x)
+    rows = [0, -nu / p, 2, 0], [1, 0, 0, 0], [1 / p, 0, 0, -1], [0, e / (2 * p**2), nu / p, 0]
+    return mp.expm(mp.matrix(rows) * x)
 
 
 def state_space_compliance(q, thickness, modulus, poisson, base):
@@ -55,16 +46,16 @@ def state_space_compliance(q, thickness, modulus, poisson, base):
 
 
 @pytest.mark.parametrize("modulus, poisson", MATERIALS)
-@pytest.mark.parametrize("depth", [0.05, 0.7, 3.0, 25.0])
+@pytest.mark.parametrize("depth", [1e-6, 1e-4, 0.01, 0.05, 0.7, 3.0, 25.0])
 def test_slabs_match_matrix_exponential(depth, modulus, poisson):
+    """To the documented loss of digits, times ten."""
     q, thickness = 40.0, depth / 40.0
     rigid = reference.slab_on_rigid_compliance(q, thickness, modulus, poisson)
     free = reference.free_slab_compliance(q, thickness, modulus, poisson)
-    # The documented loss of digits, at most ε/x² = 1e-13 here, times ten.
-    tolerance = 10 * 2.2e-16 * (1 + 1 / depth**2)
-    for value, base in ((rigid, "rigid"), (free, "free")):
+    lost = 1 / abs(1 - 2 * poisson + depth**2)
+    for value, base, digits in ((rigid, "rigid", lost), (free, "free", 1 / depth**2)):
         expected = state_space_compliance(q, thickness, modulus, poisson, base)
-        assert abs(value - expected) <= tolerance * abs(expected)
+        assert abs(value - expected) <= 10 * 2.2e-16 * (1 + digits) * abs(expected)
 
 
 @pytest.mark.parametrize("base", [(1.0, 0.45), (1e-3, 0.2), (1e3, 0.5), (5 - 3j, 0.4 + 0.02j)])
@@ -78,29 +69,17 @@ def test_coated_half_space_matches_matrix_exponential(modulus, poisson, base):
         assert abs(value - expected) <= tolerance * abs(expected)
 
 
-def test_documented_loss_of_digits_in_thin_slabs_is_not_exceeded():
-    for x in (1e-6, 1e-4, 1e-2):
-        for poisson in (0.3, 0.4999, 0.5):
-            value = reference.slab_on_rigid_compliance(1.0, x, 2.0, poisson)
-            expected = state_space_compliance(1.0, x, 2.0, poisson, "rigid")
-            lost = 2.2e-16 / (1 - 2 * poisson + x**2)
-            assert abs(value / expected - 1) <= 10 * lost
-        value = reference.free_slab_compliance(1.0, x, 2.0, 0.3)
-        expected = state_space_compliance(1.0, x, 2.0, 0.3, "free")
-        assert abs(value / expected - 1) <= 10 * 2.2e-16 / x**2
-
-
 def test_paper_coated_half_space_is_right_only_where_poisson_ratios_are_constant():
     q = np.array([0.1, 1.0, 4.0])
     args = (q, 1.0, 2 - 1j, 0.3)
-    same = paper_coated_half_space_compliance(*args, 0.3, 5 + 1j, 0.45, 0.45)
+    same = paper_coated_half_space(*args, 0.3, 5 + 1j, 0.45, 0.45)
     exact = reference.coated_half_space_compliance(*args, 5 + 1j, 0.45)
     np.testing.assert_allclose(same, exact, rtol=1e-12)
     # A glassy half space, ν 0.49 -> 0.3, comes out 14.6 times too soft (same solid as coating).
-    soft = paper_coated_half_space_compliance(q, 1e-3, 1.0, 0.3, 0.49, 1.0, 0.3, 0.49)
+    soft = paper_coated_half_space(q, 1e-3, 1.0, 0.3, 0.49, 1.0, 0.3, 0.49)
     np.testing.assert_allclose(soft / reference.half_space_compliance(q, 1.0, 0.3), 14.571, 1e-4)
     with pytest.raises(ValueError, match=r"`poisson_at_rest=0\.5` is refused"):
-        paper_coated_half_space_compliance(q, 1.0, 1.0, 0.3, 0.5, 1.0, 0.3, 0.49)
+        paper_coated_half_space(q, 1.0, 1.0, 0.3, 0.5, 1.0, 0.3, 0.49)
 
 
 def test_deep_layers_are_half_spaces_and_do_not_overflow():
@@ -278,38 +257,19 @@ def test_cylinder_matches_wang_and_knothe(time, peak, left, right, friction):
     assert 0 <= published[1] - 2e3 * contact.half_width / 0.16 < 2
 
 
-@pytest.mark.parametrize("speed", [1e-3, 0.3, 2.0, 40.0])
-@pytest.mark.parametrize("ratio", [1.5, 100])
-def test_cylinder_solves_its_bessel_equations(ratio, speed):
-    contact, a, _ = gliding(ratio, speed)
-    with mp.workdps(40):
-        l, lag, wide = (mp.mpf(v) for v in (contact.half_width, speed * a, a))
-        e = lag - mp.mpf(contact.offset)
-        y, z, d = l * ratio / lag, l / lag, (l**2 + wide**2) / 2
-        i0, i1, k0, k1 = mp.besseli(0, y), mp.besseli(1, y), mp.besselk(0, z), mp.besselk(1, z)
-        first = d * i0 - e * l * i1 - l**2 * (i0 - i1 / y)
-        second = d * k0 + e * l * k1 - l**2 * (k0 + k1 / z)
-        assert abs(first) < 1e-14 * (d * i0 + abs(e) * l * i1)
-        assert abs(second) < 1e-14 * (d * k0 + abs(e) * l * k1 + l**2 * k1 / z)
-        kappa = lag / ratio
-        friction = lag - e - kappa + e * l**2 / wide**2  # π E_r/(4RF) = 1/a_r²
-    assert abs(contact.friction - friction) < 1e-15 * a * (1 + speed**2)
-
-
 @pytest.mark.parametrize("speed", [0.05, 0.7, 5.0])
 def test_cylinder_pressure_deforms_the_solid_into_its_shape(speed):
     """Load, friction as a moment, and u' = -x/R recomputed from the pressure's creep history."""
     ratio = 4
     contact, a, _ = gliding(ratio, speed)
-    lag, left, right = (
-        speed * a, contact.offset - contact.half_width, contact.offset + contact.half_width
-    )  # fmt: skip
+    lag, middle, half = speed * a, contact.offset, contact.half_width
+    left, right = middle - half, middle + half
     # Chebyshev sums: the pressure goes to zero as a square root at both edges.
     n = 2000
     theta = (np.arange(n) + 0.5) * np.pi / n
-    x = contact.offset + contact.half_width * np.cos(theta)
+    x = middle + half * np.cos(theta)
     pressure = contact.pressure(x)
-    weight = contact.half_width * np.sin(theta) * np.pi / n
+    weight = half * np.sin(theta) * np.pi / n
     np.testing.assert_allclose(np.sum(weight * pressure), 1, rtol=1e-6)
     np.testing.assert_allclose(np.sum(weight * pressure * x), contact.friction, rtol=1e-5)
     # J p = (1/E_g)(p + f Q), Q(x) = ∫_x^∞ p(s) exp((x - s)/lag) ds/lag. Its Hilbert transform by
@@ -326,10 +286,7 @@ def test_cylinder_pressure_deforms_the_solid_into_its_shape(speed):
     def strained(s):
         return np.interp(s, grid, total) if s > left else total[0] * np.exp((s - left) / lag)
 
-    for x0 in (
-        contact.offset - 0.4 * contact.half_width,
-        contact.offset + 0.5 * contact.half_width,
-    ):
+    for x0 in (middle - 0.4 * half, middle + 0.5 * half):
         near, _ = quad(strained, left, right, weight="cauchy", wvar=x0, limit=200, epsabs=1e-7)
         far, _ = quad(lambda s, x0=x0: strained(s) / (s - x0), left - 40 * lag, left, limit=200)
         np.testing.assert_allclose(2 / np.pi * (near + far), -x0, atol=2e-4 * a)

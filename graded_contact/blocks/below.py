@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Inexact
 
 from .column import Carried, Column, Face, Rule, face_in
-from .slab import Compliance, Slab, factors, half_space, in_units, split_of, times
+from .slab import Compliance, factors, half_space, in_units, lower_face, split_of, times, upwards
 from .stack import Free, Rigid
 
 
@@ -31,10 +31,7 @@ class Below(NamedTuple):
     """
 
     n: Inexact[Array, "*w"]
-    c11: Inexact[Array, "*w"]
-    c12: Inexact[Array, "*w"]
-    c22: Inexact[Array, "*w"]
-    det: Inexact[Array, "*w"]
+    c: Compliance
     n_t: Any = None
     c_t: Any = None
     split: Any = None  # (1 - ν) c11 n_t - n c_t
@@ -43,26 +40,26 @@ class Below(NamedTuple):
 def base_face(column: Column, like: Array) -> Face:
     """Returns the state of the base's face, of the shape and dtype of `like`."""
     none, one = jnp.zeros_like(like), jnp.ones_like(like)
+    # A rigid base has no compliance; that of a free face is infinite: n = 0, and det = 1.
     if isinstance(column.base, Rigid):
-        return Face(Below(one, none, none, none, none, one, none, none), one, one)
+        return Face(Below(one, Compliance(none, none, none, none), one, none, none), one, one)
     if isinstance(column.base, Free):
-        return Face(Below(none, none, none, none, one, none, one, none), one, one)
+        return Face(Below(none, Compliance(none, none, none, one), none, one, none), one, one)
     return jax.tree.map(lambda part: part + none, _half_space(*column.base))
 
 
 def in_plane(face: Face) -> Face:
     """Returns a face without its antiplane part, which M_zz does not need."""
-    return face._replace(state=Below(*face.state[:5]))
+    return face._replace(state=Below(*face.state[:2]))
 
 
 def _half_space(reduced: Array, e: Array) -> Face:
-    c11, c12, c22, det = half_space(e)
-    one = jnp.ones_like(c11)
-    return face_in(Below(one, c11, c12, c22, det, one, one, -(1 - e) / 2), reduced, e)
+    one = jnp.ones_like(e)
+    return face_in(Below(one, half_space(e), one, one, -(1 - e) / 2), reduced, e)
 
 
 def _numbers(face: Face, reference: Array, inverse: bool) -> Carried:
-    n, c11, c12, c22, det, n_t, c_t, _ = face.state
+    n, (c11, c12, c22, det), n_t, c_t, _ = face.state
     stiff, stiff_t = reference / face.reduced, reference / face.shear
     if inverse:
         n, c11, c12, c22, det, n_t, c_t = det, c22, -c12, c11, n, c_t, n_t
@@ -74,40 +71,34 @@ def _numbers(face: Face, reference: Array, inverse: bool) -> Carried:
 def _face(numbers: Carried, reference: Array, inverse: bool, e: Array) -> Face:
     (c11, c12, c22, det), antiplane, _ = numbers
     one, shear = jnp.ones_like(det), (1 + e) / 2  # 2 μ over E_r
-    plane = (det, c22, -c12, c11, one) if inverse else (one, c11, c12, c22, det)
+    n, c = one, numbers.plane
+    if inverse:
+        n, c = det, Compliance(c22, -c12, c11, one)
     if antiplane is None:
-        return face_in(Below(*plane), reference, e)
+        return face_in(Below(n, c), reference, e)
     n_t, c_t = (antiplane / shear, one) if inverse else (one, antiplane * shear)
-    split = shear * plane[1] * n_t - plane[0] * c_t
-    return face_in(Below(*plane, n_t, c_t, split), reference, e)
+    return face_in(Below(n, c, n_t, c_t, shear * c.c11 * n_t - n * c_t), reference, e)
 
 
 def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     """The state of a slab's upper face from that of its lower face."""
     above = face_in(None, reduced, e)
     ratio, s = reduced / face.reduced, factors(x, e)
-    n, c11, c12, c22, det = face.state[:5]
-    c11, c12, c22, det = in_units(Compliance(c11, c12, c22, det), ratio)
-    h11, h22 = c11 + times(s.g22, det), c22 + times(s.g11, det)
-    h12 = c12 - times(s.g12, det)
-    a11, a12 = times(s.p11, h11) + times(s.p12, h12), times(s.p11, h12) + times(s.p12, h22)
-    a21, a22 = times(s.p21, h11) + times(s.p22, h12), times(s.p21, h12) + times(s.p22, h22)
-    m = n + times(s.g11, c11) + times(2 * s.g12, c12) + times(s.g22, c22) + times(s.det_g, det)
-    pushed = times(s.q22, c11) + times(2 * s.q12, c12) + times(s.q11, c22)
-    plane = (
-        m,
-        times(s.q11, m) + times(s.p11, a11) + times(s.p12, a12),
-        times(s.q12, m) + times(s.p21, a11) + times(s.p22, a12),
-        times(s.q22, m) + times(s.p21, a21) + times(s.p22, a22),
-        times(s.det_q, n) + pushed + det,
-    )
-    unit = _inverse_size(plane)
-    state = Below(*(unit * part for part in plane))
-    if face.state.n_t is not None:
+    n, c, n_t, c_t, split = face.state
+    c = in_units(c, ratio)
+    h, m = lower_face(c, s, n)
+    # The slab's own part, of 1/m as the rest.
+    own = (times(part, by) for part, by in zip(s.q, (m, m, m, n), strict=True))
+    plane = [a + b for a, b in zip(own, upwards(c, h, s), strict=True)]
+    # Only ratios of coordinates matter; those of hundreds of layers would overflow.
+    unit = _inverse_size((m, *plane))
+    state = Below(unit * m, Compliance(*(unit * part for part in plane)))
+    if n_t is not None:
+        # Antiplane a slab is a scalar: both its factors are tanh x.
         ratio_t, tanh = above.shear / face.shear, jnp.tanh(x)
-        n_t, c_t = face.state.n_t, ratio_t * face.state.c_t
+        c_t = ratio_t * c_t
         antiplane = (n_t + tanh * c_t, c_t + tanh * n_t)
-        below = Below(n, c11, c12, c22, det, n_t, c_t, ratio_t * face.state.split)
+        below = Below(n, c, n_t, c_t, ratio_t * split)
         split = _split(below, s, x, e, tanh, m, antiplane[0])
         unit_t = _inverse_size(antiplane)
         n_t, c_t = (unit_t * part for part in antiplane)
@@ -119,25 +110,26 @@ FULL = Rule(_add, _half_space, _numbers, _face)
 PLANE = FULL._replace(half_space=lambda reduced, e: in_plane(_half_space(reduced, e)))
 
 
-def _split(below: Below, s: Slab, x, e, tanh, n, n_t) -> Array:
+def _split(below, s, x, e, tanh, n, n_t):
     """(1 - ν) c11 n_t - n c_t of the upper face, whose n and n_t are given; p = 1 - ν.
 
     p c11' = p q11 n + p (P H Pᵀ)_11 times n_t, less n times c_t' = tanh n_t + c_t/cosh², sorted so
-    that what is alike is subtracted beforehand, in `small`.
+    that what is alike is subtracted beforehand, in `split_of`.
     """
-    _, c11, c12, c22, det, one_t, c_t, split = below
-    small, p, both = split_of(x, e), (1 + e) / 2, s.det_g * det
-    along = split + p * (one_t * det * s.g22 + tanh * c_t * c11)
-    along = along - c_t * (s.g11 * c11 + 2 * s.g12 * c12 + s.g22 * c22)
-    squared = small.p11_less_1 * (s.p11 + 1) + tanh * tanh  # p11² - 1/cosh²
-    across = 2 * s.p11 * s.p12 * (n_t * c12 - one_t * det * s.g12)
-    across = across + s.p12**2 * (n_t * c22 + one_t * det * s.g11)
+    _, (c11, c12, c22, det), one_t, c_t, split = below
+    (clamped, free, p11_less_1), g = split_of(x, e), s.g
+    p, both = (1 + e) / 2, g.det * det
+    along = split + p * (one_t * det * g.c22 + tanh * c_t * c11)
+    along = along - c_t * (g.c11 * c11 + 2 * g.c12 * c12 + g.c22 * c22)
+    squared = p11_less_1 * (s.p11 + 1) + tanh * tanh  # p11² - 1/cosh²
+    across = 2 * s.p11 * s.p12 * (n_t * c12 - one_t * det * g.c12)
+    across = across + s.p12**2 * (n_t * c22 + one_t * det * g.c11)
     return (
-        small.clamped * (n * n_t - both * tanh * c_t)
+        clamped * (n * n_t - both * tanh * c_t)
         + s.p11**2 * along
         + squared * c_t * (n - both)
         + p * across
-        + small.free * det * c_t
+        + free * det * c_t
     )
 
 

@@ -5,9 +5,8 @@ downwards what lies above it (`depth`). A `Rule` defines the state and how it pa
 slab. A state passes a graded layer by a solver (`grading`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import groupby
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
@@ -91,6 +90,7 @@ class GradedPart(NamedTuple):
     @property
     def seen(self) -> Array:
         """The fraction of the layer that a wave can see from its top, or from the cut."""
+        # What lies deeper has no effect, so where it is cut has no derivative.
         seen = visible(jax.lax.stop_gradient(self.x))
         if self.height is None:
             return seen
@@ -132,23 +132,23 @@ def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) 
     for i, layer in enumerate(stack.layers):
         if isinstance(layer, GradedLayer):
             graded[i] = layer
+            # Its ends are enough for a unit, which need not be the largest of all.
             sizes += [moduli_at(layer.profile, end + 0 * q, omega)[0] for end in (0, 1)]
         else:
             moduli[i] = moduli_of(layer.material, omega)
     base = stack.base
     if isinstance(base, HalfSpace):
         moduli["base"] = moduli_of(base.material, omega)
+    # In one unit: products of moduli in pascals leave the range of float32.
     unit = largest([*sizes, *(modulus for modulus, _ in moduli.values())])
     moduli = {i: plane_strain(modulus / unit, nu) for i, (modulus, nu) in moduli.items()}
     runs = []
     for is_graded, members in groupby(range(len(stack.layers)), lambda i: i in graded):
         members = tuple(members)
         if is_graded:
-            layers = ((i, graded[i]) for i in members)
-            runs += [
-                GradedPart(i, layer.profile, q * layer.thickness, omega, unit)
-                for i, layer in layers
-            ]
+            for i in members:
+                profile, thickness = graded[i].profile, graded[i].thickness
+                runs.append(GradedPart(i, profile, q * thickness, omega, unit))
         else:
             pairs = zip(*(moduli[i] for i in members), strict=True)
             parts = [stack.layers[i].thickness for i in members], *pairs
@@ -159,6 +159,7 @@ def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) 
 def _stacked(values: Sequence[Any], like: Array) -> Array:
     """Stacks per-layer values of unlike shapes and dtypes, each filled up to the rank of `like`."""
     stacked = jnp.stack(jnp.broadcast_arrays(*values))
+    # Without the rank of `like` the axis of layers would broadcast against waves.
     missing = (1,) * (like.ndim + 1 - stacked.ndim)
     return stacked.reshape(len(values), *missing, *stacked.shape[1:])
 
@@ -173,21 +174,15 @@ def largest(moduli: Sequence[Array]) -> Array:
 
 
 def climb_through(
-    column: Column,
-    face: Face,
-    rule: Rule,
-    add_graded: AddGraded | None,
-    *,
-    parts: Sequence[Array] | None = None,
-    heights: Mapping[int, Array] = MappingProxyType({}),
+    column: Column, face: Face, rule: Rule, add_graded: AddGraded | None, parts=None, heights=None
 ) -> Face:
     """Returns the state at the other end of a column from that at one end.
 
     **Arguments:**
 
     - `face`: at the base, or for a `rule` that goes downwards at the surface.
-    - `parts`: what is there of the thickness of each homogeneous layer [m].
-    - `heights`: s at which each graded layer is cut.
+    - `parts`: what is there of the thickness of each homogeneous layer [m]; None for all of it.
+    - `heights`: s at which each graded layer is cut, by its number; None for no cut.
     """
 
     def step(face, layer):
@@ -197,7 +192,8 @@ def climb_through(
     for run in column.runs if rule.down else reversed(column.runs):
         if isinstance(run, GradedPart):
             assert add_graded is not None
-            face = add_graded(run._replace(height=heights.get(run.number)), face, rule)
+            cut = None if heights is None else heights[run.number]
+            face = add_graded(run._replace(height=cut), face, rule)
             continue
         _, thickness, reduced, e = run
         if parts is not None:
@@ -206,9 +202,7 @@ def climb_through(
     return face
 
 
-def scan_layers(
-    step: Callable[[Any, Any], Any], face: Any, layers: tuple[Array, ...], *, reverse: bool
-) -> Any:
+def scan_layers(step, face: Any, layers: tuple[Array, ...], *, reverse: bool) -> Any:
     """Returns `face` after the steps through `layers`, arrays with the layers on a first axis.
 
     The carry of a scan keeps its shapes and dtypes: it has from the start those of its end.
@@ -226,14 +220,14 @@ def scan_layers(
 
 def stable_shape(step: Callable[[Any], Any], face: Any) -> Any:
     """Returns shapes and dtypes that no further `step` changes."""
+
+    def common(a, b):
+        shape = jnp.broadcast_shapes(a.shape, b.shape)
+        return jax.ShapeDtypeStruct(shape, jnp.result_type(a, b))
+
+    # The first step may widen what the second one gets.
     for _ in range(2):
-        face = jax.tree.map(
-            lambda a, b: jax.ShapeDtypeStruct(
-                jnp.broadcast_shapes(a.shape, b.shape), jnp.result_type(a, b)
-            ),
-            face,
-            jax.eval_shape(step, face),
-        )
+        face = jax.tree.map(common, face, jax.eval_shape(step, face))
     return face
 
 

@@ -67,7 +67,7 @@ def layered_compliance(
     if not isinstance(base, Rigid | Free):
         if not (isinstance(base, tuple) and len(base) == 2):
             raise ValueError(f"`base={short(base)}` must be Rigid(), Free() or (modulus, poisson).")
-        base = (as_numbers(base[0], "base[0]"), as_numbers(base[1], "base[1]"))
+        base = as_numbers(base[0], "base[0]"), as_numbers(base[1], "base[1]")
         _check_moduli("base[0]", base[0], "base[1]", base[1])
     elif len(thickness) == 0:
         raise ValueError(f"`thickness` is empty on {short(base)}: there is nothing to deform.")
@@ -120,10 +120,8 @@ def effective_modulus(
 
     **Returns:** the modulus, of the shape to which `q` and `omega` broadcast.
     """
-    return 2 / (
-        as_float(q, "q")
-        * surface_compliance(stack, q, omega, graded_solver=graded_solver, rtol=rtol)
-    )
+    found = surface_compliance(stack, q, omega, graded_solver=graded_solver, rtol=rtol)
+    return 2 / (as_float(q, "q") * found)
 
 
 @shown()
@@ -172,25 +170,13 @@ def _checked(stack, q, omega, graded_solver, rtol):
 
 
 @eqx.filter_jit
-def surface_compliance_unchecked(
-    stack: Stack,
-    q: Float[Array, "..."],
-    omega: Float[Array, "..."],
-    graded_solver: AbstractGradedSolver,
-    rtol: float,
-) -> Inexact[Array, "*w"]:
-    """Returns M_zz [m/Pa] at `q` and `omega` of equal rank."""
-    return compliance_of(stack, q, omega, graded_solver, rtol)
-
-
-@eqx.filter_jit
 def _graded(stack, q, omega, graded_solver, rtol, throw):
     column = column_of(stack, q, omega)
     base = in_plane(base_face(column, jnp.zeros_like(q)))
 
     def climb(add_graded):
         top = climb_through(column, base, PLANE, add_graded)
-        return (top.state.c22 / top.state.n * (2 / column.unit) / (top.reduced * q),)
+        return (top.state.c.c22 / top.state.n * (2 / column.unit) / (top.reduced * q),)
 
     def relative(differences, values):
         return jnp.abs(differences[0]) / jnp.abs(values[0])
@@ -199,17 +185,8 @@ def _graded(stack, q, omega, graded_solver, rtol, throw):
     return GradedCompliance(value, error)
 
 
-def compliance_of(
-    stack: Stack,
-    q: Float[Array, "..."],
-    omega: Float[Array, "..."],
-    graded_solver: AbstractGradedSolver,
-    rtol: float,
-    *,
-    attempt: bool = False,
-    throw: bool = True,
-) -> Inexact[Array, "*w"]:
-    """Returns M_zz [m/Pa] of a stack at `q` and `omega` of equal rank.
+def compliance_of(stack, q, omega, graded_solver, rtol, *, attempt=False, throw=True) -> Array:
+    """Returns M_zz [m/Pa] of a stack at `q` and `omega` of equal rank, unchecked.
 
     An `attempt` at a graded stack is quick, and returns its result for any error. Without
     `throw` a tolerance that is not reached leaves NaN.
@@ -218,33 +195,31 @@ def compliance_of(
         solver = Layering(retry=False) if attempt else graded_solver
         found = _graded(stack, q, omega, solver, rtol, throw and not attempt)
         if attempt or throw:
+            # An attempt only counts coefficients: errors show in the table made after it.
             return found.value
         return jnp.where(found.error <= rtol, found.value, jnp.nan)
     base = stack.base
     if isinstance(base, HalfSpace):
         base = moduli_of(base.material, omega)
+    # Of elastic layers it has the shape of q alone.
     compliance = compliance_of_layers(q, *layers_of(stack, omega), base)
     return jnp.broadcast_to(compliance, jnp.broadcast_shapes(q.shape, omega.shape))
 
 
-def log_compliance(
-    stack: Stack,
-    q: Float[Array, "..."],
-    omega: Float[Array, "..."],
-    graded_solver: AbstractGradedSolver,
-    rtol: float,
-    attempt: bool,
-) -> Inexact[Array, "*w"]:
+surface_compliance_unchecked = eqx.filter_jit(compliance_of)
+
+
+def log_compliance(stack, q, omega, graded_solver, rtol, attempt) -> Array:
     """Returns log(q M_zz) for a table with the tolerance `rtol`."""
     # The nodes are solved more closely than they are interpolated.
     closer = max(rtol / 4, 400 * float(jnp.finfo(q.dtype).eps))
-    return jnp.log(
-        compliance_of(stack, q, omega, graded_solver, closer, attempt=attempt, throw=False) * q
-    )
+    found = compliance_of(stack, q, omega, graded_solver, closer, attempt=attempt, throw=False)
+    return jnp.log(found * q)
 
 
 def _check_moduli(modulus_name: str, modulus: Array, poisson_name: str, poisson: Array) -> None:
     check_values(modulus_name, modulus, "a modulus [Pa] must be finite")
+    # Moduli may be complex, of any sign of their parts; 0 alone has no compliance.
     if is_concrete(modulus) and bool(jnp.any(modulus == 0)):
         raise ValueError(f"`{modulus_name}` contains 0: a modulus [Pa] must not be 0.")
     if jnp.iscomplexobj(poisson):

@@ -9,26 +9,22 @@ layers.
 """
 
 from collections.abc import Callable
+from itertools import accumulate
 from typing import Literal
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from .below import FULL, base_face
 from .column import AddGraded, Carried, Face, Rule, Run, climb_through, column_of, face_in
-from .slab import Compliance, Slab, factors, in_units, release, stack_on
+from .slab import Compliance, Slab, factors, in_units, lower_face, release, stack_on
 from .stack import Free, GradedLayer, Rigid, Stack
 
 Side = Literal["above", "below"]
 
 
 def depth_climb(
-    stack: Stack,
-    q: Float[Array, "..."],
-    omega: Float[Array, "..."],
-    traction: tuple[Array, Array, Array],
-    depth: Float[Array, "..."],
-    side: Side,
+    stack: Stack, q: Array, omega: Array, traction: tuple[Array, ...], depth: Array, side: Side
 ) -> tuple[Callable[[AddGraded | None], tuple[Array, ...]], tuple[Array, ...], Array]:
     """Returns the recursion to (t, s, σ_T) [Pa] and (U, w, w_T) at a depth, and the material there.
 
@@ -51,12 +47,14 @@ def depth_climb(
     }
     zero = jnp.zeros(jnp.broadcast_shapes(q.shape, depth.shape), q.dtype)
     one, nothing = jnp.ones_like(zero), Compliance(zero, zero, zero, zero)
+    # Nothing lies above the surface: no stiffness, and the traction as it is.
     surface = Face(Carried(nothing, zero, traction), one, one)
 
     def climb(add_graded):
         start = base_face(column, zero)
-        lower = climb_through(column, start, FULL, add_graded, parts=below, heights=heights)
-        upper = climb_through(column, surface, _ABOVE, add_graded, parts=above, heights=heights)
+        lower = climb_through(column, start, FULL, add_graded, below, heights)
+        upper = climb_through(column, surface, _ABOVE, add_graded, above, heights)
+        # At a depth in the half space its upper part is one more slab.
         if not isinstance(column.base, Rigid | Free):
             upper = _add(upper, q * above[-1], *column.base)
         return _joined(upper, lower)
@@ -69,19 +67,19 @@ def _cut(stack, depth, side):
 
     And whether the depth lies in each layer, or the base, or further down.
     """
-    top, above, reached = jnp.zeros((), depth.dtype), [], []
-    for layer in stack.layers:
-        reached.append(depth >= top if side == "below" else depth > top)
-        thickness, bottom = layer.thickness, top + layer.thickness
-        inside = jnp.clip(depth - top, 0, thickness)
-        above.append(jnp.where(depth >= bottom, thickness, inside))
-        top = bottom
-    reached.append(depth >= top if side == "below" else depth > top)
-    return [*above, jnp.maximum(depth - top, 0)], reached
+    thickness = [layer.thickness for layer in stack.layers]
+    tops = list(accumulate(thickness, initial=jnp.zeros((), depth.dtype)))
+    reached = [depth >= top if side == "below" else depth > top for top in tops]
+    above = [
+        # All of a layer that ends above: a difference of depths would be rounded.
+        jnp.where(depth >= bottom, d, jnp.clip(depth - top, 0, d))
+        for d, top, bottom in zip(thickness, tops, tops[1:], strict=False)
+    ]
+    return [*above, jnp.maximum(depth - tops[-1], 0)], reached
 
 
 def _material(column, heights, reached):
-    """E_r and e at the depth."""
+    """E_r and e at the depth: those of the last layer that it has reached."""
     materials = []
     for run in column.runs:
         if isinstance(run, Run):
@@ -101,12 +99,10 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     lower, s = face_in(None, reduced, e), factors(x, e)
     g, g_t, (t, n, across) = _carried(face, reduced, False)
     g_t = g_t * reduced / lower.shear
-    inverse = 1 / (1 + s.q11 * g.c11 + 2 * s.q12 * g.c12 + s.q22 * g.c22 + s.det_q * g.det)
-    t, n = release(Compliance(s.q11, s.q12, s.q22, s.det_q), g, (t, n), 1, inverse)
     # Upside down, compliances and stiffnesses change places.
-    turned = Slab(
-        s.g11, s.g12, s.g22, s.det_g, s.q11, s.q12, s.q22, s.det_q, s.p11, s.p21, s.p12, s.p22
-    )
+    turned = Slab(s.g, s.q, s.p11, s.p21, s.p12, s.p22)
+    t, n = release(s.q, g, (t, n), 1, 1 / lower_face(g, turned)[1])
+    # 1/cosh x = 2 e^-x/(1 + e^-2x) does not overflow.
     tanh, decay = jnp.tanh(x), jnp.exp(-x)
     inverse_t = 1 / (1 + tanh * g_t)
     traction = (
@@ -135,12 +131,13 @@ _ABOVE = Rule(_add, None, _carried, _face)
 
 def _joined(face: Face, below: Face) -> tuple[Array, ...]:
     """Returns the tractions t, s, σ_T [Pa] and U, w, w_T [Pa, in units of 2/q] at the cut."""
-    (g, g_t, (t, n, across)), (one, c11, c12, c22, det, one_t, c_t, _) = face.state, below.state
+    (g, g_t, (t, n, across)), (one, c, one_t, c_t, _) = face.state, below.state
     g, g_t = in_units(g, face.reduced / below.reduced), face.shear / below.shear * g_t
+    (c11, c12, c22, det) = c
     inverse = 1 / (one + g.c11 * c11 + 2 * g.c12 * c12 + g.c22 * c22 + g.det * det)
     # c (1 + G c)⁻¹ = (c + det c adj G)/n
     h11, h12, h22 = c11 + det * g.c22, c12 - det * g.c12, c22 + det * g.c11
     u, w = h11 * t + h12 * n, h12 * t + h22 * n
     scale, released = inverse / below.reduced, across / (one_t + g_t * c_t)
-    t, n = release(Compliance(c11, c12, c22, det), g, (t, n), one, inverse)
+    t, n = release(c, g, (t, n), one, inverse)
     return t, n, one_t * released, u * scale, w * scale, c_t * released / below.shear

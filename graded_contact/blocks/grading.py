@@ -5,7 +5,7 @@ and `Riccati`. Both estimate the error of their result; an error above the toler
 """
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -22,7 +22,6 @@ from ..core.checks import (
     is_concrete,
 )
 from ..materials.coverage import check_frequencies
-from .column import AddGraded
 from .profile import check_profile
 from .stack import GradedLayer, Stack, check_at_rest, is_graded
 
@@ -47,21 +46,16 @@ class AbstractGradedSolver(eqx.Module):
 
     @abc.abstractmethod
     def solve(
-        self,
-        climb: Callable[[AddGraded], tuple[Array, ...]],
-        measure: Callable[[Sequence[Array], Sequence[Array]], Float[Array, "*w"]],
-        stack: Stack,
-        q: Float[Array, "..."],
-        omega: Float[Array, "..."],
-        rtol: float,
-    ) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
+        self, climb: Callable, measure: Callable, stack: Stack, q: Array, omega: Array, rtol: float
+    ) -> tuple[tuple[Array, ...], Array]:
         """Returns the values that `climb` finds, and their estimated error.
 
         **Arguments:**
 
-        - `climb`: a recursion through the stack, given what adds a graded layer to it. It may find
-          values with more axes in front.
-        - `measure`: the error [1] that `differences` of these `values` are.
+        - `climb`: a recursion through the stack, given what adds a graded layer to it
+          (`column.AddGraded`). It returns a tuple of arrays, with more axes in front if that adds
+          some.
+        - `measure`: of `differences` and these `values`: the error [1] that the differences are.
         - `stack`, `q`, `omega`: what it climbs through; wavenumbers [rad/m] and frequencies [rad/s]
           of equal rank.
         - `rtol`: the target error.
@@ -118,20 +112,12 @@ def rounding(like: Array) -> float:
     return _FLOOR * float(jnp.finfo(like.dtype).eps)
 
 
-def solve_graded(
-    graded_solver: AbstractGradedSolver,
-    climb: Callable[[AddGraded | None], tuple[Array, ...]],
-    measure: Callable[[Sequence[Array], Sequence[Array]], Float[Array, "*w"]],
-    stack: Stack,
-    q: Float[Array, "..."],
-    omega: Float[Array, "..."],
-    rtol: float,
-    throw: bool = True,
-) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
-    """Returns the values and the error from `graded_solver`; the error may be one to raise.
+def solve_graded(graded_solver, climb, measure, stack, q, omega, rtol, throw=True):
+    """Returns values and error of `graded_solver`; with `throw` a larger error than `rtol` raises.
 
     Of a stack without graded layers the recursion is exact.
     """
+    # Then the recursion is exact to rounding.
     if not is_graded(stack):
         return climb(None), jnp.zeros_like(q)
     values, error = graded_solver.solve(climb, measure, stack, q, omega, rtol)

@@ -1,6 +1,6 @@
 """A block whose temperature varies with depth, and what heats it."""
 
-from typing import TypeVar
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,8 +10,6 @@ from ..core.compilation import jit
 from ..core.display import shown
 from ..materials.material import Elastic
 from .stack import HalfSpace, Layer, Stack, is_graded
-
-B = TypeVar("B")
 
 
 @shown()
@@ -39,7 +37,7 @@ class HeatedContact(eqx.Module):
     area_error: Float[Array, ""]
 
 
-def check_bulk(temperature: B | None) -> B:
+def check_bulk(temperature: Any) -> Any:
     """Returns the bulk temperature; raises `ValueError` for None."""
     if temperature is None:
         raise ValueError(
@@ -57,25 +55,21 @@ def check_heated(stack: Stack) -> None:
 
 
 @jit
-def heated(
-    stack: Stack,
-    temperature: Float[Array, ""],
-    rises: Float[Array, " cells"],
-    edges: Float[Array, " edges"],
-) -> Stack:
+def heated(stack: Stack, temperature: Array, rises: Array, edges: Array) -> Stack:
     """Returns a block in thin layers, each at its temperature.
 
     **Arguments:**
 
     - `stack`: the block, without graded layers.
     - `temperature`: of the block below the last edge [K].
-    - `rises`: above `temperature` between two edges each [K].
-    - `edges`: depths from 0 [m], one more than `rises`.
+    - `rises`: above `temperature` between two edges each [K], shape `(cells,)`.
+    - `edges`: depths from 0 [m], shape `(cells + 1,)`.
     """
     layers, top = [], jnp.zeros((), edges.dtype)
 
     def cut(material, bottom):
         """Layers of a material down to `bottom`; those that lie elsewhere have no thickness."""
+        # No temperature changes it: one layer is enough.
         if isinstance(material, Elastic):
             return []
         cuts = jnp.clip(edges, top, bottom)

@@ -33,19 +33,12 @@ from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..core.memory import KERNEL, check_memory
 from ..fields.devices import num_devices, required, spread, whole_along
-from ..fields.grid import (
-    Grid,
-    as_velocity,
-    both_signs,
-    even_on_nyquist,
-    nyquist_lines,
-    sliding_frequency,
-    zero_mode,
-)
+from ..fields.frequency import as_velocity, sliding_frequency
+from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero_mode
 from ..materials.softening import at_strain, softens
 from .compliance import compliance_of, log_compliance
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
-from .interpolation import KernelTable, tabulate
+from .kernel_table import KernelTable, tabulate
 from .layering import Layering
 from .stack import Stack, check_at_rest, is_graded
 
@@ -56,9 +49,8 @@ _FEW_LAYERS, _FEW_POINTS = 6, 192**2
 
 _NOT_REACHED = (
     "The tolerance was not reached in a kernel: the profile of a graded layer varies too sharply. "
-    "Put boundaries between layers at its jumps and list its kinks in `breaks`, pass a larger "
-    "`rtol`, or call `stack_kernel` outside `jit`, `vmap` and derivatives, where it turns from its "
-    "table to direct evaluation."
+    "Put boundaries at its jumps, list its kinks in `breaks`, pass a larger `rtol`, or call "
+    "`stack_kernel` outside `jit`, `vmap` and derivatives, where it can evaluate all waves."
 )
 
 
@@ -96,22 +88,13 @@ def stack_kernel(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    kernel, reached = attempted_kernel(
-        stack, grid, velocity,
-        graded_solver=graded_solver, rtol=rtol, strain=strain, choosing=False,
-    )  # fmt: skip
+    how = dict(graded_solver=graded_solver, rtol=rtol, strain=strain)
+    kernel, reached = attempted_kernel(stack, grid, velocity, choosing=False, **how)
     return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
 
 
 def attempted_kernel(
-    stack: Stack,
-    grid: Grid,
-    velocity: Numbers = 0.0,
-    *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
-    rtol: float | None = None,
-    strain: tuple[Numbers, Numbers] | None = None,
-    choosing: bool = True,
+    stack: Stack, grid: Grid, velocity, *, graded_solver, rtol=None, strain=None, choosing=True
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
     """Returns the kernel, and whether it reached its tolerance; does not raise.
 
@@ -124,7 +107,12 @@ def attempted_kernel(
     oblique, size = velocity.ndim > 0, grid.size
     check_memory("grid", "a kernel", KERNEL, grid.shape, size.dtype.itemsize, num_devices(size))
     if strain is not None:
-        strain = _checked_strain(stack, *strain)
+        q, amplitude = strain = as_float(strain[0], "strain[0]"), as_float(strain[1], "strain[1]")
+        check_rows(2, **{"strain[0]": q, "strain[1]": amplitude})
+        check_increasing("strain[0]", q)
+        check_values("strain[1]", amplitude, "a strain [1] is 0 or positive", at_least=0)
+        if not softens(stack):
+            raise ValueError("`stack` holds no `StrainSoftening`: `strain` changes nothing.")
 
     def direct():
         kernel = _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain)
@@ -167,10 +155,7 @@ def kernel_table(
     velocity = checked_velocity(stack, grid, velocity)
     rtol = graded_tolerance(graded_solver, rtol, grid.size)
     if grid.ndim == 1 or velocity.ndim == 1:
-        raise ValueError(
-            f"`grid` has shape {grid.shape} and `velocity` shape {velocity.shape}; a table is "
-            "made in two dimensions and for sliding along x."
-        )
+        raise ValueError("A table needs a `grid` of two dimensions and sliding along x.")
     return _kernel_table(stack, grid, velocity, graded_solver, rtol)
 
 
@@ -188,17 +173,8 @@ def _extreme_frequencies(grid, velocity):
     """|ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
     along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
     lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
+    # Waves across the velocity are at rest.
     return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
-
-
-def _checked_strain(stack, q, amplitude):
-    q, amplitude = as_float(q, "strain[0]"), as_float(amplitude, "strain[1]")
-    check_rows(2, **{"strain[0]": q, "strain[1]": amplitude})
-    check_increasing("strain[0]", q)
-    check_values("strain[1]", amplitude, "a strain [1] is 0 or positive", at_least=0)
-    if not softens(stack):
-        raise ValueError("`stack` holds no `StrainSoftening`: no modulus depends on the `strain`.")
-    return q, amplitude
 
 
 def is_dear(stack: Stack, num_points: int) -> bool:
@@ -258,6 +234,7 @@ def _mirrored(rows_of, grid):
     """The kernel of sliding along x: rows of ±q_x are conjugates of each other."""
     num_rows = grid.shape[0] // 2 + 1
     kernel = _in_blocks(rows_of, num_rows)
+    # The row of the Nyquist number, if any, is its own mirror image.
     others = kernel[1 : grid.shape[0] - num_rows + 1][::-1]
     return _rules(jnp.concatenate([kernel, jnp.conj(others)]), grid)
 
@@ -293,6 +270,7 @@ def _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain):
     if strain is None:
         return compliance_of(stack, q, omega, graded_solver, rtol, throw=False)
 
+    # With strain each wave sees another block.
     def at(q, omega):
         block = at_strain(stack, jnp.interp(q, *strain))
         return compliance_of(block, q[None], omega[None], graded_solver, rtol, throw=False)[0]
@@ -302,6 +280,7 @@ def _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain):
 
 def _rules(kernel, grid):
     """By the rules of the half spectrum, and laid as what leaves a compiled program is."""
+    # The mean displacement belongs to the mean gap.
     kernel = jnp.where(zero_mode(grid.shape), 0, kernel)
     if jnp.iscomplexobj(kernel):
         imag = jnp.where(nyquist_lines(grid.shape), 0, kernel.imag)

@@ -138,7 +138,7 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
     `face` may have that axis already.
     """
     x, seen, height = part.x, part.seen, part.height
-    index, weight = position(mesh, x)
+    index, weight = _position(mesh, x)
     # Sublayers are counted in the direction in which they are passed.
     middle = 1 - _MIDDLE if rule.down else _MIDDLE
     sublayers = (_LEVEL, _IS_FIRST, *(jnp.asarray(a, x.dtype) for a in (middle, _WIDTH)))
@@ -148,12 +148,13 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
         low, high = (end[index] * (1 - weight) + end[index + 1] * weight for end in ends)
         length, deep = span(seen, bottom, top)
         if height is not None:  # as a fraction of what is seen of the piece
-            place = 1 - (1 - deep - height) / jnp.where(length > 0, length, 1)
+            cut = 1 - (1 - deep - height) / jnp.where(length > 0, length, 1)
             clip = jnp.maximum if rule.down else jnp.minimum
-            low, high = clip(low, place), clip(high, place)
+            low, high = clip(low, cut), clip(high, cut)
 
         def add_sublayer(state, sublayer):
             level, is_first, middle, width = sublayer
+            # All refinements of a cell in one scan: each starts from its own face.
             first = jax.tree.map(lambda leaf: leaf[level], faces)
             state = jax.tree.map(lambda a, b: jnp.where(is_first, a, b), first, state)
             s = 1 - deep - length * (1 - low - (high - low) * middle)
@@ -165,6 +166,7 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
         _, found = jax.lax.scan(jax.checkpoint(add_sublayer), replaced, sublayers)
         return jax.tree.map(lambda leaf: leaf[_LAST], found), None
 
+    # A wave that does not see the bottom starts from a half space inside the layer.
     start = face
     if rule.half_space is not None:
         entry = rule.half_space(*part.moduli(1 - seen))
@@ -181,17 +183,13 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
     return jax.lax.scan(jax.checkpoint(add_cell), faces, cells, reverse=rule.down)[0]
 
 
-def span(
-    seen: Float[Array, "*w"], bottom: Float[Array, ""], top: Float[Array, ""]
-) -> tuple[Float[Array, "*w"], Float[Array, "..."]]:
+def span(seen: Array, bottom: Array, top: Array) -> tuple[Array, Array]:
     """Returns height of the visible part of a piece, and the depth of its top, both over d."""
     deep = 1 - top
     return jnp.clip(seen, deep, 1 - bottom) - deep, deep
 
 
-def build_mesh(
-    profile: Any, x: Float[Array, "..."], omega: Float[Array, "..."], num_cells: int, split: int = 1
-) -> Mesh:
+def build_mesh(profile: Any, x: Array, omega: Array, num_cells: int, split: int = 1) -> Mesh:
     """Returns a `Mesh` for all x = q d [1] and ω [rad/s].
 
     It has about `num_cells` cells, each of them cut into `split`.
@@ -210,6 +208,7 @@ def build_mesh(
         length, deep = span(visible(x), bottom, top)
 
         def refine(_, fractions):
+            # Nodes move until every interval has the same mass.
             mass = _mass(profile, x, 1 - deep - length * (1 - fractions), omega)
             total = jnp.concatenate([jnp.zeros(1, x.dtype), jnp.cumsum(mass)])
             fractions = jnp.interp(even * total[-1], total, fractions)
@@ -223,8 +222,8 @@ def build_mesh(
     return Mesh(log_x, edges, table)
 
 
-def position(mesh: Mesh, x: Float[Array, "*w"]):
-    """Returns the place of log x among the tabulated wavenumbers: index and weight."""
+def _position(mesh, x):
+    """The place of log x among the tabulated wavenumbers: index and weight."""
     log_x = jnp.log(jnp.maximum(jax.lax.stop_gradient(x), _SMALLEST))
     first, last, steps = mesh.log_x[0], mesh.log_x[-1], len(mesh.log_x) - 1
     wide = last > first
@@ -299,8 +298,6 @@ def sliced(stack: Stack, num_slices: int) -> Stack:
         if isinstance(layer, Layer):
             layers.append(layer)
             continue
-        heights = 1 - (jnp.arange(num_slices) + 0.5) / num_slices
-        layers += [
-            Layer(_AtHeight(layer.profile, s), layer.thickness / num_slices) for s in heights
-        ]
+        heights, thickness = 1 - (jnp.arange(num_slices) + 0.5) / num_slices, layer.thickness
+        layers += [Layer(_AtHeight(layer.profile, s), thickness / num_slices) for s in heights]
     return Stack(layers=layers, base=stack.base)

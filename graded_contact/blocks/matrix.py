@@ -58,16 +58,11 @@ def surface_compliance_matrix(
     return _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol)
 
 
-def wavevectors(
-    stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers
-) -> tuple[Array, Array, Array]:
+def wavevectors(stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers) -> tuple[Array, ...]:
     """Returns the arguments as arrays of equal rank, checked."""
     qx, qy, omega = as_waves(stack, qx=qx, qy=qy, omega=omega)
     if is_concrete(qx) and is_concrete(qy) and bool(jnp.any((qx == 0) & (qy == 0))):
-        raise ValueError(
-            "`qx=0` with `qy=0` is refused: the mean displacement does not follow from the mean "
-            "traction."
-        )
+        raise ValueError("`qx=0` with `qy=0` is refused: at q = 0 there is no compliance.")
     return qx, qy, omega
 
 
@@ -79,23 +74,23 @@ def _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol):
 
     def climb(add_graded):
         """c11, c12, c22, c_T and c11 - c_T [m/Pa]."""
-        (n, c11, c12, c22, _, n_t, c_t, split), reduced, shear = climb_through(
-            column, base, FULL, add_graded
-        )
+        top = climb_through(column, base, FULL, add_graded)
+        n, c, n_t, c_t, split = top.state
         unit = (2 / column.unit) / q
-        plane, antiplane = unit / (reduced * n), unit / (shear * n_t)
-        return (plane * c11, plane * c12, plane * c22, antiplane * c_t, antiplane * (split / n))
+        plane, antiplane = unit / (top.reduced * n), unit / (top.shear * n_t)
+        return (*(plane * part for part in c[:3]), antiplane * c_t, antiplane * (split / n))
 
     def measure(differences, values):
+        # c12 may vanish where c11 and c22 do not: its error is over their mean.
         along, normal, across = (jnp.sqrt(jnp.abs(values[i])) for i in (0, 2, 3))
         sizes = (along * along, along * normal, normal * normal, across * across, along * across)
         errors = [jnp.abs(d) / size for d, size in zip(differences, sizes, strict=True)]
         return functools.reduce(jnp.maximum, errors)
 
-    (c11, c12, c22, c_t, split), _ = solve_graded(
-        graded_solver, climb, measure, stack, q, omega, rtol
-    )
+    values, _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol)
+    c11, c12, c22, c_t, split = values
     a, b = qx / q, qy / q
+    # In the precision of the values: a Python number could raise it.
     i = jnp.asarray(1j, jnp.result_type(c11, jnp.complex64))
     xy, xz, yz = split * a * b, -i * c12 * a, -i * c12 * b
     xx, yy = c11 * a * a + c_t * b * b, c11 * b * b + c_t * a * a

@@ -2,7 +2,7 @@
 
 M_zz depends on |q| and ω, and M(q, -ω) is the conjugate of M(q, ω): so it is computed on the
 quadrant of positive components of q and for ω >= 0 only. That of graded and long stacks is
-interpolated from a table over log |q| and log ω (`interpolation.py`).
+interpolated from a table over log |q| and log ω (`kernel_table.py`).
 """
 
 from functools import partial
@@ -17,19 +17,15 @@ from ..core.derivative import derivative_apart
 from ..fields.grid import Grid
 from .compliance import compliance_of, log_compliance
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
-from .interpolation import tabulate
 from .kernel import is_dear
+from .kernel_table import tabulate
 from .stack import Stack, check_at_rest
 
 _BLOCK = 16  # frequencies that are computed at once
 
 
 def periodic_kernel(
-    stack: Stack,
-    grid: Grid,
-    num_times: int,
-    period: Float[Array, ""],
-    graded_solver: AbstractGradedSolver,
+    stack: Stack, grid: Grid, num_times: int, period: Array, graded_solver: AbstractGradedSolver
 ) -> tuple[Inexact[Array, "nt *half"], Float[Array, ""]]:
     """Returns M_zz [m/Pa] at all frequencies of a period and wavevectors of a grid, and its error.
 
@@ -71,12 +67,14 @@ def _kernel(stack, grid: Grid, num_times: int, period, graded_solver, rtol):
     squared = jnp.sum(jnp.stack(mesh) ** 2, axis=0)
     q = jnp.sqrt(jnp.where(squared > 0, squared, 1)).ravel()
     q = jnp.where(squared.ravel() > 0, q, jnp.min(lowest))
+    # One vector of wavenumbers for both ways; the entry at q = 0 is a placeholder.
     found, error = make(stack, q, num_times, period, graded_solver, rtol)
     kernel = found.reshape(-1, *squared.shape)
     kernel = jnp.where(squared > 0, kernel, 0)
     if grid.ndim == 2:
         rows = kernel[:, 1 : (grid.shape[0] + 1) // 2][:, ::-1]
         kernel = jnp.concatenate([kernel, rows], axis=1)
+    # M(q, -ω) is the conjugate of M(q, ω).
     others = kernel[1 : (num_times + 1) // 2][::-1]
     return jnp.concatenate([kernel, jnp.conj(others)]), error
 

@@ -47,12 +47,8 @@ class AbstractProfile(eqx.Module):
     def at(self, temperature: ScalarLike) -> "AbstractProfile":
         """Returns the profile with its materials at another temperature [K]."""
 
-        def is_material(node):
-            return isinstance(node, AbstractMaterial)
-
-        def moved(node):
-            return node.at(temperature) if is_material(node) else node
-
+        is_material = lambda node: isinstance(node, AbstractMaterial)  # noqa: E731
+        moved = lambda node: node.at(temperature) if is_material(node) else node  # noqa: E731
         return jax.tree.map(moved, self, is_leaf=is_material)
 
 
@@ -87,6 +83,7 @@ class Blend(AbstractProfile):
         (bottom, low), (top, high) = moduli_of(self.bottom, omega), moduli_of(self.top, omega)
         if self.mixing == "linear":
             return bottom + phi * (top - bottom), low + phi * (high - low)
+        # The complex logarithm stays on its branch: both moduli have positive real parts.
         modulus = bottom * jnp.exp(phi * jnp.log(top / bottom))
         if not isinstance(self.shape, FROM_0_TO_1):
             # Extrapolated, ν might exceed 1/2; cut off, it would have a kink.
@@ -187,13 +184,12 @@ class Aged(AbstractProfile):
         return self.bottom * jnp.exp(self.shape(s) * jnp.log(self.top / self.bottom))
 
     def _range(self):
+        # At the heights where profiles are checked.
         factors = jax.lax.stop_gradient(self._factor(jnp.linspace(0, 1, SAMPLES + 1)))
         return jnp.min(factors), jnp.max(factors)
 
 
-def moduli_at(
-    profile: Any, s: Float[Array, "..."], omega: Float[Array, "..."]
-) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
+def moduli_at(profile: Any, s: Array, omega: Array) -> tuple[Array, Array]:
     """Returns E and ν of a profile as arrays: a function may return Python numbers."""
     modulus, poisson = profile(s, omega)
     return jnp.asarray(modulus), jnp.asarray(poisson)
@@ -210,39 +206,35 @@ def check_profile(name: str, profile: Any, omega: Float[Array, "..."]) -> None:
     sizes = jnp.sort(jnp.abs(jnp.ravel(omega)))
     if sizes.size == 0:
         return
+    # The lowest, the highest and three between.
     omega = sizes[np.linspace(0, sizes.size - 1, min(sizes.size, 5)).astype(int)]
     s = jnp.linspace(0, 1, SAMPLES + 1, dtype=omega.dtype)
     expected = (s.size, omega.size)
     try:
         shapes = [part.shape for part in jax.eval_shape(moduli_at, profile, s[:, None], omega)]
-        fits = jnp.broadcast_shapes(*shapes, expected) == expected
-        got = f"E of shape {shapes[0]} and ν of shape {shapes[1]}"
+        if jnp.broadcast_shapes(*shapes, expected) != expected:
+            raise ValueError(f"E of shape {shapes[0]} and ν of shape {shapes[1]}")
     except (TypeError, ValueError, AttributeError) as error:
-        fits, got = False, f"{type(error).__name__}: {error}"
-    if not fits:
         raise ValueError(
             f"`{name}` must return a pair (E, ν) that broadcasts to {expected} for s of shape "
-            f"{(s.size, 1)} and omega of shape {omega.shape}; it gave {got}."
-        )
+            f"{(s.size, 1)} and omega of shape {omega.shape}; it gave {error}."
+        ) from None
     modulus, poisson, where, jump = (np.array(part) for part in _survey(profile, s, omega))
-    for bad, value, why in (
-        (~np.isfinite(modulus), modulus, "the modulus [Pa] must be finite"),
-        (~np.isfinite(poisson), poisson, "Poisson's ratio must be finite"),
-        (~(np.real(modulus) > 0), modulus, "the modulus [Pa] must have a positive real part"),
+    solid = (np.real(poisson) > -1) & (np.real(poisson) <= 0.5 + 1e-6)
+    for good, value, why in (
         (
-            ~((np.real(poisson) > -1) & (np.real(poisson) <= 0.5 + 1e-6)),
-            poisson,
-            "Poisson's ratio must be greater than -1 and at most 0.5",
+            np.real(modulus) > 0,
+            modulus,
+            "the modulus [Pa] must be finite, with a positive real part",
         ),
+        (solid, poisson, "Poisson's ratio must be finite, greater than -1 and at most 0.5"),
     ):
-        for i, j in np.argwhere(bad)[:1]:
+        for i, j in np.argwhere(~(good & np.isfinite(value)))[:1]:
             place = f"s={float(s[i]):g}, omega={float(omega[j]):g}"
             raise ValueError(f"`{name}` at {place}: {why}, got {value[i, j]:g}.")
     if np.any(jump > 1e-2):
-        raise ValueError(
-            f"`{name}` jumps at s={where[np.argmax(jump)]:.6g}. Put a boundary between two layers "
-            "there."
-        )
+        place = f"s={where[np.argmax(jump)]:.6g}"
+        raise ValueError(f"`{name}` jumps at {place}. Put a boundary between two layers there.")
 
 
 @jax.jit

@@ -21,17 +21,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from .column import largest, scan_layers
-from .slab import (
-    factors,
-    free,
-    free_face,
-    half_space,
-    hyperbolic,
-    plane_strain,
-    push_down,
-    rigid,
-    stack_on,
-)
+from .slab import factors, free, half_space, hyperbolic, plane_strain, push_down, rigid, stack_on
 from .stack import Free, Layer, Rigid, Stack, moduli_of
 
 # Unrolled layers run faster and scanned ones compile faster; they cross here.
@@ -57,6 +47,7 @@ def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
         layers = tuple((d, *plane_strain(e / unit, nu)) for d, e, nu in parts)
         value = _unrolled(q, layers, base)
     else:
+        # A scan needs one rank; moduli may or may not vary with the wave.
         rank = max(part.ndim for part in (thickness, modulus, poisson))
         d, e, nu = (
             part.reshape(part.shape[:1] + (1,) * (rank - part.ndim) + part.shape[1:])
@@ -65,6 +56,7 @@ def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
         layers = (d, *plane_strain(e / unit, nu))
         state, reduced, above = _lowest(q, (tuple(part[-1] for part in layers),), base)
         upwards = layers if above else tuple(part[:-1] for part in layers)
+        # A derivative keeps one state for each layer.
         step = jax.checkpoint(partial(_add, q))
         state, reduced = scan_layers(step, (state, reduced), upwards, reverse=True)
         value = state.c22 / reduced
@@ -101,6 +93,7 @@ def _unrolled_jvp(primals, tangents):
     q, layers, base = primals
     d_q, d_layers, d_base = tangents
     state, reduced, above = _lowest(q, layers, base)
+    # The dearest part: computed once for both sweeps.
     functions = [_computed_once(hyperbolic(q * d)) for d, _, _ in above]
     states = [(state, reduced)]
     for layer, known in reversed(list(zip(above, functions, strict=True))):
@@ -116,21 +109,20 @@ def _unrolled_jvp(primals, tangents):
         d, reduced, e = layer
         slab = factors(q * d, e, known)
         w, v_below = push_down(v, slab, below, reduced / reduced_below)
-        energy = _form(slab.q11, slab.q12, slab.q22, v) + _form(slab.g11, slab.g12, slab.g22, w)
+        energy = _form(slab.q, v) + _form(slab.g, w)
         w, v_below, energy = _computed_once((w, v_below, energy))
         potential = partial(_layer_potential, x=q * d, v=v, w=w)
         change += _layer_change(q, d_q, layer, d_layer, (v_below, w, energy), potential)
         v = v_below
     if isinstance(base, Free):
         d, reduced, e = layers[-1]
-        w = free_face(v, factors(q * d, e))
-        potential = lambda e: _quadratic(free(q * d, e), v)  # noqa: E731
-        nothing = jnp.zeros_like(v[0])
-        fields = ((nothing, nothing), w, potential(e))
+        w, nothing = push_down(v, factors(q * d, e))
+        potential = lambda e: _form(free(q * d, e), v)  # noqa: E731
+        fields = (nothing, w, potential(e))
         change += _layer_change(q, d_q, layers[-1], d_layers[-1], fields, potential)
     elif not isinstance(base, Rigid):
         (reduced, e), (d_reduced, d_e) = base, d_base
-        potential = lambda e: _quadratic(half_space(e), v)  # noqa: E731
+        potential = lambda e: _form(half_space(e), v)  # noqa: E731
         change += _change(-potential(e) / reduced**2, d_reduced) + _change_by_poisson(
             potential, base, d_e
         )
@@ -179,15 +171,12 @@ def _layer_potential(e, x, v, w):
     """vᵀQv + 2vᵀPw - wᵀGw of one layer, for fixed v and w."""
     s = factors(x, e)
     across = v[0] * (s.p11 * w[0] + s.p12 * w[1]) + v[1] * (s.p21 * w[0] + s.p22 * w[1])
-    return _form(s.q11, s.q12, s.q22, v) + 2 * across - _form(s.g11, s.g12, s.g22, w)
+    return _form(s.q, v) + 2 * across - _form(s.g, w)
 
 
-def _quadratic(state, v):
-    return _form(state.c11, state.c12, state.c22, v)
-
-
-def _form(a11, a12, a22, v):
-    return a11 * v[0] ** 2 + 2 * a12 * v[0] * v[1] + a22 * v[1] ** 2
+def _form(c, v):
+    """vᵀ c v."""
+    return c.c11 * v[0] ** 2 + 2 * c.c12 * v[0] * v[1] + c.c22 * v[1] ** 2
 
 
 @jax.custom_jvp

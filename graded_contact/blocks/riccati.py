@@ -27,7 +27,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
 
 from ..core.checks import check_type
 from .column import Carried
@@ -139,7 +138,7 @@ class Riccati(AbstractGradedSolver):
         rough = jax.lax.stop_gradient(found(10 * step))
         differences = [a - b for a, b in zip(values, rough, strict=True)]
         error = jax.lax.stop_gradient(measure(differences, values))
-        # Both may happen to take the same steps.
+        # The step is added because both may happen to take the same steps.
         return values, error + rounding(q) + step
 
     def _add(self, part, face, rule, equation):
@@ -160,7 +159,7 @@ class Riccati(AbstractGradedSolver):
             entry = rule.numbers(entry, reference, inverse)
             start = jax.tree.map(lambda a, b: jnp.where(part.seen < 1, a, b), entry, start)
         sizes, stiffness = _sizes(scale, start), reference * part.unit
-        waves = _Wave(x, part.omega, part.seen, end_height, stiffness, start, sizes)
+        waves = x, part.omega, part.seen, end_height, stiffness, start, sizes
         shape = jnp.broadcast_shapes(*(leaf.shape for leaf in jax.tree.leaves((waves, end))))
         waves = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, shape).ravel(), waves)
 
@@ -175,16 +174,20 @@ class Riccati(AbstractGradedSolver):
         return rule.face(top, jnp.broadcast_to(reference, shape), inverse, end[1])
 
     def _solve_one(self, profile, wave, equation, adjoint):
-        """The numbers of one wave at the end; NaN where the steps did not suffice."""
+        """The numbers of one wave at the end; NaN where the steps did not suffice.
+
+        A wave has x = q d, ω, the fraction of the layer that is seen, the height of its cut, E_ref
+        [Pa], the numbers at the start and their sizes.
+        """
         import diffrax
 
         down, step = equation.down, equation.step
+        x, omega, seen, height, reference, start, size = wave
         # Heights run from `height - length` upwards, or from the top to `height` downwards.
-        length = 1 - wave.height if down else wave.height - (1 - wave.seen)
-        highest = 1 if down else wave.height
-        treedef = jax.tree.structure(wave.start)
-        size = jnp.stack(jax.tree.leaves(wave.size))
-        is_complex = any(map(jnp.iscomplexobj, jax.tree.leaves(wave.start)))
+        length = 1 - height if down else height - (1 - seen)
+        highest = 1 if down else height
+        leaves, treedef = jax.tree.flatten(start)
+        size, is_complex = jnp.stack(jax.tree.leaves(size)), any(map(jnp.iscomplexobj, leaves))
 
         def split(numbers):
             y = jnp.stack(jax.tree.leaves(numbers)) / size
@@ -196,12 +199,12 @@ class Riccati(AbstractGradedSolver):
 
         def slope(place, y, _):
             s = highest - length * (place if down else 1 - place)
-            modulus, poisson = moduli_at(profile, s, wave.omega)
-            rates = equation.rates(join(y), modulus, poisson, wave.reference)
-            return split(rates) * (wave.x * length)
+            rates = equation.rates(join(y), *moduli_at(profile, s, omega), reference)
+            return split(rates) * (x * length)
 
         controller = (self.controller or diffrax.PIDController)(rtol=step, atol=1e-4 * step)
         breaks = breaks_of(profile)
+        # A step across a kink would lose the order of the method.
         if len(breaks):
             places = (highest - breaks) / jnp.where(length > 0, length, 1)
             places = jax.lax.stop_gradient(places if down else 1 - places)
@@ -212,7 +215,7 @@ class Riccati(AbstractGradedSolver):
             t0=0.0,
             t1=1.0,
             dt0=None,
-            y0=split(wave.start),
+            y0=split(start),
             stepsize_controller=controller,
             adjoint=adjoint,
             max_steps=_MAX_STEPS,
@@ -223,23 +226,9 @@ class Riccati(AbstractGradedSolver):
         numbers = join(jnp.where(ended, solution.ys[-1], jnp.nan))
         if not down:
             return numbers
-        decay = jnp.exp(-wave.x * length)
+        # Put back what the rates leave out.
+        decay = jnp.exp(-x * length)
         return numbers._replace(traction=tuple(decay * part for part in numbers.traction))
-
-
-class _Wave(NamedTuple):
-    """One integration: q d, ω, the fraction of the layer that is seen, and the height of its cut.
-
-    E_ref [Pa], the numbers at its start and their sizes.
-    """
-
-    x: Float[Array, "..."]
-    omega: Float[Array, "..."]
-    seen: Float[Array, "..."]
-    height: Float[Array, "..."]
-    reference: Float[Array, "..."]
-    start: Carried
-    size: Carried
 
 
 def _in_both_modes(forward, backward, given):

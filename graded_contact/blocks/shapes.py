@@ -113,6 +113,7 @@ class PowerLaw(AbstractShape):
         check_positive("exponent", self.exponent, "[1]")
 
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
+        # The derivative of 0^n is not finite, also in a branch that is not taken.
         inside = s > 0
         return jnp.where(inside, jnp.where(inside, s, 1) ** self.exponent, 0)
 

@@ -18,7 +18,8 @@ for constant ν, rearranged); `docs/theory/response.md` derives them.
 """
 
 from collections import namedtuple
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -85,27 +86,17 @@ class Compliance(NamedTuple):
 
 
 class Slab(NamedTuple):
-    """Factors Q, G, P = [[p11, p12], [p21, p22]] and determinants of one slab (see above)."""
+    """Factors Q, G (its inverse is a compliance) and P = [[p11, p12], [p21, p22]] of one slab."""
 
-    q11: Inexact[Array, "*w"]
-    q12: Inexact[Array, "*w"]
-    q22: Inexact[Array, "*w"]
-    det_q: Inexact[Array, "*w"]
-    g11: Inexact[Array, "*w"]
-    g12: Inexact[Array, "*w"]
-    g22: Inexact[Array, "*w"]
-    det_g: Inexact[Array, "*w"]
+    q: Compliance
+    g: Compliance
     p11: Inexact[Array, "*w"]
     p12: Inexact[Array, "*w"]
     p21: Inexact[Array, "*w"]
     p22: Inexact[Array, "*w"]
 
 
-def plane_strain(
-    modulus: Inexact[Array, "..."],
-    poisson: Inexact[Array, "..."],
-    unit: Float[Array, ""] | float = 1.0,
-) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
+def plane_strain(modulus: Array, poisson: Array, unit: Any = 1.0) -> tuple[Array, Array]:
     """Returns E/(1 - ν²) in a unit of moduli, and e = 1 - 2ν."""
     return times(reciprocal(unit * (1 - poisson * poisson)), modulus), 1 - 2 * poisson
 
@@ -138,9 +129,7 @@ def free(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Compliance:
     )
 
 
-def factors(
-    x: Float[Array, "*#w"], e: Inexact[Array, "*#w"], functions: Hyperbolic | None = None
-) -> Slab:
+def factors(x: Array, e: Array, functions: Hyperbolic | None = None) -> Slab:
     """Returns the factors of a slab of x = q d [1] and `e` = 1 - 2ν; real for real `e`.
 
     `functions` are `hyperbolic(x)` if they are at hand.
@@ -155,14 +144,18 @@ def factors(
     even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
     odd = 2 * b * e1 * x * om
     return Slab(
-        q11=((1 + 2 * e) * t.sc + t.x1) * inverse,
-        q12=(t.x2 - (1 + 2 * e) * e * t.s2) * inverse / b,
-        q22=(2 * e * t.sc + t.f1) * inverse,
-        det_q=(4 * e * b * t.s2 + t.f2) * inverse / b**2,
-        g11=b**2 * (t.sc + t.x1) * inverse,
-        g12=-b * (t.x2 + e * t.s2) * inverse,
-        g22=b**2 * t.f1 * inverse,
-        det_g=b**2 * t.f2 * inverse,
+        Compliance(
+            ((1 + 2 * e) * t.sc + t.x1) * inverse,
+            (t.x2 - (1 + 2 * e) * e * t.s2) * inverse / b,
+            (2 * e * t.sc + t.f1) * inverse,
+            (4 * e * b * t.s2 + t.f2) * inverse / b**2,
+        ),
+        Compliance(
+            b**2 * (t.sc + t.x1) * inverse,
+            -b * (t.x2 + e * t.s2) * inverse,
+            b**2 * t.f1 * inverse,
+            b**2 * t.f2 * inverse,
+        ),
         p11=jnp.where(thin, 1 + (even - odd) * inverse, p * (b * (1 + e2) - x * om)),
         p12=-p * (x * (1 + e2) + e * om),
         p21=p * (x * (1 + e2) - e * om),
@@ -170,16 +163,11 @@ def factors(
     )
 
 
-class Split(NamedTuple):
-    """The difference of c11 and c_T (antiplane compliance), in units of 1/(μ q), see `matrix`."""
+def split_of(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> tuple[Array, Array, Array]:
+    """Returns differences of what is alike in a thin slab, in plane and antiplane (see `below`).
 
-    clamped: Inexact[Array, "*w"]  # (1 - ν) q11 - tanh x
-    free: Inexact[Array, "*w"]  # (1 - ν) tanh x (c11 det g of the free slab) - det g
-    p11_less_1: Inexact[Array, "*w"]
-
-
-def split_of(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Split:
-    """Returns these differences of a slab, both sides of which are alike if it is thin."""
+    They are (1 - ν) q11 - tanh x; (1 - ν) tanh x c11 det G - det G, c11 of the free slab; p11 - 1.
+    """
     t = _terms(x, e)
     x, e1, e2, om, psi, b = t.x, t.e1, t.e2, t.om, t.psi, 1 + e
     inverse, rise = reciprocal(t.delta), (om / (1 + e1)) ** 2
@@ -191,7 +179,7 @@ def split_of(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Split:
     free = e * om * t.f1 + 4 * e2 * x * rest - psi * (2 * e1 * (x * rise + psi) + om * rise)
     even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
     inverse_sum = 1 / (1 + e2)
-    return Split(
+    return (
         clamped * inverse * inverse_sum,
         b * b / 2 * free * inverse * inverse_sum,
         (even - 2 * b * e1 * x * om) * inverse,
@@ -203,54 +191,38 @@ def stack_on(below: Compliance, slab: Slab, ratio: Inexact[Array, "..."]) -> Com
 
     `ratio` is E_r of the slab over E_r in whose units `below` is given.
     """
-    s = slab
-    c, h11, h12, h22, inverse = _lower_face(below, slab, ratio)
-    # With H = c (1 + G c)⁻¹ and A = P H the upper face has Q + A Pᵀ.
-    a11, a12 = times(s.p11, h11) + times(s.p12, h12), times(s.p11, h12) + times(s.p12, h22)
-    a21, a22 = times(s.p21, h11) + times(s.p22, h12), times(s.p21, h12) + times(s.p22, h22)
-    pushed = times(s.q22, c.c11) + times(2 * s.q12, c.c12) + times(s.q11, c.c22)
-    return Compliance(
-        s.q11 + times(s.p11, a11) + times(s.p12, a12),
-        s.q12 + times(s.p21, a11) + times(s.p22, a12),
-        s.q22 + times(s.p21, a21) + times(s.p22, a22),
-        (s.det_q + pushed + c.det) * inverse,
-    )
+    c = in_units(below, ratio)
+    h, n = lower_face(c, slab)
+    inverse = reciprocal(n)
+    up = upwards(c, [part * inverse for part in h], slab)
+    q = slab.q
+    return Compliance(q.c11 + up.c11, q.c12 + up.c12, q.c22 + up.c22, (q.det + up.det) * inverse)
 
 
 def push_down(
-    traction: tuple[Inexact[Array, "..."], Inexact[Array, "..."]],
-    slab: Slab,
-    below: Compliance,
-    ratio: Inexact[Array, "..."],
+    traction: tuple[Array, Array], slab: Slab, below: Compliance | None = None, ratio: Any = 1
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Returns displacement and traction of a slab's lower face, given the upper face's traction.
 
-    `below` and `ratio` as in `stack_on`; the displacement is in units of 2/(E_r q) of the slab
-    per unit of traction.
+    `below` and `ratio` as in `stack_on`, None for a free face; the displacement is in units of
+    2/(E_r q) of the slab per unit of traction.
     """
-    c, h11, h12, h22, inverse = _lower_face(below, slab, ratio)
-    force = _clamped(traction, slab)
-    displacement = (h11 * force[0] + h12 * force[1], h12 * force[0] + h22 * force[1])
+    t, n = traction
+    # What the traction exerts on a clamped lower face, Pᵀ (t, s).
+    force = times(slab.p11, t) + times(slab.p21, n), times(slab.p12, t) + times(slab.p22, n)
+    t, n = force
+    if below is None:
+        g, inverse = slab.g, reciprocal(slab.g.det)
+        u, w = times(g.c22, t) - times(g.c12, n), times(g.c11, n) - times(g.c12, t)
+        return (u * inverse, w * inverse), (jnp.zeros_like(u), jnp.zeros_like(w))
+    c = in_units(below, ratio)
+    h, m = lower_face(c, slab)
+    inverse = reciprocal(m)
+    h11, h12, h22 = (part * inverse for part in h)
+    displacement = h11 * t + h12 * n, h12 * t + h22 * n
     # Not the force less G times the displacement: of a soft film below it would be the difference
     # of its like.
-    g = Compliance(slab.g11, slab.g12, slab.g22, slab.det_g)
-    return displacement, release(c, g, force, 1, inverse)
-
-
-def free_face(
-    traction: tuple[Inexact[Array, "..."], Inexact[Array, "..."]], slab: Slab
-) -> tuple[Array, Array]:
-    """Returns the displacement of a slab's lower face without traction, as `push_down` does."""
-    s, (t, n) = slab, _clamped(traction, slab)
-    inverse = reciprocal(s.det_g)
-    w1, w2 = times(s.g22, t) - times(s.g12, n), times(s.g11, n) - times(s.g12, t)
-    return w1 * inverse, w2 * inverse
-
-
-def _clamped(traction, s):
-    """What a traction on the upper face exerts on a clamped lower face, Pᵀ (t, s)."""
-    t, n = traction
-    return times(s.p11, t) + times(s.p21, n), times(s.p12, t) + times(s.p22, n)
+    return displacement, release(c, slab.g, force, 1, inverse)
 
 
 def release(c: Compliance, g: Compliance, force, one, inverse) -> tuple[Array, Array]:
@@ -266,15 +238,27 @@ def release(c: Compliance, g: Compliance, force, one, inverse) -> tuple[Array, A
     )
 
 
-def _lower_face(below, s, ratio):
-    """c in the units of the slab, the entries of H = c (1 + G c)⁻¹, and 1/det(1 + G c)."""
-    c11, c12, c22, det = in_units(below, ratio)
-    n = 1 + times(s.g11, c11) + times(2 * s.g12, c12) + times(s.g22, c22) + times(s.det_g, det)
-    inverse = reciprocal(n)
-    h11 = (c11 + times(s.g22, det)) * inverse
-    h12 = (c12 - times(s.g12, det)) * inverse
-    h22 = (c22 + times(s.g11, det)) * inverse
-    return Compliance(c11, c12, c22, det), h11, h12, h22, inverse
+def lower_face(c: Compliance, slab: Slab, one: Array | int = 1) -> tuple[Any, Array]:
+    """Returns m H, H = c/one (1 + G c/one)⁻¹, and m = one det(1 + G c/one).
+
+    c is in units of the slab. Its entries and its determinant are over `one`.
+    """
+    (c11, c12, c22, det), g = c, slab.g
+    m = one + times(g.c11, c11) + times(2 * g.c12, c12) + times(g.c22, c22) + times(g.det, det)
+    return (c11 + times(g.c22, det), c12 - times(g.c12, det), c22 + times(g.c11, det)), m
+
+
+def upwards(c: Compliance, h: Sequence[Array], s: Slab) -> Compliance:
+    """Returns what P H Pᵀ adds to Q; and to the determinant of Q what c adds, but for 1/m."""
+    h11, h12, h22 = h
+    a11, a12 = times(s.p11, h11) + times(s.p12, h12), times(s.p11, h12) + times(s.p12, h22)
+    a21, a22 = times(s.p21, h11) + times(s.p22, h12), times(s.p21, h12) + times(s.p22, h22)
+    return Compliance(
+        times(s.p11, a11) + times(s.p12, a12),
+        times(s.p21, a11) + times(s.p22, a12),
+        times(s.p21, a21) + times(s.p22, a22),
+        times(s.q.c22, c.c11) + times(2 * s.q.c12, c.c12) + times(s.q.c11, c.c22) + c.det,
+    )
 
 
 def times(factor, value):

@@ -1,5 +1,6 @@
 """The parts of a block: layers from the loaded surface downwards, on a base."""
 
+import dataclasses
 from collections.abc import Sequence
 from itertools import accumulate
 from typing import Any
@@ -8,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact, ScalarLike
+from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import as_scalar, check_types, check_values, is_concrete, short, within
 from ..core.display import shown
@@ -131,38 +132,36 @@ class Stack(eqx.Module):
         A graded layer's profile must have a method `at(temperature)`, as the ready ones do.
         """
         parts = []
-        for i, part in enumerate((*self.layers, self.base)):
-            with within(f"`layers[{i}]`:" if i < len(self.layers) else "`base`:"):
-                parts.append(_part_at(part, temperature))
+        for place, part in _parts(self).items():
+            with within(f"`{place}`:"):
+                if isinstance(part, Layer | HalfSpace):
+                    part = dataclasses.replace(part, material=part.material.at(temperature))
+                elif isinstance(part, GradedLayer):
+                    if not hasattr(part.profile, "at"):
+                        raise ValueError(
+                            f"`profile={short(part.profile)}` has no method `at(temperature)`: "
+                            "the temperature of this graded layer cannot be changed."
+                        )
+                    part = GradedLayer(part.profile.at(temperature), part.thickness)
+                parts.append(part)
         return Stack(layers=tuple(parts[:-1]), base=parts[-1])
 
 
-def _part_at(part: Any, temperature: ScalarLike) -> Any:
-    if isinstance(part, Layer):
-        return Layer(part.material.at(temperature), part.thickness)
-    if isinstance(part, HalfSpace):
-        return HalfSpace(part.material.at(temperature))
-    if not isinstance(part, GradedLayer):
-        return part
-    if not hasattr(part.profile, "at"):
-        raise ValueError(
-            f"`profile={short(part.profile)}` has no method `at(temperature)`: the temperature of "
-            "this graded layer cannot be changed."
-        )
-    return GradedLayer(part.profile.at(temperature), part.thickness)
+def _parts(stack):
+    """Layers and base, by the names that errors give them."""
+    return {f"layers[{i}]": layer for i, layer in enumerate(stack.layers)} | {"base": stack.base}
 
 
 def check_at_rest(stack: Stack) -> None:
     """Raises `ValueError` if a material is a liquid, which at rest gives way without a limit."""
-    parts = {f"layers[{i}]": layer for i, layer in enumerate(stack.layers)} | {"base": stack.base}
     is_series = lambda node: isinstance(node, Prony)  # noqa: E731
-    for place, part in parts.items():
+    for place, part in _parts(stack).items():
         for node in filter(is_series, jax.tree.leaves(part, is_leaf=is_series)):
+            # A traced modulus of 0 gives a kernel that is not finite, which the solve reports.
             if is_concrete(node.equilibrium) and np.asarray(node.equilibrium) == 0:
                 raise ValueError(
-                    f"`{place}` is a liquid (`equilibrium=0`): it carries no load at rest, nor do "
-                    "the waves across a motion, which are at rest. Give its material an "
-                    "equilibrium modulus above 0."
+                    f"`{place}` is a liquid (`equilibrium=0`), which carries no load at rest, nor "
+                    "in waves across a motion. Give it an equilibrium modulus above 0."
                 )
 
 
@@ -177,9 +176,7 @@ def materials_of(stack: Stack) -> list[AbstractMaterial]:
     return [part.material for part in parts if isinstance(part, Layer | HalfSpace)]
 
 
-def moduli_of(
-    material: AbstractMaterial, omega: Float[Array, "..."]
-) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
+def moduli_of(material: AbstractMaterial, omega: Array) -> tuple[Array, Array]:
     """Returns E [Pa] and ν [1] of a material."""
     return jnp.asarray(material.modulus(omega)), jnp.asarray(material.poisson_ratio(omega))
 

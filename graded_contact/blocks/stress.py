@@ -32,15 +32,8 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.display import shown
-from ..fields.grid import (
-    Grid,
-    both_signs,
-    even_on_nyquist,
-    sliding_frequency,
-    to_field,
-    to_spectrum,
-    wavevector,
-)
+from ..fields.frequency import sliding_frequency
+from ..fields.grid import Grid, both_signs, even_on_nyquist, to_field, to_spectrum, wavevector
 from .depth import Side, depth_climb
 from .grading import AbstractGradedSolver, graded_tolerance, solve_graded
 from .kernel import checked_velocity
@@ -160,9 +153,11 @@ def von_mises(stress: Numbers) -> Float[Array, "*w"]:
         raise ValueError(f"`stress` has shape {stress.shape}; the last two axes must be (3, 3).")
     mean = jnp.trace(stress, axis1=-2, axis2=-1) / 3
     deviator = stress - mean[..., None, None] * jnp.eye(3, dtype=stress.dtype)
+    # Squares of stresses in pascals may leave the range of float32.
     size = jax.lax.stop_gradient(jnp.max(jnp.abs(deviator)))
     size = jnp.where(size > 0, size, 1)
     squared = 1.5 * jnp.sum((deviator / size) ** 2, axis=(-2, -1))
+    # The root has no derivative at 0.
     none = squared == 0
     return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared))) * size
 
@@ -184,7 +179,7 @@ def _inside(stack: Stack, depth: Array) -> Array:
 
 
 def _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
-    """Returns (u_x, u_y, u_z), (σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy) and ν/(1 - ν) at the depth."""
+    """Returns (u_x, u_y, u_z, σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy) and ν/(1 - ν) at the depth."""
     q = jnp.hypot(qx, qy)
     a, b = qx / q, qy / q
     loads = (
@@ -205,12 +200,8 @@ def _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
     def measure(differences, values):
         load = largest(*loads)
         least = load, load / stiffness  # what the traction at the surface causes
-        known = map(jnp.maximum, least, sizes(*values))
-        errors = [
-            error / jnp.where(size > 0, size, 1)
-            for error, size in zip(sizes(*differences), known, strict=True)
-        ]
-        return jnp.maximum(*errors)
+        known = [jnp.where(a > 0, a, 1) for a in map(jnp.maximum, least, sizes(*values))]
+        return jnp.maximum(*map(jnp.divide, sizes(*differences), known))
 
     (t, s, shear, u, w, v), _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol)
     # Hooke's law with E_r q u_L/2 and μ q u_T of the material at the depth.
@@ -219,17 +210,17 @@ def _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
     ll, tt = lateral * s - 2 * along, lateral * s - 2 * poisson * along
     tz, lz, lt = -shear, -1j * t, 1j * across
     # From axes along e_L = (a, b) and e_T = (-b, a) to those along x and y.
-    stress = (
+    stress = [
         a * a * ll + b * b * tt - 2 * a * b * lt,
         b * b * ll + a * a * tt + 2 * a * b * lt,
         s,
         b * lz + a * tz,
         a * lz - b * tz,
         a * b * (ll - tt) + (a * a - b * b) * lt,
-    )
+    ]
     unit = (2 / unit) / q
-    displacement = (a * (1j * unit * u) - b * (unit * v), b * (1j * unit * u) + a * (unit * v))
-    return (*displacement, -unit * w), stress, lateral
+    u, v = 1j * unit * u, unit * v
+    return [a * u - b * v, b * u + a * v, -unit * w, *stress], lateral
 
 
 @eqx.filter_jit
@@ -237,10 +228,9 @@ def _interior_fields(stack, qx, qy, omega, traction, depth, side, graded_solver,
     rank = max(qx.ndim, traction.ndim - 1, depth.ndim)
     lift = lambda x: x.reshape((1,) * (rank - x.ndim) + x.shape)  # noqa: E731
     traction = [lift(traction[..., i]) for i in range(3)]
-    displacement, stress, _ = _fields(
-        stack, lift(qx), lift(qy), lift(omega), traction, lift(depth), side, graded_solver, rtol
-    )
-    return _as_fields(displacement, stress)
+    qx, qy, omega, depth = (lift(x) for x in (qx, qy, omega, depth))
+    found, _ = _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol)
+    return _as_fields(found)
 
 
 @eqx.filter_jit
@@ -252,19 +242,19 @@ def _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, r
     omega = sliding_frequency(qx, qy, velocity)
     unit = [jnp.asarray(x, pressure.dtype) for x in (0, 0, 1)]
     depth = depth.reshape((1,) * qx.ndim)
-    displacement, stress, lateral = _fields(
-        stack, jnp.where(zero, qx.ravel()[1], qx), qy, omega, unit, depth, side, graded_solver, rtol
-    )
+    # Any wave in place of the mean, whose response is put in below.
+    qx = jnp.where(zero, qx.ravel()[1], qx)
+    found, lateral = _fields(stack, qx, qy, omega, unit, depth, side, graded_solver, rtol)
     means = [0, 0, 0, *(-lateral.ravel()[0],) * 2, -1, 0, 0, 0]
     fields = []
-    for response, mean in zip((*displacement, *stress), means, strict=True):
+    for response, mean in zip(found, means, strict=True):
         response = even_on_nyquist(jnp.where(zero, mean, response), grid.shape)
         fields.append(to_field(response * spectrum, grid.shape))
-    return _as_fields(fields[:3], fields[3:])
+    return _as_fields(fields)
 
 
-def _as_fields(displacement, stress) -> InteriorFields:
-    """Stacks (u_x, u_y, u_z) and (σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy) to a vector and a tensor."""
-    x, y, z, xx, yy, zz, yz, xz, xy = jnp.broadcast_arrays(*displacement, *stress)
+def _as_fields(found) -> InteriorFields:
+    """Stacks what `_fields` returns to a vector and a tensor."""
+    x, y, z, xx, yy, zz, yz, xz, xy = jnp.broadcast_arrays(*found)
     rows = jnp.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], -1)
     return InteriorFields(jnp.stack([x, y, z], -1), rows.reshape(*xx.shape, 3, 3))

@@ -88,9 +88,7 @@ def long_cell(grid: Grid) -> Grid:
 
 @derivative_apart
 @eqx.filter_jit
-def without_images(
-    near: Inexact[Array, "*half"], far: Inexact[Array, "..."], grid: Grid, ground: bool
-) -> tuple[Inexact[Array, "*half"], Inexact[Array, "2 *half"]]:
+def without_images(near: Array, far: Array, grid: Grid, ground: bool) -> tuple[Array, Array]:
     """Returns the kernel of a window and its two estimated errors [m/Pa], see above.
 
     `near` and `far` are the kernels of the cells `doubled` and `long_cell` of its grid. With
@@ -119,28 +117,20 @@ def _images(far, grid: Grid, points: int, length: int):
     size = _WINDOWS[grid.ndim] * points
     # One point of the long cell loads as much as so many of the window.
     share = np.prod([points / n for n in grid.shape])
-    green = to_field(far * _damping(size, grid.ndim) * share + 0j, (size,) * grid.ndim)
+    # 1 for long waves and 0 for the shortest, without a step.
+    along = np.exp(-36 * np.abs(2 * np.fft.fftfreq(size)) ** 8)
+    damping = along[: size // 2 + 1] if grid.ndim == 1 else np.outer(along, along[: size // 2 + 1])
+    green = to_field(far * damping * share + 0j, (size,) * grid.ndim)
     blocks = green.reshape((size // (length * points), length * points) * grid.ndim)
     folded = jnp.sum(blocks, axis=tuple(range(0, 2 * grid.ndim, 2)))
-    near, whole = (_distances(points, n, grid.ndim) for n in (length * points, size))
+    reach = np.arange(-points, points + 1)  # the distances -L ... L, on either cell
+    near, whole = (np.ix_(*(reach % n,) * grid.ndim) for n in (length * points, size))
     images = folded[near] - green[whole]
     for axis, n in enumerate(grid.shape):
         weights = jnp.asarray(_spline(points, n), images.dtype)
         images = jnp.moveaxis(jnp.tensordot(weights, images, (1, axis)), 0, axis)
     spectrum = to_spectrum(images)
     return spectrum if jnp.iscomplexobj(far) else spectrum.real
-
-
-def _damping(size: int, ndim: int) -> np.ndarray:
-    """Factors on the half spectrum, 1 for long waves and 0 for the shortest, without a step."""
-    along = np.exp(-36 * np.abs(2 * np.fft.fftfreq(size)) ** 8)
-    last = along[: size // 2 + 1]
-    return last if ndim == 1 else along[:, None] * last
-
-
-def _distances(points: int, size: int, ndim: int):
-    """Indices of the distances -L ... L, both included, on a cell of this size."""
-    return np.ix_(*(np.arange(-points, points + 1) % size,) * ndim)
 
 
 def _spline(points: int, n: int) -> np.ndarray:

@@ -8,7 +8,7 @@ import typer
 from ..plot import plot_compare
 from ..readers.paths import check_folder
 from ..scenes.results import read_results
-from .terminal import FigureFormat, Format, refusing, save_figure
+from .terminal import FigureFormat, refusing, save_figure
 
 
 def compare(
@@ -17,10 +17,9 @@ def compare(
         typer.Argument(metavar="A.h5 B.h5 ...", help="Two or more results.", show_default=False),
     ],
     output: Annotated[
-        Path,
-        typer.Option("--output", "-o", help="Figure file. Its extension overrides --format."),
+        Path, typer.Option("--output", "-o", help="Figure file. Its extension overrides --format.")
     ] = Path("compare"),
-    form: FigureFormat = Format.PNG,
+    form: FigureFormat = "png",
 ) -> None:
     """Draws friction and contact area of several results in one figure.
 

@@ -14,48 +14,36 @@ from ..studies.dataset import write_whole
 from ..studies.interruption import interruptible
 from ..studies.store import Store
 from ..surfaces.surface import Surface
-from .result_tables import print_read
-from .terminal import (
-    DryRun,
-    FigureFormat,
-    Format,
-    Output,
-    SceneFile,
-    checked_place,
-    end_if_interrupted,
-    place_of,
-    progress,
-    refusing,
-    save_figure,
-)
+from . import terminal
+from .result_tables import print_read, print_scene
 
 
 def design(
-    scene_file: SceneFile,
-    output: Output = None,
-    dry_run: DryRun = False,
-    form: FigureFormat = Format.PNG,
+    scene_file: terminal.SceneFile,
+    output: terminal.Output = None,
+    dry_run: terminal.DryRun = False,
+    form: terminal.FigureFormat = "png",
 ) -> None:
     r"""Designs the block of a scene with a table \[design]: prints the block before and after.
 
     Each evaluation and each verified surface is stored. After an interruption the same command
     continues from there.
     """
-    with refusing(), interruptible() as interruption:
+    with terminal.refusing(), interruptible() as interruption:
         study = read_design(scene_file)
         rough = study.spectrum
         if dry_run:
-            typer.echo(study.scene)
+            print_scene(study.scene)
             typer.echo(design_cost(study).report())
             check_design(study)
             print_read(study.scene, rough if isinstance(rough, Surface) else None)
             return
-        folder, name = place_of(study.scene, scene_file, output)
-        stem = checked_place(folder, f"{name}-design")
+        folder, name = terminal.place_of(study.scene, scene_file, output)
+        stem = terminal.checked_place(folder, f"{name}-design")
         if study.scene.title:
             typer.echo(study.scene.title)
         try:
-            with Store(f"{stem}.points") as store, progress(interruption) as advance:
+            with Store(f"{stem}.points") as store, terminal.progress(interruption) as advance:
                 results = run_design(study, store=store, progress=advance)
             text = report(results)
             write_whole(f"{stem}.json", json.dumps(designed_values(results), indent=2) + "\n")
@@ -65,11 +53,11 @@ def design(
                 typer.secho(f"Caveat: {sentence}", fg="yellow")
             typer.echo(f"wrote {stem}.json\nwrote {stem}.txt")
             interruption.check()
-            save_figure(plot_design(results), Path(f"{stem}.{form}"), form)
+            terminal.save_figure(plot_design(results), Path(f"{stem}.{form}"), form)
             history = plot_history(results.design, scene=study.scene.text)
-            save_figure(history, Path(f"{stem}-history.{form}"), form)
+            terminal.save_figure(history, Path(f"{stem}-history.{form}"), form)
         except KeyboardInterrupt:
-            end_if_interrupted(interruption)
+            terminal.end_if_interrupted(interruption)
             raise
         except RuntimeError as error:  # the reason, without the traceback in it
             reason = str(error).rpartition("RuntimeError: ")[2].partition("\n\n")[0]

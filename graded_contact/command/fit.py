@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 from typer import Argument, Option
@@ -11,7 +11,6 @@ from ..core.checks import nearest
 from ..exports.prony_cards import FORMATS, export_prony
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
-from ..fitting.shifting import check_law
 from ..fitting.wild import wild_values, without
 from ..materials.material import Prony
 from ..materials.measured import Measured
@@ -20,7 +19,7 @@ from ..readers.moduli import read_moduli
 from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import Errors, write_errors
 from ..studies.uncertainty import errors_of
-from .terminal import FigureFormat, Format, Output, checked_place, refusing, save_figure
+from .terminal import FigureFormat, Output, checked_place, refusing, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,6 +36,11 @@ _FIT_OPTIONS = {
         "vertical_shift_std", "equilibrium", "glassy", "storage_weight", "loss_weight",
     )},
 }  # fmt: skip
+
+WILD = (
+    "Warning: no smooth positive spectrum explains the values below, which the fit uses. "
+    "Correct them, or leave out their rows with --robust."
+)
 
 # Options that `new` has too.
 ModuliFiles = Annotated[list[Path], Argument(
@@ -73,7 +77,9 @@ def fit(
     step: Annotated[list[str] | None, Option(
         metavar="NAME", help="Number or title of a step to read; may be repeated."
     )] = None,
-    law: Annotated[str, Option(help="Shifts several isotherms: wlf or arrhenius.")] = "wlf",
+    law: Annotated[Literal["wlf", "arrhenius"], Option(
+        help="How several isotherms are shifted."
+    )] = "wlf",
     shift_std: Annotated[float, Option(
         help="Expected standard deviation of log10 a_T from the law; 0 for none."
     )] = 0.3,
@@ -97,9 +103,9 @@ def fit(
     unit: UnitTexts = None,
     column: ColumnTexts = None,
     card: Annotated[list[str] | None, Option(
-        help="Also write toml, csv, json, abaqus or ansys."
+        help="Also write csv, json, abaqus or ansys; may be repeated."
     )] = None,
-    form: FigureFormat = Format.PNG,
+    form: FigureFormat = "png",
 ) -> None:  # fmt: skip
     """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
 
@@ -107,7 +113,7 @@ def fit(
     `graded-contact new` fits and writes the whole scene.
     """
     with refusing(with_options):
-        for other in card or []:
+        for other in card or []:  # a list takes no `Literal`
             if other not in FORMATS:
                 raise ValueError(f"`--card {other}` is not known; {nearest(other, FORMATS)}")
         folder = output or f"{moduli_files[0].stem}-fit"
@@ -116,13 +122,22 @@ def fit(
             moduli_files, column, unit, temperature, kind=kind, deformation=deformation,
             poisson=poisson, sheet=sheet, step=step,
         )  # fmt: skip
+        wild = wild_values(measured)
+        if wild and robust:
+            typer.echo("Left out, because no smooth positive spectrum explains their values:")
+        elif wild:
+            typer.secho(WILD, fg="yellow", err=True)
+        elif robust:
+            typer.echo("--robust leaves out no row: a smooth positive spectrum explains them all.")
+        for value in wild:
+            typer.echo(str(value), err=not robust)
         found = fitted(
-            _without_wild(measured, robust), terms=terms, poisson=poisson, equilibrium=equilibrium,
-            glassy=glassy, throw=not anyway, storage_weight=storage_weight,
-            loss_weight=loss_weight, law=law, shift_std=shift_std,
+            without(measured, wild) if robust else measured, terms=terms, poisson=poisson,
+            equilibrium=equilibrium, glassy=glassy, throw=not anyway, law=law, shift_std=shift_std,
+            storage_weight=storage_weight, loss_weight=loss_weight,
             vertical_shift_std=vertical_shift_std,
         )  # fmt: skip
-        write_fit(stem, found, ("toml", *(card or [])), form)
+        write_fit(stem, found, card or [], form)
     files = " ".join(map(str, moduli_files))
     typer.echo(f"next: graded-contact new TOPOGRAPHY {files}   (writes a scene that runs)")
 
@@ -132,12 +147,11 @@ def with_options(message: str) -> str:
 
     def option(found: re.Match) -> str:
         name, value = found.groups()
-        spelt = _FIT_OPTIONS.get(name)
-        if spelt is None:
-            return found[0]
-        if value is None or " " in spelt or name == "throw":
-            return f"`{spelt}`"
-        return "`{} {}`".format(spelt, value.strip("'"))
+        spelt = _FIT_OPTIONS.get(name, "")
+        # An option that shows its form, or takes nothing, is named without the value.
+        if value and spelt and " " not in spelt and name != "throw":
+            spelt += " " + value.strip("'")
+        return f"`{spelt}`" if spelt else found[0]
 
     return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)
 
@@ -169,24 +183,6 @@ def material_name(path: Path) -> str:
     return name if name[:1].isalpha() else f"material_{name}"
 
 
-def _without_wild(measured: Measured, robust: bool) -> Measured:
-    """Prints the rows that no smooth positive spectrum explains; leaves them out if `robust`."""
-    wild = wild_values(measured)
-    if wild and robust:
-        typer.echo("Left out, because no smooth positive spectrum explains their values:")
-    elif wild:
-        warning = (
-            "Warning: no smooth positive spectrum explains the values below, which the fit uses. "
-            "Correct them, or leave out their rows with --robust."
-        )
-        typer.secho(warning, fg="yellow", err=True)
-    elif robust:
-        typer.echo("--robust leaves out no row: a smooth positive spectrum explains all values.")
-    for value in wild:
-        typer.echo(str(value), err=not robust)
-    return without(measured, wild) if robust else measured
-
-
 class MaterialFit(NamedTuple):
     """A material with its errors, a report, and figures by the ends of their names."""
 
@@ -207,7 +203,6 @@ def fitted(
     **arguments: Any,
 ) -> MaterialFit:
     """Fits one isotherm by a series, and several by a master curve; these take `arguments`."""
-    check_law(law)
     isotherms, kind = measured.isotherms(), measured.kind
     weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
     if kind != "frequency" and {storage_weight, loss_weight} != {1.0}:
@@ -216,10 +211,8 @@ def fitted(
         function = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}[kind]
         arguments |= weights if kind == "frequency" else {}
         found = function(measured.abscissa, measured.values, **arguments)
-        figures = {"": plot_fit(found)}
-        return MaterialFit(
-            found.material, errors_of(found, found.material), found.report(), figures
-        )
+        errors = errors_of(found, found.material)
+        return MaterialFit(found.material, errors, found.report(), {"": plot_fit(found)})
     curve = master_curve(
         isotherms, law=law, shift_std=shift_std, vertical_shift_std=vertical_shift_std,
         weight=storage_weight, loss_weight=loss_weight, **arguments,
@@ -231,17 +224,16 @@ def fitted(
     return MaterialFit(material, errors_of(curve, material), curve.report(), figures)
 
 
-def write_fit(stem: Path, found: MaterialFit, cards: tuple[str, ...], form: str) -> None:
-    """Prints the report, and writes cards, errors and figures to files that begin with `stem`."""
+def write_fit(stem: Path, found: MaterialFit, cards: list[str], form: str) -> None:
+    """Prints the report and the table for a scene, and writes files that begin with `stem`."""
     stem.parent.mkdir(parents=True, exist_ok=True)
-    paths = [Path(f"{stem}{_SUFFIXES.get(card, f'.{card}')}") for card in cards]
-    for path, card in zip(paths, cards, strict=True):
-        write_whole(path, export_prony(found.material, card, name=stem.name))
-    paths.append(Path(f"{stem}-errors.csv"))
-    write_errors(paths[-1], found.errors)
-    card = export_prony(found.material, "toml", name=stem.name)
-    typer.echo(f"\n{found.report}\n\n{card}")
-    for path in paths:
+    texts = {card: export_prony(found.material, card, name=stem.name) for card in ("toml", *cards)}
+    typer.echo(f"\n{found.report}\n\n{texts['toml']}")
+    for card, text in texts.items():
+        path = f"{stem}{_SUFFIXES.get(card, f'.{card}')}"
+        write_whole(path, text)
         typer.echo(f"wrote {path}")
+    write_errors(f"{stem}-errors.csv", found.errors)
+    typer.echo(f"wrote {stem}-errors.csv")
     for ending, figure in found.figures.items():
         save_figure(figure, Path(f"{stem}{ending}.{form}"), form)

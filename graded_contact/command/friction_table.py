@@ -1,5 +1,6 @@
 """The job `table`: friction over pressure, velocity and temperature, for other programs."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -46,18 +47,14 @@ def table(
         common = {"graded_solver": scene.graded_solver, "strain_per_slope": scene.strain_per_slope}
         simple = method == "mean_field" and surface.periodic
         with progress(interruption) as advance:
+            warm = None if scene.temperature is None else np.atleast_1d(scene.temperature)
             found = friction_table(
-                scene.stack,
-                roughness_of(scene, surface) if simple else surface,
-                pressure=scene.pressure,
-                velocity=scene.velocity,
-                temperature=None if scene.temperature is None else np.atleast_1d(scene.temperature),
-                direction=scene.direction,
-                method=method,
+                scene.stack, roughness_of(scene, surface) if simple else surface,
+                pressure=scene.pressure, velocity=scene.velocity, temperature=warm,
+                direction=scene.direction, method=method, mean_field_options=common,
                 slide_options={"solver": scene.solver, "rtol": scene.rtol, **common},
-                mean_field_options=common,
-                progress=lambda *counts: advance("friction", *counts),
-            )
+                progress=partial(advance, "friction"),
+            )  # fmt: skip
         if interruption.signal is not None:
             raise typer.Exit(interruption.exit_code)
         stem.parent.mkdir(parents=True, exist_ok=True)

@@ -15,23 +15,9 @@ from ..readers.topography import read_surface
 from ..scenes.proposal import CONTACT_SHARE, Load, proposed_load
 from ..scenes.schema import entry_text
 from ..studies.dataset import write_whole
-from .fit import (
-    ColumnTexts,
-    DataKind,
-    Deformation,
-    ModuliFiles,
-    Poisson,
-    Temperatures,
-    Terms,
-    UnitTexts,
-    fitted,
-    material_name,
-    read_measured,
-    with_options,
-    write_fit,
-)
+from . import fit
 from .result_tables import print_steps
-from .terminal import FigureFormat, Format, Output, Replace, checked_place, refusing
+from .terminal import FigureFormat, Output, Replace, checked_place, refusing
 
 FINEST_EDGE = 512  # points along an edge, for results within minutes
 NUM_VELOCITIES = 7
@@ -41,7 +27,7 @@ def new(
     surface_file: Annotated[
         Path, Argument(metavar="TOPOGRAPHY", help="Measured surface.", show_default=False)
     ],
-    moduli_files: ModuliFiles,
+    moduli_files: fit.ModuliFiles,
     output: Output = None,
     size: Annotated[float | None, Option(
         metavar="METRES", help="Edge of the surface, if the file does not state it."
@@ -52,23 +38,23 @@ def new(
     periodic: Annotated[str, Option(
         help="How its edges are joined: harmonic, mirror, window or none."
     )] = "harmonic",
-    terms: Terms = None,
-    poisson: Poisson = 0.5,
-    kind: DataKind = None,
-    deformation: Deformation = None,
-    temperature: Temperatures = None,
-    unit: UnitTexts = None,
-    column: ColumnTexts = None,
+    terms: fit.Terms = None,
+    poisson: fit.Poisson = 0.5,
+    kind: fit.DataKind = None,
+    deformation: fit.Deformation = None,
+    temperature: fit.Temperatures = None,
+    unit: fit.UnitTexts = None,
+    column: fit.ColumnTexts = None,
     replace: Replace = False,
-    form: FigureFormat = Format.PNG,
+    form: FigureFormat = "png",
 ) -> None:  # fmt: skip
     """Writes a scene that runs, from a topography and moduli of one material.
 
     Fits the moduli as `fit` does, with its report and figures, and proposes a pressure, velocities
     and temperatures. Several isotherms give a friction master curve.
     """
-    with refusing(with_options):
-        name = material_name(moduli_files[0])
+    with refusing(fit.with_options):
+        name = fit.material_name(moduli_files[0])
         stem = checked_place(output or f"{name}-on-{surface_file.stem}", name)
         scene = stem.with_name("scene.toml")
         if scene.exists() and not replace:
@@ -83,15 +69,15 @@ def new(
         for sentence in surface.history:
             typer.echo(sentence)
         print_steps(surface)
-        measured = read_measured(
+        measured = fit.read_measured(
             moduli_files, column, unit, temperature, kind=kind, deformation=deformation,
             poisson=poisson,
         )  # fmt: skip
-        found = fitted(measured, terms=terms, poisson=poisson)
+        found = fit.fitted(measured, terms=terms, poisson=poisson)
         parts = [part.temperature for part in measured.isotherms()]
         kelvins = [np.mean(part) for part in parts if part is not None]
         load = proposed_load(found.material, surface, np.array(kelvins))
-        write_fit(stem, found, ("toml",), form)
+        fit.write_fit(stem, found, [], form)
         path = os.path.relpath(surface_file.absolute(), stem.parent)
         entries = {"kind": "file", "path": Path(path).as_posix(), **read}
         title = f"{name} under {surface_file.stem}"

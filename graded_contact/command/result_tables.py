@@ -13,9 +13,11 @@ from rich.text import Text
 
 from ..core.display import with_unit
 from ..core.quantities import AXES, OBSERVABLES
+from ..page.document import described
 from ..plot.words import title_of
 from ..scenes.results import SEED_ERROR, over_seeds, solve_states, warnings_of
 from ..scenes.scene import Scene
+from ..scenes.schema import parse_toml
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
@@ -129,6 +131,13 @@ def with_error(value: float, error: float) -> str:
     # The second digit of the error is the last digit of both numbers.
     digits = max(0, 1 - int(np.floor(np.log10(error))))
     return f"{value:.{digits}f} ± {error:.{digits}f}"
+
+
+def print_scene(scene: Scene) -> None:
+    """Prints what a scene means, and the names of its materials, before it is run."""
+    typer.echo(scene)
+    thickness = [float(layer.thickness) for layer in scene.stack.layers]
+    typer.echo(f"block                  {described(parse_toml(scene.text), thickness)}")
 
 
 def print_read(scene: Scene, surface: Surface | None) -> None:

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterator
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +13,7 @@ import typer
 
 from .. import plot
 from ..core.checks import nearest, within
-from ..fields.grid import velocity_along
+from ..fields.frequency import velocity_along
 from ..plot.style import entitle
 from ..plot.sweeps import NOTHING
 from ..plot.words import label_of, title_of
@@ -37,44 +38,30 @@ from ..studies.interruption import Interruption, interruptible
 from ..studies.store import Store
 from ..studies.workers import check_workers
 from ..surfaces.surface import Surface
-from .result_tables import print_decisive, print_read, print_steps, print_table
-from .terminal import (
-    DryRun,
-    FigureFormat,
-    Format,
-    Output,
-    Replace,
-    SceneFile,
-    checked_place,
-    end_if_interrupted,
-    place_of,
-    progress,
-    refusing,
-    save_figure,
-)
+from . import terminal
+from .result_tables import print_decisive, print_read, print_scene, print_steps, print_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-AllSeeds = Annotated[
-    bool,
-    typer.Option("--all-seeds", help="Show every random surface, not their mean ± standard error."),
-]
+AllSeeds = Annotated[bool, typer.Option(
+    "--all-seeds", help="Show every random surface, not their mean ± standard error."
+)]  # fmt: skip
 
 
 def demo(
-    output: Output = None,
+    output: terminal.Output = None,
     resolution: Annotated[
         int, typer.Option(min=256, help="Points along each edge; same surface.")
     ] = 256,
-    replace: Replace = False,
-    form: FigureFormat = Format.PNG,
+    replace: terminal.Replace = False,
+    form: terminal.FigureFormat = "png",
 ) -> None:
     """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
     text = resources.files("graded_contact.scenes").joinpath("demo.toml").read_text("utf-8")
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
-    with refusing():  # a resolution may be too large for the memory
+    with terminal.refusing():  # a resolution may be too large for the memory
         scene = parse_scene(text)
     name = "demo" if resolution == 256 else f"demo-{resolution}"
     folder = output or Path("graded-contact-demo")
@@ -82,10 +69,10 @@ def demo(
 
 
 def run(
-    scene_file: SceneFile,
-    output: Output = None,
-    replace: Replace = False,
-    dry_run: DryRun = False,
+    scene_file: terminal.SceneFile,
+    output: terminal.Output = None,
+    replace: terminal.Replace = False,
+    dry_run: terminal.DryRun = False,
     all_seeds: AllSeeds = False,
     at: Annotated[list[str] | None, typer.Option(
         "--map", metavar="NAME=VALUE",
@@ -98,38 +85,35 @@ def run(
     scheduler: Annotated[str | None, typer.Option(
         metavar="tcp://...", help="Use the workers of a running dask scheduler."
     )] = None,
-    form: FigureFormat = Format.PNG,
+    form: terminal.FigureFormat = "png",
 ) -> None:  # fmt: skip
     """Runs a scene: prints a table, writes the results (HDF5, CSV) and figures.
 
     Each solve is stored when it ends: after an interruption the same command solves only the rest.
     All cores are used if that saves time.
     """
-    with refusing():
+    with terminal.refusing():
+        # Checked first: a scene may take long to read.
         engine = {"workers": workers or (None if scheduler else "auto"), "client": scheduler}
         check_workers(**engine)
         scene = read_scene(scene_file)
-        place = place_of(scene, scene_file, output)
-        engine["kept"] = _chosen(scene, at or [])
+        place = terminal.place_of(scene, scene_file, output)
+        # The point nearest to these values; on other axes the last.
+        index = {name: len(values) - 1 for name, values in scene.axes.items()}
+        for text in at or []:
+            name, _, value = text.partition("=")
+            if name not in index:
+                raise ValueError(f"`--map {text}`: {name!r} is no axis; {nearest(name, index)}")
+            with within(f"`--map {text}`:"):
+                index[name] = int(np.argmin(np.abs(scene.axes[name] - float(value))))
+        engine["kept"] = tuple(index.values())
         if dry_run:
-            typer.echo(scene)
+            print_scene(scene)
             typer.echo(scene_cost(scene).report())
             surface, *_ = _prepared(scene, *place, replace)
             check_run(scene, surface)
             return
     run_scene_into(scene, *place, replace, form, engine, all_seeds)
-
-
-def _chosen(scene: Scene, texts: list[str]) -> tuple[int, ...]:
-    """The index of the point nearest to these values of axes; of other axes the last."""
-    index = {name: len(values) - 1 for name, values in scene.axes.items()}
-    for text in texts:
-        name, _, value = text.partition("=")
-        if name not in index:
-            raise ValueError(f"`--map {text}`: {name!r} is no axis; {nearest(name, index)}")
-        with within(f"`--map {text}`:"):
-            index[name] = int(np.argmin(np.abs(scene.axes[name] - float(value))))
-    return tuple(index.values())
 
 
 def info(
@@ -139,7 +123,7 @@ def info(
     all_seeds: AllSeeds = False,
 ) -> None:
     """Prints a result file: inputs, versions, and the table of results."""
-    with refusing():
+    with terminal.refusing():
         results = read_results(result_file)
     for name, value in results.attrs.items():
         hidden = name in ("scene", "caveats", "kept") or name.startswith("surface_")
@@ -157,35 +141,42 @@ def info(
 
 
 def run_scene_into(
-    scene: Scene,
-    folder: Path,
-    name: str,
-    replace: bool,
-    form: str,
-    engine: dict[str, Any],
+    scene: Scene, folder: Path, name: str, replace: bool, form: str, engine: dict[str, Any],
     all_seeds: bool = False,
-) -> None:
+) -> None:  # fmt: skip
     """Solves a scene, prints its table and writes its files; `run_scene` takes `engine`."""
-    with refusing(), interruptible() as interruption:
+    with terminal.refusing(), interruptible() as interruption:
         surface, names, file = _prepared(scene, folder, name, replace)
+        # The store stays locked: another process writes to neither its points nor the results.
         with Store(file.with_name(f"{name}.points")) as store:
             results = _solved(scene, surface, names, store, interruption, engine)
-            written = _write(file, results, replace, all_seeds)
+            # Solves that an interruption left out must not replace those of an earlier run.
+            finished = results["point"].values[(results["message"] != NOT_STARTED).values]
+            lost = 0 if replace else lost_solves(file, finished)[0]
+            if lost:
+                typer.echo(
+                    f"{file} holds {lost} solves that were not done again: it is not changed"
+                )
+            else:
+                means = "seed" in results["message"].dims and not all_seeds
+                write(file, results)
+                write_csv(file.with_suffix(".csv"), over_seeds(results) if means else results)
+                typer.echo(f"wrote {file}\nwrote {file.with_suffix('.csv')}")
             print_table(results, all_seeds)
             whole = interruption.signal is None
             decided = what_decides(scene, surface) if whole else {}
             print_decisive(decided)
-            if written:
+            if not lost:
                 figures = [_figures(results, decided, all_seeds)]
                 kept = kept_solves(results)
                 figures += [_contacts(scene, results, index, len(kept), whole) for index in kept]
                 for key, figure in itertools.chain(*figures):
-                    save_figure(figure, file.with_name(f"{name}-{key}.{form}"), form)
+                    terminal.save_figure(figure, file.with_name(f"{name}-{key}.{form}"), form)
     if warnings := warnings_of(results):
         where = np.any([warning.where for warning in warnings], axis=0)
         text = f"Warning: {np.sum(where)} of {where.size} solves are doubtful; see below the table."
         typer.secho(text, fg="yellow", err=True)
-    end_if_interrupted(interruption)
+    terminal.end_if_interrupted(interruption)
     if np.any(results["message"] != ""):
         raise typer.Exit(1)
 
@@ -194,82 +185,52 @@ def _prepared(
     scene: Scene, folder: Path, name: str, replace: bool
 ) -> tuple[Surface, np.ndarray, Path]:
     """The surface, the names of the solves, and the file of their results; prints what was read."""
-    file = Path(f"{checked_place(folder, name)}.h5")
+    file = Path(f"{terminal.checked_place(folder, name)}.h5")
     surface = build_surface(scene)
     names = point_names(scene, surface)
-    if not replace:
-        _refuse_other(file, scene, names)
+    remedy = "Give another --output, or --replace to replace it."
+    try:
+        lost, earlier = (0, {}) if replace else lost_solves(file, names)
+    except ValueError as error:
+        raise ValueError(f"{error} {remedy}") from error
+    if lost:  # a result of another scene
+        versions = package_versions()
+        there = [*earlier["scene"].splitlines(), *(f"{k} = {earlier.get(k)}" for k in versions)]
+        here = [*scene.text.splitlines(), *(f"{k} = {v}" for k, v in versions.items())]
+        # The first line that the other does not have; none is if only a file of data changed.
+        old, new = (
+            next((line for line in one if line not in other and not line.startswith("title")), "-")
+            for one, other in ((there, here), (here, there))
+        )
+        raise ValueError(
+            f"{file} contains {lost} solves of {earlier['title'] or 'another scene'!r} that this "
+            f"scene does not have (file: `{old}`, scene: `{new}`). {remedy}"
+        )
     print_read(scene, surface)
     if "design" in parse_toml(scene.text):
         typer.echo("[design] is not used by this command: see `graded-contact design`.")
     return surface, names, file
 
 
-def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
-    """Refuses to replace a file that has solves which the scene does not have."""
-    remedy = "Give another --output, or --replace to replace it."
-    try:
-        lost, earlier = lost_solves(file, names)
-    except ValueError as error:
-        raise ValueError(f"{error} {remedy}") from error
-    if not lost:
-        return
-    versions = package_versions()
-    there = [*earlier["scene"].splitlines(), *(f"{k} = {earlier.get(k)}" for k in versions)]
-    here = [*scene.text.splitlines(), *(f"{k} = {v}" for k, v in versions.items())]
-    # The first line that the other does not have; all lines are equal if a file of data changed.
-    old, new = (
-        next((line for line in one if line not in other and not line.startswith("title")), "-")
-        for one, other in ((there, here), (here, there))
-    )
-    raise ValueError(
-        f"{file} contains {lost} solves of {earlier['title'] or 'another scene'!r} that this scene "
-        f"does not have (file: `{old}`, scene: `{new}`). {remedy}"
-    )
-
-
 def _solved(
-    scene: Scene,
-    surface: Surface,
-    names: np.ndarray,
-    store: Store,
-    interruption: Interruption,
+    scene: Scene, surface: Surface, names: np.ndarray, store: Store, interruption: Interruption,
     engine: dict[str, Any],
-) -> "Dataset":
+) -> "Dataset":  # fmt: skip
     """The results of a scene: solves that the store has, and those still to be computed."""
     found = sum(store.path(point).exists() for point in names.flat)
     if found:
         typer.echo(f"{found} of {names.size} solves are found in {store.folder}")
     try:
         interruption.check()
-        with progress(interruption) as advance:
-            results = run_scene(
-                scene,
-                surface=surface,
-                store=store,
-                progress=lambda *counts: advance("sliding", *counts),
-                **engine,
-            )
+        with terminal.progress(interruption) as advance:
+            say = partial(advance, "sliding")
+            results = run_scene(scene, surface=surface, store=store, progress=say, **engine)
     except KeyboardInterrupt:
         typer.echo("Nothing was finished.", err=True)
         raise typer.Exit(interruption.exit_code) from None
     for path in store.damaged:
         typer.echo(f"{path} is damaged: it is computed again", err=True)
     return results
-
-
-def _write(file: Path, results: "Dataset", replace: bool, all_seeds: bool) -> bool:
-    """Writes results unless the file that exists holds more, and returns whether it did."""
-    # Solves that an interruption left out must not replace those of an earlier run.
-    finished = results["point"].values[(results["message"] != NOT_STARTED).values]
-    if not replace and (lost := lost_solves(file, finished)[0]):
-        typer.echo(f"{file} holds {lost} solves that were not done again: it is not changed")
-        return False
-    means = "seed" in results["message"].dims and not all_seeds
-    write(file, results)
-    write_csv(file.with_suffix(".csv"), over_seeds(results) if means else results)
-    typer.echo(f"wrote {file}\nwrote {file.with_suffix('.csv')}")
-    return True
 
 
 def _figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tuple[str, "Figure"]]:

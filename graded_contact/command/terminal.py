@@ -6,21 +6,13 @@ import io
 import os
 import platform
 from collections.abc import Callable, Iterator
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import jax
 import typer
+from rich import progress as bars
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from ..core.compilation import LESS_WORK
 from ..plot.style import caption
@@ -31,14 +23,6 @@ from ..studies.interruption import Interruption
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-class Format(StrEnum):
-    """Format of a file with a figure."""
-
-    PNG = "png"
-    PDF = "pdf"
-    SVG = "svg"
 
 
 SceneFile = Annotated[
@@ -53,9 +37,9 @@ Replace = Annotated[
 DryRun = Annotated[bool, typer.Option(
     "--dry-run", help="Print block, surface, loads and cost, then exit."
 )]  # fmt: skip
-FigureFormat = Annotated[
-    Format, typer.Option("--format", help="Format of the figures; pdf and svg are vector graphics.")
-]
+FigureFormat = Annotated[Literal["png", "pdf", "svg"], typer.Option(
+    "--format", help="Format of the figures; pdf and svg are vector graphics."
+)]  # fmt: skip
 
 # Otherwise a transform may use one thread or all of them, and its last bits would differ.
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false"
@@ -73,6 +57,7 @@ def prepare() -> None:
     folder = cache_folder()
     if folder is not None:
         jax.config.update("jax_compilation_cache_dir", str(folder))
+        # Also small programs: a scene has dozens of them.
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
         jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
@@ -115,10 +100,10 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
     After a signal the function ends the command: it is called between two steps, where it is safe.
     """
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-        TextColumn("left"), TimeRemainingColumn(),
+        bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn(),
+        bars.TimeElapsedColumn(), bars.TextColumn("left"), bars.TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with bars.Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task("starting (a first run also compiles)", total=None)
 
         def advance(text: str, done: int, total: int) -> None:
@@ -134,9 +119,8 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
 def save_figure(figure: "Figure", path: Path, form: str) -> None:
     """Writes a figure with its caption, and prints both path and caption."""
     text, content = caption(figure), io.BytesIO()
-    figure.savefig(
-        content, format=form, metadata={"Subject" if form == "pdf" else "Description": text}
-    )
+    key = "Subject" if form == "pdf" else "Description"  # a name that each format has
+    figure.savefig(content, format=form, metadata={key: text})
     write_whole(path, content.getvalue())
     typer.echo(f"wrote {path}\n  {text}")
 
@@ -149,23 +133,20 @@ def cache_folder() -> Path | None:
     home = os.environ.get("XDG_CACHE_HOME")
     with contextlib.suppress(OSError, RuntimeError):
         root = (Path(home) if home else Path.home() / ".cache") / "graded_contact"
-        folder = root / hashlib.sha256(_processor().encode()).hexdigest()[:16]
+        # Compiled code depends on the processor's model and instructions.
+        processor = f"{platform.machine()} {platform.processor()}"
+        with contextlib.suppress(OSError):
+            lines = Path("/proc/cpuinfo").read_text().splitlines()
+            kept = {line for line in lines if line.startswith(("model name", "flags", "Features"))}
+            processor = "\n".join(sorted(kept))
+        folder = root / hashlib.sha256(processor.encode()).hexdigest()[:16]
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)
         if os.name == "posix":
-            states = [path.stat() for path in (root, folder)]
             # Neither another owner nor the permission to write for group or others.
+            states = (root.stat(), folder.stat())
             if any(at.st_uid != os.getuid() or at.st_mode & 0o022 for at in states):
                 return None
         if os.access(folder, os.W_OK):
             return folder
     return None
-
-
-def _processor() -> str:
-    """The processor's model and instructions, which compiled code depends on."""
-    with contextlib.suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        kept = {line for line in lines if line.startswith(("model name", "flags", "Features"))}
-        return "\n".join(sorted(kept))
-    return f"{platform.machine()} {platform.processor()}"

@@ -3,6 +3,7 @@
 No file of this room knows layers.
 """
 
+from .abstract_solver import AbstractContactSolver, Loading, SolverOutput, run_steps
 from .adhesion import AdhesiveLJ, ExponentialAdhesion
 from .adjoint import LinearSplitting
 from .law import AbstractLaw, HardWall, RepulsiveLJ
@@ -12,7 +13,6 @@ from .path import ContactPath, follow_contact
 from .rmd import ResidualDynamics
 from .solution import RESULTS, ContactSolution
 from .solve import solve_contact
-from .solver import AbstractContactSolver, Loading, SolverOutput, run_steps
 from .splitting import Splitting
 
 __all__ = [

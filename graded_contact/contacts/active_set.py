@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from ..fields.devices import num_devices
 from .operator import AbstractOperator, Field, Scalar, nonzero
@@ -54,14 +54,7 @@ def green_of(operator: AbstractOperator, shape: tuple[int, ...]) -> Field | None
     return operator.to_field(operator.compliance + 0j, shape) if operator.of_distance else None
 
 
-def pressure_on(
-    contact: Bool[Array, "*shape"],
-    solid: Coated,
-    pressure: Field,
-    tolerance: Scalar,
-    unchanged: Bool[Array, ""],
-    budget: Array,
-) -> tuple[Field, Field, Scalar, Array]:
+def pressure_on(contact, solid: Coated, pressure: Field, tolerance: Scalar, unchanged, budget):
     """Returns pressure, gap, relative residual before, and FFT pairs.
 
     **Arguments:**

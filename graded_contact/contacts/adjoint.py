@@ -33,31 +33,14 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one
+from .abstract_solver import Inputs, history_of, run_steps, slope
 from .active_set import green_of, most_eliminated, solve_on_few
 from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
-from .solver import Inputs, history_of, run_steps, slope
 from .splitting import Splitting, check_relaxation, draft
 
 # Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`
 # and `free_mean`, it returns τ, or NaN if it does not converge: `solve_contact` then fails.
 LinearSolver = Callable[..., Field]
-
-
-class LinearSolution(NamedTuple):
-    """The solution of a linear system.
-
-    **Fields:**
-
-    - `tau`: the solution τ.
-    - `found`: whether it converged.
-    - `error`: estimated relative error [1], 0 of a system that was eliminated.
-    - `num_fft_pairs`: without those of a draft.
-    """
-
-    tau: Field
-    found: Bool[Array, ""]
-    error: Scalar
-    num_fft_pairs: Array
 
 
 class LinearSplitting(eqx.Module):
@@ -89,20 +72,14 @@ class LinearSplitting(eqx.Module):
         if self.rtol is not None:
             check_tolerance("rtol", self.rtol, rtol)
             rtol = jnp.asarray(self.rtol, rtol.dtype)
-        solved = self.solve(*system, rtol=rtol, free_mean=free_mean)
+        tau, found, error, _ = self.solve(*system, rtol=rtol, free_mean=free_mean)
         if self.watch is not None:
-            jax.debug.callback(self.watch, solved.error, rtol)
-        return jnp.where(solved.found, solved.tau, jnp.nan)
+            jax.debug.callback(self.watch, error, rtol)
+        return jnp.where(found, tau, jnp.nan)
 
     def solve(
-        self,
-        operator: AbstractOperator,
-        weights: Field,
-        rhs: Field,
-        *,
-        rtol: Scalar,
-        free_mean: bool = False,
-    ) -> LinearSolution:
+        self, operator: AbstractOperator, weights: Field, rhs: Field, *, rtol, free_mean=False
+    ):
         """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s, and more.
 
         **Arguments:**
@@ -113,18 +90,18 @@ class LinearSplitting(eqx.Module):
         - `rtol`: relative error that ends it.
         - `free_mean`: whether the mean of √|s| τ is free; else it is 0, and `rhs` has no part along
           √|s|.
+
+        **Returns:** τ, whether it converged, its estimated relative error [1] (0 of a system that
+        was eliminated), and FFT pairs without those of a draft.
         """
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
         few, eliminated = _on_few(operator, weights, root, sign, rhs, free_mean)
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
+        solid = Solid(operator, jnp.ones((), rhs.dtype), free_mean)
+        proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
+        history = history_of(self.history_length, free_mean)
         splitting = Splitting(
-            Solid(operator, jnp.ones((), rhs.dtype), free_mean),
-            jnp.zeros_like(share),
-            jax.tree_util.Partial(_proximal, root, sign, rhs),
-            rtol,
-            share,
-            relaxation=self.relaxation,
-            history_length=history_of(self.history_length, free_mean),
+            solid, jnp.zeros_like(share), proximal, rtol, share, None, self.relaxation, history
         )
         max_steps = jnp.where(few, 0, self.max_steps)  # no steps if the system was eliminated
         z, _ = draft(splitting, root * rhs, max_steps=max_steps)
@@ -132,7 +109,7 @@ class LinearSplitting(eqx.Module):
         x = splitting.solid.resolve(last.z)
         tau = jnp.where(few, eliminated, sign * (rhs + root * (2 * x - last.z)))
         found = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
-        return LinearSolution(tau, found, jnp.where(few, 0, last.error), last.num_steps)
+        return tau, found, jnp.where(few, 0, last.error), last.num_steps
 
 
 def _on_few(operator: AbstractOperator, weights, root, sign, rhs, free_mean: bool):
@@ -255,17 +232,13 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
 
         return run
 
+    turned = operator.with_kernel(jnp.conj(operator.kernel))
     return root * jax.lax.custom_linear_solve(
-        operate,
-        project(root * rhs),
-        solve=solver_for(operator),
-        transpose_solve=solver_for(operator.with_kernel(jnp.conj(operator.kernel))),
+        operate, project(root * rhs), solver_for(operator), solver_for(turned)
     )
 
 
-def opening_by_load(
-    operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol: Scalar
-) -> Float[Array, "..."]:
+def opening_by_load(operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol) -> Array:
     """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM."""
     total = nonzero(operator.mean(s))
     known = s / total
@@ -276,12 +249,8 @@ def opening_by_load(
 
 def _fill_with_zeros(tangents, primals):
     """The tangents, with zeros in place of None."""
-    return jax.tree.map(
-        lambda p, t: jnp.zeros_like(p) if t is None and p is not None else t,
-        primals,
-        tangents,
-        is_leaf=lambda x: x is None,
-    )
+    fill = lambda p, t: jnp.zeros_like(p) if t is None and p is not None else t  # noqa: E731
+    return jax.tree.map(fill, primals, tangents, is_leaf=lambda x: x is None)
 
 
 def check_converged(number: Array, failed: Bool[Array, ""]) -> Array:
@@ -307,9 +276,8 @@ def explain_lost(function: Callable, args: tuple, changes: Any) -> None:
     if not isinstance(args[0][3], LinearSplitting):
         return
     reached = []
-    watched = dataclasses.replace(
-        args[0][3], watch=lambda error, rtol: reached.append((float(error), float(rtol)))
-    )
+    watch = lambda error, rtol: reached.append((float(error), float(rtol)))  # noqa: E731
+    watched = dataclasses.replace(args[0][3], watch=watch)
     jax.block_until_ready(function(*((*one[:3], watched, *one[4:]) for one in args), changes))
     jax.effects_barrier()
     for error, rtol in reached:

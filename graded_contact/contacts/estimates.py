@@ -19,16 +19,15 @@ At a prescribed mean gap the error of the mean pressure is dp/dū times the erro
 see `stiffness_bound`.
 """
 
-import dataclasses
 from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .abstract_solver import Inputs, SolverOutput, penalty_for, slope
 from .adjoint import State
 from .operator import Field, Scalar, nonzero, root_mean_square, stiffness_bound
-from .solver import Inputs, SolverOutput, penalty_for, slope
 
 # With these factors 12 of 8,552 claims were broken (`bench_contact.py random --count 1000 --seed
 # 30`).
@@ -56,8 +55,8 @@ def contact_state(inputs: Inputs, found: SolverOutput) -> State:
     return State(found.pressure, displacement, mean(weight * offset) / mean(weight))
 
 
-def change_of(inputs: Inputs, found: SolverOutput) -> Field:
-    """Returns the estimated change of the pressure to the exact contact [Pa]."""
+def _change_of(inputs: Inputs, found: SolverOutput):
+    """The estimated change of the pressure to the exact contact [Pa]."""
     operator, law, penalty = _scaled(inputs, found)
     y, law_gap, (load, gap) = found.pressure, penalty * found.gap, inputs.loading
     solid_gap = operator.displace(y) - penalty * (inputs.heights - jnp.mean(inputs.heights))
@@ -96,13 +95,13 @@ def assess(inputs: Inputs, found: SolverOutput) -> tuple[Array, Array, Array]:
     change is limited to the error that the solver claims. Under a law that attracts, equilibria are
     soft, and the change is as large as that.
     """
-    change, size = change_of(inputs, found), root_mean_square(found.pressure)
+    change, size = _change_of(inputs, found), root_mean_square(found.pressure)
     relative = root_mean_square(change) / nonzero(size)
     limit = found.error / nonzero(relative)
     change = change * (limit if inputs.law.attracts else jnp.minimum(limit, 1))
     state = contact_state(inputs, found)
     gap = state.displacement - inputs.heights + jnp.mean(inputs.heights) + state.mean_gap
-    moved = root_mean_square(changed(inputs, found, change).gap - gap)
+    moved = root_mean_square(_changed_gap(inputs, found, change) - gap)
     rounding = _ROUNDING * jnp.finfo(size.dtype).eps
     closer = jnp.minimum(found.error, _SAFETY * relative + rounding)
     error = found.error if inputs.law.attracts else closer
@@ -127,8 +126,8 @@ def error_of(numbers: Callable[[Array], Array], value: Array, change: Field, siz
     return _SAFETY * jnp.abs(after - value) + _BY_CHANCE * chance + rounding
 
 
-def changed(inputs: Inputs, found: SolverOutput, change: Field) -> SolverOutput:
-    """Returns the contact after a change of its pressure.
+def _changed_gap(inputs: Inputs, found: SolverOutput, change: Field):
+    """The gap [m] after a change of the pressure.
 
     The approximate inverse makes long waves of the change too large. So springs support the solid
     between the points of contact. Their stiffness is that of the solid in the shape of the gap,
@@ -142,17 +141,12 @@ def changed(inputs: Inputs, found: SolverOutput, change: Field) -> SolverOutput:
     fixed = jnp.mean(s) * bent / nonzero(jnp.mean(law_gap**2))
     free = jnp.where(operator.is_mean, 0, 1 / (1 + fixed * jnp.abs(operator.kernel)))
     moved = operator.filtered(free, operator.displace(pressure) - before)
-    displacement = before - operator.mean(before) + moved
-    solid_gap = displacement - penalty * (inputs.heights - jnp.mean(inputs.heights))
+    solid_gap = before - operator.mean(before) + moved
+    solid_gap = solid_gap - penalty * (inputs.heights - jnp.mean(inputs.heights))
     gap = inputs.loading.gap
     offset = _offset(operator, s, solid_gap - law_gap, 0.0) if gap is None else penalty * gap
     v = pressure - solid_gap - offset
-    return dataclasses.replace(
-        found,
-        pressure=pressure,
-        gap=(law.proximal(v) - v) / penalty,
-        displacement=displacement / penalty,
-    )
+    return (law.proximal(v) - v) / penalty
 
 
 def _share_of_gap(law, v):

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import as_scalar, check_positive, check_values, is_concrete, scalar, short
+from ..core.checks import check_positive, check_values, is_concrete, optional, scalar, short
 from ..core.display import shown
 from .operator import Field, Scalar
 
@@ -100,9 +100,7 @@ class HardWall(AbstractLaw):
     - `hardness`: the highest pressure [Pa], or None for no limit.
     """
 
-    hardness: Scalar | None = eqx.field(
-        default=None, converter=lambda x: None if x is None else as_scalar(x, "hardness")
-    )
+    hardness: Scalar | None = eqx.field(default=None, converter=optional(scalar("hardness")))
 
     def __check_init__(self):
         if self.hardness is not None:
@@ -122,6 +120,13 @@ class HardWall(AbstractLaw):
 
     def contact_indicator(self, pressure, gap, stiffness):
         return jnp.where(pressure > 0, pressure, -stiffness * jnp.maximum(gap, 0))
+
+
+def indicator_of_gap(law, pressure, gap, stiffness):
+    """The contact indicator of a smooth law, from pressure and gap less those at its edge."""
+    edge = law.contact_gap * law.range
+    gap, pressure = gap - edge, pressure - law.pressure_at(edge)
+    return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
 
 
 @shown(units=False)
@@ -169,13 +174,6 @@ class RepulsiveLJ(AbstractLaw):
         return indicator_of_gap(self, pressure, gap, stiffness)
 
 
-def indicator_of_gap(law, pressure, gap, stiffness):
-    """The contact indicator of a smooth law, from pressure and gap less those at its edge."""
-    edge = law.contact_gap * law.range
-    gap, pressure = gap - edge, pressure - law.pressure_at(edge)
-    return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
-
-
 def power(t, n: int):
     """t⁻ⁿ, n = 3 or 9, and its derivative."""
     inverse = 1 / t
@@ -202,13 +200,10 @@ def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
     steps. Derivatives of every order are those of the root.
     """
 
-    def excess(t):
-        return pressure_and_slope(t)[0] - unit * t - v
-
     def newton(t):
         pressure, slope = pressure_and_slope(t)
-        value = pressure - unit * t - v
-        return value, t - value / (slope - unit)
+        excess = pressure - unit * t - v
+        return excess, t - excess / (slope - unit)
 
     def solve(_, t):
         # Unrolled, so that XLA keeps all steps in one pass over memory.
@@ -225,4 +220,5 @@ def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
     def tangent_solve(linear, y):
         return y / linear(jnp.ones_like(y))
 
-    return pressure_and_slope(jax.lax.custom_root(excess, low, solve, tangent_solve))[0]
+    root = jax.lax.custom_root(lambda t: newton(t)[0], low, solve, tangent_solve)
+    return pressure_and_slope(root)[0]

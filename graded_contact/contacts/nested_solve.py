@@ -22,11 +22,7 @@ from jaxtyping import Array, Float
 from ..core.checks import check_whole, is_concrete
 from ..core.compilation import jit
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
-from .active_set import most_eliminated
-from .law import AbstractLaw
-from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
-from .semismooth_newton import newton_round, takes_newton_steps
-from .solver import (
+from .abstract_solver import (
     AbstractContactSolver,
     Loading,
     SolverOutput,
@@ -37,6 +33,10 @@ from .solver import (
     run_steps,
     to_mean,
 )
+from .active_set import most_eliminated
+from .law import AbstractLaw
+from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
+from .semismooth_newton import newton_round, takes_newton_steps
 from .splitting import Splitting, check_relaxation, draft
 
 # All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.
@@ -115,14 +115,11 @@ class DouglasRachford(AbstractContactSolver):
         most = self.max_steps or min(_STEPS * max(_POINTS // points, 1), _MOST)
         few = most if not hard or (finest and not newton) else min(_FEW, most)
         return GridSettings(
-            share=share,
-            newton=newton,
-            draft_steps=few,
-            max_steps=most if newton else few,
+            share=share, newton=newton, draft_steps=few, max_steps=most if newton else few,
             relaxation=min(self.relaxation, _MOST_ATTRACTED) if law.attracts else self.relaxation,
             history_length=history_of(self.history_length, loading.pressure is None),
             rtol=rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
-        )
+        )  # fmt: skip
 
 
 class GridSettings(NamedTuple):
@@ -187,13 +184,9 @@ class GridProblem(eqx.Module):
 
     def splitting(self, state: "SolveState", settings: GridSettings) -> Splitting:
         return Splitting(
-            self.solid_at(state.factor),
-            state.shift,
-            self.law_at(state.factor).proximal,
-            settings.rtol,
-            relaxation=settings.relaxation,
-            history_length=settings.history_length,
-        )
+            self.solid_at(state.factor), state.shift, self.law_at(state.factor).proximal,
+            settings.rtol, relaxation=settings.relaxation, history_length=settings.history_length,
+        )  # fmt: skip
 
     def at_load(self, pressure):
         """A pressure of the law with the load that is prescribed, if any."""
@@ -277,19 +270,10 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
         pairs = pairs + share * taken
     one, none, no = jnp.ones((), rough.dtype), jnp.asarray(0), jnp.asarray(False)
     state = SolveState(
-        z=_start_of(problem, guess),
-        shift=problem.shift(one),
-        factor=one,
-        error=one * jnp.inf,
-        converged=no,
-        next=jnp.asarray(_EPOCH_NEXT),
-        confirming=no,
-        coat=0 * one,
-        drafted=none,
-        steps=none,
-        newton_pairs=none,
-        pairs=one * pairs,
-    )
+        z=_start_of(problem, guess), shift=problem.shift(one), factor=one,
+        error=one * jnp.inf, converged=no, next=jnp.asarray(_EPOCH_NEXT), confirming=no,
+        coat=0 * one, drafted=none, steps=none, newton_pairs=none, pairs=one * pairs,
+    )  # fmt: skip
     splitting = problem.splitting(state, settings)
     z, drafted = draft(splitting, state.z, max_steps=settings.draft_steps)
     state = state._replace(z=z, drafted=drafted, pairs=state.pairs + share * drafted)
@@ -370,13 +354,10 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
         steps = state.steps + last.num_steps
         more = last.running & (steps + state.newton_pairs < settings.max_steps)
         state = state._replace(
-            z=last.z,
-            error=last.error,
-            converged=~last.running,
+            z=last.z, error=last.error, converged=~last.running, steps=steps,
             next=jnp.where(more, _EPOCH_NEXT, _NOTHING),
-            steps=steps,
             pairs=state.pairs + share * (last.num_steps + 1),
-        )
+        )  # fmt: skip
         return jax.lax.cond(more, begin_again, lambda same: same, state)
 
     def begin_again(state: SolveState) -> SolveState:
@@ -385,12 +366,8 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
         solid, law = problem.solid_at(state.factor).scaled, problem.law_at(state.factor)
         change = penalty_for(solid, participation(y), law)
         factor = state.factor * change
-        state = state._replace(
-            z=y + change * gap,
-            shift=problem.shift(factor),
-            factor=factor,
-            pairs=state.pairs + share,
-        )
+        z, shift, pairs = y + change * gap, problem.shift(factor), state.pairs + share
+        state = state._replace(z=z, shift=shift, factor=factor, pairs=pairs)
         if not settings.newton:
             return state
         # At its present rate the splitting needs more than as many steps again; few points are
@@ -410,27 +387,20 @@ def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) 
     def newton(state: SolveState) -> SolveState:
         solid = problem.solid_at(state.factor)
         slow = state.next == _NEWTON_NEXT
+        # They may take as many pairs as the splitting took so far. Under `vmap` members that are
+        # not slow come here too.
+        budget = jnp.where(slow, state.steps, 0)
+        heights, x = problem.scaled_heights(state.factor), state.shift + solid.resolve(state.z)
         z, coat, pairs, confirming = newton_round(
-            solid.scaled,
-            problem.scaled_heights(state.factor),
-            problem.mean,
-            state.z,
-            state.shift + solid.resolve(state.z),
-            state.coat,
+            solid.scaled, heights, problem.mean, state.z, x, state.coat,
             allowed=problem.law.proximal(jnp.ones_like(state.z)) > 0,
-            rtol=settings.rtol,
-            # They may take as many pairs as the splitting took so far. Under `vmap` members that
-            # are not slow come here too.
-            budget=jnp.where(slow, state.steps, 0),
-        )
+            rtol=settings.rtol, budget=budget,
+        )  # fmt: skip
         return state._replace(
-            z=z,
-            coat=coat,
-            confirming=confirming,
-            next=jnp.where(slow, _EPOCH_NEXT, _NOTHING),
+            z=z, coat=coat, confirming=confirming, next=jnp.where(slow, _EPOCH_NEXT, _NOTHING),
             newton_pairs=state.newton_pairs + pairs + 2,
             pairs=state.pairs + settings.share * (pairs + 2),
-        )
+        )  # fmt: skip
 
     def turn(state: SolveState) -> SolveState:
         state = jax.lax.cond(state.next == _NEWTON_NEXT, newton, lambda same: same, state)
@@ -452,12 +422,8 @@ def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
     unit, length = problem.grid.unit, problem.length
     without_mean = problem.scaled_heights() - (problem.mean if problem.free_mean else 0)
     return SolverOutput(
-        pressure=pressure * unit,
-        gap=gap * (length / factor),
-        mismatch=(x - y) * unit,
-        displacement=(solid_gap + without_mean) * length,
-        error=state.error,
-        ended=state.converged,
-        num_steps=state.drafted + state.steps,
+        pressure=pressure * unit, gap=gap * (length / factor), mismatch=(x - y) * unit,
+        displacement=(solid_gap + without_mean) * length, error=state.error,
+        ended=state.converged, num_steps=state.drafted + state.steps,
         num_fft_pairs=state.pairs + 3,
-    )
+    )  # fmt: skip

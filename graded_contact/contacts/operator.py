@@ -132,9 +132,7 @@ class AbstractOperator(eqx.Module):
         """The kernel over space that weighs gaps at the edge of contact, see `edge_stiffness`."""
         return self.kernel
 
-    def traction(
-        self, pressure: Field, profile: Field, q: Float[Array, "..."]
-    ) -> Float[Array, "..."]:
+    def traction(self, pressure: Field, profile: Field, q) -> Float[Array, "..."]:
         """Returns -⟨σ ∂f/∂x⟩ [Pa] at each time; `q` is each wave's number along x [rad/m]."""
         return self.at_each_time(lambda p, f: jnp.sum(work_of_waves(p, f, q)), pressure, profile)
 

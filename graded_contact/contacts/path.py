@@ -1,6 +1,6 @@
 """Contact along a path of loads or gaps: each solution is the start of the next."""
 
-import functools
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -9,12 +9,12 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import Numbers, as_float, check_types, check_values
 from ..core.display import shown
+from .abstract_solver import AbstractContactSolver
 from .adjoint import LinearSolver, LinearSplitting
-from .law import AbstractLaw, check_one_law, check_pressure
+from .law import AbstractLaw, check_pressure
 from .nested_solve import DouglasRachford
 from .solution import RESULTS, ContactSolution
 from .solve import RTOL, solve_contact
-from .solver import AbstractContactSolver
 
 
 @shown()
@@ -76,30 +76,22 @@ def follow_contact(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.
     """
     given = {"pressure": pressure, "mean_gap": mean_gap, "approach": approach}
-    named = [(name, path) for name, path in given.items() if path is not None]
-    if len(named) != 1:
+    given = {name: path for name, path in given.items() if path is not None}
+    if len(given) != 1:
         raise ValueError("Give exactly one of `pressure`, `mean_gap` and `approach`.")
-    check_one_law(law)
-    name, targets = named[0][0], as_float(named[0][1], named[0][0])
+    [(name, path)] = given.items()
+    targets = as_float(path, name)
     if targets.ndim != 1 or len(targets) == 0:
         raise ValueError(f"`{name}` has shape {targets.shape}; a path of numbers is needed.")
     if name == "pressure":  # inside the loop its values are traced
         check_pressure(targets, law)
     else:
         check_values(name, targets, "numbers [m] must be finite")
-    solve = functools.partial(
-        solve_contact,
-        kernel,
-        heights,
-        law=law,
-        solver=solver,
-        adjoint=adjoint,
-        rtol=rtol,
-        throw=throw,
-    )
+    how: Any = dict(law=law, solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
 
     def advance(last, target):
-        contact = solve(**{name: target}, start=None if last is None else last.pressure)
+        start = None if last is None else last.pressure
+        contact = solve_contact(kernel, heights, **{name: target}, start=start, **how)
         touching = law.contact_indicator(contact.pressure, contact.gap, 1.0) > 0
         area = jnp.mean(touching, dtype=contact.gap.dtype)
         means = contact.mean_gap, contact.mean_pressure

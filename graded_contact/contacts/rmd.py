@@ -31,10 +31,17 @@ import jax.numpy as jnp
 from jax import Array
 
 from ..core.checks import check_type, check_whole, short
+from .abstract_solver import (
+    AbstractContactSolver,
+    Inputs,
+    SolverOutput,
+    pressure_unit,
+    run_steps,
+    to_mean,
+)
 from .adhesion import AdhesiveLJ
 from .law import RepulsiveLJ
-from .operator import AbstractOperator, Field, Scalar, root_mean_square
-from .solver import AbstractContactSolver, Loading, SolverOutput, pressure_unit, run_steps, to_mean
+from .operator import Field, Scalar, root_mean_square
 
 _LEAST_RATIO = 0.9  # of a point's gaps after and before a step
 _LOAD_RATE = 0.5  # share of the load's error that the residuals work against
@@ -74,40 +81,24 @@ class ResidualDynamics(AbstractContactSolver):
         heights = heights - jnp.mean(heights)
         unit = pressure_unit(operator, heights, loading)
         length = unit * jnp.max(jnp.abs(operator.compliance))  # so that |M|max = 1
-        problem = _Problem(
-            operator.scaled(unit / length),
-            heights / length,
-            law.in_units(unit, length),
-            Loading(
-                None if loading.pressure is None else loading.pressure / unit,
-                None if loading.gap is None else loading.gap / length,
-            ),
-        )
+        law = law.in_units(unit, length)
+        given = zip(loading, (unit, length), strict=True)
+        loading = loading._make(None if a is None else a / size for a, size in given)
+        problem = Inputs(operator.scaled(unit / length), heights / length, law, loading)
         gap = _first_gap(problem, None if start is None else start / unit)
-        last = run_steps(_Verlet(problem, rtol, self.uniform_mass), gap, self.max_steps)
-        gap, law = last.gap, problem.law
+        last = run_steps(_Verlet(problem, law, rtol, self.uniform_mass), gap, self.max_steps)
+        gap = last.gap
         pressure = law.pressure_at(gap)
         residual, _ = _residual(problem, gap, pressure, _stiffness(law, gap))
         mismatch = law.pressure_at(jnp.maximum(gap + residual, _LEAST_RATIO * gap)) - pressure
-        if problem.loading.pressure is not None:
-            pressure = to_mean(operator, pressure, problem.loading.pressure, law.bounds)
+        if loading.pressure is not None:
+            pressure = to_mean(operator, pressure, loading.pressure, law.bounds)
         return SolverOutput(
-            pressure=pressure * unit,
-            gap=gap * length,
-            mismatch=mismatch * unit,
+            pressure=pressure * unit, gap=gap * length, mismatch=mismatch * unit,
             displacement=(residual + gap + problem.heights) * length,
-            error=last.error,
-            ended=last.error <= rtol,
-            num_steps=last.num_steps,
+            error=last.error, ended=last.error <= rtol, num_steps=last.num_steps,
             num_fft_pairs=last.num_steps + jnp.asarray(1 if start is None else 2, gap.dtype),
-        )
-
-
-class _Problem(NamedTuple):
-    operator: AbstractOperator
-    heights: Field
-    law: SmoothLaw
-    loading: Loading
+        )  # fmt: skip
 
 
 class _Motion(NamedTuple):
@@ -121,7 +112,8 @@ class _Motion(NamedTuple):
 class _Verlet(NamedTuple):
     """The steps, for `run_steps`."""
 
-    problem: _Problem
+    problem: Inputs
+    law: SmoothLaw
     rtol: Scalar
     uniform_mass: bool
 
@@ -130,7 +122,7 @@ class _Verlet(NamedTuple):
         return _Motion(start, still, still, jnp.asarray(jnp.inf, start.dtype), jnp.asarray(0))
 
     def step(self, state: _Motion) -> _Motion:
-        (u, v), law = (state.gap, state.velocity), self.problem.law
+        u, v, law = state.gap, state.velocity, self.law
         pressure, stiffness = law.pressure_at(u), _stiffness(law, u)
         residual, load_error = _residual(self.problem, u, pressure, stiffness)
         mass = _mass(stiffness)
@@ -150,7 +142,7 @@ class _Verlet(NamedTuple):
         return ~(state.error > self.rtol)
 
 
-def _residual(problem: _Problem, u, pressure, stiffness):
+def _residual(problem: Inputs, u, pressure, stiffness):
     """L with the mean gap ū, and the relative error of the load."""
     displacement = problem.operator.displace(pressure)
     residual = displacement - problem.heights - u
@@ -171,7 +163,7 @@ def _stiffness(law, u):
     return jnp.maximum(-jax.jvp(law.pressure_at, (u,), (jnp.ones_like(u),))[1], 0)
 
 
-def _first_gap(problem: _Problem, start):
+def _first_gap(problem: Inputs, start):
     """The gaps of points alone on springs, under a pressure or none."""
     pressure, mean_gap = problem.loading
     offset = -problem.heights + (0 if mean_gap is None else mean_gap)

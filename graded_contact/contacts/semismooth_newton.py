@@ -67,18 +67,7 @@ class Round(eqx.Module):
     found: Bool[Array, ""]
 
 
-def newton_round(
-    operator: AbstractOperator,
-    heights: Field,
-    load: Float[Array, "..."],
-    z: Field,
-    x: Field,
-    coat: Scalar,
-    *,
-    allowed: Bool[Array, "*shape"],
-    rtol: Scalar,
-    budget: Array,
-) -> tuple[Field, Scalar, Array, Bool[Array, ""]]:
+def newton_round(operator: AbstractOperator, heights, load, z, x, coat, *, allowed, rtol, budget):
     """Returns z = σ + u, the next coat, the FFT pairs, and whether the contact was found.
 
     **Arguments:**
@@ -122,16 +111,13 @@ def newton_round(
         centre = jnp.where(accepted, pressure, state.centre)
         centre_gap = jnp.where(accepted, bare, state.centre_gap)
         return Round(
-            pressure=jnp.where(fresh, centre, pressure),
-            gap=jnp.where(fresh, centre_gap, gap),
-            centre=centre,
-            centre_gap=centre_gap,
+            pressure=jnp.where(fresh, centre, pressure), gap=jnp.where(fresh, centre_gap, gap),
+            centre=centre, centre_gap=centre_gap,
             coat=jnp.where(accepted, thinner, jnp.where(stuck, thicker, state.coat)),
             changes=jnp.where(fresh, unknown, jnp.roll(state.changes, 1).at[0].set(changed)),
-            count=jnp.where(fresh, 0, state.count + 1),
-            pairs=state.pairs + pairs,
+            count=jnp.where(fresh, 0, state.count + 1), pairs=state.pairs + pairs,
             found=accepted & (lam == 0),
-        )
+        )  # fmt: skip
 
     last = jax.lax.while_loop(running, body, state)
     return last.centre + last.centre_gap, last.coat, last.pairs, last.found

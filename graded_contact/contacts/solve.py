@@ -30,13 +30,7 @@ from ..core.derivative import derivative_apart, largest, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
 from ..fields.grid import half_shape
-from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
-from .estimates import assess, contact_state, penalty_at
-from .law import AbstractLaw, HardWall, check_one_law, check_pressure
-from .nested_solve import DouglasRachford
-from .operator import Field, first_mode
-from .solution import RESULTS, ContactSolution
-from .solver import (
+from .abstract_solver import (
     AbstractContactSolver,
     Inputs,
     Loading,
@@ -45,6 +39,12 @@ from .solver import (
     participation,
     penalty_for,
 )
+from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
+from .estimates import assess, contact_state, penalty_at
+from .law import AbstractLaw, HardWall, check_one_law, check_pressure
+from .nested_solve import DouglasRachford
+from .operator import Field, first_mode
+from .solution import RESULTS, ContactSolution
 from .window import Window, on_part, on_whole, operator_of
 
 # Default tolerance of the pressure. The error of friction is then at most 3e-5, in the median 2e-7,
@@ -127,26 +127,21 @@ def solve_contact(
     check_memory("heights", "a contact", CONTACT, shape, itemsize, num_devices(heights))
     _check_kernel(operator.kernel, heights.shape, on_window, throw)
     check_one_law(law)
-    if on_window:
-        if mean_gap is not None:
-            raise ValueError(
-                f"`mean_gap={mean_gap}` is refused on a window: prescribe `pressure` or `approach`."
-            )
-        loading = loading_of(law, heights, pressure=pressure, approach=approach)
-        limited = not is_concrete(operator.kernel) or operator.kernel[(0,) * heights.ndim] != 0
-        if approach is not None and not limited:
-            raise ValueError(
-                f"`approach={approach}` is refused: the displacement of this block has no limit "
-                "far away, as of all blocks in one dimension but slabs on a `Rigid()` base. "
-                "Prescribe `pressure`."
-            )
-    else:
-        if approach is not None:
-            raise ValueError(
-                f"`approach={approach}` is refused: only a body on a window has an approach, see "
-                "`Surface.periodic`. Prescribe `mean_gap`."
-            )
-        loading = loading_of(law, heights, pressure=pressure, mean_gap=mean_gap)
+    gaps = {"mean_gap": mean_gap, "approach": approach}
+    own, other = ("approach", "mean_gap") if on_window else ("mean_gap", "approach")
+    if gaps[other] is not None:
+        only = "in a periodic cell" if on_window else "on a window (see `Surface.periodic`)"
+        raise ValueError(
+            f"`{other}={gaps[other]}` is refused: only a body {only} has one. Prescribe `{own}`."
+        )
+    loading = loading_of(law, heights, None, pressure=pressure, **{own: gaps[own]})
+    unlimited = on_window and is_concrete(operator.kernel)
+    if unlimited and approach is not None and operator.kernel[(0,) * heights.ndim] == 0:
+        raise ValueError(
+            f"`approach={approach}` is refused: the displacement of this block has no limit far "
+            "away, as of all blocks in one dimension but slabs on a `Rigid()` base. Prescribe "
+            "`pressure`."
+        )
     start = as_start(start, heights, law)
     inputs = Inputs(operator, heights, law, loading)
     if on_window:
@@ -155,15 +150,7 @@ def solve_contact(
     return on_part(found, operator) if on_window else found
 
 
-def contact_of(
-    inputs: Inputs,
-    solver: AbstractContactSolver,
-    adjoint: LinearSolver,
-    rtol: float,
-    start: Array | None,
-    solution: ContactSolution | None,
-    throw: bool,
-) -> ContactSolution:
+def contact_of(inputs: Inputs, solver, adjoint, rtol, start, solution, throw: bool):
     """Returns the contact of checked inputs; see `solve_contact` for the arguments."""
     # In one precision: what ends a solve counts the digits of the fields.
     kernel = inputs.operator.kernel
@@ -285,8 +272,9 @@ def _undeformed_gap(approach, law: AbstractLaw, heights):
 @jit
 @one_by_one
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start):
+    operator = inputs.operator
     if not isinstance(solver, DouglasRachford):  # which accepts any mean, and saves a copy
-        inputs = _without_mean(inputs)
+        inputs = inputs._replace(operator=operator.with_kernel(operator.compliance))
     return solver.solve(*inputs, rtol=rtol, start=start)
 
 
@@ -303,20 +291,10 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
         v = pressure - penalty * gap
         gap = (law.in_units(1.0, 1 / penalty).proximal(v) - v) / penalty
     return SolverOutput(
-        pressure=pressure,
-        gap=gap,
-        mismatch=solution.correction,
-        displacement=solution.displacement,
-        error=solution.error,
-        ended=jnp.asarray(True),
-        num_steps=jnp.asarray(0),
-        num_fft_pairs=jnp.zeros((), pressure.dtype),
-    )
-
-
-def _without_mean(inputs: Inputs) -> Inputs:
-    operator = inputs.operator
-    return inputs._replace(operator=operator.with_kernel(operator.compliance))
+        pressure=pressure, gap=gap, mismatch=solution.correction,
+        displacement=solution.displacement, error=solution.error, ended=jnp.asarray(True),
+        num_steps=jnp.asarray(0), num_fft_pairs=jnp.zeros((), pressure.dtype),
+    )  # fmt: skip
 
 
 @jit
@@ -324,7 +302,8 @@ def _solution(
     inputs: Inputs, finds_unstable: bool, found: SolverOutput, adjoint: LinearSolver, rtol, close
 ) -> tuple[ContactSolution, Array]:
     """The solution with its derivative, to a tolerance `close`, and whether it is one."""
-    inputs = _without_mean(inputs)
+    operator = inputs.operator
+    inputs = inputs._replace(operator=operator.with_kernel(operator.compliance))
     found = jax.lax.stop_gradient(found)
     correction, error, gap_error = jax.lax.stop_gradient(assess(inputs, found))
     # Where rounding ended the solve, its own error counts noise out of contact, too.
@@ -342,21 +321,14 @@ def _solution(
     gap_error = gap_error / unit
     result = _how_it_ended(inputs, finds_unstable, found, reached, gap_error)
     solution = ContactSolution(
-        pressure=pressure,
-        displacement=displacement,
-        gap=gap,
-        mean_pressure=jnp.mean(pressure),
-        mean_gap=mean_gap,
-        correction=correction,
-        error=error,
+        pressure=pressure, displacement=displacement, gap=gap,
+        mean_pressure=jnp.mean(pressure), mean_gap=mean_gap,
+        correction=correction, error=error, gap_error=gap_error,
         load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
-        gap_error=gap_error,
         complementarity_error=jnp.mean(jnp.abs(known * (opened - found.gap))) / (load * unit),
         penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - opened, 0)) / unit,
-        num_steps=found.num_steps,
-        num_fft_pairs=found.num_fft_pairs,
-        result=result,
-    )
+        num_steps=found.num_steps, num_fft_pairs=found.num_fft_pairs, result=result,
+    )  # fmt: skip
     return solution, result == RESULTS.successful
 
 
@@ -366,18 +338,18 @@ _solution_or_nan = derivative_apart(_solution)
 
 def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, gap_error):
     law, (pressure, gap) = inputs.law, inputs.loading
+    # From the mildest to the gravest end, each in place of those before it.
+    worthless = (gap_error > _WORTHLESS) & (jnp.std(inputs.heights) > 0)
+    result = RESULTS.where(worthless, RESULTS.gap_unresolved, RESULTS.successful)
+    if law.attracts and finds_unstable:
+        steep = law.steepest_rise * inputs.operator.least > _RESOLVED
+        result = RESULTS.where(steep, RESULTS.unresolved, result)
+    missed = RESULTS.where(found.ended, RESULTS.rounding, RESULTS.max_steps_reached)
+    result = RESULTS.where(reached, result, missed)
     # Near full contact at a given gap the bound of the error may still be infinite.
     finite = ~jnp.isnan(found.error) & jnp.all(jnp.isfinite(found.pressure))
     finite = finite & (True if gap is None else jnp.all(jnp.isfinite(gap)))
-    result = RESULTS.where(found.ended, RESULTS.rounding, RESULTS.max_steps_reached)
-    result = RESULTS.where(reached, RESULTS.successful, result)
     result = RESULTS.where(finite, result, RESULTS.not_finite)
-    if law.attracts and finds_unstable:
-        steep = law.steepest_rise * inputs.operator.least > _RESOLVED
-        result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
-    worthless = (gap_error > _WORTHLESS) & (jnp.std(inputs.heights) > 0)
-    worthless = worthless & (result == RESULTS.successful)
-    result = RESULTS.where(worthless, RESULTS.gap_unresolved, result)
     if pressure is not None:
         # On input the value is unknown if the pressure is traced.
         low, high = law.bounds

@@ -30,8 +30,8 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.anderson import CYCLE, History, accelerate, sums
 from ..fields.grid import multiplicity
+from .abstract_solver import in_precision, participation_of, run_steps, slope
 from .operator import Field, Scalar, Solid, root_mean_square, stiffness_bound
-from .solver import in_precision, participation_of, run_steps, slope
 
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
 

@@ -14,10 +14,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from ..fields.grid import Grid, half_shape, to_spectrum
+from .abstract_solver import Inputs, Loading
 from .law import AbstractLaw
 from .operator import AbstractOperator, Field, Steady, Waves, first_mode, positions
 from .solution import ContactSolution
-from .solver import Inputs, Loading
 
 
 class Window(AbstractOperator):
@@ -54,9 +54,7 @@ class Window(AbstractOperator):
         # The wake of sliding ends there with a step, of opposite sign in every other wave along x.
         return self.kernel / 2 + (jnp.roll(self.kernel, 1, 0) + jnp.roll(self.kernel, -1, 0)) / 4
 
-    def change_by(
-        self, error: Waves, pressure: Field, touching: Bool[Array, "*shape"], at_approach: bool
-    ) -> Field:
+    def change_by(self, error: Waves, pressure: Field, touching, at_approach: bool) -> Field:
         """Returns the change of the pressure [Pa] by an error of the kernel.
 
         At a given approach or load. As in `estimates.py`, by the inverse of M on the whole cell
@@ -114,9 +112,7 @@ def inside(shape: tuple[int, ...]) -> Bool[Array, "*shape"]:
     return first & others[0] if others else first
 
 
-def on_whole(
-    inputs: Inputs, start: Array | None, known: ContactSolution | None
-) -> tuple[Inputs, Array | None, ContactSolution | None]:
+def on_whole(inputs: Inputs, start: Array | None, known: ContactSolution | None):
     """Returns the inputs of the contact on the cell of a window, and its start and solution.
 
     The gap of the loading is that of the undeformed block.
@@ -154,15 +150,11 @@ def on_part(found: ContactSolution, operator: AbstractOperator) -> ContactSoluti
     """Returns the contact on a window, and its means there, from the contact on the cell."""
     fields = found.pressure, found.gap, found.displacement, found.correction
     pressure, gap, moved, correction = map(operator.on_surface, fields)
+    moved = moved - jnp.mean(moved)  # of zero mean on the window
     return dataclasses.replace(
-        found,
-        pressure=pressure,
-        gap=gap,
-        displacement=moved - jnp.mean(moved),  # of zero mean on the window
-        correction=correction,
-        mean_pressure=jnp.mean(pressure),
-        mean_gap=jnp.mean(gap),
-    )
+        found, pressure=pressure, gap=gap, displacement=moved, correction=correction,
+        mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(gap),
+    )  # fmt: skip
 
 
 @eqx.filter_jit
@@ -176,10 +168,7 @@ def _known_on_whole(known: ContactSolution, inputs: Inputs) -> ContactSolution:
         offset = known.mean_gap - jnp.mean(operator.on_surface(own))
     within = inside(pressure.shape)
     gap = jnp.where(within, operator.on_cell(known.gap), own - heights + offset)
+    displacement, correction = gap + heights - offset, operator.on_cell(known.correction)
     return dataclasses.replace(
-        known,
-        pressure=pressure,
-        gap=gap,
-        displacement=gap + heights - offset,
-        correction=operator.on_cell(known.correction),
+        known, pressure=pressure, gap=gap, displacement=displacement, correction=correction
     )

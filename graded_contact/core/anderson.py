@@ -7,6 +7,8 @@ combined in few passes. On large grids they are stored in single precision, whic
 combination by 1e-7 of the residual, and their products are summed over every fourth row.
 """
 
+import operator
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -76,17 +78,10 @@ def accelerate(state: History, image, error, running) -> History:
     # A difference takes back the weights of all images that are older than it.
     back = jnp.sum(jnp.where(age[None, :] > age[:, None], weights, 0), axis=1)
     back = jnp.where(running & jnp.all(jnp.isfinite(back)), back, 0)
+    z = image - sum(back[i] * differences[i] for i in range(m))
+    best = jnp.where(forget, size, jnp.minimum(state.best, size))
     return History(
-        z=image - sum(back[i] * differences[i] for i in range(m)),
-        image=image,
-        differences=differences,
-        changes=changes,
-        products=products,
-        count=count,
-        best=jnp.where(forget, size, jnp.minimum(state.best, size)),
-        cycles=state.cycles + 1,
-        error=error,
-        running=running,
+        z, image, differences, changes, products, count, best, state.cycles + 1, error, running
     )
 
 
@@ -99,11 +94,8 @@ def sums(*fields: Float[Array, "*shape"]) -> tuple[Float[Array, ""], ...]:
     """Returns the sums of fields of one shape, in one pass."""
     zeros = tuple(jnp.zeros((), field.dtype) for field in fields)
     axes = tuple(range(fields[0].ndim))
-    return tuple(jax.lax.reduce(fields, zeros, _add, axes))
-
-
-def _add(a, b):
-    return tuple(x + y for x, y in zip(a, b, strict=True))
+    add = lambda a, b: tuple(map(operator.add, a, b))  # noqa: E731
+    return tuple(jax.lax.reduce(fields, zeros, add, axes))
 
 
 def _weights(products, used):

@@ -24,12 +24,9 @@ from .display import short
 
 # What users call the classes that annotations name.
 _WORDS = {
-    "int": "a whole number",
-    "float": "a plain number",
-    "bool": "True or False",
-    "str": "a text",
-    "NoneType": "None",
-}
+    "int": "a whole number", "float": "a plain number", "bool": "True or False",
+    "str": "a text", "NoneType": "None",
+}  # fmt: skip
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -92,8 +89,7 @@ def as_scalar(value: Any, name: str) -> Float[Array, ""]:
     array = as_float(value, name)
     if array.shape != ():
         raise ValueError(
-            f"`{name}` has shape {array.shape}; one number is needed. For many at once, build and "
-            "use the object inside `jax.vmap`."
+            f"`{name}` has shape {array.shape}; one number is needed. For many, use `jax.vmap`."
         )
     return array
 
@@ -147,6 +143,7 @@ def check_types(function: F) -> F:
         except TypeError as error:
             names = ", ".join(f"`{name}`" for name in signature.parameters)
             raise TypeError(f"{function.__name__}: {error}; it takes {names}.") from None
+        # Defaults are not bound: only what the caller gave is looked at.
         for name, value in arguments.items():
             if name in hints:
                 check_type(name, value, *hints[name])
@@ -170,6 +167,7 @@ def _is_of(value: Any, kind: Any) -> bool:
     if kind is int:
         return isinstance(value, int | np.integer) and not isinstance(value, bool)
     if kind is float:
+        # Python's whole numbers have no limit, and one beyond the largest float has no float.
         if isinstance(value, int):
             return not isinstance(value, bool) and abs(value) <= sys.float_info.max
         return isinstance(value, float | np.number | np.ndarray | Array) and np.ndim(value) == 0
@@ -191,19 +189,18 @@ def _plain(annotation: Any) -> tuple[Any, ...]:
     kind = origin or annotation
     if not isinstance(kind, type) or kind in (inspect.Parameter.empty, Any):
         return ()
+    # In place of an array a list may be given, too: `as_float` converts or refuses the value.
     arrays = (Array, np.ndarray, AbstractArray)
     return () if issubclass(kind, arrays) or kind in (Sequence, object) else (kind,)
 
 
+Limit = float | None
+
+
 def check_values(
-    name: str,
-    value: ArrayLike,
-    allowed: str,
-    *,
-    above: float | None = None,
-    at_least: float | None = None,
-    at_most: float | None = None,
-) -> None:
+    name: str, value: ArrayLike, allowed: str, *,
+    above: Limit = None, at_least: Limit = None, at_most: Limit = None,
+) -> None:  # fmt: skip
     """Raises `ValueError` naming `name`, the first refused entry and what is `allowed`.
 
     NaN and infinities are always refused.
@@ -214,9 +211,10 @@ def check_values(
         if array.dtype == object:  # whole numbers beyond 64 bits
             array = array.astype(float)
         good = np.isfinite(array)
-        for limit, holds in ((above, np.greater), (at_least, np.greater_equal),
-                             (at_most, np.less_equal)):  # fmt: skip
-            good &= True if limit is None else holds(array, limit)
+        # NaN fails every comparison, and is refused without limits, too.
+        good &= True if above is None else array > above
+        good &= True if at_least is None else array >= at_least
+        good &= True if at_most is None else array <= at_most
         if not np.all(good):
             index = tuple(int(i) for i in np.argwhere(~good)[0])
             place = ", ".join(str(i + start) for i, start in zip(index, corner, strict=True))
@@ -278,10 +276,8 @@ def check_together(**arrays: Array) -> None:
 
 def check_rows(least: int, **arrays: Array) -> None:
     """Raises `ValueError` unless these are one-dimensional, of equal length, at least `least`."""
-    first = next(iter(arrays.values())).shape
-    if any(array.shape != first for array in arrays.values()) or not (
-        len(first) == 1 and first[0] >= least
-    ):
+    first, *others = (array.shape for array in arrays.values())
+    if any(shape != first for shape in others) or len(first) != 1 or first[0] < least:
         text = " and ".join(f"`{name}` {array.shape}" for name, array in arrays.items())
         raise ValueError(
             f"{text.replace('` ', '` has shape ', 1)}; one-dimensional arrays of equal length, at "
@@ -297,8 +293,7 @@ def check_increasing(name: str, value: Array) -> None:
         if len(falling):
             i = falling[0]
             raise ValueError(
-                f"`{name}[{i}]={entries[i]:g}` does not exceed the entry before it: the "
-                "entries must be strictly increasing."
+                f"`{name}[{i}]={entries[i]:g}` is refused: entries must be strictly increasing."
             )
 
 
@@ -322,9 +317,7 @@ def check_whole(name: str, value: Any, least: int) -> None:
         )
 
 
-def check_tolerance(
-    name: str, rtol: float, like: Array | np.ndarray, *, floor_factor: float = 100.0
-) -> None:
+def check_tolerance(name: str, rtol: float, like: Any, *, floor_factor: float = 100.0) -> None:
     """Raises `ValueError` if the dtype of `like` cannot reach the relative tolerance `rtol`."""
     # A traced tolerance has no value that a check could see.
     if not (_is_of(rtol, float) and is_concrete(rtol) and 0 < rtol < 1):
@@ -346,11 +339,10 @@ def within(place: str) -> Iterator[None]:
     """Puts a place, of a scene or a block, before the message of an error that arises there."""
     try:
         yield
-    except FileNotFoundError as error:
-        raise FileNotFoundError(f"{place} {error}") from error
-    except ValueError as error:
+    except (FileNotFoundError, ValueError) as error:
         text = str(error)
-        raise ValueError(text if text.startswith(place) else f"{place} {text}") from error
+        kind = ValueError if isinstance(error, ValueError) else FileNotFoundError
+        raise kind(text if text.startswith(place) else f"{place} {text}") from error
 
 
 def nearest(word: Any, choices: Iterable[str]) -> str:

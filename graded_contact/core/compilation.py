@@ -100,6 +100,7 @@ def _options() -> dict[str, bool | int]:
     logging.getLogger("graded_contact").info(COMPILING)
     flags = os.environ.get("XLA_FLAGS", "")
     options = {name: value for name, value in LESS_WORK.items() if name not in flags}
+    # A small program tells whether this XLA knows them: names of options come and go.
     try:
         jax.jit(lambda: 0, compiler_options=options)()
     except jax.errors.JaxRuntimeError:

@@ -111,9 +111,7 @@ def derivative_apart(function: F, check: Check | None = None, explain: Explain |
     return cast(F, run)
 
 
-def _linear(
-    along: Callable, back: Callable, args: tuple, tangents: T, like: Any, explain: Explain | None
-) -> T:
+def _linear(along, back, args: tuple, tangents: T, like: Any, explain: Explain | None) -> T:
     """Returns along(*args, tangents), linear in these, with the tree and the shapes of `like`.
 
     `back`, with cotangents in place of tangents, is the transpose.
@@ -134,13 +132,9 @@ def _linear(
         return run
 
     changes = _linear_p.bind(
-        *arrays,
-        *given,
-        along=of_leaves(along, inner),
-        back=of_leaves(back, outer),
-        given=tuple(jax.typeof(leaf) for leaf in given),
-        returned=tuple(jax.typeof(leaf) for leaf in returned),
-    )
+        *arrays, *given, along=of_leaves(along, inner), back=of_leaves(back, outer),
+        given=tuple(map(jax.typeof, given)), returned=tuple(map(jax.typeof, returned)),
+    )  # fmt: skip
     return outer.unflatten(changes)
 
 

@@ -54,6 +54,7 @@ def shown(*names: str | EllipsisType, units: bool = True):
 
 
 def _as_text(self) -> str:
+    # Traced numbers have no values: the tree shows their shapes.
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self)):
         return eqx.tree_pformat(self)
     (_, first), *rows = _rows(self, "", self._shown.units)
@@ -132,6 +133,7 @@ def _text(value: Any) -> str:
 def _array(array: jax.Array | np.ndarray) -> str:
     """Its numbers if they are few, the ends of its range if it is a row; else its shape."""
     shape = f"{' × '.join(map(str, array.shape))} {array.dtype}"
+    # A donated array and one over several processes have no numbers here to print.
     away = isinstance(array, jax.Array) and (array.is_deleted() or not array.is_fully_addressable)
     if away or not (array.ndim == 1 or array.size <= FEW):
         return shape

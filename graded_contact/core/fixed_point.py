@@ -47,10 +47,7 @@ class FixedPoint(NamedTuple):
 
 
 def find_fixed_point(
-    function: Callable[[Array, Any], tuple[Array, Any]],
-    start: Float[Array, " n"],
-    state: Any,
-    rtol: Float[Array, ""],
+    function: Callable, start: Float[Array, " n"], state: Any, rtol: Float[Array, ""]
 ) -> FixedPoint:
     """Returns x = function(x, state)[0] to a change of `rtol` of the largest |x|.
 
@@ -59,6 +56,7 @@ def find_fixed_point(
 
     def step(point: FixedPoint) -> FixedPoint:
         image, state = function(point.x, point.state)
+        # The state may hold fields: they do not pass through the program of a few unknowns.
         return _next(point._replace(state=None), image, rtol)._replace(state=state)
 
     def running(point: FixedPoint):
@@ -97,9 +95,7 @@ def _next(point: FixedPoint, image: Array, rtol: Array) -> FixedPoint:
     return FixedPoint(dataclasses.replace(history, z=z), low, high, best, None)
 
 
-def attach_fixed_point(
-    function: Callable[[Array], Array], x: Float[Array, " n"]
-) -> Float[Array, " n"]:
+def attach_fixed_point(function: Callable, x: Float[Array, " n"]) -> Float[Array, " n"]:
     """Returns x = function(x) unchanged, with the derivative by what `function` closes over.
 
     It takes the derivative of `function` along each unknown, and a linear system of their number.

@@ -27,14 +27,7 @@ def memory_of(fields: float, shape: tuple[int, ...], itemsize: int = 8) -> float
     return COMPILER + fields * math.prod(shape) * itemsize
 
 
-def check_memory(
-    name: str,
-    purpose: str,
-    fields: float,
-    shape: tuple[int, ...],
-    itemsize: int = 8,
-    devices: int = 1,
-) -> None:
+def check_memory(name: str, purpose: str, fields: float, shape, itemsize=8, devices=1) -> None:
     """Raises `ValueError` if a solve needs more memory than is free, and names a grid that fits.
 
     **Arguments:**
@@ -111,6 +104,7 @@ def _of_groups() -> list[float]:
         # In a container the group's own path may not be visible, its root is.
         place = Path(root + group)
         for folder in (place, *place.parents):
+            # A group without a limit has the word "max"; a parent may have one all the same.
             limit, used = (_lines(folder / name) for name in names[:2])
             if limit and used and limit[0].isdigit():
                 # The kernel frees inactive pages of files on demand.

@@ -63,6 +63,7 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
             )
         value = as_float(value, path).astype(known[path].dtype)
         check_shape(path, value, known[path].shape)
+        # Several entries of one array are set one after the other.
         whole, bracket, index = path.rpartition("[")
         if bracket and whole in known:
             leaves[whole] = leaves.get(whole, known[whole]).at[int(index[:-1])].set(value)

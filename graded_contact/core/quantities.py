@@ -45,22 +45,6 @@ AXES = _table([
     ("seed", "", "1", "seed of the random surface"),
 ])  # fmt: skip
 
-# Numbers of results over several contacts.
-OF_STUDIES = _table([
-    ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),
-    ("friction_standard_error", "", "1", "standard error of the friction by that of materials"),
-])  # fmt: skip
-
-# A periodic motion.
-MOTION = _table([
-    ("CyclicSliding.displacement", "s", "m", "displacement of the surface over the block"),
-    ("Motion.displacement", "s", "m", "displacement of the surface over the block"),
-    ("surface_displacement", "s", "m", "displacement of the surface over the block"),
-    ("time", "t/T", "1", "time over the period"),
-    ("highest_speed", "v", "m/s", "highest speed"),
-    ("period", "T", "s", "period"),
-])  # fmt: skip
-
 # Fields over the surface.
 FIELDS = _table([
     ("pressure", r"\sigma", "Pa", "contact pressure"),
@@ -125,8 +109,15 @@ PARAMETERS = _table([
     ("contact_gap", "", "1", "gap below which there is contact, over the range"),
 ])  # fmt: skip
 
-# Other numbers of results.
+# Of periodic motions, and other numbers of results.
 RESULTS = _table([
+    *((name, "s", "m", "displacement of the surface over the block") for name in
+      ("CyclicSliding.displacement", "Motion.displacement", "surface_displacement")),
+    ("time", "t/T", "1", "time over the period"),
+    ("highest_speed", "v", "m/s", "highest speed"),
+    ("period", "T", "s", "period"),
+    ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),
+    ("friction_standard_error", "", "1", "standard error of the friction by that of materials"),
     ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),
@@ -238,11 +229,12 @@ def numbers_of(motion: bool, facts: Collection[str] = ()) -> tuple[str, ...]:
 
 
 # The pressure of an axis comes before that of a field.
-_ALL = PARAMETERS | RESULTS | FIELDS | MOTION | OF_STUDIES
+_ALL = PARAMETERS | RESULTS | FIELDS
 
 
 def quantity_of(name: str, owner: str = "") -> Quantity | None:
     """Returns the entry of a field of the class `owner`, or of the last part of a path, or None."""
+    # "layers[0].thickness" and "times[2]" are a thickness and a time.
     last = name.rpartition(".")[2].partition("[")[0]
     found = _ALL.get(f"{owner}.{last}") or AXES.get(last)
     if found is None and last in OBSERVABLES:

@@ -23,6 +23,7 @@ def monotone_cubic(
         inner = jnp.where(same, (w1 + w2) / (w1 / safe_left + w2 / safe_right), 0)
         ends = [_end_slope(h[i], h[j], secant[i], secant[j]) for i, j in ((0, 1), (-1, -2))]
         slopes = jnp.concatenate([ends[0][None], inner, ends[1][None]])
+    # Beyond the nodes the first or the last cubic continues.
     i = jnp.clip(jnp.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2)
     t = (x - nodes[i]) / h[i]
     rise = values[i + 1] - values[i]

@@ -84,14 +84,6 @@ def _grid_mismatch(found: Any) -> ArrayLike:
     return np.where(np.abs(friction) <= ROUNDING * slope, 0.0, mismatch)
 
 
-def _lost_shear(found: Any) -> ArrayLike:
-    return np.isnan(_number(found, "shear_friction")) & (_number(found, "slope_in_contact") > 0)
-
-
-def _no_touch(found: Any) -> Any:
-    return np.isnan(found.friction) & (_number(found, "slope_in_contact") == 0)
-
-
 def _unmeasured(what: str) -> str:
     return (
         f"{{worst:.0%}} of the {what} on points that were filled or tapered, not measured. "
@@ -113,8 +105,10 @@ RULES = (
          "The friction from the surface's slope and that from the block's differ by {worst:.0%}: "
          "the grid does not resolve the contact. Take more points, or a smoother surface."),
     *SLIDING_RULES,
-    Rule(_no_touch, 0, "The surfaces do not touch: there is no load, so friction is not defined."),
-    Rule(_lost_shear, 0,
+    Rule(lambda found: np.isnan(found.friction) & (_number(found, "slope_in_contact") == 0), 0,
+         "The surfaces do not touch: there is no load, so friction is not defined."),
+    Rule(lambda found: np.isnan(_number(found, "shear_friction"))
+         & (_number(found, "slope_in_contact") > 0), 0,
          "The friction of shear is not a number: `shear` returned NaN under a pressure of this "
          "contact."),
     Rule("compression", SQUEEZED,

@@ -47,17 +47,15 @@ def _checked(table: "Dataset") -> "Dataset":
     axes = [axis for axis in AXES if axis in getattr(table, "dims", ())]
     variables = [getattr(table, "data_vars", {}).get(n) for n in ("friction", "friction_error")]
     if any(v is None or {*v.dims} != {*axes} for v in variables) or axes[-2:] != [*AXES[1:]]:
-        raise ValueError(
-            f"`table={short(table)}` is refused: it needs `friction` and `friction_error` over "
-            "velocity, pressure and perhaps temperature, and nothing else."
-        )
+        axes = "velocity, pressure and perhaps temperature, and nothing else"
+        needed = f"it needs `friction` and `friction_error` over {axes}"
+        raise ValueError(f"`table={short(table)}` is refused: {needed}.")
+    # The last axis varies fastest in the lines, and *FRICTION wants increasing values.
     table = table.transpose(*axes, ...).sortby(axes)
     messages = np.ravel(table.get("message", np.array("")))
     if failed := [message for message in messages if message != ""]:
-        raise ValueError(
-            f"`table` has {len(failed)} of {len(messages)} points that failed or did not "
-            f"converge, see `message`. The first: {failed[0]}"
-        )
+        share = f"{len(failed)} of {len(messages)} points that failed or did not converge"
+        raise ValueError(f"`table` has {share}, see `message`. The first: {failed[0]}")
     words = "it must be a finite number, not negative"
     for part in ("friction", "friction_error", "velocity"):
         check_values(f"table.{part}", table[part].values, words, at_least=0)
@@ -68,7 +66,7 @@ def _lines(table: "Dataset", columns: list[str], separator: str) -> list[str]:
     """A line of numbers for each point, the velocity varying fastest."""
     points = table[["friction", "friction_error"]].to_dataframe([*table["friction"].dims])
     rows = points.reset_index()[columns].astype(float).to_numpy().tolist()
-    return [separator.join(map(repr, row)) for row in rows]
+    return [separator.join(map(repr, row)) for row in rows]  # `repr` keeps all digits
 
 
 def _abaqus(table: "Dataset", name: str) -> str:

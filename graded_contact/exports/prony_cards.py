@@ -52,9 +52,8 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
     **Returns:** the text of the file.
     """
     if not isinstance(material, Prony):
-        raise ValueError(
-            f"`material` is of type {type(material).__name__}; only a `Prony` series is exported."
-        )
+        kind = type(material).__name__
+        raise ValueError(f"`material` is of type {kind}; only a `Prony` series is exported.")
     check_card(format, FORMATS, name)
     return FORMATS[format](material, name)
 
@@ -64,10 +63,8 @@ def check_card(format: Any, formats: Collection[str], name: Any) -> None:
     if format not in formats:
         raise ValueError(f"`format={format!r}` is refused: use one of {tuple(formats)}.")
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-        raise ValueError(
-            f"`name={short(name)}` is refused: a letter, then letters, digits, `_` and `-` are "
-            "allowed."
-        )
+        allowed = "a letter, then letters, digits, `_` and `-` are allowed"
+        raise ValueError(f"`name={short(name)}` is refused: {allowed}.")
 
 
 def _fields(material: Prony) -> dict[str, Any]:
@@ -131,13 +128,11 @@ def _ansys(material: Prony, name: str) -> str:
     glassy, ratios, times = _normalised(material, "Ansys")
     poisson = float(material.poisson)
     if poisson == 0.5:
-        raise ValueError(
-            "`poisson=0.5` is refused: Ansys takes a linear elastic constant below 0.5 only. Give "
-            "the material 0.4999 and use mixed u-P elements."
-        )
+        remedy = "give the material 0.4999 and use mixed u-P elements"
+        raise ValueError(f"`poisson=0.5` is refused: Ansys needs less, {remedy}.")
     if len(times) > ANSYS_TERMS:
         raise ValueError(
-            f"`times` has {len(times)} entries; Ansys takes at most {ANSYS_TERMS} terms."
+            f"`times` has {len(times)} entries: Ansys takes at most {ANSYS_TERMS} terms."
         )
     lines = [
         f"! {name}. Units: Pa, s, K. Ratios to the instantaneous moduli; constant Poisson's ratio.",
@@ -146,6 +141,7 @@ def _ansys(material: Prony, name: str) -> str:
         f"MP,EX,MATID,{glassy!r}",
         f"MP,PRXY,MATID,{poisson!r}",
     ]
+    # TBDATA takes constants by their position: the ratio and the time of each term alternate.
     for part in ("SHEAR", "BULK"):
         lines.append(f"TB,PRONY,MATID,1,{len(times)},{part}")
         for i, (ratio, time) in enumerate(zip(ratios, times, strict=True)):
@@ -157,13 +153,11 @@ def _ansys(material: Prony, name: str) -> str:
 def _normalised(material: Prony, program: str) -> tuple[float, list[float], list[float]]:
     """Instantaneous modulus [Pa], ratios g_k [1] and times [s]."""
     strengths, equilibrium = np.asarray(material.strengths, float), float(material.equilibrium)
+    # The card holds the equilibrium modulus as 1 - Σ g_k, whose rounding must not swallow it.
     glassy = equilibrium + float(np.sum(strengths))
     if equilibrium < LEAST_REMAINDER * glassy:
-        raise ValueError(
-            f"`equilibrium={equilibrium:g}` Pa is refused: {program} needs an equilibrium modulus "
-            f"of at least {LEAST_REMAINDER:g} of the instantaneous one ({glassy:.4g} Pa). A "
-            "liquid has no such card."
-        )
+        least = f"at least {LEAST_REMAINDER:g} of the instantaneous modulus, {glassy:.4g} Pa"
+        raise ValueError(f"`equilibrium={equilibrium:g}` Pa is refused: {program} needs {least}.")
     return glassy, (strengths / glassy).tolist(), np.asarray(material.times, float).tolist()
 
 
@@ -177,6 +171,7 @@ def _measured(material: Prony) -> list[str]:
     """The range that was measured, in at most one sentence."""
     if material.measured is None:
         return []
+    # Programs use a series outside of its data without a warning: the card says where these end.
     units = {"omega": "rad/s", "temperature": "K"}
     ends = _constants(material.measured).items()
     ranges = " and ".join(f"{low:.4g} to {high:.4g} {units[name]}" for name, (low, high) in ends)

@@ -29,9 +29,10 @@ def put_on(devices: Sequence[jax.Device], array: Array) -> Array:
 
     **Raises:** `ValueError` unless these are devices.
     """
-    devices = list(devices) if isinstance(devices, Sequence | np.ndarray) else []
-    if not devices or not all(isinstance(device, jax.Device) for device in devices):
+    listed = isinstance(devices, Sequence | np.ndarray) and len(devices) > 0
+    if not listed or not all(isinstance(device, jax.Device) for device in devices):
         raise ValueError(f"`devices={short(devices)}` must be a list such as `jax.devices()`.")
+    # Small and needed everywhere, such as the size of a cell: not worth parting.
     return jax.device_put(array, NamedSharding(Mesh(np.array(devices), ROWS), Spec()))
 
 
@@ -51,6 +52,7 @@ def sharding_on(like: Array) -> NamedSharding | None:
     """Returns how fields are distributed over the devices of a concrete array; None for one."""
     if mesh_of(like) is None:
         return None
+    # The mesh of a type is abstract; only a concrete array names its devices.
     placed = cast(NamedSharding, like.sharding)
     return NamedSharding(placed.mesh, Spec(ROWS))
 
@@ -60,6 +62,7 @@ def spread(field: Array, like: Array) -> Array:
     mesh = mesh_of(like)
     if mesh is None:
         return field
+    # Outside `jit` a field is moved; inside, the compiler is told where it shall lie.
     if is_concrete(like):
         return jax.device_put(field, sharding_on(like))
     return jax.lax.with_sharding_constraint(field, NamedSharding(mesh, Spec(ROWS)))
@@ -70,6 +73,7 @@ def whole_along(array: Array, axis: int) -> Array:
     mesh = mesh_of(array)
     if mesh is None or is_concrete(array):
         return array
+    # The other axis is parted, so that memory stays shared.
     over = Spec(None, ROWS) if axis % array.ndim == 0 else Spec(ROWS)
     return jax.lax.with_sharding_constraint(array, NamedSharding(mesh, over))
 
@@ -99,14 +103,8 @@ def required(tree: T, good: Array, check: Callable[[Array, Array], Array]) -> T:
     """
     if is_concrete(good) and good:
         return tree
-    return tied(tree, check(jnp.asarray(-0.0), ~good))
-
-
-def tied(tree: T, nothing: Array) -> T:
-    """Returns a tree that depends on `nothing`, the -0.0 of a run-time check.
-
-    XLA takes what a check is put on to one device, whole: it must be a number, not a field.
-    """
+    # XLA takes what a check is put on to one device, whole: a number, which all fields then add.
+    nothing = check(jnp.asarray(-0.0), ~good)
     if is_concrete(nothing):
         return tree
     return jax.tree.map(lambda a: a if a.dtype == bool else a + nothing.astype(a.dtype), tree)

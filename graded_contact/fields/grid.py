@@ -10,7 +10,6 @@ that of a real operator, and its resolvent that of this operator's.
 
 import functools
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,8 +19,7 @@ from jax import Array
 from jax.sharding import NamedSharding
 from jaxtyping import Bool, Complex, Float, Inexact, Int
 
-from ..core.checks import Numbers, as_float, check_positive, check_squares, check_values, short
-from ..core.compilation import jit
+from ..core.checks import Numbers, as_float, check_positive, short
 from ..core.derivative import largest
 from ..core.display import shown
 from . import transforms as _fft
@@ -53,11 +51,7 @@ class Grid(eqx.Module):
     ):
         counts = tuple(shape) if isinstance(shape, Sequence | np.ndarray) else (shape,)
         whole = (isinstance(n, int | np.integer) and not isinstance(n, bool) for n in counts)
-        if (
-            len(counts) not in (1, 2)
-            or not all(whole)
-            or not 4 <= min(counts) <= max(counts) < 2**48
-        ):
+        if not (0 < len(counts) < 3 and all(whole) and 4 <= min(counts) <= max(counts) < 2**48):
             raise ValueError(
                 f"`shape={short(shape)}` is refused: one or two whole numbers from 4 to 2^48."
             )
@@ -110,11 +104,10 @@ def coordinates(grid: Grid) -> tuple[Float[Array, "..."], ...]:
 
 def mode_numbers(shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
     """Returns the integers k of q = 2π k/L on the half spectrum, broadcastable; Nyquist is +n/2."""
-    axes = [
-        np.abs(np.fft.fftfreq(n, 1 / n)) * np.where(np.arange(n) <= n // 2, 1, -1) for n in shape
-    ]
-    axes[-1] = axes[-1][: shape[-1] // 2 + 1]
-    return tuple(np.meshgrid(*[np.rint(k).astype(int) for k in axes], indexing="ij", sparse=True))
+    # 0, 1, ..., n//2 and then the negative ones.
+    axes = [(np.arange(n) + (n - 1) // 2) % n - (n - 1) // 2 for n in shape]
+    axes[-1] = np.arange(shape[-1] // 2 + 1)
+    return tuple(np.meshgrid(*axes, indexing="ij", sparse=True))
 
 
 def wavevector(
@@ -140,6 +133,7 @@ def wavenumber(grid: Grid) -> Float[Array, "..."]:
     """Returns |q| [rad/m] on the half spectrum; the q = 0 entry is 0 and has derivative 0."""
     components = wavevector(grid)
     squared = sum(component**2 for component in components)
+    # The root has no derivative at 0, so the mean is 1 before it and 0 after it.
     zero = zero_mode(grid.shape)
     return jnp.where(zero, 0, jnp.sqrt(jnp.where(zero, 1, squared)))
 
@@ -147,6 +141,7 @@ def wavenumber(grid: Grid) -> Float[Array, "..."]:
 def rings(grid: Grid) -> tuple[Float[Array, " rings"], Int[Array, "*half"]]:
     """Returns the outer edges [rad/m] of rings of |q|, and the ring of each mode."""
     q = wavenumber(grid)
+    # The first ring holds the longest waves alone.
     edges = jnp.linspace(2 * np.pi / jnp.max(grid.size), largest(q), max(grid.shape))
     # Modes on an outer edge belong to the ring inside it: rounding must not expel them.
     ring = jnp.ceil((q - edges[0]) / (edges[1] - edges[0]) - 1e-4).astype(int)
@@ -186,76 +181,6 @@ def even_on_nyquist(response: Inexact[Array, "..."], shape: tuple[int, ...]) -> 
     half = shape[0] // 2
     line = ((response[half] + response[half + 1]).real / 2)[None].astype(response.dtype)
     return jnp.concatenate([response[:half], line, response[half + 2 :]])
-
-
-def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..."]:
-    """Returns a velocity along x, a number, or with two components as an array [m/s].
-
-    **Raises:** `ValueError` unless it is finite and of a shape that suits the grid, if any.
-    """
-    velocity = as_float(velocity, "velocity")
-    one = grid is not None and grid.ndim == 1
-    if velocity.shape not in ((), (2,)) or (one and velocity.ndim):
-        raise ValueError(
-            f"`velocity` has shape {velocity.shape}; a number (along x) or, on a grid in two "
-            "dimensions, two components are needed. For several velocities use `jax.vmap`."
-        )
-    check_values("velocity", velocity, "a velocity [m/s] must be finite")
-    check_squares("velocity", velocity, "m/s")
-    return velocity
-
-
-def velocity_along(speed: Any, direction: float) -> Any:
-    """Returns a velocity at an angle from the x axis: one number along x, or two components."""
-    if direction == 0:
-        return speed
-    unit = np.array([np.cos(direction), np.sin(direction)])
-    # Rounding of a right angle would excite frequencies near zero.
-    return speed * np.where(np.abs(unit) < 1e-12, 0, unit)
-
-
-@jit
-def direction_and_speed(
-    velocity: Float[Array, "..."],
-) -> tuple[Float[Array, " components"], Float[Array, ""]]:
-    """Returns the unit vector along a velocity, of one component or two, and |v| [m/s].
-
-    At rest it is along x, and so is what a derivative of the speed means there.
-    """
-    velocity = jnp.atleast_1d(velocity)
-    squared = jnp.sum(velocity**2)
-    at_rest = squared == 0
-    speed = jnp.where(at_rest, velocity[0], jnp.sqrt(jnp.where(at_rest, 1, squared)))
-    along_x = jnp.arange(len(velocity)) == 0
-    return jnp.where(at_rest, along_x, velocity / jnp.where(at_rest, 1, speed)), speed
-
-
-def sliding_frequency(
-    qx: Float[Array, "..."], qy: Float[Array, "..."] | float, velocity: Float[Array, "..."]
-) -> Float[Array, "..."]:
-    """Returns ω = -q·v [rad/s] of a surface moving with `velocity`: the one place of this sign.
-
-    `velocity` is v, along x (then ω has the shape of `qx`), or has one or two components. Across
-    the velocity rounding leaves some 1e-17 where 0 is meant: another number whenever it is
-    computed anew, outside of any table of moduli, and with a sign. There it is 0, with its
-    derivative -q.
-    """
-    if velocity.size == 1:
-        return -qx * velocity.reshape(())
-    along, across = qx * velocity[0], qy * velocity[1]
-    omega = -(along + across)
-    rounding = 4 * jnp.finfo(omega.dtype).eps * jnp.abs(along)
-    return omega - jax.lax.stop_gradient(jnp.where(jnp.abs(omega) <= rounding, omega, 0))
-
-
-def wave_frequencies(grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
-    """Returns ω = -q·v [rad/s] of the waves of the half spectrum.
-
-    What a component of q adds is 0 on its Nyquist line. `velocity` has one component (along x) or
-    two; for one the result has the shape of a column, `(nx, 1)`.
-    """
-    qx, qy = (*odd_wavevector(grid), jnp.zeros(()))[:2]
-    return sliding_frequency(qx, qy, as_float(velocity, "velocity"))
 
 
 def multiplicity(shape: tuple[int, ...]) -> np.ndarray:
@@ -318,6 +243,7 @@ def interpolate(field: Float[Array, "..."], shape: tuple[int, ...]) -> Float[Arr
     for axis, (n, m) in enumerate(zip(field.shape, shape, strict=True)):
         if n == m:
             continue
+        # Places of the new points in spacings of the old grid.
         position = np.arange(m) * (n / m)
         left = np.floor(position).astype(int)
         weight = (position - left).reshape([-1 if i == axis else 1 for i in range(field.ndim)])

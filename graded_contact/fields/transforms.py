@@ -32,6 +32,7 @@ def rfftn(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
         if not _is_bound(field.shape):
             return jnp.fft.rfftn(field)
         return _bound()[0](field, size=field.shape[-1])[0]
+    # Rows are whole on each device: transform them first, then exchange blocks.
     rows, columns = field.shape
 
     @partial(jax.shard_map, mesh=mesh, in_specs=Spec(ROWS), out_specs=Spec(None, ROWS))
@@ -54,6 +55,7 @@ def irfftn(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[A
 
     @partial(jax.shard_map, mesh=mesh, in_specs=Spec(None, ROWS), out_specs=Spec(ROWS))
     def transform(block):
+        # Columns first, as they are whole here: the reverse of `rfftn`.
         half = padded(jnp.fft.ifft(block, axis=0), 0, mesh.size)
         half = jax.lax.all_to_all(half, ROWS, 0, 1, tiled=True)
         return jnp.fft.irfft(half[:, : shape[-1] // 2 + 1], shape[-1])
@@ -63,6 +65,7 @@ def irfftn(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[A
 
 def _is_bound(shape: tuple[int, ...]) -> bool:
     """Whether fields of this shape go through ducc0."""
+    # On a GPU XLA's transforms are those of the vendor.
     return math.prod(shape) >= BOUND_FROM and _is_installed() and jax.default_backend() == "cpu"
 
 
@@ -96,6 +99,7 @@ def _bound():
         ducc0.fft.r2c(field, axes=axes, out=out, nthreads=0)
 
     def forward_transposed(spectrum, out, axes, size):
+        # A half spectrum counts most modes once that the full one has twice.
         spectrum = np.conj(spectrum) / weights(spectrum, axes, size)
         ducc0.fft.c2r(spectrum, axes=axes, lastsize=size, forward=False, out=out, nthreads=0)
 

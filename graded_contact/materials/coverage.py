@@ -1,12 +1,15 @@
 """Where a material was measured, and what is outside this range.
 
 A fitted series has a modulus at every frequency, but only where there were data is it more than an
-extrapolation. A limited material has two methods, `coverage()` and `check(omega)`; the
-functions below find all that is limited in a material, profile or stack.
+extrapolation. A limited material, of the package or of a user, has two methods:
+
+- `coverage()` returns the lowest and highest measured ω [rad/s]; an infinite lowest means none.
+- `check(omega)` raises `ValueError` if there is no modulus at some of the frequencies [rad/s].
+
+The functions below find all that is limited in a material, profile or stack.
 """
 
-import functools
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,19 +23,6 @@ from .shift import NEAR, stretched
 
 # A shifted range may miss its own ends by rounding.
 SLACK = 64
-
-
-@runtime_checkable
-class Limited(Protocol):
-    """A material with a known range of measured frequencies."""
-
-    def coverage(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """Returns the lowest and highest ω [rad/s]; the lowest is infinite if there is none."""
-        ...
-
-    def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
-        """Raises `ValueError` if there is no modulus at some of the frequencies [rad/s]."""
-        ...
 
 
 @shown(units=False)
@@ -69,6 +59,7 @@ class MeasuredRange(eqx.Module):
 
     def shifted(self, log_factor: Float[Array, ""]) -> "MeasuredRange":
         """Returns the range of a material whose times were multiplied by exp(`log_factor`)."""
+        # The ends keep their ratio where a huge shift is cut off at the range of the dtype.
         first = stretched(self.omega[:1], -log_factor)
         return MeasuredRange(self.omega / self.omega[0] * first, self.temperature)
 
@@ -84,16 +75,13 @@ class MeasuredRange(eqx.Module):
         return jnp.where(inside, lowest, jnp.inf), jnp.where(inside, highest, 0)
 
 
-def is_within(value: Any, lowest: Any, highest: Any) -> Any:
-    """Returns whether positive values lie in a range, to rounding; NaN does not."""
-    slack = SLACK * float(jnp.finfo(value.dtype).eps)
-    return (value >= lowest * (1 - slack)) & (value <= highest * (1 + slack))
-
-
 def is_unknown(omega: Any, known: tuple[Any, Any]) -> Any:
     """Returns whether ω [rad/s], of either sign, lies outside what is `known`; rest does not."""
-    size = abs(omega)
-    return (size > 0) & ~is_within(size, *known)
+    size, (lowest, highest) = abs(omega), known
+    slack = SLACK * float(jnp.finfo(omega.dtype).eps)
+    # Written so that a range of NaN holds no frequency.
+    inside = (size >= lowest * (1 - slack)) & (size <= highest * (1 + slack))
+    return (size > 0) & ~inside
 
 
 def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
@@ -107,6 +95,7 @@ def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
 
     **Returns:** the lowest and the highest ω [rad/s], or None.
     """
+    # A stack is known only where each of its materials is.
     found = [part.coverage() for part in _limited(tree)]
     if not found:
         return None
@@ -121,9 +110,7 @@ def check_frequencies(tree: Any, omega: Float[Array | np.ndarray, "..."]) -> Non
 
 
 def _limited(tree):
-    nodes = jax.tree.leaves(tree, is_leaf=lambda node: _is_limited(type(node)))
-    return [node for node in nodes if _is_limited(type(node))]
+    def is_limited(node):
+        return hasattr(node, "coverage") and hasattr(node, "check")
 
-
-# Python compares a class with a protocol method by method, which takes long.
-_is_limited = functools.cache(lambda kind: issubclass(kind, Limited))
+    return [node for node in jax.tree.leaves(tree, is_leaf=is_limited) if is_limited(node)]

@@ -38,10 +38,5 @@ def tyre_tread(poisson: float = 0.5) -> Prony:
 
     **Returns:** the material, with its law of temperature.
     """
-    return Prony(
-        equilibrium=_TREAD_EQUILIBRIUM,
-        strengths=_TREAD_STRENGTHS,
-        times=_TREAD_TIMES,
-        poisson=poisson,
-        shift=WLF(c1=4.57, c2=113.6, reference=298.15).rebased(293.15),
-    )
+    shift = WLF(c1=4.57, c2=113.6, reference=298.15).rebased(293.15)
+    return Prony(_TREAD_EQUILIBRIUM, _TREAD_STRENGTHS, _TREAD_TIMES, poisson, shift)

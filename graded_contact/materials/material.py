@@ -171,6 +171,7 @@ class Prony(AbstractMaterial):
 
     def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
         omega = as_float(omega, "omega")
+        # One more axis, over the branches.
         x = omega[..., None] * self.times
         # x²/(1 + x²) and x/(1 + x²), in forms that neither overflow nor cancel and are even and
         # odd: split into size and sign, they would have no derivative at rest.
@@ -185,6 +186,7 @@ class Prony(AbstractMaterial):
         return self.poisson
 
     def at(self, temperature: ScalarLike) -> "Prony":
+        # Moduli change by b_T, times by a_T; the law then counts from the new temperature.
         shift, temperature = require_shift(self.shift), as_temperature(temperature)
         log_factor, lift = shift.log_factor(temperature), jnp.exp(shift.log_vertical(temperature))
         return dataclasses.replace(
@@ -248,14 +250,13 @@ class BulkShear(AbstractMaterial):
     def _shear_and_ratio(self, omega):
         """G [Pa] and G/(3K) [1], in units in which the backward pass suits float32."""
         bulk, shear = self.bulk.modulus(omega), self.shear.modulus(omega)
+        # Powers of moduli in Pa, of the backward pass of a division, would overflow float32.
         unit = jax.lax.stop_gradient(jnp.max(jnp.abs(bulk)))
         return shear, (shear / unit) / (3 * (bulk / unit))
 
 
 @jax.jit
-def _relaxation_from_creep(
-    glassy: Float[Array, ""], compliances: Float[Array, " n"], times: Float[Array, " n"]
-) -> tuple[Float[Array, ""], Float[Array, " n"], Float[Array, " n"]]:
+def _relaxation_from_creep(glassy: Array, compliances: Array, times: Array):
     """`(equilibrium [Pa], strengths [Pa], relaxation times [s])`, longest time first.
 
     E(s) and J(s) = 1/E(s) are rational functions, whose poles and zeros on the negative axis
@@ -266,11 +267,9 @@ def _relaxation_from_creep(
     rates = 1 / times[order]
     weights = glassy * compliances[order] * rates
     # J(s) = 0 at s = -λ: one root above each rate, the last below r_n + Σ a.
+    upper = jnp.append(rates[1:], rates[-1] + 2 * jnp.sum(weights))
     roots, gaps = _increasing_roots(
-        lambda root, gaps: 1 + jnp.sum(weights / gaps, axis=-1),
-        rates,
-        lower=rates,
-        upper=jnp.append(rates[1:], rates[-1] + 2 * jnp.sum(weights)),
+        lambda root, gaps: 1 + jnp.sum(weights / gaps, axis=-1), rates, rates, upper
     )
     slope = jnp.sum(weights / gaps / gaps, axis=-1)
     equilibrium = glassy / (1 + glassy * jnp.sum(compliances))
@@ -278,41 +277,33 @@ def _relaxation_from_creep(
 
 
 @jax.jit
-def _creep_from_relaxation(
-    equilibrium: Float[Array, ""], strengths: Float[Array, " n"], times: Float[Array, " n"]
-) -> tuple[Float[Array, ""], Float[Array, " n"], Float[Array, " n"]]:
+def _creep_from_relaxation(equilibrium: Array, strengths: Array, times: Array):
     """`(glassy [Pa], compliances [1/Pa], retardation times [s])`, longest time first."""
     order = jnp.argsort(-times)
     rates, strengths = 1 / times[order], strengths[order]
     ratios = strengths / equilibrium
     # E(s) = 0 at s = -r: one root below each rate, the first above r_1/(1 + Σ E_k/E_eq).
+    lower = jnp.append(rates[:1] / (1 + 2 * jnp.sum(ratios)), rates[:-1])
     roots, gaps = _increasing_roots(
-        lambda root, gaps: jnp.sum(ratios * root[:, None] / gaps, axis=-1) - 1,
-        rates,
-        lower=jnp.append(rates[:1] / (1 + 2 * jnp.sum(ratios)), rates[:-1]),
-        upper=rates,
+        lambda root, gaps: jnp.sum(ratios * root[:, None] / gaps, axis=-1) - 1, rates, lower, rates
     )
     slope = jnp.sum(strengths * rates / gaps / gaps, axis=-1)
     return equilibrium + jnp.sum(strengths), 1 / (roots * slope), 1 / roots
 
 
-def _increasing_roots(
-    value: Callable[[Float[Array, " n"], Float[Array, "n n"]], Float[Array, " n"]],
-    poles: Float[Array, " n"],
-    lower: Float[Array, " n"],
-    upper: Float[Array, " n"],
-) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-    """Roots λ_i between `lower` and `upper` > 0, and the gaps poles_j - λ_i.
+def _increasing_roots(value: Callable, poles: Array, lower: Array, upper: Array):
+    """Roots λ_i between `lower` and `upper` > 0, shape `(n,)`, and gaps poles_j - λ_i, `(n, n)`.
 
-    `value(λ, gaps)` increases along each bracket, from pole to pole. The root of a weak branch
-    nearly touches its pole, so what is sought is log |λ - nearer end|: by bisection to the last
-    digit, then by one Newton step that carries the derivatives.
+    `value(λ, gaps)`, shape `(n,)`, increases along each bracket, from pole to pole. The root of a
+    weak branch nearly touches its pole, so what is sought is log |λ - nearer end|: by bisection to
+    the last digit, then by one Newton step that carries the derivatives.
     """
     middle = (lower + upper) / 2
     from_lower = value(middle, poles - middle[:, None]) > 0
     end, sign = jnp.where(from_lower, lower, upper), jnp.where(from_lower, 1, -1)
 
     def place(step):
+        # Gaps as differences of poles, less the step: root and pole agree in most digits.
         return end + sign * step, (poles - end[:, None]) - (sign * step)[:, None]
 
     def halve(_, bracket):
@@ -322,10 +313,12 @@ def _increasing_roots(
         return jnp.where(too_far, near, step), jnp.where(too_far, step, far)
 
     far = jnp.log((upper - lower) / 2)
+    # The weakest branch that can be found has almost the smallest number of the dtype.
     reach = 0.9 * float(np.log(jnp.finfo(poles.dtype).tiny))
     # 80 halvings take a bracket of 700 e-foldings below rounding.
     near, far = jax.lax.stop_gradient(jax.lax.fori_loop(0, 80, halve, (far + reach, far)))
     step = jnp.exp((near + far) / 2)
+    # Bisection has no derivative; one step of Newton has that of the implicit function.
     _, slope = jax.jvp(lambda step: value(*place(step)), (step,), (jnp.ones_like(step),))
     return place(step - value(*place(step)) / jax.lax.stop_gradient(slope))
 

@@ -57,6 +57,7 @@ class Measured:
                 f"{self.deformation}; a table needs one, of kind 'frequency' in tension (shear is "
                 "converted with `poisson`). Fit others: `graded-contact fit FILE`."
             )
+        # Points are sorted, so equal frequencies are neighbours.
         twice = np.flatnonzero(np.diff(self.abscissa) == 0)
         if len(twice):
             first, second = self.lines[twice[0] : twice[0] + 2]
@@ -80,6 +81,7 @@ class Measured:
 
 def grouped(kelvin: np.ndarray) -> Int[np.ndarray, " points"]:
     """Numbers of groups of temperatures, from 0, the coldest first."""
+    # A step from one sorted temperature to the next starts a group: drift does not.
     order = np.argsort(kelvin, kind="stable")
     group = np.empty(len(kelvin), int)
     group[order] = np.cumsum(np.diff(kelvin[order], prepend=kelvin[order[0]]) > ISOTHERM_GAP)
@@ -121,6 +123,7 @@ def distinct(parts: Sequence[Measured]) -> bool:
         return False
     owner = np.repeat(np.arange(len(parts)), [np.max(part.isotherm) + 1 for part in parts])
     _, group = _curves(parts)
+    # Each group then belongs to one part: there are no more pairs than groups.
     return len(set(zip(group.tolist(), owner.tolist(), strict=True))) == len(set(group))
 
 

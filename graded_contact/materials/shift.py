@@ -235,6 +235,7 @@ class TabulatedShift(AbstractShift):
         self._check_covered("temperature", temperature)
         coldest, hottest = self.temperatures[0] - NEAR, self.temperatures[-1] + NEAR
         inside = (temperature >= coldest) & (temperature <= hottest)
+        # The sign makes the nodes increase with temperature.
         places = -1 / jnp.stack([temperature, self.reference])
         there, here = monotone_cubic(-1 / self.temperatures, values, places)
         return jnp.where(inside, there - here, jnp.nan)

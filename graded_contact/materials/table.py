@@ -64,6 +64,7 @@ class Tabulated(AbstractMaterial):
         extrapolate: Literal["refuse", "plateau"] = "refuse",
     ):
         self.omega, modulus = as_float(omega, "omega"), as_numbers(modulus, "modulus")
+        # Two real rows, so that derivatives and paths need no complex numbers.
         self.storage, self.loss = modulus.real, modulus.imag
         self.poisson = as_scalar(poisson, "poisson")
         self.shift, self.extrapolate = shift, extrapolate
@@ -84,6 +85,7 @@ class Tabulated(AbstractMaterial):
             self.check(omega)
             size = eqx.error_if(size, is_unknown(omega, (first, last)), _OUTSIDE)
         below, above = size < first, size > last
+        # Clipped before the logarithm: at rest it would be -inf, with a NaN derivative.
         inside = jnp.log(jnp.where(below, first, jnp.where(above, last, size)))
         nodes = jnp.log(self.omega)
         storage, loss = (

@@ -55,9 +55,7 @@ def density(x: Float[Array, "n 1"], stress: Float[Array, "#n m"]) -> Float[Array
     return jnp.where(x > 0, images / jnp.sqrt(2 * np.pi * safe), 0)
 
 
-def mean_in_contact(
-    function: Callable[[Float[Array, "n m"]], Float[Array, "n m"]], x: Float[Array, " n"]
-) -> Float[Array, " n"]:
+def mean_in_contact(function: Callable, x: Float[Array, " n"]) -> Float[Array, " n"]:
     """Returns the mean of a function of the stress [1] over the contact, after diffusion up to `x`.
 
     Gauss's rule over eight standard deviations on either side of σ = 1, as far as σ > 0. Where
@@ -108,6 +106,7 @@ def slowed(correction: Correction, v: Float[Array, "*n"]) -> Float[Array, "*n"]:
     table = jnp.asarray(np.geomspace(_START, 1e24, 700), v.dtype)
     steps = elapsed(table[:-1], table[1:])
     passed = jnp.concatenate([table[:1], table[0] + jnp.cumsum(steps)])
+    # A straight line through the interval starts Newton's steps.
     i = jnp.clip(jnp.searchsorted(passed, v) - 1, 0, len(table) - 2)
     start, late = table[i], v - passed[i]
     x = start + late * (table[i + 1] - start) / steps[i]

@@ -57,9 +57,7 @@ class HeatedScales(eqx.Module):
     error: Float[Array, ""]
 
 
-def find_rises(
-    power: Callable[[Any, Float[Array, " m"]], tuple[Array, ...]], heating: Heating, given: Any
-) -> tuple[Float[Array, " m"], Float[Array, ""], Array]:
+def find_rises(power: Callable, heating: Heating, given: Any) -> tuple[Array, Array, Array]:
     """Returns the rises of the surface and of the scales [K], their last change, if that is small.
 
     **Arguments:**
@@ -78,6 +76,7 @@ def find_rises(
 
     values = heating, given
     fixed = still(values)
+    # The surface and every scale.
     start = jnp.zeros(_INTERVALS + 2, heating.conductivity.dtype)
     rtol = jnp.maximum(_RTOL, 100 * jnp.finfo(start.dtype).eps).astype(start.dtype)
     point = find_fixed_point(lambda x, state: (step(fixed, x), state), start, None, rtol)
@@ -107,6 +106,7 @@ def _rises(heating, q, x, heat, shear_heat, scales, speed):
 
     own, by_flux = jax.lax.map(at, jnp.append(0.0, 1 / (2 * scales)))
     there = jnp.sum(power / middle)
+    # Heat divides so that both surfaces have the same mean temperature.
     surface = own[0] + shear_heat * by_flux[0]
     left = counterface * surface / (counterface * by_flux[0] + there)
     return own + (shear_heat - left) * by_flux

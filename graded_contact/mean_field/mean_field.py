@@ -53,7 +53,7 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.display import shown
-from ..fields.grid import as_velocity, direction_and_speed
+from ..fields.frequency import as_velocity, direction_and_speed
 from ..materials.shift import as_temperature
 from ..materials.softening import as_strain_per_slope
 from ..sliding.case import Case
@@ -69,9 +69,8 @@ from .quadrature import Field, Rules, add_up, integrate
 from .roughness import as_roughness
 
 _NOT_REACHED = (
-    "The mean field did not reach `rtol`, or met a value that is not finite (a pressure, thickness "
-    "or modulus that is not positive under `jit` ends here), or `heating` did not reach steady "
-    "temperatures. Raise `num_wavenumbers` and `num_angles`, or loosen `rtol`."
+    "The mean field did not reach `rtol` or steady temperatures, or met a value that is not finite "
+    "(as of a modulus of 0 under `jit`). Raise `num_wavenumbers` and `num_angles`, or `rtol`."
 )
 
 
@@ -178,13 +177,12 @@ def mean_field_friction(
     pressure, velocity = as_scalar(pressure, "pressure"), as_velocity(velocity)
     check_positive("pressure", pressure, "[Pa]")
     check_tolerance("rtol", rtol, pressure)
+    # Early, so that a bad law is named before anything is compiled.
     shear_stress(shear, direction_and_speed(velocity)[1], temperature)  # refuses what is no law
     temperature = None if temperature is None else as_temperature(temperature)
     # On input the value is unknown if the pressure is traced.
     load = jnp.where(pressure > 0, pressure, jnp.nan)
-    ratio = None
-    if strain_per_slope is not None:
-        ratio = as_strain_per_slope(strain_per_slope, stack)
+    ratio = None if strain_per_slope is None else as_strain_per_slope(strain_per_slope, stack)
     if isinstance(spectrum, Surface):
         for name, value in (("own_roughness", own_roughness), ("heating", heating)):
             if value is not None:
@@ -208,13 +206,12 @@ def mean_field_friction(
         field = Field(stack, roughness, own, load, velocity, ratio)
         found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
     q, x, friction, error, share, sheared = found
-    contact_area = area(x)
     solution = MeanField(
         friction=friction[-1] + sheared[-1],
         hysteresis_friction=friction[-1],
         shear_friction=sheared[-1],
-        contact_area=contact_area[-1],
-        against_cutoff=CutoffCurve(q, friction + sheared, contact_area),
+        contact_area=area(x[-1]),
+        against_cutoff=CutoffCurve(q, friction + sheared, area(x)),
         stress_variance=x * load * load,
         pressure=load,
         extrapolated_friction=share,
@@ -239,9 +236,9 @@ def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanFiel
     - `options`: arguments of `mean_field_friction`, also in place of those of the case.
     """
     names = "pressure", "velocity", "shear", "temperature", "heating", "strain_per_slope"
-    given: dict[str, Any] = {name: getattr(case, name) for name in names}
+    given: dict[str, Any] = {name: getattr(case, name) for name in names} | options
     rough = case.surface if roughness is None else roughness
-    return mean_field_friction(case.stack, rough, **{**given, **options})
+    return mean_field_friction(case.stack, rough, **given)
 
 
 def _summed(field: Field, correction, graded_solver, shear, temperature):
@@ -271,6 +268,7 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     """What `_integrated` returns, and the temperatures of the scales."""
     field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
+    # The lowest frequency is that of the longest wave at the last angle.
     edges, speed = field.roughness.edges, direction_and_speed(field.velocity)[1]
     if is_concrete(speed) and np.asarray(speed) == 0:
         check_at_rest(field.stack)
@@ -285,16 +283,16 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
         return q, x, load * friction, load * sheared[-1], speed
 
     rises, change, reached = find_rises(power, heating, given)
-    q, x, friction, error, share, sheared = _integrated(rules, given, rises)
-    error = jnp.where(reached, error, jnp.inf)
+    q, x, friction, error, *rest = _integrated(rules, given, rises)
     scales = HeatedScales(rises[0], between_scales(rises[1:], q), change)
-    return (q, x, friction, error, share, sheared), scales
+    return (q, x, friction, jnp.where(reached, error, jnp.inf), *rest), scales
 
 
 def _integrated(rules: Rules, given, rises=None):
     """Wavenumbers, diffusion, hysteresis, its error and extrapolated share, and shear."""
     (field, shear, temperature), scales = given, None
     if rises is not None:
+        # The first temperature is that of the surface, where shear acts.
         scales, temperature = temperature + rises[1:], temperature + rises[0]
     q, x, *found = integrate(field, rules, scales)
     return q, x, *found, _sheared(field, shear, temperature, x)
@@ -328,5 +326,6 @@ def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array
         raise ValueError(f"`stress` has shape {stress.shape}; one axis is needed.")
     check_values("stress", stress, "a stress [Pa] is zero or positive", at_least=0)
     mean = mean_field.pressure
+    # Twice a division: the square of a pressure may leave the range of float32.
     x = mean_field.stress_variance / mean / mean
     return density(x[:, None], (stress / mean)[None, :]) / mean

@@ -24,21 +24,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
 from ..blocks.compliance import surface_compliance_unchecked
 from ..blocks.grading import AbstractGradedSolver, graded_tolerance
 from ..blocks.stack import Stack
 from ..fields.devices import binned
-from ..fields.grid import (
-    direction_and_speed,
-    multiplicity,
-    rings,
-    sliding_frequency,
-    to_spectrum,
-    wave_frequencies,
-)
+from ..fields.frequency import direction_and_speed, sliding_frequency, wave_frequencies
+from ..fields.grid import multiplicity, rings, to_spectrum, zero_mode
 from ..materials.coverage import coverage, is_unknown
 from ..materials.softening import at_strain
 from ..surfaces.spectrum import between_ends
@@ -81,9 +75,7 @@ class Rules(NamedTuple):
 @eqx.filter_checkpoint
 def integrate(
     field: Field, rules: Rules, temperatures: Float[Array, " scales"] | None = None
-) -> tuple[
-    Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]
-]:
+) -> tuple[Array, ...]:
     """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, and the error.
 
     At last the share of friction [1] from frequencies at which a material was not measured, as it
@@ -93,6 +85,7 @@ def integrate(
     num_intervals, num_angles = rules.num_wavenumbers, rules.num_angles
     edges = joined_edges(field.roughness, field.own)
     lengths = jnp.log(edges[1:] / edges[:-1])
+    # Twice as many as the rule has: those between give the error.
     q = _nodes(edges, lengths, 2 * num_intervals)
     direction, speed = direction_and_speed(field.velocity)
     turn = field.roughness.turn_of(direction)
@@ -105,11 +98,6 @@ def integrate(
     temperature = None if temperatures is None else between_scales(temperatures, q)
     everything = field, speed, q, (strain, temperature), turn
 
-    def rates(values, at_q, at_angle):
-        *values, turn = values
-        along, offset, _ = _angles(turn, 2 * num_angles, q.dtype)
-        return _rates(values, at_q, (along[at_angle], offset[at_angle]), rules.graded_solver)
-
     def over_angles(rate, weights):
         return jnp.einsum("...mk,mk", rate, weights)
 
@@ -121,14 +109,16 @@ def integrate(
     shifted = (2 * many).at[::2].add(-weights)
     every_fourth = jnp.zeros_like(many).at[::4].set(few)
     at_angle = np.flatnonzero(np.arange(len(many)) % 4 != 2)
-    used = rates(everything, even, even)
-    between = rates(jax.lax.stop_gradient(everything), odd, at_angle)
+    # The rule itself has a derivative; what only estimates its error has none.
+    used = _rates(everything, even, even, rules)
+    between = _rates(jax.lax.stop_gradient(everything), odd, at_angle, rules)
     fine, coarse = over_angles(used, weights), over_angles(used[..., ::2, :], few)
 
     def refined(at_even, weights):
         at_odd = over_angles(between, weights[at_angle])
         return jnp.zeros((2, len(q)), q.dtype).at[:, even].set(at_even).at[:, odd].set(at_odd)
 
+    # With all and half of the angles, each with all and twice the wavenumbers.
     averages = (fine, refined(fine, shifted), coarse, refined(coarse, every_fourth))
     cuts = [_clenshaw_curtis(count * num_intervals) for count in (1, 2, 1, 2)]
     v = [_integral(a[0], lengths, cut) for a, cut in zip(averages, cuts, strict=True)]
@@ -146,22 +136,22 @@ def integrate(
         along = _angles(turn, 2 * num_angles, q.dtype)[0][even]
         omega = sliding_frequency(q[even][:, None, None] * along, 0.0, speed)
         lost = over_angles(jnp.where(is_unknown(omega, known), used[1], 0), weights)
-        share = share_of(lost / jnp.where(fine[1] == 0, 1, fine[1]), friction[0])
+        share = _share(lost / jnp.where(fine[1] == 0, 1, fine[1]), friction[0])
     return q[even], x[0], friction[0], jax.lax.stop_gradient(_error(ends, product)), share
 
 
-def _rates(values, at_q, directions, graded_solver):
+def _rates(values, at_q, at_angle, rules):
     """Growth of the variance and of the friction of complete contact, per log q and angle."""
-    field, speed, q, state = values
-    along, offset = directions
-    tolerance = graded_tolerance(graded_solver, None, q)
+    field, speed, q, state, turn = values
+    along, offset = (a[at_angle] for a in _angles(turn, 2 * rules.num_angles, q.dtype)[:2])
+    solver, tolerance = rules.graded_solver, graded_tolerance(rules.graded_solver, None, q)
     state, q = jax.tree.map(lambda a: a[at_q], state), q[at_q][:, None, None]
 
     def response(q, omega, state):
         strain, temperature = state
         block = field.stack if strain is None else at_strain(field.stack, strain)
         block = block if temperature is None else block.at(temperature)
-        return surface_compliance_unchecked(block, q, omega, graded_solver, tolerance)
+        return surface_compliance_unchecked(block, q, omega, solver, tolerance)
 
     def relative_to(amplitude, omega):
         # The block is in another state at each q.
@@ -179,11 +169,7 @@ def _rates(values, at_q, directions, graded_solver):
 
 
 @eqx.filter_jit
-def add_up(
-    field: Field, correction: Correction, kernel: Inexact[Array, "*half"]
-) -> tuple[
-    Float[Array, " rings"], Float[Array, " rings"], Float[Array, " rings"], Float[Array, ""]
-]:
+def add_up(field: Field, correction: Correction, kernel: Array) -> tuple[Array, ...]:
     """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, of a surface.
 
     At last the share of friction [1] from frequencies at which a material was not measured. The
@@ -191,13 +177,13 @@ def add_up(
     """
     grid, heights = field.roughness.grid, field.roughness.heights
     modes = to_spectrum(heights - jnp.mean(heights)) / np.prod(grid.shape)
-    zero = np.zeros(kernel.shape, bool)
-    zero[(0,) * kernel.ndim] = True
+    zero = zero_mode(grid.shape)
     relative = jnp.where(zero, 0, modes) / (field.pressure * jnp.where(zero, 1, kernel))
     power = (relative.real**2 + relative.imag**2) * multiplicity(grid.shape)
     along = -wave_frequencies(grid, direction_and_speed(field.velocity)[0])
     loss = power * along * jnp.imag(kernel) * field.pressure
 
+    # Ring by ring, as the theory adds roughness.
     edges, ring = rings(grid)
     step, complete = (binned(ring, a, len(edges)) for a in (power, loss))
     v = jnp.cumsum(step)
@@ -207,11 +193,8 @@ def add_up(
     # average over the ring.
     growth = mean_square_growth(x)
     thin = step <= 1e-4 * v
-    share = jnp.where(
-        thin,
-        area(x[1]) * slowing(correction, x[1]),
-        (growth[2] - growth[0]) / jnp.where(thin, 1, step),
-    )
+    between = (growth[2] - growth[0]) / jnp.where(thin, 1, step)
+    share = jnp.where(thin, area(x[1]) * slowing(correction, x[1]), between)
     friction = jnp.cumsum(complete * share)
     extrapolated, known = jnp.zeros_like(edges[0]), coverage(field.stack)
     if known is not None:
@@ -221,8 +204,8 @@ def add_up(
     return edges, x[2], friction, extrapolated
 
 
-def share_of(part: Float[Array, " n"], friction: Float[Array, " n"]) -> Float[Array, ""]:
-    """Returns the share of the growth of `friction` that is a `part` [1] at each point of it."""
+def _share(part, friction):
+    """The share of the growth of `friction` that is a `part` [1] at each point of it."""
     step = jnp.abs(jnp.diff(friction))
     total = jnp.sum(step)
     return jnp.sum(step * (part[1:] + part[:-1]) / 2) / jnp.where(total == 0, 1, total)
@@ -284,12 +267,10 @@ def _stieltjes(ratio, total, rule):
 
     By parts: in light contact `total` leaves the first node as a root, the ratio is smooth.
     """
-    integration, differentiation = (
-        jnp.asarray(matrix.T, ratio.dtype) for matrix in (rule.integration, rule.differentiation)
-    )
     ratio, total = _split(ratio, rule), _split(total, rule)
     product = ratio * total
-    rest = ((ratio @ differentiation) * total) @ integration
+    slope = ratio @ jnp.asarray(rule.differentiation.T, ratio.dtype)
+    rest = (slope * total) @ jnp.asarray(rule.integration.T, ratio.dtype)
     return _running(product - product[:, :1] - rest)
 
 
@@ -309,11 +290,8 @@ def _clenshaw_curtis(num_intervals: int) -> _Rule:
     slope = chebyshev.chebder(coefficients)
     integration = chebyshev.chebvander(x, num_intervals + 1) @ integral / 2
     integration[0] = 0  # which rounding may miss: nothing has spread at the first node
-    return _Rule(
-        nodes=(1 + x) / 2,
-        integration=integration,
-        differentiation=chebyshev.chebvander(x, num_intervals - 1) @ slope * 2,
-    )
+    differentiation = chebyshev.chebvander(x, num_intervals - 1) @ slope * 2
+    return _Rule((1 + x) / 2, integration, differentiation)
 
 
 def _angles(turn, num_angles, dtype):

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import as_float, check_increasing, check_positive, is_concrete, short
+from ..core.checks import as_float, check_increasing, check_positive, check_rows, is_concrete, short
 from ..surfaces.spectrum import SelfAffine, narrowing
 
 
@@ -30,6 +30,7 @@ class Roughness(eqx.Module):
         """Returns the angle from the lay to a direction, from 0 to π [rad], or None."""
         if self.lay is None:
             return None
+        # A profile has one component.
         x, y = direction if len(direction) == 2 else (direction[0], jnp.zeros_like(direction[0]))
         return jnp.mod(jnp.arctan2(y, x) - self.lay, np.pi)
 
@@ -41,14 +42,13 @@ class Roughness(eqx.Module):
             # The derivative of the root at 0 is infinite.
             return jnp.where(density > 0, jnp.sqrt(jnp.where(density > 0, density, 1)), 0)
         root = jnp.log(self.source) / 2
+        # Nodes at the edges may be rounded past them.
         slack = 8 * jnp.finfo(q.dtype).eps
         inside = (q >= self.edges[0] * (1 - slack)) & (q <= self.edges[-1] * (1 + slack))
         between = jnp.interp(jnp.log(q), jnp.log(self.edges), root)
         return jnp.where(inside, jnp.exp(between), 0)
 
-    def root_narrowing(
-        self, q: Float[Array, "..."], offset: Float[Array, "..."]
-    ) -> Float[Array, "..."]:
+    def root_narrowing(self, q: Array, offset: Array) -> Array:
         """Returns the ratio of √C at angles from the direction across the lay to √C across [1]."""
         if not isinstance(self.source, SelfAffine) or self.lay is None:
             return jnp.ones((), q.dtype)
@@ -63,9 +63,7 @@ def joined_edges(track: Roughness, own: Roughness | None) -> Float[Array, " poin
     if own is None:
         return track.edges
     away = 64 * float(jnp.finfo(track.edges.dtype).eps)
-    ends = [
-        r.edges[i] * (1 + side * away) for r in (track, own) for i in (0, -1) for side in (-1, 1)
-    ]
+    ends = [r.edges[i] * by for r in (track, own) for i in (0, -1) for by in (1 - away, 1 + away)]
     inner = [r.edges[1:-1] for r in (track, own)]
     return jnp.sort(jnp.concatenate([jnp.stack(ends), *inner]))
 
@@ -81,16 +79,12 @@ def as_roughness(spectrum: object, name: str = "spectrum") -> Roughness:
             f"{'a `Surface` ' if name == 'spectrum' else ''}or a pair (q, C)."
         )
     q, c = map(as_float, spectrum)
-    if q.ndim != 1 or q.shape != c.shape:
-        raise ValueError(
-            f"`{name}` holds q of shape {q.shape} and C of shape {c.shape}; two "
-            "one-dimensional arrays of equal length are needed."
-        )
+    check_rows(2, **{f"{name}[0]": q, f"{name}[1]": c})
     if is_concrete(q) and is_concrete(c):
         known = ~np.isnan(np.asarray(c))
         q, c = q[known], c[known]
     if len(q) < 2:
-        raise ValueError(f"`{name}` holds C(q) at {len(q)} wavenumbers; at least 2 are needed.")
+        raise ValueError(f"`{name}` has C(q) at {len(q)} wavenumbers; at least 2 are needed.")
     check_positive(f"{name}[0]", q, "[rad/m]")
     check_positive(f"{name}[1]", c, "[m⁴]", squares=False)
     check_increasing(f"{name}[0]", q)

@@ -74,20 +74,18 @@ def open_document(path: Path | None) -> Document:
         refuse_tables(scene, "The page", "motion", "shear", "heating")
         if not np.any(scene.velocity):
             raise ValueError("[load] `velocity` is 0. The page needs a velocity above 0.")
-        return _at_one_point(parse_toml(text), scene, folder)
-
-
-def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Document:
     moving = np.sort(np.abs(scene.velocity[scene.velocity != 0]))
     # A scene of one speed, or of a narrow range, still has a slider and curves over decades.
     speeds = (float(moving[0]), float(moving[-1]))
     if speeds[1] < 100 * speeds[0]:
         speeds = (speeds[0] / 1e3, speeds[1] * 1e3)
-    load = {"pressure": _middle(scene.pressure), "velocity": _middle(moving)}
+    middle = lambda values: float(values[len(values) // 2])  # noqa: E731
+    load: dict[str, Any] = {"pressure": middle(scene.pressure), "velocity": middle(moving)}
     if scene.direction:
         load["direction"] = scene.direction
     if scene.temperature is not None:
-        load["temperature"] = _middle(np.sort(scene.temperature, axis=None))
+        load["temperature"] = middle(np.sort(scene.temperature, axis=None))
+    content = parse_toml(text)
     content = {k: v for k, v in content.items() if k not in ("sweep", "design")} | {"load": load}
     content["surface"].pop("seeds", None)
     tables = {"[surface]": content["surface"]}
@@ -99,10 +97,6 @@ def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Docume
     for (place, key), path in scene.inputs.items():  # the scene is saved in another folder
         tables[place][key] = str(path)
     return Document(content, folder, speeds)
-
-
-def _middle(values: np.ndarray) -> float:
-    return float(values[len(values) // 2])
 
 
 def layer_name(layer: dict[str, Any]) -> str:
@@ -117,7 +111,8 @@ def described(content: dict[str, Any], thickness: Sequence[float]) -> str:
         for layer, depth in zip(content.get("layers", []), thickness, strict=True)
     ]
     surface = content["surface"]
-    road = Path(surface["path"]).name if "path" in surface else "a random surface"
+    kinds = {"self_affine": "a random surface", "sphere": "a sphere"}
+    road = kinds.get(surface["kind"]) or Path(surface["path"]).name
     return f"{', '.join([*layers, base_name(content)])} on {road}"
 
 
@@ -160,9 +155,7 @@ def with_moduli(document: Document, path: Path, name: str) -> Document:
     document = document.copied()
     old = document.content["materials"][name]
     poisson = old.get("poisson", 0.5)
-    table = {
-        "kind": "tabulated", "path": str(path), "extrapolate": "plateau", "poisson": poisson,
-    }  # fmt: skip
+    table = dict(kind="tabulated", path=str(path), extrapolate="plateau", poisson=poisson)
     if old["kind"] == "tabulated" and "shift" in old:
         table["shift"] = old["shift"]
     with within(f"{path.name}:"):
@@ -203,12 +196,9 @@ def with_topography(document: Document, path: Path, options: dict[str, Any]) -> 
 
 
 def with_file(
-    document: Document,
-    folder: Path,
-    name: str,
-    data: bytes,
+    document: Document, folder: Path, name: str, data: bytes,
     change: Callable[[Document, Path], Document],
-) -> Document:
+) -> Document:  # fmt: skip
     """Returns the scene with a file of the user, which is stored in a folder.
 
     **Arguments:**

@@ -40,19 +40,6 @@ def to_csv(shown: Shown) -> bytes:
 def to_hdf5(shown: Shown) -> bytes:
     """Returns curves, contact and derivatives as groups of xarray, with the scene as attribute."""
     about = {"scene": shown.model.changed(shown.values).text, **package_versions()}
-    groups = {"/": shown.curves.assign_attrs(about), "/contact": _contact(shown)}
-    if shown.derivatives is not None:
-        about = {"units": "%", "long_name": "change by a step of the slider"}
-        changes = shown.derivatives._asdict().items()
-        groups["/change_by_step_of_slider"] = xr.Dataset(
-            {name: ("slider", values, about) for name, values in changes},
-            coords={"slider": shown.model.stepped(shown.values)},
-        )
-    return bytes(xr.DataTree.from_dict(groups).to_netcdf(engine="h5netcdf"))
-
-
-def _contact(shown: Shown) -> xr.Dataset:
-    """Numbers and fields of the contact, with the words of the table of quantities."""
     sliding, heights = shown.contact.sliding, shown.contact.heights
     axes = ("x", "y")[: heights.ndim]
     found: dict[str, Any] = {"heights": (axes, heights)}
@@ -62,8 +49,17 @@ def _contact(shown: Shown) -> xr.Dataset:
         found[name] = (axes, np.asarray(getattr(sliding, name)))
     found |= {name: ((), np.asarray(getattr(sliding, name))) for name in sliding.numbers}
     # The pressure of a contact is a field, not an axis.
-    about = {name: FIELDS.get(name) or OBSERVABLES[name].quantity for name in found}
-    return xr.Dataset({
-        name: (*values, {"units": about[name].unit, "long_name": about[name].meaning})
+    known = {name: FIELDS.get(name) or OBSERVABLES[name].quantity for name in found}
+    contact = xr.Dataset({
+        name: (*values, {"units": known[name].unit, "long_name": known[name].meaning})
         for name, values in found.items()
     })  # fmt: skip
+    groups = {"/": shown.curves.assign_attrs(about), "/contact": contact}
+    if shown.derivatives is not None:
+        about = {"units": "%", "long_name": "change by a step of the slider"}
+        changes = shown.derivatives._asdict().items()
+        groups["/change_by_step_of_slider"] = xr.Dataset(
+            {name: ("slider", values, about) for name, values in changes},
+            coords={"slider": shown.model.stepped(shown.values)},
+        )
+    return bytes(xr.DataTree.from_dict(groups).to_netcdf(engine="h5netcdf"))

@@ -3,19 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
+import bokeh.models as bokeh
 import numpy as np
 import xarray as xr
-from bokeh.models import (
-    ColorBar,
-    ColumnDataSource,
-    DataRange1d,
-    FactorRange,
-    LabelSet,
-    LinearColorMapper,
-    LogAxis,
-    LogTicker,
-    Range1d,
-)
 from bokeh.palettes import cividis, magma, plasma, viridis
 from bokeh.plotting import figure
 from bokeh.transform import dodge
@@ -60,8 +50,8 @@ def _new_figure(title: str, x: str, y: str, *, right: int = RIGHT, **more: Any) 
         axis.axis_label_text_font_size = axis.major_label_text_font_size = "11px"
         axis.axis_label_text_font_style, axis.axis_label_text_color = "normal", INK
         axis.minor_tick_line_color = axis.axis_line_color = GREY
-        if isinstance(axis, LogAxis):
-            axis.ticker = LogTicker(mantissas=[1, 2, 5], desired_num_ticks=4)
+        if isinstance(axis, bokeh.LogAxis):
+            axis.ticker = bokeh.LogTicker(mantissas=[1, 2, 5], desired_num_ticks=4)
     new.grid.grid_line_color, new.outline_line_color = "#eceef1", None
     new.min_border_top, new.min_border_bottom, new.min_border_right = ABOVE, BELOW, right
     return new
@@ -69,7 +59,7 @@ def _new_figure(title: str, x: str, y: str, *, right: int = RIGHT, **more: Any) 
 
 def _new_source(*names: str) -> Any:
     empty: Any = {name: [] for name in names}  # an empty array of numbers is no array of colours
-    return ColumnDataSource(empty)
+    return bokeh.ColumnDataSource(empty)
 
 
 def _send(source: Any, **columns: Any) -> None:
@@ -94,10 +84,8 @@ class Lines:
         self, name: str, title: str, x: str, y: str, colour: str, scale: tuple, log: bool = False
     ):
         self.name, self._scale = name, scale
-        ordinate = "log" if log else "linear"
-        self.figure = _new_figure(title, x, y, x_axis_type="log", y_axis_type=ordinate)
-        if not log:
-            self.figure.y_range.start = 0
+        ordinate: Any = {"y_axis_type": "log"} if log else {"y_range": bokeh.DataRange1d(start=0)}
+        self.figure = _new_figure(title, x, y, x_axis_type="log", **ordinate)
         self._line, self._pinned, self._point = (_new_source("x", "y") for _ in range(3))
         self.figure.line("x", "y", source=self._pinned, color=GREY, line_dash=(5, 4), line_width=2)
         self.figure.line("x", "y", source=self._line, color=colour, line_width=2.2)
@@ -137,7 +125,7 @@ class Bars:
     """The change by a step of each knob."""
 
     def __init__(self, knobs: Sequence[Knob]):
-        self._factors = factors = FactorRange(range_padding=0.05)
+        self._factors = factors = bokeh.FactorRange(range_padding=0.05)
         title = "Change by a step of each slider"
         self.figure = new = _new_figure(title, "change [%]", "", y_range=factors, height=260)
         new.yaxis.axis_label = None
@@ -185,18 +173,20 @@ class Map:
             return
         wide, high = (self._factor * size).tolist()
         frame = round(min(max(wide / high, 1 / 3), 2) * (TALL - ABOVE - BELOW))
-        ranges = {axis: DataRange1d(range_padding=0) for axis in ("x_range", "y_range")}
+        ranges = {axis: bokeh.DataRange1d(range_padding=0) for axis in ("x_range", "y_range")}
         self.figure = _new_figure(
             "", f"x [{unit}]", f"y [{unit}]", right=BAR, height=TALL, max_width=frame + LEFT + BAR,
             match_aspect=True, **ranges,
         )  # fmt: skip
         self.figure.grid.grid_line_color = None
-        self._mapper = LinearColorMapper(palette=PALETTES["gap"], nan_color="white", low=0, high=1)
+        self._mapper = bokeh.LinearColorMapper(
+            palette=PALETTES["gap"], nan_color="white", low=0, high=1
+        )
         self._source = _new_source("image")
         place = {"x": 0, "y": 0, "dw": wide, "dh": high}
         self.figure.image("image", source=self._source, color_mapper=self._mapper, **place)
         style = {"width": 10, "padding": 4, "bar_line_color": None}
-        bar = ColorBar(color_mapper=self._mapper, major_label_text_font_size="10px", **style)
+        bar = bokeh.ColorBar(color_mapper=self._mapper, major_label_text_font_size="10px", **style)
         self.figure.add_layout(bar, "right")
 
     def show(self, name: str, field: np.ndarray) -> None:
@@ -223,7 +213,7 @@ class BlockPicture:
         wide = round(ASPECT * (HEIGHT - ABOVE - BELOW)) + LEFT + RIGHT
         self.figure = _new_figure(
             "Block and road, to scale", "x", "depth", sizing_mode="fixed", width=wide,
-            min_border_left=LEFT, x_range=Range1d(start=0, end=1), y_range=Range1d(start=1, end=0),
+            min_border_left=LEFT, x_range=bokeh.Range1d(), y_range=bokeh.Range1d(),
         )  # fmt: skip
         self.figure.grid.grid_line_color = None
         columns = ((*SLAB, "fill"), ("x", "y", "text"), ("along", "depth"))
@@ -231,7 +221,7 @@ class BlockPicture:
         edges = {name: name for name in SLAB}
         self.figure.quad(source=self._slabs, fill_color="fill", line_color="white", **edges)
         self.figure.patch("along", "depth", source=self._road, color=ROAD)
-        self.figure.add_layout(LabelSet(
+        self.figure.add_layout(bokeh.LabelSet(
             x="x", y="y", text="text", source=self._names, text_font_size="11px", text_color=INK,
             text_align="center", text_baseline="middle",
         ))  # fmt: skip

@@ -1,5 +1,6 @@
 """Requests that pages of other sites send through the browsers of their visitors."""
 
+import contextlib
 import ipaddress
 from collections.abc import Iterable
 
@@ -28,13 +29,7 @@ class Foreign(Matcher):
         # Browsers name the origin of each WebSocket, but not of each page.
         origin = headers.get("Origin", "" if "Upgrade" in headers else f"http://{host}")
         same = origin.lower() in (f"http://{host}", f"https://{host}")
-        known = request.host_name in self._names or _is_numeric(request.host_name)
+        known = request.host_name in self._names
+        with contextlib.suppress(ValueError):
+            known |= bool(ipaddress.ip_address(request.host_name.strip("[]")))
         return None if same and known else {}
-
-
-def _is_numeric(host: str) -> bool:
-    try:
-        ipaddress.ip_address(host.removeprefix("[").removesuffix("]"))
-    except ValueError:
-        return False
-    return True

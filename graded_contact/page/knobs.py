@@ -106,11 +106,9 @@ class Knob(NamedTuple):
         if self.low <= value <= self.high:  # NaN is not
             return value
         low, high = (f"{at * self.factor:.6g}" for at in (self.low, self.high))
-        unit = f" {self.unit}".removesuffix(" 1")
-        raise ValueError(
-            f"`{self.label}`: {text.strip()[:40] or 'nothing'} is refused. Enter a number between "
-            f"{low} and {high}{unit}."
-        )
+        said, unit = text.strip()[:40] or "nothing", f" {self.unit}".removesuffix(" 1")
+        allowed = f"Enter a number between {low} and {high}{unit}."
+        raise ValueError(f"`{self.label}`: {said} is refused. {allowed}")
 
 
 def knobs_of(document: Document, scene: Scene, surface: Surface) -> tuple[Knob, ...]:
@@ -157,6 +155,7 @@ def _temperature(scene: Scene) -> Iterator[Knob]:
         scene.stack.at(value)
     except ValueError:  # a material without a law
         return
+    # Tables of shifts end, and WLF diverges: no slider goes there.
     low, high = value - COLDER, value + HOTTER
     for law in laws:
         if isinstance(law, TabulatedShift):
@@ -248,9 +247,9 @@ def changed_stack(
         elif target.kind in ("relaxed", "glassy"):
             for path in target.paths:
                 names = (f"{path}.equilibrium", f"{path}.strengths")
-                equilibrium, strengths = (initial[name] for name in names)
+                relaxed, strengths = (initial[name] for name in names)
                 # All moduli scale together, so that the relaxation times keep their meaning.
-                whole = equilibrium + (0 if target.kind == "relaxed" else strengths.sum())
+                whole = relaxed + (0 if target.kind == "relaxed" else strengths.sum())
                 values |= {name: initial[name] * (number / whole) for name in names}
     stack = with_values(stack, values) if values else stack
     # Last, so that the temperature shifts the materials that the other knobs changed.

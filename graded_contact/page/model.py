@@ -5,6 +5,7 @@ Values of knobs are traced: changing one compiles nothing. Another scene of the 
 another structure those that only see the grid: the contact, and its derivatives by the kernel.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
 
@@ -16,18 +17,16 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from ..blocks.compliance import effective_modulus
-from ..blocks.grading import AbstractGradedSolver
 from ..blocks.stack import Stack
-from ..contacts.solver import AbstractContactSolver
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart
-from ..fields.grid import direction_and_speed, velocity_along
+from ..fields.frequency import direction_and_speed, velocity_along
 from ..mean_field.mean_field import mean_field_friction
 from ..scenes.run_scene import build_surface
 from ..scenes.surface_source import RandomSurface
 from ..sliding.case import Case
 from ..sliding.numerics import Numerics
-from ..sliding.sliding import Sliding
+from ..sliding.result import Sliding
 from ..surfaces.statistics import radial_spectrum, statistics
 from ..surfaces.surface import Surface
 from .document import Document, described
@@ -47,8 +46,7 @@ class Scenery(eqx.Module):
     random: RandomSurface | None
     targets: tuple[Target, ...] = eqx.field(static=True)
     direction: float = eqx.field(static=True)
-    solver: AbstractContactSolver
-    graded_solver: AbstractGradedSolver
+    numerics: Numerics
 
 
 class Contact(NamedTuple):
@@ -86,16 +84,11 @@ class Model:
             q, density = map(np.asarray, radial_spectrum(surface))
             spectrum = (jnp.asarray(q[density > 0]), jnp.asarray(density[density > 0]))
         self._scenery = Scenery(
-            stack=self.scene.stack,
-            surface=surface,
-            spectrum=spectrum,
-            rms_height=statistics(surface).rms_height,
-            random=random,
+            stack=self.scene.stack, surface=surface, spectrum=spectrum, random=random,
+            rms_height=statistics(surface).rms_height, direction=self.scene.direction,
             targets=tuple(knob.target for knob in self.knobs),
-            direction=self.scene.direction,
-            solver=self.scene.solver,
-            graded_solver=self.scene.graded_solver,
-        )
+            numerics=dataclasses.replace(self.scene.numerics, rtol=PAGE_RTOL),
+        )  # fmt: skip
         self._speeds = jnp.geomspace(*document.speeds, NUM_SPEEDS)
         grid = surface.grid
         highest = np.pi / np.max(grid.spacing) if random is None else random.spectrum.q_high
@@ -151,7 +144,14 @@ class Model:
         last, contact = self._last
         if last != tuple(values):
             contact = self.contact(values)
-        found, slopes = _derivatives(self._scenery, jnp.array(values), contact.sliding.contact)
+
+        def observed(numbers):
+            sliding, _ = _slide(self._scenery, numbers, None, solution=contact.sliding.contact)
+            return jnp.stack(sliding.compute("friction", "contact_area_smooth"))
+
+        # Two outputs and some ten knobs: backwards is cheaper than forwards.
+        found, pull = jax.vjp(observed, jnp.array(values))
+        slopes = jnp.stack([pull(row)[0] for row in jnp.eye(2, dtype=found.dtype)])
         steps = [k.step_size(value) for k, value in zip(self.knobs, values, strict=True)]
         with np.errstate(invalid="ignore", divide="ignore"):
             return Derivatives(*(100 * np.asarray(slopes) * steps / np.asarray(found)[:, None]))
@@ -207,7 +207,7 @@ def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, A
 @eqx.filter_jit
 def _curves(scenery, numbers, waves, speeds):
     stack, _, rough, pressure, velocity = _at(scenery, numbers)
-    speed, graded_solver = direction_and_speed(velocity)[1], scenery.graded_solver
+    speed, graded_solver = direction_and_speed(velocity)[1], scenery.numerics.graded_solver
     modulus = effective_modulus(stack, waves, waves * speed, graded_solver=graded_solver)
 
     def at(speed):
@@ -225,18 +225,5 @@ def _curves(scenery, numbers, waves, speeds):
 def _slide(scenery, numbers, start, solution=None):
     stack, surface, _, pressure, velocity = _at(scenery, numbers)
     case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity)
-    numerics = Numerics(
-        rtol=PAGE_RTOL, solver=scenery.solver, graded_solver=scenery.graded_solver, throw=False
-    )
-    found = case.solve(numerics, start=start, solution=solution)
+    found = case.solve(scenery.numerics, start=start, solution=solution)
     return cast(Sliding, found), surface.heights
-
-
-def _derivatives(scenery, numbers, contact):
-    def observed(numbers):
-        sliding, _ = _slide(scenery, numbers, None, solution=contact)
-        return jnp.stack(sliding.compute("friction", "contact_area_smooth"))
-
-    # Two outputs and some ten knobs: backwards is cheaper than forwards.
-    found, pull = jax.vjp(observed, numbers)
-    return found, jnp.stack([pull(row)[0] for row in jnp.eye(2, dtype=numbers.dtype)])

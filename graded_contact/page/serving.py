@@ -30,7 +30,9 @@ def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = "
     a file without a scene, or without motion.
     """
     _panel()
-    return _new_page(None if path is None else Path(path), Path(folder))
+    from .view import Page
+
+    return Page(open_document(None if path is None else Path(path)), Path(folder).absolute())
 
 
 def serve(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> None:
@@ -57,12 +59,13 @@ def new_server(path: Path | None, folder: Path, *, address: str, port: int, show
     from tornado.web import ErrorHandler
 
     from .foreign import Foreign
+    from .view import Page
 
     pn.config.raw_css = [DARK]
     open_document(path)  # refused before the server listens
 
     def page() -> Any:
-        new = _new_page(path, folder)
+        new = Page(open_document(path), folder.absolute())
         pn.state.on_session_destroyed(lambda _: new.session.end())
         return new
 
@@ -75,12 +78,6 @@ def new_server(path: Path | None, folder: Path, *, address: str, port: int, show
     # Before all other rules, those of WebSockets too.
     server._tornado.add_handlers(".*", [Rule(foreign, ErrorHandler, {"status_code": 403})])
     return server
-
-
-def _new_page(path: Path | None, folder: Path) -> Any:
-    from .view import Page
-
-    return Page(open_document(path), folder.absolute())
 
 
 def _panel() -> Any:

@@ -80,8 +80,7 @@ class Session(param.Parameterized):
     ) -> None:
         """Changes the scene by a file of the user, see `with_file`."""
         data = data.encode() if isinstance(data, str) else data
-        file = {"folder": self.folder, "name": name, "data": data}
-        self.change(partial(with_file, **file, change=change))
+        self.change(partial(with_file, folder=self.folder, name=name, data=data, change=change))
 
     def save(self, name: str) -> None:
         """Saves the scene at its present values; replaces only scenes of this session."""
@@ -92,9 +91,8 @@ class Session(param.Parameterized):
             self.show_message(str(error))
             return
         self._saved.add(name)
-        self.show_message(
-            f"Saved as {path}: `graded-contact run` and `explore` open it.", error=False
-        )
+        text = f"Saved as {path}: `graded-contact run` and `explore` open it."
+        self.show_message(text, error=False)
 
     def end(self) -> None:
         """Stops after the stage that is being computed, when the tab of the page is closed."""
@@ -117,7 +115,7 @@ class Session(param.Parameterized):
         model, values = self._newest, self._values  # a later change makes another call
         for stage, rest in STAGES.items():
             await asyncio.sleep(rest)
-            async with self._turn:
+            async with self._turn:  # the call may have waited here while a newer one came
                 stale = self._ended or call != self._call or model is None
                 if stale or not await self._compute(call, stage, model, values):
                     return
@@ -126,12 +124,8 @@ class Session(param.Parameterized):
         """Changes the scene, and builds its model."""
         self.show(status="reading the scene", busy=True)
         old, values = self._newest, self._values
-
-        def build() -> Model:
-            return Model(change(old and old.changed(values)))
-
         try:
-            model = await asyncio.to_thread(build)
+            model = await asyncio.to_thread(lambda: Model(change(old and old.changed(values))))
         except Exception as error:
             self._fail("the scene", error)
             return

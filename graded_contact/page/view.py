@@ -12,15 +12,7 @@ import panel as pn
 
 from ..core.display import with_unit
 from ..plot.contact import masked_fields
-from .document import (
-    Document,
-    base_name,
-    layer_name,
-    with_layer,
-    with_moduli,
-    with_topography,
-    without_layer,
-)
+from . import document as tables
 from .downloads import Shown, to_csv, to_hdf5
 from .figures import Bars, BlockPicture, Map, new_lines
 from .session import Session
@@ -69,7 +61,7 @@ class Page(pn.viewable.Viewer):
     - `folder`: the page writes into this folder only.
     """
 
-    def __init__(self, document: Document, folder: Path):
+    def __init__(self, document: tables.Document, folder: Path):
         super().__init__()
         self.session = Session(document, folder)
         self.sliders: list[Slider] = []
@@ -87,14 +79,12 @@ class Page(pn.viewable.Viewer):
         watch(self._show_curves, ["curves", "pinned"])
         watch(self._show_point, "shown")
         if not pn.state.curdoc:  # After all others: figures of a notebook are sent by hand.
-            watch(self._push, list(self.session.param), precedence=1)
-            self._field.param.watch(self._push, "value", precedence=1)
+            push = lambda *_: pn.io.push_notebook(self._layout)  # noqa: E731
+            watch(push, list(self.session.param), precedence=1)
+            self._field.param.watch(push, "value", precedence=1)
 
     def __panel__(self) -> Any:
         return self._layout
-
-    def _push(self, *_: Any) -> None:
-        pn.io.push_notebook(self._layout)
 
     def _laid_out(self) -> pn.FlexBox:
         session, here = self.session, self.session.param
@@ -139,7 +129,7 @@ class Page(pn.viewable.Viewer):
         tab, last = pn.Column(**SMALL), []
 
         def moduli(name: str, data: bytes) -> None:
-            change = partial(with_moduli, name=str(self._material.value))
+            change = partial(tables.with_moduli, name=str(self._material.value))
             self.session.take_file(name, data, change)
 
         def topography(name: str, data: bytes) -> None:
@@ -152,7 +142,7 @@ class Page(pn.viewable.Viewer):
                 text = f"`edge length`: {size} is refused. Enter metres, such as 1e-3."
                 self.session.show_message(text)
                 return
-            self.session.take_file(name, data, partial(with_topography, options=values))
+            self.session.take_file(name, data, partial(tables.with_topography, options=values))
 
         for widget in options.values():
             widget.param.watch(lambda _: topography(*last) if last else None, "value")
@@ -231,13 +221,13 @@ class Page(pn.viewable.Viewer):
             **SMALL,
         )  # fmt: skip
         add = pn.widgets.Button(label="Add layer", color="primary", **SMALL)
-        add.on_click(lambda _: change(partial(with_layer, material=chosen.value)))
+        add.on_click(lambda _: change(partial(tables.with_layer, material=chosen.value)))
         rows = []
         for i, layer in enumerate(content.get("layers", [])):
             button = pn.widgets.Button(label="Remove", width=80, margin=(2, 8), align="center")
-            button.on_click(lambda _, i=i: change(partial(without_layer, index=i)))
-            rows.append(pn.Row(_heading(f"{i + 1}  {layer_name(layer)}"), button, **WIDE))
-        top, base = "From the loaded surface downwards", f"base  {base_name(content)}"
+            button.on_click(lambda _, i=i: change(partial(tables.without_layer, index=i)))
+            rows.append(pn.Row(_heading(f"{i + 1}  {tables.layer_name(layer)}"), button, **WIDE))
+        top, base = "From the loaded surface downwards", f"base  {tables.base_name(content)}"
         self._layers[:] = [_heading(top), *rows, _heading(base), chosen, add]
 
     def _show_curves(self, *events: Any) -> None:
@@ -269,11 +259,11 @@ class Page(pn.viewable.Viewer):
         self._lines["contact_area"].mark(velocity, float(sliding.contact_area_smooth))
         content, thickness = shown.model.document.content, shown.model.thickness(shown.values)
         names = [
-            f"{layer_name(layer)}, {with_unit(depth, 'm')}"
+            f"{tables.layer_name(layer)}, {with_unit(depth, 'm')}"
             for layer, depth in zip(content.get("layers", []), thickness, strict=True)
         ]
         self._block.show(
-            np.array(thickness), [*names, base_name(content)], content["base"]["kind"],
+            np.array(thickness), [*names, tables.base_name(content)], content["base"]["kind"],
             contact.heights, float(shown.model.size[0]),
         )  # fmt: skip
 
@@ -305,22 +295,17 @@ def _headline(shown: Shown | None, pinned: Shown | None) -> str:
     """Title and numbers of a point, with their differences from a pinned one."""
     if shown is None:
         return ""
-    sliding, other = shown.contact.sliding, pinned and pinned.contact.sliding
-    friction, area, gap, error = (
-        float(getattr(sliding, name))
-        for name in ("friction", "contact_area_smooth", "mean_gap", "error")
-    )
+    now, before = shown.contact.sliding, pinned and pinned.contact.sliding
     cells = {
-        "friction": ("friction μ [1]", f"{friction:.4g} ± {float(sliding.friction_error):.0e}"),
-        "contact_area_smooth": ("contact area A/A₀", f"{100 * area:.3g} %"),
-        "mean_gap": ("mean gap", with_unit(gap, "m")),
-        "error": ("error of the pressure", f"{error:.0e}"),
+        "friction": ("friction μ [1]", lambda μ: f"{μ:.4g} ± {float(now.friction_error):.0e}"),
+        "contact_area_smooth": ("contact area A/A₀", lambda area: f"{100 * area:.3g} %"),
+        "mean_gap": ("mean gap", lambda gap: with_unit(gap, "m")),
+        "error": ("error of the pressure", lambda error: f"{error:.0e}"),
     }
     text = f'<div class="title">{html.escape(shown.model.title(shown.values))}</div>'
-    for name, (words, number) in cells.items():
-        change = ""
-        if other is not None and name != "error" and (before := float(getattr(other, name))):
-            change = float(getattr(sliding, name)) / before - 1
-            change = f"<i>{100 * change:+.3g} % from pinned</i>"
-        text += f"<div><span>{words}</span><b>{number}</b>{change}</div>"
+    for name, (words, spelt) in cells.items():
+        number, change = float(getattr(now, name)), ""
+        if before is not None and name != "error" and (old := float(getattr(before, name))):
+            change = f"<i>{100 * (number / old - 1):+.3g} % from pinned</i>"
+        text += f"<div><span>{words}</span><b>{spelt(number)}</b>{change}</div>"
     return f'<div class="head">{text}</div>'

@@ -86,16 +86,13 @@ export function render({model}) {
 
     def __init__(self, knob: Knob, value: float):
         names = ("label", "unit", "low", "high", "logarithmic", "factor")
-        about = {name: getattr(knob, name) for name in names}
-        about |= {
-            "steps": POSITIONS,
-            "digits": DIGITS,
-            "zero": ZERO_CELSIUS if knob.unit == "K" else 0,
-        }
+        about: dict[str, Any] = {name: getattr(knob, name) for name in names}
+        about["zero"] = ZERO_CELSIUS if knob.unit == "K" else 0
+        about |= {"steps": POSITIONS, "digits": DIGITS}
         super().__init__(value=value, about=about, sizing_mode="stretch_width", margin=(1, 8))
         self._knob = knob
 
-    def _handle_msg(self, data: Any) -> None:
+    def _handle_msg(self, data: Any) -> None:  # called by Panel
         self.enter(str(data))
 
     def enter(self, text: str) -> None:
@@ -146,6 +143,7 @@ class Dropper(pn.widgets.FileDropper):
         return sum(len(part) for parts in self._file_buffer.values() for part in parts)
 
     def _process_event(self, event: Any) -> None:
+        # The limit of Panel holds in the browser only, and a client may send what it likes.
         name, data = event.data.get("name"), event.data.get("data", b"")
         if event.event_name == "upload_event":
             if event.data.get("chunk") == 1:

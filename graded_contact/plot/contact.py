@@ -10,22 +10,10 @@ from ..core.checks import as_float
 from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
 from ..mean_field.mean_field import MeanField, pressure_distribution
-from ..sliding.sliding import Sliding
+from ..sliding.result import Sliding
 from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface
-from .style import (
-    COLOURS,
-    GAPS,
-    HEIGHTS,
-    PAGE,
-    PRESSURES,
-    entitle,
-    few_powers_of_ten,
-    legend_below,
-    letters,
-    new_figure,
-    styled,
-)
+from .style import COLOURS, PAGE, PRESSURES, entitle, few_powers_of_ten, finished, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,9 +22,9 @@ if TYPE_CHECKING:
 
 # Colours of a map, the exponent of their scale, and the colour of a profile.
 LOOKS = {
-    "heights": (HEIGHTS, 1.0, COLOURS[0]),
+    "heights": ("cividis", 1.0, COLOURS[0]),
     "pressure": (PRESSURES, 0.5, COLOURS[1]),  # most of the contact is far from its peak
-    "gap": (GAPS, 1.0, COLOURS[2]),
+    "gap": ("magma", 1.0, COLOURS[2]),
 }
 FINEST_OUTLINE = 1024  # points along an edge that an outline can show
 BINS = 50
@@ -46,7 +34,7 @@ STEPS_PER_DECADE = 10  # steps of the friction per ln q
 FULL = "full contact: there is no gap"
 
 
-@styled
+@finished
 def plot_sliding(
     sliding: "Sliding | Dataset", surface: Surface, velocity: ArrayLike | Sequence[float] = 0.0
 ) -> "Figure":
@@ -79,7 +67,6 @@ def plot_sliding(
         _draw_field(axes, name, values, size)
         axes.label_outer()
     _draw_outline(panels[0], np.asarray(sliding.pressure), np.asarray(sliding.gap), size)
-    letters(panels)
     if "gap" not in fields:
         entitle(figure, FULL)
     _draw_direction(panels[1], np.atleast_1d(as_float(velocity, "velocity")))
@@ -135,13 +122,13 @@ def _range_of(values: np.ndarray, base: str) -> tuple[float, float, str, str]:
     low, high = max(least, 2 * lower - median), min(most, 2 * upper - median)
     low = 0 if 0 <= low < 0.05 * high else low  # a scale from zero reads better
     first, last = (f"{'-' if end < 0 else ''}{with_unit(abs(end), base)}" for end in (least, most))
-    ends = {
-        (True, True): ("both", f"\noutliers from {first} to {last}"),
-        (True, False): ("min", f"\noutliers down to {first}"),
-        (False, True): ("max", f"\noutliers up to {last}"),
-        (False, False): ("neither", ""),
-    }
-    return low, high, *ends[bool(low > least), bool(high < most)]
+    if low > least and high < most:
+        return low, high, "both", f"\noutliers from {first} to {last}"
+    if low > least:
+        return low, high, "min", f"\noutliers down to {first}"
+    if high < most:
+        return low, high, "max", f"\noutliers up to {last}"
+    return low, high, "neither", ""
 
 
 def draw_profile(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -> None:
@@ -205,7 +192,7 @@ def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
     )  # fmt: skip
 
 
-@styled
+@finished
 def plot_distributions(
     sliding: "Sliding | Dataset", mean_field: MeanField | None = None
 ) -> "Figure":
@@ -225,23 +212,23 @@ def plot_distributions(
     count = 1 + bool(np.any(open_points))
     figure = new_figure(PAGE * count / 2, 2.7)
     left, *right = figure.subplots(1, count, squeeze=False)[0]
-    variance = np.nan if mean_field is None else float(mean_field.stress_variance[-1])
     reach = 0.0
-    if mean_field is not None and np.isfinite(variance):
-        reach = float(mean_field.pressure) + SHOWN_DEVIATIONS * variance**0.5
+    if mean_field is not None:
+        # The axis shows the theory too, whose tail may go beyond that of the contact.
+        deviation = float(mean_field.stress_variance[-1]) ** 0.5
+        reach = float(np.nan_to_num(mean_field.pressure + SHOWN_DEVIATIONS * deviation))
     high, scale = _draw_density(left, "pressure", pressure, pressure > 0, reach, "contact")
-    if mean_field is not None and reach:
+    if mean_field is not None and reach:  # a theory that failed has no variance
         stress = np.linspace(0, high, 400)
         density = np.asarray(pressure_distribution(mean_field, stress))[-1]
         left.plot(scale * stress, density / scale, color=COLOURS[1], label="Persson's theory")
     for axes in right:
         _, scale = _draw_density(axes, "gap", gap, open_points)
         label = f"mean gap {with_unit(float(np.mean(gap)), 'm')}"
+        # The mean is over all points, also those in contact.
         axes.axvline(scale * np.mean(gap), color="0.3", lw=0.8, linestyle="--", label=label)
     for axes in (left, *right):
         axes.set(xlim=(0, None), ylim=(0, None))
-    letters((left, *right))
-    legend_below(figure)
     if not right:
         entitle(figure, FULL)
     return figure
@@ -265,7 +252,7 @@ def _draw_density(axes, name, values, counted, high=0.0, label=None) -> tuple[fl
     return high, scale
 
 
-@styled
+@finished
 def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure":
     """Returns a figure of friction over the wavenumber: up to each, and per ln q.
 
@@ -276,6 +263,7 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
     - `curves`: the result of `cumulative_friction` or `area_against_cutoff`, or `against_cutoff` of
       a mean field; or several, by their labels.
     """
+    # One curve is a mapping with an empty label, which no legend shows.
     by_label = curves if isinstance(curves, Mapping) else {"": curves}
     figure = new_figure(PAGE, 2.7)
     total, each = figure.subplots(1, 2, sharex=True)
@@ -296,7 +284,4 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
         axes.set_xlabel("wavenumber $q$ [rad/m]")
     every = np.concatenate([np.asarray(curve.cutoff) for curve in by_label.values()])
     few_powers_of_ten(total.xaxis, np.min(every), np.max(every))
-    letters((total, each))
-    if any(by_label):
-        legend_below(figure)
     return figure

@@ -9,7 +9,7 @@ from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
-from .style import PAGE, colours_of, legend_below, letters, new_figure, styled
+from .style import PAGE, colours_of, finished, new_figure
 from .words import label_of, title_of
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..sliding.cycle import CyclicSliding
 
 
-@styled
+@finished
 def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     """Returns a figure of the hysteresis loop, and of friction and contact area over the period.
 
@@ -36,6 +36,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     loop, over_time, area = figure.subplots(1, 3)
     unit, factor = unit_of("m", max(float(np.ptp(moved)) for _, moved, *_ in lines))
     for (label, *line), colour in zip(lines, colours_of(len(lines)), strict=False):
+        # The first time is drawn once more at the end of the period.
         place, friction, share = (np.append(values, values[0]) for values in line)
         times = np.linspace(0, 1, len(place))
         # A motion that ends where it began makes a closed loop.
@@ -51,12 +52,10 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     for axes in (over_time, area):
         axes.set_xlabel("time over the period [1]")
     area.set(ylabel="contact area fraction [1]", ylim=(0, None))
-    letters((loop, over_time, area))
-    legend_below(figure)
     return figure
 
 
-@styled
+@finished
 def plot_film(
     cycle: "CyclicSliding | Dataset", surface: Surface, times: Sequence[int] | None = None
 ) -> "Figure":
@@ -76,6 +75,7 @@ def plot_film(
 
     pressure, size = np.asarray(cycle.pressure), np.asarray(surface.grid.size)
     count, high = len(pressure), float(np.max(pressure))
+    # Quarters show both directions of a motion to and fro.
     shown = [i * count // 4 for i in range(4)] if times is None else list(times)
     unit, factor = unit_of(FIELDS["pressure"].unit, high)
     label = f"{FIELDS['pressure'].meaning} [{unit}]"
@@ -84,6 +84,7 @@ def plot_film(
     figure = new_figure(PAGE * max(len(shown), 2) / 4, tall)
     panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
     colours, exponent, colour = LOOKS["pressure"]
+    # One scale for all times: only then can frames be compared.
     norm = PowerNorm(exponent, 0, factor * high)
     image: Any = None
     for axes, i in zip(panels, shown, strict=True):
@@ -95,7 +96,6 @@ def plot_film(
             axes.set(ylabel=label, ylim=(0, 1.05 * factor * high))
         axes.set_title(f"$t/T$ = {i / count:.3g}")
         axes.label_outer()
-    letters(panels)
     if is_map:
         figure.colorbar(image, ax=list(panels), label=label, shrink=0.9)
     return figure
@@ -103,6 +103,7 @@ def plot_film(
 
 def _over_time(cycle: Any) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
     """A label, and displacement, friction and area over time, of each solve."""
+    # One solve in memory has a single line; results of a scene have one for each solve.
     if not hasattr(cycle, "dims"):
         moved = np.asarray(cycle.displacement)
         if moved.ndim > 1:
@@ -122,6 +123,7 @@ def _over_time(cycle: Any) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray
             continue  # failed, or not started
         words = [f"{title_of(str(name))} {label_of(at[name])}" for name in varied]
         if "velocity" in varied:
+            # The velocity is the last axis, and in a motion it decides the period.
             words[-1] = f"period {with_unit(float(at['period']), 's')}"
         lines.append((", ".join(words), *(at[name].values for name in names)))
     if not lines:

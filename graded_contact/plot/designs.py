@@ -14,7 +14,7 @@ from ..scenes.run_design import DesignResults, design_mean_field
 from ..studies.design_problem import named
 from ..studies.objectives import loss_tangent
 from ..studies.search import Design
-from .style import COLOURS, PAGE, few_powers_of_ten, legend_below, letters, new_figure, styled
+from .style import COLOURS, PAGE, few_powers_of_ten, finished, new_figure
 from .words import title_of
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 CURVE_POINTS = 41
 
 
-@styled
+@finished
 def plot_design(results: DesignResults) -> "Figure":
     """Returns a figure of a design: friction over velocity, and the loss tangent, before and after.
 
@@ -36,6 +36,7 @@ def plot_design(results: DesignResults) -> "Figure":
     """
     study, scene = results.study, results.study.scene
     before = results.candidates["before"].field
+    # Contacts are solved at few speeds; the mean field costs little and draws a curve.
     velocities = _curve_velocities(study, before)
     # The loss tangent at the middle speed, over the waves of the road and of the band.
     cutoff = before.against_cutoff.cutoff
@@ -64,8 +65,6 @@ def plot_design(results: DesignResults) -> "Figure":
     )
     for axes in (friction, loss):
         axes.set_ylim(bottom=0)
-    letters((friction, loss))
-    legend_below(figure)
     return figure
 
 
@@ -81,7 +80,7 @@ def _curve_velocities(study: DesignScene, field: MeanField) -> Float[np.ndarray,
     return np.geomspace(first, last, CURVE_POINTS)
 
 
-@styled
+@finished
 def plot_history(design: Design, *, scene: str = "") -> "Figure":
     """Returns a figure of a search: objective, constraints and parameters of each evaluation.
 
@@ -104,6 +103,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
         style = {"color": COLOURS[0], "zorder": 3} if run is best else {"color": "0.7"}
         value.plot(np.arange(1, 1 + len(run.history.values)), run.history.values, ".-", **style)
     tried = np.concatenate([run.history.values for run in design.runs])
+    # A logarithmic axis needs positive values, and is worth it from two decades on.
     if 0 < 100 * np.min(tried) < np.max(tried):
         value.set_yscale("log")
     value.set_ylabel("objective")
@@ -112,19 +112,19 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
         for i, margins in enumerate(history.margins.T):
             axes.plot(evaluation, margins, ".-", label=f"(b) constraint {i + 1}")
         ends = axes.get_ylim()
+        # Grey is not allowed.
         axes.axhspan(min(ends[0], 0), 0, color="0.93", zorder=0)
         axes.set_ylim(ends)
         axes.set_ylabel("constraint (0 or more allowed)")
     letter = "c" if constrained else "b"
-    for name, tried, last in zip(names, history.parameters.T, best.parameters, strict=True):
-        parameters.plot(evaluation, tried / last, ".-", label=f"({letter}) {title_of(name, scene)}")
-    parameters.set_ylabel("parameter / result [1]")
+    # Relative to the result, because parameters have unlike units and sizes.
     ratios = history.parameters / np.array(best.parameters)
+    for name, ratio in zip(names, ratios.T, strict=True):
+        parameters.plot(evaluation, ratio, ".-", label=f"({letter}) {title_of(name, scene)}")
+    parameters.set_ylabel("parameter / result [1]")
     if np.max(ratios) > 3 * np.min(ratios):  # else a logarithmic axis has hardly a number
         parameters.set_yscale("log")
         few_powers_of_ten(parameters.yaxis, np.min(ratios), np.max(ratios))
-    letters((value, *limits, parameters))
-    legend_below(figure)
     for axes in (value, *limits, parameters):
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
         axes.set_xlabel("evaluation")

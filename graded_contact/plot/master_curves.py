@@ -9,17 +9,7 @@ from ..core.display import unit_of
 from ..fitting.master import MasterCurve
 from ..materials.measured import Measured
 from .material_curves import CHANNEL_NAMES, ORDINATES
-from .style import (
-    COLUMN,
-    PAGE,
-    TEMPERATURES,
-    few_powers_of_ten,
-    legend_below,
-    letters,
-    new_figure,
-    ordered,
-    styled,
-)
+from .style import COLUMN, PAGE, TEMPERATURES, few_powers_of_ten, finished, new_figure, ordered
 from .words import ZERO_CELSIUS, kelvin
 
 if TYPE_CHECKING:
@@ -27,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@styled
+@finished
 def plot_master_curve(curve: MasterCurve) -> "Figure":
     """Returns a figure of a master curve: isotherms before and after the shift, and the shifts.
 
@@ -40,6 +30,7 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
     measured, shifted = curve.data.observations, curve.fit.data
     frequency = shifted.kind == "frequency"
     figure = new_figure(PAGE, 2.9)
+    # b_T has a panel only where moduli were also shifted vertically.
     mosaic = "bma;bmc" if curve.data.lifts else "bma"
     before, after, *panels = figure.subplot_mosaic(mosaic, width_ratios=(1, 1, 0.9)).values()
     colours = ordered(len(curve.temperatures), TEMPERATURES)
@@ -63,15 +54,14 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
         xlabel=r"$\omega\,a_T$ [rad/s]" if frequency else "$t/a_T$ [s]",
         title=f"shifted to {kelvin(reference)}",
     )
+    # With one ordinate the eye sees what the shift alone did.
     after.sharey(before)
     after.tick_params(labelleft=False)
     _draw_shifts(panels, curve, colours)
-    letters((before, after, *panels))
-    legend_below(figure)
     return figure
 
 
-@styled
+@finished
 def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
     """Returns a figure of phase angles against |E*|, coloured by temperature.
 
@@ -105,7 +95,6 @@ def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
         series = np.asarray(storage) + 1j * np.asarray(loss)
         angles = np.rad2deg(np.angle(series))
         axes.plot(scale * np.abs(series), angles, "k", linewidth=0.8, label="series")
-        legend_below(figure)
     if temperatures is not None and len(moduli) > 1:
         temperatures = temperatures - ZERO_CELSIUS
         # Each colour ends halfway between its temperature and the next.
@@ -113,6 +102,7 @@ def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
         edges = [2 * temperatures[0] - ends[0], *ends, 2 * temperatures[-1] - ends[-1]]
         norm = BoundaryNorm(edges, len(moduli))
         shown = ScalarMappable(norm, ListedColormap(colours))
+        # Eight labels at most: more would overlap.
         some = temperatures[:: -(-len(temperatures) // 8)]
         figure.colorbar(
             shown, ax=axes, label="temperature [°C]", ticks=some, format="%.0f",
@@ -132,6 +122,7 @@ def _complex_moduli(isotherms: MasterCurve | Measured) -> tuple[np.ndarray | Non
         known = [np.mean(part.temperature) for part in parts if part.temperature is not None]
         return (np.array(known) if known else None), moduli
     points = isotherms.data.observations
+    # What was not measured has the weight 0.
     known = np.all(np.asarray(points.weights) > 0, axis=0)
     storage, loss = np.asarray(points.values)
     group = np.asarray(isotherms.data.group)
@@ -155,6 +146,7 @@ def _draw_shifts(panels: "list[Axes]", curve: MasterCurve, colours) -> None:
     if len(panels) > 1:
         panels[0].sharex(panels[1])
         panels[0].tick_params(labelbottom=False)
+    # The law is drawn only where shifts were measured.
     between = np.linspace(temperatures[0], temperatures[-1], 200)
     by_law = jax.vmap(curve.law.log_factor)(between) / np.log(10)
     panels[0].plot(

@@ -11,7 +11,7 @@ from ..blocks.stack import Stack
 from ..core.checks import as_float, check_positive
 from ..fitting.prony import PronyFit
 from ..studies.uncertainty import Sensitivity
-from .style import COLOURS, PAGE, legend_below, letters, new_figure, styled
+from .style import COLOURS, PAGE, finished, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,7 +27,7 @@ ORDINATES = {
 }  # fmt: skip
 
 
-@styled
+@finished
 def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[float]) -> "Figure":
     """Returns a figure of the effective modulus and the loss tangent of a stack.
 
@@ -44,6 +44,7 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
     figure = new_figure(PAGE, 2.9)
     stiffness, loss = figure.subplots(1, 2, sharex=True)
     for i, speed in enumerate(speeds):
+        # Waves along the motion: those across it see lower frequencies.
         modulus = np.asarray(effective_modulus(stack, q, q * speed))
         label = f"sliding velocity {speed:.3g} m/s"
         style: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "label": label}
@@ -52,12 +53,10 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
     words = "wavenumber $q$ [rad/m]"
     stiffness.set(xlabel=words, ylabel="effective modulus $|2/(q M_{zz})|$ [Pa]")
     loss.set(xlabel=words, ylabel="loss tangent [1]", ylim=(0, None))
-    letters((stiffness, loss))
-    legend_below(figure)
     return figure
 
 
-@styled
+@finished
 def plot_fit(fit: PronyFit) -> "Figure":
     """Returns a figure of a fit: measured points and the series, and its log residuals.
 
@@ -70,9 +69,11 @@ def plot_fit(fit: PronyFit) -> "Figure":
     figure = new_figure(PAGE, 3.8)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     x = np.asarray(fit.data.x)
+    # A relaxation may start at t = 0, which has no place on a logarithmic axis.
     fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
     fitted, curves = np.asarray(fit.predict(x)), np.asarray(fit.predict(fine))
     frequency = fit.data.kind == "frequency"
+    # Only moduli over frequency have limits, one pair for each channel.
     lower, upper = fit.confidence(fine) if frequency else (fine, fine)
     limits = [(lower.real, upper.real), (lower.imag, upper.imag)] if frequency else []
     for i, name in enumerate(CHANNEL_NAMES[fit.data.kind]):
@@ -83,18 +84,17 @@ def plot_fit(fit: PronyFit) -> "Figure":
         for limit in limits[i : i + 1]:
             label = f"{name}, 95 % limits"
             above.fill_between(fine, *limit, color=colour, alpha=0.25, linewidth=0, label=label)
+        # In logarithms a modulus that is too large by a factor weighs like one too small.
         residual = 100 * np.log(fitted[i] / measured)
         below.plot(x[known], residual[known], ".", color=colour, markersize=4)
     above.set(xscale="log", yscale="log", ylabel=ORDINATES[fit.data.kind])
     below.axhline(0, color="black", linewidth=0.6)
     words = r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]"
     below.set(xlabel=words, ylabel="ln(fit/measured)\n[%]")
-    letters((above, below))
-    legend_below(figure)
     return figure
 
 
-@styled
+@finished
 def plot_sensitivity(
     sensitivity: Sensitivity | Mapping[str, Sensitivity], *, of: str = "friction"
 ) -> "Figure":
@@ -119,7 +119,4 @@ def plot_sensitivity(
         axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
         axes.set(xlabel=r"angular frequency $\omega$ [rad/s]", title=title)
     panels[0].set_ylabel(f"relative change of the {of} per that of\nthe modulus and decade [1]")
-    letters(panels)
-    if any(by_label):
-        legend_below(figure)
     return figure

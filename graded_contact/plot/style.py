@@ -5,20 +5,16 @@ change. For your own figures: `with matplotlib.rc_context(gc.plot.STYLE): ...`, 
 `plt.rcParams.update(gc.plot.STYLE)`.
 """
 
-import contextlib
 import functools
 import re
 import string
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from types import MappingProxyType
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
 if TYPE_CHECKING:  # it takes a third of a second to import
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 P = ParamSpec("P")
@@ -27,6 +23,7 @@ T = TypeVar("T")
 # Of M. Okabe and K. Ito, for any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 COLUMN, PAGE = 3.54, 7.48  # inches, 90 and 190 mm
+COLOUR_BAR = "<colorbar>"  # the label of Matplotlib for the axes of one
 KEY_WIDTH, LETTER_WIDTH, LINE_HEIGHT = 0.5, 0.058, 0.155  # inches, of legends
 HEIGHTS, PRESSURES, GAPS, TEMPERATURES = "cividis", "viridis", "magma", "plasma"
 STYLE = {
@@ -63,26 +60,38 @@ STYLE = {
 }  # fmt: skip
 
 
-@contextlib.contextmanager
-def _style() -> Iterator[None]:
-    import matplotlib.style
-
-    # On top of the defaults of Matplotlib, not of the settings of the user.
-    with matplotlib.style.context(["default", STYLE]):
-        yield
-
-
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
     """Returns a function that makes its figure in the style."""
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
-        with _style():
+        import matplotlib.style
+
+        # On top of the defaults of Matplotlib, not of the settings of the user.
+        with matplotlib.style.context(["default", STYLE]):
             return draw(*args, **kwargs)
 
     return drawn
 
 
+def finished(draw: "Callable[P, Figure]") -> "Callable[P, Figure]":
+    """Returns a function whose figure has the style, letters of its panels, and a legend below."""
+
+    @styled
+    @functools.wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> "Figure":
+        figure = draw(*args, **kwargs)
+        panels = [axes for axes in figure.axes if axes.get_label() != COLOUR_BAR]
+        for axes, letter in zip(panels, string.ascii_lowercase, strict=False):
+            if len(panels) > 1:
+                axes.set_title(f"({letter})", loc="left", fontweight="bold")
+        _draw_legend(figure)
+        return figure
+
+    return drawn
+
+
+# The class is made at the first figure: to import Matplotlib takes long.
 @functools.cache
 def _styled_figure() -> "type[Figure]":
     from matplotlib.figure import Figure
@@ -90,13 +99,7 @@ def _styled_figure() -> "type[Figure]":
     class StyledFigure(Figure):
         """A figure in the style also when it is drawn, which makes its ticks, and saved."""
 
-        def draw(self, renderer: Any) -> None:
-            with _style():
-                super().draw(renderer)
-
-        def savefig(self, *args: Any, **kwargs: Any) -> None:
-            with _style():
-                super().savefig(*args, **kwargs)
+        draw, savefig = styled(Figure.draw), styled(Figure.savefig)
 
     return StyledFigure
 
@@ -109,17 +112,10 @@ def new_figure(width: float, height: float) -> "Figure":
 @styled
 def entitle(figure: "Figure", text: str) -> None:
     """Puts a line above a figure, and above an earlier one; broken where it is too long."""
+    # About 15 letters of the title's size fit into an inch.
     width = round(15 * figure.get_figwidth())
     lines = [textwrap.fill(line, width) for line in (text, figure.get_suptitle()) if line]
     figure.suptitle("\n".join(lines))
-
-
-def letters(panels: "Iterable[Axes]") -> None:
-    """Names panels (a), (b), ..., for captions; none if there is only one."""
-    panels = list(panels)
-    for axes, letter in zip(panels, string.ascii_lowercase, strict=False):
-        if len(panels) > 1:
-            axes.set_title(f"({letter})", loc="left", fontweight="bold")
 
 
 def caption(figure: "Figure") -> str:
@@ -129,7 +125,7 @@ def caption(figure: "Figure") -> str:
         bars = [drawn.colorbar.ax for drawn in (*axes.images, *axes.collections) if drawn.colorbar]
         title, of = axes.get_title(), bars[0] if bars else axes
         shown = " against ".join(filter(None, (of.get_ylabel(), of.get_xlabel())))
-        if axes.get_label() != "<colorbar>":
+        if axes.get_label() != COLOUR_BAR:
             shown = f"{title}: {shown}" if title and bars else title or shown
             panels.append(f"{axes.get_title(loc='left')} {shown}".strip())
     sentences = re.sub(r" \[[^]]*\]", "", "; ".join(panels)), figure.get_suptitle()
@@ -137,19 +133,12 @@ def caption(figure: "Figure") -> str:
     return text.replace("\n", " ")
 
 
-def legend_below(figure: "Figure", extra: "Mapping[str, Artist]" = MappingProxyType({})) -> None:
-    """Draws one legend of all panels below them, where it hides no curve; the figure grows by it.
-
-    **Arguments:**
-
-    - `figure`: its panels have labelled curves.
-    - `extra`: further entries, by their texts.
-    """
+def _draw_legend(figure: "Figure") -> None:
+    """Draws one legend below all panels, where it hides no curve; the figure grows by it."""
     found: dict[str, Any] = {}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             found.setdefault(label, handle)
-    found |= extra
     if not found:
         return
     width = KEY_WIDTH + LETTER_WIDTH * max(map(len, found))
@@ -175,6 +164,7 @@ def few_powers_of_ten(axis: Any, low: float, high: float) -> None:
     """Labels a logarithmic axis, between the powers of ten too if there are few."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
+    # Fewer than two decades would have two labels at most.
     if high < 100 * low:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.set_major_formatter("{x:g}")

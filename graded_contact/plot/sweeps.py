@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -9,19 +10,7 @@ import numpy as np
 from ..core.quantities import OBSERVABLES
 from ..scenes.results import SEED_ERROR, has_numbers, over_seeds, solve_states, warnings_of
 from ..studies.dataset import NOT_STARTED
-from .style import (
-    COLOURS,
-    PAGE,
-    PRESSURES,
-    TEMPERATURES,
-    colours_of,
-    entitle,
-    few_powers_of_ten,
-    legend_below,
-    letters,
-    new_figure,
-    styled,
-)
+from . import style
 from .words import label_of, title_of
 
 if TYPE_CHECKING:
@@ -59,7 +48,7 @@ class _Lines(NamedTuple):
     surfaces: int
 
 
-@styled
+@style.finished
 def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
     """Returns a figure of friction and contact area against velocity.
 
@@ -81,7 +70,7 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
     return _coloured(lines, lines.varied[0] if lines.varied else "")
 
 
-@styled
+@style.finished
 def plot_reduced(results: "Dataset") -> "Figure":
     """Returns a figure of friction and contact area against a_T times velocity.
 
@@ -98,11 +87,11 @@ def plot_reduced(results: "Dataset") -> "Figure":
         reason = "No master curve: the results have no axis of temperatures."
         raise ValueError(results.attrs.get("master_curve", reason))
     figure = _coloured(_lines(results, "reduced_velocity"), "temperature")
-    entitle(figure, results.attrs["master_curve"].replace("a_T", "$a_T$"))
+    style.entitle(figure, results.attrs["master_curve"].replace("a_T", "$a_T$"))
     return figure
 
 
-@styled
+@style.finished
 def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure":
     """Returns a figure of friction and contact area of several results, one colour for each.
 
@@ -114,33 +103,33 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
 
     **Raises:** `ValueError` if they vary different axes, or are of scenes with [motion].
     """
+    # Axes with one point do not matter, so lines are compared and not datasets.
     every = [_lines(one) for one in results]
-    first, *_ = every
+    first = every[0]
+    expected = _axes_of(first)
     colours, labels = [], []
-    for i, (lines, name, one) in enumerate(zip(every, names, results, strict=True)):
-        colours += [COLOURS[i % len(COLOURS)]] * len(lines.each)
+    for i, (lines, name) in enumerate(zip(every, names, strict=True)):
+        colours += [style.COLOURS[i % len(style.COLOURS)]] * len(lines.each)
         labels += [name] * len(lines.each)
-        if (lines.along, lines.varied) != (first.along, first.varied):
-            here, there = (
-                ", ".join(f"`{axis}`" for axis in (*each.varied, each.along))
-                for each in (lines, first)
-            )
+        if (axes := _axes_of(lines)) != expected:
             raise ValueError(
-                f"{name!r} varies {here}, and {names[0]!r} {there}: results over the same axes can "
-                "be compared."
+                f"{name!r} varies {axes}, and {names[0]!r} {expected}: results over the same axes, "
+                "in the same units, can be compared."
             )
-        for what in (first.along, *first.varied, *DRAWN):
-            here, there = (data[what].attrs.get("units", "") for data in (one, results[0]))
-            if here != there:
-                raise ValueError(
-                    f"{name!r} has `{what}` in {here}, and {names[0]!r} in {there}: results in the "
-                    "same units can be compared."
-                )
     # All lines together: dashes stand for the same numbers in every result.
     surfaces = max(lines.surfaces for lines in every)
     together = [line for lines in every for line in lines.each]
     lines = first._replace(each=together, surfaces=surfaces)
     return _drawn(lines, colours, labels, first.varied)
+
+
+def _axes_of(lines: _Lines) -> str:
+    """The varied axes with their units, as an error names them."""
+    line = lines.each[0]
+    units = [line[name].attrs.get("units", "1") for name in (*lines.varied, "x")]
+    return ", ".join(
+        f"`{name}` [{unit}]" for name, unit in zip((*lines.varied, lines.along), units, strict=True)
+    )
 
 
 def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = False) -> _Lines:
@@ -184,9 +173,9 @@ def _coloured(lines: _Lines, axis: str) -> "Figure":
     varies = axis in lines.varied
     numbers = [line[axis].item() if varies else 0 for line in lines.each]
     values = list(dict.fromkeys(numbers))
-    scale = TEMPERATURES if axis == "temperature" else PRESSURES
-    colours = colours_of(len(values), scale)
-    named = values[:: -(-len(values) // len(COLOURS))]  # the legend names some of many
+    scale = style.TEMPERATURES if axis == "temperature" else style.PRESSURES
+    colours = style.colours_of(len(values), scale)
+    named = values[:: -(-len(values) // len(style.COLOURS))]  # the legend names some of many
     labels = [
         _label(line, axis) if varies and number in named else None
         for line, number in zip(lines.each, numbers, strict=True)
@@ -195,7 +184,7 @@ def _coloured(lines: _Lines, axis: str) -> "Figure":
     figure = _drawn(lines, [colours[values.index(one)] for one in numbers], labels, dashed)
     line = lines.each[0]
     fixed = [str(name) for name in line.coords if not line[name].ndim and name not in lines.varied]
-    entitle(figure, ", ".join(_label(line, name) for name in fixed))
+    style.entitle(figure, ", ".join(_label(line, name) for name in fixed))
     return figure
 
 
@@ -207,10 +196,7 @@ def _drawn(
     lines: _Lines, colours: Sequence, labels: Sequence[str | None], dashed: Sequence[str]
 ) -> "Figure":
     """Lines with these colours and labels, and dashes by their numbers on the axes `dashed`."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    figure = new_figure(PAGE, 2.9)
+    figure = style.new_figure(style.PAGE, 2.9)
     panels = figure.subplots(1, 2)
     numbers = [", ".join(_label(line, name) for name in dashed) for line in lines.each]
     # The dashes repeat if there are many combinations of numbers.
@@ -219,29 +205,29 @@ def _drawn(
         for line, colour, label, number in zip(lines.each, colours, labels, numbers, strict=True):
             _draw(axes, line, quantity, colour, linestyle=dashes[number], label=label)
         _finish(axes, lines, quantity)
-    legend: dict[str, Any] = {}
+    # Lines without points are entries of the legend, of its last panel.
+    entry = partial(panels[-1].plot, [], [], color="0.4")
     for text in list(dashes)[: len(DASHES)] if dashed else ():
-        legend[text] = Line2D([], [], color="0.4", linestyle=dashes[text])
+        entry(linestyle=dashes[text], label=text)
     if lines.surfaces > 1:
-        legend[f"mean of {lines.surfaces} surfaces ± standard error"] = Patch(color="0.8")
+        label = f"mean of {lines.surfaces} surfaces ± standard error"
+        entry(color="0.8", linewidth=6, label=label)
     known = {str(name) for line in lines.each for name in line}
     if any(f"{name}{ERROR}" in known for name in DRAWN):
-        bar = Line2D([], [], color="0.4", marker="|", ls="")
-        legend["± standard error by materials"] = bar if lines.surfaces > 1 else Patch(color="0.8")
+        how = {"marker": "|", "ls": ""} if lines.surfaces > 1 else {"color": "0.8", "linewidth": 6}
+        entry(**how, label="± standard error by materials")
     if f"{DRAWN[0]}_each" in known:
-        legend["each surface"] = Line2D([], [], color="0.4", linewidth=THIN)
+        entry(linewidth=THIN, label="each surface")
     if any(np.any(line["doubtful"]) for line in lines.each):
-        legend[DOUBTFUL] = Line2D([], [], color="black", marker="x", markersize=7, ls="")
-    letters(panels)
-    legend_below(figure, legend)
+        entry(color="black", marker="x", markersize=7, ls="", label=DOUBTFUL)
     return figure
 
 
-def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **style: Any) -> None:
+def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: Any) -> None:
     """Draws a line with a band of the error over seeds and bars of that by materials, and marks
     points by their state."""
     x, values, state = (line[name].values for name in ("x", quantity, "state"))
-    axes.plot(x, values, color=colour, **style)
+    axes.plot(x, values, color=colour, **options)
     band = next((end for end in (SEED_ERROR, ERROR) if quantity + end in line), None)
     if band is not None:
         error = line[quantity + band].values
@@ -269,12 +255,13 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
     low, high = np.min(x), np.max(x)
     if low > 0 and (lines.along.endswith("velocity") or high >= 10 * low):
         axes.set_xscale("log")
-        few_powers_of_ten(axes.xaxis, low, high)
+        style.few_powers_of_ten(axes.xaxis, low, high)
     ends = [line[quantity] for line in lines.each]
     for end in (ERROR, SEED_ERROR):
         ends += [
             line[quantity] + line[quantity + end] for line in lines.each if quantity + end in line
         ]
+    # Failed solves are NaN, which `fmax` leaves out; markers need room above.
     axes.set_ylim(0, 1.08 * np.fmax.reduce(np.concatenate(ends), initial=0) or None)
     line = lines.each[0]
     title = title_of(lines.along, line.attrs.get("scene", ""))

@@ -38,6 +38,7 @@ def title_of(name: str, scene: str = "") -> str:
     owner = table.get(end, place)
     if sum(owner in (one.get("material"), one.get("bottom"), one.get("top")) for one in layers) > 1:
         owner = f"{place} ({owner})"  # a material of several layers
+    # The material or the number already tells that it is of a layer.
     meaning = quantity.meaning.removeprefix("layer ")
     if entry is not None:
         meaning = f"{_SINGULAR.get(meaning, meaning)} {int(entry) + 1}"
@@ -57,5 +58,6 @@ def label_of(number: "DataArray") -> str:
 
 def kelvin(value: float) -> str:
     """Returns a temperature [K] also in °C: "293.15 K (20 °C)"."""
+    # 0.0 is added because -0.0 would be written with its sign.
     celsius = f"{round(value - ZERO_CELSIUS, 2) + 0.0:g}".replace("-", "−")
     return f"{value:.5g} K ({celsius} °C)"

@@ -11,7 +11,7 @@ import io
 import re
 import warnings
 from collections.abc import Iterable, Iterator
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from .paths import UNPACKED_TEXT, Refusal, check_archive, may_unpack, read_file
@@ -48,6 +48,10 @@ class Row(NamedTuple):
     @property
     def num_numbers(self) -> int:
         return sum(map(is_number, self.cells))
+
+    @property
+    def text(self) -> str:
+        return " ".join(self.cells)
 
 
 class Sheet(NamedTuple):
@@ -112,6 +116,7 @@ def stripped(cells: list[Any]) -> list[Any]:
 
 def decoded(content: bytes) -> tuple[str, str] | None:
     """Returns the text of a file and its encoding, or None for a file that is no text."""
+    # Without a mark, UTF-16 of western text has a zero in every second byte.
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16", errors="replace"), "UTF-16"
     for start, code in ((1, "utf-16-le"), (0, "utf-16-be")):
@@ -168,14 +173,14 @@ def _with_point(cell: str, decimal: str) -> str:
     return cell.replace("−", "-").replace(",", ".").replace("d", "e").replace("D", "e")
 
 
-def _text_sheet(path: PurePath, content: bytes) -> Sheet:
+def _text_sheet(content: bytes) -> Sheet:
     text, encoding = decoded(content) or ("\0", "")
     lines = lines_of(text)
     if "\0" in text or max(map(len, lines)) > 100_000:
-        raise ValueError(f"`path={path}` is neither a table of text nor an Excel workbook.")
+        raise Refusal("it is neither a table of text nor an Excel workbook")
     layout = text_layout(lines, 2)
     grouped = _GROUPED[layout.decimal]
-    rows, count, marks = [], 0, ""
+    rows, count = [], 0
     for number, line in enumerate(lines, start=1):
         row = Row(number, layout.cells(COMMENT.sub("", line, count=1)))
         if COMMENT.match(line):
@@ -189,8 +194,8 @@ def _text_sheet(path: PurePath, content: bytes) -> Sheet:
         count += len(row.cells)
         if count > MOST_CELLS:
             raise Refusal(f"it has more than {MOST_CELLS:g} cells")
-        if not marks and any(map(grouped.fullmatch, layout.split(line))):
-            marks = ", with marks between thousands"
+    marked = any(grouped.fullmatch(cell) for line in lines for cell in layout.split(line))
+    marks = ", with marks between thousands" * marked
     spaced = layout.separator is None
     if spaced:  # names such as "Storage modulus" hold single spaces
         width = max((len(row.cells) for row in rows if holds_data(row)), default=0)
@@ -214,41 +219,39 @@ def read_sheets(path: Path) -> list[Sheet]:
     """
     content = read_file(path, LARGEST)
     try:
-        return sheets_of(path, content, len(content))
+        return sheets_of(content, len(content))
     except Refusal as error:
         raise ValueError(f"`path={path}` is refused: {error}.") from error
 
 
-def sheets_of(path: PurePath, content: bytes, packed: int) -> list[Sheet]:
-    """Returns the sheets in the content of a file, as `read_sheets`.
+def sheets_of(content: bytes, packed: int) -> list[Sheet]:
+    """Returns the sheets in the content of a file, as `read_sheets`, or raises `Refusal`.
 
-    `packed`: bytes of the file that it lies in. Raises `Refusal` for too many bytes or cells.
+    `packed`: bytes of the file that it lies in.
     """
     if content.startswith(b"\xd0\xcf\x11\xe0"):
-        sheets = _workbook(path, "xlrd", _xls(content))
+        sheets = _workbook("xlrd", _xls(content))
     elif content.startswith(b"PK\x03\x04"):
-        sheets = _workbook(path, "openpyxl", _xlsx(content, packed))
+        sheets = _workbook("openpyxl", _xlsx(content, packed))
     else:
-        sheets = [_text_sheet(path, content)]
+        sheets = [_text_sheet(content)]
     return [sheet._replace(rows=[row for row in sheet.rows if any(row.cells)]) for sheet in sheets]
 
 
-def _workbook(path: PurePath, library: str, tables: Iterable[tuple[str, Iterable]]) -> list[Sheet]:
+def _workbook(library: str, tables: Iterable[tuple[str, Iterable]]) -> list[Sheet]:
     """Without pandas, which pads every row to the widest one: a few far cells would fill memory."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions, not of cells
             return [_sheet(name, table) for name, table in tables]
     except ImportError as error:
-        raise ImportError(
-            f"`path={path}` is an Excel workbook, which needs the package {library}: "
-            "pip install graded_contact[io]"
-        ) from error
+        reason = f"This workbook needs the package {library}: pip install graded_contact[io]"
+        raise ImportError(reason) from error
     except Refusal:
         raise
     except Exception as error:  # the libraries raise many kinds on a damaged file
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-        raise ValueError(f"`path={path}` cannot be read as an Excel workbook: {reason}.") from error
+        raise Refusal(f"it cannot be read as an Excel workbook: {reason}") from error
 
 
 def _xls(content: bytes) -> Iterator[tuple[str, Iterable]]:
@@ -289,7 +292,8 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     marked = (*_PLAIN.values(), *_GROUPED.values())
     texts = [text for text in texts if any(number.fullmatch(text) for number in marked)]
     decimal = max(".,", key=lambda mark: _score([texts], mark, 2))
-    cells = ([_with_point(str(cell).strip(), decimal) for cell in row] for _, row in rows)
-    pairs = zip(rows, cells, strict=True)
-    padded = [Row(line, row + [""] * (width - len(row))) for (line, _), row in pairs]
+    padded = []
+    for line, row in rows:
+        cells = [_with_point(str(cell).strip(), decimal) for cell in row]
+        padded.append(Row(line, cells + [""] * (width - len(row))))
     return Sheet(name, padded, f"sheet {name!r} of a workbook", spaced=False)

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.display import short
-from .cells import Row, stripped
 from .tables import Column, Table, stress_above, tension_above
 from .units import DIMENSIONS, OF_SHEAR, PER_SECOND, SI, UNITS
 
@@ -70,10 +69,9 @@ class MeasuredTable(NamedTuple):
     - `load`: the constant stress of a creep test [Pa], or strain of a relaxation test [1], if no
       column holds it.
     - `table`: its rows.
-    - `spaced`: whether spaces separate the cells, so that none can be empty.
     - `shear`: the name of another column, which only a test in shear has.
     - `unused`: names of the other columns.
-    - `notes`: what was decided, in sentences.
+    - `notes`: what was understood, decided and left out, in sentences; the reading adds to them.
     """
 
     kind: str
@@ -81,24 +79,25 @@ class MeasuredTable(NamedTuple):
     check: Column | None
     load: float | None
     table: Table
-    spaced: bool
     shear: str | None
     unused: list[str]
     notes: list[str]
 
+    @property
+    def abscissa(self) -> str:
+        """The quantity that was swept."""
+        return self.kind if self.kind in ("frequency", "strain") else "time"
 
-def measured_table(table: Table, options: Options, spaced: bool) -> MeasuredTable:
+
+def measured_table(table: Table, options: Options) -> MeasuredTable:
     """Returns which column of a table is which quantity.
 
     Raises `ValueError` that names the line, and all arguments that would help.
     """
-    width = table.blocks * len(table.names)
-    entries = [misfit(row, width, spaced) for row in table.rows]
+    entries = [table.misfit(row) for row in table.rows]
     if all(entries):
-        raise ValueError(
-            f"line {table.rows[0].line} has {entries[0]} entries, but there are {width} columns "
-            f"({table.place}: {table.listed()})"
-        )
+        first = f"line {table.rows[0].line} has {entries[0]} entries"
+        raise ValueError(f"{first}, unlike {table.place} with {table.listed()}")
     notes: list[str] = []
     places = _places(table, options)
     if options.temperature:
@@ -111,53 +110,28 @@ def measured_table(table: Table, options: Options, spaced: bool) -> MeasuredTabl
     needed = {name: places[name] for name in (*names, *sorted(beside & set(places)))}
     found = {name: _distinct(table, name, needed[name], options, notes) for name in needed}
     columns = {name: each[0] for name, each in found.items() if each[0] is not None}
-    lacking = [
-        f"{' and '.join(map(table.label, needed[name]))} may all be the {name}: choose one by "
-        "`columns`, or by `deformation`"
-        for name, each in found.items()
-        if len(each) > 1
-    ]
-    unknown = [name for name in needed if name not in columns]
-    for dimension in dict.fromkeys(DIMENSIONS[name] for name in unknown):
-        labels = [
-            f"{table.label(needed[name][0])}, the {name}, has {unit!r}"
-            for name in unknown
-            if DIMENSIONS[name] == dimension
-            for unit in [table.unit(needed[name][0]) or table.units[needed[name][0]]]
-        ]
-        lacking.append(
-            f"{', '.join(labels)} as unit; pass `units`, {dimension}: one of "
-            f"{list(UNITS[dimension])}"
-        )
+    lacking = []
+    for name in (name for name, each in found.items() if len(each) > 1):
+        labels = " and ".join(map(table.label, needed[name]))
+        lacking.append(f"{labels} may be the {name}: choose by `columns` or `deformation`")
+    for name in (name for name in needed if name not in columns):
+        place, dimension = needed[name][0], DIMENSIONS[name]
+        unit = table.unit(place) or table.units[place]
+        allowed = f"pass `units`, {dimension}: one of {list(UNITS[dimension])}"
+        lacking.append(f"{table.label(place)}, the {name}, has {unit!r} as unit; {allowed}")
     used = {column.place for column in columns.values()}
     others = [name for i, name in enumerate(table.names) if name and i not in used]
     shear = next(filter(OF_SHEAR.search, others), None)
     if shear and tension_above(titles) and not any(c.deformation for c in columns.values()):
-        lacking.append(
-            "the lines above name a test in tension or bending, but only a test in shear has a "
-            f"column {shear!r}: pass `deformation`"
-        )
+        reason = f"only a test in shear has a column {shear!r}"
+        lacking.append(f"lines above name tension or bending, but {reason}: pass `deformation`")
     if lacking:
         raise ValueError(f"{table.place}: {'; '.join(lacking)}")
     tangents = places.get("tan_delta", []) if names[1:] == WAYS[0][1][1:] else []
-    return MeasuredTable(
-        kind=kind,
-        columns=columns,
-        check=_column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None,
-        load=load if len(names) == 2 else None,
-        table=table,
-        spaced=spaced,
-        shear=shear,
-        unused=others,
-        notes=notes,
-    )
-
-
-def misfit(row: Row, width: int, spaced: bool) -> int:
-    """Returns the number of entries of a row if these cannot be assigned to columns, else 0."""
-    entries = len(stripped(row.cells))
-    # Where spaces separate, a missing entry would move those after it.
-    return entries if entries > width or (spaced and entries < width) else 0
+    check = _column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None
+    load = load if len(names) == 2 else None
+    notes = [*(column.sentence for column in columns.values()), *notes]
+    return MeasuredTable(kind, columns, check, load, table, shear, others, notes)
 
 
 def _places(table: Table, options: Options) -> dict[str, list[int]]:
@@ -180,10 +154,9 @@ def _places(table: Table, options: Options) -> dict[str, list[int]]:
     for quantity, name in options.columns.items():
         found = [i for i, other in enumerate(table.names) if other == name or i + 1 == name]
         if len(found) != 1:
-            raise ValueError(
-                f"{table.place}: `columns` names {short(name)}, but {len(found) or 'no'} columns "
-                f"have that name or number; there are {table.listed()}"
-            )
+            same = f"{len(found) or 'no'} columns have that name or number"
+            reason = f"`columns` names {short(name)}, but {same}; there are {table.listed()}"
+            raise ValueError(f"{table.place}: {reason}")
         places[quantity] = found
     return places
 
@@ -192,14 +165,10 @@ def _ways(kind: str | None) -> Sequence[tuple[str, tuple[str, ...]]]:
     return SWEEPS if kind == "strain" else [way for way in WAYS if kind in (None, way[0])]
 
 
-def _way(
-    table: Table, places: dict[str, list[int]], loaded: bool, options: Options
-) -> tuple[str, tuple[str, ...]]:
+def _way(table: Table, places: dict, loaded: bool, options: Options) -> tuple[str, tuple[str, ...]]:
     """The kind of measurement and the quantities to take it from."""
     ways = _ways(options.kind)
-    possible = [way for way in ways if set(places).issuperset(way[1])]
-    if not loaded:
-        possible = [way for way in possible if way not in WAYS[-2:]]
+    possible = [way for way in ways if {*way[1]} <= {*places} and (loaded or way not in WAYS[-2:])]
     if not possible:
         shortest = {kind: ", ".join(names) for kind, names in reversed(ways)}
         known = f" (understood: {', '.join(sorted(places))})" if places else ""
@@ -224,16 +193,12 @@ def _way(
         if len(values) and np.mean(np.abs(values / np.median(values) - 1) < CONSTANT) > 0.9:
             constant.append(way)
     if len(constant) != 1:
-        raise ValueError(
-            f"{table.place}: {'both' if constant else 'neither'} of stress and strain "
-            f"{'are' if constant else 'is'} constant; pass `kind`, 'relaxation' or 'creep'"
-        )
+        which = "both of stress and strain are" if constant else "neither of stress and strain is"
+        raise ValueError(f"{table.place}: {which} constant; pass `kind`, 'relaxation' or 'creep'")
     return constant[0]
 
 
-def _distinct(
-    table: Table, quantity: str, places: list[int], options: Options, notes: list[str]
-) -> list[Column | None]:
+def _distinct(table: Table, quantity: str, places, options: Options, notes: list[str]) -> list:
     """The columns of a quantity, without those that repeat the first one."""
     if quantity == "time" and len(places) > 1:
         places = [i for i in places if table.headings[i].step] or places

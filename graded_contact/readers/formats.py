@@ -85,9 +85,8 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
             warnings.simplefilter("ignore")
             import SurfaceTopography  # takes seconds
     except ImportError as error:
-        raise ImportError(
-            "This file needs the package SurfaceTopography: pip install graded_contact[io]"
-        ) from error
+        reason = "This file needs SurfaceTopography: pip install graded_contact[io]"
+        raise ImportError(reason) from error
     with SurfaceTopography.open_topography(io.BytesIO(content)) as reader:
         if content.startswith(b"PK") and type(reader).__name__ == "HGTReader":
             raise ValueError("this reader takes any 2 n² bytes")
@@ -108,15 +107,10 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
         else:
             x, heights = topography.positions_and_heights()
             positions = np.asarray(x, float) - np.min(x)
-        return Scan(
-            np.ma.filled(np.ma.asarray(heights, float), np.nan),
-            f"channel {info.name!r}",
-            size=None if sizes is None else np.asarray(sizes, float),
-            unit=info.unit,
-            lateral_unit=info.unit,
-            positions=positions,
-            periodic=bool(info.is_periodic),
-        )
+        heights = np.ma.filled(np.ma.asarray(heights, float), np.nan)
+        size = None if sizes is None else np.asarray(sizes, float)
+        scan = Scan(heights, f"channel {info.name!r}", size, info.unit, info.unit, positions)
+        return scan._replace(periodic=bool(info.is_periodic))
 
 
 def _check_points(shape: Any, at_most: float) -> None:
@@ -124,9 +118,7 @@ def _check_points(shape: Any, at_most: float) -> None:
     points = math.prod(np.atleast_1d(shape).tolist())
     most = min(MOST_POINTS, at_most / BYTES_OF_POINT)
     if points > most:
-        raise Refusal(
-            f"it has {points} points; at most {most:.0f} are read from a packed file of its size"
-        )
+        raise Refusal(f"it has {points} points; at most {most:.0f} are read at its packed size")
 
 
 def _check_streams(content: bytes, at_most: float) -> None:
@@ -180,14 +172,13 @@ def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
 # Files of NumPy.
 
 
-def read_arrays(
-    content: bytes, channel: str | int | None, size: Any, unit: str | None, at_most: float
-) -> Scan:
+def read_arrays(content: bytes, channel, size, unit: str | None, at_most: float) -> Scan:
     """Returns the heights in a `.npy` or `.npz` file.
 
     An `.npz` may also hold unit and size. Their names are its author's choice, so `size` and
     `unit` override them.
     """
+    # A pickle could run code: NumPy refuses it here.
     loaded = np.load(io.BytesIO(content), allow_pickle=False)
     if isinstance(loaded, np.ndarray):
         return Scan(_real(loaded, at_most), "an array")
@@ -196,7 +187,7 @@ def read_arrays(
         try:
             arrays[name] = loaded[name]
         except ValueError as error:
-            if "allow_pickle" not in str(error):  # objects could run code: they are left out
+            if "allow_pickle" not in str(error):  # other arrays are read without the objects
                 raise
     wide = [name for name, a in arrays.items() if a.ndim == 2 and min(a.shape) >= 4]
     lines = [name for name, a in arrays.items() if a.ndim == 1 and len(a) >= 4]
@@ -228,9 +219,8 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
         found[name] = scan._replace(size=size, lateral_unit=lateral)
         edges.append((metres(str(lateral)) or 1.0) * size)
     if not all(np.allclose(edge, edges[0], rtol=0.01) for edge in edges):
-        raise Refusal(
-            f"its {' and '.join(map(repr, found))} contradict each other; pass `size` [m]"
-        )
+        names = " and ".join(map(repr, found))
+        raise Refusal(f"its {names} contradict each other; pass `size` [m]")
     return next(iter(found.values()), scan)
 
 

@@ -107,8 +107,7 @@ def _layout(lines: list[str]) -> TextLayout:
 
 def _is_data(cells: list[str]) -> bool:
     """Whether cells hold numbers, and otherwise only marks of missing points."""
-    missing = list(map(is_missing, cells))
-    known = [cell for cell, lost in zip(cells, missing, strict=True) if not lost]
+    known = [cell for cell in cells if not is_missing(cell)]
     return bool(known) and None not in map(_number, known)
 
 

@@ -99,8 +99,7 @@ def read_moduli(
         check_positive("temperature", temperature, "[K]")
     if len(paths) == 1:
         return _read(Path(paths[0]), options, poisson, temperature, sheet)
-    each = _for_each(temperature, len(paths), "files")
-    pairs = zip(paths, each, strict=True)
+    pairs = zip(paths, one_each(temperature, len(paths), "files"), strict=True)
     return joined([_read(Path(file), options, poisson, t, sheet) for file, t in pairs])
 
 
@@ -145,15 +144,11 @@ def strain_sweep(path, columns, units, sheet, step) -> Measured:
     strains = strains if strains[0] < strains[-1] else strains[::-1]
     back = np.any(strains < _BACK * np.maximum.accumulate(strains))
     if back or len(np.unique(strains)) < len(strains) or np.max(sweep.isotherm) > 0:
-        raise ValueError(
-            f"`path={path}`: its strains do not increase (or decrease) from row to row. Choose "
-            "one curve by `step`, or put each curve, up or down, into its own file."
+        reason = (
+            "its strains go up and down: choose one curve by `step`, or write one file for each"
         )
+        raise ValueError(f"`path={path}`: {reason}.")
     return sweep
-
-
-def _for_each(temperature: Numbers | None, count: int, what: str) -> Sequence[Numbers | None]:
-    return [None] * count if temperature is None else list(one_each(temperature, count, what))
 
 
 def _options(kind, columns, units, deformation, temperature: bool, step) -> Options:
@@ -188,22 +183,19 @@ def _read(path: Path, options: Options, poisson, temperature, name: str | None) 
                 raise ValueError(f"there is no `sheet={name!r}`, only {names}")
             sheets = [sheets[names.index(name)]]
         understood = _understood(sheets, options)
-        each: Sequence[Numbers | None] = [temperature] * len(understood)
-        if len(understood) > 1 and np.ndim(0 if temperature is None else temperature) == 1:
-            each = _for_each(temperature, len(understood), "sheets")
+        several = len(understood) > 1  # otherwise there may be one temperature for each curve
+        each = one_each(temperature, len(understood), "sheets") if several else [temperature]
         parts = []
         for (sheet, measured), kelvin in zip(understood, each, strict=True):
-            notes = [f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."]
-            points = measured_points(path, measured, poisson, kelvin, notes)
-            if measured.unused:
-                notes.append(f"Not used: {', '.join(map(repr, measured.unused))}.")
-            parts.append(dataclasses.replace(points, history=tuple(notes)))
+            read = f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."
+            measured.notes.insert(0, read)
+            parts.append(measured_points(path, measured, poisson, kelvin))
         names = [sheet.name for sheet, _ in understood]
-        if len(parts) > 1 and not distinct(parts):
+        if several and not distinct(parts):
             raise ValueError(
-                f"the sheets {names} have similar tables of the same temperature; pass `sheet`"
+                f"the sheets {names} have similar tables at one temperature; pass `sheet`"
             )
-        whole = joined(parts) if len(parts) > 1 else parts[0]
+        whole = joined(parts) if several else parts[0]
     except ValueError as error:
         raise ValueError(f"`path={path}`: {str(error).rstrip('.')}.") from None
     left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]
@@ -211,9 +203,7 @@ def _read(path: Path, options: Options, poisson, temperature, name: str | None) 
     return dataclasses.replace(whole, history=(*whole.history, *notes))
 
 
-def _as_reptate(
-    path: Path, options: Options, temperature: Numbers | None, sheets: list[Sheet]
-) -> tuple[Options, Numbers | None, list[Sheet]]:
+def _as_reptate(path: Path, options: Options, temperature, sheets: list[Sheet]) -> tuple:
     """What RepTate's formats fix; temperature [°C] and load are in the first line."""
     kind, columns, load, usual = _REPTATE[path.suffix.lower()]
     rows = sheets[0].rows

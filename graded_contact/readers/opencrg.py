@@ -58,8 +58,8 @@ def read_road(content: bytes) -> Scan:
         count = (road["REFERENCE_LINE_END_U"] - road["REFERENCE_LINE_START_U"]) / step + 1
         if len(heights) < count - 1:  # rows without any elevation at the end are dropped
             raise Refusal(f"it has {len(heights)} of {count:.0f} rows of elevations: cut short")
-    across = _positions([channels[i][0] for i in sides], road)
-    heights, width, notes = _interpolated(heights, across)
+    names = [channels[i][0] for i in sides]
+    heights, width, notes = _interpolated(heights, names, road)
     if len(sides) < len(channels):
         notes.append("Heading, slope and banking of the reference line were left out.")
     if left_out := ", ".join(sorted(set(changes) - {"SCALE_Z_GRID"})):
@@ -70,8 +70,7 @@ def read_road(content: bytes) -> Scan:
 
 def _sections(header: str) -> dict[str, list[str]]:
     """The lines of each section, without comments."""
-    sections: dict[str, list[str]] = {}
-    lines: list[str] = []
+    sections, lines = {}, []
     for line in header.splitlines():
         if name := re.match(r"\$(\w*)", line):
             lines = sections.setdefault(name[1].upper(), [])
@@ -90,10 +89,12 @@ def _rows(content: bytes, form: str, num_channels: int) -> np.ndarray:
     double = form[1] == "D"
     if form[2] == "B":
         width = 8 if double else 4
-        values = np.frombuffer(content[: len(content) // width * width], f">f{width}").astype(float)
-        rows = values[: len(values) // num_channels * num_channels].reshape(-1, num_channels)
+        numbers = np.frombuffer(content[: len(content) // width * width], f">f{width}")
+        numbers = numbers[: len(numbers) // num_channels * num_channels]
     else:
-        rows = _text_rows(content.decode("latin-1"), 20 if double else 10, num_channels)
+        numbers = _text_numbers(content.decode("latin-1"), 20 if double else 10, num_channels)
+    rows = np.array(numbers, float).reshape(-1, num_channels)
+    # Binary files are filled up with NaN to whole records.
     used = np.flatnonzero(np.any(np.isfinite(rows), axis=1))
     rows = rows[: np.max(used, initial=-1) + 1]
     if len(rows) < 4:
@@ -101,8 +102,8 @@ def _rows(content: bytes, form: str, num_channels: int) -> np.ndarray:
     return np.where(np.isfinite(rows), rows, np.nan)
 
 
-def _text_rows(text: str, width: int, num_channels: int) -> np.ndarray:
-    """Rows of numbers of equal width; a row may go on in the next line, but starts a line."""
+def _text_numbers(text: str, width: int, num_channels: int) -> list[float]:
+    """Numbers of equal width; a row may go on in the next line, but starts a line."""
     values: list[float] = []
     for number, line in enumerate(map(str.rstrip, text.splitlines()), start=1):
         before = len(values) % num_channels
@@ -112,28 +113,23 @@ def _text_rows(text: str, width: int, num_channels: int) -> np.ndarray:
             raise Refusal(f"line {number} of its elevations has too many numbers")
     if len(values) % num_channels:
         raise Refusal("its last row of elevations is cut short")
-    return np.array(values, float).reshape(-1, num_channels)
+    return values
 
 
-def _positions(names: list[str], road: dict[str, float]) -> np.ndarray:
-    """The positions of the long sections, v [m]."""
+def _interpolated(heights: np.ndarray, names: list[str], road: dict[str, float]) -> tuple:
+    """Heights at equal steps across the road, the step [m], and what was done."""
     given = [match for match in map(_POSITION.search, names) if match]
+    if given and len(given) < len(names):
+        raise Refusal("only some of its long sections have a position")
     if given:
-        if len(given) < len(names):
-            raise Refusal("only some of its long sections have a position")
-        return np.array([float(match[1]) for match in given])
-    if "LONG_SECTION_V_INCREMENT" in road:
-        step = road["LONG_SECTION_V_INCREMENT"]
+        across = np.array([float(match[1]) for match in given])
+    elif "LONG_SECTION_V_INCREMENT" in road:
+        across = road["LONG_SECTION_V_INCREMENT"] * np.arange(len(names))
     elif {"LONG_SECTION_V_RIGHT", "LONG_SECTION_V_LEFT"} <= set(road):
         span = road["LONG_SECTION_V_LEFT"] - road["LONG_SECTION_V_RIGHT"]
-        step = span / (len(names) - 1)
+        across = span / (len(names) - 1) * np.arange(len(names))
     else:
         raise Refusal("it has no distance between its long sections")
-    return step * np.arange(len(names))
-
-
-def _interpolated(heights: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, float, list[str]]:
-    """Heights at equal steps across the road, the step [m], and what was done."""
     gaps = np.diff(across)
     if not (np.all(np.isfinite(gaps)) and np.all(gaps > 0)):
         raise Refusal("the positions of its long sections do not ascend")
@@ -144,9 +140,7 @@ def _interpolated(heights: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, 
     if num > 100 * len(across):
         raise Refusal("its long sections are spaced too unequally")
     even = np.linspace(across[0], across[-1], num)
-    note = (
-        f"Its long sections, {step:.3g} to {np.max(gaps):.3g} m apart, were interpolated linearly "
-        f"to {num} equally spaced ones."
-    )
+    apart = f"{step:.3g} to {np.max(gaps):.3g} m apart"
+    note = f"Long sections {apart} were interpolated linearly to {num} equally spaced ones."
     heights = np.stack([np.interp(even, across, row) for row in heights])
     return heights, float(even[1] - even[0]), [note]

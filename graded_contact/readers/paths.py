@@ -34,9 +34,7 @@ def check_name(name: str) -> None:
     bad = sorted({c for c in name if c in '/\\:*?"<>|' or not c.isprintable()})
     reason = ""
     if bad:
-        reason = (
-            f"file names cannot contain {' '.join(map(repr, bad))}; `directory` sets the folder"
-        )
+        reason = f"names cannot contain {' '.join(map(repr, bad))}; `directory` sets the folder"
     elif not name.strip(". ") or name.startswith("-"):
         reason = "letters or digits are needed"
     elif (length := len(os.fsencode(name))) > LONGEST_NAME:

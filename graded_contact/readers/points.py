@@ -12,8 +12,8 @@ import numpy as np
 
 from ..core.checks import Numbers
 from ..materials.measured import ISOTHERM_GAP, Measured, grouped
-from .cells import is_missing
-from .columns import CONSTANT, SAME, MeasuredTable, misfit
+from .cells import Row, is_missing
+from .columns import CONSTANT, SAME, MeasuredTable
 from .tables import Column, temperature_above
 from .units import DIMENSIONS, SI
 
@@ -28,64 +28,51 @@ HOTTEST = 1e4  # K
 RAMP = 5.0  # K over which no isotherm drifts
 
 
-def measured_points(
-    path: Path,
-    measured: MeasuredTable,
-    poisson: float | None,
-    temperature: Numbers | None,
-    notes: list[str],
-) -> Measured:
+def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -> Measured:
     """Returns the points of a table; `poisson` and `temperature` as in `read_moduli`."""
-    kind, table = measured.kind, measured.table
-    notes += [column.sentence for column in measured.columns.values()] + measured.notes
-    entries = _entries(measured, notes)
-    kelvin = _curve_temperatures(measured, entries, temperature, notes)
+    kind, notes = measured.kind, measured.notes
+    entries = _entries(measured)
+    kelvin = _curve_temperatures(measured, entries, temperature)
     if kelvin is not None:
         entries["temperature"] = kelvin
-    entries["isotherm"] = _isotherms(entries, separate=table.blocks > 1)
-    entries = _at_constant_load(measured, entries, notes)
+    entries["isotherm"] = _isotherms(entries, separate=measured.table.blocks > 1)
+    entries = _at_constant_load(measured, entries)
     values = _moduli(measured, {name: entries[name].to_numpy() for name in measured.columns})
     stiffness = 1 / values if kind == "creep" else values.real
     odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
     if np.any(odd):
-        where = _listed([(int(line), "") for line in np.unique(entries["line"][odd])])
-        notes.append(
-            f"Warning: moduli from {np.min(stiffness):.3g} to {np.max(stiffness):.3g} Pa are "
-            f"outside the usual {CREDIBLE[0]:g} to {CREDIBLE[1]:g} Pa in line {where}: is the "
-            "unit right?"
-        )
+        where = _listed([(line, "") for line in np.unique(entries["line"][odd]).tolist()])
+        span = f"moduli from {np.min(stiffness):.3g} to {np.max(stiffness):.3g} Pa"
+        notes.append(f"Warning: {span} are unusual in line {where}: is the unit right?")
     if measured.check is not None:
-        _compare_tan_delta(measured.check, entries, values, notes)
-    deformation, factor = _deformation(measured, poisson, notes)
+        notes.append(_tan_delta_note(measured.check.label, entries, values))
+    deformation, factor = _deformation(measured, poisson)
     values = values / factor if kind == "creep" else factor * values
+    # Stable: points that repeat a frequency keep the order of the file.
     order = np.lexsort((entries["abscissa"], entries["isotherm"]))
     entries, values = entries.iloc[order], values[order]
     _note_isotherms(entries, notes)
-    if table.blocks == 1 and np.any(np.diff(entries["line"]) < 0):
+    if measured.table.blocks == 1 and np.any(np.diff(entries["line"]) < 0):
         notes.append("Sorted the rows.")
-    points = Measured(
-        kind=kind,
-        deformation=deformation,
-        abscissa=np.array(entries["abscissa"]),
-        values=values,
-        temperature=None if kelvin is None else np.array(entries["temperature"]),
-        isotherm=np.array(entries["isotherm"]),
-        lines=np.array(entries["line"]),
-        path=path,
-        history=(),
+    _check_abscissa(measured, entries, values)
+    if measured.unused:
+        notes.append(f"Not used: {', '.join(map(repr, measured.unused))}.")
+    names = ("abscissa", "isotherm", "line")
+    abscissa, isotherm, lines = (np.array(entries[name]) for name in names)
+    kelvin = None if kelvin is None else np.array(entries["temperature"])
+    return Measured(
+        kind, deformation, abscissa, values, kelvin, isotherm, lines, path, tuple(notes)
     )
-    _check_abscissa(points, notes)
-    return points
 
 
 # Rows to numbers.
 
 
-def _entries(measured: MeasuredTable, notes: list[str]) -> "pd.DataFrame":
+def _entries(measured: MeasuredTable) -> "pd.DataFrame":
     """The numbers in SI units by quantity, with the abscissa, curve and line of each point."""
     import pandas as pd
 
-    columns, table = measured.columns, measured.table
+    columns, table, check = measured.columns, measured.table, measured.check
     width, found = len(table.names), []
     left: dict[str, list[tuple[int, str]]] = {}  # reason: lines, each with its cell
     unusable = 0
@@ -95,7 +82,7 @@ def _entries(measured: MeasuredTable, notes: list[str]) -> "pd.DataFrame":
 
     rows = [(i, row) for i, segment in enumerate(table.segments) for row in segment.data]
     for (segment, row), block in itertools.product(rows, range(table.blocks)):
-        if entries := misfit(row, table.blocks * width, measured.spaced):
+        if entries := table.misfit(row):
             leave(f"{entries} entries in {table.blocks * width} columns", row.line)
             unusable += 1
             continue
@@ -116,32 +103,23 @@ def _entries(measured: MeasuredTable, notes: list[str]) -> "pd.DataFrame":
         elif numbers.get("time") == 0:
             leave("the time 0", row.line)
         else:
-            check = measured.check.si(cells[measured.check.place]) if measured.check else np.nan
-            curve = segment * table.blocks + block
-            found.append({**numbers, "check": check, "curve": curve, "line": row.line})
+            place = {"curve": segment * table.blocks + block, "line": row.line}
+            tangent = check.si(cells[check.place]) if check else 0
+            found.append({**numbers, **place, "check": tangent})
     left_out = [_left_out(reason, lines) for reason, lines in left.items()]
     if len(found) < 2 or unusable > len(found):
-        raise ValueError(
-            f"{len(found)} complete rows of numbers are left; at least 2 are needed, and half of "
-            f"all rows. {' '.join(left_out)} Are the columns and units right (`columns`, `units`)"
-        )
+        reason = f"{len(found)} complete rows are left; at least 2 and half of all are needed"
+        raise ValueError(f"{reason}. {' '.join(left_out)} Check `columns` and `units`")
     words = [(row.line, "") for segment in table.segments for row in segment.words]
-    notes += left_out + [_left_out("having no numbers", words)] * bool(words)
+    measured.notes.extend(left_out + [_left_out("having no numbers", words)] * bool(words))
     entries = pd.DataFrame(found)
-    entries["abscissa"] = entries[_abscissa(measured.kind)]
+    entries["abscissa"] = entries[measured.abscissa]
     if measured.kind == "strain" and "frequency" in entries:
-        omega = entries["frequency"].to_numpy()
-        low, high = float(np.min(omega)), float(np.max(omega))
+        low, high = np.min(entries["frequency"]), np.max(entries["frequency"])
         if high > (1 + CONSTANT) * low:
-            raise ValueError(
-                f"the frequency varies from {low:.4g} to {high:.4g} rad/s: choose the step that "
-                "sweeps the strain by `step`"
-            )
+            varied = f"the frequency varies from {low:.4g} to {high:.4g} rad/s"
+            raise ValueError(f"{varied}: choose the sweep of strain by `step`")
     return entries
-
-
-def _abscissa(kind: str) -> str:
-    return kind if kind in ("frequency", "strain") else "time"
 
 
 def _refused(column: Column, value: float) -> str | None:
@@ -181,25 +159,22 @@ def _listed(rows: list[tuple[int, str]]) -> str:
     )
 
 
-def _at_constant_load(
-    measured: MeasuredTable, entries: "pd.DataFrame", notes: list[str]
-) -> "pd.DataFrame":
+def _at_constant_load(measured: MeasuredTable, entries: "pd.DataFrame") -> "pd.DataFrame":
     """The rows at the load that the test holds constant: not of loading, nor of recovery."""
     if not {"stress", "strain"} <= set(measured.columns):
         return entries
     quantity = "stress" if measured.kind == "creep" else "strain"
-    good = np.ones(len(entries), bool)
+    notes, good = measured.notes, np.ones(len(entries), bool)
     for _, load in entries[quantity].groupby(entries["isotherm"]):
-        typical = np.median(load[load > 0.5 * np.max(load)])
+        typical = np.median(load[load > 0.5 * np.max(load)])  # neither rest nor recovery
         good[load.index] = np.abs(load / typical - 1) < 2 * CONSTANT
         notes.append(f"Constant {quantity}: {typical:.4g} {SI[quantity]}.")
     if not np.all(good):
-        rows = [(int(line), "") for line in entries["line"][~good]]
+        rows = [(line, "") for line in entries["line"][~good].tolist()]
         notes.append(_left_out(f"a {quantity} that differs from it by {2 * CONSTANT:.0%}", rows))
     if np.sum(good) < max(2, 0.5 * len(good)):
-        raise ValueError(
-            f"the {quantity} is not constant, as {measured.kind} needs. {' '.join(notes[-2:])}"
-        )
+        needs = f"the {quantity} is not constant, as {measured.kind} needs"
+        raise ValueError(f"{needs}. {' '.join(notes[-2:])}")
     entries = entries.loc[good].copy()
     entries["isotherm"] = np.unique(entries["isotherm"], return_inverse=True)[1]
     return entries
@@ -223,10 +198,9 @@ def _moduli(measured: MeasuredTable, si: dict[str, np.ndarray]) -> Any:
     return storage * (1 + 1j * ratio)
 
 
-def _deformation(
-    measured: MeasuredTable, poisson: float | None, notes: list[str]
-) -> tuple[str, float]:
+def _deformation(measured: MeasuredTable, poisson: float | None) -> tuple[str, float]:
     """Tension or shear, and the factor that converts the modulus."""
+    notes = measured.notes
     if measured.kind == "strain":
         return "shear", 1.0  # only ratios of the moduli count
     named = {column.deformation for column in measured.columns.values()} - {None}
@@ -235,10 +209,8 @@ def _deformation(
         raise ValueError(f"{labels} mix tension and shear; choose matching ones by `columns`")
     if not named and measured.shear:
         named = {"shear"}
-        notes.append(
-            f"Read as shear, because of the column {measured.shear!r}; otherwise pass "
-            "`deformation='tension'`."
-        )
+        reason = f"because of the column {measured.shear!r}"
+        notes.append(f"Read as shear, {reason}; otherwise pass `deformation='tension'`.")
     if not named:
         notes.append("Read as tension (Young's modulus); otherwise pass `deformation='shear'`.")
     if named != {"shear"}:
@@ -246,7 +218,7 @@ def _deformation(
     if poisson is None:
         notes.append("These are shear moduli (G); `poisson` converts them to Young's moduli (E).")
         return "shear", 1.0
-    factor = 2 * (1 + float(poisson))
+    factor = 2 * (1 + poisson)
     notes.append(f"Converted from shear to tension by `poisson`: E = {factor:.6g} G.")
     return "tension", factor
 
@@ -254,38 +226,35 @@ def _deformation(
 # Temperatures and isotherms.
 
 
-def one_each(temperature: Numbers, count: int, what: str) -> np.ndarray:
-    """Returns a temperature for each of so many files, sheets or curves."""
+def one_each(temperature: Numbers | None, count: int, what: str) -> Any:
+    """Returns a temperature for each of so many files, sheets or curves; None if it is unknown."""
+    if temperature is None:
+        return [None] * count
     kelvin = np.asarray(temperature)
     if kelvin.shape not in ((), (count,)):
-        raise ValueError(
-            f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of the "
-            f"{count} {what}."
-        )
+        needed = f"one number is needed, or one for each of the {count} {what}"
+        raise ValueError(f"`temperature` has shape {kelvin.shape}; {needed}.")
     return np.broadcast_to(kelvin, (count,))
 
 
-def _curve_temperatures(
-    measured: MeasuredTable, entries: "pd.DataFrame", given: Numbers | None, notes: list[str]
-) -> Any:
+def _curve_temperatures(measured: MeasuredTable, entries: "pd.DataFrame", given) -> Any:
     """[K] as given, from a column, or from titles such as "25 °C" above curves."""
     table, curve = measured.table, entries["curve"].to_numpy()
     if given is not None:
         return one_each(given, table.blocks * len(table.segments), "curve(s)")[curve]
     if "temperature" in entries:
         return entries["temperature"]
-    found = []
-    width = len(table.names)
+    found, width = [], len(table.names)
     for segment, block in itertools.product(table.segments, range(table.blocks)):
         rows = segment.titles
         if table.blocks > 1:  # the last line above has a title over each block
-            part = slice(block * width, (block + 1) * width)
-            rows = [row._replace(cells=row.cells[part]) for row in rows[-1:]]
-        found.append(temperature_above([row for row in rows if row.cells]))
+            cells = [row.cells[block * width : (block + 1) * width] for row in rows[-1:]]
+            rows = [Row(rows[-1].line, part) for part in cells if part]
+        found.append(temperature_above(rows))
     if None in found:
         return None
     listed = ", ".join(f"{value:.2f}" for value in found)
-    notes.append(f"Took the temperature from the lines above the numbers: {listed} K.")
+    measured.notes.append(f"Took the temperature from the lines above the numbers: {listed} K.")
     return np.array(found)[curve]
 
 
@@ -328,63 +297,52 @@ def _note_isotherms(entries: "pd.DataFrame", notes: list[str]) -> None:
     kelvin = entries["temperature"].to_numpy()
     drift = _drift(kelvin, isotherm)
     if drift > RAMP:
-        raise ValueError(
-            f"the temperature changes by {drift:.3g} K within a sweep: isotherms are needed"
-        )
-    notes.append(
-        f"{count} isotherm(s), {np.min(kelvin):.2f} to {np.max(kelvin):.2f} K, each constant "
-        f"within {drift:.2g} K."
-    )
+        changes = f"the temperature changes by {drift:.3g} K within a sweep"
+        raise ValueError(f"{changes}: isotherms are needed")
+    ends = f"{np.min(kelvin):.2f} to {np.max(kelvin):.2f} K"
+    notes.append(f"{count} isotherm(s), {ends}, each constant within {drift:.2g} K.")
     if drift > 2 * ISOTHERM_GAP:
-        notes.append(
-            f"Warning: a temperature drifts by {drift:.3g} K without a step above "
-            f"{ISOTHERM_GAP:g} K; these may not be isotherms."
-        )
+        drifts = f"a temperature drifts by {drift:.3g} K without a step above {ISOTHERM_GAP:g} K"
+        notes.append(f"Warning: {drifts}; these may not be isotherms.")
 
 
 # What looks wrong.
 
 
-def _compare_tan_delta(
-    check: Column, entries: "pd.DataFrame", values: Any, notes: list[str]
-) -> None:
+def _tan_delta_note(label: str, entries: "pd.DataFrame", values: Any) -> str:
     """Compares a column of tan delta, not needed otherwise, with the moduli."""
     tangent = entries["check"].to_numpy()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         error = np.where(tangent > 0, np.abs(values.imag / values.real / tangent - 1), 0)
     worst = int(np.argmax(error))
     if error[worst] < 0.02:
-        notes.append(f"The tan delta of {check.label} agrees with loss over storage modulus.")
-    else:
-        notes.append(
-            f"Warning: the tan delta of {check.label} differs from loss over storage modulus by "
-            f"{100 * error[worst]:.2g} % in line {entries['line'].iloc[worst]}: are the columns "
-            "right?"
-        )
+        return f"The tan delta of {label} agrees with loss over storage modulus."
+    where = f"{100 * error[worst]:.2g} % in line {entries['line'].iloc[worst]}"
+    words = f"tan delta of {label} differs from loss over storage modulus by {where}"
+    return f"Warning: the {words}: are the columns right?"
 
 
-def _check_abscissa(points: Measured, notes: list[str]) -> None:
+def _check_abscissa(measured: MeasuredTable, entries: "pd.DataFrame", values: Any) -> None:
     """Refuses points without a sweep; reports points that repeat others."""
-    name = _abscissa(points.kind)
-    abscissa, lines = points.abscissa, points.lines
+    name, notes = measured.abscissa, measured.notes
+    parts = ("abscissa", "line", "isotherm")
+    abscissa, lines, isotherm = (entries[part].to_numpy() for part in parts)
     least, most = np.min(abscissa), np.max(abscissa)
-    single = name == "frequency" and np.max(points.isotherm) == 0
+    single = name == "frequency" and np.max(isotherm) == 0
     if least == most or (single and most < (1 + CONSTANT) * least):
         hint = " (`readers.read_strain_sweep` reads those over strain)" * (name == "frequency")
         raise ValueError(f"the {name} is the same in every row: no sweep over {name}{hint}")
     near = np.diff(abscissa) <= SAME * abscissa[:-1]
-    twice = np.flatnonzero(near & (np.diff(points.isotherm) == 0))
+    twice = np.flatnonzero(near & (np.diff(isotherm) == 0))
     if not len(twice):
         return
     first, second = lines[twice[0] : twice[0] + 2]
-    notes.append(
-        f"{len(twice)} points repeat the {name} of another at their temperature (first in "
-        f"lines {first} and {second}); all are used."
-    )
-    difference = np.median(np.abs(points.values[twice + 1] / points.values[twice] - 1))
+    where = f"first in lines {first} and {second}"
+    notes.append(f"{len(twice)} points repeat the {name} of another ({where}); all are used.")
+    difference = np.median(np.abs(values[twice + 1] / values[twice] - 1))
     if len(twice) >= 0.25 * len(lines) and difference > 0.1:
-        remedy = "`step`" if points.temperature is not None else "a column of temperature"
-        notes.append(
-            f"Warning: repeated points differ by {difference:.0%}: are these several isotherms or "
-            f"tests? Then {remedy} is needed."
+        remedy = "`step`" if "temperature" in entries else "a column of temperature"
+        differ = (
+            f"repeated points differ by {difference:.0%}: are these several isotherms or tests?"
         )
+        notes.append(f"Warning: {differ} Then {remedy} is needed.")

@@ -29,10 +29,8 @@ def read_motion(path: os.PathLike, period: ScalarLike, num_times: int = 128) -> 
     try:
         time, displacement = np.array(data, float).T
     except ValueError:
-        raise ValueError(
-            f"`path={path}` is refused: two columns of numbers, times [s] and displacements [m], "
-            "are needed."
-        ) from None
+        needed = "two columns of numbers are needed, times [s] and displacements [m]"
+        raise ValueError(f"`path={path}` is refused: {needed}.") from None
     time = time * UNITS["time"].get(parse_heading(head[0]).unit or "s", 1.0)
     displacement = displacement * (metres(length_unit(head[1]) or "m") or 1.0)
     return recorded(time, displacement, period, num_times)

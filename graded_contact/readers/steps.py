@@ -56,7 +56,7 @@ def understand(sheet: Sheet, options: Options) -> MeasuredTable:
     Raises `ValueError` that names the line, and all arguments that would help.
     """
     named = [name for name in options.columns.values() if isinstance(name, str)]
-    tables = find_tables(sheet.rows, named)
+    tables = find_tables(sheet, named)
     steps = _steps(tables)
     if options.step:
         steps = [step for name in options.step for step in _steps_named(steps, str(name))]
@@ -68,20 +68,20 @@ def understand(sheet: Sheet, options: Options) -> MeasuredTable:
     found, refusals = [], []
     for table in tables:
         try:
-            measured = measured_table(table, options, sheet.spaced)
+            measured = measured_table(table, options)
             found.append((table, measured if options.step else _swept(measured, steps)))
         except ValueError as error:
             refusals.append(error)
     if not found:
         raise refusals[0]
-    table, measured = max(found, key=lambda pair: rank(pair[1]))
+    chosen, measured = max(found, key=lambda pair: rank(pair[1]))
     if options.step:
-        read = ", ".join(str(step) for step in steps if step.within(table))
+        read = ", ".join(str(step) for step in steps if step.within(chosen))
         measured.notes.append(f"Read only {read}.")
     others = []
-    for other in (other for other in tables if other is not table):
-        titled = ", ".join(str(step) for step in steps if step.title and step.within(other))
-        others.append(f"{other.place} with {titled}" if titled else other.place)
+    for table in (table for table in tables if table is not chosen):
+        titled = ", ".join(str(step) for step in steps if step.title and step.within(table))
+        others.append(f"{table.place} with {titled}" if titled else table.place)
     if others:
         measured.notes.append(f"Left out tables of other columns: {', '.join(others)}.")
     return measured
@@ -92,7 +92,7 @@ def rank(measured: MeasuredTable) -> tuple[int, int]:
     rows = measured.table.rows
     if measured.kind != "frequency":
         return 1, len(rows)
-    swept = measured.table.blocks > 1 or _varies(_numbers_of(measured, "frequency", rows))
+    swept = measured.table.blocks > 1 or _varies(_known(measured, "frequency", rows))
     return 2 * swept, len(rows)
 
 
@@ -145,56 +145,52 @@ def _swept(measured: MeasuredTable, steps: list[Step]) -> MeasuredTable:
     table = measured.table
     if measured.kind != "frequency" or table.blocks > 1:
         return measured
-    constant = [
-        step._replace(rows=rows)
-        for step in steps
-        if step.within(table)
-        for rows in _constant_runs(measured, step)
-    ]
+    constant = []
+    for step in (step for step in steps if step.within(table)):
+        constant += [step._replace(rows=rows) for rows in _constant_runs(measured, step)]
     left = {row.line for step in constant for row in step.rows}
     remaining = [row for row in table.rows if row.line not in left]
-    omega = _numbers_of(measured, "frequency", remaining)
-    if not left or not _varies(omega) or len(np.unique(omega[omega > 0])) < FEWEST:
+    omega = _known(measured, "frequency", remaining)
+    if not left or not _varies(omega) or len(np.unique(omega)) < FEWEST:
         return measured
     for step in constant:
-        omega = np.nanmedian(_numbers_of(measured, "frequency", step.rows))
-        kelvin, amplitudes = _temperatures(measured, step.rows), _amplitudes(measured, step.rows)
+        omega = np.median(_known(measured, "frequency", step.rows))
+        kelvin = _known(measured, "temperature", step.rows)
+        amplitudes = _amplitudes(measured, step.rows)
         changes = ""
         if np.ptp(kelvin) > ISOTHERM_GAP:
             changes = f", and its temperature goes from {kelvin[0]:.4g} to {kelvin[-1]:.4g} K"
         elif amplitudes:
             name, low, high = amplitudes[0]
             changes = f", and {name!r} goes from {low:.4g} to {high:.4g}"
-        measured.notes.append(
-            f"Left out {step}: its frequency is constant at {omega:.4g} {SI['frequency']}{changes}."
-        )
+        at = f"its frequency is constant at {omega:.4g} {SI['frequency']}"
+        measured.notes.append(f"Left out {step}: {at}{changes}.")
     measured.notes.append("`step` chooses other steps, by their number or title.")
     return measured._replace(table=table.only({row.line for row in remaining}))
 
 
 def _constant_runs(measured: MeasuredTable, step: Step) -> list[list[Row]]:
     """Rows of a step at one frequency: all of them, or runs that are a sweep of something else."""
-    omega = _numbers_of(measured, "frequency", step.rows)
-    known = np.flatnonzero(np.isfinite(omega))
-    named = step.title and "freq" not in step.title.casefold().replace("é", "e")
-    if not len(known):
+    omega = measured.columns["frequency"].numbers(step.rows)
+    credible = _credible(omega)
+    omega, rows = omega[credible], list(itertools.compress(step.rows, credible))
+    if not rows:
         return []
     if not _varies(omega):
-        return [step.rows] if named or len(known) >= FEWEST else []
-    # A run is compared with its first row: a dense sweep has neighbours that differ by less.
-    runs: list[list[int]] = [[]]
-    for i in known:
-        if runs[-1] and abs(omega[i] / omega[runs[-1][0]] - 1) > SAME:
+        named = step.title and "freq" not in step.title.casefold().replace("é", "e")
+        return [step.rows] if named or len(rows) >= FEWEST else []
+    runs: list[list[Row]] = []
+    first = np.inf
+    for row, frequency in zip(rows, omega, strict=True):
+        # A run is compared with its first row: a dense sweep has neighbours that differ by less.
+        if abs(frequency / first - 1) > SAME:
+            first = frequency
             runs.append([])
-        runs[-1].append(int(i))
-    found = [[step.rows[i] for i in run] for run in runs if len(run) >= RUN]
+        runs[-1].append(row)
     # At one temperature, and long or of varied amplitude.
-    return [
-        rows
-        for rows in found
-        if np.ptp(_temperatures(measured, rows)) <= ISOTHERM_GAP
-        and (len(rows) >= LONG or _amplitudes(measured, rows))
-    ]
+    runs = [run for run in runs if len(run) >= RUN]
+    runs = [run for run in runs if np.ptp(_known(measured, "temperature", run)) <= ISOTHERM_GAP]
+    return [run for run in runs if len(run) >= LONG or _amplitudes(measured, run)]
 
 
 def _amplitudes(measured: MeasuredTable, rows: list[Row]) -> list[tuple[str, float, float]]:
@@ -204,31 +200,25 @@ def _amplitudes(measured: MeasuredTable, rows: list[Row]) -> list[tuple[str, flo
     for pattern, (place, name) in itertools.product(_AMPLITUDES, enumerate(measured.table.names)):
         if pattern.search(name) and place not in used:
             column = Column("strain", name, place, "1", "", None, None)
-            values = _credible(np.abs(column.numbers(rows)))
-            values = values[np.isfinite(values)]
+            values = np.abs(column.numbers(rows))
+            values = values[_credible(values)]
             if len(values) and np.max(values) > WIDER * np.min(values):
                 found.append((name, float(values[0]), float(values[-1])))
     return found
 
 
-def _temperatures(measured: MeasuredTable, rows: list[Row]) -> np.ndarray:
-    """Those known [K]; a single 0 if none is."""
-    if "temperature" not in measured.columns:
-        return np.zeros(1)
-    kelvin = _numbers_of(measured, "temperature", rows)
-    known = kelvin[np.isfinite(kelvin)]
-    return known if len(known) else np.zeros(1)
-
-
-def _numbers_of(measured: MeasuredTable, quantity: str, rows: list[Row]) -> np.ndarray:
-    return _credible(measured.columns[quantity].numbers(rows))
+def _known(measured: MeasuredTable, quantity: str, rows: list[Row]) -> np.ndarray:
+    """The credible numbers of a quantity; a single 0 if there are none."""
+    column = measured.columns.get(quantity)
+    values = column.numbers(rows) if column else np.zeros(0)
+    values = values[_credible(values)]
+    return values if len(values) else np.zeros(1)
 
 
 def _credible(values: np.ndarray) -> np.ndarray:
-    """The values that a measurement can have, whose ratios are finite; NaN for the others."""
-    return np.where((values > 1 / LIMIT) & (values < LIMIT), values, np.nan)
+    """Which values a measurement can have, so that their ratios are finite; NaN is none."""
+    return (values > 1 / LIMIT) & (values < LIMIT)
 
 
 def _varies(omega: np.ndarray) -> bool:
-    known = omega[np.isfinite(omega)]
-    return bool(len(known)) and bool(np.max(known) > (1 + CONSTANT) * np.min(known))
+    return bool(np.max(omega) > (1 + CONSTANT) * np.min(omega))

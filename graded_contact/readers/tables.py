@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .cells import Row, holds_data, is_missing, is_number, stripped
+from .cells import Row, Sheet, holds_data, is_missing, is_number, stripped
 from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse_unit
 
 
@@ -72,13 +72,19 @@ class Segment(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Names and units of the columns of one block, and the segments below them."""
+    """Names and units of the columns of one block, and the segments below them.
+
+    - `place`: the line of its names, for messages.
+    - `blocks`: how often the columns are repeated side by side.
+    - `spaced`: whether spaces separate the cells, so that none can be empty.
+    """
 
     place: str
     names: list[str]
     units: list[str]
     blocks: int
     segments: list[Segment]
+    spaced: bool
 
     @property
     def headings(self) -> list[Heading]:
@@ -87,6 +93,12 @@ class Table(NamedTuple):
     @property
     def rows(self) -> list[Row]:
         return [row for segment in self.segments for row in segment.data]
+
+    def misfit(self, row: Row) -> int:
+        """Returns the number of entries of a row if these cannot be assigned to columns, else 0."""
+        entries, width = len(stripped(row.cells)), self.blocks * len(self.names)
+        # Where spaces separate, a missing entry would move those after it.
+        return entries if entries > width or (self.spaced and entries < width) else 0
 
     def label(self, place: int) -> str:
         name = self.names[place]
@@ -109,9 +121,14 @@ class Table(NamedTuple):
         return self._replace(segments=[each._replace(data=data) for each, data in pairs if data])
 
 
-def find_tables(rows: list[Row], named: Iterable[str]) -> list[Table]:
+def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
     """Returns the tables of numbers; `named` are names of columns that are known."""
-    rows = _with_signals(rows)
+    rows = sheet.rows
+    # Universal Analysis writes names below one another, "Sig1 Time (min)", "Sig2 ...": as one row.
+    signals = [row for row in rows if re.fullmatch(r"Sig\d+", row.cells[0])]
+    if len(signals) > 1:
+        names = Row(signals[-1].line, [" ".join(row.cells[1:]) for row in signals])
+        rows = [names if row is signals[-1] else row for row in rows if row not in signals[:-1]]
     starts = _starts(rows, set(named))
     if not starts:
         data = [row for row in rows if holds_data(row)]
@@ -119,16 +136,17 @@ def find_tables(rows: list[Row], named: Iterable[str]) -> list[Table]:
             return []
         empty = [""] * max(len(row.cells) for row in data)
         above = [row for row in rows if row.line < data[0].line]
-        return [Table("no line of names", empty, empty, 1, [Segment(above, data, [])])]
+        segments = [Segment(above, data, [])]
+        return [Table("no line of names", empty, empty, 1, segments, sheet.spaced)]
     tables: dict[tuple[str, ...], Table] = {}
     last = 0  # behind the numbers above
     for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
         below = rows[start + 1 : end]
         has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
         units = below.pop(0).cells if has_units else []
-        table = _headed(rows[start], units)
+        table = _headed(rows[start], units, sheet.spaced)
         key = tuple(table.names)
-        if key in tables and units and tables[key].units != table.units:
+        if key in tables and has_units and tables[key].units != table.units:
             key = (*table.names, *table.units)
         table = tables.setdefault(key, table)
         # RheoCompass counts the points above the numbers: "Interval and data points: 1 29".
@@ -142,13 +160,14 @@ def find_tables(rows: list[Row], named: Iterable[str]) -> list[Table]:
     return [table for table in tables.values() if table.rows]
 
 
-def _with_signals(rows: list[Row]) -> list[Row]:
-    """Names below one another, "Sig1 Time (min)", "Sig2 ...", as one row."""
-    named = [i for i, row in enumerate(rows) if re.fullmatch(r"Sig\d+", row.cells[0])]
-    if len(named) < 2:
-        return rows
-    names = Row(rows[named[-1]].line, [" ".join(rows[i].cells[1:]) for i in named])
-    return [names if i == named[-1] else row for i, row in enumerate(rows) if i not in named[:-1]]
+def _headed(row: Row, units: list[str], spaced: bool) -> Table:
+    """A table without rows yet, whose names may repeat: each repetition is a block."""
+    names = stripped(row.cells)
+    size, below = len(names), (units + [""] * len(names))[: len(names)]
+    columns = list(zip(names, below, strict=True))
+    widths = (n for n in range(2, size) if size % n == 0 and columns == columns[:n] * (size // n))
+    width = next(widths, size)
+    return Table(f"line {row.line}", names[:width], below[:width], size // width, [], spaced)
 
 
 def _starts(rows: list[Row], named: set[str]) -> list[int]:
@@ -165,17 +184,6 @@ def _starts(rows: list[Row], named: set[str]) -> list[int]:
     first = next((i for i, row in enumerate(rows) if holds_data(row)), 0)
     above = [i for i in words if i < first and len(rows[i].cells) > 1]
     return [i for i in above if not all(is_missing(c) or parse_unit(c) for c in rows[i].cells)][-1:]
-
-
-def _headed(row: Row, units: list[str]) -> Table:
-    """A table without rows yet, whose names may repeat: each repetition is a block."""
-    names = stripped(row.cells)
-    below = (units + [""] * len(names))[: len(names)]
-    columns = list(zip(names, below, strict=True))
-    widths = (n for n in range(2, len(names)) if len(names) % n == 0)
-    repeated = (n for n in widths if columns == columns[:n] * (len(names) // n))
-    width = next(repeated, len(names))
-    return Table(f"line {row.line}", names[:width], below[:width], len(names) // width, [])
 
 
 # The lines above a table: its title, the temperature, the constant stress of a creep test, the
@@ -202,13 +210,10 @@ _SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibrat
 
 def title_above(rows: Sequence[Row]) -> str:
     """Returns the title of the next step, such as "Frequency sweep - 2", or an empty text."""
-    marks = [i for i, row in enumerate(rows) if row.cells[0].casefold() == "[step]"]
-    if marks and marks[-1] + 1 < len(rows):
-        title = rows[marks[-1] + 1]
-    else:
-        tests = [row for row in rows if _TEST.search(" ".join(row.cells))]
-        titles = [row for row in tests if not _COUNT.match(row.cells[0])]
-        title = titles[-1] if titles else Row(0, [])
+    titles = [row for row in rows if _TEST.search(row.text) and not _COUNT.match(row.cells[0])]
+    pairs = itertools.pairwise(rows)
+    titles += [row for mark, row in pairs if mark.cells[0].casefold() == "[step]"]  # TRIOS
+    title = titles[-1] if titles else Row(0, [])
     return next((cell for cell in reversed(title.cells) if cell), "")[:60]
 
 
@@ -218,7 +223,7 @@ def temperature_above(rows: Sequence[Row]) -> float | None:
         _value(number) + OFFSETS[unit]
         for row in rows
         if not _SETTING.search(row.cells[0])
-        for number, unit in _TEMPERATURE.findall(" ".join(row.cells))
+        for number, unit in _TEMPERATURE.findall(row.text)
     }
     for given in map(parameters, rows):
         if "chem" in given and is_number(given.get("T", "")):  # as RepTate's files begin
@@ -231,7 +236,7 @@ def stress_above(rows: Sequence[Row]) -> float | None:
     found = {
         _value(number) * UNITS["stress"][unit]
         for row in rows
-        for number, word in _STRESS.findall(" ".join(row.cells))
+        for number, word in _STRESS.findall(row.text)
         if (unit := parse_unit(word)) in UNITS["stress"]
     }
     return found.pop() if len(found) == 1 else None
@@ -239,12 +244,12 @@ def stress_above(rows: Sequence[Row]) -> float | None:
 
 def tension_above(rows: Sequence[Row]) -> bool:
     """Returns whether a row names a geometry of tension, compression or bending."""
-    return any(_TENSION.search(" ".join(row.cells)) for row in rows)
+    return any(_TENSION.search(row.text) for row in rows)
 
 
 def parameters(row: Row) -> dict[str, str]:
     """Returns the parameters of a line such as "T=-35; Mw = 634.5;", as RepTate's files begin."""
-    entries = [entry.split("=", 1) for entry in " ".join(row.cells).split(";") if entry.strip()]
+    entries = [entry.split("=", 1) for entry in row.text.split(";") if entry.strip()]
     if not all(len(entry) == 2 for entry in entries):
         return {}
     return {name.strip(): value.strip() for name, value in entries}

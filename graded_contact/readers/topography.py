@@ -17,14 +17,7 @@ from ..core.display import with_unit
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
 from ..surfaces.surface import Step, Surface, step
 from .cells import decoded, sheets_of
-from .formats import (
-    Scan,
-    chosen,
-    names_in,
-    read_arrays,
-    read_instrument,
-    unpacked,
-)
+from .formats import Scan, chosen, names_in, read_arrays, read_instrument, unpacked
 from .heights_text import read_text
 from .opencrg import is_road, read_road
 from .paths import (
@@ -91,15 +84,12 @@ def read_surface(
         count = len(scan.positions)
         period = float(np.ptp(scan.positions)) * count / (count - 1)
         positions = scan.positions * (known[0] / period)
-        steps.append(_step_of_line(positions, heights))
-        heights, known = _equally_spaced(positions, heights, notes)
+        heights, known = _equally_spaced(positions, heights, notes, steps)
     elif heights.ndim == 2 and min(heights.shape) > 0:
         pixel = known / np.array(heights.shape)
         if np.max(pixel) > 1.05 * np.min(pixel):
-            notes.append(
-                f"Its pixels of {pixel[0]:.3g} m by {pixel[-1]:.3g} m are not square: if the file "
-                "was cut short, its heights are stretched."
-            )
+            pixels = f"Its pixels of {pixel[0]:.3g} m by {pixel[-1]:.3g} m are not square"
+            notes.append(f"{pixels}: if the file was cut short, its heights are stretched.")
     try:
         return surface_from_heights(
             heights, known, periodic=periodic, shape=shape, region=region, fill=fill, rim=rim,
@@ -124,8 +114,6 @@ def _read(path: Path, channel, size, unit, periodic) -> tuple[Scan, float, np.nd
     except ImportError:
         raise
     except Exception as error:  # readers raise many kinds
-        if str(error).startswith(f"`path={path}`"):  # of a workbook
-            raise
         reason = "its format is not known, or the file is damaged"
         if type(error).__name__ != "CannotDetectFileFormat":
             reason += " (" + " ".join(f"{type(error).__name__}: {error}".split())[:300] + ")"
@@ -158,13 +146,13 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
     if is_road(content):
         return read_road(content)
     if is_zip and "xl/workbook.xml" in names_in(content):
-        return _read_sheets(path, content, channel, packed)
+        return _read_sheets(content, channel, packed)
     if not is_text:
         try:
             return read_instrument(content, channel, at_most)
         except Exception as error:
             if is_ole:
-                return _read_sheets(path, content, channel, packed)
+                return _read_sheets(content, channel, packed)
             if not is_zip or isinstance(error, ImportError | Refusal):
                 raise
         if depth == DEEPEST:
@@ -182,10 +170,10 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
     return scan if scan.unit is not None and scan.size is not None else read_text(text)
 
 
-def _read_sheets(path: PurePath, content: bytes, channel: str | int | None, packed: int) -> Scan:
+def _read_sheets(content: bytes, channel: str | int | None, packed: int) -> Scan:
     """The heights in the sheet of a workbook that `channel` names, or in its only table."""
     scans, refusals = {}, []
-    sheets = sheets_of(path, content, packed)
+    sheets = sheets_of(content, packed)
     if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:
         return read_instrument(content, channel, may_unpack(packed))  # of Mitutoyo's instruments
     for sheet in filter(lambda sheet: sheet.rows, sheets):
@@ -204,12 +192,9 @@ def _read_sheets(path: PurePath, content: bytes, channel: str | int | None, pack
 
 def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
     """Metres per unit of the heights, and the edge lengths [m]; refuses a file without these."""
-    own = (scan.unit, *((scan.lateral_unit,) if scan.size is not None else ()))
-    lacking = []
-    if None in own and unit is None:
-        lacking.append("`unit`, for instance 'um'")
-    if scan.size is None and size is None:
-        lacking.append("`size` [m]")
+    own = (scan.unit,) if scan.size is None else (scan.unit, scan.lateral_unit)
+    lacking = ["`unit`, for instance 'um'"] * (None in own and unit is None)
+    lacking += ["`size` [m]"] * (scan.size is None and size is None)
     if lacking:
         raise Refusal(f"it does not state all that is needed; pass {', and '.join(lacking)}")
     if None not in own and unit is not None:
@@ -234,20 +219,14 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
     return factors[0], known
 
 
-def _step_of_line(positions: np.ndarray, heights: np.ndarray) -> Step:
-    """The roughness of a line scan as read, each slope counted by its length."""
+def _equally_spaced(positions, heights, notes: list[str], steps: list[Step]) -> tuple:
+    """A line scan at equal steps, NaN in its gaps, and its length [m]."""
+    # The roughness as read, each slope counted by its length.
     apart = np.diff(positions)
-    uneven = step("read", heights, [1.0])
     squares = (np.diff(heights) / apart) ** 2 * apart
     known = np.isfinite(squares)
     slope = np.sqrt(np.sum(squares[known]) / max(float(np.sum(apart[known])), 1e-300))
-    return uneven._replace(rms_slope=float(slope))
-
-
-def _equally_spaced(
-    positions: np.ndarray, heights: np.ndarray, notes: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """A line scan at equal steps, NaN in its gaps, and its length [m]."""
+    steps.append(step("read", heights, [1.0])._replace(rms_slope=float(slope)))
     known = np.isfinite(heights)
     positions, heights = positions[known], heights[known]
     if len(positions) < 4:
@@ -260,9 +239,8 @@ def _equally_spaced(
     even = positions[0] + typical * np.arange(num)
     values = np.interp(even, positions, heights)
     values[(apart > GAP * typical)[np.clip(np.searchsorted(positions, even) - 1, 0, None)]] = np.nan
-    notes.append(
-        f"Its points, {np.min(apart):.3g} to {np.max(apart):.3g} m apart, are not equally spaced: "
-        f"interpolated linearly to {num} points {typical:.4g} m apart; {np.sum(np.isnan(values))} "
-        f"in gaps of more than {GAP} steps count as missing."
-    )
+    ends = f"{np.min(apart):.3g} to {np.max(apart):.3g} m apart"
+    new = f"interpolated linearly to {num} points {typical:.4g} m apart"
+    lost = f"{np.sum(np.isnan(values))} in gaps of more than {GAP} steps count as missing"
+    notes.append(f"Its points, {ends}, are not equally spaced: {new}; {lost}.")
     return values, np.array([typical * num])

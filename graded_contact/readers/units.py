@@ -112,32 +112,23 @@ _WORDS = {
     }.items()
     for word in words.split()
 }
-# Which words, together, mean which quantity; "modulus" and the deformation may be left out.
+# Which words, together, mean which quantity, beside its own name; "modulus" and the deformation may
+# be left out.
+_SPELLED = {
+    "frequency": ("angular", "angular frequency"),
+    "tan_delta": ("tan delta", "factor delta", "loss factor", "loss factor tan delta"),
+    "phase": ("delta", "phase delta", "phase loss"),
+    "modulus": ("", "relaxation"),
+    "strain": ("compliance strain",),
+}
 _MEANINGS = {
     frozenset(words.split()): quantity
-    for quantity, spellings in {
-        "frequency": ("frequency", "angular", "angular frequency"),
-        "time": ("time",),
-        "temperature": ("temperature",),
-        "storage": ("storage",),
-        "loss": ("loss",),
-        "magnitude": ("magnitude",),
-        "tan_delta": ("tan delta", "factor delta", "loss factor", "loss factor tan delta"),
-        "phase": ("delta", "phase", "phase delta", "phase loss"),
-        "modulus": ("", "relaxation"),
-        "compliance": ("compliance",),
-        "stress": ("stress",),
-        "strain": ("strain", "compliance strain"),
-    }.items()
-    for words in spellings
+    for quantity in DIMENSIONS
+    for words in (quantity, *_SPELLED.get(quantity, ()))
 }
-
-
 # Words of columns that only a test in shear has.
 OF_SHEAR = re.compile(
-    r"shear|schub|scher|cisaill|torque|drehmoment|\bmoment\b|\bcouple\b|rotation"
-    r"|viscosit|viskosität",
-    re.I,
+    r"(?i)shear|schub|scher|cisaill|torque|drehmoment|\bmoment\b|\bcouple\b|rotation|vis[ck]osit"
 )
 _LOGARITHM = re.compile(r"(log10|log|lg|ln)(?![a-z0-9])[\s_]*", re.I)
 

@@ -83,6 +83,7 @@ class Block:
         """Makes the materials of [materials], each of which may use those above it."""
         kinds = {**MATERIALS, "tabulated": self.tabulated, "strain_sweep": self.strain_sweep}
         self.names = [*tables]  # to tell a material further down from one that is not there
+        # A material may use those above it: the order of the file counts.
         for name, table in tables.items():
             understood, place = len(self.notes), f"[materials.{name}]"
             kind, entries = kind_of(place, table, kinds)
@@ -115,6 +116,7 @@ class Block:
 
     def _layer(self, place: str, table: dict[str, Any]) -> Layer | GradedLayer:
         check_keys(place, table, [key.name for key in (*keys_of(Layer), *keys_of(Blend))])
+        # A layer is graded if it names a material at its bottom or top.
         if "bottom" not in table and "top" not in table:
             return self.reader.build(place, table, Layer)
         if "material" in table:

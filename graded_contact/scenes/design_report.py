@@ -52,6 +52,7 @@ def _rows(results: DesignResults) -> dict[str, list[str]]:
             label = f"{name.replace('_', ' ')} {at}"
             add(f"{label}, mean field", (getattr(c.field, name)[i] for c in candidates), 4)
             solved = [getattr(c, name)[:, i] for c in candidates]
+            # One surface has no standard deviation.
             if study.verify == 1:
                 add(f"{label}, contact, one surface, spread unknown", map(np.mean, solved), 4)
             elif study.verify:

@@ -119,6 +119,7 @@ class DesignScene:
         check_values("verify", self.verify, "it must not be negative", at_least=0)
         if self.verify and not isinstance(self.scene.surface, RandomSurface):
             raise ValueError('`verify` needs a [surface] of kind "self_affine".')
+        # A loss tangent is of the block alone: contact cannot polish it.
         if self.polish and (self.verify < 1 or self.objective == "flat_loss_tangent"):
             raise ValueError("`polish` needs `verify` surfaces and an objective of friction.")
 

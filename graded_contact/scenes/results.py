@@ -22,7 +22,7 @@ from jaxtyping import Float
 
 from ..blocks.window_kernel import has_ground
 from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
-from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of, caveats_of_steps
+from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of
 from ..fields.grid import Grid
 from ..materials.shift import shifts_in
 from ..readers.paths import read_file
@@ -39,11 +39,9 @@ if TYPE_CHECKING:
 # Fields of a kept solve: names in a `Sliding` and in the results, where `pressure` is an axis and
 # `heights` are those of the first seed.
 KEPT_FIELDS = {
-    "pressure": "contact_pressure",
-    "gap": "gap",
-    "displacement": "displacement",
+    "pressure": "contact_pressure", "gap": "gap", "displacement": "displacement",
     "heights": "contact_heights",
-}
+}  # fmt: skip
 SEED_ERROR = "_seed_error"
 
 
@@ -56,6 +54,7 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
         "given approach": scene.approach is not None,
         "given load": scene.approach is None,
     }
+    # What is varied is a coordinate, and no result.
     known = [fact for fact, holds in facts.items() if holds]
     names = [n for n in numbers_of(scene.motion is not None, known) if n not in scene.axes]
     return *names, *(["friction_standard_error"] if errors_of_stack(scene) is not None else [])
@@ -213,8 +212,8 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     everywhere = np.ones(results["message"].shape, bool)
     rules = CYCLE_RULES if "time" in results.dims else RULES
     # Caveats of the surface concern every solve.
-    of_surface = caveats_of_steps(_steps_of(results), _size_of(results).tolist())
-    return (*(Caveat(text, everywhere) for text in of_surface), *caveats_of(results, rules))
+    of_surface = (Caveat(text, everywhere) for text in surface_of(results).caveats)
+    return *of_surface, *caveats_of(results, rules)
 
 
 def over_seeds(results: "Dataset") -> "Dataset":
@@ -268,23 +267,16 @@ def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
 
 def surface_of(results: "Dataset") -> Surface:
     """Returns the surface of results, that of the first seed."""
-    history, values = results.attrs["surface_history"], results["heights"].values
+    history, heights = results.attrs["surface_history"], results["heights"]
+    size = np.array([results[axis].attrs["period"] for axis in heights.dims])
     return Surface(
-        heights=jnp.asarray(values),
-        grid=Grid(values.shape, jnp.asarray(_size_of(results))),
+        heights=jnp.asarray(heights.values),
+        grid=Grid(heights.shape, jnp.asarray(size)),
         history=tuple(history.split("\n")) if history else (),
         measured=jnp.asarray(results["measured"].values) if "measured" in results else None,
-        steps=_steps_of(results),
+        steps=tuple(Step(*step) for step in json.loads(results.attrs["surface_steps"])),
         periodic=bool(results.attrs.get("surface_periodic", True)),
     )
-
-
-def _size_of(results: "Dataset") -> np.ndarray:
-    return np.array([results[axis].attrs["period"] for axis in results["heights"].dims])
-
-
-def _steps_of(results: "Dataset") -> tuple[Step, ...]:
-    return tuple(Step(*step) for step in json.loads(results.attrs["surface_steps"]))
 
 
 def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:

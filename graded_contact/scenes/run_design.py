@@ -102,10 +102,7 @@ def run_design(
     with within("[design]"):
         design = minimise(
             objective, study.lower, study.upper, {path: paths(own)[path] for path in study.lower},
-            constraints=constraints,
-            num_starts=study.starts,
-            seed=study.seed,
-            store=store,
+            constraints=constraints, num_starts=study.starts, seed=study.seed, store=store,
             progress=lambda i, value: say(f"design, value {value:.4g}", i, study.starts),
         )  # fmt: skip
     say("design", study.starts, study.starts)
@@ -191,10 +188,7 @@ def _polish(study: DesignScene, design: Design, store: Store | None, say: Progre
     say("polish", 0, POLISHING)
     polished = minimise(
         objective, study.lower, study.upper, design.parameters,
-        constraints=_constraints(study),
-        num_starts=1,
-        max_steps=POLISHING_STEPS,
-        store=store,
+        constraints=_constraints(study), num_starts=1, max_steps=POLISHING_STEPS, store=store,
         progress=after_evaluation,
     )  # fmt: skip
     say("polish", POLISHING, POLISHING)
@@ -208,13 +202,10 @@ def design_mean_field(
     """Returns the mean field of a stack at the velocities of the study, or at others [m/s]."""
     scene = study.scene
     return friction_curve(
-        stack,
-        study.spectrum,
-        pressure=scene.pressure[0],
+        stack, study.spectrum, pressure=scene.pressure[0],
         velocities=scene.velocity if velocities is None else velocities,
-        graded_solver=scene.graded_solver,
-        strain_per_slope=scene.strain_per_slope,
-    )
+        graded_solver=scene.graded_solver, strain_per_slope=scene.strain_per_slope,
+    )  # fmt: skip
 
 
 def _objective(study: DesignScene, friction: Array, before: Numbers) -> Float[Array, ""]:

@@ -12,7 +12,7 @@ from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import HardWall
 from ..core.checks import within
 from ..core.memory import CYCLE, DERIVATIVE, SLIDING, check_memory
-from ..fields.grid import velocity_along
+from ..fields.frequency import velocity_along
 from ..sliding.steady import check_approach
 from ..studies.dataset import package_versions
 from ..studies.parameter_covariance import moved
@@ -53,6 +53,7 @@ def check_scene(scene: Scene) -> None:
 def check_run(scene: Scene, surface: Surface) -> None:
     """Raises `ValueError` for what `run_scene` refuses before its first solve."""
     _check_blocks(scene, surface)
+    # A refusal inside the program must come before the first solve: the first point is traced.
     trace(_solver(scene, surface), {name: at[0] for name, at in columns_of(scene.axes).items()})
 
 
@@ -119,15 +120,10 @@ def run_scene(
     chosen = {"every": indices, "last": [kept], "none": []}[scene.fields]
     numbers = numbers_of_scene(scene, surface)
     points = solve_points(
-        _solver(scene, surface),
-        columns_of(scene.axes),
-        names.ravel().tolist(),
-        store=store,
-        workers=workers,
-        client=client,
+        _solver(scene, surface), columns_of(scene.axes), names.ravel().tolist(),
         keep=[(*numbers, *fields_of(scene)) if i in chosen else numbers for i in indices],
-        progress=progress,
-    )
+        store=store, workers=workers, client=client, progress=progress,
+    )  # fmt: skip
     if not any(points):
         raise KeyboardInterrupt  # there is nothing to keep
     return collect(scene, surface, names, points, kept)
@@ -169,6 +165,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
 
     def solved(point: dict[str, Any], stack: Stack) -> dict[str, Any]:
         rough = surface
+        # A seed is drawn inside the program: JAX traces its number.
         if "seed" in point and isinstance(scene.surface, RandomSurface):
             rough = scene.surface.drawn(point["seed"])
         case = dataclasses.replace(scene, stack=stack).case(point, rough)

@@ -34,7 +34,8 @@ from ..core.checks import (
 from ..core.display import shown
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
-from ..fields.grid import Grid, velocity_along
+from ..fields.frequency import velocity_along
+from ..fields.grid import Grid
 from ..materials.material import AbstractMaterial
 from ..materials.softening import as_strain_per_slope
 from ..readers.paths import check_name, read_utf8
@@ -205,6 +206,7 @@ class Scene:
         }  # fmt: skip
         if self.motion is None:
             return Case(velocity=velocity_along(point["velocity"], self.direction), **given)
+        # The motion is a path along x; the direction turns it.
         along, moved = np.ravel(velocity_along(1.0, self.direction)), self.motion.displacement
         if self.pressure_ratio is not None:
             # The load is linear between its times, and periodic as the motion.
@@ -293,19 +295,11 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     inputs = dict(reader.paths)  # before [output], whose folder is no input
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
     own = {name: getattr(tables, name) for name in ("title", "sweep", "motion", "shear", "heating")}
+    errors = tuple((name, block.materials[name], known) for name, known in block.errors.items())
     found = Scene(
-        text=text,
-        surface=surface,
-        stack=stack,
-        errors=tuple((name, block.materials[name], known) for name, known in block.errors.items()),
-        inputs=inputs,
-        notes=tuple(block.notes),
-        solver=algorithm,
-        **own,
-        **load,
-        **accuracy,
-        **output,
-    )
+        text=text, surface=surface, stack=stack, errors=errors, inputs=inputs,
+        notes=tuple(block.notes), solver=algorithm, **own, **load, **accuracy, **output,
+    )  # fmt: skip
     _check_numbers(found)
     _check_tables(found)
     return found

@@ -85,6 +85,7 @@ class Sphere(NamedTuple):
     def build(self) -> Surface:
         """Returns the surface, highest in the middle of the window."""
         grid = self.grid
+        # Symmetric about the middle, where an even number has no point.
         axes = [
             (np.arange(n) - (n - 1) / 2) * dx
             for n, dx in zip(grid.shape, np.asarray(grid.spacing), strict=True)

@@ -20,7 +20,8 @@ from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.parameters import places
 from ..core.warnings import EXTRAPOLATED
-from ..fields.grid import Grid, velocity_along, wave_frequencies
+from ..fields.frequency import velocity_along, wave_frequencies
+from ..fields.grid import Grid
 from ..materials.coverage import check_frequencies, coverage, is_unknown
 from ..materials.material import Prony
 from ..materials.shift import require_shift
@@ -153,6 +154,7 @@ def errors_of_stack(scene: Scene) -> Errors | None:
         at = places(scene.stack, material)
         if at:
             names += [f"{place}.{path}" for place in at for path in known.paths]
+            # The errors of one material act at all its places together.
             blocks.append(np.tile(known.directions, len(at)))
     return Errors(tuple(names), block_diag(*blocks)) if names else None
 

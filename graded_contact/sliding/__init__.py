@@ -2,14 +2,14 @@
 
 from .case import Case
 from .gap_flow import GapFlow, gap_flow
-from .heat import heat_depths, heat_source
+from .heat_source import heat_depths, heat_source
 from .heating import Heating, flash_temperature
 from .magnification import area_against_cutoff, cumulative_friction
 from .motion import Motion, recorded, sinusoidal, start_stop, steady
 from .numerics import Numerics
+from .result import CyclicSliding, Sliding
 from .shear import AbstractShear, ConstantShear, PeakedShear
 from .slide import slide, slide_cycle
-from .sliding import CyclicSliding, Sliding
 from .stiffness import contact_conductance, contact_stiffness
 
 __all__ = [

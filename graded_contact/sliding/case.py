@@ -10,14 +10,14 @@ from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.solution import ContactSolution
 from ..core.checks import Numbers, as_float, as_scalar, check_positive, check_type, check_values
 from ..core.display import shown
-from ..fields.grid import as_velocity
+from ..fields.frequency import as_velocity
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .cycle import solve_cycle
 from .heating import Heating, solve_heated
 from .numerics import Numerics
+from .result import CyclicSliding, Sliding
 from .shear import ShearLaw
-from .sliding import CyclicSliding, Sliding
 from .steady import solve_steady
 
 
@@ -75,6 +75,7 @@ class Case(eqx.Module):
             raise ValueError("`displacement` needs the `period` [s] of the motion.")
         shape = self.displacement.shape
         allowed = ((), (2,)) if grid.ndim == 2 else ((),)
+        # Four times are the fewest with a frequency between 0 and the highest one.
         if not shape or shape[0] < 4 or shape[1:] not in allowed:
             raise ValueError(
                 f"`displacement` has shape {shape}; `(nt,)` or, on a grid in two dimensions, "
@@ -102,6 +103,7 @@ class Case(eqx.Module):
         **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
         """
         check_type("surface", self.surface, Surface)
+        # With heat several contacts are solved, and a motion has one at each time.
         if solution is not None and (self.heating is not None or self.velocity is None):
             raise ValueError(
                 "`solution` is refused with `heating` or a motion: it holds steady contacts alone."

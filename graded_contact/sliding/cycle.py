@@ -16,10 +16,10 @@ import jax.numpy as jnp
 
 from ..blocks.grading import graded_tolerance
 from ..blocks.periodic_kernel import periodic_kernel
+from ..contacts.abstract_solver import Inputs
 from ..contacts.law import check_one_law
 from ..contacts.solution import RESULTS
 from ..contacts.solve import as_start, contact_of, loading_of
-from ..contacts.solver import Inputs
 from ..contacts.space_time import SpaceTime, in_motion
 from ..core.checks import Numbers, check_squares
 from ..core.derivative import derivative_apart
@@ -30,7 +30,7 @@ from ..materials.coverage import coverage
 from ..surfaces.surface import check_periodic
 from .motion import components
 from .numerics import Numerics
-from .sliding import CyclicSliding
+from .result import CyclicSliding
 
 
 def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> CyclicSliding:
@@ -46,6 +46,7 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     begin = as_start(start, heights, law)
     kernel, error = periodic_kernel(stack, grid, num_times, period, numerics.graded_solver)
     reached = error <= graded_tolerance(numerics.graded_solver, None, grid.size)
+    # Under `jit` only the program itself can raise.
     if numerics.throw:
         kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
     operator = _operator(kernel, case.displacement, grid)
@@ -66,5 +67,6 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
 @eqx.filter_jit
 def _operator(kernel, displacement, grid: Grid) -> SpaceTime:
     moved = components(displacement)
+    # A motion along x alone stays in place on the other axis.
     missing = grid.ndim - moved.shape[1]
     return in_motion(kernel, jnp.pad(moved, [(0, 0), (0, missing)]), grid)

@@ -80,6 +80,7 @@ def gap_flow(gap: Numbers, grid: Grid, *, contact: Numbers | None = None) -> Gap
 
 @eqx.filter_jit
 def _gap_flow(gap, grid: Grid) -> GapFlow:
+    # In units of the largest gap: products of cubes in metres would underflow.
     unit = jnp.max(jnp.abs(jax.lax.stop_gradient(gap)))
     unit = jnp.where(unit > 0, unit, 1)
     cube = ((jnp.maximum(gap, 0) / unit) ** 3).reshape(gap.shape[0], -1)
@@ -119,6 +120,7 @@ def _solve(weights, spacing, *, dtype):
     links = links + links.T
     links.eliminate_zeros()
     _, label = csgraph.connected_components(links)
+    # A pressure is known up to a constant in each connected part: one of its points is tied to 0.
     ground = np.zeros(size)
     ground[np.unique(label, return_index=True)[1]] = 1
     total = np.asarray(links.sum(axis=1)).ravel()
@@ -166,6 +168,7 @@ def _effective_medium(cube):
     def excess(conductance, cube):
         return jnp.mean((cube - conductance) / (cube + conductance))
 
+    # Bisection of the logarithm: the conductances of gaps span many decades.
     def halve(_, bracket):
         middle = jnp.mean(bracket)
         above = excess(jnp.exp(middle), fixed) > 0

@@ -49,17 +49,19 @@ from ..core.compilation import jit
 from ..core.derivative import still
 from ..core.display import shown
 from ..core.fixed_point import attach_fixed_point, find_fixed_point
-from ..fields.grid import multiplicity, to_field, to_spectrum, wave_frequencies, wavenumber
+from ..fields.frequency import wave_frequencies
+from ..fields.grid import multiplicity, to_field, to_spectrum, wavenumber
 from ..materials.shift import as_temperature
 from ..materials.softening import at_strain
 from ..surfaces.surface import check_periodic
-from .heat import as_depths, gauss_within, heat_depths, heat_source, intervals, shear_heat
+from .heat_source import as_depths, gauss_within, heat_depths, heat_source, intervals, shear_heat
 from .numerics import Numerics
-from .sliding import Sliding
+from .result import Sliding
 from .steady import solve_steady
 
 NUM_CELLS = 8  # of the depth, each at one temperature
 SAFETY = 4.0  # of the change of friction by twice the cells
+OfParts = Float[Array, ""] | Float[Array, " parts"]
 _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
 
 
@@ -75,12 +77,8 @@ class Heating(eqx.Module):
     - `counterface_conductivity`: κ of the rough counterface [W/(m K)]; 0 if no heat flows into it.
     """
 
-    conductivity: Float[Array, ""] | Float[Array, " parts"] = eqx.field(
-        converter=numbers("conductivity")
-    )
-    diffusivity: Float[Array, ""] | Float[Array, " parts"] = eqx.field(
-        converter=numbers("diffusivity")
-    )
+    conductivity: OfParts = eqx.field(converter=numbers("conductivity"))
+    diffusivity: OfParts = eqx.field(converter=numbers("diffusivity"))
     counterface_conductivity: Float[Array, ""] = eqx.field(
         converter=scalar("counterface_conductivity"), default=0.0
     )
@@ -100,6 +98,7 @@ def solve_heated(case: Any, numerics: Numerics, start: Numbers | None = None) ->
     temperature = as_temperature(check_bulk(case.temperature)).astype(dtype)
     case.stack.at(temperature)  # refuses what a material cannot have
     first, last = _FIRST * jnp.min(grid.spacing), jnp.max(grid.size)
+    # The cells are a choice of the method: they have no derivative.
     edges = jax.lax.stop_gradient(intervals(first, last, NUM_CELLS))
     given = dataclasses.replace(case, temperature=temperature)
     fixed = still(given)
@@ -131,6 +130,7 @@ def solve_heated(case: Any, numerics: Numerics, start: Numbers | None = None) ->
     closer, _ = contact(_rises(s, *heat, block, finer), fixed, finer, s.pressure)
     errors = still(_errors(s, closer))
     pairs = pairs + s.num_fft_pairs + closer.num_fft_pairs
+    # Derivatives are attached only where something is traced.
     if not all(map(is_concrete, jax.tree.leaves(given))):
         known = still(s.contact)
 
@@ -204,11 +204,7 @@ def flash_temperature(
     nodes, thickness = heat_depths(stack, sliding.grid)
     block = stack if sliding.heated is None else sliding.heated.stack
     source = heat_source(sliding, block, nodes, graded_solver=graded_solver)
-    return _fields(sliding, temperatures(sliding, stack, heating, source, thickness, depths))
-
-
-@eqx.filter_jit
-def _fields(sliding: Sliding, spectra):
+    spectra = temperatures(sliding, stack, heating, source, thickness, depths)
     return jax.vmap(lambda spectrum: to_field(spectrum, sliding.grid.shape))(spectra)
 
 
@@ -281,6 +277,7 @@ def _over_contact(sliding: Sliding, spectrum):
 
 
 def _weight(sliding):
+    # Points that pull, with adhesion, have no weight.
     pressed = jnp.maximum(sliding.pressure, 0)
     return pressed / jnp.mean(pressed)
 

@@ -1,9 +1,9 @@
 """Contact area and friction up to each wavenumber: which wavelengths matter."""
 
-import dataclasses
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
@@ -24,19 +24,13 @@ from ..core.checks import (
 from ..core.compilation import jit
 from ..core.derivative import largest
 from ..fields.devices import binned
-from ..fields.grid import (
-    Grid,
-    as_velocity,
-    direction_and_speed,
-    to_field,
-    to_spectrum,
-    wave_frequencies,
-    wavenumber,
-)
+from ..fields.frequency import as_velocity, direction_and_speed, wave_frequencies
+from ..fields.grid import Grid, to_field, to_spectrum, wavenumber
 from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface, check_periodic
 from .case import Case
 from .numerics import numerics_of
+from .steady import kernel_of, solve_steady
 
 
 @check_types
@@ -71,21 +65,22 @@ def area_against_cutoff(
     check_periodic(surface)
     case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity, law=law)
     how, _ = numerics_of("area_against_cutoff", numerics)
-    columns, start = [], None
-    for cutoff in cutoffs:
-        smooth = eqx.tree_at(lambda one: one.heights, surface, _waves_up_to(cutoff, surface))
-        s = dataclasses.replace(case, surface=smooth).solve(how, start=start)
+    known = kernel_of(case, how)  # of the grid and the velocity: the same for all cut-offs
+
+    def solve(start, cutoff):
+        kept = wavenumber(surface.grid) <= cutoff * (1 + 1e-6)
+        heights = jnp.where(kept, to_spectrum(surface.heights), 0)
+        heights = to_field(heights, surface.grid.shape)
+        smooth = eqx.tree_at(lambda one: one.surface.heights, case, heights)
+        s = solve_steady(smooth, how, start, known=known)
         found = jnp.stack(s.compute("friction", "contact_area", "contact_area_smooth"))
         # Areas without a pressure are none, not 0.
-        columns.append(jnp.where(jnp.isfinite(found[0]), found, jnp.nan))
-        start = s.pressure
-    return CutoffCurve(cutoffs, *jnp.stack(columns, axis=1))
+        return s.pressure, jnp.where(jnp.isfinite(found[0]), found, jnp.nan)
 
-
-@eqx.filter_jit
-def _waves_up_to(cutoff, surface: Surface):
-    kept = wavenumber(surface.grid) <= cutoff * (1 + 1e-6)
-    return to_field(jnp.where(kept, to_spectrum(surface.heights), 0), surface.grid.shape)
+    # The first contact goes through coarse grids; all others are one compiled loop.
+    start, first = solve(None, cutoffs[0])
+    _, rest = jax.lax.scan(solve, start, cutoffs[1:])
+    return CutoffCurve(cutoffs, *jnp.concatenate([first[None], rest]).T)
 
 
 @check_types

@@ -181,7 +181,9 @@ def recorded(
             f"`times` from {times[0]:g} to {times[-1]:g} s are refused: they must ascend within "
             f"one `period` of {period:g} s, whose end is not listed."
         )
+    # Finer times first: those of the result would alias what lies between them.
     fine = times[0] + period * _times(_FINE * num_times, table)
+    # Its first row, a period later, closes the table.
     ends = jnp.append(times, times[0] + period)
     columns = jnp.concatenate([table, table[:1]]).reshape(len(ends), -1).T
     dense = jnp.stack([jnp.interp(fine, ends, column) for column in columns], axis=1)

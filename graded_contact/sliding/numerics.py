@@ -7,10 +7,10 @@ import equinox as eqx
 
 from ..blocks.grading import AbstractGradedSolver
 from ..blocks.layering import Layering
+from ..contacts.abstract_solver import AbstractContactSolver
 from ..contacts.adjoint import LinearSolver, LinearSplitting
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
-from ..contacts.solver import AbstractContactSolver
 from ..core.checks import check_type
 
 

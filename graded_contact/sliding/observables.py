@@ -30,15 +30,8 @@ from ..contacts.estimates import error_of
 from ..contacts.operator import nonzero
 from ..core.derivative import largest
 from ..core.quantities import observable
-from ..fields.grid import (
-    coordinates,
-    derivative,
-    direction_and_speed,
-    odd_wavevector,
-    to_field,
-    to_spectrum,
-    wave_frequencies,
-)
+from ..fields.frequency import direction_and_speed, wave_frequencies
+from ..fields.grid import coordinates, derivative, odd_wavevector, to_field, to_spectrum
 from ..materials.coverage import is_unknown
 from .motion import Motion, odd_frequencies, rate_of
 
@@ -81,6 +74,7 @@ def _along_motion(found: Found) -> list[Array]:
     """q of each wave along the velocity [rad/m]; in a cycle along each axis that it moves on."""
     if found.is_cycle:
         return list(odd_wavevector(found.grid)[: found.moved.shape[1]])
+    # ω = -q·v of a unit velocity, with the other sign.
     return [-wave_frequencies(found.cell, direction_and_speed(found.velocity)[0])]
 
 
@@ -111,6 +105,7 @@ def _frictions(found: Found, pressure: Array) -> Array:
     size = load(found, pressure)
     if not found.is_cycle:
         return tractions / size
+    # Work over load and path: a mean of ratios would count times with little load too much.
     path = jnp.mean(size * _length(found.motion_of_surface[0]))
     over = _length(tractions / jnp.where(size > 0, size, 1)[:, None])
     return jnp.stack([_power(found, tractions) / nonzero(path), largest(over)])
@@ -131,6 +126,7 @@ def _slopes(found: Found, pressure: Array, displacement: Array) -> Array:
 
     def slope(p, w):
         squared = sum(derivative(w, found.cell, axis) ** 2 for axis in range(found.cell.ndim))
+        # With adhesion some pressures are negative.
         weight = jnp.abs(p)
         return _root(jnp.mean(weight * squared) / nonzero(jnp.mean(weight)))
 
@@ -358,6 +354,7 @@ def dissipation(found: Found) -> Array:
     """Its parts at the frequencies ω = 2π k/T, k = 0, 1, ..., shape `(nt//2 + 1,)`."""
     lost = dissipation_of_waves(found)
     lost, count = jnp.sum(lost, axis=tuple(range(1, lost.ndim))), len(lost)
+    # A frequency and its negative are one entry.
     half, other = lost[: count // 2 + 1], lost[count // 2 + 1 :][::-1]
     return half.at[1 : len(other) + 1].add(other)
 
@@ -374,6 +371,7 @@ def phase(found: Found) -> Array:
     fields = _own_tractions(found), found.motion_of_surface[1]
     force, moved = (jnp.fft.rfft(a, axis=0)[1] for a in fields)
     lead = jnp.sum(force * jnp.conj(moved))
+    # The angle of 0 has no derivative.
     return jnp.angle(jnp.where(jnp.abs(lead) > 0, lead, 1))
 
 

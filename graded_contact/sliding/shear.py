@@ -99,6 +99,7 @@ class PeakedShear(AbstractShear):
                     "the temperature of the contact [K]."
                 )
             log_factor = self.shift.log_factor(temperature)
+        # At rest the logarithm is infinite and would spoil the derivative.
         moves = speed != 0
         logarithm = jnp.log(jnp.where(moves, jnp.abs(speed), 1) / self.velocity) + log_factor
         decades = logarithm / jnp.log(10.0).astype(logarithm.dtype)
@@ -144,6 +145,7 @@ def shear_stress(
     # A bare function is no pytree; wrapped, it is one without leaves.
     called: Any = law if isinstance(law, eqx.Module) else jax.tree_util.Partial(law)
     bound = ShearStress(called, speed, temperature)
+    # Called without numbers: a wrong law is refused before the solve.
     try:
         jax.eval_shape(bound, jax.ShapeDtypeStruct((2,), speed.dtype))
     except (TypeError, AttributeError, IndexError) as error:

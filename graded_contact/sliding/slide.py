@@ -14,8 +14,8 @@ from ..surfaces.surface import Surface
 from .case import Case
 from .heating import Heating
 from .numerics import numerics_of
+from .result import CyclicSliding, Sliding
 from .shear import ShearLaw
-from .sliding import CyclicSliding, Sliding
 
 
 @check_types

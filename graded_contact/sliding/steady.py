@@ -22,14 +22,15 @@ from ..core.checks import Numbers, as_float, check_values, is_concrete
 from ..core.compilation import jit
 from ..core.memory import SLIDING, check_memory
 from ..fields.devices import num_devices
-from ..fields.grid import Grid, direction_and_speed
+from ..fields.frequency import direction_and_speed
+from ..fields.grid import Grid
 from ..materials.coverage import coverage
 from ..materials.softening import as_strain_per_slope
 from ..surfaces.statistics import slope_up_to
 from ..surfaces.surface import Surface, check_periodic
 from .numerics import Numerics
+from .result import Sliding
 from .shear import shear_stress
-from .sliding import Sliding
 
 
 def solve_steady(
@@ -37,11 +38,15 @@ def solve_steady(
     numerics: Numerics,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
+    known: tuple | None = None,
 ) -> Sliding:
-    """Returns the contact of a `Case` with a velocity, without its heat; see `slide`."""
+    """Returns the contact of a `Case` with a velocity, without its heat; see `slide`.
+
+    `known` is the result of `kernel_of` where several contacts share it.
+    """
     stack, surface = case.stack, case.surface
     approach = None if case.approach is None else check_approach(case.approach, surface, case.law)
-    kernel, reached, kernel_error = _kernel_of(case, numerics)
+    kernel, reached, kernel_error = kernel_of(case, numerics) if known is None else known
     sheared = shear_stress(case.shear, direction_and_speed(case.velocity)[1], case.temperature)
     contact = solve_contact(
         kernel, surface.heights, case.pressure,
@@ -67,8 +72,8 @@ def solve_steady(
 _coverage = jit(coverage)
 
 
-def _kernel_of(case: Any, numerics: Numerics):
-    """The kernel of a case, whether it is good, and its errors on a window."""
+def kernel_of(case: Any, numerics: Numerics) -> tuple:
+    """Returns the kernel of a case, whether it is good, and its errors on a window."""
     stack, surface, velocity, grid = case.stack, case.surface, case.velocity, case.surface.grid
     itemsize = surface.heights.dtype.itemsize
     check_memory("surface", "sliding", SLIDING, grid.shape, itemsize, num_devices(grid.size))
@@ -77,6 +82,7 @@ def _kernel_of(case: Any, numerics: Numerics):
         check_periodic(surface)
         ratio, (q, slope) = as_strain_per_slope(case.strain_per_slope, stack), slope_up_to(surface)
         strain = q, ratio * slope
+    # If the velocity is known to be 0, the kernel is real.
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
 
     def kernel_on(cell: Grid):
@@ -89,6 +95,7 @@ def _kernel_of(case: Any, numerics: Numerics):
 
     if surface.periodic:
         return *kernel_on(grid), None
+    # Cells of two sizes give the kernel of a window without the images of its load.
     (near, reached), (far, also) = kernel_on(doubled(grid)), kernel_on(long_cell(grid))
     kernel, error = without_images(near, far, grid, has_ground(stack, grid))
     return kernel, reached & also, error

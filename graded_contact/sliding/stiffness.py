@@ -20,13 +20,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
+from ..contacts.abstract_solver import penalty_for
 from ..contacts.adjoint import LinearSolver, LinearSplitting, opening_by_load
 from ..contacts.area import contact_shares
 from ..contacts.operator import Steady, first_mode
-from ..contacts.solver import penalty_for
 from ..core.checks import as_scalar, check_positive, check_type, check_types
 from ..fields.grid import multiplicity, wavenumber
-from .sliding import Sliding
+from .result import Sliding
 
 _RTOL = 1e-8
 _YIELDING = 0.5  # compliance of half a point over that of one loaded point
@@ -100,6 +100,7 @@ def _stiffness(sliding: Sliding, kernel, adjoint: LinearSolver):
     # G(0), the sum over all waves.
     yielding = jnp.sum(multiplicity(share.shape) * operator.compliance.real) / share.size
     soft = _YIELDING * penalty * yielding * (1 - share)
+    # Points far from contact carry nothing; 0/0 would spoil the derivative.
     s = jnp.where(share > 0, share / jnp.where(share > 0, share + soft, 1), 0)
     rtol = jnp.asarray(_RTOL, share.dtype)
     return -penalty / opening_by_load(operator.scaled(penalty), s, adjoint, rtol)

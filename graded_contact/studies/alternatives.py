@@ -1,6 +1,5 @@
 """Alternatives to a design: available values, trade-offs, and manufacturing scatter."""
 
-import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -50,14 +49,9 @@ def snap_to_values(
 
 @check_types
 def pareto_front(
-    objectives: Callable[[Any], Float[Array, "2"]],
-    lower: Any,
-    upper: Any,
-    *,
-    num_points: int = 7,
-    constraints: Constraints | None = None,
-    **arguments: Any,
-) -> list[tuple[Design, Float[np.ndarray, "2"]]]:
+    objectives: Callable[[Any], Float[Array, "2"]], lower: Any, upper: Any, *,
+    num_points: int = 7, constraints: Constraints | None = None, **arguments: Any,
+) -> list[tuple[Design, Float[np.ndarray, "2"]]]:  # fmt: skip
     """Returns designs between which one of two objectives improves only if the other worsens.
 
     Between the two single optima, the first objective is minimised under ceilings of the second
@@ -81,10 +75,9 @@ def pareto_front(
                 parts.append(jnp.atleast_1d((limit - objectives(p)[1]) / spread))
             return jnp.concatenate(parts)
 
-        some = all_constraints if constraints is not None or limit is not None else None
-        found = minimise(
-            lambda p: objectives(p)[i], lower, upper, start, constraints=some, **arguments
-        )
+        some = None if constraints is None and limit is None else all_constraints
+        one = lambda p: objectives(p)[i]  # noqa: E731
+        found = minimise(one, lower, upper, start, constraints=some, **arguments)
         return found, np.asarray(objectives(found.parameters))
 
     ends = [best(0), best(1)]
@@ -97,6 +90,7 @@ def pareto_front(
         previous = found[-1][0]
     found.append(ends[1])
     values = np.array([v for _, v in found])
+    # A start may end in a local minimum: another design then beats it in both objectives.
     beaten = [bool(np.any(np.all(values < v, axis=1))) for v in values]
     front = [pair for pair, out in zip(found, beaten, strict=True) if not out]
     return sorted(front, key=lambda pair: float(pair[1][0]))
@@ -119,16 +113,13 @@ def scatter(
     """
     check_whole("num_samples", num_samples, 1)
     check_whole("seed", seed, 0)
-    flat, unravel = ravel_pytree(
-        jax.tree.map(functools.partial(as_float, name="parameters"), parameters)
-    )
-    width, _ = ravel_pytree(jax.tree.map(functools.partial(as_float, name="spread"), spread))
+    flat, unravel = ravel_pytree(jax.tree.map(lambda p: as_float(p, "parameters"), parameters))
+    width, _ = ravel_pytree(jax.tree.map(lambda width: as_float(width, "spread"), spread))
     width = jnp.broadcast_to(width, flat.shape) if width.shape == (1,) else width
     if width.shape != flat.shape:
         raise ValueError("`spread` must be one number, or have the nesting of `parameters`.")
     allowed = "a standard deviation of ln(parameter) lies between 0 and 10"
     check_values("spread", width, allowed, at_least=0, at_most=10)
     draws = jax.random.normal(jax.random.key(seed), (num_samples, flat.size))
-    return jax.jit(lambda all_: jax.lax.map(lambda x: objective(unravel(x)), all_))(
-        flat * jnp.exp(width * draws)
-    )
+    values = jax.jit(lambda every: jax.lax.map(lambda x: objective(unravel(x)), every))
+    return values(flat * jnp.exp(width * draws))

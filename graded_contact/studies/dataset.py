@@ -30,7 +30,6 @@ NOT_STARTED = "not started"
 FAILED = "failed: "
 LOST = f"{FAILED}its worker died, each time that it was tried"  # no fault of the point's
 SEAL = 512  # bytes, the least that HDF5 can skip
-_PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
 
 
 def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) -> "Dataset":
@@ -93,9 +92,7 @@ def read_sealed(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes
     whole = read_file(path, at_most)
     content = whole[SEAL:]
     if whole[:SEAL] != _header(content):
-        raise ValueError(
-            f"`path={path}` is damaged, or another program or an earlier version wrote it."
-        )
+        raise ValueError(f"`path={path}` is damaged, or another program or version wrote it.")
     return content
 
 
@@ -137,13 +134,9 @@ def read(path: str | os.PathLike) -> "Dataset":
 
 def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
     """Writes a table with a row for each point: axes, numbers (no fields) and message."""
-    axes = dataset["message"].dims
-    numbers = [
-        str(name)
-        for name, variable in dataset.data_vars.items()
-        if {*variable.dims} <= {*axes} and variable.dtype.kind in "fiub"
-    ]
-    table = dataset[[*numbers, "message"]].to_dataframe(dim_order=[*axes]).reset_index()
+    axes, numbers = dataset["message"].dims, dataset.data_vars.items()
+    names = [str(n) for n, v in numbers if {*v.dims} <= {*axes} and v.dtype.kind in "fiub"]
+    table = dataset[[*names, "message"]].to_dataframe(dim_order=[*axes]).reset_index()
     # Whole numbers, as seeds, have no unit.
     heads = {
         name: f"{name} [{dataset[name].units}]"
@@ -158,4 +151,4 @@ def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
 @functools.cache
 def package_versions() -> dict[str, str]:
     """Returns the versions of this package and of those its numbers depend on, as attributes."""
-    return {f"version_{name}": version(name) for name in _PACKAGES}
+    return {f"version_{name}": version(name) for name in ("graded_contact", "jax", "numpy", "h5py")}

@@ -101,13 +101,9 @@ class Problem:
     """
 
     def __init__(
-        self,
-        objective: Callable[..., Array],
-        constraints: Callable[..., Array] | None,
-        box: Box,
-        store: Store | None,
-        key: Array | None = None,
-    ):
+        self, objective: Callable[..., Array], constraints: Callable[..., Array] | None, box: Box,
+        store: Store | None, key: Array | None = None,
+    ):  # fmt: skip
         self.box, self.store, self.key = box, store, key
         self._found: dict[str, Evaluation] = {}
 
@@ -147,7 +143,14 @@ class Problem:
             arrays: Any = point.values
             found = Evaluation(**arrays)._replace(value=float(arrays["value"]))
         else:
-            found = self._computed(x, draw)
+            value, slope = self._objective(x, *self._keys(draw))
+            if not np.isfinite(value):
+                raise ValueError(f"`objective` is {np.asarray(value)} at {self._text(x, draw)}.")
+            limits, slopes = self.limits(x, draw)
+            if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(slopes))):
+                where = f"`objective` or `constraints` is not finite at {self._text(x, draw)}"
+                raise ValueError(f"A derivative of {where}.")
+            found = Evaluation(float(value), limits, np.asarray(slope), slopes)
             if self.store is not None:
                 self.store.write(name, Point(jax.tree.map(np.asarray, found._asdict())))
         self._found[at] = found
@@ -164,18 +167,6 @@ class Problem:
         if not np.all(np.isfinite(limits)):
             raise ValueError(f"`constraints` is {limits} at {self._text(x, draw)}.")
         return limits, slopes
-
-    def _computed(self, x: Flat, draw: int | None) -> Evaluation:
-        value, slope = self._objective(x, *self._keys(draw))
-        if not np.isfinite(value):
-            raise ValueError(f"`objective` is {np.asarray(value)} at {self._text(x, draw)}.")
-        limits, slopes = self.limits(x, draw)
-        if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(slopes))):
-            where = self._text(x, draw)
-            raise ValueError(
-                f"A derivative of `objective` or `constraints` is not finite at {where}."
-            )
-        return Evaluation(float(value), limits, np.asarray(slope), slopes)
 
     def _keys(self, draw):
         return () if self.key is None else (jax.random.fold_in(self.key, draw),)

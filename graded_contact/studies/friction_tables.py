@@ -10,22 +10,19 @@ from jax import Array
 
 from ..blocks.stack import Stack
 from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
-from ..fields.grid import velocity_along
+from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import mean_field_of
 from ..sliding.case import Case
 from ..sliding.numerics import numerics_of
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .dataset import package_versions
+from .sweep import sweep
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
 Method = Literal["contact", "mean_field", "both"]
-_ERROR = {
-    "contact": "estimated error of the friction coefficient, of solver and grid",
-    "mean_field": "estimated error of the friction coefficient by the quadrature",
-}
 
 
 @check_types
@@ -67,8 +64,6 @@ def friction_table(
 
     **Raises:** `ValueError` for a refused argument; what `sweep` raises.
     """
-    from .sweep import sweep
-
     if method != "mean_field" and not isinstance(roughness, Surface):
         raise ValueError(f"`roughness={short(roughness)}` must be a `Surface` for a contact.")
     if method != "contact" and isinstance(roughness, Surface) and not roughness.periodic:
@@ -83,6 +78,7 @@ def friction_table(
         axes = {"temperature": temperature, **axes}
 
     plain = Case(stack, roughness, pressure=0.0, velocity=0.0)  # of no point yet
+    # Arguments of `slide` belong to the case (shear, heating) or to its computation (solver).
     of_case = {name: value for name, value in slide_options.items() if name in vars(plain)}
     of_numerics = {name: slide_options[name] for name in slide_options if name not in of_case}
     numerics, _ = numerics_of("slide", {**of_numerics, "throw": False})
@@ -95,26 +91,20 @@ def friction_table(
         theory, found = {}, {}
         if method != "contact":
             field = mean_field_of(dataclasses.replace(plain, **at), **mean_field_options)
-            theory = {
-                "friction": field.friction,
-                "friction_error": field.error * jnp.abs(field.friction),
-                "contact_area": field.contact_area,
-            }
+            error = field.error * jnp.abs(field.friction)
+            theory = dict(
+                friction=field.friction, friction_error=error, contact_area=field.contact_area
+            )
         if method != "mean_field":
             s = dataclasses.replace(contact, **at).solve(numerics)
-            of_grid = jnp.abs(s.geometric_friction - s.friction)
-            found = {
-                "friction": s.friction,
-                "friction_error": s.friction_error + of_grid,
-                "contact_area": s.contact_area,
-                "result": s.result,
-            }
+            # The two frictions agree on a grid that resolves the contact.
+            error = s.friction_error + jnp.abs(s.geometric_friction - s.friction)
+            found = dict(
+                friction=s.friction, friction_error=error, contact_area=s.contact_area,
+                result=s.result,
+            )  # fmt: skip
         return {**found, "mean_field": theory} if method == "both" else found or theory
 
     table = sweep(numbers, axes, **engine)
-    for name, variable in table.data_vars.items():
-        if str(name).endswith("friction_error"):
-            by = "mean_field" if method == "mean_field" or "mean_field" in str(name) else "contact"
-            variable.attrs["long_name"] = _ERROR[by]
     table.attrs |= {"method": method, "direction": float(direction), **package_versions()}
     return table

@@ -50,8 +50,9 @@ def interruptible() -> Iterator[Interruption]:
     # Python's C handler writes each signal's number here, also while the main thread is in XLA.
     heard, wakeup = socket.socketpair()
     wakeup.setblocking(False)
+    # Without a handler in Python, even an empty one, the thread is told nothing.
     previous = {
-        number: signal.signal(number, _leave_to_thread)
+        number: signal.signal(number, lambda *_: None)
         for number in SIGNALS
         if signal.getsignal(number) != signal.SIG_IGN
     }
@@ -79,14 +80,10 @@ def ctrl_c_later() -> Iterator[Interruption]:
     Only in the main thread, and only where Ctrl-C would raise: not inside `interruptible`.
     """
     usual, found = signal.default_int_handler, Interruption()
-    if threading.current_thread() is not threading.main_thread():
-        yield found
-        return
-    if _outer:  # a Ctrl-C that the outer block has noted must end the inner one
-        yield _outer[-1]
-        return
-    if signal.getsignal(signal.SIGINT) is not usual:
-        yield found
+    main = threading.current_thread() is threading.main_thread()
+    if not main or _outer or signal.getsignal(signal.SIGINT) is not usual:
+        # A Ctrl-C that the outer block has noted must end the inner one.
+        yield _outer[-1] if main and _outer else found
         return
 
     def note(number: int, frame: object) -> None:
@@ -101,10 +98,6 @@ def ctrl_c_later() -> Iterator[Interruption]:
     finally:
         _outer.pop()
         signal.signal(signal.SIGINT, usual)
-
-
-def _leave_to_thread(number: int, frame: object) -> None:
-    """Python must have a handler, otherwise it does not notify the thread."""
 
 
 def _listen(heard: socket.socket, found: Interruption) -> None:

@@ -43,10 +43,10 @@ class Errors(eqx.Module):
             raise ValueError("`paths` is empty: at least one path is needed.")
         if len(set(self.paths)) < len(self.paths):
             raise ValueError(f"`paths={self.paths}` names a number twice.")
-        if self.directions.ndim != 2 or self.directions.shape[1] != len(self.paths):
+        shape, count = self.directions.shape, len(self.paths)
+        if shape[1:] != (count,):
             raise ValueError(
-                f"`directions` has shape {self.directions.shape}: a column for each of the "
-                f"{len(self.paths)} paths is needed."
+                f"`directions` has shape {shape}, not a column for each of {count} paths."
             )
         check_values("directions", self.directions, "errors are finite")
 
@@ -73,10 +73,7 @@ def check_errors(errors: Errors, material: object) -> None:
             raise ValueError(f"{path!r} is not a number of the material; {nearest(path, single)}")
     for path in single:
         if path.rpartition("[")[0] in series and path not in errors.paths:
-            raise ValueError(
-                f"{path!r} of the material is missing: these errors seem to belong to another "
-                "material."
-            )
+            raise ValueError(f"{path!r} is missing: these errors seem to be of another material.")
 
 
 def write_errors(path: str | os.PathLike, errors: Errors) -> None:

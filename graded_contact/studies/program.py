@@ -17,7 +17,7 @@ from jax.extend import core
 
 from ..contacts.solve import RESULTS
 from ..core.checks import nearest
-from ..sliding.sliding import with_observables
+from ..sliding.result import with_observables
 from .dataset import FAILED, package_versions
 from .store import Point, fingerprint
 
@@ -81,9 +81,8 @@ def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic
     if isinstance(function, jax.stages.Wrapped):
         inner = inner.__wrapped__
     try:
-        closed, like = jax.make_jaxpr(
-            lambda p: _named(with_observables(inner(p))), return_shape=True
-        )(point)
+        named = lambda p: _named(with_observables(inner(p)))  # noqa: E731
+        closed, like = jax.make_jaxpr(named, return_shape=True)(point)
     except KeyError as error:
         name = error.args[0] if error.args else None
         if not isinstance(name, str) or name in point:
@@ -113,9 +112,8 @@ def compiled(program: Program) -> Callable[[Task], Point]:
         if len(_COMPILED) == _MOST_COMPILED:  # the oldest goes
             del _COMPILED[next(iter(_COMPILED))]
         run = jax.jit(core.jaxpr_as_fun(core.ClosedJaxpr(open_jaxpr, [])))
-        _COMPILED[code] = run.lower(
-            *program.closed.consts, *jax.tree.leaves(program.point)
-        ).compile()
+        arguments = *program.closed.consts, *jax.tree.leaves(program.point)
+        _COMPILED[code] = run.lower(*arguments).compile()
     run, arrays = _COMPILED[code], jax.device_put(program.closed.consts)
     names = jax.tree.structure(program.like)
 
@@ -127,7 +125,13 @@ def compiled(program: Program) -> Callable[[Task], Point]:
         try:
             found = jax.tree.map(np.asarray, run(*arrays, *jax.tree.leaves(point)))
         except (ValueError, RuntimeError) as error:  # `eqx.error_if` raises through XLA
-            return Point({}, FAILED + _reason(error))
+            # Equinox puts a stack before the message, and advice on debugging after it.
+            reason = str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
+            if "RESOURCE_EXHAUSTED" in str(error):  # neither this nor Ctrl-C is the point's fault
+                raise MemoryError(reason) from error
+            if "KeyboardInterrupt" in str(error):
+                raise KeyboardInterrupt from error
+            return Point({}, FAILED + reason)
         finally:
             log.removeFilter(silence)
         values, end = jax.tree.unflatten(names, found)
@@ -137,11 +141,11 @@ def compiled(program: Program) -> Callable[[Task], Point]:
 
 
 def _named(found: Any) -> tuple[dict[str, jax.Array], Any]:
-    leaves, _ = jax.tree_util.tree_flatten_with_path(found, is_leaf=_is_result)
     arrays, end = {}, RESULTS.successful
-    for path, leaf in leaves:
+    is_result = lambda value: isinstance(value, RESULTS)  # noqa: E731
+    for path, leaf in jax.tree_util.tree_leaves_with_path(found, is_leaf=is_result):
         name = jax.tree_util.keystr(path, simple=True, separator=".") or "value"
-        if _is_result(leaf):
+        if is_result(leaf):
             # Of several solves, the last that did not succeed is told.
             end = RESULTS.where(leaf == RESULTS.successful, end, leaf)
         elif jnp.iscomplexobj(leaf):
@@ -149,10 +153,6 @@ def _named(found: Any) -> tuple[dict[str, jax.Array], Any]:
         else:
             arrays[name] = jnp.asarray(leaf)
     return arrays, end
-
-
-def _is_result(value: Any) -> bool:
-    return isinstance(value, RESULTS)
 
 
 def _inside(jaxpr: Any) -> Iterator[Any]:
@@ -168,17 +168,3 @@ def _plain(array: Any) -> np.ndarray:
     if jnp.issubdtype(array.dtype, jax.dtypes.prng_key):
         array = jax.random.key_data(array)
     return np.asarray(array)
-
-
-def _reason(error: Exception) -> str:
-    """Why a point failed, without the traceback that compiled code puts around it.
-
-    **Raises:** `MemoryError` and `KeyboardInterrupt`, which are not errors of the point.
-    """
-    # Equinox puts a stack before the message, and advice on debugging after it.
-    reason = str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
-    if "RESOURCE_EXHAUSTED" in str(error):
-        raise MemoryError(reason) from error
-    if "KeyboardInterrupt" in str(error):
-        raise KeyboardInterrupt from error
-    return reason

@@ -19,7 +19,6 @@ from scipy.optimize import minimize
 
 from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
-from ..core.quantities import quantity_of
 from .design_problem import Box, Evaluation, Flat, Problem, box_of, first_in, named
 from .store import Store, opened
 
@@ -113,13 +112,6 @@ class Design(eqx.Module):
         return self.best.message
 
     @property
-    def units(self) -> dict[str, str]:
-        """Units of the parameters, if they follow from the paths."""
-        if not isinstance(self.parameters, dict):
-            return {}
-        return {path: known.unit for path in self.parameters if (known := quantity_of(path))}
-
-    @property
     def num_evaluations(self) -> int:
         """Evaluations of objective and gradient in all runs."""
         return sum(run.num_evaluations for run in self.runs)
@@ -179,13 +171,18 @@ def minimise(
     not finite (naming the parameters), and if no start satisfies the constraints; of a `store`,
     `BlockingIOError` if another process writes to it, and `OSError` if it cannot be written.
     """
+    from scipy.stats import qmc  # takes 0.4 s to import
+
     check_whole("num_starts", num_starts, 1)
     check_whole("seed", seed, 0)
     check_whole("max_steps", max_steps, 1)
     check_tolerance("rtol", rtol, np.zeros(()))
     box = box_of(lower, upper)
-    say = progress or (lambda *_: None)
-    starts = _starts(box, first_in(box, start), num_starts, seed)
+    first, say = first_in(box, start), progress or (lambda *_: None)
+    # A shift modulo 1 keeps the points evenly spread, for every seed.
+    shift = np.random.default_rng(seed).random(len(first))
+    spread = (qmc.Halton(len(first), scramble=False).random(num_starts)[1:] + shift) % 1
+    starts = [first, *(box.low * (box.high / box.low) ** u for u in spread)]
     with opened(store) as points:
         problem = Problem(objective, constraints, box, points)
         # The median: a start may be where the objective is all but zero.
@@ -204,28 +201,14 @@ def minimise(
     best = min(feasible, key=lambda run: run.value)
     x = np.array(best.parameters)
     value, margins, slope, _ = problem.evaluate(x)
-    return Design(
-        parameters=box.unravel(jnp.asarray(x)),
-        value=value,
-        elasticities=box.unravel(jnp.asarray(elasticities(x, value, slope))),
-        margins=margins,
-        runs=tuple(runs),
-    )
+    return designed(box, x, value, slope, margins=margins, runs=tuple(runs))
 
 
-def elasticities(x: Flat, value: float, slope: Flat) -> Flat:
-    """Returns d ln|value|/d ln x."""
-    return x * slope / value if value else x * np.inf
-
-
-def _starts(box, first, num_starts, seed):
-    """The first, and others spread evenly over the box."""
-    from scipy.stats import qmc  # takes 0.4 s to import
-
-    # A shift modulo 1 keeps the points evenly spread, for every seed.
-    shift = np.random.default_rng(seed).random(len(first))
-    spread = (qmc.Halton(len(first), scramble=False).random(num_starts)[1:] + shift) % 1
-    return [first, *(box.low * (box.high / box.low) ** u for u in spread)]
+def designed(box: Box, x: Flat, value: float, slope: Flat, **others: Any) -> Design:
+    """Returns the design at flat parameters, with the derivative of its value there."""
+    slopes = x * slope / value if value else x * np.inf  # d ln|value|/d ln x
+    parameters, elasticities = (box.unravel(jnp.asarray(flat)) for flat in (x, slopes))
+    return Design(parameters=parameters, value=value, elasticities=elasticities, **others)
 
 
 def descend(
@@ -268,19 +251,16 @@ def descend(
         method="SLSQP",
         bounds=[(0.0, 1.0 if s > 0 else 0.0) for s in span],
         constraints=[margins] if at(origin)[2].size else [],
+        # SLSQP compares changes of the scaled objective with `ftol` itself.
         options={"ftol": rtol * size * scale, "maxiter": max_steps},
     )
     last = at(np.clip(found.x, 0, 1))
     # SLSQP may end just outside a constraint: only points that satisfy all are taken.
     allowed = [one for one in tried.values() if np.all(one[2] >= 0)]
     x, value, *_ = min(allowed, key=lambda one: one[1]) if allowed else last
-    history = [(value, x, limits) for x, value, limits, *_ in tried.values()]
+    path = [(value, x, limits) for x, value, limits, *_ in tried.values()]
     return Run(
-        parameters=x.tolist(),
-        value=value,
-        history=History(*map(np.array, zip(*history, strict=True))),
-        num_evaluations=len(tried),
-        feasible=bool(allowed),
-        converged=bool(found.success and allowed),
-        message=str(found.message),
-    )
+        parameters=x.tolist(), value=value, num_evaluations=len(tried),
+        history=History(*map(np.array, zip(*path, strict=True))), feasible=bool(allowed),
+        converged=bool(found.success and allowed), message=str(found.message),
+    )  # fmt: skip

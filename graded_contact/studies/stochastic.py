@@ -29,7 +29,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from ..core.checks import check_types, check_values, check_whole
 from .design_problem import Evaluation, Flat, Problem, box_of, first_in
-from .search import MARGIN, Design, History, Run, descend, elasticities
+from .search import MARGIN, Design, History, Run, descend, designed
 from .store import Store, opened
 
 LEARNING_RATE = 0.1  # of the logarithms at first; it falls to zero as a cosine
@@ -171,37 +171,22 @@ def _judged(problem: Problem, x: Flat, path: _Path, draws: range, rtol: float) -
             f"The mean of `constraints` is {margins} at the end of {len(path.tried)} steps. Widen "
             "the bounds or the constraints, or raise `num_steps`."
         )
-    message = _verdict(path, x * slope, noise, rtol)
-    run = Run(
-        parameters=x.tolist(),
-        value=value,
-        history=History(*map(np.array, zip(*path.tried, strict=True))),
-        num_evaluations=len(path.tried) + len(draws),
-        feasible=True,
-        converged=not message,
-        message=message,
-    )
-    unravel = problem.box.unravel
-    return Design(
-        parameters=unravel(jnp.asarray(x)),
-        value=value,
-        elasticities=unravel(jnp.asarray(elasticities(x, value, slope))),
-        margins=margins,
-        runs=(run,),
-        error=float(noise),
-        multipliers=np.mean(path.multipliers, axis=0),
-    )
-
-
-def _verdict(path: _Path, slope: Flat, error: float, rtol: float) -> str:
-    """What is missing to convergence, or nothing."""
     # The mean size of the draws: a value near 0 must not make every error large.
     size, half = np.mean([abs(value) for value, *_ in path.tried]), len(path.points) // 2
     earlier, later = (np.mean(part, axis=0) for part in (path.points[:half], path.points[half:]))
     # The change of the value, to first order, between the third and the last quarter.
-    drift = abs(slope @ (later - earlier))
+    drift, message = abs(x * slope @ (later - earlier)), ""
     if drift > rtol * size:
-        return f"the last steps still changed the value by {drift:.2g}: raise `num_steps`"
-    if error > rtol * size:
-        return f"the value is known to ± {error:.2g} only: raise `num_checks`"
-    return ""
+        message = f"the last steps still changed the value by {drift:.2g}: raise `num_steps`"
+    elif noise > rtol * size:
+        message = f"the value is known to ± {noise:.2g} only: raise `num_checks`"
+    run = Run(
+        parameters=x.tolist(), value=value, num_evaluations=len(path.tried) + len(draws),
+        history=History(*map(np.array, zip(*path.tried, strict=True))), feasible=True,
+        converged=not message, message=message,
+    )  # fmt: skip
+    multipliers = np.mean(path.multipliers, axis=0)
+    return designed(
+        problem.box, x, value, slope, margins=margins, runs=(run,), error=float(noise),
+        multipliers=multipliers,
+    )  # fmt: skip

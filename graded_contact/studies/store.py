@@ -83,11 +83,8 @@ def opened(store: "str | os.PathLike | Store | None") -> Iterator["Store | None"
         known = 0 if points is None else len(points.damaged)
         yield points
     if points is not None and (damaged := points.damaged[known:]):
-        warnings.warn(
-            f"{len(damaged)} of the points in `{points.folder}` were damaged and are computed "
-            f"again; the first is {damaged[0].name}.",
-            stacklevel=4,
-        )
+        text = f"{len(damaged)} of the points in `{points.folder}` were damaged and are computed"
+        warnings.warn(f"{text} again; the first is {damaged[0].name}.", stacklevel=4)
 
 
 class Store:
@@ -112,13 +109,11 @@ class Store:
             self._lock.acquire(timeout=0)
         except filelock.Timeout:
             raise BlockingIOError(
-                f"`{self.folder}` is being written by another process. Wait until it ends, or take "
-                "another folder."
+                f"`{self.folder}` is being written by another process. Wait, or take another."
             ) from None
         except OSError as error:
-            raise OSError(
-                f"Nothing can be written to the folder `{self.folder}`: {error.strerror}."
-            ) from error
+            text = f"Nothing can be written to the folder `{self.folder}`: {error.strerror}."
+            raise OSError(text) from error
         for leftover in self.folder.glob(".*.partial"):  # of a killed process
             leftover.unlink(missing_ok=True)
         return self

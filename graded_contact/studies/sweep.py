@@ -75,21 +75,20 @@ def sweep(
     import xarray
 
     coordinates, columns = _points(axes)
-    count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
+    shape = tuple(map(len, coordinates.values()))
     with ctrl_c_later() as later:
         # Only names and dtypes of the first point matter: one program solves all points.
         program = trace(function, {name: column[0] for name, column in columns.items()})
         later.check()
-        _check_results(program, columns, count)
+        _check_results(program, columns, int(np.prod(shape)))
         names = []
         if store is not None:
             key, rows = program.key, zip(*columns.values(), strict=True)
             names = [fingerprint(key, [*map(np.asarray, row)]) for row in rows]
         with opened(store) as points_of:
-            points = solve_points(
-                program, columns, names, store=points_of, workers=workers, client=client,
-                progress=progress,
-            )  # fmt: skip
+            engine = {"workers": workers, "client": client, "progress": progress}
+            points = solve_points(program, columns, names, store=points_of, **engine)
+    # Arrays of one point become arrays over all axes, and NaN stands for what is missing.
     ends = [NOT_STARTED if point is None else point.message for point in points]
     data: dict[str, Any] = {}
     for name, like in program.like[0].items():
@@ -102,16 +101,11 @@ def sweep(
 
 
 def solve_points(
-    function: Callable[[dict[str, Any]], Any] | Program,
-    columns: dict[str, np.ndarray],
-    names: Sequence[str] = (),
-    *,
-    store: Store | None = None,
-    workers: Workers = None,
-    client: Any = None,
-    keep: Sequence[Collection[str]] | None = None,
+    function: Callable[[dict[str, Any]], Any] | Program, columns: dict[str, np.ndarray],
+    names: Sequence[str] = (), *, store: Store | None = None, workers: Workers = None,
+    client: Any = None, keep: Sequence[Collection[str]] | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> list[Point | None]:
+) -> list[Point | None]:  # fmt: skip
     """Returns the result of a function at each point, None where Ctrl-C came first.
 
     **Arguments:**
@@ -136,9 +130,8 @@ def solve_points(
     for i in range(count):
         needed = keep[i] if keep else None
         point = None if store is None else store.read(names[i], whole)
-        if point is not None and (
-            point.message.startswith(FAILED) or point.values.keys() >= {*(needed or ())}
-        ):
+        has_all = point is not None and point.values.keys() >= {*(needed or ())}
+        if point is not None and (has_all or point.message.startswith(FAILED)):
             points[i] = point
         else:
             tasks[i] = {name: column[i] for name, column in columns.items()}, needed
@@ -166,8 +159,8 @@ def _solved(
     program: Program, tasks: dict[int, Task], workers: Workers, client: Any, later: Interruption
 ) -> Generator[tuple[int, Point]]:
     """Yields points as they end: in this process, on workers, or first here and then there."""
-    left, here = dict(tasks), client is None and workers in (None, "auto")
-    if here:
+    left = dict(tasks)
+    if client is None and workers in (None, "auto"):
         can_start = workers == "auto" and importlib.util.find_spec("distributed")
         # Processes on one GPU would compete for its memory.
         can_start = can_start and jax.default_backend() == "cpu"
@@ -199,16 +192,15 @@ def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     elif isinstance(axes, list | tuple) and axes:
         for i, point in enumerate(axes):
             if not isinstance(point, Mapping) or not point or point.keys() != axes[0].keys():
-                raise ValueError(
-                    f"`axes[{i}]={short(point)}` must be a dict with the names of the first "
-                    f"point, {short(axes[0])}."
-                )
+                text = f"`axes[{i}]={short(point)}` must be a dict with the names of the first"
+                raise ValueError(f"{text} point, {short(axes[0])}.")
         columns = {name: _numbers(name, [point[name] for point in axes]) for name in axes[0]}
         coordinates = {"point": np.arange(len(axes))}
     else:
         raise ValueError(
             f"`axes={short(axes)}` must be a dict of axes or a list of points, one at least."
         )
+    # A store names a point by its numbers: equal points would share a file.
     if len(np.unique(np.stack([*columns.values()]), axis=1).T) < len(next(iter(columns.values()))):
         raise ValueError(f"`axes={short(axes)}` contains a point twice.")
     return coordinates, columns
@@ -256,6 +248,5 @@ def _check_results(program: Program, columns: dict[str, Any], count: int) -> Non
     if free is not None and one * count > free:
         raise ValueError(
             f"`axes` is refused: {count} points take {in_gigabytes(one)} each, and "
-            f"{in_gigabytes(free)} of memory are free. {int(free // one)} points would fit; or let "
-            "`function` return less."
+            f"{in_gigabytes(free)} of memory are free. {int(free // one)} points would fit."
         )

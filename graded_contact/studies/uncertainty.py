@@ -114,10 +114,8 @@ def propagate(
         spread = jnp.eye(len(unknowns))
         made = lambda steps: moved(tree, known, steps)  # noqa: E731
     else:
-        raise ValueError(
-            f"`known={short(known)}` must be a fit of a Prony series, a master curve, `Errors` or "
-            "standard deviations by path."
-        )
+        allowed = "a fit of a Prony series, a master curve, `Errors` or deviations by path"
+        raise ValueError(f"`known={short(known)}` must be {allowed}.")
 
     def quantity(unknowns):
         value = jnp.asarray(function(made(unknowns)))
@@ -139,30 +137,25 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
     **Returns:** errors of those numbers of the material that were fitted.
     """
     unknowns = fit.theta if isinstance(fit, PronyFit) else fit.unknowns
-    by_law = not isinstance(material.shift, TabulatedShift)
 
     def numbers(unknowns):
         changed = fit.with_unknowns(unknowns)
-        if isinstance(changed, MasterCurve) and by_law:
-            found = paths(changed.law_material())
-        else:
-            found = paths(changed.material)
-        return {path: found[path] for path in scalars}
+        own = changed.material
+        if isinstance(changed, MasterCurve) and not isinstance(material.shift, TabulatedShift):
+            own = changed.law_material()
+        return {path: paths(own)[path] for path in scalars}
 
     known = paths(material)
     scalars = [path for path, value in known.items() if not value.ndim]
     slopes = jax.jacrev(numbers)(unknowns)
     variances, axes = np.linalg.eigh(fit.covariance())
     significant = variances > np.finfo(float).eps * np.max(variances)
+    # The covariance has no more directions than the fit has unknowns; rounding adds others.
     roots = np.sqrt(variances[significant])[:, None] * axes[:, significant].T
     # All entries of a series: of a table of shifts, the reference is a number that cannot err.
     entire = {path.rpartition("[")[0] for path in scalars if np.any(slopes[path])} & {*known}
-    fitted = {
-        path: np.asarray(slopes[path])
-        for path in scalars
-        if np.any(slopes[path]) or path.rpartition("[")[0] in entire
-    }
-    return Errors(tuple(fitted), roots @ np.stack(list(fitted.values()), axis=1))
+    fitted = [p for p in scalars if np.any(slopes[p]) or p.rpartition("[")[0] in entire]
+    return Errors(tuple(fitted), roots @ np.stack([slopes[path] for path in fitted], axis=1))
 
 
 def sensitivity(
@@ -188,8 +181,7 @@ def sensitivity(
     poisson = jnp.asarray(material.poisson_ratio(omega))
     if poisson.ndim:
         raise ValueError(
-            f"`material` has a Poisson's ratio of shape {poisson.shape}: a table of moduli has one "
-            "number."
+            f"`material` has a Poisson's ratio of shape {poisson.shape}, not a number."
         )
     table = Tabulated(
         omega, material.modulus(omega), poisson, shift=getattr(material, "shift", None),

@@ -51,9 +51,8 @@ def check_workers(workers: Any, client: Any) -> None:
 def num_cores() -> int:
     """Returns how many cores this process may use."""
     # A container or a batch system may allow fewer cores than the machine has.
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    allowed = getattr(os, "sched_getaffinity", None)  # of Linux
+    return len(allowed(0)) if allowed else os.cpu_count() or 1
 
 
 def pays(left: float, compiling: float) -> bool:
@@ -115,6 +114,7 @@ def on_workers(
     **Raises:** `TimeoutError` if there is no worker; `ConnectionError` if the scheduler ends;
     `RuntimeError` if a worker has another version of what the program is made of.
     """
+    import cloudpickle
     from distributed import KilledWorker, as_completed
 
     client.wait_for_workers(1, timeout=PATIENCE)
@@ -134,7 +134,11 @@ def on_workers(
 
     try:
         # A separate task: dask repeats it if all workers with its result have died.
-        packed = client.submit(bytes, _packed(program), pure=False)
+        options = {name: getattr(jax.config, name) for name in OPTIONS}
+        # Packed twice: to unpack the function may start XLA, which must wait for the options.
+        code = cloudpickle.dumps((program.function, program.point))
+        code = cloudpickle.dumps((options, program.key, code))
+        packed = client.submit(bytes, code, pure=False)
         hand_out()
         for future in ended:
             numbers, error = running.pop(future), future.exception()
@@ -153,22 +157,11 @@ def on_workers(
             future.release()
             hand_out()
     except (OSError, CancelledError) as error:
-        raise ConnectionError(
-            f"The scheduler {client.scheduler.address} does not answer: {error}. Finished points "
-            "are in the store, if there is one."
-        ) from error
+        text = f"The scheduler {client.scheduler.address} does not answer: {error}."
+        raise ConnectionError(f"{text} Finished points are in the store, if any.") from error
     finally:
         with contextlib.suppress(OSError):
             client.cancel(list(running))
-
-
-def _packed(program: Program) -> bytes:
-    import cloudpickle
-
-    options = {name: getattr(jax.config, name) for name in OPTIONS}
-    # The function comes last: to unpack it may start XLA.
-    function = cloudpickle.dumps((program.function, program.point))
-    return cloudpickle.dumps((options, program.key, function))
 
 
 def _solve_there(packed: bytes, tasks: list[Task]) -> tuple[list[Point], float]:
@@ -189,7 +182,6 @@ def _unpacked(packed: bytes) -> Callable[[Task], Point]:
     # Results of two versions of JAX or of this package must not meet in one study.
     if program.key != key:
         raise RuntimeError(
-            "A worker makes another program of `function`: it has another version of JAX, of "
-            "graded_contact or of a library that `function` uses."
+            "A worker makes another program of `function`: its libraries have other versions."
         )
     return compiled(program)

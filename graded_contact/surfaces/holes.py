@@ -16,28 +16,27 @@ def fill_holes(
     values: np.ndarray, missing: np.ndarray, spacing: np.ndarray, low: bool
 ) -> np.ndarray:
     """Heights in which those missing are harmonic, or sink `low` into the holes."""
+    # In units of the largest height, so that no square leaves the range of numbers.
     known = values[~missing]
     scale, length = np.max(np.abs(known)), np.inf
     bottom = float(np.quantile(known, LOW)) / scale
     slope = step("", np.where(missing, np.nan, values), spacing).rms_slope / scale
     if low and slope > 0:
         descent = (np.mean(known) / scale - bottom) / (STEEPER * slope)
-        length = max(descent, 2 * float(np.max(spacing)))
+        length = max(descent, 2 * float(np.max(spacing)))  # the grid resolves no steeper descent
     return scale * _filled(np.where(missing, 0, values / scale), missing, spacing, bottom, length)
 
 
 def region_note(missing: np.ndarray, spacing: np.ndarray) -> str:
-    """The largest part of the map that was measured completely."""
+    """A sentence on the largest part of the map that was measured completely."""
     part = _largest_rectangle(missing)
     counts = [p.stop - p.start for p in part]
     if min(counts) < 4:
         return "No part of 4 points along each axis was measured completely."
     pairs = zip(part, spacing, strict=True)
     ends = [f"{end * apart:.6g}" for p, apart in pairs for end in (p.start, p.stop)]
-    return (
-        f"Its largest completely measured part is `region=[{', '.join(ends)}]`, "
-        f"{100 * np.prod(counts) / missing.size:.2g} % of the points."
-    )
+    share = f"{100 * np.prod(counts) / missing.size:.2g} % of the points"
+    return f"Its largest completely measured part is `region=[{', '.join(ends)}]`, {share}."
 
 
 def grown(missing: np.ndarray, rings: int) -> np.ndarray:
@@ -46,9 +45,7 @@ def grown(missing: np.ndarray, rings: int) -> np.ndarray:
     return binary_dilation(missing, box, iterations=rings) if rings else missing
 
 
-def _filled(
-    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray, bottom: float, length: float
-) -> np.ndarray:
+def _filled(values, missing, spacing, bottom: float, length: float) -> np.ndarray:
     """Heights with those missing replaced by the solution of λ² ∇²f = f - bottom in the holes.
 
     f takes the measured heights around a hole and sinks towards `bottom` [m] within the `length` λ
@@ -98,6 +95,8 @@ def _largest_rectangle(missing: np.ndarray) -> tuple[slice, ...]:
                     constant_values=True)  # fmt: skip
     nx, ny = (n // b for n, b in zip(padded.shape, blocks, strict=True))
     good = ~np.any(padded.reshape(nx, blocks[0], ny, blocks[1]), axis=(1, 3))
+    # Line by line: `depth` counts the complete lines up to this one in each column, and the largest
+    # rectangle below this histogram is found with a stack of rising depths.
     depth, best, found = np.zeros(ny, int), 0, (0, 0, 0, 0)
     for i in range(nx):
         depth = np.where(good[i], depth + 1, 0)
@@ -109,8 +108,5 @@ def _largest_rectangle(missing: np.ndarray) -> tuple[slice, ...]:
                 if high * (j - begin) > best:
                     best, found = high * (j - begin), (i + 1 - high, i + 1, begin, j)
             stack.append((begin, height))
-    parts = (
-        slice(found[0] * blocks[0], found[1] * blocks[0]),
-        slice(found[2] * blocks[1], found[3] * blocks[1]),
-    )
-    return parts[: missing.ndim]
+    ends = np.reshape(found, (2, 2)) * np.array(blocks)[:, None]
+    return tuple(slice(first, last) for first, last in ends.tolist())[: missing.ndim]

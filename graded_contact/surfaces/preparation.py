@@ -86,6 +86,7 @@ def surface_from_heights(
     if highest > LARGEST:
         raise ValueError(f"`heights` reach {highest:.3g} m: damaged, or of another `unit`.")
     prepared = _Prepared(values, edges / np.array(values.shape), list(history), list(steps))
+    # A line scan at unequal steps has its roughness as read among the steps already.
     prepared.record("equally spaced" if steps else "read")
     if region is not None:
         prepared.crop(region)
@@ -105,14 +106,22 @@ class _Prepared:
     notes: list[str]
     rows: list[Step]
 
-    def record(self, name: str) -> None:
+    def record(self, name: str, *notes: str) -> None:
         self.rows.append(step(name, self.values, self.spacing))
+        self.notes.extend(notes)
 
     def crop(self, region: Numbers) -> None:
-        self.values = self.values[_part(region, self.values.shape, self.spacing)]
+        limits, shape = np.asarray(region, float), self.values.shape
+        fits = limits.shape == (2 * len(shape),) and np.all(np.isfinite(limits))
+        ends = np.rint(limits.reshape(-1, 2) / self.spacing[:, None]) if fits else np.zeros((1, 2))
+        if not (np.all(ends >= 0) and np.all(ends[:, 1] <= shape) and np.all(np.diff(ends) >= 4)):
+            form = "[x0, x1]" if len(shape) == 1 else "[x0, x1, y0, y1]"
+            edges = " x ".join(f"{edge:.4g}" for edge in self.spacing * np.array(shape))
+            where = f"in the map of {edges} m, with 4 points or more along each axis"
+            raise ValueError(f"`region={limits.tolist()}` is refused: {form} [m] must lie {where}.")
+        self.values = self.values[tuple(slice(*pair) for pair in ends.astype(int).tolist())]
         points = " x ".join(map(str, self.values.shape))
-        self.notes.append(f"Cut out `region={np.asarray(region).tolist()}`, {points} points.")
-        self.record("cropped")
+        self.record("cropped", f"Cut out `region={np.asarray(region).tolist()}`, {points} points.")
 
     def level(self, rim: int, *, tilted: bool) -> None:
         """Counts rims as missing, and subtracts the plane or, if it stays `tilted`, the mean."""
@@ -121,7 +130,13 @@ class _Prepared:
         self.missing = grown(self.missing, rim)
         known = self.values[~self.missing]
         _check_measured(known)
-        plane, slopes = _plane(self.values, self.missing, self.spacing)
+        # The least-squares plane through the measured points, about the middle of the map, where
+        # mean and slopes are independent unless points are missing.
+        shape = self.values.shape
+        axes = np.meshgrid(*[(np.arange(n) + 0.5) / n - 0.5 for n in shape], indexing="ij")
+        basis = np.stack([np.ones(shape), *axes], axis=-1)
+        coefficients = np.linalg.lstsq(basis[~self.missing], known)[0]
+        plane = basis @ coefficients
         # That of the roughness, with which rims of holes are compared.
         self.spread = float(np.std((self.values - plane)[~self.missing]))
         if self.spread <= 1e-12 * np.max(np.abs(known)):
@@ -130,51 +145,58 @@ class _Prepared:
             self.values = self.values - np.mean(known)
             return
         self.values = self.values - plane
+        slopes = coefficients[1:] / (self.spacing * np.array(shape))
         slope = ", ".join(f"{value:.3g}" for value in slopes)
         self.record("tilt removed")
         left = self.rows[-1]
-        self.notes.append(
-            f"Subtracted a plane of slope ({slope}): rms height {with_unit(left.rms_height, 'm')} "
-            f"and slope {left.rms_slope:.3g} are left."
-        )
+        rest = f"rms height {with_unit(left.rms_height, 'm')} and slope {left.rms_slope:.3g}"
+        self.notes.append(f"Subtracted a plane of slope ({slope}): {rest} are left.")
 
     def fill(self, fill: str | None, rim: int) -> None:
         missing, count = self.missing, self.num_missing
         if fill is None:
             raise ValueError(f"`heights` has {count} missing points; pass `fill='low'`.")
+        # Optical instruments report spikes at the rims of holes, which the filling would continue.
         around = np.sqrt(np.mean(self.values[grown(missing, 1) & ~missing] ** 2))
         self.values = fill_holes(self.values, missing, self.spacing, fill == "low")
-        how = "below their surroundings, so that they do not touch"
-        note = (
-            f"Filled {count} missing points ({100 * count / missing.size:.2g} %)"
-            f"{f', with {rim} ring(s) of measured points around them,' if rim else ''} "
-            f"{how if fill == 'low' else 'with harmonic functions'}."
-        )
+        rings = f", with {rim} ring(s) of measured points around them," if rim else ""
+        low = "below their surroundings, so that they do not touch"
+        how = low if fill == "low" else "with harmonic functions"
+        share = f"{100 * count / missing.size:.2g} %"
+        note = f"Filled {count} missing points ({share}){rings} {how}."
         if around > 3 * self.spread:
-            note += (
-                f" Their rims stand out: their rms height of {around:.3g} m is "
-                f"{around / self.spread:.2g} times that of all measured points. They may be "
-                f"artefacts, see `rim={rim + 1}`."
-            )
-        self.notes += [region_note(missing, self.spacing), note]
-        self.record("filled")
+            times = f"{around / self.spread:.2g} times the rms height of all measured points"
+            note += f" Their rims stand out by {times}. They may be artefacts, see `rim={rim + 1}`."
+        self.record("filled", region_note(missing, self.spacing), note)
 
     def join(self) -> None:
         """Subtracts the harmonic function that has the jumps at the edges."""
         before = step("", self.values, self.spacing)
-        joint = _harmonic(self.values, self.spacing / np.min(self.spacing))
+        # The periodic solution of ∇²s = what the jumps at the edges add to ∇² of the heights.
+        values, ndim = self.values, self.values.ndim
+        jumps, symbol = np.zeros(values.shape), np.zeros(values.shape)
+        apart = self.spacing / np.min(self.spacing)
+        for axis, (n, pixel) in enumerate(zip(values.shape, apart, strict=True)):
+            ends = np.moveaxis(jumps, axis, 0)
+            jump = (np.take(values, -1, axis) - np.take(values, 0, axis)) / pixel**2
+            ends[0] += jump
+            ends[-1] -= jump
+            waves = (2 * np.cos(2 * np.pi * np.arange(n) / n) - 2) / pixel**2
+            symbol += np.expand_dims(waves, [a for a in range(ndim) if a != axis])
+        symbol.flat[0] = 1.0  # the mean of the jumps is zero
+        joint = np.real(np.fft.ifftn(np.fft.fftn(jumps) / symbol))
         self.values = self.values - joint
         after = step("", self.values, self.spacing)
         if after.rms_height <= 1e-12 * before.rms_height:
             raise ValueError("`heights` has no roughness left after its edges were joined.")
+        # Waves near the edges lost some slope; a form without roughness must not be blown up.
         factor = min(before.rms_slope / after.rms_slope, MOST)
         self.values = factor * self.values
-        self.notes.append(
-            "Joined opposite edges by subtracting a harmonic function of rms height "
-            f"{with_unit(float(np.std(joint)), 'm')} (of {with_unit(before.rms_height, 'm')}) and "
-            f"multiplied the heights by {factor:.4g} to restore the rms slope."
+        less = (
+            f"subtracting a harmonic function of rms height {with_unit(float(np.std(joint)), 'm')}"
         )
-        self.record("joined")
+        restored = f"multiplied the heights by {factor:.4g} to restore the rms slope"
+        self.record("joined", f"Joined opposite edges by {less} and {restored}.")
 
     def closed(self, periodic: str | None) -> Surface:
         """The surface with joined edges."""
@@ -184,75 +206,29 @@ class _Prepared:
         elif periodic == "window":
             self.values, taper, factor = _window(self.values)
             measured = measured * taper
-            self.notes.append(
-                f"Tapered the outer {100 * TAPER:g} % at either end of each axis to zero (Tukey "
-                f"window) and multiplied the heights by {factor:.4g} to keep the rms height."
-            )
-            self.record("tapered")
+            kept = f"multiplied the heights by {factor:.4g} to keep the rms height"
+            tapered = f"Tapered {100 * TAPER:g} % at either end of each axis to zero"
+            self.record("tapered", f"{tapered} and {kept}.")
         elif periodic == "mirror":
             width = [(0, n) for n in self.values.shape]
             self.values = np.pad(self.values, width, "symmetric")
             measured = np.pad(measured, width, "symmetric")
-            self.notes.append("Reflected about the end of each axis, doubling it.")
-            self.record("mirrored")
+            self.record("mirrored", "Reflected about the end of each axis, doubling it.")
         elif periodic == "open":
             self.notes.append("Taken as a body that ends at the edges.")
         else:
             _check_seams(self.values)
             self.notes.append("Taken as periodic.")
-        return Surface(
-            heights=self.values - np.mean(self.values),
-            grid=Grid(self.values.shape, self.spacing * np.array(self.values.shape)),
-            history=tuple(self.notes),
-            measured=None if np.all(measured == 1) else measured,
-            steps=tuple(self.rows),
-            periodic=periodic != "open",
-        )
+        heights, history, steps = self.values - np.mean(self.values), self.notes, self.rows
+        grid = Grid(heights.shape, self.spacing * np.array(heights.shape))
+        measured = None if np.all(measured == 1) else measured
+        repeats = periodic != "open"
+        return Surface(heights, grid, tuple(history), measured, tuple(steps), repeats)
 
 
 def _check_measured(known: np.ndarray) -> None:
     if known.size < 4:
         raise ValueError(f"`heights` has {known.size} measured points; at least 4 are needed.")
-
-
-def _part(region: Numbers, shape: tuple[int, ...], spacing: np.ndarray) -> tuple[slice, ...]:
-    """The points in a region [m]."""
-    limits, size = np.asarray(region, float), spacing * np.array(shape)
-    if limits.shape == (2 * len(shape),) and np.all(np.isfinite(limits)):
-        ends = np.rint(limits.reshape(-1, 2) / spacing[:, None]).astype(int)
-        if np.all(ends >= 0) and np.all(ends[:, 1] <= shape) and np.all(np.diff(ends) >= 4):
-            return tuple(slice(first, last) for first, last in ends)
-    raise ValueError(
-        f"`region={limits.tolist()}` is refused: {['[x0, x1]', '[x0, x1, y0, y1]'][size.size - 1]} "
-        f"[m] must lie in the map of {' x '.join(f'{s:.4g}' for s in size)} m and hold at least 4 "
-        "points along each axis."
-    )
-
-
-def _plane(
-    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The least-squares plane through the measured points, and its slopes [1]."""
-    # About the middle, where mean and slopes are independent unless points are missing.
-    axes = [(np.arange(n) + 0.5) / n - 0.5 for n in values.shape]
-    columns = [np.broadcast_to(x, values.shape) for x in np.meshgrid(*axes, indexing="ij")]
-    basis = np.stack([np.ones(values.shape), *columns], axis=-1)
-    coefficients = np.linalg.lstsq(basis[~missing], values[~missing])[0]
-    return basis @ coefficients, coefficients[1:] / (spacing * np.array(values.shape))
-
-
-def _harmonic(values: np.ndarray, spacing: np.ndarray) -> np.ndarray:
-    """The periodic solution of ∇²s = what the jumps at the edges add to ∇² of the heights."""
-    jumps, symbol = np.zeros(values.shape), np.zeros(values.shape)
-    for axis, (n, apart) in enumerate(zip(values.shape, spacing, strict=True)):
-        ends = np.moveaxis(jumps, axis, 0)
-        first, last = np.take(values, 0, axis), np.take(values, -1, axis)
-        ends[0] += (last - first) / apart**2
-        ends[-1] += (first - last) / apart**2
-        waves = (2 * np.cos(2 * np.pi * np.arange(n) / n) - 2) / apart**2
-        symbol += np.expand_dims(waves, [a for a in range(values.ndim) if a != axis])
-    symbol.flat[0] = 1.0  # the mean of the jumps is zero
-    return np.real(np.fft.ifftn(np.fft.fftn(jumps) / symbol))
 
 
 def _window(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
@@ -276,9 +252,8 @@ def _check_seams(values: np.ndarray) -> None:
         # Twice is beyond chance for a rough edge; a profile has one seam step, which scatters.
         limit = 2 + 3 / np.sqrt(seam.size)
         if across > limit * inside:
+            times = f"{across / max(inside, 1e-300):.3g} times the step between neighbours"
             raise ValueError(
-                f"`periodic=None` is refused: along {name} the heights jump by {across:.3g} m from "
-                f"the last point to the first, {across / max(inside, 1e-300):.3g} times the step "
-                f"between neighbours (the limit is {limit:.3g}). Leave out `periodic`, or pass "
-                "`periodic='mirror'`."
+                f"`periodic=None` is refused. Along {name} the heights jump by {across:.3g} m from "
+                f"the last point to the first, {times}: leave out `periodic`, or pass 'mirror'."
             )

@@ -55,7 +55,7 @@ def random_surface(
     **Returns:** the surface; differentiable in `spectrum`, usable under `vmap` over keys.
     """
     if not isinstance(key, jax.Array | np.ndarray) or key.dtype in (np.float32, np.float64):
-        seed = key if isinstance(key, int) else 0
+        seed = key if isinstance(key, int) else 0  # the remedy repeats the user's own number
         raise ValueError(f"`key={short(key)}` must be a random key: `jax.random.key({seed})`.")
     parts, itemsize = num_devices(grid.size), grid.size.dtype.itemsize
     check_memory("grid", "a random surface", SURFACE, grid.shape, itemsize, parts)
@@ -83,14 +83,15 @@ def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
         allowed = f"γ/q_roll must be at most L/2π. This cell takes up to {longest:.3g}; for a "
         allowed += "longer lay use a larger cell, for an endless one a profile"
         check_values("anisotropy", spectrum.anisotropy, allowed, at_most=longest * (1 + rounding))
+    # Only a narrow band can lie between two modes of the lattice.
     if q_high < 2 * fundamental * (1 + rounding) or q_high < 2 * q_low:
         modes = zip(mode_numbers(grid.shape), size, strict=True)
         q = np.sqrt(sum((2 * np.pi * k / length) ** 2 for k, length in modes))
         if not np.any((q >= q_low * (1 - rounding)) & (q <= q_high * (1 + rounding))):
-            raise ValueError(
-                f"`q_low={q_low:g}` to `q_high={q_high:g}` is refused: no mode of the grid lies in "
-                "this band. Use a larger cell, or a wider band."
+            band = (
+                f"`q_low={q_low:g}` to `q_high={q_high:g}` is refused: no mode of the grid is in it"
             )
+            raise ValueError(f"{band}. Use a larger cell, or a wider band.")
 
 
 @jit

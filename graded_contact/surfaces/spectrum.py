@@ -94,15 +94,16 @@ class SelfAffine(eqx.Module):
         self.roll_off = roll_off
         self.prescribed, self.amplitude = one_of_height_and_slope(rms_height, rms_slope)
         self.hurst = as_scalar(hurst, "hurst")
-        self.q_low, self.q_roll = as_scalar(q_low, "q_low"), as_scalar(q_roll, "q_roll")
-        self.q_high = as_scalar(q_high, "q_high")
         allowed = "it must be greater than 0 and at most 1"
         check_values("hurst", self.hurst, allowed, above=0, at_most=1)
-        for name in ("q_low", "q_roll", "q_high"):
+        for name, value in (("q_low", q_low), ("q_roll", q_roll), ("q_high", q_high)):
+            setattr(self, name, as_scalar(value, name))
             check_positive(name, getattr(self, name), "[rad/m]")
-        _check_order("q_roll", self.q_roll, "q_low", self.q_low)
-        _check_order("q_high", self.q_high, "q_roll", self.q_roll)
-        if is_concrete(self.q_low):
+        for name, lower in (("q_roll", "q_low"), ("q_high", "q_roll")):
+            if is_concrete(least := getattr(self, lower)):
+                allowed = f"it must be at least `{lower}={float(least):g}` [rad/m]"
+                check_values(name, getattr(self, name), allowed, at_least=float(least))
+        if is_concrete(self.q_low):  # one of the two steps must be wide
             allowed = f"it must exceed `q_low={float(self.q_low):g}` [rad/m]"
             check_values("q_high", self.q_high, allowed, above=float(self.q_low))
         if all(map(is_concrete, jax.tree.leaves(self))):
@@ -185,19 +186,15 @@ class CutoffCurve(eqx.Module):
     contact_area_smooth: Float[Array, " cutoffs"] | None = None
 
 
-def _lay(
-    anisotropy: Any, angle: Any, roll_off: str
-) -> tuple[Float[Array, ""] | None, Float[Array, ""] | None]:
+def _lay(anisotropy: Any, angle: Any, roll_off: str) -> tuple[Any, Any]:
     """Peklenik's number and the angle of the lay, both or none."""
     if anisotropy is None:
         if angle is not None:
             raise ValueError(f"`angle={short(angle)}` is refused without an `anisotropy`.")
         return None, None
     if roll_off != "smooth":
-        raise ValueError(
-            f"`anisotropy={short(anisotropy)}` is refused with the sharp roll-off: pass "
-            '`roll_off="smooth"`.'
-        )
+        given = f"`anisotropy={short(anisotropy)}`"
+        raise ValueError(f'{given} is refused with the sharp roll-off: pass `roll_off="smooth"`.')
     anisotropy = as_scalar(anisotropy, "anisotropy")
     angle = as_scalar(0.0 if angle is None else angle, "angle")
     words = "Peklenik's number is from 1 to 10,000; `angle` is that of the long direction"
@@ -209,10 +206,8 @@ def _lay(
 def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float[Array, ""]]:
     """Returns the name and the value of the one that was given; refuses both or none."""
     if (rms_height is None) == (rms_slope is None):
-        raise ValueError(
-            "Exactly one of `rms_height` and `rms_slope` is needed, got "
-            f"`rms_height={rms_height}` and `rms_slope={rms_slope}`."
-        )
+        given = f"`rms_height={rms_height}` and `rms_slope={rms_slope}`"
+        raise ValueError(f"Exactly one of `rms_height` and `rms_slope` is needed, not {given}.")
     name = "rms_slope" if rms_height is None else "rms_height"
     value = as_scalar(rms_slope if rms_height is None else rms_height, name)
     check_positive(name, value, UNITS[name], squares=False)
@@ -226,15 +221,14 @@ def check_square(name: str, value: Array, logarithms: Sequence[float] = (0.0,)) 
     kind = jnp.finfo(value.dtype)
     ends = np.log(float(kind.tiny)) - min(logarithms), np.log(float(kind.max)) - max(logarithms)
     least, most = np.exp(np.array(ends) / 2)
-    allowed = (
-        f"it must be from {least:.2g} to {most:.2g} {UNITS[name]}, otherwise its square or the "
-        f"density of its spectrum leaves the range of {value.dtype}"
-    )
+    limits = f"it must be from {least:.2g} to {most:.2g} {UNITS[name]}"
+    allowed = f"{limits}, so that squares and the spectrum stay in the range of {value.dtype}"
     check_values(name, value, allowed, at_least=least, at_most=most)
 
 
 def _squares(spectrum: SelfAffine) -> list[float]:
     """Logarithms of the squares of rms height and slope and of C on the plateau, of amplitude 1."""
+    # By NumPy in double precision: the moments themselves may leave the range of the dtype.
     known = jax.tree.map(lambda leaf: np.asarray(leaf, float), spectrum)
     height, slope = (np.log(_relative_moment(known, order, 2, np)) for order in (0, 2))
     units = 2 * np.log(known.q_roll)
@@ -242,14 +236,10 @@ def _squares(spectrum: SelfAffine) -> list[float]:
     return [each - found[spectrum.prescribed == "rms_slope"] for each in found]
 
 
-def _check_order(name: str, value: Array, lower_name: str, lower: Array) -> None:
-    if is_concrete(lower):
-        allowed = f"it must be at least `{lower_name}={float(lower):g}` [rad/m]"
-        check_values(name, value, allowed, at_least=float(lower))
-
-
 def _power_integral(exponent: Any, length: Any, lib: Any) -> Any:
     """∫_0^length exp(exponent y) dy, smooth where the exponent passes through zero."""
+    # The quotient loses its digits near zero, where a series takes its place. Both get harmless
+    # arguments where the other counts, so that no derivative is NaN.
     t = exponent * length
     small = lib.abs(t) < 0.5
     safe = lib.where(small, 1, t)
@@ -260,9 +250,7 @@ def _power_integral(exponent: Any, length: Any, lib: Any) -> Any:
     return length * lib.where(small, series, lib.expm1(safe) / safe)
 
 
-def _relative_moment(
-    spectrum: SelfAffine, order: float, ndim: int, lib: Any = jnp, along: bool | None = None
-) -> Any:
+def _relative_moment(spectrum: SelfAffine, order, ndim: int, lib: Any = jnp, along=None) -> Any:
     """The moment of the spectrum in units of q_roll whose plateau is 1, by JAX or by NumPy.
 
     With `along` that of the component of q^order along the lay, or across it, of order 2.
@@ -270,10 +258,8 @@ def _relative_moment(
     if ndim not in (1, 2):
         raise ValueError(f"`ndim={ndim}` is refused: it must be 1 or 2.")
     if ndim == 1 and spectrum.anisotropy is not None:
-        raise ValueError(
-            "`anisotropy` is refused for a profile, which has no lay. The profile across the lay "
-            "of a surface with an endless lay has the spectrum without `anisotropy`."
-        )
+        remedy = "Across an endless lay, take the spectrum without `anisotropy`"
+        raise ValueError(f"`anisotropy` is refused for a profile, which has no lay. {remedy}.")
     unit = 2 * np.pi if ndim == 2 else 2
     if spectrum.roll_off == "smooth":
         node, weight = _nodes()
@@ -294,11 +280,8 @@ def _relative_moment(
         return unit * (high - low) / 2 * lib.sum(lib.asarray(weight, y.dtype) * lib.exp(exponent))
     falls = -lib.asarray(order + ndim, spectrum.q_low.dtype), order - 2 * spectrum.hurst
     lengths = (spectrum.q_roll / spectrum.q_low, spectrum.q_high / spectrum.q_roll)
-    plateau, tail = (
-        _power_integral(exponent, lib.log(length), lib)
-        for exponent, length in zip(falls, lengths, strict=True)
-    )
-    return unit * (plateau + tail)
+    pairs = zip(falls, lengths, strict=True)
+    return unit * sum(_power_integral(power, lib.log(length), lib) for power, length in pairs)
 
 
 @functools.cache

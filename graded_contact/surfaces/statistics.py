@@ -108,6 +108,7 @@ def _principal(squares: Array, mixed: Array) -> tuple[Array, Array]:
 def _modal_power(surface: Surface) -> tuple[Array, Array]:
     """|h_q|² of every mode but q = 0, counted with its multiplicity, in units of scale² [m²]."""
     heights = surface.heights - jnp.mean(surface.heights)
+    # Relative to the peak: squares of nanometres would leave the range of float32.
     peak = jnp.max(jnp.abs(jax.lax.stop_gradient(heights)))
     scale = jnp.where(peak == 0, 1, peak)
     modes = to_spectrum(heights / scale) / np.prod(surface.grid.shape)
@@ -120,6 +121,7 @@ def _root(square: Array) -> Array:
 
 
 @check_types
+@jit
 def radial_spectrum(
     surface: Surface, num_bins: int = 40
 ) -> tuple[Float[Array, " bins"], Float[Array, " bins"]]:
@@ -137,11 +139,6 @@ def radial_spectrum(
     **Returns:** q [rad/m] and C(q), each of shape `(num_bins,)`; C is NaN in an empty ring.
     """
     check_whole("num_bins", num_bins, 1)
-    return _radial_spectrum(surface, num_bins)
-
-
-@jit
-def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
     grid = surface.grid
     power, scale = _modal_power(surface)
     fundamental = 2 * np.pi / jnp.max(grid.size)
@@ -153,6 +150,7 @@ def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
     bins = jnp.where(used, jnp.floor(position).astype(int), num_bins)
     weight = used * multiplicity(grid.shape)
 
+    # The last bin takes the modes that are not used.
     def total(values):
         return binned(bins, values, num_bins + 1)[:num_bins]
 

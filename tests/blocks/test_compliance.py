@@ -21,23 +21,15 @@ def evaluate(case):
     layers = case["layers"][::-1]  # stored from the substrate upwards
     substrate = case["substrate"]
     if substrate["kind"] == "halfspace":
-        base = (
-            real_if_real(complex_of(substrate["E"])),
-            real_if_real(complex_of(substrate["nu"])),
-        )
+        base = tuple(real_if_real(complex_of(substrate[name])) for name in ("E", "nu"))
     else:
         base = {"rigid": gc.Rigid(), "free": gc.Free()}[substrate["kind"]]
     mp.dps = 40
     q = float(mp.sqrt(sum(mpf(component) ** 2 for component in case["q"])))
-    return complex(
-        gc.layered_compliance(
-            q,
-            np.array([float(layer["d"]) for layer in layers]),
-            np.array([complex_of(layer["E"]) for layer in layers]),
-            real_if_real([complex_of(layer["nu"]) for layer in layers]),
-            base,
-        )
-    )
+    thickness = np.array([float(layer["d"]) for layer in layers])
+    modulus = np.array([complex_of(layer["E"]) for layer in layers])
+    poisson = real_if_real([complex_of(layer["nu"]) for layer in layers])
+    return complex(gc.layered_compliance(q, thickness, modulus, poisson, base))
 
 
 def test_stored_cases_are_met_to_1e_14():
@@ -86,13 +78,8 @@ positive = st.floats(-2, 2).map(lambda x: 10.0**x)
 
 
 @settings(max_examples=50)
-@given(
-    d=st.tuples(positive, positive),
-    omega=positive,
-    q=positive,
-    lossless=st.booleans(),
-)
-def test_compliance_is_passive_and_hermitian(d, omega, q, lossless):
+@given(d=st.tuples(positive, positive), omega=positive, q=positive)
+def test_compliance_is_passive_and_hermitian(d, omega, q):
     """Im M <= 0 for ω > 0 (fields exp(iωt)), M(-ω) = conj M(ω), Re M > 0."""
     stack = stack_of([1e-4 * x for x in d])
     forward = complex(gc.surface_compliance(stack, 1e4 * q, 1e3 * omega))
@@ -100,15 +87,6 @@ def test_compliance_is_passive_and_hermitian(d, omega, q, lossless):
     assert backward == forward.conjugate()
     assert forward.imag <= 0
     assert forward.real > 0
-
-
-@pytest.mark.parametrize("shape", [(16, 12), (15, 9)])
-def test_kernel_of_a_scalar_velocity_is_that_of_the_vector_along_x(shape):
-    grid = gc.Grid(shape, (1e-2, 2e-2))
-    stack = stack_of([1e-3])
-    np.testing.assert_allclose(
-        gc.stack_kernel(stack, grid, 0.3), gc.stack_kernel(stack, grid, [0.3, 0.0]), rtol=1e-15
-    )
 
 
 def test_kernel_of_elastic_materials_is_real():

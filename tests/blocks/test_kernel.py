@@ -58,6 +58,8 @@ def test_operator_is_real_that_of_all_waves_and_inverted_by_its_filter(shape):
         inverse = dense(1 / (1 + penalty * half), shape)
         unit = np.eye(len(matrix))
         np.testing.assert_allclose(inverse @ (unit + penalty * matrix), unit, atol=1e-13)
+    # The last of them is along x, where a number takes another path.
+    np.testing.assert_allclose(gc.stack_kernel(stack, grid, VELOCITIES[-1][0]), half, rtol=1e-15)
 
 
 def test_derivatives_by_the_velocity_hold_alone_and_jointly():

@@ -72,11 +72,8 @@ def test_stored_cases_are_met_in_every_entry(base):
         for i, j in np.ndindex(3, 3):
             exact = expected[i][j] * int(MIRROR[i, i] * MIRROR[j, j])
             error = abs(mpc(complex(value[i, j])) - exact)
-            scale = abs(exact)
-            if {i, j} == {0, 1} and float(
-                case["layers"][-1]["nu"][0] if case["layers"] else 1
-            ) == 0:
-                scale = abs(expected[0][0])
+            no_poisson = case["layers"] and float(case["layers"][-1]["nu"][0]) == 0
+            scale = abs(expected[0][0] if {i, j} == {0, 1} and no_poisson else exact)
             errors[case["id"], i, j] = float(error / scale) if scale else float(error)
     worst = max(errors, key=errors.get)
     assert errors[worst] <= 1e-13, (worst, errors[worst])
@@ -90,14 +87,9 @@ def along_less_across(q, thickness, modulus, poisson, base):
     for d, e, nu in reversed(list(zip(thickness, modulus, poisson, strict=True))):
         x, e, nu = mp.mpf(q) * mp.mpf(d), mp.mpmathify(complex(e)), mp.mpf(nu)
         p, shear = 1 - nu, e / (2 * (1 + nu))
-        rates = mp.matrix(
-            [
-                [0, -nu / p, 2, 0],
-                [1, 0, 0, 0],
-                [1 / p, 0, 0, -1],
-                [0, (1 - 2 * nu) / (2 * p * p), nu / p, 0],
-            ]
-        )
+        soft = (1 - 2 * nu) / (2 * p * p)
+        rates = [[0, -nu / p, 2, 0], [1, 0, 0, 0], [1 / p, 0, 0, -1], [0, soft, nu / p, 0]]
+        rates = mp.matrix(rates)
         unit = mp.diag([shear * q / p, shear * q / p, 1, 1])
         plane = unit * mp.expm(rates * x) * unit**-1 * plane
         c, s, k = mp.cosh(x), mp.sinh(x), shear * q

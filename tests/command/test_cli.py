@@ -110,9 +110,8 @@ def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):
 
 
 def test_a_solve_that_does_not_converge_warns_and_exits_with_1(tmp_path, no_contacts_drawn):
-    (tmp_path / "scene.toml").write_text(
-        SCENE + "[solver]\nmax_steps = 2\n[output]\nfields='every'\n"
-    )
+    text = SCENE + "[solver]\nmax_steps = 2\n[output]\nfields='every'\n"
+    (tmp_path / "scene.toml").write_text(text)
     result = command("run", tmp_path / "scene.toml", "-o", tmp_path)
     assert result.exit_code == 1
     assert "2 of 2 solves did not converge" in " ".join(result.stderr.split())
@@ -129,6 +128,7 @@ def test_what_is_refused_is_one_message_and_exit_code_2(tmp_path):
     for words, expected in (
         (("run", tmp_path / "scene.toml", "-o", tmp_path / "out"), "`q_high=8e+09` is refused"),
         (("run", tmp_path / "none.toml"), "none.toml"),
+        (("run", "x.toml", "--workers", 2, "--scheduler", "tcp://x:1"), "only one can solve"),
         (("info", tmp_path / "a.h5"), "a.h5"),
     ):
         result = command(*words)
@@ -146,7 +146,7 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
         "surface: 1 mm x 1 mm, rms height", "rms slope 0.2", "contact solves 2",
         "layers[0]: The thickness of 50 m is unusual (usual are 1 nm to 1 m): check units.",
         "[design] is not used by this command",
-        "thickness [m] 50", "velocity [m/s] 0.01, 1",
+        "thickness [m] 50", "velocity [m/s] 0.01, 1", "block tread 50 m, tread on a random surface",
     ):  # fmt: skip
         assert text in " ".join(result.stdout.split())
     table = "f [Hz],E' [Pa],E'' [Pa]\n" + "".join(f"{f},{1e6 + f},1e5\n" for f in range(1, 9))
@@ -388,11 +388,6 @@ def test_results_are_compared_in_a_figure(folder, tmp_path):
         assert result.exit_code == 2 and expected in " ".join(result.stderr.split())
 
 
-def test_where_to_solve_is_stated_once(folder):
-    result = command("run", folder / "small.toml", "--workers", 2, "--scheduler", "tcp://x:1")
-    assert result.exit_code == 2 and "only one can solve" in result.stderr
-
-
 def moduli_file(path, temperatures, off=0.0):
     """Isotherms of a tyre tread, 2 % of noise; a column of temperature if there are several.
 
@@ -414,9 +409,6 @@ def moduli_file(path, temperatures, off=0.0):
 
 def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     path = moduli_file(tmp_path / "1 tread.csv", [20.0])
-    (tmp_path / "mine").write_text("mine")
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "material_1_tread-errors.csv").symlink_to(tmp_path / "mine")
     result = command("fit", path, "-o", tmp_path / "out", "--card", "abaqus", "--poisson", "0.49",
                      "--format", "svg")  # fmt: skip
     assert result.exit_code == 0, result.output
@@ -426,7 +418,6 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     names = [f"material_1_tread{ending}" for ending in endings]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
     assert all(f"wrote {tmp_path / 'out' / name}" in result.stdout for name in names)
-    assert (tmp_path / "mine").read_text() == "mine"  # a link is replaced, not followed
     table = (tmp_path / "out" / names[-1]).read_text()
     assert table in result.stdout
     material = tomllib.loads(table)["materials"]["material_1_tread"]
@@ -456,13 +447,10 @@ def test_what_an_output_cannot_show_is_spelt(folder, tmp_path, line):
     own["PYTHONPATH"] = str(Path(gc.__file__).parents[1])
     (tmp_path / "bad.toml").write_text(SCENE.replace("pressure =", "'Δω' ="), encoding="utf-8")
     texts = []
-    for code, *words in (
-        (0, "info", folder / "out" / "small.h5"),
-        (2, "run", tmp_path / "bad.toml"),
-    ):
-        done = subprocess.run(
-            [sys.executable, "-m", "graded_contact", *words], capture_output=True, env=own
-        )
+    jobs = ((0, "info", folder / "out" / "small.h5"), (2, "run", tmp_path / "bad.toml"))
+    for code, *words in jobs:
+        line_of = [sys.executable, "-m", "graded_contact", *words]
+        done = subprocess.run(line_of, capture_output=True, env=own)
         assert done.returncode == code and b"Traceback" not in done.stderr
         texts.append(done.stdout + done.stderr)
     table, refusal = texts
@@ -567,9 +555,8 @@ def test_wild_values_are_named_and_left_out_only_if_asked(tmp_path):
     plain = command("fit", path, "-o", tmp_path / "a", "--terms", 6)
     assert plain.exit_code == 0
     assert "Warning: no smooth positive spectrum explains the values below" in plain.stderr
-    assert re.search(
-        r"line 19 \(.* rad/s\): storage modulus 1.5e\+19 Pa, 1e\+12 times", plain.stderr
-    )
+    said = r"line 19 \(.* rad/s\): storage modulus 1.5e\+19 Pa, 1e\+12 times"
+    assert re.search(said, plain.stderr)
     robust = command("fit", path, "-o", tmp_path / "b", "--terms", 6, "--robust")
     assert robust.exit_code == 0 and "Warning: no smooth" not in robust.stderr
     assert "Left out, because no smooth positive spectrum explains" in robust.stdout
@@ -583,7 +570,7 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     ]
     bare = command("fit", *paths, "-o", tmp_path)
     assert bare.exit_code == 2
-    assert "`--temperature KELVIN` [K], one for each file" in bare.stderr
+    assert "pass `--temperature KELVIN` [K]" in bare.stderr
     kelvin = [f"--temperature={celsius + 273.15}" for celsius in (-20.0, -5.0, 10.0)]
     options = ("--terms", 5, "--shift-std", 0, "--equilibrium", 5e6, "--glassy", 3e9)
     result = command("fit", *paths, *kelvin, *options, "-o", tmp_path)
@@ -607,7 +594,7 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n", (),
          "(`--loss-weight`), and `--anyway` fits them as they are."),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
-        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--law", "foo"), "`--law foo` is"),
+        ("never read", ("--law", "foo"), "'foo' is not one of 'wlf'"),
     ],
 )  # fmt: skip
 def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
@@ -616,7 +603,9 @@ def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
     (tmp_path / "bad.csv").write_text(text)
     result = command("fit", tmp_path / "bad.csv", "-o", tmp_path / "out", *arguments)
     assert result.exit_code == 2
-    assert expected in result.stderr and "Traceback" not in result.output
+    # A choice that the parser refuses stands in a box, whose lines wrap.
+    text = " ".join(result.stderr.replace("│", " ").split())
+    assert expected in text and "Traceback" not in result.output
     assert not (tmp_path / "out").exists()
 
 
@@ -637,9 +626,7 @@ def test_the_cache_of_compiled_code_belongs_to_the_user_alone(tmp_path, monkeypa
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     folder = CACHE_FOLDER()
     assert folder is not None and folder.parent == tmp_path / "graded_contact"
-    assert (
-        stat.S_IMODE(folder.stat().st_mode) == stat.S_IMODE(folder.parent.stat().st_mode) == 0o700
-    )
+    assert all(stat.S_IMODE(at.stat().st_mode) == 0o700 for at in (folder, folder.parent))
     folder.chmod(0o777)
     assert CACHE_FOLDER() is None
     monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")

@@ -3,7 +3,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 import graded_contact as gc
 
@@ -40,8 +39,3 @@ LAWS = {
     "exponential": gc.contacts.ExponentialAdhesion(2e-3, 4e-5),
 }
 SPEED = 0.1  # m/s, with a cell of 1 m and a relaxation time of 1 s: near the peak of loss
-
-
-@pytest.fixture(params=list(BODIES))
-def body(request) -> gc.Stack:
-    return BODIES[request.param]

@@ -28,22 +28,13 @@ def attraction(steepness):
 GAPS = np.concatenate([np.linspace(0.016, 0.003, 26), np.linspace(0.0035, 0.024, 42)])
 
 
-@jax.jit
-def close_and_open(law):
-    return gc.contacts.follow_contact(
-        elastic_line(),
-        LINE,
-        mean_gap=GAPS,
-        law=law,
-        solver=gc.contacts.ResidualDynamics(),
-        rtol=1e-8,
-    )
-
-
 def test_path_follows_the_branches_of_a_dense_energy():
     """All but a few states next to a jump, where the two may fall to different sides."""
     law = attraction(0.3)
-    path = close_and_open(law)
+    how = dict(mean_gap=GAPS, solver=gc.contacts.ResidualDynamics(), rtol=1e-8)
+    path = jax.jit(lambda law: gc.contacts.follow_contact(elastic_line(), LINE, law=law, **how))(
+        law
+    )
     line = AdhesiveLine(LINE, RANGE, float(law.work))
     state, states = GAPS[0] - line.heights, []
     for mean_gap in GAPS:
@@ -131,10 +122,8 @@ def test_wave_of_short_range_follows_johnson_kendall_roberts():
 
     @jax.jit
     def close(law, gaps):
-        moving = gc.contacts.ResidualDynamics()
-        return gc.contacts.follow_contact(
-            kernel, wave, mean_gap=gaps, law=law, solver=moving, rtol=1e-7
-        )
+        how = dict(solver=gc.contacts.ResidualDynamics(), rtol=1e-7)
+        return gc.contacts.follow_contact(kernel, wave, mean_gap=gaps, law=law, **how)
 
     for strength in (0.1, 0.3):
         work = (strength * full) ** 2 / 2

@@ -35,25 +35,17 @@ def derivatives(point, directions, control):
     return value, jax.lax.map(along, directions), gradient
 
 
-CASES = [
-    ("coated", "hardness", "pressure"),
-    *(
-        pytest.param("coated", law, control, marks=pytest.mark.slow)
-        for law, control in [
-            ("hard", "pressure"),
-            ("hard", "mean_gap"),
-            ("repulsive", "pressure"),
-            ("adhesive", "mean_gap"),
-            ("exponential", "pressure"),
-        ]
-    ),
-]
+SLOW_CASES = [
+    ("hard", "pressure"), ("hard", "mean_gap"), ("repulsive", "pressure"),
+    ("adhesive", "mean_gap"), ("exponential", "pressure"),
+]  # fmt: skip
+CASES = [pytest.param(*case, marks=pytest.mark.slow) for case in SLOW_CASES]
 
 
-@pytest.mark.parametrize("body, law, control", CASES)
-def test_derivatives_match_central_differences(body, law, control):
+@pytest.mark.parametrize("law, control", [("hardness", "pressure"), *CASES])
+def test_derivatives_match_central_differences(law, control):
     """By kernel, heights, pressure or mean gap, and every parameter of the law."""
-    kernel = gc.stack_kernel(BODIES[body], GRID, SPEED)
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
     target = jnp.asarray(LOAD if control == "pressure" else MEAN_GAP)
     point = (kernel, HEIGHTS, target, LAWS[law])
     leaves, treedef = jax.tree.flatten(point)
@@ -72,15 +64,13 @@ def test_derivatives_match_central_differences(body, law, control):
     compiled = jax.jit(derivatives, static_argnums=2)
     _, forward, gradient = compiled(point, directions, control)
     step = 1e-6
+
+    def value_at(i, leaf):
+        moved = treedef.unflatten([*leaves[:i], leaf, *leaves[i + 1 :]])
+        return compiled(moved, directions, control)[0]
+
     for i, (leaf, change) in enumerate(zip(leaves, changes, strict=True)):
-        ends = [
-            compiled(
-                treedef.unflatten([*leaves[:i], leaf + sign * step * change, *leaves[i + 1 :]]),
-                directions,
-                control,
-            )[0]
-            for sign in (1, -1)
-        ]
+        ends = [value_at(i, leaf + sign * step * change) for sign in (1, -1)]
         difference = float(ends[0] - ends[1]) / (2 * step)
         # JAX's cotangent of a complex input is the conjugate gradient.
         reverse = float(jnp.sum((jax.tree.leaves(gradient)[i] * change).real))
@@ -169,17 +159,16 @@ def test_derivative_that_does_not_converge_raises_or_is_nan_without_throw():
         return jnp.sum(WEIGHTS * gc.solve_contact(kernel, h, 0.5, **options).pressure)
 
     hasty = jax.grad(partial(total, throw=True, max_steps=4))
-    for slope in (hasty, eqx.filter_jit(hasty)):
-        with pytest.raises(RuntimeError, match=r"linear solve .*did not converge"):
-            slope(HEIGHTS)
+    with pytest.raises(RuntimeError, match=r"relative error is .*, the tolerance 2e-05\. Raise"):
+        hasty(HEIGHTS)
+    with pytest.raises(RuntimeError, match="its linear solve did not converge"):
+        eqx.filter_jit(hasty)(HEIGHTS)
     with pytest.raises(RuntimeError, match="from a derivative that is not a number"):
         jax.grad(lambda h: jnp.nan * total(h, throw=True))(HEIGHTS)
     assert np.all(np.isnan(jax.grad(partial(total, throw=False, max_steps=4))(HEIGHTS)))
-    calls_python = {
-        throw: "callback" in jax.jit(jax.grad(partial(total, throw=throw))).lower(HEIGHTS).as_text()
-        for throw in (True, False)
-    }
-    assert calls_python == {True: True, False: False}  # JAX stores no program that does
+    for throw in (True, False):  # JAX stores no program that calls Python
+        program = jax.jit(jax.grad(partial(total, throw=throw))).lower(HEIGHTS).as_text()
+        assert ("callback" in program) == throw
 
 
 def check_second_derivatives(by, point, step, atol):

@@ -14,20 +14,14 @@ CELL = 64  # half-widths; images change the curvature of the cylinder by π²/6 
 def glide(speed, points):
     """The contact with F = R = E_r = 1 and τv/a = `speed`, `points` to a half-width a."""
     n = CELL * points
-    rubber = gc.Prony.from_creep(
-        0.75 * (1 + CREEP), [CREEP / (0.75 * (1 + CREEP))], [speed * A], 0.5
-    )
+    glassy = 0.75 * (1 + CREEP)
+    rubber = gc.Prony.from_creep(glassy, [CREEP / glassy], [speed * A], 0.5)
     x = (np.arange(n) - n // 2) * (A / points)
     surface = gc.Surface(-(x**2) / 2, gc.Grid((n,), CELL * A))
-    found = gc.slide(
-        gc.Stack(base=gc.HalfSpace(rubber)),
-        surface,
-        pressure=1 / (CELL * A),
-        velocity=1.0,
-        rtol=1e-7,
-        # The contact is smaller than a point of the coarse grids.
-        solver=gc.contacts.DouglasRachford(coarsest=n),
-    )
+    # The contact is smaller than a point of the coarse grids.
+    how = dict(solver=gc.contacts.DouglasRachford(coarsest=n), rtol=1e-7)
+    stack, load = gc.Stack(base=gc.HalfSpace(rubber)), 1 / (CELL * A)
+    found = gc.slide(stack, surface, pressure=load, velocity=1.0, **how)
     return x, found, reference.viscoelastic_cylinder(1.0, 1.0, 1 + CREEP, CREEP, speed * A, 1.0)
 
 
@@ -47,9 +41,8 @@ def test_friction_converges_to_that_of_the_gliding_cylinder():
     errors = []
     for points in (16, 64):
         _, found, exact = glide(1.0, points)
-        errors.append(
-            [abs(f / exact.friction - 1) for f in (found.friction, found.geometric_friction)]
-        )
+        both = found.friction, found.geometric_friction
+        errors.append([abs(f / exact.friction - 1) for f in both])
     (coarse, coarse_geometric), (fine, fine_geometric) = errors
     # First order at least; the images leave a few 1e-4.
     assert fine < coarse / 4

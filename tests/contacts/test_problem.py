@@ -16,8 +16,8 @@ SMALL = gc.Grid((16, 16), 1.0)
 GRID = gc.Grid((64, 64), 1.0)
 
 
-def half_space(grid, modulus=1.0):
-    return gc.stack_kernel(gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus * 0.75, 0.5))), grid)
+def half_space(grid):
+    return gc.stack_kernel(BODIES["elastic"], grid)
 
 
 def always_large(monkeypatch):
@@ -29,47 +29,28 @@ def always_large(monkeypatch):
 @pytest.mark.parametrize("load", [0.02, 0.2])
 @pytest.mark.parametrize(
     "name, shape",
-    [("elastic", (12, 12)), ("coated", (12, 12)), ("coated", (15, 10)), ("coated", (24,))],
+    [("elastic", (12, 12)), ("coated", (12, 12)), ("coated", (15, 10)), ("coated", (1, 24))],
 )
 def test_pressure_matches_a_dense_complementarity_solve(name, load, shape):
-    """Symmetric and, sliding, nonsymmetric; square, odd and one-dimensional."""
-    grid = gc.Grid(shape, 1.0)
+    """Symmetric and, sliding, nonsymmetric; square, odd and of one row."""
+    grid = gc.Grid(tuple(n for n in shape if n > 1), 1.0)
     heights = np.random.default_rng(1).normal(size=shape) * 0.05
-    kernel = gc.stack_kernel(BODIES[name], grid, SPEED)
+    kernel = gc.stack_kernel(BODIES[name], grid, SPEED).reshape(half_shape(shape))
     expected = dense_contact(np.asarray(kernel), heights, load)
     found = gc.solve_contact(kernel, heights, load, rtol=1e-10)
     np.testing.assert_array_equal(found.pressure > 0, expected > 0)
     np.testing.assert_allclose(found.pressure, expected, atol=1e-8 * expected.max())
+    np.testing.assert_allclose(np.mean(found.pressure), load, rtol=1e-13)
+    assert max(found.penetration, found.complementarity_error) <= 1e-7
 
 
-def test_solution_satisfies_the_laws_of_contact(body):
-    surface = rough(GRID)
-    kernel = gc.stack_kernel(body, GRID, SPEED)
-    s = gc.solve_contact(kernel, surface.heights, 0.05, rtol=1e-9)
-    assert s.result == gc.contacts.RESULTS.successful
-    np.testing.assert_allclose(np.mean(s.pressure), 0.05, rtol=1e-13)
-    assert np.min(s.pressure) >= 0
-    scale = np.std(surface.heights)
-    assert np.min(s.gap) >= -1e-7 * scale
-    assert np.max(np.abs(s.gap[s.pressure > 0])) <= 1e-7 * scale
-    assert s.penetration <= 1e-7
-    assert s.complementarity_error <= 1e-7
-    np.testing.assert_allclose(s.mean_gap, np.mean(s.gap))
-
-
-def sheet(grid, closed, seed=0):
+def sheet(grid, closed):
     """Kernel, heights and load of a free bilayer thin beside the cell, near full contact."""
     layers = gc.Layer(gc.Elastic(1.0, 0.49), 3e-3), gc.Layer(gc.Elastic(30.0, 0.3), 3e-3)
     kernel = gc.stack_kernel(gc.Stack(layers=layers, base=gc.Free()), grid).real
-    heights = rough(grid, seed=seed).heights
+    heights = rough(grid).heights
     spectrum = jnp.fft.rfftn(heights) / kernel.at[(0,) * grid.ndim].set(np.inf)
     return kernel, heights, -closed * jnp.fft.irfftn(spectrum, grid.shape).min()
-
-
-def gap_errors(found, gap, heights):
-    """Of gap, its mean and displacement, root mean square over the rms height."""
-    wrong = np.asarray(found.gap - gap)
-    return np.array([np.sqrt(np.mean(wrong**2)), abs(wrong.mean()), wrong.std()]) / heights.std()
 
 
 @pytest.mark.parametrize("closed", [None, 0.3, 0.5, 0.9])
@@ -87,7 +68,8 @@ def test_gaps_match_a_dense_complementarity_solve_within_their_stated_error(clos
     for rtol in (1e-3, 1e-5):
         found = gc.solve_contact(kernel, heights, load, rtol=rtol)
         assert found.result == gc.contacts.RESULTS.successful
-        assert np.all(gap_errors(found, gap, heights) <= found.gap_error)
+        # The mean and what varies are no larger than the whole.
+        assert np.sqrt(np.mean((found.gap - gap) ** 2)) <= found.gap_error * np.std(heights)
         assert found.gap_error <= 0.1 and found.penetration <= 0.1
         np.testing.assert_allclose(found.mean_gap, np.mean(found.gap), rtol=1e-9)
 
@@ -136,15 +118,6 @@ def test_ridges_are_solved_on_large_grids_too(monkeypatch):
     found = gc.solve_contact(kernel, heights, 0.05, rtol=1e-8, solver=solver)
     assert found.error > 0
     np.testing.assert_allclose(found.pressure, expected.pressure, atol=1e-7 * 0.05)
-
-
-@pytest.mark.parametrize("value", [np.nan, 1e6])
-def test_mean_of_the_kernel_is_ignored(value):
-    heights, kernel = rough(SMALL).heights, half_space(SMALL)
-    expected = gc.solve_contact(kernel, heights, 0.05)
-    found = gc.solve_contact(kernel.at[0, 0].set(value), heights, 0.05)
-    np.testing.assert_array_equal(found.gap, expected.gap)
-    np.testing.assert_array_equal(found.mean_gap, expected.mean_gap)
 
 
 @pytest.mark.parametrize("fraction", [0.143566, 0.856434])
@@ -219,12 +192,8 @@ def test_a_poor_start_costs_little_and_changes_nothing(law):
     """Contact of a few points once took 30 times the steps of none; one all at the bound, NaN."""
     kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
     cold = gc.solve_contact(kernel, heights, 0.5, law=law, rtol=1e-8)
-    starts = {
-        "point": jnp.zeros(GRID.shape).at[3, 5].set(1e-6),
-        "bound": jnp.ones(GRID.shape),
-        "zero": jnp.zeros(GRID.shape),
-    }
-    for start in starts.values():
+    none = jnp.zeros(GRID.shape)
+    for start in (none.at[3, 5].set(1e-6), jnp.ones(GRID.shape), none):
         warm = gc.solve_contact(kernel, heights, 0.5, law=law, rtol=1e-8, start=start)
         np.testing.assert_allclose(warm.pressure, cold.pressure, atol=1e-6)
         assert warm.num_steps <= 2 * cold.num_steps
@@ -282,9 +251,8 @@ def test_small_cells_and_stiff_solids_in_float32():
     small = jnp.asarray(heights * cell, jnp.float32)
     load = jnp.float32(0.02 * modulus)
     s = gc.solve_contact(kernel, small, load, rtol=1e-3)
-    assert jnp.linalg.norm(s.pressure / modulus - best.pressure) <= 1e-3 * jnp.linalg.norm(
-        best.pressure
-    )
+    off = np.linalg.norm(s.pressure / modulus - best.pressure)
+    assert off <= 1e-3 * np.linalg.norm(best.pressure)
 
 
 def test_the_more_precise_field_decides_and_a_load_does_not():
@@ -296,14 +264,6 @@ def test_the_more_precise_field_decides_and_a_load_does_not():
         s = gc.solve_contact(kernel, jnp.asarray(heights, dtype), 0.02, rtol=rtol)
         assert s.pressure.dtype == s.mean_gap.dtype == s.error.dtype == dtype
         np.testing.assert_allclose(s.pressure, expected, atol=rtol * expected.max())
-
-
-def test_fields_of_one_row_are_solved():
-    heights = np.random.default_rng(1).normal(size=(1, 24)) * 0.05
-    kernel = gc.stack_kernel(BODIES["bare"], gc.Grid((24,), 1.0), SPEED)[None]
-    expected = dense_contact(np.asarray(kernel), heights, 0.02)
-    found = gc.solve_contact(kernel, heights, 0.02)
-    np.testing.assert_allclose(found.pressure, expected, atol=1e-6 * expected.max())
 
 
 def test_stopped_solve_reports_it_and_returns_the_partial_result():
@@ -336,7 +296,11 @@ BAD = {
     "no pressure": (dict(pressure=None), "`pressure=None` and `mean_gap=None`: give exactly one"),
     "closed mean gap": (
         dict(pressure=None, mean_gap=-1.0),
-        "`mean_gap=-1` is refused: at a hard wall it must be above",
+        "`mean_gap=-1` is refused: at a hard wall it must be above .* m.*prescribe `pressure`",
+    ),
+    "mean gap of full contact": (
+        dict(pressure=None, mean_gap=0.0, law=gc.HardWall(hardness=10.0)),
+        "`mean_gap=0` is refused: at a hard wall it must be above",
     ),
     "load above the hardness": (
         dict(law=gc.HardWall(hardness=0.5)),
@@ -357,10 +321,8 @@ BAD = {
 def test_bad_argument_is_refused(case, unchecked_types):
     changed, message = BAD[case]
     arguments = dict(kernel=np.asarray(half_space(SMALL)), heights=np.zeros((16, 16)), pressure=1.0)
-    arguments |= changed
-    kernel, heights = arguments.pop("kernel"), arguments.pop("heights")
     with pytest.raises(ValueError, match=message):
-        gc.solve_contact(kernel, heights, arguments.pop("pressure"), **arguments)
+        gc.solve_contact(**arguments | changed)
 
 
 @pytest.mark.parametrize("name, shape", [("elastic", (16, 16)), ("coated", (24,))])
@@ -446,15 +408,6 @@ def test_full_contact_is_found_at_once():
     found = gc.solve_contact(1 / q, heights, 1.0, solver=gc.contacts.DouglasRachford(coarsest=8))
     np.testing.assert_allclose(found.pressure, exact, rtol=1e-12)
     assert found.num_fft_pairs <= 12
-
-
-@pytest.mark.parametrize("mean_gap", [0.0, 2e-17])
-@pytest.mark.parametrize("law", [gc.HardWall(), gc.HardWall(hardness=10.0)], ids=str)
-def test_a_mean_gap_of_full_contact_is_refused(mean_gap, law):
-    """No load follows from it: the gap is 0 at every pressure that is high enough."""
-    kernel, heights = half_space(SMALL), rough(SMALL).heights
-    with pytest.raises(ValueError, match=r"`mean_gap=.* must be above .* m.*prescribe `pressure`"):
-        gc.solve_contact(kernel, heights, mean_gap=mean_gap, law=law)
 
 
 def test_a_gap_near_full_contact_leads_back_to_its_load():

@@ -12,10 +12,7 @@ SURFACE = rough(GRID, cut=4)
 HEIGHTS = SURFACE.heights
 RMS = float(jnp.std(HEIGHTS))
 LOAD = 0.05
-LAWS = {
-    "repulsive": gc.RepulsiveLJ(0.05 * RMS, LOAD),
-    "adhesive": gc.AdhesiveLJ(2e-3, 4e-5),
-}
+LAWS = {"repulsive": gc.RepulsiveLJ(0.05 * RMS, LOAD), "adhesive": gc.AdhesiveLJ(2e-3, 4e-5)}
 
 
 def solve(law, control="pressure", solver=gc.contacts.ResidualDynamics(), rtol=1e-6, **more):  # noqa: B008

@@ -70,16 +70,10 @@ def test_a_custom_solver_finds_contacts_and_their_derivatives():
 
 def test_sliding_takes_a_custom_solver():
     job = dict(pressure=LOAD, velocity=0.0, rtol=1e-9)
-
-    def friction_and_area(solver):
-        s = gc.slide(BODIES["bare"], SURFACE, solver=solver, **job)
-        return s.contact_area_smooth, s.num_fft_pairs
-
-    (custom, steps), (split, pairs) = map(
-        friction_and_area, (ProjectedGradient(), gc.contacts.DouglasRachford())
-    )
-    np.testing.assert_allclose(custom, split, rtol=1e-7)
-    assert steps != pairs
+    custom = gc.slide(BODIES["bare"], SURFACE, solver=ProjectedGradient(), **job)
+    split = gc.slide(BODIES["bare"], SURFACE, **job)
+    np.testing.assert_allclose(custom.contact_area_smooth, split.contact_area_smooth, rtol=1e-7)
+    assert custom.num_fft_pairs != split.num_fft_pairs
 
 
 def test_what_is_no_solver_is_refused(unchecked_types):
@@ -116,8 +110,8 @@ def test_derivatives_have_a_tolerance_and_a_solver_of_their_own():
     def slope(adjoint):
         def by(load):
             job = dict(adjoint=adjoint, rtol=1e-9)
-            return jnp.sum(
-                weights * gc.solve_contact(kernel, SURFACE.heights, load, **job).pressure
+            return jnp.vdot(
+                weights, gc.solve_contact(kernel, SURFACE.heights, load, **job).pressure
             )
 
         return jax.jit(jax.grad(by))(LOAD)

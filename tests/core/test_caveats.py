@@ -17,11 +17,8 @@ from graded_contact.surfaces.surface import Step, step
 
 def solves(**changed):
     """What a sound solve gives, and changes of it."""
-    sound = {
-        "friction": 0.3, "geometric_friction": 0.31, "slope_in_contact": 0.3,
-        "unmeasured_area": 0.0, "unmeasured_friction": 0.0,
-        "extrapolated_friction": 0.0,
-    }  # fmt: skip
+    sound = {"friction": 0.3, "geometric_friction": 0.31, "slope_in_contact": 0.3}
+    sound |= dict.fromkeys(["unmeasured_area", "unmeasured_friction", "extrapolated_friction"], 0.0)
     return SimpleNamespace(**{name: np.asarray(value) for name, value in (sound | changed).items()})
 
 
@@ -38,10 +35,7 @@ def solves(**changed):
         ({"unmeasured_friction": 0.11}, ["11% of the friction"]),
         ({"extrapolated_friction": 0.02}, ["2% of the friction comes from frequencies"]),
         ({"unmeasured_area": 0.7}, ["70% of the contact area"]),
-        (
-            {"friction": 1.8, "geometric_friction": -15.7, "slope_in_contact": 2.0},
-            ["differ by 972%", "slope where it carries"],
-        ),
+        ({"geometric_friction": -15.7, "slope_in_contact": 2}, ["differ by 5", "slope where it"]),
     ],
 )
 def test_doubtful_numbers_are_told_and_sound_ones_are_not(changed, words):
@@ -53,11 +47,9 @@ def test_doubtful_numbers_are_told_and_sound_ones_are_not(changed, words):
 
 def test_a_caveat_says_which_solves_it_concerns_and_the_worst():
     area = np.array([[0.05, np.nan, 0.2], [0.6, 0.0, 0.1]])
-    caveats = caveats_of(solves(**{name: np.where(np.isnan(area), np.nan, 0.3) for name in
-                                   ("friction", "geometric_friction", "slope_in_contact")},
-                                unmeasured_area=area, unmeasured_friction=0 * area,
-                                extrapolated_friction=0 * area))  # fmt: skip
-    (caveat,) = caveats
+    sound = np.where(np.isnan(area), np.nan, 0.3)
+    numbers = dict.fromkeys(["friction", "geometric_friction", "slope_in_contact"], sound)
+    (caveat,) = caveats_of(solves(**numbers, unmeasured_area=area))
     assert caveat.sentence.startswith("60% of the contact area")
     assert "2 of 6 solves" in caveat.sentence
     np.testing.assert_array_equal(caveat.where, area > 0.1)
@@ -166,9 +158,8 @@ def test_marks_and_steps_follow_a_surface_that_is_resampled():
     heights = jnp.cos(2 * jnp.pi * x) * jnp.cos(2 * jnp.pi * y)
     measured = jnp.broadcast_to((x < 0.5).astype(float), grid.shape)
     steps = (step("read", heights, grid.spacing),)
-    finer = gc.surfaces.resample(
-        gc.Surface(heights, grid, measured=measured, steps=steps), (16, 12)
-    )
+    surface = gc.Surface(heights, grid, measured=measured, steps=steps)
+    finer = gc.surfaces.resample(surface, (16, 12))
     np.testing.assert_array_equal(finer.measured[:, 0], [1] * 7 + [0] * 8 + [1])
     assert [s.name for s in finer.steps] == ["read", "resampled"]
     np.testing.assert_allclose(finer.steps[1].rms_height, 0.5)

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.core.checks import (
-    as_float,
-    check_poisson,
-    check_positive,
-    check_tolerance,
-    check_values,
-)
+from graded_contact.core.checks import as_float, check_positive, check_tolerance, check_values
 
 
 @pytest.mark.parametrize("value", [2, [1, 2], np.arange(3), jnp.ones(3, jnp.float32)])
@@ -75,12 +69,9 @@ def test_checks_of_values_pass_under_tracing():
     @jax.jit
     def function(x):
         check_positive("x", x, "[m]")
-        check_poisson("x", x)
         return x
 
     assert function(-5.0) == -5
-    with pytest.raises(ValueError, match=r"greater than -1 and at most 0\.5"):
-        check_poisson("poisson", 0.5 + 1e-15)
 
 
 def test_check_tolerance_refuses_what_precision_cannot_reach_with_the_remedy():

@@ -12,7 +12,6 @@ import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import terminal as session
 from graded_contact.core import memory as _memory
-from graded_contact.scenes.scene import parse_scene
 
 BLOCK = gc.Stack(layers=(), base=gc.HalfSpace(gc.Elastic(1e6)))
 SPECTRUM = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=1e3, q_roll=2e3, q_high=8e3)
@@ -101,12 +100,3 @@ def test_free_memory_is_the_least_of_machine_and_group(monkeypatch):
     monkeypatch.setattr(_memory, "_lines", lambda path: files.get(str(path), []))
     assert _memory._of_machine() == [1024000]
     assert _memory._of_groups() == [500000]
-
-
-def test_small_scenes_ask_nobody(monkeypatch):
-    def fail():
-        raise AssertionError
-
-    monkeypatch.setattr(_memory, "available_memory", fail)
-    assert parse_scene(SCENE).velocity.size == 1
-    _memory.check_memory("grid", "a", _memory.CONTACT, (256, 256))

@@ -28,17 +28,11 @@ def test_values_are_set_by_path():
     assert with_values(COATED, {"base.material.times": [1.0, 2.0]}).base.material.times[1] == 2
 
 
-@pytest.mark.parametrize(
-    "path, value",
-    [
-        ("layers[0].thickness", -1e-4),
-        ("layers[0].material.poisson", 0.9),
-        ("base.material.times[0]", 0.0),
-    ],
-)
-def test_values_that_constructors_refuse_are_refused(path, value):
-    with pytest.raises(ValueError, match=r"is refused|positive"):
-        with_values(COATED, {path: value})
+def test_values_that_constructors_refuse_are_refused():
+    bad = {"layers[0].thickness": -1e-4, "base.material.poisson": 0.9, "base.material.times[0]": 0}
+    for path, value in bad.items():
+        with pytest.raises(ValueError, match=r"is refused|positive"):
+            with_values(COATED, {path: value})
 
 
 def test_an_unknown_path_is_refused_with_the_nearest():

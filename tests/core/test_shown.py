@@ -36,13 +36,9 @@ def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful, **numbers)
     fields |= {"pressure": field, "displacement": field, "gap": field, "correction": field}
     contact = ContactSolution(**fields | {"mean_gap": jnp.array(6.13e-5), "result": result})
     found = gc.Sliding(
-        contact=contact,
-        operator=Steady(field),
-        heights=field,
-        grid=gc.Grid(shape, 1.0),
-        velocity=jnp.array(0.0),
-        law=gc.HardWall(),
-    )
+        contact=contact, operator=Steady(field), heights=field, grid=gc.Grid(shape, 1.0),
+        velocity=jnp.array(0.0), law=gc.HardWall(),
+    )  # fmt: skip
     vars(found).update(dict.fromkeys(found.numbers, jnp.array(0.0)))
     numbers |= {"friction": jnp.array(friction), "friction_error": jnp.array(1.7e-8)}
     vars(found).update(numbers)

@@ -115,11 +115,8 @@ def test_bad_ranges_are_refused(build, message, unchecked_types):
 CELL = 1e-3
 GRID = gc.Grid((16, 16), CELL)
 WAVE = 2 * np.pi / CELL
-SURFACE = gc.random_surface(
-    gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=WAVE, q_roll=WAVE, q_high=5 * WAVE),
-    GRID,
-    jax.random.key(1),
-)
+SPECTRUM = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=WAVE, q_roll=WAVE, q_high=5 * WAVE)
+SURFACE = gc.random_surface(SPECTRUM, GRID, jax.random.key(1))
 
 
 def test_the_share_of_friction_from_outside_is_that_of_its_waves():
@@ -140,10 +137,7 @@ def test_the_share_of_friction_from_outside_is_that_of_its_waves():
     np.testing.assert_allclose(found.extrapolated_friction, expected, rtol=1e-6)
     field = gc.mean_field_friction(stack, SURFACE, pressure=1e8, velocity=speed)
     np.testing.assert_allclose(field.extrapolated_friction, expected, rtol=1e-6)
-    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=WAVE, q_roll=WAVE, q_high=5 * WAVE)
-    inside = gc.mean_field_friction(
-        stack.at(290.0), spectrum, pressure=1e5, velocity=1e-4
-    ).extrapolated_friction
-    assert inside < 1e-6
-    beyond = gc.mean_field_friction(stack, spectrum, pressure=1e5, velocity=10.0)
+    inside = gc.mean_field_friction(stack.at(290.0), SPECTRUM, pressure=1e5, velocity=1e-4)
+    beyond = gc.mean_field_friction(stack, SPECTRUM, pressure=1e5, velocity=10.0)
+    assert inside.extrapolated_friction < 1e-6
     assert 0.9 < beyond.extrapolated_friction <= 1

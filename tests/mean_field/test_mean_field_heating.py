@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.mean_field.heating_by_scale import _rises, between_scales, scales
+from graded_contact.mean_field.heating_by_scale import _rises
 from graded_contact.sliding import Heating, PeakedShear
 
 Q0 = 2 * np.pi / 1e-2
@@ -79,15 +79,6 @@ def test_the_temperature_of_one_wave_is_the_integral_of_its_green_function():
     # Half of the power of a wave's own heat, of the mean square x.
     true = 0.5 * 2.0 * 5e-3 * np.array([total[0], np.mean(total[1:])])
     np.testing.assert_allclose(found, true, rtol=1e-3)
-
-
-def test_values_between_scales_are_those_of_a_polynomial():
-    knots, q = scales(jnp.asarray(1.0), jnp.asarray(1e4)), jnp.geomspace(1.0, 1e4, 33)
-
-    def smooth(q):
-        return jnp.exp(jnp.log(q) / 4)
-
-    np.testing.assert_allclose(between_scales(smooth(knots), q), smooth(q), rtol=1e-9)
 
 
 @pytest.mark.slow

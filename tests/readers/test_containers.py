@@ -113,22 +113,13 @@ def x3p(folder=""):
     })  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("plain.x3p", x3p()),
-        ("both.zip", zipped({"a/b/scan.x3p": x3p("scan/"), "__MACOSX/a/._scan.x3p": b"junk"})),
-    ],
-)
-def test_an_x3p_in_a_folder_of_a_zip_is_read(tmp_path, expected, name, content):
-    pytest.importorskip("SurfaceTopography")
-    (tmp_path / name).write_bytes(content)
-    same(mirrored(tmp_path / name), expected)
-
-
-def test_a_zip_of_several_files_needs_a_choice(tmp_path, expected):
+def test_an_x3p_is_read_also_in_a_zip_of_which_several_files_need_a_choice(tmp_path, expected):
     pytest.importorskip("SurfaceTopography")
     path = tmp_path / "a.zip"
+    nested = zipped({"a/b/scan.x3p": x3p("scan/"), "__MACOSX/a/._scan.x3p": b"junk"})
+    for content in (x3p(), nested):
+        path.write_bytes(content)
+        same(mirrored(path), expected)
     path.write_bytes(zipped({"a.x3p": x3p(), "b.x3p": x3p("b/")}))
     with pytest.raises(ValueError, match=r"pass `channel`, one of \['a.x3p', 'b.x3p'\]"):
         read_surface(path)
@@ -242,7 +233,7 @@ def test_a_small_file_of_a_large_cost_is_refused_at_once(tmp_path, name):
 
 
 def test_what_is_hardly_packed_may_be_large(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "UNPACKED", 1e3)
+    monkeypatch.setattr(paths.may_unpack, "__defaults__", (1e3,))
     heights = np.round(1e9 * HEIGHTS).astype("i2")
     np.savez_compressed(tmp_path / "a.npz", z=heights)
     with h5py.File(tmp_path / "a.h5", "w") as file:

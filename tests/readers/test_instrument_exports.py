@@ -1,5 +1,7 @@
 """Files as instruments and programs write them, each made here of the same few points."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -189,9 +191,12 @@ EXPORTS = {
 
 
 @pytest.mark.parametrize("name", EXPORTS)
-def test_exports_are_read(tmp_path, name):
+def test_exports_are_read_in_every_encoding_that_holds_them(tmp_path, name):
     text, options, deformation = EXPORTS[name]
-    check(read(tmp_path, text, "export.csv", **options), deformation=deformation)
+    for encoding in ("utf-8-sig", "utf-16", "latin-1"):
+        with contextlib.suppress(UnicodeEncodeError):
+            measured = read(tmp_path, text, "export.csv", encoding, **options)
+            check(measured, deformation=deformation)
 
 
 def test_a_column_of_moments_means_shear(tmp_path):

@@ -29,18 +29,22 @@ from graded_contact.studies.store import Store
 STEADY = {"q": 2.5e3, "omega": 250.0}
 
 
+def design_command(folder, out):
+    """The command on the scene of this folder, without a cache on the disk."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(session, "cache_folder", lambda: None)
+        (folder / "coat.toml").write_text(DESIGN)
+        return CliRunner().invoke(cli.app, ["design", str(folder / "coat.toml"), "-o", str(out)])
+
+
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
     """Folder of results, and what was printed."""
     folder = tmp_path_factory.mktemp("design")
-    (folder / "coat.toml").write_text(DESIGN)
     (folder / "mine").write_text("mine")
     (folder / "out").mkdir()
     (folder / "out" / "coat-design.json").symlink_to(folder / "mine")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(session, "cache_folder", lambda: None)
-        arguments = ["design", str(folder / "coat.toml"), "-o", str(folder / "out")]
-        result = CliRunner().invoke(cli.app, arguments)
+    result = design_command(folder, folder / "out")
     assert result.exit_code == 0, result.output
     return folder / "out", result.stdout
 
@@ -67,15 +71,11 @@ def test_the_command_writes_a_table_values_and_a_figure(ran):
 
 
 def test_a_solve_that_fails_is_one_line(tmp_path, monkeypatch):
-
     def fail(*_, **__):
         raise RuntimeError("Above is the stack.\nequinox.RuntimeError: not solved.\n\n----\nHow to")
 
-    monkeypatch.setattr(session, "cache_folder", lambda: None)
     monkeypatch.setattr(design_job, "run_design", fail)
-    (tmp_path / "coat.toml").write_text(DESIGN)
-    arguments = ["design", str(tmp_path / "coat.toml"), "-o", str(tmp_path)]
-    result = CliRunner().invoke(cli.app, arguments)
+    result = design_command(tmp_path, tmp_path)
     assert result.exit_code == 1
     assert "Error: not solved.\n" in result.stderr and "How to" not in result.output
 
@@ -159,12 +159,9 @@ def came_to(reached, *, verify=0, text=DESIGN, outside=0.0):
 
 def test_a_ratio_out_of_reach_is_reported_in_table_file_and_exit_code(tmp_path, monkeypatch):
     results = came_to([4.99], text=DESIGN.replace("ratio = 1.3", "ratio = 16"))
-    monkeypatch.setattr(session, "cache_folder", lambda: None)
     monkeypatch.setattr(design_job, "run_design", lambda *_, **__: results)
     monkeypatch.setattr(design_job, "plot_design", lambda _: Figure())
-    (tmp_path / "coat.toml").write_text(DESIGN)
-    arguments = ["design", str(tmp_path / "coat.toml"), "-o", str(tmp_path)]
-    result = CliRunner().invoke(cli.app, arguments)
+    result = design_command(tmp_path, tmp_path)
     said = "ratio missed at 0.1 m/s: 4.99 of 16, by mean field"
     assert said in result.stdout and said in result.stderr and result.exit_code == 1
     assert said in (tmp_path / "coat-design.txt").read_text()

@@ -88,35 +88,21 @@ def test_a_run_with_heating_is_slide_with_heating():
 
 @pytest.mark.slow
 def test_a_sphere_in_a_scene_has_the_pressure_of_hertz():
-    text = f"""
-[surface]
-kind = "sphere"
-radius = 2e-3
-[grid]
-shape = [32, 32]
-size = 6e-4
-[materials.steel]
-kind = "elastic"
-modulus = 3e6
-poisson = 0.5
-[base]
-kind = "half_space"
-material = "steel"
-[load]
-pressure = {1e-2 / 36e-8}
-velocity = 0.0
-[output]
-fields = "last"
-"""
-    scene = parse_scene(text)
-    results = run_scene(scene)
+    load = f"pressure = {1e-2 / 36e-8}"
+    text = '[surface]\nkind = "sphere"\nradius = 2e-3\n[grid]' + BARE.split("[grid]")[1]
+    for old, new in (
+        ("size = 1e-3", "size = 6e-4"), ('"tyre_tread"', '"elastic"\nmodulus = 3e6\npoisson = 0.5'),
+        ("pressure = 2e5", load), ("[0.01, 1.0]", "0.0"),
+    ):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new)
+    results = run_scene(parse_scene(text))
     contact_modulus, force, radius = 4e6, 1e-2, 2e-3
     half_width = (0.75 * force * radius / contact_modulus) ** (1 / 3)
     peak = 1.5 * force / (np.pi * half_width**2)
     np.testing.assert_allclose(results.contact_pressure.max(), peak, rtol=0.02)
     np.testing.assert_allclose(results.approach.item(), half_width**2 / radius, rtol=0.02)
     assert results.rim_load == 0
-    load = f"pressure = {1e-2 / 36e-8}"
     moved = run_scene(parse_scene(text.replace(load, f"approach = {results.approach.item()}")))
     assert moved["message"].dims == ("approach", "velocity")
     np.testing.assert_allclose(moved.mean_pressure.item(), 1e-2 / 36e-8, rtol=1e-4)

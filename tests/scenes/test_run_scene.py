@@ -11,7 +11,7 @@ from scene_texts import TABLE, TEXT, changed, tabulated, write
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
 from graded_contact.core.quantities import OBSERVABLES, observable
-from graded_contact.fields.grid import wave_frequencies
+from graded_contact.fields.frequency import wave_frequencies
 from graded_contact.scenes.results import contact_at, kept_solves, shift_factors, warnings_of
 from graded_contact.scenes.run_scene import build_surface, point_names, run_scene
 from graded_contact.scenes.scene import parse_scene, read_scene
@@ -20,7 +20,6 @@ from graded_contact.studies.store import Store
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 EXAMPLES = Path(__file__).parents[2] / "examples"
-needs_data = pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")
 
 
 @pytest.fixture(scope="module")
@@ -105,27 +104,10 @@ def test_extrapolated_friction_that_is_allowed_is_reported_and_marked():
     np.testing.assert_array_equal(caveat.where, [[False, True]] * 2)
 
 
-@needs_data
+@pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("measured_*.toml")), ids=lambda p: p.name)
 def test_an_example_is_read_with_its_data(path):
     assert build_surface(read_scene(path)).history
-
-
-@needs_data
-def test_a_measured_surface_on_a_measured_polymer_rubs_most_in_the_middle():
-    """The loss tangent of this polymer has its maximum near 10 Hz and falls on both sides."""
-    text = (
-        (EXAMPLES / "measured_road.toml")
-        .read_text()
-        .replace("[1024, 1024]", "[64, 64]")
-        .replace("= 13", "= 3")
-    )
-    results = run_scene(parse_scene(text, EXAMPLES))
-    assert np.all(results.message == "")
-    friction, area = results.friction[0], results.contact_area_smooth[0]
-    assert friction[1] > friction[0] > 0 and friction[1] > friction[2] > 0
-    assert area[0] > area[1] > area[2]
-    assert "matrix-3.txt" in results.attrs["inputs"]
 
 
 @pytest.fixture
@@ -195,16 +177,13 @@ def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
     np.testing.assert_array_equal(results.heights, build_surface(scene).heights)
 
 
-def test_the_shift_of_the_one_law_makes_reduced_velocities(varied):
+def test_the_shift_of_the_one_law_makes_reduced_velocities_and_unlike_laws_none(varied):
     scene, results = varied
     shift = scene.stack.base.material.shift
     for i, temperature in enumerate((293.15, 273.15)):
         expected = float(shift.factor(temperature)) * scene.velocity
         np.testing.assert_allclose(results.reduced_velocity[i], expected, rtol=1e-12)
     assert f"{float(shift.reference):.2f} K" in results.attrs["master_curve"]
-
-
-def test_unlike_laws_have_no_master_curve():
     other = (
         'kind = "prony"\nequilibrium = 2e7\nstrengths = 1e7\ntimes = 1.0\n'
         'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 293.15}'

@@ -38,23 +38,6 @@ ISOTROPIC = gc.SelfAffine(rms_slope=0.2, **BAND)
 # The spectrum
 
 
-def test_no_stretch_is_the_isotropic_spectrum():
-    one = lay(1.0, 0.7)
-    for order in (0, 2, 4):
-        np.testing.assert_allclose(one.moment(order), ISOTROPIC.moment(order), rtol=1e-13)
-    np.testing.assert_allclose(one.slope_ratio, 1, rtol=1e-13)
-    q = jnp.geomspace(Q0, 60 * Q0, 7)
-    for direction in (None, 0.3):
-        density = one.density(q, 2, direction)
-        np.testing.assert_allclose(density, ISOTROPIC.density(q), rtol=1e-13)
-    narrow = BAND | dict(q_high=20 * Q0)
-    drawn = [
-        gc.random_surface(gc.SelfAffine(rms_slope=0.2, **narrow, **more), GRID, jax.random.key(0))
-        for more in ({}, {"anisotropy": 1.0})
-    ]
-    np.testing.assert_allclose(drawn[0].heights, drawn[1].heights, rtol=1e-10, atol=1e-18)
-
-
 @pytest.mark.parametrize("anisotropy", [2.5, 40.0, 3e3])
 def test_moments_and_mean_match_quadrature_of_the_definition(anisotropy):
     """Heights, slopes along and across, and the mean over directions, by SciPy."""
@@ -227,32 +210,16 @@ def test_an_endless_lay_has_no_friction_along_it_and_that_of_a_profile_across():
     np.testing.assert_allclose(along.contact_area, rest.contact_area, rtol=5e-4)
 
 
-def test_derivatives_by_the_lay_match_differences():
-    def value(spectrum, pressure, velocity):
-        s = mean_field(BARE, spectrum, pressure=pressure, velocity=velocity)
+def test_derivatives_by_the_lay_and_by_own_roughness_match_differences():
+    def value(spectrum, own, pressure, velocity):
+        given = {"pressure": pressure, "velocity": velocity, "own_roughness": own}
+        s = mean_field(BARE, spectrum, **given)
         return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
 
-    arguments = (lay(3.0, 0.4), jnp.asarray(2e5), jnp.array([0.04, 0.02]))
+    own = gc.SelfAffine(rms_slope=0.1, hurst=0.6, q_low=5 * Q0, q_roll=9 * Q0, q_high=300 * Q0)
+    arguments = (lay(3.0, 0.4), own, jnp.asarray(2e5), jnp.array([0.04, 0.02]))
     for slope, difference in elasticities(value, arguments):
         assert abs(difference - slope) <= 1e-6 * abs(difference) + 1e-8
-
-
-def test_contact_and_modes_and_spectrum_agree_in_the_trend():
-    """Friction along and across a lay over their mean, by three ways."""
-    spectrum = lay(4.0, np.pi / 2, rms_slope=0.1, q_roll=5 * Q0, q_high=12 * Q0)
-    surface = gc.random_surface(spectrum, GRID, jax.random.key(2))
-    velocities = jnp.array([[0.05, 0.0], [0.0, 0.05]])
-    contact = jnp.array([
-        gc.slide(BARE, surface, pressure=1e5, velocity=v, rtol=1e-3).friction for v in velocities
-    ])  # fmt: skip
-    modes, smooth = (
-        jnp.array([mean_field(BARE, s, pressure=1e5, velocity=v).friction for v in velocities])
-        for s in (surface, spectrum)
-    )
-    assert contact[0] > 2 * contact[1]
-    np.testing.assert_allclose(modes, smooth, rtol=0.05)
-    np.testing.assert_allclose(contact[0] / contact[1], smooth[0] / smooth[1], rtol=0.25)
-    np.testing.assert_allclose(contact, smooth, rtol=0.35)
 
 
 # Roughness of the block itself
@@ -302,16 +269,6 @@ def test_own_roughness_stays_at_rest_in_the_rubber():
     np.testing.assert_allclose(found.contact_area, area, rtol=1e-6)
     np.testing.assert_allclose(found.friction, friction, rtol=1e-6)
     assert found.friction < 0.97 * solve(ISOTROPIC, velocity=0.05).friction
-
-
-@pytest.mark.slow
-def test_derivatives_by_own_roughness_match_differences():
-    def value(track, own, velocity):
-        s = mean_field(BARE, track, pressure=3e5, velocity=velocity, own_roughness=own)
-        return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
-
-    for slope, difference in elasticities(value, (lay(2.0, 0.3), OWN, jnp.array(0.05))):
-        assert abs(difference - slope) <= 1e-6 * abs(difference) + 1e-8
 
 
 def test_own_roughness_is_refused_by_name():

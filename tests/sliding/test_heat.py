@@ -16,7 +16,7 @@ from graded_contact.sliding import (
     heat_depths,
     heat_source,
 )
-from graded_contact.sliding.heat import shear_heat
+from graded_contact.sliding.heat_source import shear_heat
 from graded_contact.sliding.heating import temperatures, thermal_wavenumber
 
 CELL = 4e-3  # m
@@ -103,22 +103,6 @@ def test_a_moving_band_is_as_hot_as_carslaw_and_jaeger_say(peclet, highest, mean
         np.testing.assert_allclose(found[0], 2 / np.sqrt(np.pi * peclet), rtol=5e-3)
 
 
-def test_a_disc_at_rest_has_its_temperature():
-    """At the centre qa/κ, on average 8qa/(3πκ), less the lattice of images, 3.900265 qa²/(2κL)."""
-    n = 512
-    grid = gc.Grid((n, n), 1.0)
-    radius = 0.1
-    # Sub-pixel share of the disc in each point, by a grid 8 times finer.
-    fine = ((np.arange(8 * n) + 0.5) / (8 * n) - 0.5) ** 2
-    disc = (fine[:, None] + fine <= radius**2).reshape(n, 8, n, 8).mean((1, 3))
-    k = thermal_wavenumber(grid, jnp.asarray(0.0), jnp.asarray(1.0))
-    rise = to_field((to_spectrum(jnp.asarray(disc)) / k).at[0, 0].set(0), (n, n))
-    images = 3.900265 * radius**2 / 2
-    np.testing.assert_allclose(rise.max() + images, radius, rtol=2e-3)
-    inside = np.sum(np.asarray(rise) * disc) / np.sum(disc) + images
-    np.testing.assert_allclose(inside, 8 * radius / (3 * np.pi), rtol=2e-3)
-
-
 @pytest.fixture(scope="module")
 def sheared():
     how = HOW | {"shear": lambda pressure, speed, temperature: 0.5 * pressure}
@@ -134,7 +118,6 @@ def test_heat_of_shear_is_its_work(sheared):
 
 EDGES = np.array([0.0, 1e-5, 1e-4, 2.5e-4])  # of slices with heat
 LAYERED = gc.Stack(layers=(gc.Layer(COAT, 5e-5), gc.Layer(RUBBER, 3e-4)), base=gc.HalfSpace(RUBBER))
-EQUAL = Heating([0.25, 0.25, 0.25], [1e-4, 1e-4, 1e-4])
 DIFFERENT = Heating([0.25, 5.0, 0.04], [1e-4, 2e-5, 3e-4])
 
 
@@ -175,24 +158,6 @@ def test_temperature_of_sources_at_depth_solves_the_heat_equation(still):
     np.testing.assert_allclose(found, np.interp(at, z, rise), rtol=1e-4)
 
 
-def test_equal_layers_are_one_half_space(still):
-    """The Green's function of the half space, integrated over each slice."""
-    at = np.array([0.0, 3e-5, 5e-5, 3e-4, 1e-3])
-    found, waves, (k, *_) = one_wave(still, LAYERED, EQUAL, at)
-    expected = 0
-    for w, low, high in zip(waves, EDGES, EDGES[1:], strict=False):
-        inside = np.clip(at, low, high)
-        direct = 2 - np.exp(-k * np.abs(inside - low)) - np.exp(-k * np.abs(high - inside))
-        above, below = np.maximum(low - at, 0), np.maximum(at - high, 0)
-        direct = np.where(above > 0, np.exp(-k * above) * (1 - np.exp(-k * (high - low))), direct)
-        direct = np.where(below > 0, np.exp(-k * below) * (1 - np.exp(-k * (high - low))), direct)
-        image = np.exp(-k * (at + low)) - np.exp(-k * (at + high))
-        expected += w * (direct + image) / (2 * 0.25 * k**2)
-    np.testing.assert_allclose(found, expected, rtol=1e-10)
-    alone = one_wave(still, HALF_SPACE, Heating(0.25, 1e-4), at)[0]
-    np.testing.assert_allclose(found, alone, rtol=1e-10)
-
-
 def test_a_coat_reflects_heat_of_the_surface(sheared):
     """Flux on a coat of another conductivity, by its images: R = (y - y')/(y + y'), y = κk."""
     coat, at = 2e-4, np.array([0.0, 1e-4, 3e-4])
@@ -205,21 +170,6 @@ def test_a_coat_reflects_heat_of_the_surface(sheared):
     inside = np.exp(-k * at) + reflected * np.exp(-k * (2 * coat - at))
     beyond = (1 + reflected) * np.exp(-k * coat - below * (at - coat))
     np.testing.assert_allclose(found, scale * np.where(at < coat, inside, beyond), rtol=1e-12)
-
-
-def test_all_heat_spreads_along_the_surface(sheared):
-    """κk²T over the whole depth, what spreads and moves on, is the heat at depth and of shear."""
-    pieces = np.concatenate([EDGES, [5e-5, 3.5e-4], 3.5e-4 + np.geomspace(1e-4, 5e-2, 12)])
-    pieces = np.sort(pieces)
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    half = np.diff(pieces)[:, None] / 2
-    at, weights = (pieces[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
-    size = 1e9  # of the heat at depth, like that of shear
-    found, waves, k = one_wave(sheared, LAYERED, DIFFERENT, at, size)
-    layer = np.searchsorted([5e-5, 3.5e-4], at)
-    spread = np.sum(weights * DIFFERENT.conductivity[layer] * np.array(k)[layer] ** 2 * found)
-    made = np.dot(waves, np.diff(EDGES)) + complex(to_spectrum(shear_heat(sheared))[1, 2])
-    np.testing.assert_allclose(spread, made, rtol=1e-9)
 
 
 def test_two_half_spaces_at_rest_share_the_heat_by_their_conductivities(sheared):
@@ -295,5 +245,5 @@ def test_conductivities_of_other_layers_are_refused(sheared):
         flash_temperature(sheared, HALF_SPACE, DIFFERENT, [0.0])
     with pytest.raises(ValueError, match="numbers for each layer"):
         gc.mean_field_friction(
-            HALF_SPACE, SPECTRUM, pressure=1e5, velocity=1.0, temperature=293.0, heating=EQUAL
+            HALF_SPACE, SPECTRUM, pressure=1e5, velocity=1.0, temperature=293.0, heating=DIFFERENT
         )

@@ -43,17 +43,6 @@ def test_one_temperature_everywhere_is_that_of_the_block():
 
 
 @pytest.mark.slow
-def test_a_coat_that_conducts_cools_the_contact():
-    coated = gc.Stack(layers=(gc.Layer(RUBBER, 2e-4),), base=gc.HalfSpace(RUBBER))
-    alone, equal, cooled = (
-        float(warm(coated, Heating(k, 1.1e-7, 1.0)).heated.surface_rise)
-        for k in (0.25, [0.25, 0.25], [2.5, 0.25])
-    )
-    np.testing.assert_allclose(equal, alone, rtol=1e-6)
-    assert 0 < cooled < 0.5 * alone
-
-
-@pytest.mark.slow
 def test_slow_sliding_does_not_heat():
     how = {"pressure": 3e4, "velocity": 1e-6, "rtol": 1e-8}
     cold, s = gc.slide(BLOCK.at(283.0), SURFACE, **how), warm(velocity=1e-6, temperature=283.0)

@@ -60,11 +60,6 @@ def test_along_an_oblique_velocity_the_speed_counts():
 def test_shear_proportional_to_pressure_is_coulomb_friction():
     s = rubbed(lambda pressure, speed, temperature: 0.3 * pressure)
     np.testing.assert_allclose(s.shear_friction, 0.3, rtol=1e-13)
-    line = gc.Surface(SURFACE.heights[:, 0], gc.Grid(32, CELL))
-    one = gc.slide(
-        BLOCK, line, pressure=1e5, velocity=0.1, shear=lambda p, v, t: 0.3 * p, rtol=1e-10
-    )
-    np.testing.assert_allclose(one.shear_friction, 0.3, rtol=1e-13)
 
 
 def test_peak_has_its_width_and_moves_with_temperature():

@@ -38,10 +38,7 @@ def test_main_job_gives_friction_and_area_of_a_coated_tread():
     np.testing.assert_allclose(s.contact_area_smooth, s.contact_area_corrected, atol=0.02)
     assert s.energy_imbalance <= 1e-13
     assert abs(s.geometric_friction / s.friction - 1) <= 0.1
-    np.testing.assert_allclose(s.mean_gap, np.mean(s.gap))
-    assert s.displacement.shape == GRID.shape
-    assert s.error <= RTOL
-    assert s.num_fft_pairs > 0
+    assert s.error <= RTOL and s.num_fft_pairs > 0
 
 
 def test_block_at_rest_has_the_relaxed_modulus_and_no_friction():
@@ -136,6 +133,18 @@ def test_observables_of_a_batch_a_copy_and_inside_jit_are_those_of_the_call():
     np.testing.assert_allclose(copy.friction, one.friction, rtol=1e-12)
 
 
+def test_a_case_with_another_load_has_the_friction_of_slide(unchecked_types):
+    case = dataclasses.replace(gc.Case(coated(), SURFACE, pressure=1e5, velocity=0.1), pressure=4e5)
+    alone = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
+    assert case.solve().friction == alone.friction
+    with pytest.raises(ValueError, match="`velocity` or `displacement` with `period` is needed"):
+        dataclasses.replace(case, displacement=np.zeros(8), period=1.0)
+    with pytest.raises(TypeError, match="slide has no argument `rtoll`; its numerics are `rtol`"):
+        gc.slide(coated(), SURFACE, pressure=1e4, velocity=0.1, rtoll=1e-6)
+    with pytest.raises(ValueError, match="`solver="):
+        gc.sliding.Numerics(solver="newton")
+
+
 def test_a_known_solution_has_derivatives_without_a_solve():
     def by_thickness(d, **known):
         return gc.slide(coated(d), SURFACE, pressure=4e5, velocity=0.1, **known).friction
@@ -171,7 +180,7 @@ def test_unfinished_solve_is_not_passed_as_converged():
 
 @pytest.mark.slow
 def test_a_kernel_that_fails_is_a_result_or_an_error():
-    """One bad block must not end a sweep: kinks that are not told, and a NaN at the door."""
+    """One bad block must not end a sweep: here its kinks are not told."""
 
     def kinked(s, omega):
         return 1e6 * (1 + jnp.abs(jnp.sin(9 * s))), 0.3
@@ -189,26 +198,20 @@ def test_a_kernel_that_fails_is_a_result_or_an_error():
     assert np.isnan(s.friction)
     with pytest.raises(RuntimeError, match="tolerance was not reached in a kernel"):
         run(0.1, throw=True)
-    kernel = gc.stack_kernel(coated(), wave.grid, 0.1).at[3, 2].set(jnp.nan)
-    with pytest.raises(ValueError, match=r"`kernel\.real\[3, 2\]=nan` is refused"):
-        gc.solve_contact(kernel, heights, 4e5)
-    assert (
-        gc.solve_contact(kernel, heights, 4e5, throw=False).result == gc.contacts.RESULTS.not_finite
-    )
 
 
 @pytest.mark.slow
 def test_values_that_only_tracing_hides_do_not_pass_as_solved():
     """Under `jit` the door cannot see them; the result must."""
-    pressed = jax.jit(
-        lambda p: gc.slide(coated(), SURFACE, pressure=p, velocity=0.1, throw=False).result
-    )
-    assert pressed(-4e5) == gc.contacts.RESULTS.bad_pressure
-    layered = jax.jit(
-        lambda d: gc.slide(coated(d), SURFACE, pressure=4e5, velocity=0.1, throw=False).result
-    )
-    assert layered(-1e-4) == gc.contacts.RESULTS.not_finite
-    assert layered(1e-4) == gc.contacts.RESULTS.successful
+
+    @jax.jit
+    def end(thickness, pressure):
+        block = coated(thickness)
+        return gc.slide(block, SURFACE, pressure=pressure, velocity=0.1, throw=False).result
+
+    assert end(1e-4, -4e5) == gc.contacts.RESULTS.bad_pressure
+    assert end(-1e-4, 4e5) == gc.contacts.RESULTS.not_finite
+    assert end(1e-4, 4e5) == gc.contacts.RESULTS.successful
 
 
 def test_table_that_does_not_cover_the_sliding_frequencies_is_refused_with_both_ranges():

@@ -1,14 +1,11 @@
 """A dataset keeps its units, and its file is whole or refused."""
 
 import os
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
 
-import graded_contact
 from graded_contact.studies.dataset import attach, read, write, write_whole
 
 
@@ -82,17 +79,3 @@ def test_a_link_is_replaced_and_its_target_stays(tmp_path):
     write_whole(link, b"a\r\n")
     assert target.read_text() == "mine" and not link.is_symlink()
     assert link.read_bytes() == b"a\r\n"
-
-
-def test_nothing_else_in_the_package_writes_files():
-    """But the probe of a folder. Buffers in memory are no files."""
-    package = Path(graded_contact.__file__).parent
-    writes = re.compile(
-        r"""\.write_(text|bytes)\(|open\([^)]*["'][wxa]b?["']|\.(to_csv|savetxt|save)\((?!index|name)"""
-    )
-    found = {
-        path.relative_to(package).as_posix()
-        for path in package.rglob("*.py")
-        if writes.search(path.read_text(encoding="utf-8"))
-    }
-    assert found == {"studies/dataset.py", "readers/paths.py"}

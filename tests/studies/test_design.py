@@ -31,8 +31,7 @@ def test_a_smooth_minimum_is_found_and_constant_parameters_stay():
 
 
 def test_elasticities_are_relative_derivatives():
-    power = lambda p: p["a"] ** 2 / p["b"][0] ** 3  # noqa: E731
-    design = minimise(power, LOW, HIGH, num_starts=1)
+    design = minimise(lambda p: p["a"] ** 2 / p["b"][0] ** 3, LOW, HIGH, num_starts=1)
     np.testing.assert_allclose(design.elasticities["a"], 2, rtol=1e-12)
     np.testing.assert_allclose(design.elasticities["b"], [-3, 0], rtol=1e-12)
 
@@ -69,10 +68,8 @@ def test_units_of_parameters_and_objective_do_not_matter():
         return 1e9 * valley({"a": p["a"] * 1e6, "b": p["b"]})
 
     low, high = {**LOW, "a": 1e-7}, {**HIGH, "a": 1e-5}
-    one, other = (
-        minimise(valley, LOW, HIGH, num_starts=1),
-        minimise(scaled, low, high, num_starts=1),
-    )
+    one = minimise(valley, LOW, HIGH, num_starts=1)
+    other = minimise(scaled, low, high, num_starts=1)
     np.testing.assert_allclose(other.parameters["a"] * 1e6, one.parameters["a"], rtol=1e-6)
     np.testing.assert_allclose(other.value, 1e9 * one.value, rtol=1e-9)
 
@@ -157,6 +154,8 @@ def test_pareto_front_of_two_distances_lies_between_their_optima(tmp_path):
     again = pareto_front(distances, {"x": 0.1}, {"x": 10.0}, **arguments)
     np.testing.assert_array_equal([v for _, v in again], values)
     assert sorted(tmp_path.glob("*.point")) == stored
+    with pytest.raises(ValueError, match="`num_points=1` must be at least 2"):
+        pareto_front(distances, {"x": 0.1}, {"x": 1.0}, num_points=1)
 
 
 def test_scatter_of_a_power_law_is_lognormal():
@@ -165,6 +164,8 @@ def test_scatter_of_a_power_law_is_lognormal():
     np.testing.assert_allclose(np.mean(np.log(values)), np.log(9), atol=0.01)
     alone = scatter(valley, {"a": 2.0, "b": jnp.array([3.0, 1.0])}, 0.0, num_samples=3)
     np.testing.assert_allclose(alone, 0.5, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"`spread\[0\]=.* is refused"):
+        scatter(lambda p: p["x"], {"x": 1.0}, -0.1)
 
 
 @pytest.mark.parametrize(
@@ -185,10 +186,3 @@ def test_what_cannot_be_designed_is_refused(arguments, message):
     }  # fmt: skip
     with pytest.raises(ValueError, match=message):
         minimise(**{**usual, **arguments})
-
-
-def test_bad_numbers_of_points_and_spreads_are_refused():
-    with pytest.raises(ValueError, match="`num_points=1` must be at least 2"):
-        pareto_front(lambda p: jnp.zeros(2), {"x": 0.1}, {"x": 1.0}, num_points=1)
-    with pytest.raises(ValueError, match=r"`spread\[0\]=.* is refused"):
-        scatter(lambda p: p["x"], {"x": 1.0}, -0.1)

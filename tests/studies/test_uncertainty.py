@@ -79,12 +79,6 @@ def test_any_number_of_a_stack_may_have_a_spread():
             propagate(compliance, wrong, stack)
 
 
-def test_noiseless_data_leave_no_doubt():
-    fit = gc.fit_prony(OMEGA, TRUTH.modulus(OMEGA), terms=2)
-    found = propagate(middle, fit)
-    assert np.all(found.standard_error < 1e-6 * found.value)
-
-
 @pytest.mark.slow
 def test_a_master_curve_carries_the_doubt_of_its_shifts(tmp_path):
     shift = gc.Arrhenius(1e5, 300.0)

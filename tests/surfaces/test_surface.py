@@ -152,11 +152,7 @@ def _plane_spectrum(surface):
 
 @pytest.mark.parametrize(
     ("shape", "size"),
-    [
-        ((24, 24), [LENGTH, LENGTH]),
-        ((24, 45), [LENGTH, 1.7 * LENGTH]),
-        ((32,), [LENGTH]),
-    ],
+    [((24, 24), [LENGTH, LENGTH]), ((24, 45), [LENGTH, 1.7 * LENGTH]), ((32,), [LENGTH])],
 )
 def test_every_mode_of_an_exact_surface_has_the_target_amplitude(shape, size):
     spectrum = _spectrum(q_high=9.9 * Q0)
@@ -199,11 +195,7 @@ def test_gaussian_amplitudes_are_complex_normal():
 
 @pytest.mark.parametrize(
     ("coarse", "factors", "amplitudes"),
-    [
-        ((24, 24), (2, 1), "exact"),
-        ((22, 27), (2, 3), "gaussian"),
-        ((26,), (4,), "exact"),
-    ],
+    [((24, 24), (2, 1), "exact"), ((22, 27), (2, 3), "gaussian"), ((26,), (4,), "exact")],
 )
 def test_refining_the_grid_gives_the_same_surface(coarse, factors, amplitudes):
     spectrum, size = _spectrum(), jnp.full(len(coarse), LENGTH)

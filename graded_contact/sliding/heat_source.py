@@ -24,11 +24,12 @@ from ..blocks.profile import Aged, Blend
 from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths
 from ..blocks.stress import stress_field
 from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
-from ..fields.grid import Grid, to_field, to_spectrum, wave_frequencies
+from ..fields.frequency import wave_frequencies
+from ..fields.grid import Grid, to_field, to_spectrum
 from ..materials.material import AbstractMaterial, Elastic, Prony
 from ..materials.softening import StrainSoftening
 from .observables import shear_parts
-from .sliding import Sliding
+from .result import Sliding
 
 _NODES = 2  # of Gauss's rule in each interval of the depth
 _FIRST, _LAST = 0.05, 3.0  # ends of the first interval [spacings] and of the last one [cells]
@@ -52,6 +53,7 @@ def heat_depths(
     **Returns:** depths and weights; at a bottom above the last interval the weights are 0.
     """
     check_whole("num_intervals", num_intervals, 2)
+    # Short waves make their heat near the surface, the longest down to the size of the cell.
     ends = _FIRST * jnp.min(grid.spacing), _LAST * jnp.max(grid.size)
     return gauss_within(stack, intervals(*ends, num_intervals))
 
@@ -69,6 +71,7 @@ def gauss_within(
     interfaces, deepest = interface_depths(stack).astype(edges.dtype), edges[-1]
     if not isinstance(stack.base, HalfSpace):
         deepest = jnp.minimum(deepest, interfaces[-1])
+    # Moduli jump at interfaces: no interval crosses one.
     edges = jnp.minimum(jnp.sort(jnp.concatenate([edges, interfaces])), deepest)
     x, w = (jnp.asarray(a, edges.dtype) for a in np.polynomial.legendre.leggauss(_NODES))
     half = jnp.diff(edges)[:, None] / 2
@@ -125,6 +128,7 @@ def _heat_source(sliding: Sliding, stack: Stack, depths, graded_solver):
         flows = 1j * omega[..., None] * times
         flows = flows / (1 + flows)
         modulus = equilibrium + flows.real @ strengths + 1j * (flows.imag @ losses)
+        # At ω = 0 no dashpot moves, and the modulus may be 0.
         compliance = jnp.where(omega == 0, 0, 1 / jnp.where(omega == 0, 1, modulus))
 
         # One after the other: all branches at once would take as many fields.
@@ -150,25 +154,23 @@ def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
     pressure, stress = sliding.pressure, sliding.shear
     if stress is None:
         return jnp.zeros_like(pressure)
-    touching = _share_in_contact(sliding.contact_indicator)
-    # The area of these shares is not sub-pixel: they say only where the heat arises.
-    least, added = shear_parts(pressure, stress)
-    counted = jnp.mean(touching)
-    touching = touching * sliding.contact_area_smooth / jnp.where(counted > 0, counted, 1)
-    return jnp.abs(sliding.speed) * (least * touching + added)
-
-
-def _share_in_contact(indicator):
-    """The share of each point in contact, continuous: a half of each line to a neighbour counts."""
+    indicator = sliding.contact_indicator
 
     def half(a, b):
+        """The part of half a line between neighbours that is in contact."""
         mixed = (a > 0) != (b > 0)
         cut = a / jnp.where(mixed, jnp.abs(a) + jnp.abs(b), 1)
         part = jnp.where(a > 0, jnp.minimum(2 * cut, 1), jnp.maximum(1 + 2 * cut, 0))
         return jnp.where(mixed, part, (a > 0).astype(a.dtype))
 
+    # A point's share of half lines is continuous where its 0 or 1 would jump with the pressure.
     ways = [(step, axis) for axis in range(indicator.ndim) for step in (1, -1)]
-    return sum(half(indicator, jnp.roll(indicator, *way)) for way in ways) / len(ways)
+    touching = sum(half(indicator, jnp.roll(indicator, *way)) for way in ways) / len(ways)
+    # The area of these shares is not sub-pixel: they say only where the heat arises.
+    least, added = shear_parts(pressure, stress)
+    counted = jnp.mean(touching)
+    touching = touching * sliding.contact_area_smooth / jnp.where(counted > 0, counted, 1)
+    return jnp.abs(sliding.speed) * (least * touching + added)
 
 
 def _series_in(stack: Stack, depth):
@@ -197,6 +199,7 @@ def _series_of(part: Layer | GradedLayer | HalfSpace, s):
         *moduli, times, poisson = _series(profile.material)
         return *moduli, times * profile._factor(s), poisson
     if isinstance(profile, Blend) and profile.mixing == "linear":
+        # A linear mixture of two series is the series with the branches of both.
         phi = profile.shape(s)
         bottom, top = _series(profile.bottom), _series(profile.top)
         return (

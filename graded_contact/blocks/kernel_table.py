@@ -123,6 +123,7 @@ def _counts(probe, highest, tolerance, dtype):
     size = jnp.abs(found @ jnp.asarray(to_coefficients.T, dtype))
     # What is cut off with the coefficients from here on; NaN counts as too much.
     rest = jnp.cumsum(size[..., ::-1], axis=-1)[..., ::-1]
+    # The dearest line decides.
     needed = jnp.max(jnp.sum(~(rest <= tolerance), axis=-1), axis=1)
     return jnp.where(needed < num, jnp.maximum(needed, 4), _MOST - 1)
 
@@ -146,6 +147,7 @@ def _matrix(k, count, highest):
     position = 2 * jnp.log(jnp.maximum(k, 1)) / np.log(highest) - 1
     distance = position[:, None] - jnp.cos(angle)
     hit = (distance == 0) & (index < count)
+    # At a node the formula is 0/0: the row is that of the identity.
     share = weight / jnp.where(distance == 0, 1, distance)
     share = jnp.where(jnp.any(hit, axis=1, keepdims=True), hit, share)
     share = share / jnp.sum(share, axis=1, keepdims=True)

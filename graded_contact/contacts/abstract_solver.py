@@ -78,15 +78,9 @@ class AbstractContactSolver(eqx.Module):
 
     @abstractmethod
     def solve(
-        self,
-        operator: AbstractOperator,
-        heights: Field,
-        law: AbstractLaw,
-        loading: Loading,
-        *,
-        rtol: Scalar,
-        start: Field | None,
-    ) -> SolverOutput:
+        self, operator: AbstractOperator, heights: Field, law: AbstractLaw, loading: Loading,
+        *, rtol: Scalar, start: Field | None,
+    ) -> SolverOutput:  # fmt: skip
         """Returns the contact of heights with a solid.
 
         Called once inside `jax.jit`, without derivatives. A problem that the solver does not accept
@@ -133,9 +127,7 @@ def history_of(length: int, free_mean: bool) -> int:
     return min(length, _HISTORY_AT_GAP) if free_mean else length
 
 
-def penalty_for(
-    operator: AbstractOperator, participation: Scalar | float, law: AbstractLaw
-) -> Scalar:
+def penalty_for(operator: AbstractOperator, participation: Scalar, law: AbstractLaw) -> Scalar:
     """Returns ρ = 1.8 s^0.4/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
 
     It balances the softest modes, which carry the displacement, against the stiffest, which carry

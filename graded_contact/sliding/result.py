@@ -20,8 +20,8 @@ from ..core.derivative import derivative_apart
 from ..core.display import shown
 from ..core.quantities import OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, caveats_of
-from ..fields.grid import Grid, direction_and_speed
-from . import observables as _observables  # noqa: F401 (registers what the docstrings list)
+from ..fields.frequency import direction_and_speed
+from ..fields.grid import Grid
 from .motion import components, rate_of
 from .shear import ShearStress
 
@@ -58,6 +58,7 @@ class AbstractSliding(eqx.Module):
     is_cycle: eqx.AbstractClassVar[bool]
 
     def __getattr__(self, name: str) -> Array:
+        # Python looks here only for what is no field. Numbers of `contact` need no program.
         entry = OBSERVABLES.get(name)
         if entry is None or not entry.is_of(self.is_cycle, entry.needs):
             raise AttributeError(f"`{type(self).__name__}` has no attribute `{name}`.")
@@ -240,6 +241,7 @@ class CyclicSliding(AbstractSliding):
         moved, size = self.moved, self.grid.size[: self.moved.shape[1]]
         closing = (moved[-1] - moved[-2] + moved[1] - moved[0]) / 2
         drift = size * jnp.round(jax.lax.stop_gradient((moved[-1] + closing - moved[0]) / size))
+        # The velocity is periodic, the displacement only up to whole cells.
         back = moved - drift * (self.times / self.period)[:, None]
         return rate_of(back, self.period) + drift / self.period, back
 
