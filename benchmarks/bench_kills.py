@@ -93,7 +93,7 @@ def check(folder):
     return 1
 
 
-def interrupts(count=40, seed=0, longest=8.0):
+def interrupts(count=40, seed=0, longest=4.0):
     """Sends Ctrl-C to a Python sweep at random times, up to `longest` seconds after its start."""
     random.seed(seed)
     ends = Counter()

@@ -13,7 +13,7 @@ from .profile import AbstractProfile, Aged, Blend, Mixture
 from .riccati import Riccati
 from .stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, interface_depths
 from .stress import interior_fields, stress_field, von_mises
-from .window_kernel import window_kernel
+from .window_compliance import window_kernel
 
 __all__ = [
     "AbstractGradedSolver", "AbstractProfile", "Aged", "Blend", "Free", "GradedLayer", "HalfSpace",

@@ -38,7 +38,7 @@ from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero
 from ..materials.softening import at_strain, softens
 from .compliance import compliance_of, log_compliance
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
-from .kernel_table import KernelTable, tabulate
+from .kernel_interpolation import KernelTable, tabulate
 from .layering import Layering
 from .stack import Stack, check_at_rest, is_graded
 

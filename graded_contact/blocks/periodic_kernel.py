@@ -2,7 +2,7 @@
 
 M_zz depends on |q| and ω, and M(q, -ω) is the conjugate of M(q, ω): so it is computed on the
 quadrant of positive components of q and for ω >= 0 only. That of graded and long stacks is
-interpolated from a table over log |q| and log ω (`kernel_table.py`).
+interpolated from a table over log |q| and log ω (`kernel_interpolation.py`).
 """
 
 from functools import partial
@@ -18,7 +18,7 @@ from ..fields.grid import Grid
 from .compliance import compliance_of, log_compliance
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
 from .kernel import is_dear
-from .kernel_table import tabulate
+from .kernel_interpolation import tabulate
 from .stack import Stack, check_at_rest
 
 _BLOCK = 16  # frequencies that are computed at once

@@ -135,8 +135,8 @@ def solve_contact(
             f"`{other}={gaps[other]}` is refused: only a body {only} has one. Prescribe `{own}`."
         )
     loading = loading_of(law, heights, None, pressure=pressure, **{own: gaps[own]})
-    unlimited = on_window and is_concrete(operator.kernel)
-    if unlimited and approach is not None and operator.kernel[(0,) * heights.ndim] == 0:
+    known = approach is not None and is_concrete(operator.kernel)
+    if known and np.asarray(operator.kernel).flat[0] == 0:  # not by JAX: a loop would trace it
         raise ValueError(
             f"`approach={approach}` is refused: the displacement of this block has no limit far "
             "away, as of all blocks in one dimension but slabs on a `Rigid()` base. Prescribe "

@@ -143,7 +143,7 @@ class Sliding(AbstractSliding):
     - `velocity`: of the surface over the block [m/s].
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     - `kernel_error`: two estimated errors of the kernel of a window [m/Pa], see
-      `blocks/window_kernel.py`; None if periodic.
+      `blocks/window_compliance.py`; None if periodic.
     - `shear`: shear stress [Pa] as a function of the pressure, or None.
     - `heated`: temperatures of the contact, see `HeatedContact`, or None.
     - `thickness`: of the layers between a window and a rigid base [m], else None.

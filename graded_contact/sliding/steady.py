@@ -13,7 +13,7 @@ from jaxtyping import Array
 
 from ..blocks.kernel import attempted_kernel, stack_kernel
 from ..blocks.stack import Rigid, interface_depths
-from ..blocks.window_kernel import doubled, has_ground, long_cell, without_images
+from ..blocks.window_compliance import doubled, has_ground, long_cell, without_images
 from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.solution import RESULTS, ContactSolution
 from ..contacts.solve import LEAST_GAP, solve_contact

@@ -103,7 +103,7 @@ def on_workers(
     """Yields the results of points as they end, in any order.
 
     Points whose worker died too often (twice for local workers, four times by dask's default) are
-    tried again one by one; one that fails then is `LOST`.
+    tried again one by one, and at last with no other at any worker; one that fails then is `LOST`.
 
     **Arguments:**
 
@@ -119,6 +119,7 @@ def on_workers(
 
     client.wait_for_workers(1, timeout=PATIENCE)
     ended, running, queue, size = as_completed(loop=client.loop), {}, deque(tasks), 1
+    suspects, alone = deque(), False  # points that were single when a worker died
 
     def submit(numbers):
         future = client.submit(_solve_there, packed, [tasks[i] for i in numbers], pure=False)
@@ -131,6 +132,10 @@ def on_workers(
             # The last tasks are small, so that no worker waits long for another.
             share = -(-len(queue) // (2 * places))
             submit([queue.popleft() for _ in range(min(size, share))])
+        if suspects and not running:
+            submit([suspects.popleft()])
+            return True
+        return False
 
     try:
         # A separate task: dask repeats it if all workers with its result have died.
@@ -139,7 +144,7 @@ def on_workers(
         code = cloudpickle.dumps((program.function, program.point))
         code = cloudpickle.dumps((options, program.key, code))
         packed = client.submit(bytes, code, pure=False)
-        hand_out()
+        alone = hand_out()
         for future in ended:
             numbers, error = running.pop(future), future.exception()
             if error is None:
@@ -149,13 +154,15 @@ def on_workers(
                 yield from zip(numbers, found, strict=True)
             elif not isinstance(error, KilledWorker):
                 raise error
-            elif len(numbers) == 1:  # it alone was on the worker that died
+            elif alone:
                 yield numbers[0], Point({}, LOST)
+            elif len(numbers) == 1:  # another one may have been at the worker that died
+                suspects.append(numbers[0])
             else:
                 for i in numbers:
                     submit([i])
             future.release()
-            hand_out()
+            alone = hand_out()
     except (OSError, CancelledError) as error:
         text = f"The scheduler {client.scheduler.address} does not answer: {error}."
         raise ConnectionError(f"{text} Finished points are in the store, if any.") from error

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.blocks import kernel_table as interpolation
+from graded_contact.blocks import kernel_interpolation as interpolation
 from graded_contact.blocks.kernel import attempted_kernel
-from graded_contact.blocks.kernel_table import tabulate
+from graded_contact.blocks.kernel_interpolation import tabulate
 
 HIGHEST = (300, 200)
 
