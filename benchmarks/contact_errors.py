@@ -111,7 +111,7 @@ def errors_and_claims(name, load, n, gradients):
         s = slide(pressure=load, rtol=rtol)
         pairs = float(s.num_fft_pairs)
         first = first or pairs
-        area, exact = s.contact_area_smooth, best.contact_area_smooth
+        area, exact = s.contact_area, best.contact_area
         true = {
             "friction": abs(float(s.friction - best.friction)) / mu,
             "area": abs(float((area - exact) / exact)),

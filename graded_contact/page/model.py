@@ -147,7 +147,7 @@ class Model:
 
         def observed(numbers):
             sliding, _ = _slide(self._scenery, numbers, None, solution=contact.sliding.contact)
-            return jnp.stack(sliding.compute("friction", "contact_area_smooth"))
+            return jnp.stack(sliding.compute("friction", "contact_area"))
 
         # Two outputs and some ten knobs: backwards is cheaper than forwards.
         found, pull = jax.vjp(observed, jnp.array(values))

@@ -174,7 +174,7 @@ def read_results(path: str | os.PathLike) -> "Dataset":
     """
     results = read(path)
     try:
-        needed = ("message", "point", "heights", "friction", "contact_area_smooth")
+        needed = ("message", "point", "heights", "friction", "contact_area")
         _ = [results.variables[name] for name in (*needed, *results["message"].dims)]
         _ = results.attrs["title"], surface_of(results), kept_solves(results), warnings_of(results)
     except Exception as error:  # of many kinds, as what lacks in the file

@@ -296,4 +296,4 @@ def _contact(
     point = {"pressure": scene.pressure[0], "velocity": velocity}
     case = bare.case(point, Surface(heights, scene.surface.grid))
     found = case.solve(dataclasses.replace(scene.numerics, throw=True))
-    return found.friction, found.contact_area_smooth
+    return found.friction, found.contact_area

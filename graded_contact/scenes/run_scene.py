@@ -172,7 +172,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         contact = case.solve(scene.numerics)
         found = dict(zip(names, contact.compute(*names), strict=True))
         if scene.motion is not None:  # along the direction of the motion
-            for name in ("friction", "geometric_friction", "traction"):
+            for name in ("friction", "traction"):
                 along = np.ravel(velocity_along(1.0, scene.direction))
                 found[name] = found[name].reshape(scene.num_times, -1) @ along
         found |= {name: getattr(contact.contact, name) for name in fields if name != "heights"}

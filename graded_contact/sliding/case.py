@@ -84,6 +84,12 @@ class Case(eqx.Module):
         check_values("displacement", self.displacement, "a displacement [m] must be finite")
         check_positive("period", self.period, "[s]")
 
+    @property
+    def prescribed(self) -> str:
+        """What is given: "pressure", "mean_gap" or "approach"."""
+        given = [n for n in ("mean_gap", "approach") if getattr(self, n) is not None]
+        return given[0] if given else "pressure"
+
     def solve(
         self,
         numerics: Numerics = Numerics(),  # noqa: B008 (immutable)

@@ -26,7 +26,7 @@ import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
-from graded_contact.command.result_tables import with_error
+from graded_contact.core.display import with_error
 from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
 from graded_contact.scenes.run_scene import build_surface
 from graded_contact.scenes.scene import parse_scene, read_scene

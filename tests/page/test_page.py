@@ -76,7 +76,7 @@ def test_bars_are_what_a_step_of_a_slider_changes(model):
         steps = step * np.outer([1, -1], np.arange(len(values)) == i)
         ends = [model.contact(at.tolist()).sliding for at in values + steps]
         scale = knob.step_size(knob.value)
-        for name, bar in (("friction", bars.friction), ("contact_area_smooth", bars.contact_area)):
+        for name, bar in (("friction", bars.friction), ("contact_area", bars.contact_area)):
             up, down = (float(getattr(end, name)) for end in ends)
             change = 100 * (up - down) / (2 * step) * scale / ((up + down) / 2)
             assert bar[i] == pytest.approx(change, rel=2e-3, abs=2e-4), (knob.label, name)

@@ -456,7 +456,7 @@ MOVED = 1e-4 * np.sin(2 * np.pi * TIMES)
 
 
 def made_cycle(displacement=MOVED, **fields):
-    numbers = {"friction": np.cos(2 * np.pi * TIMES), "contact_area_smooth": 0.1 + 0.01 * TIMES}
+    numbers = {"friction": np.cos(2 * np.pi * TIMES), "contact_area": 0.1 + 0.01 * TIMES}
     return SimpleNamespace(displacement=displacement, **numbers, **fields)
 
 

