@@ -3,6 +3,7 @@
     python benchmarks/bench_contact.py elastic       compared with Tamaas and ContactMechanics
     python benchmarks/bench_contact.py viscoelastic  FFT pairs, growth with N
     python benchmarks/bench_contact.py observables   friction, area, gap: errors, claims, pairs
+    python benchmarks/bench_contact.py grid          errors of grid and times, estimated and true
     python benchmarks/bench_contact.py random        random scenes: failures, broken claims
     python benchmarks/bench_contact.py hard          small contacts, moduli far apart
     python benchmarks/bench_contact.py overhead      wall time over that of the transforms alone
@@ -36,6 +37,7 @@ from contact_costs import (
 from contact_cycle import cycle
 from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
+from contact_grid import grid
 from contact_peers import elastic, kernel
 from contact_random import hard, random
 from rows import run
@@ -43,7 +45,7 @@ from rows import run
 
 def main():
     run(
-        __doc__, elastic, viscoelastic, observables, random, hard, overhead, overhead_of, many,
+        __doc__, elastic, viscoelastic, observables, grid, random, hard, overhead, overhead_of, many,
         many_on, cylinder, cycle, kernel, gradient, linear, first,
         first_of, largest,
     )  # fmt: skip
