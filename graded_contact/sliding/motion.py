@@ -7,6 +7,7 @@ the next, see `Motion.largest_step`. With a grid these functions choose their nu
 """
 
 import math
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -41,7 +42,7 @@ _FEWEST = 32  # times that are chosen
 # Times of a way from rest to rest: 0.1 % of its velocity is then at the upper half of the
 # frequencies. A rest of 1/8 of the way has 4; the slow ends of the way look like a shorter one.
 _OF_A_WAY = 32
-_REFINED = 64
+_REFINED = 64  # times as many for the length of the path
 _FINE = 16  # times between two of a recorded motion, before the highest frequencies are cut
 
 
@@ -135,14 +136,14 @@ def _chosen(num_times: int | None, enough: int | None, grid: Grid | None) -> int
             "`num_times=None` is refused inside of a program (`jit`, `vmap`, `grad`), where the "
             "motion is not known. Give a number."
         )
-    if grid is not None:
-        check_memory("num_times", "a resolved cycle", CYCLE, (enough, *grid.shape))
+    shape = () if grid is None else grid.shape
+    check_memory("num_times", "a resolved cycle", CYCLE, (enough, *shape))
     return enough
 
 
 def _fast(least: float) -> int:
     """A multiple of 4 without prime factors above 5: transforms are fast, turns are at a time."""
-    return 4 * next_fast_len(math.ceil(min(least, 1e15) / 4), real=True)
+    return 4 * cast(int, next_fast_len(math.ceil(min(least, 1e15) / 4), real=True))
 
 
 @check_types
@@ -298,7 +299,7 @@ def recorded(
     if num_times is None and grid is not None:
         # More times keep more of the noise, so that they are not known beforehand.
         while (step := _step_of(moved, grid)) is None or step > CHOSEN_STEP:
-            enough = step and _fast(max(count + 1, count * step / CHOSEN_STEP))
+            enough = None if step is None else _fast(max(count + 1, count * step / CHOSEN_STEP))
             count = _chosen(None, enough, grid)
             moved = _resampled(times, table, period, count)
     check_resolved(f"`num_times={count}`", moved, grid)
@@ -337,7 +338,7 @@ def rate_of(values: Float[Array, "nt ..."], period: Float[Array, ""]) -> Float[A
 
 
 def refined(values: Float[Array, "nt ..."]) -> Float[Array, "more ..."]:
-    """Returns periodic values at 64 times as many times, by their Fourier series."""
+    """Returns periodic values at `_REFINED` times as many times, by their Fourier series."""
     count = len(values)
     waves = jnp.fft.rfft(values, axis=0)
     if count % 2 == 0:  # the highest frequency is now two, of both signs

@@ -97,6 +97,8 @@ def test_a_cycle_refuses_what_its_times_cannot_resolve():
         jax.jit(lambda stroke: sinusoidal(stroke, 1.0, grid=GRID).displacement)(0.1)
     with pytest.raises(ValueError, match=r"`num_times` is refused: a resolved cycle of .* memory"):
         sinusoidal(1e12, 1.0, grid=GRID)
+    with pytest.raises(ValueError, match=r"`num_times` is refused: a resolved cycle of .* memory"):
+        start_stop(1.0, 1e-9, 1e4)
 
 
 def test_a_motion_prints_its_number_of_times():
