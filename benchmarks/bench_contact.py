@@ -14,6 +14,7 @@
     python benchmarks/bench_contact.py linear        FFT pairs and errors of their linear solves
     python benchmarks/bench_contact.py first         seconds before the first answer
     python benchmarks/bench_contact.py cycle         periodic motion, beside time steps
+    python benchmarks/bench_contact.py cycle_times   periodic motion with more and fewer times
     python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
 
 One FFT pair is a real transform and its inverse on the full grid; coarse grids count by their size.
@@ -34,7 +35,7 @@ from contact_costs import (
     overhead,
     overhead_of,
 )
-from contact_cycle import cycle
+from contact_cycle import cycle, cycle_times
 from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
 from contact_grid import grid
@@ -45,9 +46,9 @@ from rows import run
 
 def main():
     run(
-        __doc__, elastic, viscoelastic, observables, grid, random, hard, overhead, overhead_of, many,
-        many_on, cylinder, cycle, kernel, gradient, linear, first,
-        first_of, largest,
+        __doc__, elastic, viscoelastic, observables, grid, random, hard, overhead, overhead_of,
+        many, many_on, cylinder, cycle, cycle_times, kernel, gradient, linear, first, first_of,
+        largest,
     )  # fmt: skip
 
 

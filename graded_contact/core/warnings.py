@@ -22,6 +22,8 @@ LIMIT = 0.1  # the part of a result above which there is a warning
 STEEP = (2 * LIMIT) ** 0.5
 SQUEEZED = 0.2 - 1e-3  # of the layers; from 20 % on, whatever the error of the solve
 RIM = 1e-3  # of the load, on the outermost points of a window
+WHOLE = 1e-3  # of the cell: a stroke as long as the cell may be rounded
+RIPPLE = 0.01  # of the peak of the friction; 0.3 % or less of smooth starts
 ROUNDING = 1e-12  # of the slope: friction below it is none
 IDLE = 1e-3  # friction over slope below which a contact counts as without friction
 # What to do where a step of reading changed the slope.
@@ -142,6 +144,14 @@ CYCLE_RULES = (
     Rule("unresolved_motion", LIMIT,
          "{worst:.0%} of the velocity is at the upper half of the frequencies that the times "
          "resolve: the motion has kinks or jumps. Take more times, or a smoother motion."),
+    Rule("stroke_over_cell", 1 + WHOLE,
+         "The stroke is {worst:.3g} times as long as the cell: the surface is periodic, so that "
+         "the next copy of each asperity follows in its track before it turns. Take a larger cell "
+         "or a shorter stroke."),
+    Rule("ripple_at_rest", RIPPLE,
+         "At rest, before it starts, the friction ripples by {worst:.1%} of its peak. This ripple "
+         "is numerical: the motion starts too suddenly for the times. Take more times, or a "
+         "smoother start."),
 )  # fmt: skip
 
 

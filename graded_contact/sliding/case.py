@@ -15,6 +15,7 @@ from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .cycle import solve_cycle
 from .heating import Heating, solve_heated
+from .motion import check_resolved
 from .numerics import Numerics
 from .result import CyclicSliding, Sliding
 from .shear import ShearLaw
@@ -82,6 +83,7 @@ class Case(eqx.Module):
                 "`(nt, 2)` is needed, with nt of at least 4 times."
             )
         check_values("displacement", self.displacement, "a displacement [m] must be finite")
+        check_resolved(f"`displacement` at {shape[0]} times", self.displacement, grid)
         check_positive("period", self.period, "[s]")
 
     @property

@@ -33,7 +33,7 @@ from ..core.quantities import OBSERVABLES, observable
 from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import coordinates, derivative, odd_wavevector, to_field, to_spectrum
 from ..materials.coverage import is_unknown
-from .motion import Motion, odd_frequencies, rate_of
+from .motion import Motion, odd_frequencies, rate_of, refined
 
 Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
 of_steady, of_cycle = (functools.partial(observable, cycle=kind) for kind in (False, True))
@@ -106,7 +106,8 @@ def _frictions(found: Found, pressure: Array) -> Array:
     if not found.is_cycle:
         return tractions / size
     # Work over load and path: a mean of ratios would count times with little load too much.
-    path = jnp.mean(size * _length(found.motion_of_surface[0]))
+    # At a turn the speed has a kink, which few times would smooth.
+    path = jnp.mean(refined(size) * _length(refined(found.motion_of_surface[0])))
     over = _length(tractions / jnp.where(size > 0, size, 1)[:, None])
     return jnp.stack([_power(found, tractions) / nonzero(path), largest(over)])
 
@@ -520,6 +521,34 @@ def load_mismatch(found: Found) -> Array:
 def largest_step(found: Found) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
     return Motion(found.displacement, found.period).largest_step(found.grid)
+
+
+@of_cycle("", "1", "extent of the motion that comes back, over the cell")
+def stroke_over_cell(found: Found) -> Array:
+    """Extent of the motion along an axis over the edge of the cell [1], the larger one.
+
+    Of the part that comes back: 0 under steady sliding.
+    """
+    back = found.motion_of_surface[1]
+    return jnp.max(jnp.ptp(back, axis=0) / found.grid.size[: back.shape[1]])
+
+
+@of_cycle("", "1", "ripple of the traction before a start, over its peak")
+def ripple_at_rest(found: Found) -> Array:
+    """Ripple of the traction at rest, before a start, over the largest traction [1].
+
+    From time to time it changes its sign, unlike what decays. 0 for a motion without a rest.
+    """
+    moved, size = found.moved, found.grid.size[: found.moved.shape[1]]
+    steps = jnp.roll(moved, -1, axis=0) - moved
+    steps = _length(steps - size * jnp.round(steps / size))  # the last may be by whole cells
+    rests = steps <= 1e-6 * jnp.max(steps)
+    soon = ~(jnp.roll(rests, -1) & jnp.roll(rests, -2) & jnp.roll(rests, -3))
+    tractions = _own_tractions(found)
+    neighbours = (jnp.roll(tractions, 1, axis=0) + jnp.roll(tractions, -1, axis=0)) / 2
+    ripple = _length(tractions - neighbours) / 2
+    before = jnp.where(jnp.roll(rests, 1) & rests & soon, ripple, 0)
+    return jnp.max(before) / nonzero(jnp.max(_length(tractions)))
 
 
 @of_cycle("", "1", "share of the velocity at the upper half of the frequencies")

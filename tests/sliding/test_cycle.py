@@ -263,7 +263,7 @@ def test_bad_input_is_refused(options, message):
 
 
 def test_caveats_name_what_the_times_do_not_resolve():
-    jumping = cycle(s=0.3 * np.sign(np.sin(2 * np.pi * TIMES)), rtol=1e-3)
+    jumping = cycle(s=0.03 * np.sign(np.sin(2 * np.pi * TIMES)), rtol=1e-3)
     assert any("spacings of the grid" in text for text in jumping.caveats)
     assert any("kinks or jumps" in text for text in jumping.caveats)
     lifted = cycle(pressure=None, mean_gap=np.where(TIMES < 0.5, 0.01, 0.1), rtol=1e-3)
