@@ -240,7 +240,7 @@ def largest(size=8192, velocity=0.1, loads=(0.1,)):
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
         show({
             "p/E_r": load, "v": velocity, "friction": float(found.friction),
-            "claimed error": float(found.friction_error),
+            "claimed error": float(found.friction_solver_error),
             "area": float(found.contact_area), "FFT pairs": float(found.num_fft_pairs),
             "result": gc.contacts.RESULTS[found.result] or "successful",
         })  # fmt: skip

@@ -118,8 +118,8 @@ def errors_and_claims(name, load, n, gradients):
             "mean gap": abs(float(s.mean_gap - best.mean_gap)) / rms,
         }
         claimed = {
-            "friction": float(s.friction_error) / mu,
-            "area": float(s.contact_area_error / exact),
+            "friction": float(s.friction_solver_error) / mu,
+            "area": float(s.contact_area_solver_error / exact),
             "mean gap": float(s.contact.gap_error),
         }
         row = {

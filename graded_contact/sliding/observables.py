@@ -617,7 +617,6 @@ def errors_of(
 ) -> None:
     """Registers `NAME_error`, the sum of its parts, and each part as `NAME_PART_error`."""
     symbol, unit, meaning = OBSERVABLES[name].quantity[1:]
-    entries = []
     for part, formula in parts.items():
         cause, fact = CAUSES[part]
 
@@ -630,11 +629,10 @@ def errors_of(
             "", unit, f"error of the {meaning} by {cause}",
             needs=(*needs, *fact), on_two_grids=part in ("grid", "time"),
         )(of_part)  # fmt: skip
-        entries.append(OBSERVABLES[of_part.__name__])
 
     def total(found):
-        known = [e.formula(found) for e in entries if e.is_of(found.is_cycle, found.facts)]
-        return sum(known)
+        known = (n for n in parts if {*CAUSES[n][1]} <= found.facts)
+        return sum(parts[n](found) for n in known)
 
     total.__name__ = f"{name}_error"
     total.__doc__ = f"Estimated error of `{name}`, the sum of its parts [{unit}]."
@@ -710,6 +708,13 @@ def _area_in_doubt(found: Found, change: Array) -> Array:
     return area.area_in_doubt(contact_indicator(found), jnp.abs(change))
 
 
+def _area_by_solver(found: Found) -> Array:
+    indicator, value = contact_indicator(found), contact_area(found)
+    of = lambda change: area.sub_pixel_area(indicator + change)[None]  # noqa: E731
+    moved = error_of(of, value[None], found.contact.correction, value)[0]
+    return moved + _area_in_doubt(found, found.contact.correction)
+
+
 def _area_by_kernel(found: Found) -> Array:
     touching, change = _touching(found), 0.0
     for moved in _changes_by_kernel(found):  # 0 outside contact, where points may join it
@@ -719,6 +724,8 @@ def _area_by_kernel(found: Found) -> Array:
 
 
 def _pressure_by_solver(found: Found) -> Array:
+    if not found.at_approach:
+        raise ValueError("Only a contact at a given `approach` has a `mean_pressure_error`.")
     of = lambda change: jnp.mean(found.pressure + change)[None]  # noqa: E731
     mean = found.contact.mean_pressure
     return error_of(of, mean[None], found.contact.correction, mean)[0]
@@ -741,8 +748,7 @@ errors_of(
 )  # fmt: skip
 errors_of(
     "contact_area", of_steady, TOTAL,
-    solver=lambda found: _area_in_doubt(found, found.contact.correction),
-    grid=_area_by_grid, kernel=_area_by_kernel,
+    solver=_area_by_solver, grid=_area_by_grid, kernel=_area_by_kernel,
     temperature=lambda found: found.heated.area_error,
 )  # fmt: skip
 errors_of("mean_gap", of_steady, solver=_gap_by_solver, grid=change_by_grid("mean_gap"))

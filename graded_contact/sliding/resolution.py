@@ -55,6 +55,10 @@ def neighbours_of(found: Found) -> Neighbours:
     """Returns the contacts on half the grid, and of a cycle with half the times."""
     shape = found.grid.shape
     halved = tuple(n if n < 2 * _LEAST else n // 2 for n in shape)
+    pressure = found.contact.mean_pressure
+    if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
+        # Without a contact there is nothing to compare.
+        return Neighbours(found, found, found, jnp.full_like(pressure, jnp.nan))
     times = len(found.displacement) if found.is_cycle else 0
     on_half, cut, missing = _heights(found, halved)
     same, fewer = found, None

@@ -34,8 +34,8 @@ def test_main_job_gives_friction_and_area_of_a_coated_tread():
     assert 0 < s.friction < 1
     assert 0 < s.contact_area < 1
     np.testing.assert_allclose(np.mean(s.pressure), 4e5, rtol=1e-13)
-    np.testing.assert_allclose(s.contact_area, np.mean(s.pressure > 0))
-    np.testing.assert_allclose(s.contact_area, s.contact_area, atol=0.02)
+    np.testing.assert_allclose(s.contact_area_pixels, np.mean(s.pressure > 0))
+    np.testing.assert_allclose(s.contact_area, s.contact_area_pixels, atol=0.02)
     assert s.energy_imbalance <= 1e-13
     assert abs(s.geometric_friction / s.friction - 1) <= 0.1
     assert s.error <= RTOL and s.num_fft_pairs > 0
@@ -123,7 +123,8 @@ def test_observables_of_a_batch_a_copy_and_inside_jit_are_those_of_the_call():
     slide = lambda v: gc.slide(coated(), SURFACE, pressure=4e5, velocity=v)  # noqa: E731
     one = slide(0.1)
     jax.jit(lambda x: x * one.contact_area)(2.0)
-    names = numbers_of(False)
+    # Neighbours on other grids, of which the errors are made, are solved to 2e-4 only.
+    names = [name for name in numbers_of(False) if not name.endswith("_error")]
     numbers = np.array(one.compute(*names))
     np.testing.assert_allclose(jax.jit(slide)(0.1).compute(*names), numbers, 1e-9, 1e-14)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(one)).compute(*names), numbers)
@@ -244,19 +245,18 @@ def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
     # A kernel that fails, which is known only when it runs, leaves the cut-offs.
     failed = curve_of(-1e-4)
     np.testing.assert_array_equal(failed.cutoff, cutoffs)
-    for found in (failed.friction, failed.contact_area, failed.contact_area):
+    for found in (failed.friction, failed.contact_area):
         np.testing.assert_array_equal(found, np.full(3, np.nan))
 
 
 def test_soft_law_slides_nearly_as_the_hard_wall():
-    """The area of a law without a sharp edge is its own, all three measures of it."""
+    """The area of a law without a sharp edge is its own, not that of pixels."""
     law = gc.RepulsiveLJ(0.01 * float(jnp.std(SURFACE.heights)), 4e5)
     hard = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, rtol=1e-6)
     soft = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, law=law, rtol=1e-6)
     np.testing.assert_allclose(soft.friction, hard.friction, rtol=0.02)
-    np.testing.assert_allclose(soft.contact_area, np.mean(soft.gap < 5 / 3 * law.range))
+    np.testing.assert_allclose(soft.contact_area_pixels, np.mean(soft.gap < 5 / 3 * law.range))
     np.testing.assert_allclose(soft.contact_area, hard.contact_area, rtol=0.1)
-    np.testing.assert_allclose(soft.contact_area, soft.contact_area, atol=0.02)
     np.testing.assert_allclose(
         soft.pressure, 4e5 * (law.range / soft.gap) ** 9, atol=1e-4 * soft.pressure.max()
     )
