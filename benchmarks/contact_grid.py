@@ -44,7 +44,7 @@ def grid(count=200, seed=0, surfaces=()):
         for name in NUMBERS:
             show(kind, name, [row[name] for row in rows], ratios)
         print(f"# {kind}: {len(rows)} scenes in {time.perf_counter() - start:.0f} s")
-    for name, number in (("mean_friction", "friction"), ("peak_friction", "friction")):
+    for name in ("mean_friction", "peak_friction"):
         rows = [cycle(seed + i, name) for i in range(-(-count // 8))]
         show("cycle", name, rows, ratios)
     for name, found in ratios.items():

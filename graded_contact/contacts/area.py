@@ -51,8 +51,9 @@ def contact_shares(indicator: Field) -> Field:
     gap is 4/3 k/E* s^(3/2), since the contact is not singular there. So the distance x [spacings]
     of the last point inside from the edge follows from p, the pressure there, and g, the gap at the
     next point times the stiffness of the block (see `AbstractLaw.contact_indicator`):
-    (1 - x)³ = r² x with r = 3/π g/p. An edge at an angle θ to the line has 1/cos θ times this ratio, in the mean
-    over all edges that a line meets π/2 times. The root is 1/(1 + r^(2/3) + r²) up to 0.02.
+    (1 - x)³ = r² x with r = 3/π g/p. An edge at an angle θ to the line has 1/cos θ times this
+    ratio, which is π/2 in the mean over all edges that a line meets. The root is
+    1/(1 + r^(2/3) + r²) up to 0.02.
 
     A point joins the contact with x = 0, so the area never jumps, and no contact is so small that
     it has none. It is continuous in every parameter and has a derivative.

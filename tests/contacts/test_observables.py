@@ -37,7 +37,7 @@ def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():
         s = gc.solve_contact(kernel, wave, load, rtol=1e-8)
         area = sliding(s, kernel, wave, grid=grid).contact_area
         errors.append(float(area) - fraction)
-    assert np.max(np.abs(errors)) <= 0.1 / n
+    assert np.max(np.abs(errors)) <= 0.15 / n
 
 
 def test_smooth_area_is_exact_at_its_ends_and_has_finite_gradients_at_corners_of_contact():
