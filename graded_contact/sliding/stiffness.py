@@ -70,14 +70,16 @@ def contact_stiffness_error(
 ) -> Float[Array, ""]:
     """Returns the estimated error of `contact_stiffness` by the grid [Pa/m].
 
-    It is 3/4 of the change from `coarse`, and the change by springs at the edges that are a quarter
-    softer. That of `contact_conductance` is the same, relative to the number.
+    3/4 of the change from `coarse`, plus the change by springs at the edges that are a quarter
+    softer.
 
     **Arguments:**
 
     - `sliding`: a contact on a periodic surface.
     - `coarse`: the same contact on half as many points along each axis.
     - `adjoint`: the linear solver.
+
+    **Returns:** the error; that of `contact_conductance` is the same part of its number.
 
     **Raises:** `ValueError` for a surface on a window.
     """
