@@ -5,7 +5,9 @@
     python benchmarks/bench_contact.py observables   friction, area, gap: errors, claims, pairs
     python benchmarks/bench_contact.py grid          errors of grid and times, estimated and true
     python benchmarks/bench_contact.py random        random scenes: failures, broken claims
+    python benchmarks/bench_contact.py attracted     random scenes that attract: broken claims
     python benchmarks/bench_contact.py hard          small contacts, moduli far apart
+    python benchmarks/bench_contact.py stiffness     errors of the stiffness, true and claimed
     python benchmarks/bench_contact.py overhead      wall time over that of the transforms alone
     python benchmarks/bench_contact.py many          many small solves in one program
     python benchmarks/bench_contact.py cylinder      gliding cylinder, exact
@@ -40,15 +42,16 @@ from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
 from contact_grid import grid
 from contact_peers import elastic, kernel
-from contact_random import hard, random
+from contact_random import attracted, hard, random
+from contact_stiffness import stiffness
 from rows import run
 
 
 def main():
     run(
-        __doc__, elastic, viscoelastic, observables, grid, random, hard, overhead, overhead_of,
-        many, many_on, cylinder, cycle, cycle_times, kernel, gradient, linear, first, first_of,
-        largest,
+        __doc__, elastic, viscoelastic, observables, grid, random, attracted, hard, stiffness,
+        overhead, overhead_of, many, many_on, cylinder, cycle, cycle_times, kernel, gradient,
+        linear, first, first_of, largest,
     )  # fmt: skip
 
 
