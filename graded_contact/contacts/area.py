@@ -1,8 +1,10 @@
 """The contact area: counted, and with the edges of contact between the points."""
 
+from collections.abc import Callable
+
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
 from ..fields.grid import Grid, mode_numbers, multiplicity
 from .operator import Field, Scalar, Waves
@@ -39,38 +41,55 @@ def edge_stiffness(kernel: Waves, grid: Grid) -> Scalar:
 
 
 def sub_pixel_area(indicator: Field) -> Scalar:
-    """Returns the contact area fraction, the mean of `contact_shares` [1]."""
+    """Returns the contact area fraction, the mean of `contact_shares` [1].
+
+    It is continuous in every parameter and has a derivative, and no contact is so small that it has
+    none.
+    """
     return jnp.mean(contact_shares(indicator))
 
 
-def contact_shares(indicator: Field) -> Field:
+def contact_shares(
+    indicator: Field, edge: Callable[[Array, int], Array] | None = None
+) -> Float[Array, "*shape"]:
     """Returns the share of each point in contact [1], with the edges of contact between the points.
 
     Lines of points along each axis are cut where the contact ends, and the mean of all half lines
-    around a point is taken. At the distance s from an edge the pressure is k √s and outside the
-    gap is 4/3 k/E* s^(3/2), since the contact is not singular there. So the distance x [spacings]
-    of the last point inside from the edge follows from p, the pressure there, and g, the gap at the
-    next point times the stiffness of the block (see `AbstractLaw.contact_indicator`):
-    (1 - x)³ = r² x with r = 3/π g/p. An edge at an angle θ to the line has 1/cos θ times this
-    ratio, which is π/2 in the mean over all edges that a line meets. The root is
-    1/(1 + r^(2/3) + r²) up to 0.02.
+    around a point is taken. A point joins the contact with a share of 0, so that the sum never
+    jumps.
 
-    A point joins the contact with x = 0, so the area never jumps, and no contact is so small that
-    it has none. It is continuous in every parameter and has a derivative.
+    **Arguments:**
+
+    - `indicator`: see `AbstractLaw.contact_indicator` [Pa].
+    - `edge`: function of g/p and the number of dimensions, see `edge_distance`, the default.
     """
-    sides = [(step, axis) for axis in range(indicator.ndim) for step in (1, -1)]
-    edge = 3 / np.pi if indicator.ndim == 1 else 3 / 2  # r over g/p
-    parts = (_half_line(indicator, jnp.roll(indicator, *side), edge) for side in sides)
-    return sum(parts) / len(sides)
+    edge = edge_distance if edge is None else edge
+    inside, parts = indicator > 0, []
+    for axis in range(indicator.ndim):
+        for step in (1, -1):
+            other = jnp.roll(indicator, step, axis)
+            mixed = inside != (other > 0)
+            high, low = jnp.maximum(indicator, other), jnp.minimum(indicator, other)
+            ratio = jnp.where(mixed, -low / jnp.where(mixed, high, 1), 1)
+            x = edge(jnp.clip(ratio, 1e-7, 1e6), indicator.ndim)  # the root of 0 has no derivative
+            part = jnp.where(inside, jnp.minimum(2 * x, 1), jnp.maximum(2 * x - 1, 0))
+            parts.append(jnp.where(mixed, part, inside.astype(x.dtype)))
+    return sum(parts) / len(parts)
 
 
-def _half_line(indicator: Field, other: Field, edge: float) -> Field:
-    """The share in contact of the half of a line to a neighbour that is closer to the point."""
-    inside = indicator > 0
-    mixed = inside != (other > 0)
-    high, low = jnp.maximum(indicator, other), jnp.minimum(indicator, other)
-    # The root of 0 has no derivative.
-    ratio = jnp.clip(-edge * jnp.where(mixed, low / jnp.where(mixed, high, 1), -1), 1e-7, 1e6)
-    x = 1 / (1 + jnp.cbrt(ratio) ** 2 + ratio**2)
-    part = jnp.where(inside, jnp.minimum(2 * x, 1), jnp.maximum(2 * x - 1, 0))
-    return jnp.where(mixed, part, inside.astype(x.dtype))
+def edge_distance(ratio: Array, ndim: int) -> Array:
+    """Returns the distance of the last point in contact from the edge [spacings].
+
+    At the distance s from an edge the pressure is k √s, and outside the gap is 4/3 k/E* s^(3/2),
+    since the contact is not singular there. With p at the last point inside and g at the next one,
+    the gap times the stiffness of the block, (1 - x)³ = r² x where r = 3/π g/p. An edge at an angle
+    θ to the line has 1/cos θ times this ratio, which is π/2 in the mean over all edges that a line
+    meets. The root is 1/(1 + r^(2/3) + r²) up to 0.02.
+
+    **Arguments:**
+
+    - `ratio`: g/p [1].
+    - `ndim`: dimensions of the surface; in one an edge is always across.
+    """
+    r = (3 / np.pi if ndim == 1 else 3 / 2) * ratio
+    return 1 / (1 + jnp.cbrt(r) ** 2 + r**2)

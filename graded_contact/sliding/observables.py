@@ -656,7 +656,7 @@ def change_by_grid(name: str) -> Callable[[Found], Array]:
     """Returns the formula of the change of a number from half the grid, see `resolution.py`."""
 
     def change(found):
-        formula, near = OBSERVABLES[name].formula, vars(found)["_near"]
+        formula, near = OBSERVABLES[name].formula, found.neighbours
         own, same, half = map(formula, (found, near.same, near.half))
         # Without its shortest waves a surface has less friction, of about the same relative error.
         less = jnp.maximum(jnp.abs(own) / nonzero(jnp.abs(same)), 1)
@@ -669,7 +669,7 @@ def by_times(name: str) -> Callable[[Found], Array]:
     """Returns the formula of the error by the times: the change from half as many."""
 
     def of_times(found):
-        formula, near = OBSERVABLES[name].formula, vars(found)["_near"]
+        formula, near = OBSERVABLES[name].formula, found.neighbours
         if near.fewer is None:  # too few to be halved
             return jnp.abs(formula(found))
         return jnp.abs(formula(found) - formula(near.fewer))
@@ -700,7 +700,7 @@ def _friction_by_grid(found: Found) -> Array:
 
 def _area_by_grid(found: Found) -> Array:
     edges = jnp.abs(contact_area_pixels(found) - contact_area(found))
-    return change_by_grid("contact_area")(found) + 0.4 * vars(found)["_near"].factor * edges
+    return change_by_grid("contact_area")(found) + 0.4 * found.neighbours.factor * edges
 
 
 def _area_in_doubt(found: Found, change: Array) -> Array:

@@ -96,6 +96,16 @@ class AbstractSliding(eqx.Module):
         """The names of the observables that prints and results contain."""
         return numbers_of(self.is_cycle, self.facts)
 
+    @property
+    def neighbours(self) -> Neighbours:
+        """The same contact with fewer points and fewer times, see `Neighbours`; kept."""
+        near = vars(self).get("_near")
+        if near is None:
+            near = neighbours_of(self)
+            if all(map(is_concrete, jax.tree.leaves(near))):
+                vars(self)["_near"] = near
+        return near
+
     def compute(self, *names: str) -> list[Float[Array, "..."]]:
         """Returns the observables of these names; one program computes those that are missing."""
         missing = tuple(name for name in names if name not in vars(self))
@@ -274,13 +284,9 @@ def _beyond_contact(found: AbstractSliding) -> tuple[str, ...]:
 def _of_all(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, Float[Array, "..."]]:
     if found.contact.error.ndim > 0:  # a batch
         return jax.lax.map(lambda one: _of_all(one, names), found)
-    near = None
-    if any(OBSERVABLES[name].on_two_grids for name in names):
-        # Outside of the program, so that Python reuses the programs of the contact.
-        near = vars(found).get("_near") or neighbours_of(found)
-        if all(map(is_concrete, jax.tree.leaves(near))):
-            vars(found)["_near"] = near
-    return _computed(found, near, names)
+    # Outside of the program, so that Python reuses the programs of the contact.
+    needed = any(OBSERVABLES[name].on_two_grids for name in names)
+    return _computed(found, found.neighbours if needed else None, names)
 
 
 @derivative_apart

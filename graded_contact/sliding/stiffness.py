@@ -64,19 +64,17 @@ def contact_stiffness(
 @check_types
 def contact_stiffness_error(
     sliding: Sliding,
-    coarse: Sliding,
     *,
     adjoint: LinearSolver = LinearSplitting(),  # noqa: B008 (immutable)
 ) -> Float[Array, ""]:
     """Returns the estimated error of `contact_stiffness` by the grid [Pa/m].
 
-    3/4 of the change from `coarse`, plus the change by springs at the edges that are a quarter
-    softer.
+    3/4 of the change from half as many points (see `sliding/resolution.py`), plus the change by
+    springs at the edges that are a quarter softer.
 
     **Arguments:**
 
     - `sliding`: a contact on a periodic surface.
-    - `coarse`: the same contact on half as many points along each axis.
     - `adjoint`: the linear solver.
 
     **Returns:** the error; that of `contact_conductance` is the same part of its number.
@@ -84,10 +82,10 @@ def contact_stiffness_error(
     **Raises:** `ValueError` for a surface on a window.
     """
     _check(sliding)
-    _check(coarse)
-    own, half = (_stiffness(s, s.kernel, adjoint) for s in (sliding, coarse))
-    softer = _stiffness(sliding, sliding.kernel, adjoint, _SOFTER)
-    return _FROM_HALF * jnp.abs(own - half) + jnp.abs(own - softer)
+    near = sliding.neighbours
+    own, half = (_stiffness(s, s.kernel, adjoint) for s in (near.same, near.half))
+    softer = _stiffness(near.same, near.same.kernel, adjoint, _SOFTER)
+    return near.factor * (_FROM_HALF * jnp.abs(own - half) + jnp.abs(own - softer))
 
 
 @check_types
@@ -129,7 +127,7 @@ def _check(sliding: Sliding) -> None:
 @eqx.filter_jit
 def _stiffness(sliding: Sliding, kernel, adjoint: LinearSolver, softness: float = 1.0):
     operator = Steady(kernel)
-    share = contact_shares(sliding.contact_indicator)
+    share = contact_shares(sliding.contact_indicator, lambda ratio, _: 1 / (1 + ratio))
     penalty = penalty_for(operator, jnp.mean(share), sliding.law)
     yielding = softness * _YIELDING[share.ndim] / edge_stiffness(kernel, sliding.grid)
     soft = penalty * yielding * (1 - share)
