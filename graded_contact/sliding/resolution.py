@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from ..contacts.abstract_solver import Inputs
 from ..contacts.adjoint import LinearSplitting
 from ..contacts.nested_solve import DouglasRachford
+from ..contacts.solution import RESULTS
 from ..contacts.solve import contact_of, loading_of, solve_contact
 from ..contacts.space_time import in_motion
 from ..contacts.window import operator_of
@@ -41,13 +42,13 @@ class Neighbours(eqx.Module):
 
     - `same`: on the grid, without the waves that half of it lacks.
     - `half`: the same on half as many points.
-    - `fewer`: of a cycle, on the grid with half as many times; else None.
+    - `fewer`: of a cycle, on the grid with half as many times and with a quarter, if it has enough.
     - `factor`: by which changes are multiplied: 2 if half the grid lacks waves, else 1 [1].
     """
 
     same: Found
     half: Found
-    fewer: Found | None
+    fewer: tuple[Found, ...]
     factor: Float[Array, ""]
 
 
@@ -58,14 +59,14 @@ def neighbours_of(found: Found) -> Neighbours:
     pressure = found.contact.mean_pressure
     if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
         # Without a contact there is nothing to compare.
-        return Neighbours(found, found, found, jnp.full_like(pressure, jnp.nan))
+        return Neighbours(found, found, (), jnp.full_like(pressure, jnp.nan))
     times = len(found.displacement) if found.is_cycle else 0
     on_half, cut, missing = _heights(found, halved)
-    same, fewer = found, None
+    same = found
     if not (is_concrete(missing) and missing <= _SAME):
         same = _solved(found, shape, cut, times)
-    if times >= 2 * _LEAST:
-        fewer = _solved(found, shape, found.heights, times // 2)
+    numbers = [n for n in (times // 2, times // 4) if n >= _LEAST]
+    fewer = tuple(_solved(found, shape, found.heights, n) for n in numbers)
     factor = jnp.where(missing > _SAME, 2.0, 1.0).astype(found.heights.dtype)
     return Neighbours(same, _solved(found, halved, on_half, times), fewer, factor)
 
@@ -118,6 +119,10 @@ def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int
             **prescribed, **how,
         )  # fmt: skip
         parts |= {"measured": None, "kernel_error": None}
+    # A number that is not known must not show a small change.
+    good = (contact.result == RESULTS.successful) | (contact.result == RESULTS.gap_unresolved)
+    pressure = jnp.where(good, contact.pressure, jnp.nan)
+    contact = dataclasses.replace(contact, pressure=pressure)
     return dataclasses.replace(found, contact=contact, **parts)
 
 
