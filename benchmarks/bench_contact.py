@@ -4,6 +4,7 @@
     python benchmarks/bench_contact.py viscoelastic  FFT pairs, growth with N
     python benchmarks/bench_contact.py observables   friction, area, gap: errors, claims, pairs
     python benchmarks/bench_contact.py grid          errors of grid and times, estimated and true
+    python benchmarks/bench_contact.py total         total error against seconds, and Tamaas
     python benchmarks/bench_contact.py random        random scenes: failures, broken claims
     python benchmarks/bench_contact.py attracted     random scenes that attract: broken claims
     python benchmarks/bench_contact.py hard          small contacts, moduli far apart
@@ -40,7 +41,7 @@ from contact_costs import (
 from contact_cycle import cycle, cycle_times
 from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
-from contact_grid import grid
+from contact_grid import grid, total
 from contact_peers import elastic, kernel
 from contact_random import attracted, hard, random
 from contact_stiffness import stiffness
@@ -49,9 +50,9 @@ from rows import run
 
 def main():
     run(
-        __doc__, elastic, viscoelastic, observables, grid, random, attracted, hard, stiffness,
-        overhead, overhead_of, many, many_on, cylinder, cycle, cycle_times, kernel, gradient,
-        linear, first, first_of, largest,
+        __doc__, elastic, viscoelastic, observables, grid, total, random, attracted, hard,
+        stiffness, overhead, overhead_of, many, many_on, cylinder, cycle, cycle_times, kernel,
+        gradient, linear, first, first_of, largest,
     )  # fmt: skip
 
 

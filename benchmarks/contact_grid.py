@@ -1,4 +1,4 @@
-"""Errors by the grid and by the times, estimated and true: the section `grid`.
+"""Errors by the grid and by the times, estimated and true: the sections `grid` and `total`.
 
 Run by `bench_contact.py`. Surfaces without waves beyond a limit are the same on every grid that
 resolves them, by interpolation. The true error of a number is its difference from the limit by the
@@ -19,7 +19,9 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rows import goal, report
+from contact_peers import Tamaas
+from contact_scenes import CELL as CELL_OF_PEERS
+from rows import goal, report, timed
 
 import graded_contact as gc
 from graded_contact.sliding.resolution import resampled
@@ -193,3 +195,55 @@ def cycle(number, name, times=64, most=512):
     exact, own = float(getattr(best, name)), float(getattr(found, name))
     claimed = getattr(found, f"{name}_time_error")
     return abs(own / exact - 1), float(claimed) / abs(exact), 0.0
+
+
+def total(sizes=(64, 128, 256, 512), finest=2048, cut=16, rtol=5e-5):
+    """Seconds and total error of friction and of the elastic area: one grid, two, and Tamaas.
+
+    Seconds are of the second call. The limit is that of the grids of `finest` points and half.
+    "two grids" adds the solve that gives the errors. Tamaas counts points.
+    """
+    rng = np.random.default_rng(1)
+    surface, slope = drawn(rng, 1, (64, 64), cut)
+    rubber = gc.Stack(base=gc.HalfSpace(gc.tyre_tread()))
+    elastic = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.5)))
+    # 5 % of contact of the elastic body.
+    pressure = 0.05 * slope * 1e7 / 0.75 / 1.6
+
+    def slide(n, block, velocity):
+        at = gc.Surface(finer(surface.heights, n // 64), gc.Grid((n, n), CELL))
+        return gc.slide(block, at, pressure=pressure, velocity=velocity, rtol=rtol)
+
+    def limit_of(block, velocity, name):
+        near, far = (getattr(slide(n, block, velocity), name) for n in (finest // 2, finest))
+        return float(4 * far - near) / 3
+
+    kinds = (("friction", rubber, 0.1), ("contact_area", elastic, 0.0))
+    for name, block, velocity in kinds:
+        exact = limit_of(block, velocity, name)
+        for n in sizes:
+
+            def one(n=n, block=block, velocity=velocity, name=name):
+                return getattr(slide(n, block, velocity), name)
+
+            def two(n=n, block=block, velocity=velocity, name=name):
+                return slide(n, block, velocity).compute(name, f"{name}_error")
+
+            found, claimed = map(float, two())
+            for way, run in (("one grid", one), ("two grids: with the error", two)):
+                one_row(name, n, way, timed(run, 3), found / exact - 1, claimed / exact)
+            if name == "contact_area":
+                heights = np.array(finer(surface.heights, n // 64)) / CELL
+                peer = Tamaas(CELL_OF_PEERS * heights)
+                load = pressure * 0.75 / 1e7
+                peer.solve(load, rtol)
+                area = float(np.mean(peer.solve(load, rtol) > 0))
+                seconds = timed(lambda peer=peer, load=load: peer.solve(load, rtol), 3)
+                one_row(name, n, "Tamaas, count of points", seconds, area / exact - 1, np.nan)
+
+
+def one_row(name, n, way, seconds, off, claimed):
+    report("bench_contact-total", {
+        "number": name, "N": n, "way": way, "time [s]": seconds, "true error": abs(off),
+        "claimed error": claimed,
+    })  # fmt: skip
