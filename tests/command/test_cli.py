@@ -455,8 +455,8 @@ def test_what_an_output_cannot_show_is_spelt(folder, tmp_path, line):
         texts.append(done.stdout + done.stderr)
     table, refusal = texts
     assert b"`Deltaomega`" in refusal
-    assert ("± solver".encode("cp1252") in table) == ("cp1252" in line)
-    assert (b"+/- solver" in table) == table.isascii() == ("LC_ALL" in line)
+    assert ("±".encode("cp1252") in table) == ("cp1252" in line)
+    assert (b"+/-" in table) == table.isascii() == ("LC_ALL" in line)
 
 
 LAW, TABLE = ("wlf", 0.0, ("--shift-std", 0)), ("tabulated", 4.0, ())
@@ -541,7 +541,7 @@ def test_errors_of_isotherms_reach_table_csv_and_figures(tmp_path, kind, off, op
 
 def test_a_standard_error_sets_the_number_of_digits():
     numbers = ((0.51234, 0.0081), (12.3, 1.26), (0.51234, 0.0), (-4.7e-18, 5e-20))
-    texts = ["0.5123 ± 0.0081", "12.3 ± 1.3", "0.5123 ± 0", "-4.700e-18 ± 5e-20"]
+    texts = ["0.5123 ± 0.0081", "12.3 ± 1.3", "0.5123 ± 0", "(-4.700 ± 0.050)e-18"]
     assert [with_error(*pair) for pair in numbers] == texts
 
 

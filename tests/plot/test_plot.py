@@ -79,7 +79,7 @@ def made(axes, names=(), failing=()):
     shape = tuple(len(at) for at in axes.values())
     friction = np.sum(np.indices(shape), axis=0).astype(float)
     values = {n: np.zeros(shape) for n in numbers_of(False)}
-    values |= {"friction": friction, "geometric_friction": friction}
+    values |= {"friction": friction, "friction_grid_error": 0.01 * friction}
     message = np.full(shape, "", object)
     for index in failing:
         message[index] = "failed: no kernel"

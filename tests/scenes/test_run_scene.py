@@ -64,7 +64,7 @@ def test_an_observable_is_one_function(capsys):
         assert "largest_pressure [Pa]" in repr(sliding)
         np.testing.assert_allclose(results.largest_pressure[-1, -1], np.max(sliding.pressure), 1e-4)
         assert results.largest_pressure.attrs == {"units": "Pa", "long_name": "largest pressure"}
-        print_table(results)
+        print_table(results, full=True)
         assert "largest" in capsys.readouterr().out
     finally:
         del OBSERVABLES["largest_pressure"]
