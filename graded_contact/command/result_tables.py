@@ -54,7 +54,9 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
         typer.echo(f"Numbers are means of {every.sizes['seed']} surfaces ± standard error.")
     errors = {name: error for name, error in errors.items() if error in results}
     axes = results["message"].dims
-    hidden = set(errors.values()) | (set() if full else {*results} - _main(errors))
+    hidden = set(errors.values())
+    if not full:
+        hidden |= {*map(str, results)} - _main(errors)
     columns = _columns(results, hidden)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in (*_heads(results), *(head for head, _ in columns.values()), ""):

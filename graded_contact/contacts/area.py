@@ -74,7 +74,7 @@ def contact_shares(
             x = edge(jnp.clip(ratio, 1e-7, 1e6), indicator.ndim)  # the root of 0 has no derivative
             part = jnp.where(inside, jnp.minimum(2 * x, 1), jnp.maximum(2 * x - 1, 0))
             parts.append(jnp.where(mixed, part, inside.astype(x.dtype)))
-    return sum(parts) / len(parts)
+    return jnp.asarray(sum(parts) / len(parts))
 
 
 def edge_distance(ratio: Array, ndim: int) -> Array:

@@ -720,7 +720,7 @@ def _area_by_solver(found: Found) -> Array:
 
 
 def _area_by_kernel(found: Found) -> Array:
-    touching, change = _touching(found), 0.0
+    touching, change = _touching(found), jnp.zeros_like(found.pressure)
     for moved in _changes_by_kernel(found):  # 0 outside contact, where points may join it
         in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(touching), 1))
         change += jnp.where(touching, jnp.abs(moved), in_contact)
@@ -737,7 +737,7 @@ def _pressure_by_solver(found: Found) -> Array:
 
 def _approach_by_kernel(found: Found) -> Array:
     operators = map(found.operator.with_kernel, found.kernel_error)
-    return sum(jnp.sum(jnp.abs(_moved(found, operator))) for operator in operators)
+    return jnp.sum(jnp.stack([jnp.abs(_moved(found, operator)) for operator in operators]))
 
 
 def _gap_by_solver(found: Found) -> Array:
