@@ -100,8 +100,8 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
             name = declared[name].metadata.get("argument", name)
         owner = type(value).__name__
         if _is_number(part) and _is_number(error):
-            value: Any = part
-            part = with_error(float(value), float(error))
+            known: Any = part
+            part = with_error(float(known), float(error))
             shares = (f"{cause} {float(parts[n]):.1e}" for n, cause in causes[name].items())
             part += f" ({', '.join(shares)})" if causes[name] else ""
         elif isinstance(part, Mapping) and quantity_of(name, owner) is None and units:
