@@ -32,6 +32,7 @@ Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
 
 RTOL = 2e-4  # of the pressure; the differences of two grids are larger
 _LEAST = 8  # points along an axis, which are not halved again
+_LACKING = 3.0  # times the change, where half the grid lacks waves
 _SAME = 1e-6  # share of the variance of slopes that half the grid may lack
 
 
@@ -43,7 +44,7 @@ class Neighbours(eqx.Module):
     - `same`: on the grid, without the waves that half of it lacks.
     - `half`: the same on half as many points.
     - `fewer`: of a cycle, on the grid with half as many times and with a quarter, if it has enough.
-    - `factor`: by which changes are multiplied: 2 if half the grid lacks waves, else 1 [1].
+    - `factor`: by which changes are multiplied: 3 if half the grid lacks waves, else 1 [1].
     """
 
     same: Found
@@ -67,7 +68,7 @@ def neighbours_of(found: Found) -> Neighbours:
         same = _solved(found, shape, cut, times)
     numbers = [n for n in (times // 2, times // 4) if n >= _LEAST]
     fewer = tuple(_solved(found, shape, found.heights, n) for n in numbers)
-    factor = jnp.where(missing > _SAME, 2.0, 1.0).astype(found.heights.dtype)
+    factor = jnp.where(missing > _SAME, _LACKING, 1.0).astype(found.heights.dtype)
     return Neighbours(same, _solved(found, halved, on_half, times), fewer, factor)
 
 
