@@ -108,8 +108,10 @@ def _frictions(found: Found, pressure: Array) -> Array:
     # Work over load and path: a mean of ratios would count times with little load too much.
     # At a turn the speed has a kink, which few times would smooth.
     path = jnp.mean(refined(size) * _length(refined(found.motion_of_surface[0])))
-    over = _length(tractions / jnp.where(size > 0, size, 1)[:, None])
-    return jnp.stack([_power(found, tractions) / nonzero(path), largest(over)])
+    over = tractions / jnp.where(size > 0, size, 1)[:, None]
+    # The peak lies between two times; after a jump of the load, waves between them would be noise.
+    peak = jnp.where(jnp.min(size) > 0, largest(_length(refined(over))), largest(_length(over)))
+    return jnp.stack([_power(found, tractions) / nonzero(path), peak])
 
 
 @shared
@@ -297,7 +299,7 @@ def mean_friction(found: Found) -> Array:
     column=("friction\n(peak)", FOUR),
 )  # fmt: skip
 def peak_friction(found: Found) -> Array:
-    """The largest |friction| of any time [1]."""
+    """The largest |friction|, also between the times [1]."""
     return _frictions(found, loaded(found)[0])[1]
 
 
@@ -666,17 +668,13 @@ def change_by_grid(name: str) -> Callable[[Found], Array]:
 
 
 def by_times(name: str) -> Callable[[Found], Array]:
-    """Returns the formula of the error by the times: the change from half as many.
-
-    If a quarter changes it far more, it converges fast: then by a part of that.
-    """
+    """Returns the formula of the error by the times: the change from half as many."""
 
     def of_times(found):
-        own, *others = map(OBSERVABLES[name].formula, (found, *found.neighbours.fewer))
-        if not others:  # too few to be halved
-            return jnp.abs(own)
-        near, *far = (jnp.abs(own - other) for other in others)
-        return near * jnp.sqrt(jnp.minimum(near / nonzero(far[0]), 1)) if far else near
+        formula, fewer = OBSERVABLES[name].formula, found.neighbours.fewer
+        if fewer is None:  # too few to be halved
+            return jnp.abs(formula(found))
+        return jnp.abs(formula(found) - formula(fewer))
 
     return of_times
 

@@ -43,13 +43,13 @@ class Neighbours(eqx.Module):
 
     - `same`: on the grid, without the waves that half of it lacks.
     - `half`: the same on half as many points.
-    - `fewer`: of a cycle, on the grid with half as many times and with a quarter, if it has enough.
+    - `fewer`: of a cycle, on the grid with half as many times; None if these are too few.
     - `factor`: by which changes are multiplied: 3 if half the grid lacks waves, else 1 [1].
     """
 
     same: Found
     half: Found
-    fewer: tuple[Found, ...]
+    fewer: Found | None
     factor: Float[Array, ""]
 
 
@@ -60,14 +60,14 @@ def neighbours_of(found: Found) -> Neighbours:
     pressure = found.contact.mean_pressure
     if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
         # Without a contact there is nothing to compare.
-        return Neighbours(found, found, (), jnp.full_like(pressure, jnp.nan))
+        return Neighbours(found, found, found, jnp.full_like(pressure, jnp.nan))
     times = len(found.displacement) if found.is_cycle else 0
     on_half, cut, missing = _heights(found, halved)
-    same = found
+    same, fewer = found, None
     if not (is_concrete(missing) and missing <= _SAME):
         same = _solved(found, shape, cut, times)
-    numbers = [n for n in (times // 2, times // 4) if n >= _LEAST]
-    fewer = tuple(_solved(found, shape, found.heights, n) for n in numbers)
+    if times >= 2 * _LEAST:
+        fewer = _solved(found, shape, found.heights, times // 2)
     factor = jnp.where(missing > _SAME, _LACKING, 1.0).astype(found.heights.dtype)
     return Neighbours(same, _solved(found, halved, on_half, times), fewer, factor)
 
