@@ -308,6 +308,21 @@ def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
     assert told.stdout.count("failed") == 2 and told.exit_code == 0
 
 
+def test_no_figure_is_drawn_of_solves_without_numbers(rerun, tmp_path, monkeypatch):
+    solve = Case.solve
+
+    def not_finite(case, numerics):
+        rough = eqx.tree_at(lambda s: s.heights, case.surface, np.nan * case.surface.heights)
+        return solve(dataclasses.replace(case, surface=rough), numerics)
+
+    shutil.rmtree(tmp_path / "out")
+    monkeypatch.setattr(Case, "solve", not_finite)
+    result = rerun()
+    assert result.exit_code == 1 and "log-scaled" not in result.output
+    assert "No solve succeeded: no figure is drawn." in result.stdout
+    assert not list((tmp_path / "out").glob("*.png"))
+
+
 def full_disk(*_):
     raise OSError(errno.ENOSPC, "No space left on device")
 

@@ -284,3 +284,16 @@ def test_a_liquid_at_rest_is_named(run):
     blend = gc.Blend(LIQUID, gc.Elastic(1e6))
     with pytest.raises(ValueError, match=r"^`layers\[0\]` is a liquid"):
         run(gc.Stack(layers=(gc.GradedLayer(blend, 1e-4),), base=gc.Rigid()))
+
+
+def test_a_liquid_slides_along_a_profile():
+    """Full contact with one wave: the shear stress is q² a² Im(E/(1 - ν²))/4."""
+    grid, q, a, speed = gc.Grid((32,), 1e-3), 2 * np.pi / 1e-3, 1e-6, 1e-4
+    wave = gc.Surface(a * np.cos(q * np.arange(32) * 1e-3 / 32), grid)
+    block = gc.Stack(base=gc.HalfSpace(LIQUID))
+    found = gc.slide(block, wave, pressure=1e5, velocity=speed)
+    omega = q * speed * 1.0
+    loss = 1e6 * omega / (1 + omega**2) / 0.75
+    np.testing.assert_allclose(found.friction, q**2 * a**2 * loss / 4 / 1e5, rtol=1e-6)
+    with pytest.raises(ValueError, match=r"^`base` is a liquid .* need none"):
+        gc.slide(block, wave, pressure=1e5, velocity=0.0)
