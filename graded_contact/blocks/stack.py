@@ -17,10 +17,10 @@ from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
 
 LIQUID = (
-    "is a liquid (`equilibrium=0`), which flows without end under waves at rest, such as those "
-    "across a motion. Give it an equilibrium modulus (`equilibrium` of a fit, `--equilibrium` of "
-    "the commands `fit` and `new`). Steady sliding in one dimension, and the mean field of a "
-    "spectrum (the command `table`), need none."
+    "is a liquid (its equilibrium modulus is 0), which flows without end under waves at rest, such "
+    "as those across a motion. Give it an equilibrium modulus (`--equilibrium` of the commands "
+    "`fit` and `new`). Steady sliding in one dimension, and the mean field of a spectrum (the "
+    "command `table`), need none."
 )
 
 

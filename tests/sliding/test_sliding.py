@@ -279,7 +279,7 @@ LIQUID = gc.Prony(0.0, [1e6], [1.0])
 )
 def test_a_liquid_at_rest_is_named(run):
     """Waves across the motion are at rest, too."""
-    with pytest.raises(ValueError, match=r"^`base` is a liquid \(`equilibrium=0`\)"):
+    with pytest.raises(ValueError, match=r"^`base` is a liquid \(its equilibrium modulus is 0\)"):
         run(gc.Stack(base=gc.HalfSpace(LIQUID)))
     blend = gc.Blend(LIQUID, gc.Elastic(1e6))
     with pytest.raises(ValueError, match=r"^`layers\[0\]` is a liquid"):
