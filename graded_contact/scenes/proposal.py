@@ -87,7 +87,10 @@ def proposed_load(
     bottom = max(bottoms, key=lambda w: (np.sum(inside(w)), -abs(w - middle)))
     chosen = range(len(temperatures))
     if not every:
-        chosen = _overlapping(np.flatnonzero(inside(bottom)), shifts, length)
+        among = np.flatnonzero(inside(bottom))
+        # Where few frequencies were measured, no isotherm has all velocities: that of least shift.
+        among = among if len(among) else np.array([np.argmin(np.abs(shifts))])
+        chosen = _overlapping(among, shifts, length)
     return Load(
         pressure=float(f"{pressure:.0e}"),
         velocity=(float(10.0**bottom), float(10.0 ** (bottom + length))),

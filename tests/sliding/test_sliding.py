@@ -297,3 +297,31 @@ def test_a_liquid_slides_along_a_profile():
     np.testing.assert_allclose(found.friction, q**2 * a**2 * loss / 4 / 1e5, rtol=1e-6)
     with pytest.raises(ValueError, match=r"^`base` is a liquid .* need none"):
         gc.slide(block, wave, pressure=1e5, velocity=0.0)
+
+
+TEMPERATURES, LOG10 = np.array([260.0, 280.0, 300.0, 330.0]), np.array([4.0, 1.5, 0.0, -1.5])
+ANOTHER = [  # laws about 300 K and about another temperature, there log10 a_T, and that temperature
+    (gc.WLF(8.0, 120.0, 300.0), gc.WLF(8.0 * 120 / 100, 100.0, 280.0), 8.0 * 20 / 100, 280.0),
+    (gc.TabulatedShift(TEMPERATURES, LOG10, 300.0),
+     gc.TabulatedShift(TEMPERATURES, LOG10 - 4.0, 260.0), 4.0, 260.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("law, other, shift, reference", ANOTHER)
+def test_another_reference_temperature_changes_no_friction(law, other, shift, reference):
+    """log10 a_T changes by a constant, the times about the new reference by that factor."""
+    times = np.array([1e-3, 1e-1])
+    rubber = gc.Prony(1e6, [1e7, 3e6], times, shift=law)
+    moved = gc.Prony(1e6, [1e7, 3e6], 10**shift * times, shift=other)
+    profile = gc.random_surface(SPECTRUM, gc.Grid((64,), GRID.size[0]), jax.random.key(0))
+    for at in (reference, 290.0, 300.0, 325.0):
+        np.testing.assert_allclose(
+            law.log_factor(at) - other.log_factor(at), np.log(10) * shift, atol=1e-12
+        )
+        found, expected = (
+            gc.slide(
+                gc.Stack(base=gc.HalfSpace(one.at(at))), profile, pressure=4e5, velocity=0.1
+            ).friction
+            for one in (moved, rubber)
+        )
+        np.testing.assert_allclose(found, expected, rtol=1e-8)
