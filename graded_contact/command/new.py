@@ -154,7 +154,7 @@ def _lines(
         'kind = "half_space"',
         f'material = "{name}"',
         "",
-        f"[load]  # contact on {area} of the area{', at measured frequencies' * measured}",
+        f"[load]  # by mean field: contact on {area} of the area{', at measured frequencies' * measured}",
         f"pressure = {load.pressure:g}  # [Pa]",
         f"velocity = {{from = {low:g}, to = {high:g}, points = {NUM_VELOCITIES}}}  # [m/s]",
     ]
