@@ -135,7 +135,7 @@ def _lines(
     """The lines of the scene; `areas` of contact and `share` of friction not measured [1]."""
     low, high = load.velocity
     area = " to ".join(dict.fromkeys(f"{end:.0%}" for end in (min(areas), max(areas))))
-    measured = share <= EXTRAPOLATED
+    where = ", at measured frequencies" if share <= EXTRAPOLATED else ""
     lines = [
         f"# {title}, by `graded-contact new`. Change what you know better.",
         "#",
@@ -154,14 +154,14 @@ def _lines(
         'kind = "half_space"',
         f'material = "{name}"',
         "",
-        f"[load]  # by mean field: contact on {area} of the area{', at measured frequencies' * measured}",
+        f"[load]  # by mean field: contact on {area} of the area{where}",
         f"pressure = {load.pressure:g}  # [Pa]",
         f"velocity = {{from = {low:g}, to = {high:g}, points = {NUM_VELOCITIES}}}  # [m/s]",
     ]
     if load.temperature:
         shown = ", ".join(map(kelvin, load.temperature))
         lines.append(f"temperature = {entry_text(load.temperature)}  # {shown}")
-    if not measured:
+    if share > EXTRAPOLATED:
         reason = f"up to {share:.0%} of the friction is of frequencies not measured"
         lines.append(f"extrapolate = true  # {reason}")
     return [*lines, "", "[output]", 'name = "friction"', 'directory = "results"', ""]
