@@ -34,6 +34,7 @@ _FIT_OPTIONS = {
     **{name: f"--{name.replace('_', '-')}" for name in (
         "kind", "deformation", "poisson", "sheet", "step", "terms", "law", "shift_std",
         "vertical_shift_std", "equilibrium", "glassy", "storage_weight", "loss_weight",
+        "temperatures",
     )},
 }  # fmt: skip
 
@@ -64,6 +65,18 @@ ColumnTexts = Annotated[list[str] | None, Option(
     "--column", metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated."
 )]  # fmt: skip
 
+Sheet = Annotated[str | None, Option(help="Name of the sheet of a workbook.")]
+Steps = Annotated[list[str] | None, Option(
+    metavar="NAME", help="Number or title of a step to read; may be repeated."
+)]  # fmt: skip
+Law = Annotated[Literal["wlf", "arrhenius"], Option(help="How several isotherms are shifted.")]
+Equilibrium = Annotated[float | None, Option(
+    metavar="PASCAL", help="E_eq if known; 0 for a liquid."
+)]  # fmt: skip
+Robust = Annotated[bool, Option(
+    "--robust", help="Leave out rows that no smooth positive spectrum explains."
+)]  # fmt: skip
+
 
 def fit(
     moduli_files: ModuliFiles,
@@ -73,22 +86,16 @@ def fit(
     kind: DataKind = None,
     deformation: Deformation = None,
     temperature: Temperatures = None,
-    sheet: Annotated[str | None, Option(help="Name of the sheet of a workbook.")] = None,
-    step: Annotated[list[str] | None, Option(
-        metavar="NAME", help="Number or title of a step to read; may be repeated."
-    )] = None,
-    law: Annotated[Literal["wlf", "arrhenius"], Option(
-        help="How several isotherms are shifted."
-    )] = "wlf",
+    sheet: Sheet = None,
+    step: Steps = None,
+    law: Law = "wlf",
     shift_std: Annotated[float, Option(
         help="Expected standard deviation of log10 a_T from the law; 0 for none."
     )] = 0.3,
     vertical_shift_std: Annotated[float, Option(
         help="Expected standard deviation of ln b_T, the shift of moduli."
     )] = 0.0,
-    equilibrium: Annotated[float | None, Option(
-        metavar="PASCAL", help="E_eq if known; 0 for a liquid."
-    )] = None,
+    equilibrium: Equilibrium = None,
     glassy: Annotated[float | None, Option(
         metavar="PASCAL", help="Instantaneous modulus if known."
     )] = None,
@@ -97,9 +104,7 @@ def fit(
     anyway: Annotated[bool, Option(
         "--anyway", help="Fit data that are far from all positive spectra."
     )] = False,
-    robust: Annotated[bool, Option(
-        "--robust", help="Leave out rows that no smooth positive spectrum explains."
-    )] = False,
+    robust: Robust = False,
     unit: UnitTexts = None,
     column: ColumnTexts = None,
     card: Annotated[list[str] | None, Option(
@@ -122,17 +127,8 @@ def fit(
             moduli_files, column, unit, temperature, kind=kind, deformation=deformation,
             poisson=poisson, sheet=sheet, step=step,
         )  # fmt: skip
-        wild = wild_values(measured)
-        if wild and robust:
-            typer.echo("Left out, because no smooth positive spectrum explains their values:")
-        elif wild:
-            typer.secho(WILD, fg="yellow", err=True)
-        elif robust:
-            typer.echo("--robust leaves out no row: a smooth positive spectrum explains them all.")
-        for value in wild:
-            typer.echo(str(value), err=not robust)
         found = fitted(
-            without(measured, wild) if robust else measured, terms=terms, poisson=poisson,
+            looked_through(measured, robust), terms=terms, poisson=poisson,
             equilibrium=equilibrium, glassy=glassy, throw=not anyway, law=law, shift_std=shift_std,
             storage_weight=storage_weight, loss_weight=loss_weight,
             vertical_shift_std=vertical_shift_std,
@@ -167,6 +163,20 @@ def read_measured(moduli_files, column, unit, temperature, **options) -> Measure
     for sentence in measured.history:
         typer.echo(with_options(sentence))
     return measured
+
+
+def looked_through(measured: Measured, robust: bool) -> Measured:
+    """Returns the data, if `robust` without the rows of wild values; prints these values."""
+    wild = wild_values(measured)
+    if wild and robust:
+        typer.echo("Left out, because no smooth positive spectrum explains their values:")
+    elif wild:
+        typer.secho(WILD, fg="yellow", err=True)
+    elif robust:
+        typer.echo("--robust leaves out no row: a smooth positive spectrum explains them all.")
+    for value in wild:
+        typer.echo(str(value), err=not robust)
+    return without(measured, wild) if robust else measured
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from ..blocks.grading import AbstractGradedSolver
 from ..blocks.layering import Layering
-from ..blocks.stack import Stack
+from ..blocks.stack import LIQUID, Stack, liquid_in
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
 from ..core.checks import (
@@ -33,7 +33,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..core.memory import check_points
-from ..core.parameters import paths, with_values
+from ..core.parameters import paths, places, with_values
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
 from ..materials.material import AbstractMaterial
@@ -131,6 +131,7 @@ class Scene:
     - `name`: begins the names of the files of results.
     - `directory`: folder of the results, relative to the scene.
     - `fields`: solves whose fields over the surface are stored.
+    - `materials`: names of the materials by their paths in the block, such as "base.material".
     - `errors`: of materials: name, material of the stack, and errors of its numbers.
     - `inputs`: the files that the scene names, by table and key.
     - `notes`: what was understood of its tables of moduli, one sentence each.
@@ -159,6 +160,7 @@ class Scene:
     name: str | None = None
     directory: Path | None = None
     fields: Literal["last", "every", "none"] = "last"
+    materials: dict[str, str]
     errors: tuple[tuple[str, AbstractMaterial, Errors], ...]
     inputs: dict[tuple[str, str], Path]
     notes: tuple[str, ...] = ()
@@ -313,8 +315,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
     own = {name: getattr(tables, name) for name in ("title", "sweep", "shear", "heating")}
     errors = tuple((name, block.materials[name], known) for name, known in block.errors.items())
+    materials = {at: name for name, part in block.materials.items() for at in places(stack, part)}
     found = Scene(
-        text=text, surface=surface, stack=stack, errors=errors, inputs=inputs,
+        text=text, surface=surface, stack=stack, materials=materials, errors=errors, inputs=inputs,
         notes=tuple(block.notes), solver=algorithm, motion=motion, step=step,
         **own, **load, **accuracy, **output,
     )  # fmt: skip
@@ -398,6 +401,14 @@ def refuse_tables(scene: Scene, place: str, *names: str) -> None:
     for name in names:
         if getattr(scene, name) is not None:
             raise ValueError(f"{place} does not take the table [{name}].")
+
+
+def refuse_liquids(scene: Scene) -> None:
+    """Raises `ValueError` with the name of a material that is a liquid, in any block of a scene."""
+    for _, stack in scene.blocks():
+        path = liquid_in(stack)
+        if path is not None:
+            raise ValueError(f"[materials.{scene.materials[path]}] {LIQUID}")
 
 
 def check_paths(given: Iterable[str], stack: Stack) -> None:

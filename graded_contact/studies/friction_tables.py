@@ -6,9 +6,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
-from ..blocks.stack import Stack
+from ..blocks.stack import Stack, check_at_rest
 from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
 from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import mean_field_of
@@ -73,6 +74,10 @@ def friction_table(
     check_values("direction", direction, "an angle [rad] must be finite")
     check_positive("pressure", as_float(pressure, "pressure"), "[Pa]")
     check_values("velocity", as_float(velocity), "a speed [m/s] is not negative", at_least=0)
+    # `sweep` traces temperatures, behind which a liquid is not seen.
+    on_grid = isinstance(roughness, Surface) and roughness.grid.ndim == 2
+    if on_grid or not np.all(np.asarray(velocity)):
+        check_at_rest(stack)
     axes = {"pressure": pressure, "velocity": velocity}
     if temperature is not None:
         axes = {"temperature": temperature, **axes}

@@ -11,7 +11,7 @@ import h5py
 import jax
 import numpy as np
 import pytest
-from scene_texts import TEXT
+from scene_texts import TEXT, changed
 
 import graded_contact as gc
 from graded_contact.page import model as models
@@ -104,6 +104,17 @@ def test_a_layer_more_compiles_no_contact(model, document, caplog):
         jax.jit(lambda x: 3 * x)(1.0)
     assert "<lambda>" in caplog.text  # what compiles is in the log
     assert not any(f"jit({name})" in caplog.text for name in ("_begin", "_solution"))
+
+
+def test_a_liquid_has_curves_and_is_refused_by_name(tmp_path):
+    (tmp_path / "melt.toml").write_text(
+        changed('kind = "tyre_tread"', 'kind = "prony"\nequilibrium = 0\nstrengths = [1e6]\n'
+                "times = [1e-2]")
+    )  # fmt: skip
+    model = Model(open_document(tmp_path / "melt.toml"))
+    assert np.all(np.isfinite(model.curves(model.values).friction))
+    with pytest.raises(ValueError, match=r"^\[materials.tread\] is a liquid"):
+        model.contact(model.values)
 
 
 def test_downloads_have_units_and_everything_that_is_shown(model):

@@ -279,8 +279,49 @@ LIQUID = gc.Prony(0.0, [1e6], [1.0])
 )
 def test_a_liquid_at_rest_is_named(run):
     """Waves across the motion are at rest, too."""
-    with pytest.raises(ValueError, match=r"^`base` is a liquid \(`equilibrium=0`\)"):
+    with pytest.raises(ValueError, match=r"^`base` is a liquid \(its equilibrium modulus is 0\)"):
         run(gc.Stack(base=gc.HalfSpace(LIQUID)))
     blend = gc.Blend(LIQUID, gc.Elastic(1e6))
     with pytest.raises(ValueError, match=r"^`layers\[0\]` is a liquid"):
         run(gc.Stack(layers=(gc.GradedLayer(blend, 1e-4),), base=gc.Rigid()))
+
+
+def test_a_liquid_slides_along_a_profile():
+    """Full contact with one wave: the shear stress is q² a² Im(E/(1 - ν²))/4."""
+    grid, q, a, speed = gc.Grid((32,), 1e-3), 2 * np.pi / 1e-3, 1e-6, 1e-4
+    wave = gc.Surface(a * np.cos(q * np.arange(32) * 1e-3 / 32), grid)
+    block = gc.Stack(base=gc.HalfSpace(LIQUID))
+    found = gc.slide(block, wave, pressure=1e5, velocity=speed)
+    omega = q * speed * 1.0
+    loss = 1e6 * omega / (1 + omega**2) / 0.75
+    np.testing.assert_allclose(found.friction, q**2 * a**2 * loss / 4 / 1e5, rtol=1e-6)
+    with pytest.raises(ValueError, match=r"^`base` is a liquid .* need none"):
+        gc.slide(block, wave, pressure=1e5, velocity=0.0)
+
+
+TEMPERATURES, LOG10 = np.array([260.0, 280.0, 300.0, 330.0]), np.array([4.0, 1.5, 0.0, -1.5])
+ANOTHER = [  # laws about 300 K and about another temperature, there log10 a_T, and that temperature
+    (gc.WLF(8.0, 120.0, 300.0), gc.WLF(8.0 * 120 / 100, 100.0, 280.0), 8.0 * 20 / 100, 280.0),
+    (gc.TabulatedShift(TEMPERATURES, LOG10, 300.0),
+     gc.TabulatedShift(TEMPERATURES, LOG10 - 4.0, 260.0), 4.0, 260.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("law, other, shift, reference", ANOTHER)
+def test_another_reference_temperature_changes_no_friction(law, other, shift, reference):
+    """log10 a_T changes by a constant, the times about the new reference by that factor."""
+    times = np.array([1e-3, 1e-1])
+    rubber = gc.Prony(1e6, [1e7, 3e6], times, shift=law)
+    moved = gc.Prony(1e6, [1e7, 3e6], 10**shift * times, shift=other)
+    profile = gc.random_surface(SPECTRUM, gc.Grid((64,), GRID.size[0]), jax.random.key(0))
+    for at in (reference, 290.0, 300.0, 325.0):
+        np.testing.assert_allclose(
+            law.log_factor(at) - other.log_factor(at), np.log(10) * shift, atol=1e-12
+        )
+        found, expected = (
+            gc.slide(
+                gc.Stack(base=gc.HalfSpace(one.at(at))), profile, pressure=4e5, velocity=0.1
+            ).friction
+            for one in (moved, rubber)
+        )
+        np.testing.assert_allclose(found, expected, rtol=1e-8)

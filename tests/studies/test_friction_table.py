@@ -45,6 +45,16 @@ def test_each_point_is_the_mean_field_of_its_numbers(table):
     np.testing.assert_allclose(found.friction_error, alone.error * alone.friction, rtol=1e-6)
 
 
+@pytest.mark.parametrize("method, speeds", [("contact", [0.1]), ("mean_field", [0.1, 0.0])])
+def test_a_liquid_is_refused_before_temperatures_are_traced(method, speeds):
+    melt = gc.Stack(base=gc.HalfSpace(gc.Prony(0.0, [1e6], [1.0], shift=gc.WLF(5.0, 80.0, 300.0))))
+    rough = gc.random_surface(SPECTRUM, gc.Grid((64, 64), CELL), jax.random.key(0))
+    rough = rough if method == "contact" else SPECTRUM
+    axes = dict(pressure=[2e5], velocity=speeds, temperature=[300.0])
+    with pytest.raises(ValueError, match=r"^`base` is a liquid"):
+        friction_table(melt, rough, method=method, **axes)
+
+
 @pytest.mark.slow
 def test_both_methods_beside_each_other_with_the_error_of_the_grid():
     axes = dict(pressure=[2e5], velocity=[0.01, 0.1])
