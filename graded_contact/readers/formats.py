@@ -21,6 +21,7 @@ from .units import length_unit, metres
 MOST_POINTS = 2**28
 BYTES_OF_POINT = 4  # unpacked; fewer in files that are hardly packed
 CHUNK = 2**16  # bytes
+MARK = 0.99e37  # in any unit; 1e37, 1e38 and the largest float32 are in use
 _BESIDE = {".txt", ".md", ".pdf", ".xml", ".json", ".csv", ".html", ".jpg", ".png", ".tif", ".bmp"}
 _SIZE = re.compile(
     r"(?:((?:physical_?)?sizes?)|(?:pixel(?:_?size)?|spacing)s?)(?:_([a-z]+))?", re.IGNORECASE
@@ -56,6 +57,11 @@ def equally_spaced(values: np.ndarray, within: float) -> bool:
     even = np.linspace(values[0], values[-1], len(values))
     step = abs(values[-1] - values[0]) / (len(values) - 1)
     return bool(np.max(np.abs(values - even)) <= within * step)
+
+
+def marked_as_missing(heights: np.ndarray) -> np.ndarray:
+    """Returns which heights are marks of missing points, such as 1e38; instruments have no NaN."""
+    return np.abs(heights) >= MARK
 
 
 def chosen(channel: str | int | None, names: Sequence[str], what: str) -> int:
@@ -144,6 +150,12 @@ def names_in(content: bytes) -> list[str]:
     """Returns the names of the files in a zip."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         return [entry.filename for entry in archive.infolist() if not entry.is_dir()]
+
+
+def file_in(content: bytes, name: str) -> bytes:
+    """Returns the content of a file in a zip."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return archive.read(name)
 
 
 def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:

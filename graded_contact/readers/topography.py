@@ -17,7 +17,17 @@ from ..core.display import with_unit
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
 from ..surfaces.surface import Step, Surface, step
 from .cells import decoded, sheets_of
-from .formats import Scan, chosen, names_in, read_arrays, read_instrument, unpacked
+from .container import as_described, measurements_in
+from .formats import (
+    Scan,
+    chosen,
+    file_in,
+    marked_as_missing,
+    names_in,
+    read_arrays,
+    read_instrument,
+    unpacked,
+)
 from .heights_text import read_text
 from .opencrg import is_road, read_road
 from .paths import (
@@ -105,7 +115,7 @@ def _read(path: Path, channel, size, unit, periodic) -> tuple[Scan, float, np.nd
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            scan = _scan(path, content, channel, size, unit, len(content))
+            scan = _without_marks(_scan(path, content, channel, size, unit, len(content)))
             factor, known = _scales(scan, size, unit)
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
@@ -147,6 +157,17 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
         return read_road(content)
     if is_zip and "xl/workbook.xml" in names_in(content):
         return _read_sheets(content, channel, packed)
+    if is_zip and (kept := measurements_in(content)):
+        if depth == DEEPEST:
+            raise Refusal("it has too many zips in one another")
+        names = [*kept]
+        files = {each.file: name for name, each in kept.items()}
+        index = chosen(files.get(channel, channel), names, "it is a container of measurements")
+        name, measurement = names[index], kept[names[index]]
+        inner, own = PurePosixPath(measurement.file), file_in(content, measurement.file)
+        scan = _scan(inner, own, measurement.source, size, unit, packed, depth + 1)
+        scan = scan._replace(source=f"{scan.source} of {name!r}")
+        return as_described(scan, measurement)
     if not is_text:
         try:
             return read_instrument(content, channel, at_most)
@@ -168,6 +189,17 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
     except Exception:  # it raises many kinds, also where it is not installed
         return read_text(text)
     return scan if scan.unit is not None and scan.size is not None else read_text(text)
+
+
+def _without_marks(scan: Scan) -> Scan:
+    """The heights with NaN for numbers that mark missing points."""
+    marked = marked_as_missing(scan.heights)
+    if not np.any(marked):
+        return scan
+    least = np.min(np.abs(scan.heights[marked]))
+    note = f"{np.sum(marked)} heights of {least:.2g} or more count as missing."
+    heights = np.where(marked, np.nan, scan.heights)
+    return scan._replace(heights=heights, notes=(*scan.notes, note))
 
 
 def _read_sheets(content: bytes, channel: str | int | None, packed: int) -> Scan:
