@@ -103,7 +103,7 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
         if channel is not None:
             index = chosen(channel, [info.name for info in channels], "it has several channels")
         info = channels[index]
-        _check_points(info.nb_grid_pts or (), at_most)
+        check_points(info.nb_grid_pts or (), at_most)
         sizes = info.physical_sizes
         lacking: dict[str, Any] = {} if sizes else {"physical_sizes": (1.0,) * info.dim}
         lacking |= {} if info.unit else {"unit": "m"}
@@ -119,7 +119,7 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
         return scan._replace(periodic=bool(info.is_periodic))
 
 
-def _check_points(shape: Any, at_most: float) -> None:
+def check_points(shape: Any, at_most: float) -> None:
     """Raises `Refusal` for more points than a file has that unpacks to `at_most` bytes."""
     points = math.prod(np.atleast_1d(shape).tolist())
     most = min(MOST_POINTS, at_most / BYTES_OF_POINT)
@@ -252,7 +252,7 @@ def _lateral_unit(name: str, scan: Scan, size: np.ndarray, unit: str | None) -> 
 
 
 def _real(values: np.ndarray, at_most: float) -> np.ndarray:
-    _check_points(values.shape, at_most)
+    check_points(values.shape, at_most)
     if values.dtype.kind not in "iuf":
         raise Refusal(f"its array is of {values.dtype}, not of real numbers")
     return np.where(np.isfinite(values), values, np.nan).astype(float)

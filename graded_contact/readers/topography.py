@@ -18,6 +18,7 @@ from ..surfaces.preparation import Fill, Periodic, surface_from_heights
 from ..surfaces.surface import Step, Surface, step
 from .cells import decoded, sheets_of
 from .container import as_described, measurements_in
+from .digital_surf import is_digital_surf, read_digital_surf
 from .formats import (
     Scan,
     chosen,
@@ -153,6 +154,8 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
     is_text = encoding and not (encoding == "Latin-1" and odd > 0.01 * len(text[:10_000]))
     if is_text:
         check_unpacked(len(content), may_unpack(packed, UNPACKED_TEXT))
+    if is_digital_surf(content):
+        return read_digital_surf(content, at_most)
     if is_road(content):
         return read_road(content)
     if is_zip and "xl/workbook.xml" in names_in(content):

@@ -1,12 +1,15 @@
 """Heights in formats that the package reads itself, from files written here byte by byte."""
 
 import io
+import struct
 import zipfile
+import zlib
 
 import numpy as np
 import pytest
 
 from graded_contact import read_surface
+from graded_contact.readers.digital_surf import read_digital_surf
 
 RNG = np.random.default_rng(5)
 SIZE = (4e-6, 3e-6)
@@ -103,3 +106,77 @@ def test_a_container_gives_its_measurements_by_name_with_size_and_unit(tmp_path)
 def test_a_container_that_is_not_understood_is_refused_by_name(tmp_path, meta):
     with pytest.raises(ValueError, match=r"its 'meta\.yml' is not understood"):
         read(tmp_path, zipped({"meta.yml": meta, "a.txt": "1 2\n"}))
+
+
+# Digital Surf
+
+STEP = 1e-12  # [m], of the numbers that the file keeps
+
+
+def digital_surf(raw, *, packed=0, units=("µm", "µm", "nm"), inversion=0, least=0, special=0):
+    """A file of whole numbers, a row for each line along x; `packed` is a number of streams."""
+    num_y, num_x = raw.shape
+    head = bytearray(512)
+    head[:12] = b"DSCOMPRESSED" if packed else b"DIGITAL SURF"
+
+    def put(at, form, *values):
+        struct.pack_into("<" + form, head, at, *values)
+
+    put(14, "H", 1), put(86, "H", special), put(98, "H", 8 * raw.itemsize), put(100, "i", least)
+    put(108, "3i", num_x, num_y, num_x * num_y), put(120, "3f", 0.1, 0.1, 1e-3)
+    for place, text in enumerate((*"xyz", *units, *units)):
+        head[132 + 16 * place : 148 + 16 * place] = text.encode("latin-1").ljust(16)
+    put(276, "3f", 1, 1, 1), put(290, "H", inversion), put(334, "2H", 5, 3)
+    data = raw.astype(raw.dtype.newbyteorder("<")).tobytes()
+    if packed:
+        parts = [data[i : i + len(data) // packed + 1]
+                 for i in range(0, len(data), len(data) // packed + 1)]  # fmt: skip
+        streams = [zlib.compress(part) for part in parts]
+        sizes = [n for pair in zip(parts, streams, strict=True) for n in map(len, pair)]
+        data = struct.pack(f"<I{len(sizes)}I", len(parts), *sizes) + b"".join(streams)
+    return bytes(head) + b"hello" + b"..." + data
+
+
+RAW = np.round(HEIGHTS.T / STEP).astype("i4")
+
+
+@pytest.mark.parametrize("packed", [0, 1, 3])
+def test_maps_of_mountains_are_read_packed_too(tmp_path, packed):
+    kept = STEP * RAW.T
+    check(read(tmp_path, digital_surf(RAW, packed=packed)), kept)
+    upside = digital_surf(np.ascontiguousarray(-RAW[::-1]), packed=packed, inversion=3)
+    check(read(tmp_path, upside), kept)
+    line = np.ascontiguousarray(RAW[:1])
+    check(read(tmp_path, digital_surf(line, packed=packed)), kept[:, 0])
+
+
+def test_maps_of_mountains_agree_with_surface_topography():
+    """Where no unit differs, and for missing points and each inversion."""
+    library = pytest.importorskip("SurfaceTopography")
+    raw = np.ascontiguousarray(RAW // 2)
+    raw[3, 4] = raw.min() - 2
+    for inversion in range(4):
+        options = {"units": 3 * ("nm",), "special": 1, "least": int(raw[3, 4]) + 2}
+        content = digital_surf(raw, inversion=inversion, **options)
+        theirs = library.open_topography(io.BytesIO(content)).topography()
+        ours = read_digital_surf(content, 1e9)
+        np.testing.assert_allclose(np.ma.filled(theirs.heights(), np.nan), ours.heights)
+        np.testing.assert_allclose(theirs.physical_sizes, 1e9 * ours.size)
+
+
+def test_other_maps_of_mountains_and_damaged_ones_are_refused(tmp_path):
+    content = digital_surf(RAW, packed=2)
+    bomb = content[:524] + struct.pack("<I", 2**31) + content[528:]
+    for changed, message in [
+        (digital_surf(RAW, packed=1, units=("mm", "mm", "a.u.")), r"its 'z' is in 'a\.u\.'"),
+        (digital_surf(RAW, units=("mm", "mm", "V")), "it holds no heights"),
+        (digital_surf(RAW, units=("s", "mm", "nm")), "its x is in 's' and its y in 'mm'"),
+        (content[:-40], "compressed heights are damaged|bytes of heights: cut short"),
+        (bomb, "it unpacks to more than 50 MB"),
+        (content[:300], "header is cut short"),
+        (content[:525], "list of compressed parts is cut short"),
+        (content[:560] + bytes(9) + content[569:], "damaged"),
+        (digital_surf(RAW)[:-1], "bytes of heights: cut short"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            read(tmp_path, changed)
