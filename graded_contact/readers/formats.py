@@ -52,6 +52,10 @@ class Scan(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
+class NoHeights(ValueError):
+    """A known format without a channel in a unit of length."""
+
+
 def equally_spaced(values: np.ndarray, within: float) -> bool:
     """Returns whether numbers are equally spaced within this part of their step."""
     even = np.linspace(values[0], values[-1], len(values))
@@ -98,7 +102,7 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
             raise ValueError("this reader takes any 2 n² bytes")
         channels: list[Any] = list(reader.channels)
         if not channels:
-            raise ValueError("no channel of heights was found")
+            raise NoHeights("no channel of heights was found")
         index = channels.index(reader.default_channel)
         if channel is not None:
             index = chosen(channel, [info.name for info in channels], "it has several channels")

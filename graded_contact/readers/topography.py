@@ -16,10 +16,12 @@ from ..core.checks import Numbers, check_positive, check_types
 from ..core.display import with_unit
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
 from ..surfaces.surface import Step, Surface, step
+from . import gwyddion
 from .cells import decoded, sheets_of
 from .container import as_described, measurements_in
 from .digital_surf import is_digital_surf, read_digital_surf
 from .formats import (
+    NoHeights,
     Scan,
     chosen,
     file_in,
@@ -41,6 +43,7 @@ from .paths import (
     read_file,
 )
 from .units import metres
+from .x3p import has_text_heights, read_text_heights
 
 DEEPEST = 3  # zips in one another
 GAP = 3  # steps of a line scan, beyond which the points between are missing
@@ -160,6 +163,8 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
         return read_road(content)
     if is_zip and "xl/workbook.xml" in names_in(content):
         return _read_sheets(content, channel, packed)
+    if is_zip and has_text_heights(content):
+        return read_text_heights(content, at_most)
     if is_zip and (kept := measurements_in(content)):
         if depth == DEEPEST:
             raise Refusal("it has too many zips in one another")
@@ -174,6 +179,10 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
     if not is_text:
         try:
             return read_instrument(content, channel, at_most)
+        except NoHeights:
+            if not content.startswith(gwyddion.MAGIC):
+                raise
+            return gwyddion.read_channels(content, channel, at_most)
         except Exception as error:
             if is_ole:
                 return _read_sheets(content, channel, packed)
@@ -231,7 +240,9 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
     lacking = ["`unit`, for instance 'um'"] * (None in own and unit is None)
     lacking += ["`size` [m]"] * (scan.size is None and size is None)
     if lacking:
-        raise Refusal(f"it does not state all that is needed; pass {', and '.join(lacking)}")
+        of = "" if scan.unit else f" of {scan.source}"
+        wanted = ", and ".join(lacking)
+        raise Refusal(f"it does not state all that is needed{of}; pass {wanted}")
     if None not in own and unit is not None:
         raise Refusal(f"it is in {scan.unit!r}; leave out `unit={unit!r}`")
     factors = []

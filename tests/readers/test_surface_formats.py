@@ -180,3 +180,94 @@ def test_other_maps_of_mountains_and_damaged_ones_are_refused(tmp_path):
     ]:
         with pytest.raises(ValueError, match=message):
             read(tmp_path, changed)
+
+
+# X3P with heights as text, and Gwyddion without units
+
+X3P = """<?xml version="1.0" encoding="UTF-8"?>
+<p:ISO5436_2 xmlns:p="http://www.opengps.eu/2008/ISO5436_2"><Record1>
+<Revision>ISO5436 - 2000</Revision><FeatureType>SUR</FeatureType><Axes>
+<CX><AxisType>I</AxisType><DataType>D</DataType><Increment>1e-7</Increment></CX>
+<CY><AxisType>I</AxisType><DataType>D</DataType><Increment>1e-7</Increment></CY>
+<CZ><AxisType>A</AxisType><DataType>D</DataType></CZ></Axes></Record1><Record3>
+<MatrixDimension><SizeX>{}</SizeX><SizeY>{}</SizeY><SizeZ>1</SizeZ></MatrixDimension>
+<DataList>{}</DataList></Record3></p:ISO5436_2>"""
+
+
+def x3p(heights):
+    """`heights` of shape (nx, ny) or (nx,); x runs first, and NaN is an empty tag."""
+    data = ["<Datum/>" if np.isnan(h) else f"<Datum>{h:.9e}</Datum>" for h in heights.T.ravel()]
+    return X3P.format(len(heights), heights.size // len(heights), "\n".join(data))
+
+
+def test_heights_in_the_xml_of_an_x3p_are_read(tmp_path):
+    check(read(tmp_path, zipped({"main.xml": x3p(HEIGHTS)})))
+    check(read(tmp_path, zipped({"a/main.xml": x3p(HEIGHTS)})))
+    check(read(tmp_path, zipped({"main.xml": x3p(HEIGHTS[:, 2])})), HEIGHTS[:, 2])
+    scaled = x3p(1e9 * HEIGHTS).replace(
+        "<CZ><AxisType>A", "<CZ><Increment>1e-9</Increment><AxisType>I"
+    )
+    check(read(tmp_path, zipped({"main.xml": scaled})))
+    holed = np.where(RNG.random(HEIGHTS.shape) < 0.02, np.nan, HEIGHTS)
+    surface = read(tmp_path, zipped({"main.xml": x3p(holed)}))
+    assert any(f"Filled {np.sum(np.isnan(holed))} missing" in note for note in surface.history)
+    for old, new, message in [
+        ("<SizeX>40", "<SizeX>41", "it has 1200 heights for 41 x 30 x 1 points"),
+        ("<?xml version", "<!DOCTYPE a><?xml version", "declares a type of document"),
+        ("MatrixDimension", "ListDimension", "its points are a list, not a matrix"),
+        ("<Datum>", "<Datum>1;2;", "its points have more than a height"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            read(tmp_path, zipped({"main.xml": x3p(HEIGHTS).replace(old, new)}))
+
+
+def gwyddion(*channels, xreal=4e3):
+    """A file of channels, each a title, heights of shape (nx, ny), a unit, and a mask or None."""
+
+    def thing(name, *components):
+        inner = b"".join(components)
+        return name.encode() + b"\0" + struct.pack("<I", len(inner)) + inner
+
+    def component(name, kind, content):
+        return name.encode() + b"\0" + kind.encode() + content
+
+    def field(values, unit):
+        numbers = values.T.astype("<f8")
+        text = component("unitstr", "s", unit.encode() + b"\0")
+        parts = [component(name, "i", struct.pack("<i", n))
+                 for name, n in zip(("xres", "yres"), values.shape, strict=True)]  # fmt: skip
+        parts += [component(name, "d", struct.pack("<d", edge))
+                  for name, edge in (("xreal", xreal), ("yreal", xreal * 30 / 40))]  # fmt: skip
+        parts += [
+            component(f"si_unit_{axis}", "o", thing("GwySIUnit", text)) for axis in ("xy", "z")
+        ]
+        data = struct.pack("<I", numbers.size) + numbers.tobytes()
+        return thing("GwyDataField", *parts, component("data", "D", data))
+
+    parts = [component("/note", "S", struct.pack("<I", 2) + b"one\0two\0")]
+    for i, (title, values, unit, mask) in enumerate(channels):
+        parts.append(component(f"/{i}/data/title", "s", title.encode() + b"\0"))
+        parts.append(component(f"/{i}/data/visible", "b", b"\1"))
+        parts.append(component(f"/{i}/data", "o", field(values, unit)))
+        if mask is not None:
+            parts.append(component(f"/{i}/mask", "o", field(mask.astype(float), "")))
+    return b"GWYP" + thing("GwyContainer", *parts)
+
+
+def test_channels_of_gwyddion_without_a_unit_are_listed_and_need_one(tmp_path):
+    pytest.importorskip("SurfaceTopography")
+    numbers = 1e9 * HEIGHTS  # [nm]
+    content = gwyddion(("One", numbers, "", None), ("Two", -numbers, "", HEIGHTS > 0))
+    with pytest.raises(ValueError, match=r"no unit; pass `channel`, one of \['One', 'Two'\]"):
+        read(tmp_path, content)
+    with pytest.raises(ValueError, match="needed of channel 'One'; pass `unit`, for instance 'um'"):
+        read(tmp_path, content, channel="One")
+    check(read(tmp_path, content, channel="One", unit="nm"))
+    surface = read(tmp_path, content, channel="Two", unit="nm")
+    assert any(f"Filled {np.sum(HEIGHTS > 0)} missing" in note for note in surface.history)
+    known = gwyddion(("One", HEIGHTS, "m", None), ("Two", -HEIGHTS, "V", None), xreal=4e-6)
+    check(read(tmp_path, known))  # by SurfaceTopography
+    with pytest.raises(ValueError, match="its channels are no heights: 'Phase' in 'deg'"):
+        read(tmp_path, gwyddion(("Phase", HEIGHTS, "deg", None)))
+    with pytest.raises(ValueError, match=r"a\.dat"):
+        read(tmp_path, content[:-30])
