@@ -31,6 +31,7 @@ WAYS = (
 SWEEPS = tuple(("strain", ("strain", *way[1:])) for kind, way in WAYS if kind == "frequency")
 # In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
 _STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formation|dehnung)")
+_NO_AMPLITUDE = re.compile(r"(?i)\bcmd\b|command|ratio|constant")  # as TRIOS has beside the strain
 ALIKE = 0.02  # columns whose values differ by less are the same
 CONSTANT = 0.05  # what a test holds constant varies by less
 SAME = 1e-3  # relative, between frequencies that are meant to be equal
@@ -146,7 +147,8 @@ def _places(table: Table, options: Options) -> dict[str, list[int]]:
             places[quantity] = named or each
     if options.kind == "strain" and "strain" not in places:
         named = [i for i, name in enumerate(table.names) if _STRAIN.search(name)]
-        places |= {"strain": named} if named else {}
+        measured = [i for i in named if not _NO_AMPLITUDE.search(table.names[i])]
+        places |= {"strain": measured or named} if named else {}
     if not places and not options.columns and options.kind is not None:
         names = _ways(options.kind)[0][1]
         if len(table.names) == len(names):

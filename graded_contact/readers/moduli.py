@@ -52,13 +52,13 @@ def read_moduli(
     """Returns the moduli or compliances in a file, or in several files of one material.
 
     Files: text with commas, semicolons, tabs or spaces, with decimal points or commas; Excel
-    workbooks (the extra `io`); RepTate's `.tts`, `.osc`, `.gt` and `.creep`. Columns have a line of
-    names, such as "f, E', tan delta", "Storage modulus [MPa]", "log10 G'" or "G_loss_pa", and may
-    have a line of units below it. Several isotherms may be in one table with a column of
-    temperature (steps above 1 K), below one another with "25 °C" above each, side by side, or on
-    several sheets. Creep and relaxation may be columns of stress and strain; a constant stress may
-    be in a line above the table ("stress: 2 kPa"). Rows may be in any order. A row that cannot be
-    used is left out and reported. Every argument but the first overrides the file.
+    workbooks (the extra `io`); the JSON of TRIOS; RepTate's `.tts`, `.osc`, `.gt` and `.creep`.
+    Columns have a line of names, such as "f, E', tan delta", "Storage modulus [MPa]", "log10 G'" or
+    "G_loss_pa", and may have a line of units below it. Several isotherms may be in one table with a
+    column of temperature (steps above 1 K), below one another with "25 °C" above each, side by
+    side, or on several sheets. Creep and relaxation may be columns of stress and strain; a constant
+    stress may be in a line above the table ("stress: 2 kPa"). Rows may be in any order. A row that
+    cannot be used is left out and reported. Every argument but the first overrides the file.
 
     **Arguments:**
 

@@ -34,6 +34,11 @@ FILES = {
         "%\tPa\t-\trad/s\t°C",
         (PERCENT, STORAGE, TAN, 0 * TAN + 62.8, TEMPERATURE),
     ),
+    "trios": table(
+        "Strain ratio\tOscillation strain (cmd)\tOscillation strain\tStorage modulus\tLoss modulus\n"
+        "\t%\t%\tPa\tPa",
+        (0 * TAN + 0.99, 1.1 * PERCENT, PERCENT, STORAGE, LOSS),
+    ),
     "dma": table(
         "run,freq_hz,G_storage_pa,G_loss_pa,tan_delta,strain_dyn_pct,strain_stat_pct",
         (TAN, 0 * TAN + 10, STORAGE, LOSS, TAN, PERCENT, 0 * TAN + 5),
