@@ -1,6 +1,8 @@
 """The job `fit`: measured moduli as a material."""
 
+import ast
 import re
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -148,9 +150,13 @@ def with_options(message: str) -> str:
     def option(found: re.Match) -> str:
         name, value = found.groups()
         spelt = _FIT_OPTIONS.get(name, "")
+        if spelt and (value or "").startswith("{"):  # as it is typed
+            flag, pairs = spelt.split()[0], ast.literal_eval(value).items()
+            typed = " ".join(f"{flag} {shlex.quote(f'{key}={each}')}" for key, each in pairs)
+            return f"`{typed}`"
         # An option that shows its form, or takes nothing, is named without the value.
         if value and spelt and " " not in spelt and name != "throw":
-            spelt += " " + value.strip("'")
+            spelt += " " + shlex.quote(value.strip("'"))
         return f"`{spelt}`" if spelt else found[0]
 
     return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)

@@ -35,7 +35,7 @@ FILES = {
         (PERCENT, STORAGE, TAN, 0 * TAN + 62.8, TEMPERATURE),
     ),
     "trios": table(
-        "Strain ratio\tOscillation strain (cmd)\tOscillation strain\tStorage modulus\tLoss modulus\n"
+        "Strain ratio\tOscillation strain (cmd)\tOscillation strain\tG'\tG''\n"
         "\t%\t%\tPa\tPa",
         (0 * TAN + 0.99, 1.1 * PERCENT, PERCENT, STORAGE, LOSS),
     ),
@@ -90,7 +90,10 @@ def sweep(heading, *columns):
     ("text", "words"),
     [
         (sweep("f [Hz],Strain [%]", [1, 2, 4], PERCENT), r"frequency varies from 6\.283 to 25\.13"),
-        (sweep("Strain", PERCENT), "the strain, has '' as unit; pass `units`, strain"),
+        (
+            sweep("Strain", PERCENT),
+            "the strain, has '' as unit; pass for instance `units={'strain': ",
+        ),
         (sweep("strain [mm]", PERCENT), r"\(strain \[mm\]\), the strain, has '' as unit"),
         (sweep("t [s]", PERCENT), "`columns`: strain, storage"),
         (2 * sweep("Strain [%]", PERCENT), "one curve by `step`, or"),
