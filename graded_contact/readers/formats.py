@@ -26,6 +26,7 @@ _BESIDE = {".txt", ".md", ".pdf", ".xml", ".json", ".csv", ".html", ".jpg", ".pn
 _SIZE = re.compile(
     r"(?:((?:physical_?)?sizes?)|(?:pixel(?:_?size)?|spacing)s?)(?:_([a-z]+))?", re.IGNORECASE
 )
+_BACK = re.compile(r"(?i)re-?trace|backward|\bbwd\b|rückw")  # the way back of a scan
 
 
 class Scan(NamedTuple):
@@ -103,9 +104,10 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
         channels: list[Any] = list(reader.channels)
         if not channels:
             raise NoHeights("no channel of heights was found")
-        index = channels.index(reader.default_channel)
+        names = [info.name for info in channels]
+        index = channels.index(_usual(channels, reader.default_channel))
         if channel is not None:
-            index = chosen(channel, [info.name for info in channels], "it has several channels")
+            index = chosen(channel, names, "it has several channels")
         info = channels[index]
         check_points(info.nb_grid_pts or (), at_most)
         sizes = info.physical_sizes
@@ -120,7 +122,33 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
         heights = np.ma.filled(np.ma.asarray(heights, float), np.nan)
         size = None if sizes is None else np.asarray(sizes, float)
         scan = Scan(heights, f"channel {info.name!r}", size, info.unit, info.unit, positions)
-        return scan._replace(periodic=bool(info.is_periodic))
+        others = ", ".join(repr(name) for name in dict.fromkeys(names) if name != info.name)
+        notes = (f"It also has the channels {others}; `channel` chooses.",) if others else ()
+        return scan._replace(periodic=bool(info.is_periodic), notes=notes)
+
+
+def _usual(channels: list[Any], default: Any) -> Any:
+    """The channel of heights that a user expects: measured ones, on the way forth.
+
+    The heights of JPK's files are measured by a sensor, or derived from the voltage of the piezo;
+    and the library takes the last channel, which is a retrace.
+    """
+    lengths = [info for info in channels if isinstance(info.unit, str) and metres(info.unit)]
+
+    def rank(info: Any) -> tuple[bool, ...]:
+        name = str(info.name)
+        measured = re.search(r"(?i)height.*measured|measured.*height", name)
+        return (
+            _BACK.search(name) is not None,
+            measured is None,
+            re.search("(?i)smooth", name) is not None,
+            re.match("(?i)height|topo|z", name) is None,
+            info is not default,
+        )
+
+    if _BACK.search(str(default.name)) or any(not rank(info)[1] for info in lengths):
+        return min(lengths, key=rank, default=default)
+    return default
 
 
 def check_points(shape: Any, at_most: float) -> None:

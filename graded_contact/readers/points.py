@@ -306,7 +306,8 @@ def _note_isotherms(measured: MeasuredTable, entries: "pd.DataFrame") -> None:
     drift = _drift(kelvin, isotherm)
     if drift > RAMP:
         changes = f"the temperature changes by {drift:.3g} K within a sweep"
-        several = f"; of those side by side, numbers above {len(table.names)} in `columns` choose one curve"
+        beyond = f"numbers above {len(table.names)} in `columns` choose one curve"
+        several = f"; of those side by side, {beyond}"
         raise ValueError(f"{changes}: isotherms are needed{several if table.blocks > 1 else ''}")
     ends = f"{np.min(kelvin):.2f} to {np.max(kelvin):.2f} K"
     notes.append(f"{count} isotherm(s), {ends}, each constant within {drift:.2g} K.")

@@ -271,3 +271,58 @@ def test_channels_of_gwyddion_without_a_unit_are_listed_and_need_one(tmp_path):
         read(tmp_path, gwyddion(("Phase", HEIGHTS, "deg", None)))
     with pytest.raises(ValueError, match=r"a\.dat"):
         read(tmp_path, content[:-30])
+
+
+# Channels of an instrument, and marks of missing points
+
+
+def jpk(*channels):
+    """A TIFF of a thumbnail and channels: name, whether a retrace, and heights [m] (nx, ny)."""
+    tifffile = pytest.importorskip("tifffile")
+    stream = io.BytesIO()
+    common = {"photometric": "minisblack", "metadata": None, "software": False}
+    with tifffile.TiffWriter(stream, byteorder="<") as file:
+        edges = [(0x8042 + i, "d", 1, edge, True) for i, edge in enumerate(SIZE)]
+        start = (0x8003, "s", 0, "2020-01-01", True)
+        file.write(np.zeros((2, 2), "i4"), extratags=[start, *edges], **common)
+        for name, retrace, heights in channels:
+            texts = {0x8050: name, 0x8052: name, 0x8081: "nominal", 0x8090: "nominal",
+                     0x80A2: "m", 0x80A3: "LinearScaling"}  # fmt: skip
+            tags = [(code, "s", 0, text, True) for code, text in texts.items()]
+            tags += [(0x8051, "I", 1, retrace, True), (0x8080, "I", 1, 1, True)]
+            tags += [(0x80A4, "d", 1, STEP, True), (0x80A5, "d", 1, 0.0, True)]
+            raw = np.round(heights.T / STEP)[::-1].astype("i4")  # the first line is at the bottom
+            file.write(np.ascontiguousarray(raw), extratags=tags, **common)
+    return stream.getvalue()
+
+
+def test_the_measured_trace_is_read_of_a_jpk_and_the_others_are_named(tmp_path):
+    pytest.importorskip("SurfaceTopography")
+    height, measured = HEIGHTS[::-1], HEIGHTS
+    content = jpk(("Height", 0, height), ("Height (measured)", 0, measured),
+                  ("Height (measured)", 1, -measured), ("Height", 1, -height))  # fmt: skip
+    surface = read(tmp_path, content)
+    check(surface, rtol=2e-4)
+    assert "from channel 'Height (measured)' of a.dat" in surface.history[0]
+    others = "'Height', 'Height (measured, retrace)', 'Height (retrace)'; `channel` chooses"
+    assert others in surface.history[1]
+    check(read(tmp_path, content, channel="Height (retrace)"), -height, rtol=2e-4)
+    check(read(tmp_path, jpk(("Height", 1, height), ("Height", 0, measured))), rtol=2e-4)
+
+
+@pytest.mark.parametrize("mark", [1e37, -1e38, 3.4028235e38])
+def test_large_marks_are_missing_points(tmp_path, mark):
+    heights, hole = 1e9 * HEIGHTS, (slice(3, 5), slice(7, 9))
+    heights[hole] = np.float32(mark)
+    np.save(tmp_path / "a.npy", heights)
+    np.savetxt(tmp_path / "a.txt", heights.T)
+    x, y = np.meshgrid(np.arange(40), np.arange(30), indexing="ij")
+    np.savetxt(tmp_path / "b.txt", np.stack([x.ravel() * 1e2, y.ravel() * 1e2, heights.ravel()], 1))
+    for name, options in [("a.npy", {"size": SIZE}), ("a.txt", {"size": SIZE}), ("b.txt", {})]:
+        surface = read_surface(tmp_path / name, unit="nm", periodic="mirror", **options)
+        assert np.sum(surface.measured[:40, :30] == 0) == 4 and not np.any(
+            surface.measured[3:5, 7:9]
+        )
+        assert any(
+            "4 heights of" in note and "count as missing" in note for note in surface.history
+        )
