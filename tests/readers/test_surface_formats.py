@@ -326,3 +326,26 @@ def test_large_marks_are_missing_points(tmp_path, mark):
         assert any(
             "4 heights of" in note and "count as missing" in note for note in surface.history
         )
+
+
+@pytest.mark.parametrize("jitter", ["even", "normal"])
+def test_scattered_points_are_taken_on_their_grid_or_refused(tmp_path, jitter):
+    """Each line of points is a cloud; three lines of the grid are missing."""
+    x, y = np.meshgrid(np.arange(40), np.arange(30), indexing="ij")
+    kept = (x != 4) & (x != 5) & (y != 20)
+
+    def scattered(part):
+        draw = RNG.normal if jitter == "normal" else lambda size: RNG.uniform(-1, 1, size)
+        points = np.stack([x[kept], y[kept], 1e7 * HEIGHTS[kept]], 1)
+        points[:, :2] += part * draw(size=(len(points), 2))
+        np.savetxt(tmp_path / "a.txt", RNG.permutation(points))
+        return read_surface(tmp_path / "a.txt", unit="um", periodic="mirror", fill="harmonic")
+
+    exact, surface = scattered(0.0), scattered(0.01)
+    assert not any("beside a grid" in note for note in exact.history)
+    assert any("of a step beside a grid" in note for note in surface.history)
+    np.testing.assert_array_equal(surface.measured[:40, :30] > 0, kept)
+    np.testing.assert_allclose(surface.grid.size, [80e-6, 60e-6], rtol=1e-3)
+    np.testing.assert_allclose(surface.heights, exact.heights, rtol=1e-6)
+    with pytest.raises(ValueError, match=r"interpolate them onto one, for instance by `scipy"):
+        scattered(0.3)
