@@ -228,19 +228,18 @@ def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float, float]:
     if clouds:
         cloud = np.concatenate([[0], np.cumsum(between)])
         gaps = np.diff(np.bincount(cloud, ordered - low) / np.bincount(cloud))
-    if len(gaps) < 3:
+    if len(gaps) < 3 and not clouds:
         raise Refusal(f"its points x y z have fewer than 4 values of {name}")
-    step = span / max(round(span / float(np.median(gaps))), 1)
+    step = span / max(round(span / float(np.median(gaps))), 1) if len(gaps) else span
     place = np.rint((axis - low) / step)
-    if clouds:
+    if clouds and len(gaps):
         step, low = np.polyfit(place, axis, 1)
         place = np.rint((axis - low) / step)
     off = float(np.max(np.abs(axis - low - place * step)) / step)
-    if off > _BESIDE:
+    if len(gaps) < 3 or off > _BESIDE:
         remedy = "interpolate them onto one, for instance by `scipy.interpolate.griddata`"
-        raise Refusal(
-            f"its points x y z form no grid, as their {name} is not equally spaced: {remedy}"
-        )
+        uneven = f"their {name} is not equally spaced"
+        raise Refusal(f"its points x y z form no grid, as {uneven}: {remedy}")
     return place.astype(int), float(step), off
 
 
