@@ -234,9 +234,7 @@ def sheets_of(content: bytes, packed: int) -> list[Sheet]:
     elif content.startswith(b"PK\x03\x04"):
         sheets = _workbook("openpyxl", _xlsx(content, packed))
     else:
-        from .trios import trios_sheets  # which needs `Sheet`
-
-        sheets = trios_sheets(content) or [_text_sheet(content)]
+        sheets = [_text_sheet(content)]
     return [sheet._replace(rows=[row for row in sheet.rows if any(row.cells)]) for sheet in sheets]
 
 

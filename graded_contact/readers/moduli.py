@@ -18,11 +18,12 @@ from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
 from ..materials.measured import Measured, distinct, joined
-from .cells import Sheet, holds_data, is_number, read_sheets
+from .cells import Sheet, holds_data, is_number
 from .columns import WAYS, MeasuredTable, Options, Unclear
 from .points import measured_points, one_each
 from .steps import rank, understand
 from .tables import parameters
+from .trios import read_tables
 from .units import DIMENSIONS, OFFSETS, UNITS, parse_unit
 
 # RepTate's manual fixes the order and units of the columns by the ending of the file, and which
@@ -176,7 +177,7 @@ def _options(kind, columns, units, deformation, temperature: bool, step) -> Opti
 
 def _read(path: Path, options: Options, poisson, temperature, name: str | None) -> Measured:
     """The measurements in one file."""
-    sheets = read_sheets(path)
+    sheets = read_tables(path)
     try:
         if path.suffix.lower() in _REPTATE:
             options, temperature, sheets = _as_reptate(path, options, temperature, sheets)

@@ -65,10 +65,16 @@ def read_surface(
     """Returns a measured surface, or a profile from a line scan, made periodic.
 
     Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, NumPy's `.npy`
-    and `.npz`, and text: a matrix of heights, two columns x z, three columns x y z. x runs along a
-    row of a matrix of text, as in the exports of instruments, but along the first axis of a NumPy
-    array, as in `Surface.heights`: the text of an array is its transpose. A line scan that is not
-    equally spaced is interpolated linearly to its median step.
+    and `.npz`, and text: a matrix of heights, two columns x z, three columns x y z; also zips of
+    these, and those of contact.engineering. A line scan that is not equally spaced is interpolated
+    linearly to its median step; points x y z that are scattered by at most 5 % of a step are taken
+    on their grid. Heights of 1e37 and more, in any unit, are missing points.
+
+    x runs along a line of the file and y from its first line to its last, also in text; but x runs
+    along the first axis of a NumPy array, as in `Surface.heights`: the text of an array is its
+    transpose. Figures draw y upwards: most instruments show the first line at the top, so that
+    their pictures are the figures upside down. Such a reflection at the x axis changes no
+    friction of a sliding along x and no area.
 
     **Arguments:**
 
@@ -77,7 +83,8 @@ def read_surface(
     - `size`: edge lengths [m], for a file that does not state them. It overrides those of an
       `.npz`; other files that state them refuse it. One number means a square.
     - `unit`: length unit of the file's numbers ("um", "nm", ...), likewise.
-    - `channel`: name or index of the channel; None takes the file's default height channel.
+    - `channel`: name or index of the channel, or of the measurement in a container; None takes
+      the file's default height channel, of JPK's files the measured heights on the way forth.
 
     **Returns:** the surface, with its history.
 

@@ -6,15 +6,25 @@ export the results as measured and as edited: those as edited are read.
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
-from .cells import Row, Sheet
-from .paths import Refusal
+from .cells import LARGEST, Row, Sheet, read_sheets
+from .paths import Refusal, read_file
 
 _NUMBERS = ("Number", "Integer")
 
 
-def trios_sheets(content: bytes) -> list[Sheet] | None:
+def read_tables(path: Path) -> list[Sheet]:
+    """Returns the tables in the JSON of TRIOS, or else the sheets, as `read_sheets` does."""
+    try:
+        tables = _trios_sheets(read_file(path, LARGEST))
+    except Refusal as error:
+        raise ValueError(f"`path={path}` is refused: {error}.") from error
+    return tables or read_sheets(path)
+
+
+def _trios_sheets(content: bytes) -> list[Sheet] | None:
     """Returns the tables in a JSON; None for other files. Raises `Refusal` for other JSON."""
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
         return None

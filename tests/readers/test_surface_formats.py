@@ -10,6 +10,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact import read_surface
+from graded_contact.plot.contact import draw_map
 from graded_contact.readers.digital_surf import read_digital_surf
 
 RNG = np.random.default_rng(5)
@@ -371,3 +372,25 @@ def test_waves_along_either_edge_of_oblong_pixels_have_equal_areas(tmp_path, per
         slopes.append([surface.steps[-1].rms_slope, np.std(np.asarray(surface.heights))])
     np.testing.assert_allclose(*np.array(slopes, float), rtol=0.01)
     assert areas[0] == pytest.approx(areas[1], rel=0.01) and 0.1 < areas[0] < 0.5, areas
+
+
+def test_the_first_line_of_a_file_is_at_y_0_and_at_the_bottom_of_a_figure(tmp_path):
+    """In text, X3P and Mountains: one corner is the highest."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    heights = np.zeros((40, 30))
+    heights[35:, :3] = 1e-8  # at the end of the first lines
+    np.savetxt(tmp_path / "a.txt", 1e6 * heights.T)
+    surfaces = [
+        read_surface(tmp_path / "a.txt", unit="um", size=SIZE, periodic="mirror"),
+        read(tmp_path, zipped({"main.xml": x3p(heights)})),
+        read(tmp_path, digital_surf(np.round(heights.T / STEP).astype("i4"))),
+    ]
+    for surface in surfaces:
+        tile = np.asarray(surface.heights)[:40, :30]
+        assert np.all(tile[35:, :3] > np.max(tile[:34, 4:])), surface.history
+    figure, axes = pyplot.subplots()
+    image = draw_map(axes, tile, np.array(SIZE))
+    drawn = image.get_array() if image.origin == "lower" else image.get_array()[::-1]
+    assert np.all(drawn[:3, 35:] > np.max(drawn[4:, :34]))
+    assert axes.get_ylim()[0] < axes.get_ylim()[1]  # y upwards
+    pyplot.close(figure)
