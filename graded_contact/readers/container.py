@@ -9,13 +9,13 @@ import io
 import json
 import re
 import zipfile
-from collections import deque
+from collections import Counter, deque
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .formats import Scan, marked_as_missing, names_in
-from .paths import Refusal
+from .paths import UNPACKED_TEXT, Refusal, check_unpacked
 from .units import metres
 
 _DESCRIPTIONS = ("index.json", "meta.yml")
@@ -42,11 +42,12 @@ class Measurement(NamedTuple):
 
 def measurements_in(content: bytes) -> dict[str, Measurement]:
     """Returns the measurements in a zip by name; none for a zip that is no container."""
-    names = names_in(content)
+    names = set(names_in(content))
     described = next((name for name in _DESCRIPTIONS if name in names), None)
     if described is None:
         return {}
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        check_unpacked(archive.getinfo(described).file_size, UNPACKED_TEXT)
         text = archive.read(described).decode("utf-8-sig")
     try:
         description = (json.loads if described.endswith("json") else _yaml)(text)
@@ -66,11 +67,11 @@ def measurements_in(content: bytes) -> dict[str, Measurement]:
         if described == "index.json":  # many a zip has one
             return {}
         raise Refusal(f"its {described!r} is not understood ({error})") from error
-    own = [name for name, _, _ in found]
-    named = [(f"{name} of {surface}" if own.count(name) > 1 else name, each)
-             for name, surface, each in found]  # fmt: skip
-    own = [name for name, _ in named]
-    return {(each.file if own.count(name) > 1 else name): each for name, each in named}
+    uses = Counter(name for name, _, _ in found)
+    full = [f"{name} of {surface}" if uses[name] > 1 else name for name, surface, _ in found]
+    uses = Counter(full)
+    each = [measurement for _, _, measurement in found]
+    return {one.file if uses[name] > 1 else name: one for name, one in zip(full, each, strict=True)}
 
 
 def as_described(scan: Scan, measurement: Measurement) -> Scan:
@@ -99,7 +100,7 @@ def as_described(scan: Scan, measurement: Measurement) -> Scan:
     return scan._replace(lateral_unit=lateral, periodic=periodic, notes=tuple(notes))
 
 
-def _file(entry: dict[str, Any], names: list[str]) -> str | None:
+def _file(entry: dict[str, Any], names: set[str]) -> str | None:
     """The name in the zip of the file of a measurement, as the instrument wrote it if possible."""
     files = entry.get("datafile")
     files = {"original": files} if isinstance(files, str) else files or {}

@@ -84,8 +84,9 @@ def _unzipped(content: bytes, at: int, at_most: float) -> bytes:
     parts = []
     for plain, packed in zip(sizes[::2], sizes[1::2], strict=True):
         try:
-            # No part may be larger than it is listed.
-            parts.append(zlib.decompressobj().decompress(content[at : at + packed], plain))
+            # No part may be larger than it is listed; 0 would be no limit.
+            if plain:
+                parts.append(zlib.decompressobj().decompress(content[at : at + packed], plain))
         except zlib.error as error:
             raise Refusal(f"its compressed heights are damaged ({error})") from None
         at += packed

@@ -285,7 +285,9 @@ def _isotherms(entries: "pd.DataFrame", separate: bool) -> np.ndarray:
         steps = np.diff(np.log(abscissa), prepend=np.log(abscissa[0]))
         curve = np.cumsum(steps * np.sign(np.median(steps)) < 0)
     names, curve = np.unique(curve, return_inverse=True)
-    means = [np.mean(kelvin[curve == i]) for i in range(len(names))]
+    means = np.array([np.mean(kelvin[curve == i]) for i in range(len(names))])
+    if separate:  # replicates side by side, of one temperature, are one isotherm
+        return grouped(means)[curve]
     return np.argsort(np.argsort(means, kind="stable"))[curve]
 
 

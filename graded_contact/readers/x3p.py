@@ -13,6 +13,8 @@ import numpy as np
 from .formats import Scan, check_points, names_in
 from .paths import Refusal
 
+_MOST_XML = 1_000_000  # bytes
+
 
 def has_text_heights(content: bytes) -> bool:
     """Returns whether a zip is an `.x3p` whose heights are text in its XML."""
@@ -24,9 +26,16 @@ def has_text_heights(content: bytes) -> bool:
 def read_text_heights(content: bytes, at_most: float) -> Scan:
     """Returns the heights of a matrix in an `.x3p`; raises `Refusal` for other data."""
     main = _main(content)
-    if b"<!DOCTYPE" in main or b"<!ENTITY" in main:  # may unpack to any size
+    parts = re.split(rb"</?(?:\w+:)?DataList>", main, maxsplit=2)
+    if len(parts) != 3:
+        raise Refusal("its XML has no complete list of heights")
+    data = re.findall(rb"<(?:\w+:)?Datum\s*(?:/>|>([^<]*)<)", parts[1])
+    rest = parts[0] + parts[2]
+    if b"<!DOCTYPE" in rest or b"<!ENTITY" in rest:  # may unpack to any size
         raise Refusal("its XML declares a type of document")
-    root = ElementTree.fromstring(main)
+    if len(rest) > _MOST_XML:
+        raise Refusal(f"its XML has more than {_MOST_XML:g} bytes beside the heights")
+    root = ElementTree.fromstring(rest)
 
     def number(path: str, usual: str | None = None) -> float:
         text = root.findtext(path.replace("/", "/{*}"), usual)
@@ -39,11 +48,10 @@ def read_text_heights(content: bytes, at_most: float) -> Scan:
         raise Refusal("its points are a list, not a matrix: save it as a matrix")
     shape = tuple(int(number(f"{dimension}/Size{axis}", "1")) for axis in "XYZ")
     check_points(shape, at_most)
-    data = [(each.text or "").strip() for each in root.iterfind(".//{*}Datum")]
     if shape[2] != 1 or min(shape) < 1 or len(data) != shape[0] * shape[1]:
         raise Refusal(f"it has {len(data)} heights for {' x '.join(map(str, shape))} points")
     try:
-        heights = np.array([float(text) if text else np.nan for text in data])
+        heights = np.array([float(text) if text.strip() else np.nan for text in data])
     except ValueError:
         raise Refusal("its points have more than a height: save a matrix of heights") from None
     axes = "./Record1/Axes"

@@ -248,6 +248,11 @@ def test_empty_places_of_a_curve_side_by_side_are_counted(tmp_path):
     measured = read_moduli(tmp_path / "a.csv")
     assert len(measured.abscissa) == 6
     assert "Curve 2 of 2 side by side is empty in 2 of 4 rows." in measured.history
+    assert len(measured.isotherms()) == 2
+    joined = read_moduli(tmp_path / "a.csv", temperature=298.0)  # replicates
+    assert len(joined.isotherms()) == 1 and len(joined.abscissa) == 6
+    two = read_moduli(tmp_path / "a.csv", temperature=[320.0, 298.0]).isotherms()
+    assert [len(each.abscissa) for each in two] == [2, 4]
 
 
 def test_poissons_ratio_converts_shear_moduli_and_compliances(tmp_path):

@@ -169,12 +169,14 @@ def test_maps_of_mountains_agree_with_surface_topography():
 def test_other_maps_of_mountains_and_damaged_ones_are_refused(tmp_path):
     content = digital_surf(RAW, packed=2)
     bomb = content[:524] + struct.pack("<I", 2**31) + content[528:]
+    endless = content[:524] + bytes(4) + content[528:]  # a part of 0 bytes
     for changed, message in [
         (digital_surf(RAW, packed=1, units=("mm", "mm", "a.u.")), r"its 'z' is in 'a\.u\.'"),
         (digital_surf(RAW, units=("mm", "mm", "V")), "it holds no heights"),
         (digital_surf(RAW, units=("s", "mm", "nm")), "its x is in 's' and its y in 'mm'"),
         (content[:-40], "compressed heights are damaged|bytes of heights: cut short"),
         (bomb, "it unpacks to more than 50 MB"),
+        (endless, "bytes of heights: cut short"),
         (content[:300], "header is cut short"),
         (content[:525], "list of compressed parts is cut short"),
         (content[:560] + bytes(9) + content[569:], "damaged"),
@@ -217,6 +219,8 @@ def test_heights_in_the_xml_of_an_x3p_are_read(tmp_path):
         ("<SizeX>40", "<SizeX>41", "it has 1200 heights for 41 x 30 x 1 points"),
         ("<?xml version", "<!DOCTYPE a><?xml version", "declares a type of document"),
         ("MatrixDimension", "ListDimension", "its points are a list, not a matrix"),
+        ("</DataList>", "", "no complete list of heights"),
+        ("<Axes>", "<a/>" * 300_000 + "<Axes>", "has more than 1e\\+06 bytes beside the heights"),
         ("<Datum>", "<Datum>1;2;", "its points have more than a height"),
     ]:
         with pytest.raises(ValueError, match=message):
