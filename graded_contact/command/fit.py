@@ -1,6 +1,7 @@
 """The job `fit`: measured moduli as a material."""
 
 import ast
+import contextlib
 import re
 import shlex
 from pathlib import Path
@@ -150,10 +151,12 @@ def with_options(message: str) -> str:
     def option(found: re.Match) -> str:
         name, value = found.groups()
         spelt = _FIT_OPTIONS.get(name, "")
-        if spelt and (value or "").startswith("{"):  # as it is typed
-            flag, pairs = spelt.split()[0], ast.literal_eval(value).items()
-            typed = " ".join(f"{flag} {shlex.quote(f'{key}={each}')}" for key, each in pairs)
-            return f"`{typed}`"
+        with contextlib.suppress(SyntaxError, ValueError):  # a long value is cut
+            pairs = ast.literal_eval(value or "")
+            if spelt and isinstance(pairs, dict):  # as it is typed
+                flag = spelt.split()[0]
+                typed = (f"{flag} {shlex.quote(f'{key}={each}')}" for key, each in pairs.items())
+                return f"`{' '.join(typed)}`"
         # An option that shows its form, or takes nothing, is named without the value.
         if value and spelt and " " not in spelt and name != "throw":
             spelt += " " + shlex.quote(value.strip("'"))

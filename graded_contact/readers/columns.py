@@ -174,9 +174,8 @@ def _choice(table: Table, several: dict[str, list[int]]) -> str:
 
 def _finite(table: Table, quantity: str, place: int) -> np.ndarray:
     """The numbers of a column in any unit; a single 0 if there are none."""
-    values = Column(quantity, "", place, SI[DIMENSIONS[quantity]], "", None, None).numbers(
-        table.rows
-    )
+    column = Column(quantity, "", place, SI[DIMENSIONS[quantity]], "", None, None)
+    values = column.numbers(table.rows)
     values = values[np.isfinite(values)]
     return values if len(values) else np.zeros(1)
 

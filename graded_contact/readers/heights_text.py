@@ -22,10 +22,8 @@ _OF_HEIGHTS = re.compile(r"unit|einheit|height|höhe|\bz\b|value|wert|topograph|
 _OF_LENGTHS = re.compile(r"width|length|size|pixel|step|spacing|lateral|area|range|\b[xy]\b", re.I)
 _QUOTED = re.compile(r'(?:^|[\t;, ])"[^"]*[\t;, ][^"]*"')  # a cell with a separator
 _EQUAL = 1e-3  # of a step: how far points may lie from equal spacing
-_BESIDE, _SAID = (
-    0.05,
-    0.002,
-)  # of a step: how far points may lie beside a grid, and from where on said
+_BESIDE = 0.05  # of a step: how far points may lie beside a grid
+_SAID = 0.002  # of a step: from where on the history says so
 _BETWEEN = 0.25  # of the largest gap: gaps between lines of scattered points
 _MOST_WORDS = 8  # different ones that can all mean a missing point
 
@@ -209,11 +207,10 @@ def _grid_points(table: _Table) -> Scan:
     lateral, across, unit = _column_units(table)
     if lateral != across:
         raise Refusal(f"its x is in {lateral!r} and its y in {across!r}")
-    notes = (
-        f"Its x and y lie up to {off:.1%} of a step beside a grid; the heights are taken on it.",
-    )
     size = np.array(shape) * np.array(steps)
-    return Scan(heights, "points x y z", size, unit, lateral, notes=notes if off > _SAID else ())
+    scan = Scan(heights, "points x y z", size, unit, lateral)
+    note = f"Its x and y lie up to {off:.1%} of a step beside a grid; the heights are taken on it."
+    return scan._replace(notes=(note,)) if off > _SAID else scan
 
 
 def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float, float]:

@@ -248,7 +248,7 @@ def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, Meas
         swept = [(name, e) for name, e in refusals if isinstance(e, Unclear) and e.swept]
         if swept and len(sheets) > 1:
             names = " or ".join(f"`sheet={name!r}`" for name, _ in swept)
-            raise ValueError(f"pass {names}, a sweep, and choose its columns. {swept[0][1]}")
+            raise ValueError(f"pass {names}, which holds a sweep; {swept[0][1]}")
         words = (f"sheet {name!r}: {error}" if name else str(error) for name, error in refusals)
         raise ValueError("; ".join(words))
 
