@@ -1,6 +1,9 @@
 """The job `fit`: measured moduli as a material."""
 
+import ast
+import contextlib
 import re
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -144,9 +147,15 @@ def with_options(message: str) -> str:
     def option(found: re.Match) -> str:
         name, value = found.groups()
         spelt = _FIT_OPTIONS.get(name, "")
+        with contextlib.suppress(SyntaxError, ValueError):  # a long value is cut
+            pairs = ast.literal_eval(value or "")
+            if spelt and isinstance(pairs, dict):  # as it is typed
+                flag = spelt.split()[0]
+                typed = (f"{flag} {shlex.quote(f'{key}={each}')}" for key, each in pairs.items())
+                return f"`{' '.join(typed)}`"
         # An option that shows its form, or takes nothing, is named without the value.
         if value and spelt and " " not in spelt and name != "throw":
-            spelt += " " + value.strip("'")
+            spelt += " " + shlex.quote(value.strip("'"))
         return f"`{spelt}`" if spelt else found[0]
 
     return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)

@@ -662,7 +662,8 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     [
         ("nothing here", (), "bad.csv"),
         ("never read", ("--card", "abacus"), "`--card abacus` is not known; did you mean `abaqus`"),
-        ("f [Hz],E' [Pa],E'' [Pa],T\n1,2e6,1e5,20\n2,2e6,1e5,20\n", (), "--unit QUANTITY=UNIT"),
+        ("f [Hz],E' [Pa],E'' [Pa],T\n1,2e6,1e5,20\n2,2e6,1e5,20\n", (), "--unit temperature=K"),
+        ("never read", ("--unit", "modulus=N"), "`--unit modulus=N` is refused: use one of"),
         ("t [s],E(t) [Pa]\n1,2e6\n2,1e6\n", ("--loss-weight", 0), "relaxation has one channel"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n", (),
          "(`--loss-weight`), and `--anyway` fits them as they are."),
