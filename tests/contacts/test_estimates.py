@@ -1,5 +1,6 @@
 """Claims of a loose solve, against contacts solved to the last digits."""
 
+import dataclasses
 from typing import Any
 
 import jax
@@ -45,6 +46,25 @@ def test_the_claim_of_a_number_has_the_margins_that_the_benchmark_found():
     numbers = lambda change: jnp.stack([jnp.sum(change), 2 * change[2]])  # noqa: E731
     claims = error_of(numbers, jnp.zeros(2), jnp.array([3.0, -3.0, 1.0]), jnp.ones(2))
     np.testing.assert_allclose(claims, [2.5 + 5 * np.sqrt(19), 2.5 * 2 + 5 * 2], rtol=1e-9)
+
+
+def test_the_error_of_friction_is_the_change_by_the_correction_with_these_margins():
+    surface = gc.random_surface(
+        gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=2 * np.pi, q_roll=2 * np.pi, q_high=40.0),
+        gc.Grid((16, 16), 1.0), jax.random.key(0),
+    )  # fmt: skip
+    rubber = gc.Stack(base=gc.HalfSpace(gc.Prony(1.0, [10.0], [1.0], 0.4)))
+    found = gc.slide(rubber, surface, pressure=0.05, velocity=1.0, rtol=1e-2)
+
+    def friction(pressure):
+        contact = dataclasses.replace(found.contact, pressure=pressure)
+        return dataclasses.replace(found, contact=contact).friction
+
+    change = found.contact.correction
+    moved = friction(found.pressure + change) - friction(found.pressure)
+    each = jax.grad(friction)(found.pressure + change) * change
+    expected = 2.5 * abs(moved) + 5 * np.sqrt(np.sum(each**2))
+    np.testing.assert_allclose(found.friction_solver_error, expected, rtol=1e-6)
 
 
 def test_single_precision_claims_hold_with_double_precision_enabled():
