@@ -119,12 +119,17 @@ def assess(inputs: Inputs, found: SolverOutput) -> tuple[Array, Array, Array]:
     the error are at least as large as that.
     """
     attracts, size = inputs.law.attracts, root_mean_square(found.pressure)
-    change = (_response_of if attracts else _change_of)(inputs, found)
+    change = _change_of(inputs, found)
+    if attracts:
+        linear = _response_of(inputs, found)
+        # Near a jump the linear solve does not converge, and the solver's error alone remains.
+        change = jnp.where(jnp.all(jnp.isfinite(linear)), linear, change)
     relative = root_mean_square(change) / nonzero(size)
     rounding = _ROUNDING * jnp.finfo(size.dtype).eps
     if attracts:
         # A claim of the change itself is the error: `error_of` has the same factor.
-        error = jnp.maximum(softness(inputs.law) * found.error, _SAFETY * relative + rounding)
+        known = jnp.where(jnp.all(jnp.isfinite(linear)), _SAFETY * relative + rounding, 0)
+        error = jnp.maximum(softness(inputs.law) * found.error, known)
         change = change * (error / (_SAFETY * nonzero(relative)))
     else:
         error = jnp.minimum(found.error, _SAFETY * relative + rounding)
