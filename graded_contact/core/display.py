@@ -127,7 +127,7 @@ def with_error(value: float, error: float) -> str:
     if last > power or power - last > 14:
         return f"{value:.4g} ± {error:.1e}"
     # The second digit of the error is the last digit of both numbers.
-    if -5 <= power < 5:
+    if -3 <= power < 5:
         digits = max(0, -last)
         return f"{value:.{digits}f} ± {error:.{digits}f}"
     scale = 10.0**power

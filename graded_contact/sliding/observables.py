@@ -662,7 +662,9 @@ def change_by_grid(name: str) -> Callable[[Found], Array]:
         own, same, half = map(formula, (found, near.same, near.half))
         # Without its shortest waves a surface has less friction, of about the same relative error.
         less = jnp.maximum(jnp.abs(own) / nonzero(jnp.abs(same)), 1)
-        return near.factor * jnp.abs(same - half) * less
+        # Half the grid may lose a contact of few points, and with it the friction.
+        moved = jnp.where(jnp.isnan(half), jnp.abs(same), jnp.abs(same - half))
+        return near.factor * moved * less
 
     return change
 

@@ -31,7 +31,7 @@ from ..fields.grid import Grid, interpolate, resample_spectrum, to_field, to_spe
 Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
 
 RTOL = 2e-4  # of the pressure; the differences of two grids are larger
-_LEAST = 8  # points along an axis, which are not halved again
+_LEAST, _LEAST_TIMES = 4, 8  # points along an axis, and times, which are not halved again
 _LACKING = 3.0  # times the change, where half the grid lacks waves
 _SAME = 1e-6  # share of the variance of slopes that half the grid may lack
 
@@ -60,15 +60,17 @@ def neighbours_of(found: Found) -> Neighbours:
     pressure = found.contact.mean_pressure
     if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
         # Without a contact there is nothing to compare.
-        return Neighbours(found, found, found, jnp.full_like(pressure, jnp.nan))
+        return Neighbours(found, found, found, jnp.ones_like(pressure))
     times = len(found.displacement) if found.is_cycle else 0
     on_half, cut, missing = _heights(found, halved)
     same, fewer = found, None
     if not (is_concrete(missing) and missing <= _SAME):
         same = _solved(found, shape, cut, times)
-    if times >= 2 * _LEAST:
+    if times >= 2 * _LEAST_TIMES:
         fewer = _solved(found, shape, found.heights, times // 2)
     factor = jnp.where(missing > _SAME, _LACKING, 1.0).astype(found.heights.dtype)
+    if halved == shape:  # nothing is known of the error of the grid
+        factor = factor * jnp.nan
     return Neighbours(same, _solved(found, halved, on_half, times), fewer, factor)
 
 

@@ -98,6 +98,19 @@ def test_a_body_on_a_window_has_the_error_of_its_grid():
     assert off <= found.contact_area_error <= 0.2 * found.contact_area
 
 
+def test_where_half_the_grid_loses_the_contact_the_error_is_the_number_itself():
+    surface = rough(64, 8)
+    found = gc.slide(RUBBER, surface, mean_gap=0.99 * float(jnp.max(surface.heights)), velocity=0.1)
+    assert np.isnan(found.neighbours.half.friction)
+    assert found.friction_error > 0.5 * found.friction
+    assert "does not resolve" in found.caveats[0]
+
+
+def test_on_the_smallest_grids_the_error_is_not_known():
+    assert np.isnan(slide(rough(6, 2)).mean_gap_error)
+    assert slide(rough(8, 2)).mean_gap_error > 1e-7
+
+
 def test_a_failed_solve_has_no_errors():
     surface = rough(16, 4)
     failed = jax.jit(lambda p: slide(surface, pressure=p, throw=False))(jnp.nan)
