@@ -62,7 +62,7 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale
     values = {n: np.arange(1.0, 7.0).reshape(2, 3) for n in numbers_of(False)}
     # Of one solve a fifth of the contact was not measured.
     doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
-    values["compression"] = np.zeros((2, 3))
+    values |= dict.fromkeys(("compression", "friction_grid_error"), np.zeros((2, 3)))
     values |= dict.fromkeys(doubts, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]))
     axes = {"pressure": np.array([1e5, 2e6]), "velocity": np.array(velocity)}
     figure = gc.plot.plot_sweep(make_results(axes, values, message))

@@ -73,7 +73,7 @@ def test_stiffness_of_a_sphere_in_a_cell():
     images = (3.900265 - 9.0336 / 3 * radius**2) / np.pi
     expected = REDUCED / (1 / (2 * radius) - images)
     off = abs(contact_stiffness(found) / expected - 1)
-    assert off <= contact_stiffness_error(found) / expected <= 0.03
+    assert off <= contact_stiffness_error(found) / expected <= 0.1
     assert off <= 0.005
     # The same contact conducts as Barber's analogy says.
     barber = 2 * contact_stiffness(found) / (REDUCED * 0.7)
