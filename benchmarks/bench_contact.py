@@ -3,8 +3,12 @@
     python benchmarks/bench_contact.py elastic       compared with Tamaas and ContactMechanics
     python benchmarks/bench_contact.py viscoelastic  FFT pairs, growth with N
     python benchmarks/bench_contact.py observables   friction, area, gap: errors, claims, pairs
+    python benchmarks/bench_contact.py grid          errors of grid and times, estimated and true
+    python benchmarks/bench_contact.py total         total error against seconds, and Tamaas
     python benchmarks/bench_contact.py random        random scenes: failures, broken claims
+    python benchmarks/bench_contact.py attracted     random scenes that attract: broken claims
     python benchmarks/bench_contact.py hard          small contacts, moduli far apart
+    python benchmarks/bench_contact.py stiffness     errors of the stiffness, true and claimed
     python benchmarks/bench_contact.py overhead      wall time over that of the transforms alone
     python benchmarks/bench_contact.py many          many small solves in one program
     python benchmarks/bench_contact.py cylinder      gliding cylinder, exact
@@ -13,6 +17,7 @@
     python benchmarks/bench_contact.py linear        FFT pairs and errors of their linear solves
     python benchmarks/bench_contact.py first         seconds before the first answer
     python benchmarks/bench_contact.py cycle         periodic motion, beside time steps
+    python benchmarks/bench_contact.py cycle_times   periodic motion with more and fewer times
     python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
 
 One FFT pair is a real transform and its inverse on the full grid; coarse grids count by their size.
@@ -33,19 +38,21 @@ from contact_costs import (
     overhead,
     overhead_of,
 )
-from contact_cycle import cycle
+from contact_cycle import cycle, cycle_times
 from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
+from contact_grid import grid, total
 from contact_peers import elastic, kernel
-from contact_random import hard, random
+from contact_random import attracted, hard, random
+from contact_stiffness import stiffness
 from rows import run
 
 
 def main():
     run(
-        __doc__, elastic, viscoelastic, observables, random, hard, overhead, overhead_of, many,
-        many_on, cylinder, cycle, kernel, gradient, linear, first,
-        first_of, largest,
+        __doc__, elastic, viscoelastic, observables, grid, total, random, attracted, hard,
+        stiffness, overhead, overhead_of, many, many_on, cylinder, cycle, cycle_times, kernel,
+        gradient, linear, first, first_of, largest,
     )  # fmt: skip
 
 

@@ -83,7 +83,7 @@ def _numbers(heights, size, pressure):
     surface = gc.Surface(heights, gc.Grid(heights.shape, size))
     found = gc.slide(STACK, surface, pressure=pressure, velocity=1.0, rtol=1e-3, throw=False)
     slope = gc.surfaces.statistics(surface).rms_slope
-    return jnp.stack([found.friction, found.contact_area_smooth, slope])
+    return jnp.stack([found.friction, found.contact_area, slope])
 
 
 def numbers(surface: gc.Surface, pressure: float) -> np.ndarray:

@@ -35,7 +35,7 @@ def road():
 
 
 def parts(found) -> dict[str, float]:
-    area = found.contact_area_smooth if isinstance(found, gc.Sliding) else found.contact_area
+    area = found.contact_area
     heated = getattr(found, "heated", None)
     return {
         "hysteresis [1]": float(found.hysteresis_friction),

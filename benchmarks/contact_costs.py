@@ -166,7 +166,7 @@ def linear(n=128, loads=(0.01, 0.1, 0.5), tolerances=(1e-2, 1e-3, 5e-5)):
 
         def value(load, name=name, speed=speed, **keys):
             found = gc.slide(bodies()[name], surface, pressure=load, velocity=speed, **keys)
-            return (found.friction if speed else found.contact_area_smooth), found.num_fft_pairs
+            return (found.friction if speed else found.contact_area), found.num_fft_pairs
 
         for load in loads:
             jax.block_until_ready(jax.grad(value, has_aux=True)(load, adjoint=recorded))
@@ -240,8 +240,8 @@ def largest(size=8192, velocity=0.1, loads=(0.1,)):
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
         show({
             "p/E_r": load, "v": velocity, "friction": float(found.friction),
-            "claimed error": float(found.friction_error),
-            "area": float(found.contact_area_smooth), "FFT pairs": float(found.num_fft_pairs),
+            "claimed error": float(found.friction_solver_error),
+            "area": float(found.contact_area), "FFT pairs": float(found.num_fft_pairs),
             "result": gc.contacts.RESULTS[found.result] or "successful",
         })  # fmt: skip
         goal(

@@ -6,6 +6,7 @@ in a step, over as many periods as make the state periodic. Counts of points are
 move waves on Nyquist lines in another way.
 """
 
+import itertools
 import time
 
 import jax
@@ -14,7 +15,8 @@ import numpy as np
 from rows import report
 
 import graded_contact as gc
-from graded_contact.sliding import sinusoidal, slide_cycle, start_stop
+from graded_contact.sliding import motion, sinusoidal, slide_cycle, start_stop
+from graded_contact.sliding.motion import CHOSEN_STEP
 
 SIZE = 1.0
 _CLOSEST = 1e-10
@@ -86,9 +88,9 @@ def against_steps(num_points=33, counts=(64, 128, 256)):
     """Space-time cycles and time steps of the same motion."""
     surface, stack = profile(num_points, 8), half_space(10, [0.05])
     amplitude, load = 0.2, 0.05
-    motion = sinusoidal(2 * amplitude, 1.0, 1024)
+    finest = sinusoidal(2 * amplitude, 1.0, 1024)
     job = dict(period=1.0, pressure=load)
-    best = slide_cycle(stack, surface, displacement=motion.displacement, rtol=_CLOSEST, **job)
+    best = slide_cycle(stack, surface, displacement=finest.displacement, rtol=_CLOSEST, **job)
     for num_times in counts:
         moved = sinusoidal(2 * amplitude, 1.0, num_times).displacement
         every = 1024 // num_times
@@ -112,6 +114,31 @@ def against_steps(num_points=33, counts=(64, 128, 256)):
         report("bench_contact-cycle-steps", row)
 
 
+def cycle_times(num_points=64, steps=(4.0, 2.0, 1.0, 0.5)):
+    """Mean and peak friction off by the largest step from one time to the next, in spacings."""
+    motion.LARGEST_STEP = np.inf  # what a cycle refuses is measured, too
+    grid = gc.Grid((num_points,), SIZE)
+    for name, make in (
+        ("sine", lambda count: sinusoidal(0.4, 1.0, count, grid)),
+        ("stop and go", lambda count: start_stop(0.4, 0.25, 0.25, count, grid)),
+    ):
+        enough = make(None).num_times
+        for points, tau in itertools.product((4, 8), (0.05, 0.005)):
+            surface = profile(num_points, num_points // points, rms=0.01)
+            stack, found = half_space(7, [tau, tau / 30]), {}
+            counts = {step: 2 * round(enough * CHOSEN_STEP / step / 2) for step in steps}
+            for step, count in (counts | {0: 4 * enough}).items():
+                found[step] = slide_cycle(
+                    stack, surface, displacement=make(count).displacement, period=1.0,
+                    pressure=0.05, rtol=1e-7,
+                )  # fmt: skip
+            row = {"motion": name, "points per wave": points, "relaxation [s]": tau}
+            for step, part in itertools.product(steps, ("mean", "peak")):
+                at, best = (float(getattr(found[i], f"{part}_friction")) for i in (step, 0))
+                row[f"{part} off at {step:g}"] = f"{abs(at / best - 1):.1e}"
+            report("bench_contact-cycle-times", row)
+
+
 def off(pressure, expected):
     """Relative difference of pressures, root mean square."""
     return float(np.sqrt(np.mean((pressure - expected) ** 2) / np.mean(np.asarray(expected) ** 2)))
@@ -123,10 +150,10 @@ def far_apart(num_points=128, num_times=256, rtol=1e-6):
     sine, stops = sinusoidal(0.6, 1.0, num_times), start_stop(0.5, 0.25, 0.25, num_times)
     for contrast in (10, 100, 1000):
         stack = half_space(contrast, np.logspace(-4, 2, 13))
-        for name, motion in (("sine", sine), ("stop and go", stops)):
+        for name, moving in (("sine", sine), ("stop and go", stops)):
             for load in (0.3, 0.03, 0.003):
                 found = slide_cycle(
-                    stack, surface, displacement=motion.displacement, period=1.0, pressure=load,
+                    stack, surface, displacement=moving.displacement, period=1.0, pressure=load,
                     rtol=rtol,
                 )  # fmt: skip
                 row = {

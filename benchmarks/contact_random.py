@@ -1,4 +1,4 @@
-"""Random scenes and hard scenes: the sections `random` and `hard`.
+"""Random scenes, soft scenes and hard scenes: the sections `random`, `attracted` and `hard`.
 
 Run by `bench_contact.py`. Blocks of 0 to 3 layers, each elastic or a Prony series of six branches
 over ten decades, moduli over three decades, q0 d from 1e-3 to 3, ν from 0.2 to 1/2, on a half
@@ -11,6 +11,9 @@ of their modulus.
 
 Each scene is solved at its mean pressure and at the resulting mean gap (`rtol` from 1e-3 to 1e-6).
 Their claims are compared with a solution at 1e-10 (1e-9 if that fails) in double precision.
+
+Attracted: `ExponentialAdhesion` on one relaxation of contrasts from 10 to 10⁴, with 0.02 to 0.29 of
+the stiffness of the shortest wave; ranges, loads and speeds over one to three decades.
 
 Hard: small contacts, and moduli far apart. Cylinders: parabolas on one relaxation, rigid against it
 in 1-D, pairs by half-widths at rest, contrast of the moduli and speed (relaxation time times speed
@@ -116,7 +119,7 @@ def compare(scene, found, best):
     yield "pressure", wrong, float(found.error), float(best.error)
     for name in ("friction", "contact_area"):
         wrong = abs(float(getattr(found, name)) - float(getattr(best, name)))
-        yield name, wrong, *(float(getattr(s, f"{name}_error")) for s in (found, best))
+        yield name, wrong, *(float(getattr(s, f"{name}_solver_error")) for s in (found, best))
     gap = np.asarray(found.gap, float) - np.asarray(best.gap)
     wrong = float(np.sqrt(np.mean(gap**2))) / rms
     yield "gap", wrong, float(found.contact.gap_error), float(best.contact.gap_error)
@@ -213,6 +216,52 @@ def random_material(rng):
     if rng.random() < 0.4:
         strengths = np.full(BRANCHES, 1e-12 * modulus)
     return gc.Prony(modulus, strengths, 10 ** rng.uniform(-5, 5, BRANCHES), poisson)
+
+
+# attracted ----------------------------------------------------------------------------------
+
+ATTRACTED_CELL, RELAXED, RELAXATION = 1e-4, 1e6, 3e-5  # m, Pa, s
+_FEW_STEPS = gc.contacts.DouglasRachford(max_steps=6000)
+
+
+def attracted(count=200, seed=0):
+    """Random scenes under a law that attracts: failures and broken claims."""
+    survey("attracted", lambda rng, _: AttractedScene(rng), count, seed)
+
+
+class AttractedScene:
+    """A half space of one relaxation, with a random surface, load and speed, that attracts."""
+
+    least = LEAST
+
+    def __init__(self, rng):
+        grid, q0 = gc.Grid((24, 24), ATTRACTED_CELL), 2 * np.pi / ATTRACTED_CELL
+        contrast, slope = 10 ** rng.uniform(1, 4), 10 ** rng.uniform(-1.7, -0.3)
+        cut, self.rtol = rng.integers(3, 12), 10 ** rng.uniform(-6, -3)
+        rubber = gc.Prony(RELAXED, [contrast * RELAXED], [RELAXATION], 0.3)
+        self.stack = gc.Stack(base=gc.HalfSpace(rubber))
+        spectrum = gc.SelfAffine(
+            rms_slope=slope, hurst=0.8, q_low=q0, q_roll=2 * q0, q_high=cut * q0
+        )
+        self.surface = gc.random_surface(spectrum, grid, jax.random.key(rng.integers(2**31)))
+        self.velocity, self.load = 10 ** rng.uniform(-1.5, 1.5), 10 ** rng.uniform(3.5, 6)
+        steepness, reach = rng.uniform(0.02, 0.29), 10 ** rng.uniform(-7.4, -6.2)
+        kernel = gc.stack_kernel(self.stack, grid, self.velocity)
+        rise = steepness / np.min(np.abs(kernel.at[0, 0].set(np.inf)))
+        self.law = gc.contacts.ExponentialAdhesion(reach, rise * reach**2)
+        self.description = f"contrast {contrast:.0f}, slope {slope:.2g}, rise {steepness:.2g}"
+
+    def __repr__(self):
+        return (
+            f"{self.description}, p = {self.load:.2g}, velocity {self.velocity:.2g}, {self.law}, "
+            f"rtol {self.rtol:.1e}"
+        )
+
+    def solve(self, given, double=False, **tolerance):
+        return gc.slide(
+            self.stack, self.surface, velocity=self.velocity, law=self.law, solver=_FEW_STEPS,
+            throw=False, **tolerance, **given
+        )  # fmt: skip
 
 
 # hard ---------------------------------------------------------------------------------------

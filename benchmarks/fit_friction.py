@@ -100,7 +100,7 @@ def solid(label, material):
 def friction_curve(material, road, pressure, velocities):
     stack = gc.Stack(base=gc.HalfSpace(material))
     solutions = [gc.slide(stack, road, pressure=pressure, velocity=v) for v in velocities]
-    return np.array([(float(s.friction), float(s.contact_area_smooth)) for s in solutions])
+    return np.array([(float(s.friction), float(s.contact_area)) for s in solutions])
 
 
 def report_friction(title, name, curves, velocities, beyond, materials, table):

@@ -46,6 +46,11 @@ def elastic(rows: Rows) -> Any:
     return _panels(rows, "N", "solver", "time [s]", "error of the pressure", "o")
 
 
+def total(rows: Rows) -> Any:
+    """True errors, of the grid above all, against seconds: a line for each way."""
+    return _panels(rows, "number", "way", "time [s]", "true error", "o-")
+
+
 HOT = 150.0  # K, rises above it have no meaning for a rubber
 
 
@@ -91,5 +96,6 @@ def measurement(rows: Rows) -> Any:
 FIGURES = {
     "bench_grading": grading,
     "bench_contact-elastic": elastic,
+    "bench_contact-total": total,
     "bench_measurement-friction": measurement,
 }

@@ -75,7 +75,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     },
     "[output]": {scene.Scene: scene.KEYS["[output]"]},
     **{
-        f'{place}, kind = "{kind}"': {make: keys_of(make)}
+        f'{place}, kind = "{kind}"': {make: keys_of(make, "grid")}
         for place, kinds in zip(SHORT, block.KINDS.values(), strict=True)
         for kind, make in kinds.items()
     },

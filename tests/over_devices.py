@@ -27,7 +27,7 @@ BLOCK = gc.Stack(
     base=gc.HalfSpace(gc.Prony(1e6, [9e6], [1e-3], 0.5)),
 )
 SOLVER = gc.contacts.DouglasRachford(coarsest=18)
-NUMBERS = ("friction", "contact_area", "contact_area_smooth", "energy_imbalance", "mean_gap")
+NUMBERS = ("friction", "contact_area", "contact_area", "energy_imbalance", "mean_gap")
 
 
 def draw(devices) -> gc.Surface:

@@ -133,6 +133,7 @@ def calls():
         (gc.blocks.sliced, dict(stack=graded, num_slices=3)),
         (gc.blocks.window_kernel, dict(stack=stack, grid=gc.Grid(8, 1e-3), velocity=0.1)),
         (gc.sliding.contact_stiffness, dict(sliding=sliding)),
+        (gc.sliding.contact_stiffness_error, dict(sliding=sliding)),
         (gc.sliding.contact_conductance, dict(sliding=sliding, resistivity=1.0)),
         (gc.sliding.gap_flow, dict(gap=np.ones((8, 8)), grid=grid, contact=np.zeros((8, 8)))),
         (gc.slide, job | how),

@@ -74,7 +74,7 @@ def solved(given, name: str, solve: Callable[[Store], xarray.Dataset]) -> xarray
 
 def slid(stack, rough, pressure, velocity, rtol) -> dict:
     found = gc.slide(stack, rough, pressure=pressure, velocity=velocity, rtol=rtol, throw=False)
-    return {"friction": found.friction, "area": found.contact_area_smooth, "result": found.result}
+    return {"friction": found.friction, "area": found.contact_area, "result": found.result}
 
 
 # Master curve -------------------------------------------------------------------------------
@@ -297,7 +297,7 @@ def searched(given, size):
         numbers = {
             **labels, "friction_fewest": less, "friction_all": more, "contact_area": area,
             "friction_by_contact": one.friction, "friction_of_more_waves": other.friction,
-            "contact_area_by_contact": other.contact_area_smooth,
+            "contact_area_by_contact": other.contact_area,
         }  # fmt: skip
         message = gc.contacts.RESULTS[one.result] or gc.contacts.RESULTS[other.result]
         return {name: float(value) for name, value in numbers.items()} | {"message": message}

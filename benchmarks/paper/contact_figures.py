@@ -38,7 +38,7 @@ import graded_contact as gc
 
 QUANTITIES = {
     "friction": r"micro-rolling friction $\mu_r$ [1]",
-    "contact_area_smooth": r"contact area $A_c/A_0$ [1]",
+    "contact_area": r"contact area $A_c/A_0$ [1]",
 }
 MAIN = {"rubber": 0, "roughness": 0}
 CASES = {"": MAIN, "-epdm": MAIN | {"rubber": 1}, "-heights": MAIN | {"roughness": 1}}
@@ -208,7 +208,7 @@ def mean_field(given, size, table):
                 points = np.stack([here["thickness"], here["pressure"]], axis=1)
                 of = theory(size, cutoff, **labels, correction=correction)
                 friction, area = of(jnp.asarray(points))
-                exact = here["contact_area_smooth"]
+                exact = here["contact_area"]
                 ratios.append([exact, friction / here["friction"], area / exact])
         area, *both = np.concatenate(ratios, axis=1)
         for pane, ratio in zip(panes, both, strict=True):

@@ -48,8 +48,8 @@ def report(name, found, seconds, best):
     print(
         f"    {name:34s} friction {float(found.friction):.6f} "
         f"({float(found.friction / best.friction) - 1:+.1e}), area "
-        f"{float(found.contact_area_smooth):.4f} "
-        f"({float(found.contact_area_smooth - best.contact_area_smooth):+.1e}), "
+        f"{float(found.contact_area):.4f} "
+        f"({float(found.contact_area - best.contact_area):+.1e}), "
         f"{float(found.num_fft_pairs):8.0f} FFT pairs, {seconds:7.1f} s"
         f"{'' if found.result == gc.contacts.RESULTS.successful else ', NOT CONVERGED'}",
         flush=True,

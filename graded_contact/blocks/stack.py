@@ -13,7 +13,15 @@ from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import as_scalar, check_types, check_values, is_concrete, short, within
 from ..core.display import shown
+from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
+
+LIQUID = (
+    "is a liquid (its equilibrium modulus is 0), which flows without end under waves at rest, such "
+    "as those across a motion. Give it an equilibrium modulus (`--equilibrium` of the commands "
+    "`fit` and `new`). Steady sliding in one dimension, and the mean field of a spectrum (the "
+    "command `table`), need none."
+)
 
 
 def _as_thickness(thickness: Any) -> Float[Array, ""]:
@@ -152,17 +160,21 @@ def _parts(stack):
     return {f"layers[{i}]": layer for i, layer in enumerate(stack.layers)} | {"base": stack.base}
 
 
+def liquid_in(stack: Stack) -> str | None:
+    """Returns the path of a material that is a liquid, such as "base.material", or None."""
+    is_series = lambda node: isinstance(node, Prony)  # noqa: E731
+    for node in filter(is_series, jax.tree.leaves(stack, is_leaf=is_series)):
+        # A traced modulus of 0 gives a kernel that is not finite, which the solve reports.
+        if is_concrete(node.equilibrium) and np.asarray(node.equilibrium) == 0:
+            return places(stack, node)[0]
+    return None
+
+
 def check_at_rest(stack: Stack) -> None:
     """Raises `ValueError` if a material is a liquid, which at rest gives way without a limit."""
-    is_series = lambda node: isinstance(node, Prony)  # noqa: E731
-    for place, part in _parts(stack).items():
-        for node in filter(is_series, jax.tree.leaves(part, is_leaf=is_series)):
-            # A traced modulus of 0 gives a kernel that is not finite, which the solve reports.
-            if is_concrete(node.equilibrium) and np.asarray(node.equilibrium) == 0:
-                raise ValueError(
-                    f"`{place}` is a liquid (`equilibrium=0`), which carries no load at rest, nor "
-                    "in waves across a motion. Give it an equilibrium modulus above 0."
-                )
+    path = liquid_in(stack)
+    if path is not None:
+        raise ValueError(f"`{path.partition('.')[0]}` {LIQUID}")
 
 
 def is_graded(stack: Stack) -> bool:

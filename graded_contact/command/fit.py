@@ -1,6 +1,9 @@
 """The job `fit`: measured moduli as a material."""
 
+import ast
+import contextlib
 import re
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -34,6 +37,7 @@ _FIT_OPTIONS = {
     **{name: f"--{name.replace('_', '-')}" for name in (
         "kind", "deformation", "poisson", "sheet", "step", "terms", "law", "shift_std",
         "vertical_shift_std", "equilibrium", "glassy", "storage_weight", "loss_weight",
+        "temperatures",
     )},
 }  # fmt: skip
 
@@ -64,6 +68,18 @@ ColumnTexts = Annotated[list[str] | None, Option(
     "--column", metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated."
 )]  # fmt: skip
 
+Sheet = Annotated[str | None, Option(help="Name of the sheet of a workbook.")]
+Steps = Annotated[list[str] | None, Option(
+    metavar="NAME", help="Number or title of a step to read; may be repeated."
+)]  # fmt: skip
+Law = Annotated[Literal["wlf", "arrhenius"], Option(help="How several isotherms are shifted.")]
+Equilibrium = Annotated[float | None, Option(
+    metavar="PASCAL", help="E_eq if known; 0 for a liquid."
+)]  # fmt: skip
+Robust = Annotated[bool, Option(
+    "--robust", help="Leave out rows that no smooth positive spectrum explains."
+)]  # fmt: skip
+
 
 def fit(
     moduli_files: ModuliFiles,
@@ -73,22 +89,16 @@ def fit(
     kind: DataKind = None,
     deformation: Deformation = None,
     temperature: Temperatures = None,
-    sheet: Annotated[str | None, Option(help="Name of the sheet of a workbook.")] = None,
-    step: Annotated[list[str] | None, Option(
-        metavar="NAME", help="Number or title of a step to read; may be repeated."
-    )] = None,
-    law: Annotated[Literal["wlf", "arrhenius"], Option(
-        help="How several isotherms are shifted."
-    )] = "wlf",
+    sheet: Sheet = None,
+    step: Steps = None,
+    law: Law = "wlf",
     shift_std: Annotated[float, Option(
         help="Expected standard deviation of log10 a_T from the law; 0 for none."
     )] = 0.3,
     vertical_shift_std: Annotated[float, Option(
         help="Expected standard deviation of ln b_T, the shift of moduli."
     )] = 0.0,
-    equilibrium: Annotated[float | None, Option(
-        metavar="PASCAL", help="E_eq if known; 0 for a liquid."
-    )] = None,
+    equilibrium: Equilibrium = None,
     glassy: Annotated[float | None, Option(
         metavar="PASCAL", help="Instantaneous modulus if known."
     )] = None,
@@ -97,9 +107,7 @@ def fit(
     anyway: Annotated[bool, Option(
         "--anyway", help="Fit data that are far from all positive spectra."
     )] = False,
-    robust: Annotated[bool, Option(
-        "--robust", help="Leave out rows that no smooth positive spectrum explains."
-    )] = False,
+    robust: Robust = False,
     unit: UnitTexts = None,
     column: ColumnTexts = None,
     card: Annotated[list[str] | None, Option(
@@ -122,17 +130,8 @@ def fit(
             moduli_files, column, unit, temperature, kind=kind, deformation=deformation,
             poisson=poisson, sheet=sheet, step=step,
         )  # fmt: skip
-        wild = wild_values(measured)
-        if wild and robust:
-            typer.echo("Left out, because no smooth positive spectrum explains their values:")
-        elif wild:
-            typer.secho(WILD, fg="yellow", err=True)
-        elif robust:
-            typer.echo("--robust leaves out no row: a smooth positive spectrum explains them all.")
-        for value in wild:
-            typer.echo(str(value), err=not robust)
         found = fitted(
-            without(measured, wild) if robust else measured, terms=terms, poisson=poisson,
+            looked_through(measured, robust), terms=terms, poisson=poisson,
             equilibrium=equilibrium, glassy=glassy, throw=not anyway, law=law, shift_std=shift_std,
             storage_weight=storage_weight, loss_weight=loss_weight,
             vertical_shift_std=vertical_shift_std,
@@ -148,9 +147,15 @@ def with_options(message: str) -> str:
     def option(found: re.Match) -> str:
         name, value = found.groups()
         spelt = _FIT_OPTIONS.get(name, "")
+        with contextlib.suppress(SyntaxError, ValueError):  # a long value is cut
+            pairs = ast.literal_eval(value or "")
+            if spelt and isinstance(pairs, dict):  # as it is typed
+                flag = spelt.split()[0]
+                typed = (f"{flag} {shlex.quote(f'{key}={each}')}" for key, each in pairs.items())
+                return f"`{' '.join(typed)}`"
         # An option that shows its form, or takes nothing, is named without the value.
         if value and spelt and " " not in spelt and name != "throw":
-            spelt += " " + value.strip("'")
+            spelt += " " + shlex.quote(value.strip("'"))
         return f"`{spelt}`" if spelt else found[0]
 
     return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)
@@ -167,6 +172,20 @@ def read_measured(moduli_files, column, unit, temperature, **options) -> Measure
     for sentence in measured.history:
         typer.echo(with_options(sentence))
     return measured
+
+
+def looked_through(measured: Measured, robust: bool) -> Measured:
+    """Returns the data, if `robust` without the rows of wild values; prints these values."""
+    wild = wild_values(measured)
+    if wild and robust:
+        typer.echo("Left out, because no smooth positive spectrum explains their values:")
+    elif wild:
+        typer.secho(WILD, fg="yellow", err=True)
+    elif robust:
+        typer.echo("--robust leaves out no row: a smooth positive spectrum explains them all.")
+    for value in wild:
+        typer.echo(str(value), err=not robust)
+    return without(measured, wild) if robust else measured
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:

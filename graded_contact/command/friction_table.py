@@ -9,7 +9,7 @@ import typer
 
 from ..exports.friction_cards import export_friction
 from ..scenes.run_scene import build_surface
-from ..scenes.scene import read_scene, refuse_tables
+from ..scenes.scene import read_scene, refuse_liquids, refuse_tables
 from ..scenes.theory import check_frequencies_of, roughness_of
 from ..studies.dataset import write, write_whole
 from ..studies.friction_tables import Method, friction_table
@@ -43,9 +43,11 @@ def table(
             if file.exists() and not replace:
                 raise ValueError(f"{file} exists: give another --output, or --replace.")
         surface = build_surface(scene)
+        simple = method == "mean_field" and surface.periodic
+        if (surface.grid.ndim == 2 and not simple) or not np.all(scene.velocity):
+            refuse_liquids(scene)
         check_frequencies_of(scene, surface)
         common = {"graded_solver": scene.graded_solver, "strain_per_slope": scene.strain_per_slope}
-        simple = method == "mean_field" and surface.periodic
         with progress(interruption) as advance:
             warm = None if scene.temperature is None else np.atleast_1d(scene.temperature)
             found = friction_table(

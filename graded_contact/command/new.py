@@ -1,6 +1,8 @@
 """The job `new`: a scene from a topography and measured moduli."""
 
 import os
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,12 +10,16 @@ import numpy as np
 import typer
 from typer import Argument, Option
 
+from ..blocks.stack import LIQUID
 from ..core.warnings import EXTRAPOLATED
 from ..exports.prony_cards import export_prony
+from ..materials.material import Prony
 from ..plot.words import kelvin
 from ..readers.topography import read_surface
-from ..scenes.proposal import CONTACT_SHARE, Load, proposed_load
+from ..scenes.proposal import Load, proposed_load
+from ..scenes.scene import parse_scene
 from ..scenes.schema import entry_text
+from ..scenes.theory import excites_unknown, mean_fields
 from ..studies.dataset import write_whole
 from . import fit
 from .result_tables import print_steps
@@ -43,6 +49,15 @@ def new(
     kind: fit.DataKind = None,
     deformation: fit.Deformation = None,
     temperature: fit.Temperatures = None,
+    temperatures: Annotated[list[float] | None, Option(
+        metavar="KELVIN",
+        help="Temperature of the scene; may be repeated (default: some of those of the data).",
+    )] = None,
+    sheet: fit.Sheet = None,
+    step: fit.Steps = None,
+    law: fit.Law = "wlf",
+    equilibrium: fit.Equilibrium = None,
+    robust: fit.Robust = False,
     unit: fit.UnitTexts = None,
     column: fit.ColumnTexts = None,
     replace: Replace = False,
@@ -71,26 +86,56 @@ def new(
         print_steps(surface)
         measured = fit.read_measured(
             moduli_files, column, unit, temperature, kind=kind, deformation=deformation,
-            poisson=poisson,
+            poisson=poisson, sheet=sheet, step=step,
         )  # fmt: skip
-        found = fit.fitted(measured, terms=terms, poisson=poisson)
-        parts = [part.temperature for part in measured.isotherms()]
-        kelvins = [np.mean(part) for part in parts if part is not None]
-        load = proposed_load(found.material, surface, np.array(kelvins))
+        measured = fit.looked_through(measured, robust)
+        found = fit.fitted(measured, terms=terms, poisson=poisson, equilibrium=equilibrium, law=law)
+        material = found.material
+        _check_temperatures(material, temperatures or [])
         fit.write_fit(stem, found, [], form)
+        if surface.grid.ndim == 2 and material.equilibrium == 0:
+            raise ValueError(f"[materials.{name}] {LIQUID}")
+        parts = [part.temperature for part in measured.isotherms()]
+        kelvins = temperatures or [np.mean(part) for part in parts if part is not None]
+        load = proposed_load(material, surface, np.array(kelvins), every=bool(temperatures))
         path = os.path.relpath(surface_file.absolute(), stem.parent)
         entries = {"kind": "file", "path": Path(path).as_posix(), **read}
         title = f"{name} under {surface_file.stem}"
-        card = export_prony(found.material, "toml", name=name)
-        write_whole(scene, _text(title, scene, name, entries, card, load))
+        card = export_prony(material, "toml", name=name)
+        lines = partial(_lines, title, scene, name, entries, card, load)
+        # What the comments say is computed from the scene, as `run` does.
+        draft, areas, shares = parse_scene("\n".join(lines()), stem.parent), [], [0.0]
+        for _, stack in draft.blocks():
+            fields = mean_fields(draft, surface, stack)
+            areas += [float(field.contact_area) for field in fields]
+            if excites_unknown(draft, stack, surface.grid):
+                shares += [float(field.extrapolated_friction) for field in fields]
+        write_whole(scene, "\n".join(lines(areas, max(shares))))
     typer.echo(f"wrote {scene}\nnext: graded-contact run {scene}")
 
 
-def _text(
-    title: str, scene: Path, name: str, surface: dict[str, Any], card: str, load: Load
-) -> str:
-    """The text of the scene."""
+def _check_temperatures(material: Prony, temperatures: list[float]) -> None:
+    """Raises `ValueError` for temperatures to which the material cannot be brought."""
+    if temperatures and material.shift is None:
+        raise ValueError(
+            f"`temperatures={temperatures[0]:g}` is refused: one isotherm shows no law of "
+            "temperature. Give moduli at several temperatures."
+        )
+    for at in temperatures:
+        try:
+            material.at(at)
+        except ValueError as error:  # `--temperature` is that of the data
+            raise ValueError(str(error).replace("`temperature=", "`temperatures=")) from error
+
+
+def _lines(
+    title: str, scene: Path, name: str, surface: dict[str, Any], card: str, load: Load,
+    areas: Sequence[float] = (0.0,), share: float = 0.0,
+) -> list[str]:  # fmt: skip
+    """The lines of the scene; `areas` of contact and `share` of friction not measured [1]."""
     low, high = load.velocity
+    area = " to ".join(dict.fromkeys(f"{end:.0%}" for end in (min(areas), max(areas))))
+    where = ", at measured frequencies" if share <= EXTRAPOLATED else ""
     lines = [
         f"# {title}, by `graded-contact new`. Change what you know better.",
         "#",
@@ -109,14 +154,14 @@ def _text(
         'kind = "half_space"',
         f'material = "{name}"',
         "",
-        f"[load]  # contact on about {CONTACT_SHARE:.0%} of the area, at measured frequencies",
+        f"[load]  # by mean field: contact on {area} of the area{where}",
         f"pressure = {load.pressure:g}  # [Pa]",
         f"velocity = {{from = {low:g}, to = {high:g}, points = {NUM_VELOCITIES}}}  # [m/s]",
     ]
     if load.temperature:
         shown = ", ".join(map(kelvin, load.temperature))
         lines.append(f"temperature = {entry_text(load.temperature)}  # {shown}")
-    if load.extrapolated > EXTRAPOLATED:
-        share = f"# up to {load.extrapolated:.0%} of the friction is of frequencies not measured"
-        lines += [share, "extrapolate = true"]
-    return "\n".join([*lines, "", "[output]", 'name = "friction"', 'directory = "results"', ""])
+    if share > EXTRAPOLATED:
+        reason = f"up to {share:.0%} of the friction is of frequencies not measured"
+        lines.append(f"extrapolate = true  # {reason}")
+    return [*lines, "", "[output]", 'name = "friction"', 'directory = "results"', ""]

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ..core.display import with_unit
+from ..core.display import with_error, with_unit
 from ..core.quantities import AXES, OBSERVABLES
 from ..page.document import described
 from ..plot.words import title_of
@@ -33,23 +33,31 @@ STATES = {
 }
 
 
-def print_table(results: "Dataset", all_seeds: bool = False) -> None:
+# What a table has without `--full`, with the errors.
+MAIN = ("friction", "mean_friction", "peak_friction", "contact_area", "mean_pressure", "approach")
+
+
+def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False) -> None:
     """Prints one line for each solve, then the reasons of solves that did not converge.
 
-    Of several random surfaces a line has the mean and its standard error, unless `all_seeds`.
+    Of several random surfaces a line has the mean and its standard error, unless `all_seeds`. Only
+    `full` tables have all numbers.
     """
     every, warnings = results, list(warnings_of(results))
     main = "mean_friction" if "mean_friction" in results else "friction"
     errors = {main: "friction_standard_error"}  # numbers that are printed with a standard error
     if "seed" in every["message"].dims and not all_seeds:
         results = over_seeds(every)
-        errors = {name: name + SEED_ERROR for name in (main, "contact_area_smooth")}
+        errors = {name: name + SEED_ERROR for name in (main, "contact_area")}
         seeds = every["message"].dims.index("seed")
         warnings = [caveat._replace(where=caveat.where.any(seeds)) for caveat in warnings]
         typer.echo(f"Numbers are means of {every.sizes['seed']} surfaces ± standard error.")
     errors = {name: error for name, error in errors.items() if error in results}
     axes = results["message"].dims
-    columns = _columns(results, set(errors.values()))
+    hidden = set(errors.values())
+    if not full:
+        hidden |= {*map(str, results)} - _main(errors)
+    columns = _columns(results, hidden)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in (*_heads(results), *(head for head, _ in columns.values()), ""):
         table.add_column(Text(head), justify="right", no_wrap=True)
@@ -73,6 +81,11 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
     for number, caveat in enumerate(warnings, start=1):
         console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
     _print_failures(every)
+
+
+def _main(errors: Mapping[str, str]) -> set[str]:
+    """The numbers of a short table."""
+    return {*MAIN, *(f"{name}_error" for name in MAIN), *errors.values()}
 
 
 def _heads(results: "Dataset") -> Iterator[str]:
@@ -122,15 +135,6 @@ def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
                 f"{name}: 90 % of the friction at {speed:.3g} m/s comes from its moduli between "
                 f"{low:.2g} and {high:.2g} rad/s (mean field)"
             )
-
-
-def with_error(value: float, error: float) -> str:
-    """Returns a number with its standard error, to two digits of that: "0.512 ± 0.0081"."""
-    if not (np.isfinite(error) and error > 1e-6):
-        return f"{value:#.4g} ± {error:.2g}"
-    # The second digit of the error is the last digit of both numbers.
-    digits = max(0, 1 - int(np.floor(np.log10(error))))
-    return f"{value:.{digits}f} ± {error:.{digits}f}"
 
 
 def print_scene(scene: Scene) -> None:

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 AllSeeds = Annotated[bool, typer.Option(
     "--all-seeds", help="Show every random surface, not their mean ± standard error."
 )]  # fmt: skip
+Full = Annotated[bool, typer.Option("--full", help="Show all numbers in the table.")]
 
 
 def demo(
@@ -74,6 +75,7 @@ def run(
     replace: terminal.Replace = False,
     dry_run: terminal.DryRun = False,
     all_seeds: AllSeeds = False,
+    full: Full = False,
     at: Annotated[list[str] | None, typer.Option(
         "--map", metavar="NAME=VALUE",
         help="Draw the contact at this value of an axis, for instance velocity=0.1 (SI units); "
@@ -113,7 +115,7 @@ def run(
             surface, *_ = _prepared(scene, *place, replace)
             check_run(scene, surface)
             return
-    run_scene_into(scene, *place, replace, form, engine, all_seeds)
+    run_scene_into(scene, *place, replace, form, engine, all_seeds, full)
 
 
 def info(
@@ -121,6 +123,7 @@ def info(
         Path, typer.Argument(metavar="RESULT.h5", help="Result file.", show_default=False)
     ],
     all_seeds: AllSeeds = False,
+    full: Full = False,
 ) -> None:
     """Prints a result file: inputs, versions, and the table of results."""
     with terminal.refusing():
@@ -137,12 +140,12 @@ def info(
     print_steps(surface)
     kept = ", ".join(map(str, kept_solves(results))) or "none"
     typer.echo(f"{'fields kept':22} {kept} ({', '.join(map(str, results['message'].dims))})")
-    print_table(results, all_seeds)
+    print_table(results, all_seeds, full)
 
 
 def run_scene_into(
     scene: Scene, folder: Path, name: str, replace: bool, form: str, engine: dict[str, Any],
-    all_seeds: bool = False,
+    all_seeds: bool = False, full: bool = False,
 ) -> None:  # fmt: skip
     """Solves a scene, prints its table and writes its files; `run_scene` takes `engine`."""
     with terminal.refusing(), interruptible() as interruption:
@@ -162,7 +165,7 @@ def run_scene_into(
                 write(file, results)
                 write_csv(file.with_suffix(".csv"), over_seeds(results) if means else results)
                 typer.echo(f"wrote {file}\nwrote {file.with_suffix('.csv')}")
-            print_table(results, all_seeds)
+            print_table(results, all_seeds, full)
             whole = interruption.signal is None
             decided = what_decides(scene, surface) if whole else {}
             print_decisive(decided)

@@ -163,26 +163,19 @@ def _attached_jvp(primals, tangents):
     v = state.pressure - penalty * (gap + (moving - jax.lax.stop_gradient(moving)))
     s = slope(inputs.law.in_units(1.0, 1 / penalty).proximal, v)
     by_law, by_operator, by_heights = _given_changes(inputs, change, state, penalty, v)
-    total = nonzero(operator.mean(s))
-
-    rhs = by_law - penalty * (by_operator - by_heights)
     d_load, given_gap = change.loading
     d_gap = jnp.zeros_like(state.mean_gap) if given_gap is None else given_gap
     free_mean = inputs.loading.pressure is None
-    known = by_law  # the part of dσ that is given
+    rhs = by_law - penalty * (by_operator - by_heights)
     if free_mean:
-        rhs = rhs - penalty * d_gap
-    else:
-        share = ((0.0 if d_load is None else d_load) - operator.mean(known)) / total
-        known = known + share * s
-        rhs = rhs - share * (1 - s)
-    rhs = rhs - penalty * operator.displace(known)
-    scaled = operator.scaled(penalty)
-    d_pressure = known + _in_contact(scaled, s, rhs, adjoint, rtol, free_mean)
+        rhs, d_load = rhs - penalty * d_gap, None
+    elif d_load is None:
+        d_load = 0.0
+    d_pressure = response(operator.scaled(penalty), s, by_law, rhs, d_load, adjoint, rtol)
     d_displacement = operator.displace(d_pressure) + by_operator
     if not free_mean:
         left = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
-        d_gap = operator.mean(left) / (penalty * total)
+        d_gap = operator.mean(left) / (penalty * nonzero(operator.mean(s)))
     return state, State(d_pressure, d_displacement, d_gap)
 
 
@@ -200,6 +193,25 @@ def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
     if change.heights is not None:
         by_heights = change.heights - jnp.mean(change.heights)
     return by_law, by_operator, by_heights
+
+
+def response(operator: AbstractOperator, s, known, rhs, load, adjoint: LinearSolver, rtol) -> Field:
+    """Returns the change dσ with (1 - s) dσ + s (ρM dσ + ρ dū) = (1 - s) `known` + s `rhs`.
+
+    **Arguments:**
+
+    - `operator`: ρM.
+    - `s`: slope of the law's proximal map at each point.
+    - `known`, `rhs`: the right side where the law fixes the pressure, and where the gap.
+    - `load`: mean of dσ, with dū free; or None for dū = 0.
+    - `adjoint`, `rtol`: the linear solver and its tolerance.
+    """
+    if load is not None:
+        share = (load - operator.mean(known)) / nonzero(operator.mean(s))
+        known = known + share * s
+        rhs = rhs - share * (1 - s)
+    rhs = rhs - operator.displace(known)
+    return known + _in_contact(operator, s, rhs, adjoint, rtol, load is None)
 
 
 def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol, free_mean: bool):
@@ -240,10 +252,9 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
 
 def opening_by_load(operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol) -> Array:
     """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM."""
+    one, nothing = jnp.ones((), s.dtype), jnp.zeros_like(s)
+    change = response(operator, s, nothing, nothing, one, adjoint, rtol)
     total = nonzero(operator.mean(s))
-    known = s / total
-    rhs = -(1 - s) / total - operator.displace(known)
-    change = known + _in_contact(operator, s, rhs, adjoint, rtol, free_mean=False)
     return -operator.mean((1 - s) * change + s * operator.displace(change)) / total
 
 

@@ -1,42 +1,18 @@
-"""The contact area: counted, corrected for the edges, and by a contour between the points."""
+"""The contact area: counted, and with the edges of contact between the points."""
 
-from itertools import pairwise
+from collections.abc import Callable
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
-from ..fields.devices import interleaved_rows
 from ..fields.grid import Grid, mode_numbers, multiplicity
 from .operator import Field, Scalar, Waves
-
-# Area of a pixel count beyond the true one, per pixel edge between contact and gap.
-# V. A. Yastrebov, G. Anciaux, J.-F. Molinari, Tribol. Int. 114 (2017) 161, arXiv:1701.02727.
-_EDGE_EXCESS = (np.pi - 1 + np.log(2)) / 24
-# How far, in pixels, the contour below lies outside the edge of a straight contact front:
-# mean over sub-pixel positions of Westergaard's contact, spread 0.02.
-_CONTOUR_OFFSET = 0.14
 
 
 def counted_area(contact: Bool[Array, "*shape"]) -> Scalar:
     """Returns the fraction of points in contact [1]. Piecewise constant: it has no derivative."""
     return jnp.mean(contact, dtype=jnp.result_type(float))
-
-
-def area_without_edges(contact: Bool[Array, "*shape"]) -> Scalar:
-    """Returns the fraction of points in contact less the excess at the contact's edges [1].
-
-    Each pixel edge between contact and gap takes (π - 1 + ln 2)/24 of a pixel (Yastrebov et al.
-    2017, see above). In one dimension there is nothing to correct.
-    """
-    area = counted_area(contact)
-    if contact.ndim == 1:
-        return area
-    edges = sum(
-        jnp.mean(contact != jnp.roll(contact, 1, axis), dtype=area.dtype) for axis in (0, 1)
-    )
-    return area - _EDGE_EXCESS * edges
 
 
 def area_in_doubt(indicator: Field, correction: Field) -> Scalar:
@@ -64,78 +40,56 @@ def edge_stiffness(kernel: Waves, grid: Grid) -> Scalar:
     return jnp.exp(-jnp.sum(weight * logarithm) / jnp.sum(weight))
 
 
-def area_of_contour(indicator: Field) -> Scalar:
-    """Returns a sub-pixel contact area fraction [1], continuous in every parameter.
+def sub_pixel_area(indicator: Field) -> Scalar:
+    """Returns the contact area fraction, the mean of `contact_shares` [1].
 
-    The indicator (see `AbstractLaw.contact_indicator`), for a hard wall the pressure in contact and
-    minus gap times `edge_stiffness` outside, is interpolated linearly on the four triangles of each
-    pixel, and the area where it is positive is summed exactly. A point joins the contact with
-    indicator 0, so the area never jumps. On a grid the contour lies 0.14 pixels outside a straight
-    edge of contact; that much of its length is subtracted. If this area differs much from the pixel
-    count, the grid does not resolve the contact.
+    It is continuous in every parameter and has a derivative, and no contact is so small that it has
+    none.
     """
-    if indicator.ndim == 1:
-        return jnp.mean(_positive_part_of_segment(indicator, jnp.roll(indicator, -1)))
-
-    # Row by row of each device, and again for a derivative: whole fields of intermediate values
-    # cost more.
-    @jax.checkpoint
-    def add_row(total, sides):
-        left, right = sides
-        up, corner = jnp.roll(left, -1, -1), jnp.roll(right, -1, -1)
-        centre = (left + right + up + corner) / 4
-        for a, b in pairwise((left, right, corner, up, left)):
-            area, length = _triangle(a, b, centre)
-            total = total + (area - _CONTOUR_OFFSET * length)
-        return total, None
-
-    rows = (interleaved_rows(indicator), interleaved_rows(jnp.roll(indicator, -1, 0)))
-    total, _ = jax.lax.scan(add_row, jnp.zeros_like(rows[0][0]), rows)
-    # A contact of a few pixels is smaller than its own correction.
-    return jnp.maximum(jnp.mean(total) / len(rows[0]), 0)
+    return jnp.mean(contact_shares(indicator))
 
 
-def contact_shares(indicator: Field) -> Field:
-    """Returns the share of each point's cell that is in contact [1], with the contour above."""
-    if indicator.ndim == 1:
-        sides = (jnp.roll(indicator, 1), jnp.roll(indicator, -1))
-        halves = [_positive_part_of_segment(indicator, (indicator + side) / 2) for side in sides]
-        return (halves[0] + halves[1]) / 2
-    total = jnp.zeros_like(indicator)
-    for dx, dy in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-        along, across = jnp.roll(indicator, dx, 0), jnp.roll(indicator, dy, 1)
-        centre = (indicator + along + across + jnp.roll(along, dy, 1)) / 4
-        for side in (along, across):
-            # A quarter is the whole of a triangle there.
-            total = total + _triangle(indicator, (indicator + side) / 2, centre)[0] / 2
-    return total
+def contact_shares(
+    indicator: Field, edge: Callable[[Array, int], Array] | None = None
+) -> Float[Array, "*shape"]:
+    """Returns the share of each point in contact [1], with the edges of contact between the points.
+
+    Lines of points along each axis are cut where the contact ends, and the mean of all half lines
+    around a point is taken. A point joins the contact with a share of 0, so that the sum never
+    jumps.
+
+    **Arguments:**
+
+    - `indicator`: see `AbstractLaw.contact_indicator` [Pa].
+    - `edge`: function of g/p and the number of dimensions, see `edge_distance`, the default.
+    """
+    edge = edge_distance if edge is None else edge
+    inside, parts = indicator > 0, []
+    for axis in range(indicator.ndim):
+        for step in (1, -1):
+            other = jnp.roll(indicator, step, axis)
+            mixed = inside != (other > 0)
+            high, low = jnp.maximum(indicator, other), jnp.minimum(indicator, other)
+            ratio = jnp.where(mixed, -low / jnp.where(mixed, high, 1), 1)
+            x = edge(jnp.clip(ratio, 1e-7, 1e6), indicator.ndim)  # the root of 0 has no derivative
+            part = jnp.where(inside, jnp.minimum(2 * x, 1), jnp.maximum(2 * x - 1, 0))
+            parts.append(jnp.where(mixed, part, inside.astype(x.dtype)))
+    return jnp.asarray(sum(parts) / len(parts))
 
 
-def _positive_part_of_segment(a, b):
-    """Fraction of a segment on which its linear interpolant is positive."""
-    mixed = (a > 0) != (b > 0)
-    span = jnp.where(mixed, jnp.abs(a) + jnp.abs(b), 1)
-    return jnp.where(mixed, jnp.maximum(a, b) / span, jnp.where(a > 0, 1, 0).astype(a.dtype))
+def edge_distance(ratio: Array, ndim: int) -> Array:
+    """Returns the distance of the last point in contact from the edge [spacings].
 
+    At the distance s from an edge the pressure is k √s, and outside the gap is 4/3 k/E* s^(3/2),
+    since the contact is not singular there. With p at the last point inside and g at the next one,
+    the gap times the stiffness of the block, (1 - x)³ = r² x where r = 3/π g/p. An edge at an angle
+    θ to the line has 1/cos θ times this ratio, which is π/2 in the mean over all edges that a line
+    meets. The root is 1/(1 + r^(2/3) + r²) up to 0.02.
 
-def _triangle(a, b, c):
-    """Area where the interpolant of a, b and the centre c is positive, and its contour."""
-    in_a, in_b, in_c = a > 0, b > 0, c > 0
-    # The vertex whose sign differs from the other two, if there is one, and the next two.
-    by_a, by_b = (in_a != in_b) & (in_a != in_c), (in_b != in_a) & (in_b != in_c)
-    by_c = (in_c != in_a) & (in_c != in_b)
-    lone = jnp.where(by_a, a, jnp.where(by_b, b, c))
-    first = jnp.where(by_a, b, jnp.where(by_b, c, a))
-    second = jnp.where(by_a, c, jnp.where(by_b, a, b))
-    cut = by_a | by_b | by_c
-    # How far along each side the contour cuts it, seen from the lone vertex.
-    s = lone / jnp.where(cut, lone - first, 1)
-    t = lone / jnp.where(cut, lone - second, 1)
-    corner = 0.25 * s * t
-    whole = jnp.where(in_a, 0.25, 0.0).astype(a.dtype)
-    area = jnp.where(cut, jnp.where(lone > 0, corner, 0.25 - corner), whole)
-    # Sides between a or b and c are 1/√2 long, at right angles in c.
-    squared = jnp.where(by_a, 1, 0.5) * s * s + jnp.where(by_b, 1, 0.5) * t * t
-    squared = squared - jnp.where(by_c, 0, s * t)
-    crossed = cut & (squared > 0)
-    return area, jnp.where(crossed, jnp.sqrt(jnp.where(crossed, squared, 1)), 0)
+    **Arguments:**
+
+    - `ratio`: g/p [1].
+    - `ndim`: dimensions of the surface; in one an edge is always across.
+    """
+    r = (3 / np.pi if ndim == 1 else 3 / 2) * ratio
+    return 1 / (1 + jnp.cbrt(r) ** 2 + r**2)

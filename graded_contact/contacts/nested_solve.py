@@ -31,6 +31,7 @@ from .abstract_solver import (
     penalty_for,
     pressure_unit,
     run_steps,
+    softness,
     to_mean,
 )
 from .active_set import most_eliminated
@@ -118,7 +119,7 @@ class DouglasRachford(AbstractContactSolver):
             share=share, newton=newton, draft_steps=few, max_steps=most if newton else few,
             relaxation=min(self.relaxation, _MOST_ATTRACTED) if law.attracts else self.relaxation,
             history_length=history_of(self.history_length, loading.pressure is None),
-            rtol=rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
+            rtol=rtol / softness(law) if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
         )  # fmt: skip
 
 

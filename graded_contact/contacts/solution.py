@@ -61,7 +61,7 @@ class ContactSolution(eqx.Module):
     - `correction`: estimated change of the pressure to that of the exact contact [Pa], see
       `contacts/estimates.py`. Without a derivative.
     - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
-      pressure.
+      pressure. Under a law that attracts it may exceed `rtol` two or three times, near a jump more.
     - `load_error`: difference of the mean pressures of solid and law, where the iteration stopped,
       over that of |σ| [1]. At a given approach see `Sliding.mean_pressure_error`.
     - `gap_error`: estimated error of the gap (root mean square) over the rms height [1]; those of

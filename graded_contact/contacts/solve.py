@@ -38,6 +38,7 @@ from .abstract_solver import (
     in_precision,
     participation,
     penalty_for,
+    softness,
 )
 from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
 from .estimates import assess, contact_state, penalty_at
@@ -292,8 +293,9 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
         gap = (law.in_units(1.0, 1 / penalty).proximal(v) - v) / penalty
     return SolverOutput(
         pressure=pressure, gap=gap, mismatch=solution.correction,
-        displacement=solution.displacement, error=solution.error, ended=jnp.asarray(True),
-        num_steps=jnp.asarray(0), num_fft_pairs=jnp.zeros((), pressure.dtype),
+        displacement=solution.displacement, error=solution.error / softness(law),
+        ended=jnp.asarray(True), num_steps=jnp.asarray(0),
+        num_fft_pairs=jnp.zeros((), pressure.dtype),
     )  # fmt: skip
 
 
@@ -306,8 +308,10 @@ def _solution(
     inputs = inputs._replace(operator=operator.with_kernel(operator.compliance))
     found = jax.lax.stop_gradient(found)
     correction, error, gap_error = jax.lax.stop_gradient(assess(inputs, found))
-    # Where rounding ended the solve, its own error counts noise out of contact, too.
-    reached = jnp.where(found.ended, error, found.error) <= rtol
+    # Where rounding ended the solve, its own error counts noise out of contact, too. Under an
+    # attraction the error is larger than the solver's, near a jump without limit.
+    closer = found.ended & (not inputs.law.attracts)
+    reached = (jnp.where(closer, error, found.error) <= rtol) & ~jnp.isnan(error)
     state = jax.lax.stop_gradient(contact_state(inputs, found))
     penalty = penalty_at(inputs, found)
     state = attach_gradient(inputs, state, found.gap, penalty, adjoint, close)

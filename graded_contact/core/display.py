@@ -88,9 +88,11 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
     chosen = (fields if name is ... else [name] for name in value._shown.names)
     names = [*first, *(name for group in chosen for name in group)]
     parts: dict[str, Any] = {name: getattr(value, name) for name in names}
+    causes = {name: _causes_of(name, parts) for name in parts}
+    beside = {f"{name}_error" for name in parts} | {n for group in causes.values() for n in group}
     for name, part in parts.items():
         error: Any = parts.get(f"{name}_error")
-        if name.endswith("_error") and _is_number(parts.get(name.removesuffix("_error"))):
+        if name in beside and _is_number(part):
             continue
         if name not in fields and callable(part):
             part = part()
@@ -98,10 +100,38 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
             name = declared[name].metadata.get("argument", name)
         owner = type(value).__name__
         if _is_number(part) and _is_number(error):
-            part = f"{_text(part)} ± {float(error):.1e}"
+            known: Any = part
+            part = with_error(float(known), float(error))
+            shares = (f"{cause} {float(parts[n]):.1e}" for n, cause in causes[name].items())
+            part += f" ({', '.join(shares)})" if causes[name] else ""
         elif isinstance(part, Mapping) and quantity_of(name, owner) is None and units:
             part = {_title(str(key)): entry for key, entry in part.items()}
         yield _title(name, owner) if units else name, part
+
+
+def _causes_of(name: str, parts: Mapping[str, Any]) -> dict[str, str]:
+    """The names of the parts of an error, and what causes them."""
+    if f"{name}_error" not in parts:
+        return {}
+    ends = (n.removeprefix(f"{name}_") for n in parts if n.startswith(f"{name}_"))
+    causes = [end.removesuffix("_error") for end in ends if end.endswith("_error")]
+    return {f"{name}_{cause}_error": cause for cause in causes}
+
+
+def with_error(value: float, error: float) -> str:
+    """Returns a number with its error, to two digits of that: "0.512 ± 0.0081"."""
+    if not (np.isfinite(error) and error > 0 and np.isfinite(value)):
+        return f"{value:#.4g} ± {error:.2g}"
+    power = int(np.floor(np.log10(max(abs(value), error)))) if value else 0
+    last = int(np.floor(np.log10(error))) - 1
+    if last > power or power - last > 14:
+        return f"{value:.4g} ± {error:.1e}"
+    # The second digit of the error is the last digit of both numbers.
+    if -3 <= power < 5:
+        digits = max(0, -last)
+        return f"{value:.{digits}f} ± {error:.{digits}f}"
+    scale = 10.0**power
+    return f"({value / scale:.{power - last}f} ± {error / scale:.{power - last}f})e{power:+03d}"
 
 
 def _title(name: str, owner: str = "") -> str:

@@ -168,6 +168,7 @@ class Observable(NamedTuple):
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it; cycles have none of these.
     - `column`: head and format in the table of the command, if it has a column there.
+    - `on_two_grids`: whether it needs the contact on half the grid, see `sliding/resolution.py`.
     """
 
     quantity: Quantity
@@ -177,6 +178,7 @@ class Observable(NamedTuple):
     stored: bool = True
     needs: Collection[str] = ()
     column: tuple[str, str] | None = None
+    on_two_grids: bool = False
 
     @property
     def name(self) -> str:

@@ -22,6 +22,8 @@ LIMIT = 0.1  # the part of a result above which there is a warning
 STEEP = (2 * LIMIT) ** 0.5
 SQUEEZED = 0.2 - 1e-3  # of the layers; from 20 % on, whatever the error of the solve
 RIM = 1e-3  # of the load, on the outermost points of a window
+WHOLE = 1e-3  # of the cell: a stroke as long as the cell may be rounded
+RIPPLE = 0.01  # of the peak of the friction; 0.3 % or less of smooth starts
 ROUNDING = 1e-12  # of the slope: friction below it is none
 IDLE = 1e-3  # friction over slope below which a contact counts as without friction
 # What to do where a step of reading changed the slope.
@@ -72,16 +74,18 @@ def _number(found: Any, name: str) -> np.ndarray:
     return np.asarray(getattr(found, name, 0.0) if known else 0.0)
 
 
-def _grid_mismatch(found: Any) -> ArrayLike:
-    """Friction from the surface's slope less that from the block's, over the friction [1].
+def _of_friction(error: str) -> Callable[[Any], ArrayLike]:
+    """Returns the function of an error over the friction [1]; 0 where nothing is dissipated."""
+    name = "mean_friction" if error.startswith("mean") else "friction"
 
-    It is 0 where nothing is dissipated: of an elastic block, or at rest.
-    """
-    names = ("friction", "geometric_friction", "slope_in_contact")
-    friction, geometric, slope = (_number(found, name) for name in names)
-    scale = np.maximum(np.abs(friction), IDLE * slope)
-    mismatch = np.abs(geometric - friction) / np.where(scale == 0, 1, scale)
-    return np.where(np.abs(friction) <= ROUNDING * slope, 0.0, mismatch)
+    def share(found):
+        names = (name, error, "slope_in_contact")
+        friction, wrong, slope = (_number(found, name) for name in names)
+        scale = np.maximum(np.abs(friction), IDLE * slope)
+        idle = np.abs(friction) <= ROUNDING * slope
+        return np.where(idle, 0.0, wrong / np.where(scale == 0, 1, scale))
+
+    return share
 
 
 def _unmeasured(what: str) -> str:
@@ -101,9 +105,9 @@ SLIDING_RULES = (
          "was not measured: its modulus there is an extrapolation."),
 )  # fmt: skip
 RULES = (
-    Rule(_grid_mismatch, LIMIT,
-         "The friction from the surface's slope and that from the block's differ by {worst:.0%}: "
-         "the grid does not resolve the contact. Take more points, or a smoother surface."),
+    Rule(_of_friction("friction_grid_error"), LIMIT,
+         "The grid does not resolve the contact: the friction has an error of about {worst:.0%}. "
+         "Take more points, or a smoother surface."),
     *SLIDING_RULES,
     Rule(lambda found: np.isnan(found.friction) & (_number(found, "slope_in_contact") == 0), 0,
          "The surfaces do not touch: there is no load, so friction is not defined."),
@@ -122,6 +126,12 @@ RULES = (
 )  # fmt: skip
 CYCLE_RULES = (
     *SLIDING_RULES,
+    Rule(_of_friction("mean_friction_grid_error"), LIMIT,
+         "The grid does not resolve the contact: the mean friction has an error of about "
+         "{worst:.0%}. Take more points, or a smoother surface."),
+    Rule(_of_friction("mean_friction_time_error"), LIMIT,
+         "The times do not resolve the motion: the mean friction has an error of about "
+         "{worst:.0%}. Take more times."),
     Rule("largest_step", 1.0 + LIMIT,
          "The surface moves by up to {worst:.2g} spacings of the grid from one time to the next: "
          "the times do not resolve how the shortest waves move. Take more times."),
@@ -134,6 +144,14 @@ CYCLE_RULES = (
     Rule("unresolved_motion", LIMIT,
          "{worst:.0%} of the velocity is at the upper half of the frequencies that the times "
          "resolve: the motion has kinks or jumps. Take more times, or a smoother motion."),
+    Rule("stroke_over_cell", 1 + WHOLE,
+         "The stroke is {worst:.3g} times as long as the cell: the surface is periodic, so that "
+         "the next copy of each asperity follows in its track before it turns. Take a larger cell "
+         "or a shorter stroke."),
+    Rule("ripple_at_rest", RIPPLE,
+         "At rest, before it starts, the friction ripples by {worst:.1%} of its peak. This ripple "
+         "is numerical: the motion starts too suddenly for the times. Take more times, or a "
+         "smoother start."),
 )  # fmt: skip
 
 

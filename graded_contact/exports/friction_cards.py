@@ -42,6 +42,14 @@ def export_friction(table: "Dataset", format: str, *, name: str = "friction") ->
     return FORMATS[format](_checked(table), name)
 
 
+NUMBERS = ("friction", "friction_error", "contact_area", "contact_area_error")
+METHODS = {
+    "contact": "contact of the surface on a grid; the error is that of solver and grid",
+    "mean_field": "mean field of the spectrum; the error is that of its quadrature",
+    "both": "contact of the surface on a grid; the error is that of solver and grid",
+}
+
+
 def _checked(table: "Dataset") -> "Dataset":
     """The table with its axes in order, each increasing."""
     axes = [axis for axis in AXES if axis in getattr(table, "dims", ())]
@@ -64,7 +72,8 @@ def _checked(table: "Dataset") -> "Dataset":
 
 def _lines(table: "Dataset", columns: list[str], separator: str) -> list[str]:
     """A line of numbers for each point, the velocity varying fastest."""
-    points = table[["friction", "friction_error"]].to_dataframe([*table["friction"].dims])
+    names = [name for name in NUMBERS if name in table]
+    points = table[names].to_dataframe([*table["friction"].dims])
     rows = points.reset_index()[columns].astype(float).to_numpy().tolist()
     return [separator.join(map(repr, row)) for row in rows]  # `repr` keeps all digits
 
@@ -75,6 +84,7 @@ def _abaqus(table: "Dataset", name: str) -> str:
     largest = np.max(error / np.where(friction > 0, friction, np.inf))
     lines = [
         "** Units: m/s, Pa, K. Friction coefficient, slip rate, contact pressure, temperature.",
+        f"** Method: {METHODS.get(table.attrs.get('method', ''), 'not known')}",
         f"** Largest estimated relative error of the friction coefficient: {largest:.2g}",
         f"*SURFACE INTERACTION, NAME={name}",
         "*FRICTION",
@@ -85,7 +95,7 @@ def _abaqus(table: "Dataset", name: str) -> str:
 def _csv(table: "Dataset", name: str) -> str:
     units = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
     units = {axis: unit for axis, unit in units.items() if axis in table["friction"].dims}
-    units |= {"friction": "1", "friction_error": "1"}
+    units |= {name: "1" for name in NUMBERS if name in table}
     heads = ",".join(f"{column} [{unit}]" for column, unit in units.items())
     return "\n".join([heads, *_lines(table, [*units], ","), ""])
 

@@ -217,24 +217,25 @@ def derivative(field: Float[Array, "*shape"], grid: Grid, axis: int) -> Float[Ar
 def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[int, ...]) -> Array:
     """Returns a half spectrum cut or zero-padded to the modes of another grid on the same cell.
 
-    Values are copied, not rescaled. On the Nyquist lines of a coarser grid the even part is taken,
-    see `even_on_nyquist`; the Nyquist lines of a finer grid stay empty.
+    Values are copied, not rescaled. On the Nyquist lines of a coarser axis the even part is taken,
+    see `even_on_nyquist`; the Nyquist lines of a finer axis stay empty.
     """
     if new_shape == shape:
         return spectrum
     numbers = mode_numbers(new_shape)
-    known, last = [], len(shape) - 1
+    known, lines, last = [], [], len(shape) - 1
     mirrored = spectrum
     for axis, (n, m, k) in enumerate(zip(shape, new_shape, numbers, strict=True)):
-        kept = (2 * np.abs(k) < min(n, m)) | ((2 * np.abs(k) == m) & (m < n))
+        kept = (2 * np.abs(k) < min(n, m)) | ((2 * np.abs(k) == m) & (m <= n))
         known.append(kept)
+        lines.append((2 * np.abs(k) == m) & (m < n))
         # Modes that are not known take another's place, to be masked.
         k = np.where(kept, k, 0).ravel()
         spectrum, mirrored = (whole_along(modes, axis) for modes in (spectrum, mirrored))
         spectrum = jnp.take(spectrum, k % n, axis, mode="clip")
         mirrored = jnp.take(mirrored, (k if axis == last else -k) % n, axis, mode="clip")
     even = spectrum.real if last == 0 else (spectrum.real + mirrored.real) / 2
-    spectrum = jnp.where(nyquist_lines(new_shape), even, spectrum)
+    spectrum = jnp.where(_any(lines), even, spectrum)
     return jnp.where(~_any(~kept for kept in known), spectrum, 0)
 
 

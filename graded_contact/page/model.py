@@ -23,6 +23,7 @@ from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed, velocity_along
 from ..mean_field.mean_field import mean_field_friction
 from ..scenes.run_scene import build_surface
+from ..scenes.scene import refuse_liquids
 from ..scenes.surface_source import RandomSurface
 from ..sliding.case import Case
 from ..sliding.numerics import Numerics
@@ -130,7 +131,12 @@ class Model:
         })  # fmt: skip
 
     def contact(self, values: Sequence[float]) -> Contact:
-        """Returns the contact at `values` [SI], solved from the last one."""
+        """Returns the contact at `values` [SI], solved from the last one.
+
+        Raises `ValueError` for a liquid, which has curves but, in two dimensions, no contact.
+        """
+        if self.surface.grid.ndim == 2:
+            refuse_liquids(self.scene)
         sliding, heights = _slide(self._scenery, jnp.array(values), self._start)
         sliding.compute(*sliding.numbers)  # here in the thread, not when the page reads them
         # A failed solve is no start for the next one.
@@ -147,7 +153,7 @@ class Model:
 
         def observed(numbers):
             sliding, _ = _slide(self._scenery, numbers, None, solution=contact.sliding.contact)
-            return jnp.stack(sliding.compute("friction", "contact_area_smooth"))
+            return jnp.stack(sliding.compute("friction", "contact_area"))
 
         # Two outputs and some ten knobs: backwards is cheaper than forwards.
         found, pull = jax.vjp(observed, jnp.array(values))

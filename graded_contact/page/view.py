@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import panel as pn
 
-from ..core.display import with_unit
+from ..core.display import with_error, with_unit
 from ..plot.contact import masked_fields
 from . import document as tables
 from .downloads import Shown, to_csv, to_hdf5
@@ -256,7 +256,7 @@ class Page(pn.viewable.Viewer):
         self._show_map()
         sliding, velocity = contact.sliding, contact.velocity
         self._lines["friction"].mark(velocity, float(sliding.friction))
-        self._lines["contact_area"].mark(velocity, float(sliding.contact_area_smooth))
+        self._lines["contact_area"].mark(velocity, float(sliding.contact_area))
         content, thickness = shown.model.document.content, shown.model.thickness(shown.values)
         names = [
             f"{tables.layer_name(layer)}, {with_unit(depth, 'm')}"
@@ -297,8 +297,11 @@ def _headline(shown: Shown | None, pinned: Shown | None) -> str:
         return ""
     now, before = shown.contact.sliding, pinned and pinned.contact.sliding
     cells = {
-        "friction": ("friction μ [1]", lambda μ: f"{μ:.4g} ± {float(now.friction_error):.0e}"),
-        "contact_area_smooth": ("contact area A/A₀", lambda area: f"{100 * area:.3g} %"),
+        "friction": ("friction μ [1]", lambda μ: with_error(μ, float(now.friction_error))),
+        "contact_area": (
+            "contact area A/A₀ [%]",
+            lambda area: with_error(100 * area, 100 * float(now.contact_area_error)),
+        ),
         "mean_gap": ("mean gap", lambda gap: with_unit(gap, "m")),
         "error": ("error of the pressure", lambda error: f"{error:.0e}"),
     }

@@ -110,12 +110,12 @@ def _over_time(cycle: Any) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray
             raise ValueError(
                 f"`cycle` has a displacement of shape {moved.shape}: a motion along x is needed."
             )
-        return [("", moved, np.asarray(cycle.friction), np.asarray(cycle.contact_area_smooth))]
+        return [("", moved, np.asarray(cycle.friction), np.asarray(cycle.contact_area))]
     if "time" not in cycle.dims:
         raise ValueError(
             "`cycle` holds steady sliding: results of a scene with [motion] are needed."
         )
-    lines, names = [], ("surface_displacement", "friction", "contact_area_smooth")
+    lines, names = [], ("surface_displacement", "friction", "contact_area")
     varied = [name for name in cycle["message"].dims if cycle.sizes[name] > 1]
     for index in np.ndindex(cycle["message"].shape):
         at = cycle.isel(dict(zip(cycle["message"].dims, index, strict=True)))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-DRAWN = ("friction", "contact_area_smooth")
+DRAWN = ("friction", "contact_area")
 ERROR = "_standard_error"
 DOUBTFUL = "doubtful: see the caveats"
 NOTHING = "No solve succeeded: no figure is drawn."

@@ -31,6 +31,7 @@ WAYS = (
 SWEEPS = tuple(("strain", ("strain", *way[1:])) for kind, way in WAYS if kind == "frequency")
 # In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
 _STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formation|dehnung)")
+_NO_AMPLITUDE = re.compile(r"(?i)\bcmd\b|command|ratio|constant")  # as TRIOS has beside the strain
 ALIKE = 0.02  # columns whose values differ by less are the same
 CONSTANT = 0.05  # what a test holds constant varies by less
 SAME = 1e-3  # relative, between frequencies that are meant to be equal
@@ -58,6 +59,17 @@ class Options:
     step: tuple[str | int, ...] = ()
     load: float | None = None
     source: str = "as given in `units`"
+
+
+class Unclear(ValueError):
+    """Columns of a measurement are there, but some must be chosen, or need a unit.
+
+    `swept`: whether the frequency or time varies.
+    """
+
+    def __init__(self, reason: str, swept: bool):
+        super().__init__(reason)
+        self.swept = swept
 
 
 class MeasuredTable(NamedTuple):
@@ -99,6 +111,11 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
         first = f"line {table.rows[0].line} has {entries[0]} entries"
         raise ValueError(f"{first}, unlike {table.place} with {table.listed()}")
     notes: list[str] = []
+    width, numbers = len(table.names), [n for n in options.columns.values() if isinstance(n, int)]
+    if table.blocks > 1 and max(numbers, default=0) > width:  # one of the curves side by side
+        table = table._replace(
+            names=table.names * table.blocks, units=table.units * table.blocks, blocks=1
+        )
     places = _places(table, options)
     if options.temperature:
         places.pop("temperature", None)
@@ -111,13 +128,20 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     found = {name: _distinct(table, name, needed[name], options, notes) for name in needed}
     columns = {name: each[0] for name, each in found.items() if each[0] is not None}
     lacking = []
-    for name in (name for name, each in found.items() if len(each) > 1):
-        labels = " and ".join(map(table.label, needed[name]))
-        lacking.append(f"{labels} may be the {name}: choose by `columns` or `deformation`")
+    several = {name: needed[name] for name, each in found.items() if len(each) > 1}
+    for name, where in several.items():
+        if len({table.names[place] for place in where}) == 1:
+            numbered = ", ".join(str(place + 1) for place in where)
+            lacking.append(f"columns {numbered} are all {table.names[where[0]]!r}, the {name}")
+        else:
+            lacking.append(f"{' and '.join(map(table.label, where))} may be the {name}")
+    if several:
+        lacking.append(_choice(table, several))
     for name in (name for name in needed if name not in columns):
         place, dimension = needed[name][0], DIMENSIONS[name]
         unit = table.unit(place) or table.units[place]
-        allowed = f"pass `units`, {dimension}: one of {list(UNITS[dimension])}"
+        first, *rest = UNITS[dimension]
+        allowed = f"pass for instance `units={ {dimension: first} }`; others are {rest}"
         lacking.append(f"{table.label(place)}, the {name}, has {unit!r} as unit; {allowed}")
     used = {column.place for column in columns.values()}
     others = [name for i, name in enumerate(table.names) if name and i not in used]
@@ -126,12 +150,34 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
         reason = f"only a test in shear has a column {shear!r}"
         lacking.append(f"lines above name tension or bending, but {reason}: pass `deformation`")
     if lacking:
-        raise ValueError(f"{table.place}: {'; '.join(lacking)}")
+        abscissa = next(name for name in ("strain", "frequency", "time") if name in needed)
+        swept = np.ptp(_finite(table, abscissa, needed[abscissa][0])) > 0
+        raise Unclear(f"{table.place}: {'; '.join(lacking)}", bool(swept))
     tangents = places.get("tan_delta", []) if names[1:] == WAYS[0][1][1:] else []
     check = _column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None
     load = load if len(names) == 2 else None
     notes = [*(column.sentence for column in columns.values()), *notes]
     return MeasuredTable(kind, columns, check, load, table, shear, others, notes)
+
+
+def _choice(table: Table, several: dict[str, list[int]]) -> str:
+    """How to choose between columns that may be the same quantity."""
+    first = {name: where[0] + 1 for name, where in several.items()}
+    kinds = ({table.headings[place].deformation for place in where} for where in several.values())
+    by = " or by `deformation`" * any(len(kind) > 1 for kind in kinds)
+    repeated = ""
+    if table.blocks > 1:
+        last = table.blocks * len(table.names)
+        repeated = f" (they repeat {table.blocks} times; numbers up to {last} choose one of these)"
+    return f"choose, for instance by `columns={first}`{by}{repeated}"
+
+
+def _finite(table: Table, quantity: str, place: int) -> np.ndarray:
+    """The numbers of a column in any unit; a single 0 if there are none."""
+    column = Column(quantity, "", place, SI[DIMENSIONS[quantity]], "", None, None)
+    values = column.numbers(table.rows)
+    values = values[np.isfinite(values)]
+    return values if len(values) else np.zeros(1)
 
 
 def _places(table: Table, options: Options) -> dict[str, list[int]]:
@@ -146,7 +192,8 @@ def _places(table: Table, options: Options) -> dict[str, list[int]]:
             places[quantity] = named or each
     if options.kind == "strain" and "strain" not in places:
         named = [i for i, name in enumerate(table.names) if _STRAIN.search(name)]
-        places |= {"strain": named} if named else {}
+        measured = [i for i in named if not _NO_AMPLITUDE.search(table.names[i])]
+        places |= {"strain": measured or named} if named else {}
     if not places and not options.columns and options.kind is not None:
         names = _ways(options.kind)[0][1]
         if len(table.names) == len(names):
@@ -173,8 +220,9 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> tuple[st
         shortest = {kind: ", ".join(names) for kind, names in reversed(ways)}
         known = f" (understood: {', '.join(sorted(places))})" if places else ""
         order = "" if places or options.kind else ", or pass `kind` if they are in this order"
+        there = f"{table.place}: there are" if any(table.names) else "it has"
         raise ValueError(
-            f"{table.place}: there are {table.listed()}{known}. Name them with `columns`: "
+            f"{there} {table.listed()}{known}. Name them with `columns`: "
             f"{'; or '.join(reversed(shortest.values()))}{order}"
         )
     if [kind for kind, _ in possible[:2]] != ["relaxation", "creep"]:

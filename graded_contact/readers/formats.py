@@ -21,10 +21,12 @@ from .units import length_unit, metres
 MOST_POINTS = 2**28
 BYTES_OF_POINT = 4  # unpacked; fewer in files that are hardly packed
 CHUNK = 2**16  # bytes
+MARK = 0.99e37  # in any unit; 1e37, 1e38 and the largest float32 are in use
 _BESIDE = {".txt", ".md", ".pdf", ".xml", ".json", ".csv", ".html", ".jpg", ".png", ".tif", ".bmp"}
 _SIZE = re.compile(
     r"(?:((?:physical_?)?sizes?)|(?:pixel(?:_?size)?|spacing)s?)(?:_([a-z]+))?", re.IGNORECASE
 )
+_BACK = re.compile(r"(?i)re-?trace|backward|\bbwd\b|rückw")  # the way back of a scan
 
 
 class Scan(NamedTuple):
@@ -51,11 +53,20 @@ class Scan(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
+class NoHeights(ValueError):
+    """A known format without a channel in a unit of length."""
+
+
 def equally_spaced(values: np.ndarray, within: float) -> bool:
     """Returns whether numbers are equally spaced within this part of their step."""
     even = np.linspace(values[0], values[-1], len(values))
     step = abs(values[-1] - values[0]) / (len(values) - 1)
     return bool(np.max(np.abs(values - even)) <= within * step)
+
+
+def marked_as_missing(heights: np.ndarray) -> np.ndarray:
+    """Returns which heights are marks of missing points, such as 1e38; instruments have no NaN."""
+    return np.abs(heights) >= MARK
 
 
 def chosen(channel: str | int | None, names: Sequence[str], what: str) -> int:
@@ -92,12 +103,13 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
             raise ValueError("this reader takes any 2 n² bytes")
         channels: list[Any] = list(reader.channels)
         if not channels:
-            raise ValueError("no channel of heights was found")
-        index = channels.index(reader.default_channel)
+            raise NoHeights("no channel of heights was found")
+        names = [info.name for info in channels]
+        index = channels.index(_usual(channels, reader.default_channel))
         if channel is not None:
-            index = chosen(channel, [info.name for info in channels], "it has several channels")
+            index = chosen(channel, names, "it has several channels")
         info = channels[index]
-        _check_points(info.nb_grid_pts or (), at_most)
+        check_points(info.nb_grid_pts or (), at_most)
         sizes = info.physical_sizes
         lacking: dict[str, Any] = {} if sizes else {"physical_sizes": (1.0,) * info.dim}
         lacking |= {} if info.unit else {"unit": "m"}
@@ -110,10 +122,36 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
         heights = np.ma.filled(np.ma.asarray(heights, float), np.nan)
         size = None if sizes is None else np.asarray(sizes, float)
         scan = Scan(heights, f"channel {info.name!r}", size, info.unit, info.unit, positions)
-        return scan._replace(periodic=bool(info.is_periodic))
+        others = ", ".join(repr(name) for name in dict.fromkeys(names) if name != info.name)
+        notes = (f"It also has the channels {others}; `channel` chooses.",) if others else ()
+        return scan._replace(periodic=bool(info.is_periodic), notes=notes)
 
 
-def _check_points(shape: Any, at_most: float) -> None:
+def _usual(channels: list[Any], default: Any) -> Any:
+    """The channel of heights that a user expects: measured ones, on the way forth.
+
+    The heights of JPK's files are measured by a sensor, or derived from the voltage of the piezo;
+    and the library takes the last channel, which is a retrace.
+    """
+    lengths = [info for info in channels if isinstance(info.unit, str) and metres(info.unit)]
+
+    def rank(info: Any) -> tuple[bool, ...]:
+        name = str(info.name)
+        measured = re.search(r"(?i)height.*measured|measured.*height", name)
+        return (
+            _BACK.search(name) is not None,
+            measured is None,
+            re.search("(?i)smooth", name) is not None,
+            re.match("(?i)height|topo|z", name) is None,
+            info is not default,
+        )
+
+    if _BACK.search(str(default.name)) or any(not rank(info)[1] for info in lengths):
+        return min(lengths, key=rank, default=default)
+    return default
+
+
+def check_points(shape: Any, at_most: float) -> None:
     """Raises `Refusal` for more points than a file has that unpacks to `at_most` bytes."""
     points = math.prod(np.atleast_1d(shape).tolist())
     most = min(MOST_POINTS, at_most / BYTES_OF_POINT)
@@ -144,6 +182,12 @@ def names_in(content: bytes) -> list[str]:
     """Returns the names of the files in a zip."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         return [entry.filename for entry in archive.infolist() if not entry.is_dir()]
+
+
+def file_in(content: bytes, name: str) -> bytes:
+    """Returns the content of a file in a zip."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return archive.read(name)
 
 
 def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
@@ -240,7 +284,7 @@ def _lateral_unit(name: str, scan: Scan, size: np.ndarray, unit: str | None) -> 
 
 
 def _real(values: np.ndarray, at_most: float) -> np.ndarray:
-    _check_points(values.shape, at_most)
+    check_points(values.shape, at_most)
     if values.dtype.kind not in "iuf":
         raise Refusal(f"its array is of {values.dtype}, not of real numbers")
     return np.where(np.isfinite(values), values, np.nan).astype(float)

@@ -22,6 +22,9 @@ _OF_HEIGHTS = re.compile(r"unit|einheit|height|höhe|\bz\b|value|wert|topograph|
 _OF_LENGTHS = re.compile(r"width|length|size|pixel|step|spacing|lateral|area|range|\b[xy]\b", re.I)
 _QUOTED = re.compile(r'(?:^|[\t;, ])"[^"]*[\t;, ][^"]*"')  # a cell with a separator
 _EQUAL = 1e-3  # of a step: how far points may lie from equal spacing
+_BESIDE = 0.05  # of a step: how far points may lie beside a grid
+_SAID = 0.002  # of a step: from where on the history says so
+_BETWEEN = 0.25  # of the largest gap: gaps between lines of scattered points
 _MOST_WORDS = 8  # different ones that can all mean a missing point
 
 
@@ -192,8 +195,8 @@ def _grid_points(table: _Table) -> Scan:
     x, y, z = table.values.T
     if not np.all(np.isfinite(x) & np.isfinite(y)):
         raise Refusal("some of its points lack a position")
-    (i, step_x), (j, step_y) = _grid_lines(x, "x"), _grid_lines(y, "y")
-    places, steps = (i, j), (step_x, step_y)
+    (i, step_x, off_x), (j, step_y, off_y) = _grid_lines(x, "x"), _grid_lines(y, "y")
+    places, steps, off = (i, j), (step_x, step_y), max(off_x, off_y)
     shape = tuple(int(place.max()) + 1 for place in places)
     if np.prod(shape, dtype=float) > 20 * len(z):
         raise Refusal("its points x y z form no grid")
@@ -204,21 +207,37 @@ def _grid_points(table: _Table) -> Scan:
     lateral, across, unit = _column_units(table)
     if lateral != across:
         raise Refusal(f"its x is in {lateral!r} and its y in {across!r}")
-    return Scan(heights, "points x y z", np.array(shape) * np.array(steps), unit, lateral)
+    size = np.array(shape) * np.array(steps)
+    scan = Scan(heights, "points x y z", size, unit, lateral)
+    note = f"Its x and y lie up to {off:.1%} of a step beside a grid; the heights are taken on it."
+    return scan._replace(notes=(note,)) if off > _SAID else scan
 
 
-def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float]:
-    """Numbers of grid lines, and their distance."""
+def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float, float]:
+    """Numbers of grid lines, their distance, and how far points lie beside them, in steps."""
     low, span = axis.min(), np.ptp(axis)
-    gaps = np.diff(np.unique(axis))
+    ordered = np.sort(axis)
+    gaps = np.diff(ordered)
+    between = gaps > _BETWEEN * np.max(gaps, initial=0)
     gaps = gaps[gaps > 1e-6 * span]  # rounding makes several levels of one
-    if len(gaps) < 3:
+    # Scattered points make a cloud of each line; a grid may lack some lines.
+    clouds = len(gaps) > 2 * np.count_nonzero(between)
+    if clouds:
+        cloud = np.concatenate([[0], np.cumsum(between)])
+        gaps = np.diff(np.bincount(cloud, ordered - low) / np.bincount(cloud))
+    if len(gaps) < 3 and not clouds:
         raise Refusal(f"its points x y z have fewer than 4 values of {name}")
-    step = span / max(round(span / float(np.median(gaps))), 1)
+    step = span / max(round(span / float(np.median(gaps))), 1) if len(gaps) else span
     place = np.rint((axis - low) / step)
-    if np.max(np.abs(axis - low - place * step)) > 0.05 * step:
-        raise Refusal(f"its points x y z form no grid: their {name} is not equally spaced")
-    return place.astype(int), step
+    if clouds and len(gaps):
+        step, low = np.polyfit(place, axis, 1)
+        place = np.rint((axis - low) / step)
+    off = float(np.max(np.abs(axis - low - place * step)) / step)
+    if len(gaps) < 3 or off > _BESIDE:
+        remedy = "interpolate them onto one, for instance by `scipy.interpolate.griddata`"
+        uneven = f"their {name} is not equally spaced"
+        raise Refusal(f"its points x y z form no grid, as {uneven}: {remedy}")
+    return place.astype(int), float(step), off
 
 
 def _matrix_scan(table: _Table) -> Scan:

@@ -18,11 +18,12 @@ from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
 from ..materials.measured import Measured, distinct, joined
-from .cells import Sheet, holds_data, is_number, read_sheets
-from .columns import WAYS, MeasuredTable, Options
+from .cells import Sheet, holds_data, is_number
+from .columns import WAYS, MeasuredTable, Options, Unclear
 from .points import measured_points, one_each
 from .steps import rank, understand
 from .tables import parameters
+from .trios import read_tables
 from .units import DIMENSIONS, OFFSETS, UNITS, parse_unit
 
 # RepTate's manual fixes the order and units of the columns by the ending of the file, and which
@@ -52,13 +53,13 @@ def read_moduli(
     """Returns the moduli or compliances in a file, or in several files of one material.
 
     Files: text with commas, semicolons, tabs or spaces, with decimal points or commas; Excel
-    workbooks (the extra `io`); RepTate's `.tts`, `.osc`, `.gt` and `.creep`. Columns have a line of
-    names, such as "f, E', tan delta", "Storage modulus [MPa]", "log10 G'" or "G_loss_pa", and may
-    have a line of units below it. Several isotherms may be in one table with a column of
-    temperature (steps above 1 K), below one another with "25 °C" above each, side by side, or on
-    several sheets. Creep and relaxation may be columns of stress and strain; a constant stress may
-    be in a line above the table ("stress: 2 kPa"). Rows may be in any order. A row that cannot be
-    used is left out and reported. Every argument but the first overrides the file.
+    workbooks (the extra `io`); the JSON of TRIOS; RepTate's `.tts`, `.osc`, `.gt` and `.creep`.
+    Columns have a line of names, such as "f, E', tan delta", "Storage modulus [MPa]", "log10 G'" or
+    "G_loss_pa", and may have a line of units below it. Several isotherms may be in one table with a
+    column of temperature (steps above 1 K), below one another with "25 °C" above each, side by
+    side, or on several sheets. Creep and relaxation may be columns of stress and strain; a constant
+    stress may be in a line above the table ("stress: 2 kPa"). Rows may be in any order. A row that
+    cannot be used is left out and reported. Every argument but the first overrides the file.
 
     **Arguments:**
 
@@ -155,16 +156,19 @@ def _options(kind, columns, units, deformation, temperature: bool, step) -> Opti
     """The arguments of `read_moduli`, checked."""
     kinds = tuple(dict.fromkeys(kind for kind, _ in WAYS))
     choices: list[tuple[str, Any, Any]] = [
-        ("`kind`", kind, (None, *kinds)),
-        ("`deformation`", deformation, (None, "tension", "shear")),
-        *(("A key of `columns`", quantity, DIMENSIONS) for quantity in columns or {}),
-        *(("A key of `units`", dimension, UNITS) for dimension in units or {}),
-        *((f"`units` of the {d}", u, UNITS.get(d, [u])) for d, u in (units or {}).items()),
+        ("kind", kind, kinds),
+        ("deformation", deformation, ("tension", "shear")),
+        *(("columns", {key: name}, DIMENSIONS) for key, name in (columns or {}).items()),
+        *(("units", {key: unit}, UNITS) for key, unit in (units or {}).items()),
     ]
     for name, value, allowed in choices:
-        if value is not None and (not isinstance(value, str) or value not in allowed):
-            words = [word for word in allowed if word is not None]
-            raise ValueError(f"{name} is {short(value)}: use one of {words}.")
+        given = value
+        if isinstance(value, dict):
+            ((given, unit),) = value.items()
+            if name == "units" and isinstance(given, str) and given in UNITS:
+                given, allowed = unit, UNITS[given]
+        if given is not None and (not isinstance(given, str) or given not in allowed):
+            raise ValueError(f"`{name}={short(value)}` is refused: use one of {list(allowed)}.")
     steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
@@ -173,7 +177,7 @@ def _options(kind, columns, units, deformation, temperature: bool, step) -> Opti
 
 def _read(path: Path, options: Options, poisson, temperature, name: str | None) -> Measured:
     """The measurements in one file."""
-    sheets = read_sheets(path)
+    sheets = read_tables(path)
     try:
         if path.suffix.lower() in _REPTATE:
             options, temperature, sheets = _as_reptate(path, options, temperature, sheets)
@@ -239,9 +243,14 @@ def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, Meas
         try:
             found.append((sheet, understand(sheet, options)))
         except ValueError as error:
-            refusals.append(f"sheet {sheet.name!r}: {error}" if sheet.name else str(error))
+            refusals.append((sheet.name, error))
     if not found:
-        raise ValueError("; ".join(refusals))
+        swept = [(name, e) for name, e in refusals if isinstance(e, Unclear) and e.swept]
+        if swept and len(sheets) > 1:
+            names = " or ".join(f"`sheet={name!r}`" for name, _ in swept)
+            raise ValueError(f"pass {names}, which holds a sweep; {swept[0][1]}")
+        words = (f"sheet {name!r}: {error}" if name else str(error) for name, error in refusals)
+        raise ValueError("; ".join(words))
 
     def key(measured: MeasuredTable) -> tuple:
         table, (sweep, _) = measured.table, rank(measured)

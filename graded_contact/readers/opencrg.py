@@ -27,11 +27,13 @@ def is_road(content: bytes) -> bool:
 def read_road(content: bytes) -> Scan:
     """Returns the elevations of a road [m]; raises `ValueError` for a damaged file."""
     end = _DATA.search(content)
+    header = content[: end.start() if end else None].decode("latin-1")
+    sections = _sections(header)
+    if other := sections.get("ROAD_CRG_FILE"):
+        names = " ".join(line.strip() for line in other if line.strip()) or "no name"
+        raise Refusal(f"its elevations are in another OpenCRG file, {names[:200]!r}: read that one")
     if end is None:
         raise Refusal("its header does not end: no line begins with '$$'")
-    sections = _sections(content[: end.start()].decode("latin-1"))
-    if "ROAD_CRG_FILE" in sections:
-        raise Refusal("it refers to another OpenCRG file; read that one")
     road, changes = _parameters(sections, "ROAD_CRG"), _parameters(sections, "ROAD_CRG_MODS")
     form, channels = "KRBI", []
     for line in sections.get("KD_DEFINITION", []):

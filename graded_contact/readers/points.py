@@ -51,12 +51,12 @@ def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -
     # Stable: points that repeat a frequency keep the order of the file.
     order = np.lexsort((entries["abscissa"], entries["isotherm"]))
     entries, values = entries.iloc[order], values[order]
-    _note_isotherms(entries, notes)
+    _note_isotherms(measured, entries)
     if measured.table.blocks == 1 and np.any(np.diff(entries["line"]) < 0):
         notes.append("Sorted the rows.")
     _check_abscissa(measured, entries, values)
     if measured.unused:
-        notes.append(f"Not used: {', '.join(map(repr, measured.unused))}.")
+        notes.append(f"Not used: {', '.join(map(repr, dict.fromkeys(measured.unused)))}.")
     names = ("abscissa", "isotherm", "line")
     abscissa, isotherm, lines = (np.array(entries[name]) for name in names)
     kelvin = None if kelvin is None else np.array(entries["temperature"])
@@ -75,7 +75,7 @@ def _entries(measured: MeasuredTable) -> "pd.DataFrame":
     columns, table, check = measured.columns, measured.table, measured.check
     width, found = len(table.names), []
     left: dict[str, list[tuple[int, str]]] = {}  # reason: lines, each with its cell
-    unusable = 0
+    unusable, ended = 0, [0] * table.blocks
 
     def leave(reason: str, line: int, cell: str = "") -> None:
         left.setdefault(reason, []).append((line, cell))
@@ -89,8 +89,10 @@ def _entries(measured: MeasuredTable) -> "pd.DataFrame":
         cells = [*row.cells, *[""] * (table.blocks * width)][block * width :]
         empty = sum(is_missing(cells[column.place]) for column in columns.values())
         if empty:
-            if table.blocks == 1 or empty < len(columns):  # a curve may end above the others
+            if table.blocks == 1 or empty < len(columns):
                 leave("a missing value", row.line)
+            else:  # a curve may end above the others
+                ended[block] += 1
             continue
         numbers = {name: column.si(cells[column.place]) for name, column in columns.items()}
         refused = ((name, _refused(columns[name], number)) for name, number in numbers.items())
@@ -107,6 +109,11 @@ def _entries(measured: MeasuredTable) -> "pd.DataFrame":
             tangent = check.si(cells[check.place]) if check else 0
             found.append({**numbers, **place, "check": tangent})
     left_out = [_left_out(reason, lines) for reason, lines in left.items()]
+    left_out += [
+        f"Curve {block} of {table.blocks} side by side is empty in {count} of {len(rows)} rows."
+        for block, count in enumerate(ended, start=1)
+        if count
+    ]
     if len(found) < 2 or unusable > len(found):
         reason = f"{len(found)} complete rows are left; at least 2 and half of all are needed"
         raise ValueError(f"{reason}. {' '.join(left_out)} Check `columns` and `units`")
@@ -278,7 +285,9 @@ def _isotherms(entries: "pd.DataFrame", separate: bool) -> np.ndarray:
         steps = np.diff(np.log(abscissa), prepend=np.log(abscissa[0]))
         curve = np.cumsum(steps * np.sign(np.median(steps)) < 0)
     names, curve = np.unique(curve, return_inverse=True)
-    means = [np.mean(kelvin[curve == i]) for i in range(len(names))]
+    means = np.array([np.mean(kelvin[curve == i]) for i in range(len(names))])
+    if separate:  # replicates side by side, of one temperature, are one isotherm
+        return grouped(means)[curve]
     return np.argsort(np.argsort(means, kind="stable"))[curve]
 
 
@@ -286,8 +295,9 @@ def _drift(kelvin: np.ndarray, isotherm: np.ndarray) -> float:
     return max(float(np.ptp(kelvin[isotherm == i])) for i in np.unique(isotherm))
 
 
-def _note_isotherms(entries: "pd.DataFrame", notes: list[str]) -> None:
+def _note_isotherms(measured: MeasuredTable, entries: "pd.DataFrame") -> None:
     """Reports the number of isotherms; refuses temperatures that change during a sweep."""
+    notes, table = measured.notes, measured.table
     isotherm = entries["isotherm"].to_numpy()
     count = np.max(isotherm) + 1
     if "temperature" not in entries:
@@ -298,7 +308,9 @@ def _note_isotherms(entries: "pd.DataFrame", notes: list[str]) -> None:
     drift = _drift(kelvin, isotherm)
     if drift > RAMP:
         changes = f"the temperature changes by {drift:.3g} K within a sweep"
-        raise ValueError(f"{changes}: isotherms are needed")
+        beyond = f"numbers above {len(table.names)} in `columns` choose one curve"
+        several = f"; of those side by side, {beyond}"
+        raise ValueError(f"{changes}: isotherms are needed{several if table.blocks > 1 else ''}")
     ends = f"{np.min(kelvin):.2f} to {np.max(kelvin):.2f} K"
     notes.append(f"{count} isotherm(s), {ends}, each constant within {drift:.2g} K.")
     if drift > 2 * ISOTHERM_GAP:

@@ -6,12 +6,18 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import ScalarLike
 
+from ..fields.grid import Grid
 from ..sliding.motion import Motion, recorded
 from .cells import holds_data, read_sheets
 from .units import UNITS, length_unit, metres, parse_heading
 
 
-def read_motion(path: os.PathLike, period: ScalarLike, num_times: int = 128) -> Motion:
+def read_motion(
+    path: os.PathLike,
+    period: ScalarLike,
+    num_times: int | None = None,
+    grid: Grid | None = None,
+) -> Motion:
     """Returns the motion of a table with the columns time and displacement, see `recorded`.
 
     **Arguments:**
@@ -19,7 +25,7 @@ def read_motion(path: os.PathLike, period: ScalarLike, num_times: int = 128) -> 
     - `path`: of the table, text or Excel. The first column is the time in seconds, the second the
       displacement in metres, unless headings name other units: "time [ms]", "s (mm)".
     - `period`: T [s].
-    - `num_times`: times in a period, at least 4.
+    - `num_times`, `grid`: as in `recorded`.
 
     **Raises:** `FileNotFoundError`; `ValueError` for a file that is no such table.
     """
@@ -33,4 +39,4 @@ def read_motion(path: os.PathLike, period: ScalarLike, num_times: int = 128) -> 
         raise ValueError(f"`path={path}` is refused: {needed}.") from None
     time = time * UNITS["time"].get(parse_heading(head[0]).unit or "s", 1.0)
     displacement = displacement * (metres(length_unit(head[1]) or "m") or 1.0)
-    return recorded(time, displacement, period, num_times)
+    return recorded(time, displacement, period, num_times, grid)

@@ -16,8 +16,21 @@ from ..core.checks import Numbers, check_positive, check_types
 from ..core.display import with_unit
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
 from ..surfaces.surface import Step, Surface, step
+from . import gwyddion
 from .cells import decoded, sheets_of
-from .formats import Scan, chosen, names_in, read_arrays, read_instrument, unpacked
+from .container import as_described, measurements_in
+from .digital_surf import is_digital_surf, read_digital_surf
+from .formats import (
+    NoHeights,
+    Scan,
+    chosen,
+    file_in,
+    marked_as_missing,
+    names_in,
+    read_arrays,
+    read_instrument,
+    unpacked,
+)
 from .heights_text import read_text
 from .opencrg import is_road, read_road
 from .paths import (
@@ -30,6 +43,7 @@ from .paths import (
     read_file,
 )
 from .units import metres
+from .x3p import has_text_heights, read_text_heights
 
 DEEPEST = 3  # zips in one another
 GAP = 3  # steps of a line scan, beyond which the points between are missing
@@ -51,10 +65,16 @@ def read_surface(
     """Returns a measured surface, or a profile from a line scan, made periodic.
 
     Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, NumPy's `.npy`
-    and `.npz`, and text: a matrix of heights, two columns x z, three columns x y z. x runs along a
-    row of a matrix of text, as in the exports of instruments, but along the first axis of a NumPy
-    array, as in `Surface.heights`: the text of an array is its transpose. A line scan that is not
-    equally spaced is interpolated linearly to its median step.
+    and `.npz`, and text: a matrix of heights, two columns x z, three columns x y z; also zips of
+    these, and those of contact.engineering. A line scan that is not equally spaced is interpolated
+    linearly to its median step; points x y z that are scattered by at most 5 % of a step are taken
+    on their grid. Heights of 1e37 and more, in any unit, are missing points.
+
+    x runs along a line of the file and y from its first line to its last, also in text; but x runs
+    along the first axis of a NumPy array, as in `Surface.heights`: the text of an array is its
+    transpose. Figures draw y upwards: most instruments show the first line at the top, so that
+    their pictures are the figures upside down. Such a reflection at the x axis changes no
+    friction of a sliding along x and no area.
 
     **Arguments:**
 
@@ -63,7 +83,8 @@ def read_surface(
     - `size`: edge lengths [m], for a file that does not state them. It overrides those of an
       `.npz`; other files that state them refuse it. One number means a square.
     - `unit`: length unit of the file's numbers ("um", "nm", ...), likewise.
-    - `channel`: name or index of the channel; None takes the file's default height channel.
+    - `channel`: name or index of the channel, or of the measurement in a container; None takes
+      the file's default height channel, of JPK's files the measured heights on the way forth.
 
     **Returns:** the surface, with its history.
 
@@ -105,7 +126,7 @@ def _read(path: Path, channel, size, unit, periodic) -> tuple[Scan, float, np.nd
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            scan = _scan(path, content, channel, size, unit, len(content))
+            scan = _without_marks(_scan(path, content, channel, size, unit, len(content)))
             factor, known = _scales(scan, size, unit)
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
@@ -143,13 +164,32 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
     is_text = encoding and not (encoding == "Latin-1" and odd > 0.01 * len(text[:10_000]))
     if is_text:
         check_unpacked(len(content), may_unpack(packed, UNPACKED_TEXT))
+    if is_digital_surf(content):
+        return read_digital_surf(content, at_most)
     if is_road(content):
         return read_road(content)
     if is_zip and "xl/workbook.xml" in names_in(content):
         return _read_sheets(content, channel, packed)
+    if is_zip and has_text_heights(content):
+        return read_text_heights(content, at_most)
+    if is_zip and (kept := measurements_in(content)):
+        if depth == DEEPEST:
+            raise Refusal("it has too many zips in one another")
+        names = [*kept]
+        files = {each.file: name for name, each in kept.items()}
+        index = chosen(files.get(channel, channel), names, "it is a container of measurements")
+        name, measurement = names[index], kept[names[index]]
+        inner, own = PurePosixPath(measurement.file), file_in(content, measurement.file)
+        scan = _scan(inner, own, measurement.source, size, unit, packed, depth + 1)
+        scan = scan._replace(source=f"{scan.source} of {name!r}")
+        return as_described(scan, measurement)
     if not is_text:
         try:
             return read_instrument(content, channel, at_most)
+        except NoHeights:
+            if not content.startswith(gwyddion.MAGIC):
+                raise
+            return gwyddion.read_channels(content, channel, at_most)
         except Exception as error:
             if is_ole:
                 return _read_sheets(content, channel, packed)
@@ -168,6 +208,17 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
     except Exception:  # it raises many kinds, also where it is not installed
         return read_text(text)
     return scan if scan.unit is not None and scan.size is not None else read_text(text)
+
+
+def _without_marks(scan: Scan) -> Scan:
+    """The heights with NaN for numbers that mark missing points."""
+    marked = marked_as_missing(scan.heights)
+    if not np.any(marked):
+        return scan
+    least = np.min(np.abs(scan.heights[marked]))
+    note = f"{np.sum(marked)} heights of {least:.2g} or more count as missing."
+    heights = np.where(marked, np.nan, scan.heights)
+    return scan._replace(heights=heights, notes=(*scan.notes, note))
 
 
 def _read_sheets(content: bytes, channel: str | int | None, packed: int) -> Scan:
@@ -196,7 +247,9 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
     lacking = ["`unit`, for instance 'um'"] * (None in own and unit is None)
     lacking += ["`size` [m]"] * (scan.size is None and size is None)
     if lacking:
-        raise Refusal(f"it does not state all that is needed; pass {', and '.join(lacking)}")
+        of = "" if scan.unit else f" of {scan.source}"
+        wanted = ", and ".join(lacking)
+        raise Refusal(f"it does not state all that is needed{of}; pass {wanted}")
     if None not in own and unit is not None:
         raise Refusal(f"it is in {scan.unit!r}; leave out `unit={unit!r}`")
     factors = []

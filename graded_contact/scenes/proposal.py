@@ -28,18 +28,18 @@ class Load(NamedTuple):
     - `pressure`: mean pressure [Pa] for contact on about a tenth of the area.
     - `velocity`: lowest and highest [m/s], powers of ten.
     - `temperature`: [K]; empty without a law of temperature.
-    - `extrapolated`: largest share of the friction [1] from frequencies that were not measured, by
-      mean field.
     """
 
     pressure: float
     velocity: tuple[float, float]
     temperature: tuple[float, ...]
-    extrapolated: float
 
 
 def proposed_load(
-    material: Prony, surface: Surface, temperatures: Float[np.ndarray, " isotherms"]
+    material: Prony,
+    surface: Surface,
+    temperatures: Float[np.ndarray, " isotherms"],
+    every: bool = False,
 ) -> Load:
     """Returns a load at which friction comes from measured frequencies, if there is one.
 
@@ -48,6 +48,7 @@ def proposed_load(
     - `material`: the material of the half-space.
     - `surface`: what slides on it.
     - `temperatures`: at which the material was measured [K], if known.
+    - `every`: whether the load has all of them; by default few, whose velocities overlap.
     """
     stack, times = Stack(base=HalfSpace(material)), np.asarray(material.times)
     ends = coverage(stack) or (1 / np.max(times), 1 / np.min(times))
@@ -84,12 +85,16 @@ def proposed_load(
 
     middle = np.log10(_USUAL) - length / 2
     bottom = max(bottoms, key=lambda w: (np.sum(inside(w)), -abs(w - middle)))
-    chosen = _overlapping(np.flatnonzero(inside(bottom)), shifts, length)
+    chosen = range(len(temperatures))
+    if not every:
+        among = np.flatnonzero(inside(bottom))
+        # Where few frequencies were measured, no isotherm has all velocities: that of least shift.
+        among = among if len(among) else np.array([np.argmin(np.abs(shifts))])
+        chosen = _overlapping(among, shifts, length)
     return Load(
         pressure=float(f"{pressure:.0e}"),
         velocity=(float(10.0**bottom), float(10.0 ** (bottom + length))),
         temperature=tuple(round(float(temperatures[i]), 2) for i in chosen if law is not None),
-        extrapolated=float(np.max(shares[start : stop + 1])),
     )
 
 

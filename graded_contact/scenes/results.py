@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..blocks.window_compliance import has_ground
+from ..contacts.solution import RESULTS
 from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of
 from ..fields.grid import Grid
@@ -43,6 +44,7 @@ KEPT_FIELDS = {
     "heights": "contact_heights",
 }  # fmt: skip
 SEED_ERROR = "_seed_error"
+NOT_FINITE = RESULTS[RESULTS.not_finite]  # the message of a solve whose numbers mean nothing
 
 
 def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
@@ -86,6 +88,7 @@ def collect(
     import xarray
 
     axes, shape, dtype = tuple(scene.axes), names.shape, surface.heights.dtype
+    points = [p and (Point({}, p.message) if p.message == NOT_FINITE else p) for p in points]
 
     def over_axes(name: str, *inner: int) -> np.ndarray:
         like = jax.ShapeDtypeStruct(inner, dtype)
@@ -174,7 +177,7 @@ def read_results(path: str | os.PathLike) -> "Dataset":
     """
     results = read(path)
     try:
-        needed = ("message", "point", "heights", "friction", "contact_area_smooth")
+        needed = ("message", "point", "heights", "friction", "contact_area")
         _ = [results.variables[name] for name in (*needed, *results["message"].dims)]
         _ = results.attrs["title"], surface_of(results), kept_solves(results), warnings_of(results)
     except Exception as error:  # of many kinds, as what lacks in the file
@@ -195,7 +198,7 @@ def solve_states(results: "Dataset") -> "DataArray":
     words = np.full(message.shape, "not converged", object)
     words[message.values == ""] = ""
     words[message.values == NOT_STARTED] = NOT_STARTED
-    words[message.str.startswith(FAILED).values] = "failed"
+    words[(message.str.startswith(FAILED) | (message == NOT_FINITE)).values] = "failed"
     return message.copy(data=words.astype(str))
 
 

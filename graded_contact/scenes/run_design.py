@@ -31,6 +31,7 @@ from ..studies.sweep import sweep
 from ..surfaces.surface import Surface
 from .design_scene import DesignScene
 from .run_scene import scene_fields
+from .scene import refuse_liquids
 from .surface_source import RandomSurface
 from .theory import refuse_extrapolated
 
@@ -122,8 +123,8 @@ def run_design(
 def check_design(study: DesignScene) -> None:
     """Raises `ValueError` for what `run_design` refuses before its first evaluation.
 
-    These are contacts that need more memory than is free, and friction from frequencies at which
-    the block's materials were not measured.
+    These are contacts that need more memory than is free, friction from frequencies at which the
+    block's materials were not measured, and a liquid under waves at rest.
     """
     source, own = study.scene.surface, study.scene.stack
     if study.verify and isinstance(source, RandomSurface):
@@ -131,6 +132,11 @@ def check_design(study: DesignScene) -> None:
             check_memory("shape", "this design", design_fields(study), source.grid.shape)
     rough = study.spectrum if isinstance(study.spectrum, Surface) else source
     assert isinstance(rough, Surface | RandomSurface)
+    # The mean field of a spectrum has no waves at rest; contacts and a surface's modes have.
+    on_grid = study.verify or isinstance(rough, Surface)
+    stiffness_at_rest = study.stiffness is not None and study.stiffness.omega == 0
+    if (on_grid and rough.grid.ndim == 2) or stiffness_at_rest:
+        refuse_liquids(study.scene)
     refuse_extrapolated(
         study.scene, own, rough.grid, lambda: design_mean_field(study, own).extrapolated_friction
     )
@@ -296,4 +302,4 @@ def _contact(
     point = {"pressure": scene.pressure[0], "velocity": velocity}
     case = bare.case(point, Surface(heights, scene.surface.grid))
     found = case.solve(dataclasses.replace(scene.numerics, throw=True))
-    return found.friction, found.contact_area_smooth
+    return found.friction, found.contact_area

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..blocks.stack import Stack, check_at_rest
+from ..blocks.stack import Stack
 from ..contacts.law import HardWall
 from ..core.checks import within
 from ..core.memory import CYCLE, DERIVATIVE, SLIDING, check_memory
@@ -21,7 +21,7 @@ from ..studies.store import Store, fingerprint
 from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
 from .results import collect, fields_of, numbers_of_scene
-from .scene import Scene
+from .scene import Scene, refuse_liquids
 from .surface_source import RandomSurface, SurfaceFile
 from .theory import check_frequencies_of, errors_of_stack
 
@@ -58,11 +58,10 @@ def check_run(scene: Scene, surface: Surface) -> None:
 
 
 def _check_blocks(scene: Scene, surface: Surface) -> None:
-    check_frequencies_of(scene, surface)
     # In two dimensions waves across the velocity are at rest, and need a modulus there.
     if surface.grid.ndim == 2 or scene.motion is not None or not np.all(scene.velocity):
-        for _, stack in scene.blocks():
-            check_at_rest(stack)
+        refuse_liquids(scene)
+    check_frequencies_of(scene, surface)
 
 
 def run_scene(
@@ -172,7 +171,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         contact = case.solve(scene.numerics)
         found = dict(zip(names, contact.compute(*names), strict=True))
         if scene.motion is not None:  # along the direction of the motion
-            for name in ("friction", "geometric_friction", "traction"):
+            for name in ("friction", "traction"):
                 along = np.ravel(velocity_along(1.0, scene.direction))
                 found[name] = found[name].reshape(scene.num_times, -1) @ along
         found |= {name: getattr(contact.contact, name) for name in fields if name != "heights"}

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from ..blocks.grading import AbstractGradedSolver
 from ..blocks.layering import Layering
-from ..blocks.stack import Stack
+from ..blocks.stack import LIQUID, Stack, liquid_in
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
 from ..core.checks import (
@@ -33,7 +33,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..core.memory import check_points
-from ..core.parameters import paths, with_values
+from ..core.parameters import paths, places, with_values
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
 from ..materials.material import AbstractMaterial
@@ -46,7 +46,7 @@ from ..sliding.numerics import Numerics
 from ..sliding.shear import AbstractShear, shear_stress
 from ..studies.parameter_covariance import Errors
 from ..surfaces.surface import Surface
-from .block import Block, extremes
+from .block import KINDS, Block, extremes
 from .schema import LINEAR, LOGARITHMIC, MOST_BYTES, ROOT, keys_of, parse_toml
 from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_source
 
@@ -85,7 +85,7 @@ class Tables:
     grid: Grid | None = None
     layers: list[dict] = dataclasses.field(default_factory=list)
     sweep: dict[str, Axis] = dataclasses.field(default_factory=dict)
-    motion: Motion | None = None
+    motion: dict[str, object] | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
     solver: dict[str, object] = dataclasses.field(default_factory=dict)
@@ -94,8 +94,8 @@ class Tables:
 
 
 @shown(
-    "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion", "shear",
-    "heating",
+    "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion",
+    "sampling", "shear", "heating",
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -119,6 +119,7 @@ class Scene:
     - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
       period, linear in between; if missing, the load is constant.
     - `motion`, `shear`, `heating`: the tables of these names, or None.
+    - `step`: of a motion, its largest step from one time to the next, in spacings of the grid.
     - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
       if missing, each material has its own amplitude.
     - `direction`: of the velocity from the x axis [rad]. (In Python two numbers are one velocity,
@@ -130,6 +131,7 @@ class Scene:
     - `name`: begins the names of the files of results.
     - `directory`: folder of the results, relative to the scene.
     - `fields`: solves whose fields over the surface are stored.
+    - `materials`: names of the materials by their paths in the block, such as "base.material".
     - `errors`: of materials: name, material of the stack, and errors of its numbers.
     - `inputs`: the files that the scene names, by table and key.
     - `notes`: what was understood of its tables of moduli, one sentence each.
@@ -149,6 +151,7 @@ class Scene:
     pressure_ratio: list[float] | None = None
     strain_per_slope: float | None = None
     motion: Motion | None = None
+    step: float | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
     solver: DouglasRachford
@@ -157,6 +160,7 @@ class Scene:
     name: str | None = None
     directory: Path | None = None
     fields: Literal["last", "every", "none"] = "last"
+    materials: dict[str, str]
     errors: tuple[tuple[str, AbstractMaterial, Errors], ...]
     inputs: dict[tuple[str, str], Path]
     notes: tuple[str, ...] = ()
@@ -180,7 +184,14 @@ class Scene:
     @property
     def num_times(self) -> int:
         """How many times a solve has: 1 under steady sliding."""
-        return 1 if self.motion is None else len(self.motion.displacement)
+        return 1 if self.motion is None else self.motion.num_times
+
+    @property
+    def sampling(self) -> str | None:
+        """How many times a motion has, and how fine they are, in words."""
+        if self.motion is None or self.step is None:
+            return None
+        return f"{self.num_times} times, a largest step of {self.step:.2g} spacings"
 
     def period_at(self, velocity: Any) -> Any:
         """Returns the period of the motion [s] at a highest speed [m/s]."""
@@ -277,10 +288,12 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         both = "has `pressure` and `approach`; give" if "pressure" in load else "lacks"
         raise ValueError(f"[load] {both} one of the keys `pressure` and (on a window) `approach`.")
     load.setdefault("pressure", np.array([]))  # with an approach there is none
-    if "velocity" not in load:
-        if tables.motion is None:
-            raise ValueError("[load] lacks the key `velocity`.")
-        load["velocity"] = np.array([float(tables.motion.highest_speed)])
+    if "velocity" not in load and tables.motion is None:
+        raise ValueError("[load] lacks the key `velocity`.")
+    with within("[load]"):
+        turn, allowed = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
+        direction = load.get("direction", 0.0)
+        check_values("direction", direction, allowed, at_least=-turn, at_most=turn)
     solver, accuracy = reader.arguments(
         "[solver]", tables.solver, keys_of(DouglasRachford), KEYS["[solver]"]
     )
@@ -291,18 +304,36 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     with within("[solver]"):
         algorithm = DouglasRachford(**solver)
     surface = surface_source(tables.surface, tables.grid, reader)
+    motion = step = None
+    if tables.motion is not None:
+        line = _along(surface, direction)
+        motion = reader.build_kind("[motion]", tables.motion, KINDS[Motion], grid=line)
+        step = float(motion.largest_step(line))
+        load.setdefault("velocity", np.array([float(motion.highest_speed)]))
     stack = block.stack(tables.layers, tables.base)
     inputs = dict(reader.paths)  # before [output], whose folder is no input
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
-    own = {name: getattr(tables, name) for name in ("title", "sweep", "motion", "shear", "heating")}
+    own = {name: getattr(tables, name) for name in ("title", "sweep", "shear", "heating")}
     errors = tuple((name, block.materials[name], known) for name, known in block.errors.items())
+    materials = {at: name for name, part in block.materials.items() for at in places(stack, part)}
     found = Scene(
-        text=text, surface=surface, stack=stack, errors=errors, inputs=inputs,
-        notes=tuple(block.notes), solver=algorithm, **own, **load, **accuracy, **output,
+        text=text, surface=surface, stack=stack, materials=materials, errors=errors, inputs=inputs,
+        notes=tuple(block.notes), solver=algorithm, motion=motion, step=step,
+        **own, **load, **accuracy, **output,
     )  # fmt: skip
     _check_numbers(found)
     _check_tables(found)
     return found
+
+
+def _along(source: RandomSurface | SurfaceFile | Sphere, direction: float) -> Grid:
+    """A line of points for a motion along x: a step on it is one of the turned path on the grid."""
+    grid = source.build().grid if isinstance(source, SurfaceFile) else source.grid
+    along = np.abs(np.ravel(velocity_along(1.0, direction)))
+    if len(along) > grid.ndim:
+        return grid  # refused later
+    spacing = 1 / np.sum(along / np.asarray(grid.spacing)[: len(along)])
+    return Grid(grid.shape[:1], spacing * grid.shape[0])
 
 
 def _check_numbers(scene: Scene) -> None:
@@ -314,8 +345,6 @@ def _check_numbers(scene: Scene) -> None:
             check_values("approach", scene.approach, "an approach [m] must be finite")
         check_values("velocity", scene.velocity, "a velocity [m/s] must be finite")
         check_squares("velocity", scene.velocity, "m/s")
-        turn, allowed = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
-        check_values("direction", scene.direction, allowed, at_least=-turn, at_most=turn)
         if scene.strain_per_slope is not None:
             as_strain_per_slope(scene.strain_per_slope, scene.stack)
     with within("[solver]"):
@@ -372,6 +401,14 @@ def refuse_tables(scene: Scene, place: str, *names: str) -> None:
     for name in names:
         if getattr(scene, name) is not None:
             raise ValueError(f"{place} does not take the table [{name}].")
+
+
+def refuse_liquids(scene: Scene) -> None:
+    """Raises `ValueError` with the name of a material that is a liquid, in any block of a scene."""
+    for _, stack in scene.blocks():
+        path = liquid_in(stack)
+        if path is not None:
+            raise ValueError(f"[materials.{scene.materials[path]}] {LIQUID}")
 
 
 def check_paths(given: Iterable[str], stack: Stack) -> None:

@@ -123,10 +123,10 @@ class Reader:
         with within(place):
             return make(**given, **entries)
 
-    def build_kind(self, place: str, table: Any, kinds: Kinds) -> Any:
+    def build_kind(self, place: str, table: Any, kinds: Kinds, **given: Any) -> Any:
         """Returns the object of the constructor that a table names by its `kind`."""
         kind, rest = kind_of(place, table, kinds)
-        return self.build(place, rest, kinds[kind])
+        return self.build(place, rest, kinds[kind], **given)
 
     def arguments(self, place: str, table: Any, *keys: Sequence[Key]) -> list[dict[str, Any]]:
         """Returns the entries of one table, converted, in as many parts as there are `keys`."""

@@ -90,10 +90,20 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
 
 def _shares(scene: Scene, surface: Surface, stack: Stack) -> np.ndarray:
     """The share of the friction from frequencies that were not measured, at each velocity."""
+    return np.array([field.extrapolated_friction for field in mean_fields(scene, surface, stack)])
+
+
+def mean_fields(scene: Scene, surface: Surface, stack: Stack) -> list[MeanField]:
+    """Returns the mean field at each velocity and the highest pressure of a scene.
+
+    **Arguments:**
+
+    - `surface`: of the scene.
+    - `stack`: one of its blocks.
+    """
     given = {"stack": stack, "sweep": {}, "temperature": None, "shear": None}
     points = [{"pressure": np.max(scene.pressure), "velocity": v} for v in scene.velocity]
-    fields = [_mean_field(scene, surface, point, **given) for point in points]
-    return np.array([field.extrapolated_friction for field in fields])
+    return [_mean_field(scene, surface, point, **given) for point in points]
 
 
 def refuse_extrapolated(
@@ -111,11 +121,9 @@ def refuse_extrapolated(
     **Raises:** `ValueError` for a share of more than 1 %.
     """
     found, excited = coverage(stack), _excited(scene, grid)
-    if scene.extrapolate or found is None:
-        return
+    if scene.extrapolate or found is None or not excites_unknown(scene, stack, grid):
+        return  # the mean field is not needed
     low, high = map(float, found)
-    if not np.any(is_unknown(excited, (low, high))):  # the mean field is not needed
-        return
     shares = np.asarray(friction_shares())
     refused = shares > EXTRAPOLATED
     if np.any(refused):
@@ -133,6 +141,19 @@ def refuse_extrapolated(
             f"{np.max(speeds):.3g} m/s) would come from outside. Take other velocities or another "
             "temperature, or set `extrapolate = true` in [load]."
         )
+
+
+def excites_unknown(scene: Scene, stack: Stack, grid: Grid) -> bool:
+    """Returns whether a wave has a frequency at which a material was not measured.
+
+    **Arguments:**
+
+    - `scene`: its velocities.
+    - `stack`: one of its blocks.
+    - `grid`: of its surface.
+    """
+    known = coverage(stack)
+    return known is not None and bool(np.any(is_unknown(_excited(scene, grid), known)))
 
 
 def _excited(scene: Scene, grid: Grid) -> np.ndarray:

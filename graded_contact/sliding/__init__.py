@@ -10,11 +10,12 @@ from .numerics import Numerics
 from .result import CyclicSliding, Sliding
 from .shear import AbstractShear, ConstantShear, PeakedShear
 from .slide import slide, slide_cycle
-from .stiffness import contact_conductance, contact_stiffness
+from .stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 
 __all__ = [
     "AbstractShear", "Case", "ConstantShear", "CyclicSliding", "GapFlow", "Heating", "Motion",
     "Numerics", "PeakedShear", "Sliding", "area_against_cutoff", "contact_conductance",
-    "contact_stiffness", "cumulative_friction", "flash_temperature", "gap_flow", "heat_depths",
-    "heat_source", "recorded", "sinusoidal", "slide", "slide_cycle", "start_stop", "steady",
+    "contact_stiffness", "contact_stiffness_error", "cumulative_friction", "flash_temperature",
+    "gap_flow", "heat_depths", "heat_source", "recorded", "sinusoidal", "slide", "slide_cycle",
+    "start_stop", "steady",
 ]  # fmt: skip

@@ -15,6 +15,7 @@ from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .cycle import solve_cycle
 from .heating import Heating, solve_heated
+from .motion import check_resolved
 from .numerics import Numerics
 from .result import CyclicSliding, Sliding
 from .shear import ShearLaw
@@ -82,7 +83,14 @@ class Case(eqx.Module):
                 "`(nt, 2)` is needed, with nt of at least 4 times."
             )
         check_values("displacement", self.displacement, "a displacement [m] must be finite")
+        check_resolved(f"`displacement` at {shape[0]} times", self.displacement, grid)
         check_positive("period", self.period, "[s]")
+
+    @property
+    def prescribed(self) -> str:
+        """What is given: "pressure", "mean_gap" or "approach"."""
+        given = [n for n in ("mean_gap", "approach") if getattr(self, n) is not None]
+        return given[0] if given else "pressure"
 
     def solve(
         self,

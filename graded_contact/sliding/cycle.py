@@ -60,6 +60,7 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     return CyclicSliding(
         contact=contact, operator=operator, heights=surface.heights, grid=grid, law=law,
         displacement=case.displacement, period=period, measured_range=coverage(stack),
+        prescribed=case.prescribed,
     )  # fmt: skip
 
 

@@ -23,6 +23,7 @@ from ..blocks.layering import Layering
 from ..blocks.profile import Aged, Blend
 from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths
 from ..blocks.stress import stress_field
+from ..contacts.area import contact_shares
 from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import Grid, to_field, to_spectrum
@@ -154,22 +155,8 @@ def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
     pressure, stress = sliding.pressure, sliding.shear
     if stress is None:
         return jnp.zeros_like(pressure)
-    indicator = sliding.contact_indicator
-
-    def half(a, b):
-        """The part of half a line between neighbours that is in contact."""
-        mixed = (a > 0) != (b > 0)
-        cut = a / jnp.where(mixed, jnp.abs(a) + jnp.abs(b), 1)
-        part = jnp.where(a > 0, jnp.minimum(2 * cut, 1), jnp.maximum(1 + 2 * cut, 0))
-        return jnp.where(mixed, part, (a > 0).astype(a.dtype))
-
-    # A point's share of half lines is continuous where its 0 or 1 would jump with the pressure.
-    ways = [(step, axis) for axis in range(indicator.ndim) for step in (1, -1)]
-    touching = sum(half(indicator, jnp.roll(indicator, *way)) for way in ways) / len(ways)
-    # The area of these shares is not sub-pixel: they say only where the heat arises.
     least, added = shear_parts(pressure, stress)
-    counted = jnp.mean(touching)
-    touching = touching * sliding.contact_area_smooth / jnp.where(counted > 0, counted, 1)
+    touching = contact_shares(sliding.contact_indicator)
     return jnp.abs(sliding.speed) * (least * touching + added)
 
 

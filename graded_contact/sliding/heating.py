@@ -153,7 +153,7 @@ def solve_heated(case: Any, numerics: Numerics, start: Numbers | None = None) ->
 
 def _errors(s: Sliding, closer: Sliding):
     """The errors of friction and contact area, from a contact of less error."""
-    names = "friction", "contact_area_smooth"
+    names = "friction", "contact_area"
     pairs = zip(s.compute(*names), closer.compute(*names), strict=True)
     by_friction, by_area = (SAFETY * jnp.abs(a - b) for a, b in pairs)
     points = area_in_doubt(s.contact_indicator, closer.pressure - s.pressure)

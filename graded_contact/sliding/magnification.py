@@ -73,7 +73,7 @@ def area_against_cutoff(
         heights = to_field(heights, surface.grid.shape)
         smooth = eqx.tree_at(lambda one: one.surface.heights, case, heights)
         s = solve_steady(smooth, how, start, known=known)
-        found = jnp.stack(s.compute("friction", "contact_area", "contact_area_smooth"))
+        found = jnp.stack(s.compute("friction", "contact_area"))
         # Areas without a pressure are none, not 0.
         return s.pressure, jnp.where(jnp.isfinite(found[0]), found, jnp.nan)
 

@@ -29,15 +29,15 @@ from ..contacts import area
 from ..contacts.estimates import error_of
 from ..contacts.operator import nonzero
 from ..core.derivative import largest
-from ..core.quantities import observable
+from ..core.quantities import OBSERVABLES, observable
 from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import coordinates, derivative, odd_wavevector, to_field, to_spectrum
 from ..materials.coverage import is_unknown
-from .motion import Motion, odd_frequencies, rate_of
+from .motion import Motion, odd_frequencies, rate_of, refined
 
 Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
 of_steady, of_cycle = (functools.partial(observable, cycle=kind) for kind in (False, True))
-FOUR, SOLVER = "#.4g", ("± solver", ".1e")  # a format and a column of tables
+FOUR = "#.4g"  # a format of columns
 
 
 # What several observables share.
@@ -106,9 +106,12 @@ def _frictions(found: Found, pressure: Array) -> Array:
     if not found.is_cycle:
         return tractions / size
     # Work over load and path: a mean of ratios would count times with little load too much.
-    path = jnp.mean(size * _length(found.motion_of_surface[0]))
-    over = _length(tractions / jnp.where(size > 0, size, 1)[:, None])
-    return jnp.stack([_power(found, tractions) / nonzero(path), largest(over)])
+    # At a turn the speed has a kink, which few times would smooth.
+    path = jnp.mean(refined(size) * _length(refined(found.motion_of_surface[0])))
+    over = tractions / jnp.where(size > 0, size, 1)[:, None]
+    # The peak lies between two times; after a jump of the load, waves between them would be noise.
+    peak = jnp.where(jnp.min(size) > 0, largest(_length(refined(over))), largest(_length(over)))
+    return jnp.stack([_power(found, tractions) / nonzero(path), peak])
 
 
 @shared
@@ -249,17 +252,6 @@ def mean_pressure(found: Found) -> Array:
     return found.contact.mean_pressure
 
 
-@observable("", "Pa", "estimated error of the mean pressure", needs=["given approach"])
-def mean_pressure_error(found: Found) -> Array:
-    """Its estimated error at a given approach [Pa]; it includes that of the window's kernel."""
-    if not found.at_approach:
-        raise ValueError("Only a contact at a given `approach` has a `mean_pressure_error`.")
-    of = lambda change: jnp.mean(found.pressure + change)[None]  # noqa: E731
-    mean = found.contact.mean_pressure
-    solver = error_of(of, mean[None], found.contact.correction, mean)[0]
-    return solver + sum(map(_with_chance, _changes_by_kernel(found))) / found.pressure.size
-
-
 @observable(r"\delta", "m", "approach", needs=["ground"], column=("approach\n[m]", ".3e"))
 def approach(found: Found) -> Array:
     """How far a body on a window moved into the block after its first touch [m].
@@ -272,14 +264,6 @@ def approach(found: Found) -> Array:
     moved, mean = _moved(found, found.operator, found.heights + found.gap)
     ground = found.kernel[(0,) * found.kernel.ndim] != 0
     return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
-
-
-@observable("", "m", "estimated error of the approach", needs=["ground", "given load"])
-def approach_error(found: Found) -> Array:
-    """Its estimated error at this load, that of the kernel included [m]."""
-    operators = map(found.operator.with_kernel, found.kernel_error)
-    by_kernel = sum(jnp.sum(jnp.abs(_moved(found, operator))) for operator in operators)
-    return found.contact.gap_error * jnp.std(found.heights) + by_kernel
 
 
 @observable("", "1", "share of the load on the rim of the window", needs=["window"])
@@ -310,25 +294,13 @@ def mean_friction(found: Found) -> Array:
     return _frictions(found, loaded(found)[0])[0]
 
 
-@of_cycle(r"\delta\bar\mu", "1", "estimated solver error of the mean friction", column=SOLVER)
-def mean_friction_error(found: Found) -> Array:
-    """Its estimated error from the solver [1]."""
-    return _solver_errors(found)[0]
-
-
 @of_cycle(
     r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle",
     column=("friction\n(peak)", FOUR),
 )  # fmt: skip
 def peak_friction(found: Found) -> Array:
-    """The largest |friction| of any time [1]."""
+    """The largest |friction|, also between the times [1]."""
     return _frictions(found, loaded(found)[0])[1]
-
-
-@of_cycle(r"\delta\mu_\mathrm{max}", "1", "estimated solver error of the peak", column=SOLVER)
-def peak_friction_error(found: Found) -> Array:
-    """Its estimated error from the solver [1]."""
-    return _solver_errors(found)[1]
 
 
 @of_cycle("W", "J/m²", "work of friction in a cycle", column=("work\n[J/m²]", FOUR))
@@ -385,27 +357,6 @@ def friction(found: Found) -> Array:
     return hysteresis_friction(found) + shear_friction(found)
 
 
-@of_steady(r"\delta\mu", "1", "estimated solver error of the friction coefficient", column=SOLVER)
-def friction_error(found: Found) -> Array:
-    """Its estimated error from the solver [1], with heating also that of the temperatures.
-
-    The error of the grid adds to it, see `geometric_friction`.
-    """
-    error = _solver_errors(found)[0]
-    if found.kernel_error is not None:
-        error += _image_error(found)
-    if found.heated is not None:
-        error += found.heated.friction_error
-    if found.shear is None:
-        return error
-    indicator, value = contact_indicator(found), jnp.abs(shear_friction(found))
-
-    def of(change):  # in contact the indicator of a hard wall is the pressure
-        return shear_over_load(found.pressure + change, indicator + change, found.shear)[None]
-
-    return error + error_of(of, of(jnp.zeros_like(indicator)), found.contact.correction, value)[0]
-
-
 @of_steady(
     r"\mu_\mathrm{hys}", "1", "friction coefficient of the hysteresis", column=("hysteresis", FOUR)
 )
@@ -419,7 +370,7 @@ def hysteresis_friction(found: Found) -> Array:
     column=("shear", FOUR),
 )  # fmt: skip
 def shear_friction(found: Found) -> Array:
-    """The part from shear in the sub-pixel contact area [1]; 0 without `shear`."""
+    """The part from shear in the contact area [1]; 0 without `shear`."""
     return shear_over_load(found.pressure, contact_indicator(found), found.shear)
 
 
@@ -434,12 +385,12 @@ def surface_rise(found: Found) -> Array:
 
 @observable(
     r"\mu_\mathrm{geo}", "1", "friction coefficient from the surface slope", over_time=True,
-    column=("friction\n(geometric)", FOUR),
+    stored=False,
 )  # fmt: skip
 def geometric_friction(found: Found) -> Array:
     """Friction with hysteresis from the surface's slope instead of the block's [1].
 
-    Its difference from `friction` is the error of the grid.
+    Its difference from `friction` shows the error of the grid.
     """
     pressure = loaded(found)[0]
     heights = found.operator.on_cell(found.heights, "symmetric")
@@ -464,42 +415,22 @@ def load(found: Found, pressure: Array | None = None) -> Array:
 # Contact area and gap.
 
 
-@observable("A/A_0", "1", "contact area fraction (points in contact)", over_time=True)
+@observable("A/A_0", "1", "contact area fraction", over_time=True, column=("contact\narea", ".5f"))
 def contact_area(found: Found) -> Array:
-    """Fraction of points in contact [1]. A pixel count, without a derivative."""
+    """Fraction of the surface in contact [1], with edges between the points."""
+    return _share_of(found, area.sub_pixel_area, contact_indicator(found))
+
+
+@observable("A/A_0", "1", "share of points in contact", over_time=True)
+def contact_area_pixels(found: Found) -> Array:
+    """Fraction of the points in contact [1]: 4 to 20 % more than the area, without a derivative."""
     return _share_of(found, area.counted_area, _touching(found))
-
-
-@observable("A/A_0", "1", "contact area fraction (corrected by the perimeter)", over_time=True)
-def contact_area_corrected(found: Found) -> Array:
-    """`contact_area` less its known excess at the edges [1]."""
-    return _share_of(found, area.area_without_edges, _touching(found))
-
-
-@observable(
-    "A/A_0", "1", "contact area fraction (sub-pixel)", over_time=True,
-    column=("contact\narea", ".5f"),
-)  # fmt: skip
-def contact_area_smooth(found: Found) -> Array:
-    """Sub-pixel area fraction [1], for gradients."""
-    return _share_of(found, area.area_of_contour, contact_indicator(found))
-
-
-@of_steady(r"\delta A/A_0", "1", "estimated solver error of the contact area", column=SOLVER)
-def contact_area_error(found: Found) -> Array:
-    """Fraction of points that the solver may have put on the wrong side [1]."""
-    touching, change = _touching(found), jnp.abs(found.contact.correction)
-    for moved in _changes_by_kernel(found):  # 0 outside contact, where points may join it
-        in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(touching), 1))
-        change += jnp.where(touching, jnp.abs(moved), in_contact)
-    error = area.area_in_doubt(contact_indicator(found), change)
-    return error if found.heated is None else error + found.heated.area_error
 
 
 @of_cycle("t_c/T", "1", "share of the times at which the surfaces touch")
 def time_in_contact(found: Found) -> Array:
     """Share of the times at which the surfaces touch [1]."""
-    return jnp.mean(contact_area(found) > 0, dtype=found.pressure.dtype)
+    return jnp.mean(contact_area_pixels(found) > 0, dtype=found.pressure.dtype)
 
 
 @observable(r"\bar u", "m", "mean gap", over_time=True, column=("mean gap\n[m]", ".3e"))
@@ -594,6 +525,34 @@ def largest_step(found: Found) -> Array:
     return Motion(found.displacement, found.period).largest_step(found.grid)
 
 
+@of_cycle("", "1", "extent of the motion that comes back, over the cell")
+def stroke_over_cell(found: Found) -> Array:
+    """Extent of the motion along an axis over the edge of the cell [1], the larger one.
+
+    Of the part that comes back: 0 under steady sliding.
+    """
+    back = found.motion_of_surface[1]
+    return jnp.max(jnp.ptp(back, axis=0) / found.grid.size[: back.shape[1]])
+
+
+@of_cycle("", "1", "ripple of the traction before a start, over its peak")
+def ripple_at_rest(found: Found) -> Array:
+    """Ripple of the traction at rest, before a start, over the largest traction [1].
+
+    From time to time it changes its sign, unlike what decays. 0 for a motion without a rest.
+    """
+    moved, size = found.moved, found.grid.size[: found.moved.shape[1]]
+    steps = jnp.roll(moved, -1, axis=0) - moved
+    steps = _length(steps - size * jnp.round(steps / size))  # the last may be by whole cells
+    rests = steps <= 1e-6 * jnp.max(steps)
+    soon = ~(jnp.roll(rests, -1) & jnp.roll(rests, -2) & jnp.roll(rests, -3))
+    tractions = _own_tractions(found)
+    neighbours = (jnp.roll(tractions, 1, axis=0) + jnp.roll(tractions, -1, axis=0)) / 2
+    ripple = _length(tractions - neighbours) / 2
+    before = jnp.where(jnp.roll(rests, 1) & rests & soon, ripple, 0)
+    return jnp.max(before) / nonzero(jnp.max(_length(tractions)))
+
+
 @of_cycle("", "1", "share of the velocity at the upper half of the frequencies")
 def unresolved_motion(found: Found) -> Array:
     """Share of the velocity at the upper half of the frequencies [1]."""
@@ -631,14 +590,14 @@ def contact_indicator(found: Found) -> Array:
 def shear_over_load(pressure: Array, indicator: Array, stress: Any) -> Array:
     """Returns the shear force in the contact over the load [1], ∫τ_f dA/∫σ dA; 0 without `stress`.
 
-    `stress` gives τ_f [Pa] at a pressure [Pa]. Its value without pressure acts on the sub-pixel
-    area, see `contact_area_smooth`. What pressure adds vanishes at the edge of contact and is
+    `stress` gives τ_f [Pa] at a pressure [Pa]. Its value without pressure acts on the
+    `contact_area`. What pressure adds vanishes at the edge of contact and is
     summed over the points: friction in proportion to the pressure is exact.
     """
     if stress is None:
         return jnp.zeros((), pressure.dtype)
     least, added = shear_parts(pressure, stress)
-    return (least * area.area_of_contour(indicator) + jnp.mean(added)) / jnp.mean(pressure)
+    return (least * area.sub_pixel_area(indicator) + jnp.mean(added)) / jnp.mean(pressure)
 
 
 def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Array, Array]:
@@ -646,3 +605,172 @@ def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Arra
     least = stress(jnp.zeros((), pressure.dtype))
     pressed = pressure != 0  # elsewhere a power of the pressure may have no derivative
     return least, jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - least, 0)
+
+
+# The errors of these numbers, and the parts that each is the sum of.
+
+
+def errors_of(
+    name: str,
+    kind: Any,
+    column: tuple[str, str] | None = None,
+    needs: tuple[str, ...] = (),
+    **parts: Callable[[Found], Array],
+) -> None:
+    """Registers `NAME_error`, the sum of its parts, and each part as `NAME_PART_error`."""
+    symbol, unit, meaning = OBSERVABLES[name].quantity[1:]
+    for part, formula in parts.items():
+        cause, fact = CAUSES[part]
+
+        def of_part(found, formula=formula):
+            return formula(found)
+
+        of_part.__name__ = f"{name}_{part}_error"
+        of_part.__doc__ = f"The part of `{name}_error` by {cause} [{unit}]."
+        kind(
+            "", unit, f"error of the {meaning} by {cause}",
+            needs=(*needs, *fact), on_two_grids=part in ("grid", "time"),
+        )(of_part)  # fmt: skip
+
+    def total(found):
+        known = (n for n in parts if {*CAUSES[n][1]} <= found.facts)
+        return sum(parts[n](found) for n in known)
+
+    total.__name__ = f"{name}_error"
+    total.__doc__ = f"Estimated error of `{name}`, the sum of its parts [{unit}]."
+    kind(
+        rf"\delta {symbol}", unit, f"estimated error of the {meaning}", column=column, needs=needs,
+        on_two_grids=True,
+    )(total)  # fmt: skip
+
+
+# The causes of errors in words, and the facts of the contacts that have them.
+CAUSES: dict[str, tuple[str, list[str]]] = {
+    "solver": ("the solver", []),
+    "grid": ("the grid", []),
+    "time": ("the number of times", []),
+    "temperature": ("the temperatures of the contact", ["heated"]),
+    "kernel": ("the kernel of the window", ["window"]),
+}
+
+
+def change_by_grid(name: str) -> Callable[[Found], Array]:
+    """Returns the formula of the change of a number from half the grid, see `resolution.py`."""
+
+    def change(found):
+        formula, near = OBSERVABLES[name].formula, found.neighbours
+        own, same, half = map(formula, (found, near.same, near.half))
+        # Without its shortest waves a surface has less friction, of about the same relative error.
+        less = jnp.maximum(jnp.abs(own) / nonzero(jnp.abs(same)), 1)
+        # Half the grid may lose a contact of few points, and with it the friction.
+        moved = jnp.where(jnp.isnan(half), jnp.abs(same), jnp.abs(same - half))
+        return near.factor * moved * less
+
+    return change
+
+
+def by_times(name: str) -> Callable[[Found], Array]:
+    """Returns the formula of the error by the times: the change from half as many."""
+
+    def of_times(found):
+        formula, fewer = OBSERVABLES[name].formula, found.neighbours.fewer
+        if fewer is None:  # too few to be halved
+            return jnp.abs(formula(found))
+        return jnp.abs(formula(found) - formula(fewer))
+
+    return of_times
+
+
+def _friction_by_solver(found: Found) -> Array:
+    error = _solver_errors(found)[0]
+    if found.shear is None:
+        return error
+    indicator, value = contact_indicator(found), jnp.abs(shear_friction(found))
+
+    def of(change):  # in contact the indicator of a hard wall is the pressure
+        return shear_over_load(found.pressure + change, indicator + change, found.shear)[None]
+
+    return error + error_of(of, of(jnp.zeros_like(indicator)), found.contact.correction, value)[0]
+
+
+# `bench_contact.py grid` has how often these are below the true error, and how far above it.
+
+
+def _friction_by_grid(found: Found) -> Array:
+    # Each alone is sometimes far too small.
+    by_slopes = jnp.abs(geometric_friction(found) - friction(found))
+    return (change_by_grid("friction")(found) + by_slopes) / 2
+
+
+def _area_by_grid(found: Found) -> Array:
+    edges = jnp.abs(contact_area_pixels(found) - contact_area(found))
+    return change_by_grid("contact_area")(found) + 0.4 * found.neighbours.factor * edges
+
+
+def _area_in_doubt(found: Found, change: Array) -> Array:
+    """The share of points that a change of the pressure may have put on the wrong side."""
+    return area.area_in_doubt(contact_indicator(found), jnp.abs(change))
+
+
+def _area_by_solver(found: Found) -> Array:
+    indicator, value = contact_indicator(found), contact_area(found)
+    of = lambda change: area.sub_pixel_area(indicator + change)[None]  # noqa: E731
+    moved = error_of(of, value[None], found.contact.correction, value)[0]
+    return moved + _area_in_doubt(found, found.contact.correction)
+
+
+def _area_by_kernel(found: Found) -> Array:
+    touching, change = _touching(found), jnp.zeros_like(found.pressure)
+    for moved in _changes_by_kernel(found):  # 0 outside contact, where points may join it
+        in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(touching), 1))
+        change += jnp.where(touching, jnp.abs(moved), in_contact)
+    # Edges move between the points, too; what a change of both signs moves may cancel by chance.
+    pull = jax.grad(area.sub_pixel_area)(contact_indicator(found))
+    return _area_in_doubt(found, change) + _with_chance(pull * change)
+
+
+def _pressure_by_solver(found: Found) -> Array:
+    if not found.at_approach:
+        raise ValueError("Only a contact at a given `approach` has a `mean_pressure_error`.")
+    of = lambda change: jnp.mean(found.pressure + change)[None]  # noqa: E731
+    mean = found.contact.mean_pressure
+    return error_of(of, mean[None], found.contact.correction, mean)[0]
+
+
+def _approach_by_kernel(found: Found) -> Array:
+    operators = map(found.operator.with_kernel, found.kernel_error)
+    return jnp.sum(jnp.stack([jnp.abs(_moved(found, operator)) for operator in operators]))
+
+
+def _gap_by_solver(found: Found) -> Array:
+    return found.contact.gap_error * jnp.std(found.heights)
+
+
+TOTAL = ("±", ".1e")  # a column of tables
+errors_of(
+    "friction", of_steady, TOTAL,
+    solver=_friction_by_solver, grid=_friction_by_grid,
+    kernel=_image_error, temperature=lambda found: found.heated.friction_error,
+)  # fmt: skip
+errors_of(
+    "contact_area", of_steady, TOTAL,
+    solver=_area_by_solver, grid=_area_by_grid, kernel=_area_by_kernel,
+    temperature=lambda found: found.heated.area_error,
+)  # fmt: skip
+errors_of("mean_gap", of_steady, solver=_gap_by_solver, grid=change_by_grid("mean_gap"))
+errors_of(
+    "mean_pressure", of_steady, needs=("given approach",),
+    solver=_pressure_by_solver, grid=change_by_grid("mean_pressure"),
+    kernel=lambda f: sum(map(_with_chance, _changes_by_kernel(f))) / f.pressure.size,
+)  # fmt: skip
+errors_of(
+    "approach", of_steady, needs=("ground", "given load"),
+    solver=_gap_by_solver, grid=change_by_grid("approach"), kernel=_approach_by_kernel,
+)  # fmt: skip
+for _number, _index in (("mean_friction", 0), ("peak_friction", 1)):
+    errors_of(
+        _number, of_cycle, TOTAL, grid=change_by_grid(_number), time=by_times(_number),
+        solver=lambda found, index=_index: _solver_errors(found)[index],
+    )  # fmt: skip
+for _number in ("work", "load_work", "dissipated_power"):
+    errors_of(_number, of_cycle, grid=change_by_grid(_number), time=by_times(_number))

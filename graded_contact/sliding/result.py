@@ -23,6 +23,7 @@ from ..core.warnings import CYCLE_RULES, RULES, caveats_of
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid
 from .motion import components, rate_of
+from .resolution import Neighbours, neighbours_of
 from .shear import ShearStress
 
 K = TypeVar("K", bound=type)
@@ -55,6 +56,7 @@ class AbstractSliding(eqx.Module):
     measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = eqx.field(
         default=None, kw_only=True
     )
+    prescribed: str = eqx.field(default="pressure", kw_only=True, static=True)
     is_cycle: eqx.AbstractClassVar[bool]
 
     def __getattr__(self, name: str) -> Array:
@@ -94,10 +96,20 @@ class AbstractSliding(eqx.Module):
         """The names of the observables that prints and results contain."""
         return numbers_of(self.is_cycle, self.facts)
 
+    @property
+    def neighbours(self) -> Neighbours:
+        """The same contact with fewer points and fewer times, see `Neighbours`; kept."""
+        near = vars(self).get("_near")
+        if near is None:
+            near = neighbours_of(self)
+            if all(map(is_concrete, jax.tree.leaves(near))):
+                vars(self)["_near"] = near
+        return near
+
     def compute(self, *names: str) -> list[Float[Array, "..."]]:
         """Returns the observables of these names; one program computes those that are missing."""
         missing = tuple(name for name in names if name not in vars(self))
-        found = _computed(self, missing) if missing else {}
+        found = _of_all(self, missing) if missing else {}
         known = vars(self) | found
         if all(map(is_concrete, found.values())):  # a tracer must not outlive its trace
             vars(self).update(found)
@@ -148,7 +160,7 @@ class Sliding(AbstractSliding):
     - `heated`: temperatures of the contact, see `HeatedContact`, or None.
     - `thickness`: of the layers between a window and a rigid base [m], else None.
     - `ground`: whether the block of a window does not move far away. Static.
-    - `at_approach`: whether the approach was given, not the load. Static.
+    - `prescribed`: what was given: "pressure", "mean_gap" or "approach". Static.
     """
 
     velocity: Float[Array, "..."]
@@ -158,7 +170,6 @@ class Sliding(AbstractSliding):
     heated: HeatedContact | None = None
     thickness: Float[Array, "..."] | None = None
     ground: bool = eqx.field(default=False, static=True)
-    at_approach: bool = eqx.field(default=False, static=True)
     is_cycle: ClassVar[bool] = False
 
     @property
@@ -171,6 +182,11 @@ class Sliding(AbstractSliding):
             "given load": not self.at_approach,
         }
         return frozenset(fact for fact, holds in known.items() if holds)
+
+    @property
+    def at_approach(self) -> bool:
+        """Whether the approach was given, not the load."""
+        return self.prescribed == "approach"
 
     @property
     def kernel(self) -> Inexact[Array, "..."]:
@@ -208,6 +224,7 @@ class CyclicSliding(AbstractSliding):
     - `displacement`: s(t) of the surface [m].
     - `period`: T [s].
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
+    - `prescribed`: what was given: "pressure" or "mean_gap". Static.
     """
 
     displacement: Float[Array, "nt ..."]
@@ -264,13 +281,21 @@ def _beyond_contact(found: AbstractSliding) -> tuple[str, ...]:
     return tuple(n for n in names if n not in _OF_CONTACT or f"{n}_error" in names)
 
 
+def _of_all(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, Float[Array, "..."]]:
+    if found.contact.error.ndim > 0:  # a batch
+        return jax.lax.map(lambda one: _of_all(one, names), found)
+    # Outside of the program, so that Python reuses the programs of the contact.
+    needed = any(OBSERVABLES[name].on_two_grids for name in names)
+    return _computed(found, found.neighbours if needed else None, names)
+
+
 @derivative_apart
 @jit
-def _computed(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, Float[Array, "..."]]:
-    if found.contact.error.ndim > 0:  # a batch
-        return jax.lax.map(lambda one: _computed(one, names), found)
-    still = jax.lax.stop_gradient(found)
-    for one in (found, still):
-        object.__setattr__(one, "_shared", {})  # see `observables.shared`
+def _computed(
+    found: AbstractSliding, near: Neighbours | None, names: tuple[str, ...]
+) -> dict[str, Float[Array, "..."]]:
+    still, near_still = jax.lax.stop_gradient((found, near))
+    for one, others in ((found, near), (still, near_still)):
+        vars(one).update(_shared={}, _near=others)  # see `observables.shared`
     entries = [OBSERVABLES[name] for name in names]
     return {e.name: e.formula(found if e.has_derivative else still) for e in entries}

@@ -65,7 +65,7 @@ def solve_steady(
         measured_range=_coverage(stack), kernel_error=kernel_error,
         thickness=interface_depths(stack)[-1] if on_window and on_rigid else None,
         ground=on_window and has_ground(stack, surface.grid),
-        at_approach=case.approach is not None,
+        prescribed=case.prescribed,
     )  # fmt: skip
 
 

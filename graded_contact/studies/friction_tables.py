@@ -6,9 +6,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
-from ..blocks.stack import Stack
+from ..blocks.stack import Stack, check_at_rest
 from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
 from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import mean_field_of
@@ -57,9 +58,9 @@ def friction_table(
     - `engine`: `store`, `workers`, `client` and `progress` of `sweep`.
 
     **Returns:** an `xarray.Dataset` over temperature (if given), pressure and velocity with
-    `friction`, `friction_error`, `contact_area` and `message`. The error of a contact is that of
-    the solver plus the difference of `friction` and `geometric_friction`, the error of the grid;
-    that of the mean field is the error of its quadrature. With `"both"` the numbers of the mean
+    `friction`, `friction_error`, `contact_area`, `contact_area_error` and `message`. The errors of
+    a contact are those of the solver and of the grid; that of the mean field is the error of its
+    quadrature. With `"both"` the numbers of the mean
     field are `mean_field.friction` and so on.
 
     **Raises:** `ValueError` for a refused argument; what `sweep` raises.
@@ -73,6 +74,10 @@ def friction_table(
     check_values("direction", direction, "an angle [rad] must be finite")
     check_positive("pressure", as_float(pressure, "pressure"), "[Pa]")
     check_values("velocity", as_float(velocity), "a speed [m/s] is not negative", at_least=0)
+    # `sweep` traces temperatures, behind which a liquid is not seen.
+    on_grid = isinstance(roughness, Surface) and roughness.grid.ndim == 2
+    if on_grid or not np.all(np.asarray(velocity)):
+        check_at_rest(stack)
     axes = {"pressure": pressure, "velocity": velocity}
     if temperature is not None:
         axes = {"temperature": temperature, **axes}
@@ -91,18 +96,15 @@ def friction_table(
         theory, found = {}, {}
         if method != "contact":
             field = mean_field_of(dataclasses.replace(plain, **at), **mean_field_options)
-            error = field.error * jnp.abs(field.friction)
             theory = dict(
-                friction=field.friction, friction_error=error, contact_area=field.contact_area
-            )
+                friction=field.friction, friction_error=field.error * jnp.abs(field.friction),
+                contact_area=field.contact_area,
+                contact_area_error=field.error * field.contact_area,
+            )  # fmt: skip
         if method != "mean_field":
             s = dataclasses.replace(contact, **at).solve(numerics)
-            # The two frictions agree on a grid that resolves the contact.
-            error = s.friction_error + jnp.abs(s.geometric_friction - s.friction)
-            found = dict(
-                friction=s.friction, friction_error=error, contact_area=s.contact_area,
-                result=s.result,
-            )  # fmt: skip
+            names = ("friction", "friction_error", "contact_area", "contact_area_error")
+            found = dict(zip(names, s.compute(*names), strict=True), result=s.result)
         return {**found, "mean_field": theory} if method == "both" else found or theory
 
     table = sweep(numbers, axes, **engine)

@@ -177,13 +177,11 @@ class CutoffCurve(eqx.Module):
     - `friction`: force opposing the motion over the load [1], shape `(cutoffs,)`.
     - `contact_area`: fraction of the nominal area in contact [1], shape `(cutoffs,)`; None where
       there is one contact.
-    - `contact_area_smooth`: that with sub-pixel edges [1], shape `(cutoffs,)`; None without a grid.
     """
 
     cutoff: Float[Array, " cutoffs"]
     friction: Float[Array, " cutoffs"]
     contact_area: Float[Array, " cutoffs"] | None = None
-    contact_area_smooth: Float[Array, " cutoffs"] | None = None
 
 
 def _lay(anisotropy: Any, angle: Any, roll_off: str) -> tuple[Any, Any]:

@@ -30,7 +30,7 @@ def test_contact_is_that_of_the_gliding_cylinder(speed):
     """Within what 16 points to a half-width resolve: a fifth of a point at either edge."""
     x, found, exact = glide(speed, 16)
     inside = x[np.asarray(found.pressure) > 0]
-    width = float(found.contact_area_smooth) * CELL * A
+    width = float(found.contact_area) * CELL * A
     np.testing.assert_allclose(width / 2, exact.half_width, atol=0.3 * A / 16)
     np.testing.assert_allclose(np.mean(inside), exact.offset, atol=0.5 * A / 16)
     np.testing.assert_allclose(np.max(found.pressure), exact.peak_pressure, rtol=0.03)

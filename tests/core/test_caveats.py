@@ -17,7 +17,7 @@ from graded_contact.surfaces.surface import Step, step
 
 def solves(**changed):
     """What a sound solve gives, and changes of it."""
-    sound = {"friction": 0.3, "geometric_friction": 0.31, "slope_in_contact": 0.3}
+    sound = {"friction": 0.3, "friction_grid_error": 0.01, "slope_in_contact": 0.3}
     sound |= dict.fromkeys(["unmeasured_area", "unmeasured_friction", "extrapolated_friction"], 0.0)
     return SimpleNamespace(**{name: np.asarray(value) for name, value in (sound | changed).items()})
 
@@ -26,16 +26,19 @@ def solves(**changed):
     ("changed", "words"),
     [
         ({}, []),
-        ({"friction": np.nan, "geometric_friction": np.nan}, []),
+        ({"friction": np.nan, "friction_grid_error": np.nan}, []),
         ({"friction": np.nan, "shear_friction": np.nan}, ["`shear` returned NaN"]),
-        ({"friction": 0.0, "geometric_friction": 2e-5}, []),  # at rest
-        ({"friction": 2.8e-18, "geometric_friction": -1.9e-4}, []),  # elastic: rounding
-        ({"friction": 0.3, "geometric_friction": 0.34}, ["differ by 13%"]),
+        ({"friction": 0.0, "friction_grid_error": 2e-5}, []),  # at rest
+        ({"friction": 2.8e-18, "friction_grid_error": 1.9e-4}, []),  # elastic: rounding
+        ({"friction": 0.3, "friction_grid_error": 0.04}, ["an error of about 13%"]),
         ({"slope_in_contact": 0.5}, ["rms slope where it carries the load is 0.5"]),
         ({"unmeasured_friction": 0.11}, ["11% of the friction"]),
         ({"extrapolated_friction": 0.02}, ["2% of the friction comes from frequencies"]),
         ({"unmeasured_area": 0.7}, ["70% of the contact area"]),
-        ({"geometric_friction": -15.7, "slope_in_contact": 2}, ["differ by 5", "slope where it"]),
+        (
+            {"friction_grid_error": 16.0, "slope_in_contact": 2},
+            ["error of about 5", "slope where it"],
+        ),
     ],
 )
 def test_doubtful_numbers_are_told_and_sound_ones_are_not(changed, words):
@@ -48,7 +51,8 @@ def test_doubtful_numbers_are_told_and_sound_ones_are_not(changed, words):
 def test_a_caveat_says_which_solves_it_concerns_and_the_worst():
     area = np.array([[0.05, np.nan, 0.2], [0.6, 0.0, 0.1]])
     sound = np.where(np.isnan(area), np.nan, 0.3)
-    numbers = dict.fromkeys(["friction", "geometric_friction", "slope_in_contact"], sound)
+    numbers = dict.fromkeys(["friction", "slope_in_contact"], sound)
+    numbers["friction_grid_error"] = 0.01 * sound
     (caveat,) = caveats_of(solves(**numbers, unmeasured_area=area))
     assert caveat.sentence.startswith("60% of the contact area")
     assert "2 of 6 solves" in caveat.sentence

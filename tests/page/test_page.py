@@ -11,7 +11,7 @@ import h5py
 import jax
 import numpy as np
 import pytest
-from scene_texts import TEXT
+from scene_texts import TEXT, changed
 
 import graded_contact as gc
 from graded_contact.page import model as models
@@ -76,7 +76,7 @@ def test_bars_are_what_a_step_of_a_slider_changes(model):
         steps = step * np.outer([1, -1], np.arange(len(values)) == i)
         ends = [model.contact(at.tolist()).sliding for at in values + steps]
         scale = knob.step_size(knob.value)
-        for name, bar in (("friction", bars.friction), ("contact_area_smooth", bars.contact_area)):
+        for name, bar in (("friction", bars.friction), ("contact_area", bars.contact_area)):
             up, down = (float(getattr(end, name)) for end in ends)
             change = 100 * (up - down) / (2 * step) * scale / ((up + down) / 2)
             assert bar[i] == pytest.approx(change, rel=2e-3, abs=2e-4), (knob.label, name)
@@ -104,6 +104,17 @@ def test_a_layer_more_compiles_no_contact(model, document, caplog):
         jax.jit(lambda x: 3 * x)(1.0)
     assert "<lambda>" in caplog.text  # what compiles is in the log
     assert not any(f"jit({name})" in caplog.text for name in ("_begin", "_solution"))
+
+
+def test_a_liquid_has_curves_and_is_refused_by_name(tmp_path):
+    (tmp_path / "melt.toml").write_text(
+        changed('kind = "tyre_tread"', 'kind = "prony"\nequilibrium = 0\nstrengths = [1e6]\n'
+                "times = [1e-2]")
+    )  # fmt: skip
+    model = Model(open_document(tmp_path / "melt.toml"))
+    assert np.all(np.isfinite(model.curves(model.values).friction))
+    with pytest.raises(ValueError, match=r"^\[materials.tread\] is a liquid"):
+        model.contact(model.values)
 
 
 def test_downloads_have_units_and_everything_that_is_shown(model):

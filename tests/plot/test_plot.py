@@ -62,7 +62,7 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale
     values = {n: np.arange(1.0, 7.0).reshape(2, 3) for n in numbers_of(False)}
     # Of one solve a fifth of the contact was not measured.
     doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
-    values["compression"] = np.zeros((2, 3))
+    values |= dict.fromkeys(("compression", "friction_grid_error"), np.zeros((2, 3)))
     values |= dict.fromkeys(doubts, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]))
     axes = {"pressure": np.array([1e5, 2e6]), "velocity": np.array(velocity)}
     figure = gc.plot.plot_sweep(make_results(axes, values, message))
@@ -79,7 +79,7 @@ def made(axes, names=(), failing=()):
     shape = tuple(len(at) for at in axes.values())
     friction = np.sum(np.indices(shape), axis=0).astype(float)
     values = {n: np.zeros(shape) for n in numbers_of(False)}
-    values |= {"friction": friction, "geometric_friction": friction}
+    values |= {"friction": friction, "friction_grid_error": 0.01 * friction}
     message = np.full(shape, "", object)
     for index in failing:
         message[index] = "failed: no kernel"
@@ -456,7 +456,7 @@ MOVED = 1e-4 * np.sin(2 * np.pi * TIMES)
 
 
 def made_cycle(displacement=MOVED, **fields):
-    numbers = {"friction": np.cos(2 * np.pi * TIMES), "contact_area_smooth": 0.1 + 0.01 * TIMES}
+    numbers = {"friction": np.cos(2 * np.pi * TIMES), "contact_area": 0.1 + 0.01 * TIMES}
     return SimpleNamespace(displacement=displacement, **numbers, **fields)
 
 

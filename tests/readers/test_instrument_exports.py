@@ -1,6 +1,7 @@
 """Files as instruments and programs write them, each made here of the same few points."""
 
 import contextlib
+import json
 
 import numpy as np
 import pytest
@@ -92,6 +93,43 @@ def test_trios_text_with_steps_and_both_frequencies(tmp_path):
     check(cold, deformation="shear")
     check(hot, modulus=2 * MODULUS, deformation="shear")
     np.testing.assert_allclose(cold.temperature, 273.15 + CELSIUS)
+
+
+def trios_json(celsius=(20.0, 40.0)):
+    """The same measurements as TRIOS writes them in JSON, with a text and a time in each row."""
+    units = {"Storage modulus": "MPa", "Loss modulus": "MPa", "Angular frequency": "rad/s",
+             "Oscillation torque": "µN.m", "Temperature": "°C", "Tan(delta)": None}  # fmt: skip
+    headers: dict = {f"{name}_{unit}": {"DisplayName": name, "ValueType": "Number"} | (
+        {"Unit": {"Name": unit}} if unit else {}) for name, unit in units.items()}  # fmt: skip
+    headers["Status bits"] = {"DisplayName": "Status bits", "ValueType": "Text"}
+    headers["Date and time"] = {"DisplayName": "Date and time", "ValueType": "DateTime"}
+    lines, steps = [], []
+    for i, t in enumerate(celsius):
+        steps.append({"Id": f"a8b6-{i}", "Name": f"Frequency sweep - {i + 1}"})
+        for row in zip((1 + i) * STORAGE / 1e6, (1 + i) * LOSS / 1e6, OMEGA, HERTZ,
+                       t + CELSIUS - 20, TANGENT, strict=True):  # fmt: skip
+            cells = dict(zip(headers, map(float, row), strict=False))
+            lines.append({**cells, "Status bits": "0x1", "Date and time": "2023-01-09T09:27:17Z",
+                          "Results Step Id": steps[-1]["Id"]})  # fmt: skip
+    table = {"ResultsSteps": steps, "ColumnHeaders": headers, "Rows": lines}
+    raw = {**table, "Rows": lines[:1]}
+    return {"Sample": {"Name": "sbr"}, "Results": {"Unprocessed": raw, "Processed": table}}
+
+
+def test_trios_json_has_the_steps_of_its_text(tmp_path):
+    content = json.dumps(trios_json())
+    cold, hot = read(tmp_path, content, name="a.json").isotherms()
+    check(cold, deformation="shear")
+    check(hot, modulus=2 * MODULUS, deformation="shear")
+    np.testing.assert_allclose(cold.temperature, 273.15 + CELSIUS)
+    check(read(tmp_path, content, step="Frequency sweep - 1"), deformation="shear")
+    for other, message in [
+        ('{"a": [1, 2]}', "it is a JSON without the `ColumnHeaders` and `Rows` of TRIOS: export"),
+        ('{"ColumnHeaders": {}, "Rows": [3]}', "its tables are not as TRIOS writes them"),
+        ('{"a": ', "no table of numbers is found"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            read(tmp_path, other)
 
 
 def test_signs_of_both_deformations_are_refused(tmp_path):

@@ -211,6 +211,50 @@ def test_workbooks_are_read_from_the_sheet_that_is_understood(tmp_path):
 # Kinds, overrides, and what is recorded.
 
 
+def test_replicates_side_by_side_are_numbered_and_chosen_by_number(tmp_path):
+    """Columns of one name, on a sheet behind one of single frequencies; then repeated lanes."""
+    f, ones = np.array([1.0, 2.0, 4.0, 8.0]), np.ones(4)
+    names = ["f (Hz)", *3 * ["G' (Pa)"], *3 * ["G'' (Pa)"]]
+    values = [f, *(k * 1e6 * f for k in (1, 2, 3)), *(k * 1e5 * f for k in (1, 2, 3))]
+    table = [names, *np.transpose(values).tolist()]
+    single = [names, *np.transpose([10 * ones, *values[1:]]).tolist()]
+    path = tmp_path / "a.xlsx"
+    workbook(path, {"grade": single, "sweep": table})
+    with pytest.raises(ValueError) as found:
+        read_moduli(path)
+    told = str(found.value)
+    assert "pass `sheet='sweep'`, which holds a sweep" in told and "'grade'" not in told
+    assert 'columns 2, 3, 4 are all "G\' (Pa)", the storage' in told
+    assert "for instance by `columns={'storage': 2, 'loss': 5}`" in told
+    third = read_moduli(path, sheet="sweep", columns={"storage": 4, "loss": 7})
+    np.testing.assert_allclose(third.values, (3e6 + 3e5j) * f)
+    # The same lanes side by side: two materials, each at two temperatures.
+    lane = np.transpose([[20, 20, 50, 50], [1, 2, 1, 2], 1e6 * f, 1e5 * f])
+    names = ["T (°C)", "f (Hz)", "G' (Pa)", "G'' (Pa)"]
+    rows = [2 * names, *np.hstack([lane, lane * [1, 1, 7, 7]]).tolist()]
+    text = "\n".join(",".join(map(str, row)) for row in rows)
+    (tmp_path / "b.csv").write_text(text)
+    with pytest.raises(ValueError, match="side by side, numbers above 4 in `columns` choose one"):
+        read_moduli(tmp_path / "b.csv")
+    numbers = {"temperature": 5, "frequency": 6, "storage": 7, "loss": 8}
+    second = read_moduli(tmp_path / "b.csv", columns=numbers)
+    np.testing.assert_allclose(second.values, 7 * (1e6 + 1e5j) * f)
+
+
+def test_empty_places_of_a_curve_side_by_side_are_counted(tmp_path):
+    text = "f (Hz),G' (Pa),G'' (Pa),f (Hz),G' (Pa),G'' (Pa)\n"
+    text += "1,1e6,1e5,1,2e6,2e5\n2,1e6,1e5,2,2e6,2e5\n4,1e6,1e5,,,\n8,1e6,1e5,,,\n"
+    (tmp_path / "a.csv").write_text(text)
+    measured = read_moduli(tmp_path / "a.csv")
+    assert len(measured.abscissa) == 6
+    assert "Curve 2 of 2 side by side is empty in 2 of 4 rows." in measured.history
+    assert len(measured.isotherms()) == 2
+    joined = read_moduli(tmp_path / "a.csv", temperature=298.0)  # replicates
+    assert len(joined.isotherms()) == 1 and len(joined.abscissa) == 6
+    two = read_moduli(tmp_path / "a.csv", temperature=[320.0, 298.0]).isotherms()
+    assert [len(each.abscissa) for each in two] == [2, 4]
+
+
 def test_poissons_ratio_converts_shear_moduli_and_compliances(tmp_path):
     path = written(tmp_path, ["f_Hz", "G_storage_pa", "G_loss_pa"], [HERTZ, STORAGE, LOSS])
     measured = read_moduli(path)
@@ -437,16 +481,16 @@ def test_several_files_are_isotherms_of_one_material(tmp_path):
     [
         ("f, ", "x, ", {}, "line 1: there are the columns 'x', .*`columns`: frequency, storage"),
         ("f, E', E''\nHz, MPa, MPa\n", "", {"kind": "frequency"},
-         "column 1, the frequency, .* one of .*; column 2, the storage, .*; column 3, the loss, "),
+         "column 1, the frequency, .*`units=.*; column 2, the storage, .*; column 3, the loss, "),
         ("Hz, MPa, MPa", "Hz, MPa, mPa", {}, "line 1: column 3 .E''., the loss, has 'mPa' as unit"),
         ("0.4\n\n# a note\n0.1, 1, 0.2\n1, 2, 0.3", "0.4", {}, "no table of numbers"),
         ("", "", {"columns": {"storage": "G"}}, "names 'G', but no columns have that name"),
         ("f, E', E''\nHz", "rate, E', E''\n", {"columns": {"frequency": "rate"}},
          r"column 1 \(rate\), the frequency, has '' as unit"),
-        ("", "", {"columns": {"modul": "f"}}, "`columns` is 'modul'"),
-        ("", "", {"units": {"force": "N"}}, "`units` is 'force'"),
-        ("", "", {"units": {"modulus": "N"}}, "`units` of the modulus is 'N': use one of"),
-        ("", "", {"kind": "dma"}, "`kind` is 'dma': use one of"),
+        ("", "", {"columns": {"modul": "f"}}, r"`columns=\{'modul': 'f'\}` is refused: use one of"),
+        ("", "", {"units": {"force": "N"}}, r"`units=\{'force': 'N'\}` is refused: use one of"),
+        ("", "", {"units": {"modulus": "N"}}, r"`units=\{'modulus': 'N'\}` is refused: use one of"),
+        ("", "", {"kind": "dma"}, "`kind='dma'` is refused: use one of"),
         ("", "", {"poisson": 0.6}, r"`poisson=0.6` is refused"),
         ("", "", {"temperature": -3.0}, r"`temperature=-3` is refused"),
         ("", "", {"temperature": "warm"}, r"`temperature='warm'` is refused"),

@@ -34,6 +34,11 @@ FILES = {
         "%\tPa\t-\trad/s\t°C",
         (PERCENT, STORAGE, TAN, 0 * TAN + 62.8, TEMPERATURE),
     ),
+    "trios": table(
+        "Strain ratio\tOscillation strain (cmd)\tOscillation strain\tG'\tG''\n"
+        "\t%\t%\tPa\tPa",
+        (0 * TAN + 0.99, 1.1 * PERCENT, PERCENT, STORAGE, LOSS),
+    ),
     "dma": table(
         "run,freq_hz,G_storage_pa,G_loss_pa,tan_delta,strain_dyn_pct,strain_stat_pct",
         (TAN, 0 * TAN + 10, STORAGE, LOSS, TAN, PERCENT, 0 * TAN + 5),
@@ -85,7 +90,10 @@ def sweep(heading, *columns):
     ("text", "words"),
     [
         (sweep("f [Hz],Strain [%]", [1, 2, 4], PERCENT), r"frequency varies from 6\.283 to 25\.13"),
-        (sweep("Strain", PERCENT), "the strain, has '' as unit; pass `units`, strain"),
+        (
+            sweep("Strain", PERCENT),
+            "the strain, has '' as unit; pass for instance `units={'strain': ",
+        ),
         (sweep("strain [mm]", PERCENT), r"\(strain \[mm\]\), the strain, has '' as unit"),
         (sweep("t [s]", PERCENT), "`columns`: strain, storage"),
         (2 * sweep("Strain [%]", PERCENT), "one curve by `step`, or"),

@@ -514,6 +514,14 @@ def test_damaged_roads_are_refused(tmp_path, old, new, message):
         read_surface(tmp_path / "a.crg")
 
 
+@pytest.mark.parametrize("end", ["", "$$$$\n"])
+def test_a_road_that_refers_to_another_file_names_it(tmp_path, end):
+    text = "$CT\nlayers\n$ROAD_CRG_FILE\n* the elevations\n$FOLDER/wet.crg ! of 2005\n$\n"
+    (tmp_path / "a.crg").write_text(text.replace("$FOLDER", "rough") + end)
+    with pytest.raises(ValueError, match=r"in another OpenCRG file, 'rough/wet.crg': read that"):
+        read_surface(tmp_path / "a.crg")
+
+
 @pytest.mark.slow
 def test_no_damage_to_a_file_brings_a_reader_down(tmp_path):
     """400 damaged texts, roads and arrays: read, or refused with `ValueError`."""

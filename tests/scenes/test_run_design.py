@@ -21,7 +21,13 @@ from graded_contact.command import terminal as session
 from graded_contact.core.parameters import with_values
 from graded_contact.scenes.design_report import designed_values, missed, report
 from graded_contact.scenes.design_scene import parse_design
-from graded_contact.scenes.run_design import Candidate, DesignResults, design_mean_field, run_design
+from graded_contact.scenes.run_design import (
+    Candidate,
+    DesignResults,
+    check_design,
+    design_mean_field,
+    run_design,
+)
 from graded_contact.scenes.run_design import _contact as contact_of
 from graded_contact.studies.search import Design, History, Run
 from graded_contact.studies.store import Store
@@ -212,3 +218,16 @@ def test_friction_from_frequencies_that_were_not_measured_is_refused_or_reported
     assert allowed.scene.extrapolate
     assert "not measured" not in report(came_to([1.3], outside=0.009))
     assert "friction not measured at 0.1 m/s" in report(came_to([1.3], outside=0.25))
+
+
+def test_a_liquid_is_designed_by_the_mean_field_alone():
+    """A wave of the limited stiffness may be at rest, too."""
+    melt = DESIGN.replace("equilibrium = 5e6", "equilibrium = 0.0")
+    bare = melt.replace("verify = 2\npolish = true\n", "")
+    for text in (melt, bare.replace("omega = 250.0", "omega = 0.0")):
+        with pytest.raises(ValueError, match=r"^\[materials.coat\] is a liquid"):
+            check_design(parse_design(text))
+    study = parse_design(bare)
+    check_design(study)
+    field = design_mean_field(study, study.scene.stack)
+    assert np.all(field.friction > 0) and np.all(field.error < 1e-4)

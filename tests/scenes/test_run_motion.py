@@ -67,7 +67,7 @@ def test_a_run_with_shear_adds_the_stress_on_the_contact():
     scene = parse_scene(text)
     results = run_scene(scene)
     # The mean field in a scene has the same law.
-    np.testing.assert_allclose(results.shear_friction, 0.5 * results.contact_area_smooth, rtol=1e-9)
+    np.testing.assert_allclose(results.shear_friction, 0.5 * results.contact_area, rtol=1e-9)
     both = results.hysteresis_friction + results.shear_friction
     np.testing.assert_allclose(results.friction, both, rtol=1e-12)
 

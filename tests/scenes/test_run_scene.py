@@ -13,7 +13,7 @@ from graded_contact.command.result_tables import print_table
 from graded_contact.core.quantities import OBSERVABLES, observable
 from graded_contact.fields.frequency import wave_frequencies
 from graded_contact.scenes.results import contact_at, kept_solves, shift_factors, warnings_of
-from graded_contact.scenes.run_scene import build_surface, point_names, run_scene
+from graded_contact.scenes.run_scene import build_surface, check_run, point_names, run_scene
 from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import check_frequencies_of
 from graded_contact.studies.store import Store
@@ -39,7 +39,7 @@ def test_a_run_gives_what_slide_gives(scene, results):
         pressure, velocity = scene.pressure[i], scene.velocity[j]
         load = {"pressure": pressure, "velocity": velocity, "rtol": scene.rtol}
         sliding = gc.slide(scene.stack, surface, **load)
-        for name in ("friction", "contact_area", "contact_area_smooth", "mean_gap", "error"):
+        for name in ("friction", "contact_area", "contact_area", "mean_gap", "error"):
             np.testing.assert_allclose(results[name][i, j], getattr(sliding, name), rtol=1e-6)
     assert kept_solves(results) == [(1, 1)]
     np.testing.assert_allclose(results.gap, sliding.gap, rtol=1e-6, atol=1e-15)
@@ -64,7 +64,7 @@ def test_an_observable_is_one_function(capsys):
         assert "largest_pressure [Pa]" in repr(sliding)
         np.testing.assert_allclose(results.largest_pressure[-1, -1], np.max(sliding.pressure), 1e-4)
         assert results.largest_pressure.attrs == {"units": "Pa", "long_name": "largest pressure"}
-        print_table(results)
+        print_table(results, full=True)
         assert "largest" in capsys.readouterr().out
     finally:
         del OBSERVABLES["largest_pressure"]
@@ -168,7 +168,7 @@ def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
     surface = gc.random_surface(random.spectrum, random.grid, jax.random.key(4))
     block = gc.with_values(scene.stack, {"layers[0].thickness": 1e-5}).at(273.15)
     sliding = gc.slide(block, surface, pressure=2e5, velocity=[0.0, 0.1], rtol=scene.rtol)
-    for name in ("friction", "contact_area_smooth", "mean_gap"):
+    for name in ("friction", "contact_area", "mean_gap"):
         np.testing.assert_allclose(results[name][index], getattr(sliding, name), rtol=1e-6)
     assert kept_solves(results) == [index]
     fields, own = contact_at(results, index)
@@ -244,3 +244,30 @@ def test_frequencies_that_no_table_covers_are_refused_at_any_temperature(tmp_pat
     )
     with pytest.raises(ValueError, match=r"At temperature = .*covers"):
         run_scene(parse_scene(text, tmp_path))
+
+
+MELT = 'kind = "prony"\nequilibrium = 0.0\nstrengths = [1e6]\ntimes = [1e-2]'
+SOLID = MELT.replace("0.0", "1e5")
+BLEND = 'bottom = "coat"\ntop = "melt"\nshape = {kind = "linear"}'
+
+
+@pytest.mark.parametrize(
+    "name, pairs",
+    [
+        ("tread", ('kind = "tyre_tread"', MELT)),
+        ("coat", ('kind = "elastic"\nmodulus = 2e7\npoisson = 0.4', MELT)),
+        ("melt", ("[[layers]]", f"[materials.melt]\n{MELT}\n[[layers]]",
+                  'material = "coat"', BLEND)),
+        ("melt", ("[materials.tread]", f"[materials.melt]\n{MELT}\n[materials.tread]",
+                  'kind = "tyre_tread"', 'kind = "softened"\nmaterial = "melt"\n'
+                  "strain = [1e-3, 1e-1]\nstorage = [1.0, 0.5]\nloss = [1.0, 0.5]")),
+        ("tread", ('kind = "tyre_tread"', SOLID, "[solver]",
+                   '[sweep]\n"base.material.equilibrium" = [1e5, 0.0]\n[solver]')),
+    ],
+)  # fmt: skip
+def test_a_liquid_is_refused_by_the_name_of_its_material(name, pairs):
+    scene = parse_scene(changed(*pairs))
+    surface = build_surface(scene)
+    for check in (lambda: check_run(scene, surface), lambda: run_scene(scene, surface=surface)):
+        with pytest.raises(ValueError, match=rf"^\[materials.{name}\] is a liquid .*--equilibrium"):
+            check()

@@ -165,3 +165,24 @@ def test_a_wrong_table_is_refused_with_its_place(text, expected):
 @pytest.mark.parametrize("name", ["reciprocating", "shear_and_heat", "indenter"])
 def test_an_example_is_read(name):
     assert read_scene(Path(__file__).parents[2] / "examples" / f"{name}.toml").title
+
+
+def test_a_scene_chooses_and_names_its_number_of_times(tmp_path):
+    """Of a drawn surface and of a file; the direction turns the path over the diagonal."""
+    plain = SINE.replace("num_times = 16\n", "")
+    scene = parse_scene(STILL + plain)
+    # π times the stroke over half a spacing.
+    assert 2 * np.pi * 2e-4 / (1e-3 / 32) <= scene.num_times <= 50
+    assert f"{scene.num_times} times, a largest step of 0.4" in str(scene)
+    turned = parse_scene(STILL.replace("[load]", "[load]\ndirection = 0.8") + plain)
+    assert turned.num_times >= scene.num_times * 1.2 and turned.step <= 0.5
+    case = turned.case({"pressure": 2e5, "velocity": 1.0}, turned.surface.build())
+    moved = np.abs(np.diff(case.displacement, axis=0)) / (1e-3 / 32)
+    np.testing.assert_allclose(turned.step, np.max(moved.sum(axis=1)), rtol=1e-12)
+    np.savez(tmp_path / "h.npz", heights=np.random.default_rng(0).normal(size=(64, 64)), size=1e-3)
+    file = '[surface]\nkind = "file"\npath = "h.npz"\nunit = "um"\n[materials'
+    read = parse_scene(file + STILL.split("[materials", 1)[1] + plain, tmp_path)
+    assert scene.num_times * 1.8 < read.num_times <= 100
+    times = "[motion] `num_times=16` is refused: the surface moves by up to 2."
+    with pytest.raises(ValueError, match=re.escape(times)):
+        parse_scene(file + STILL.split("[materials", 1)[1] + SINE, tmp_path)

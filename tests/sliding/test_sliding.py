@@ -34,8 +34,8 @@ def test_main_job_gives_friction_and_area_of_a_coated_tread():
     assert 0 < s.friction < 1
     assert 0 < s.contact_area < 1
     np.testing.assert_allclose(np.mean(s.pressure), 4e5, rtol=1e-13)
-    np.testing.assert_allclose(s.contact_area, np.mean(s.pressure > 0))
-    np.testing.assert_allclose(s.contact_area_smooth, s.contact_area_corrected, atol=0.02)
+    np.testing.assert_allclose(s.contact_area_pixels, np.mean(s.pressure > 0))
+    np.testing.assert_allclose(s.contact_area, s.contact_area_pixels, atol=0.02)
     assert s.energy_imbalance <= 1e-13
     assert abs(s.geometric_friction / s.friction - 1) <= 0.1
     assert s.error <= RTOL and s.num_fft_pairs > 0
@@ -76,7 +76,7 @@ def test_friction_of_passive_stacks_is_never_negative(exponent, pressure, thickn
         coated(thickness, modulus), SURFACE, pressure=pressure, velocity=10.0**exponent, rtol=1e-4
     )
     assert s.friction >= 0
-    assert 0 <= s.contact_area_smooth <= 1
+    assert 0 <= s.contact_area <= 1
     assert s.energy_imbalance <= 1e-12
 
 
@@ -96,7 +96,7 @@ def test_units_scale_out(length, stress, time):
 
     one, other = run(1.0, 1.0, 1.0), run(length, stress, time)
     np.testing.assert_allclose(other.friction, one.friction, rtol=1e-5)
-    np.testing.assert_allclose(other.contact_area_smooth, one.contact_area_smooth, rtol=1e-4)
+    np.testing.assert_allclose(other.contact_area, one.contact_area, rtol=1e-4)
     np.testing.assert_allclose(other.mean_gap, one.mean_gap * length, rtol=1e-5)
 
 
@@ -110,7 +110,7 @@ def test_gradients_by_every_leaf_match_central_differences():
     def value(stack, spectrum, pressure, velocity):
         surface = gc.random_surface(spectrum, GRID, jax.random.key(0))
         s = gc.slide(stack, surface, pressure=pressure, velocity=velocity, rtol=1e-11)
-        return jnp.log(s.friction) + 0.7 * jnp.log(s.contact_area_smooth)
+        return jnp.log(s.friction) + 0.7 * jnp.log(s.contact_area)
 
     arguments = (stack, SPECTRUM, jnp.asarray(4e5), jnp.asarray(0.1))
     slopes, differences = np.transpose(elasticities(value, arguments, step=2e-6))
@@ -122,8 +122,9 @@ def test_observables_of_a_batch_a_copy_and_inside_jit_are_those_of_the_call():
     """They are computed when they are read, and no tracer stays behind."""
     slide = lambda v: gc.slide(coated(), SURFACE, pressure=4e5, velocity=v)  # noqa: E731
     one = slide(0.1)
-    jax.jit(lambda x: x * one.contact_area_smooth)(2.0)
-    names = numbers_of(False)
+    jax.jit(lambda x: x * one.contact_area)(2.0)
+    # Neighbours on other grids, of which the errors are made, are solved to 2e-4 only.
+    names = [name for name in numbers_of(False) if not name.endswith("_error")]
     numbers = np.array(one.compute(*names))
     np.testing.assert_allclose(jax.jit(slide)(0.1).compute(*names), numbers, 1e-9, 1e-14)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(one)).compute(*names), numbers)
@@ -232,8 +233,8 @@ def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
     np.testing.assert_allclose(curve.cutoff, cutoffs)
     np.testing.assert_allclose(curve.friction[-1], whole.friction, rtol=1e-6)
     np.testing.assert_allclose(curve.contact_area[-1], whole.contact_area)
-    np.testing.assert_allclose(curve.contact_area_smooth[-1], whole.contact_area_smooth, rtol=1e-5)
-    assert np.all(np.diff(curve.contact_area_smooth) < 0)
+    np.testing.assert_allclose(curve.contact_area[-1], whole.contact_area, rtol=1e-5)
+    assert np.all(np.diff(curve.contact_area) < 0)
     # The middle one, by a surface smoothed outside the package.
     k = np.fft.fftfreq(64, 1 / 64)
     spectrum = np.fft.fft2(SURFACE.heights)
@@ -244,19 +245,18 @@ def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
     # A kernel that fails, which is known only when it runs, leaves the cut-offs.
     failed = curve_of(-1e-4)
     np.testing.assert_array_equal(failed.cutoff, cutoffs)
-    for found in (failed.friction, failed.contact_area, failed.contact_area_smooth):
+    for found in (failed.friction, failed.contact_area):
         np.testing.assert_array_equal(found, np.full(3, np.nan))
 
 
 def test_soft_law_slides_nearly_as_the_hard_wall():
-    """The area of a law without a sharp edge is its own, all three measures of it."""
+    """The area of a law without a sharp edge is its own, not that of pixels."""
     law = gc.RepulsiveLJ(0.01 * float(jnp.std(SURFACE.heights)), 4e5)
     hard = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, rtol=1e-6)
     soft = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, law=law, rtol=1e-6)
     np.testing.assert_allclose(soft.friction, hard.friction, rtol=0.02)
-    np.testing.assert_allclose(soft.contact_area, np.mean(soft.gap < 5 / 3 * law.range))
-    np.testing.assert_allclose(soft.contact_area_smooth, hard.contact_area_smooth, rtol=0.1)
-    np.testing.assert_allclose(soft.contact_area_smooth, soft.contact_area_corrected, atol=0.02)
+    np.testing.assert_allclose(soft.contact_area_pixels, np.mean(soft.gap < 5 / 3 * law.range))
+    np.testing.assert_allclose(soft.contact_area, hard.contact_area, rtol=0.1)
     np.testing.assert_allclose(
         soft.pressure, 4e5 * (law.range / soft.gap) ** 9, atol=1e-4 * soft.pressure.max()
     )
@@ -279,8 +279,49 @@ LIQUID = gc.Prony(0.0, [1e6], [1.0])
 )
 def test_a_liquid_at_rest_is_named(run):
     """Waves across the motion are at rest, too."""
-    with pytest.raises(ValueError, match=r"^`base` is a liquid \(`equilibrium=0`\)"):
+    with pytest.raises(ValueError, match=r"^`base` is a liquid \(its equilibrium modulus is 0\)"):
         run(gc.Stack(base=gc.HalfSpace(LIQUID)))
     blend = gc.Blend(LIQUID, gc.Elastic(1e6))
     with pytest.raises(ValueError, match=r"^`layers\[0\]` is a liquid"):
         run(gc.Stack(layers=(gc.GradedLayer(blend, 1e-4),), base=gc.Rigid()))
+
+
+def test_a_liquid_slides_along_a_profile():
+    """Full contact with one wave: the shear stress is q² a² Im(E/(1 - ν²))/4."""
+    grid, q, a, speed = gc.Grid((32,), 1e-3), 2 * np.pi / 1e-3, 1e-6, 1e-4
+    wave = gc.Surface(a * np.cos(q * np.arange(32) * 1e-3 / 32), grid)
+    block = gc.Stack(base=gc.HalfSpace(LIQUID))
+    found = gc.slide(block, wave, pressure=1e5, velocity=speed)
+    omega = q * speed * 1.0
+    loss = 1e6 * omega / (1 + omega**2) / 0.75
+    np.testing.assert_allclose(found.friction, q**2 * a**2 * loss / 4 / 1e5, rtol=1e-6)
+    with pytest.raises(ValueError, match=r"^`base` is a liquid .* need none"):
+        gc.slide(block, wave, pressure=1e5, velocity=0.0)
+
+
+TEMPERATURES, LOG10 = np.array([260.0, 280.0, 300.0, 330.0]), np.array([4.0, 1.5, 0.0, -1.5])
+ANOTHER = [  # laws about 300 K and about another temperature, there log10 a_T, and that temperature
+    (gc.WLF(8.0, 120.0, 300.0), gc.WLF(8.0 * 120 / 100, 100.0, 280.0), 8.0 * 20 / 100, 280.0),
+    (gc.TabulatedShift(TEMPERATURES, LOG10, 300.0),
+     gc.TabulatedShift(TEMPERATURES, LOG10 - 4.0, 260.0), 4.0, 260.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("law, other, shift, reference", ANOTHER)
+def test_another_reference_temperature_changes_no_friction(law, other, shift, reference):
+    """log10 a_T changes by a constant, the times about the new reference by that factor."""
+    times = np.array([1e-3, 1e-1])
+    rubber = gc.Prony(1e6, [1e7, 3e6], times, shift=law)
+    moved = gc.Prony(1e6, [1e7, 3e6], 10**shift * times, shift=other)
+    profile = gc.random_surface(SPECTRUM, gc.Grid((64,), GRID.size[0]), jax.random.key(0))
+    for at in (reference, 290.0, 300.0, 325.0):
+        np.testing.assert_allclose(
+            law.log_factor(at) - other.log_factor(at), np.log(10) * shift, atol=1e-12
+        )
+        found, expected = (
+            gc.slide(
+                gc.Stack(base=gc.HalfSpace(one.at(at))), profile, pressure=4e5, velocity=0.1
+            ).friction
+            for one in (moved, rubber)
+        )
+        np.testing.assert_allclose(found, expected, rtol=1e-8)

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.sliding import contact_conductance, contact_stiffness
+from graded_contact.sliding import (
+    contact_conductance,
+    contact_stiffness,
+    contact_stiffness_error,
+)
 
 BLOCK = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
 REDUCED = 1 / (1 - 0.3**2)
@@ -57,17 +61,46 @@ def test_derivative_of_the_stiffness_is_that_of_differences_and_of_strips():
 
 def test_stiffness_of_a_sphere_in_a_cell():
     """1/k = 1/(2E*a) less the images: a square lattice has Σ1/R -> -3.900265, Σ1/R³ = 9.0336."""
-    radius, n = 0.15, 64
-    x = (np.arange(n) - n / 2) / n
-    surface = gc.Surface(-(x[:, None] ** 2 + x[None] ** 2) / 2, gc.Grid((n, n), 1.0))
-    found = gc.slide(BLOCK, surface, pressure=4 / 3 * REDUCED * radius**3, velocity=0.0, rtol=1e-7)
-    constant = (3.900265 - 9.0336 / 3 * radius**2) / np.pi
-    np.testing.assert_allclose(
-        REDUCED / contact_stiffness(found) + constant, 1 / (2 * radius), rtol=0.012
-    )
+    radius = 0.15
+
+    def slide(n):
+        x = (np.arange(n) - n / 2) / n
+        surface = gc.Surface(-(x[:, None] ** 2 + x[None] ** 2) / 2, gc.Grid((n, n), 1.0))
+        load = 4 / 3 * REDUCED * radius**3
+        return gc.slide(BLOCK, surface, pressure=load, velocity=0.0, rtol=1e-7)
+
+    found = slide(64)
+    images = (3.900265 - 9.0336 / 3 * radius**2) / np.pi
+    expected = REDUCED / (1 / (2 * radius) - images)
+    off = abs(contact_stiffness(found) / expected - 1)
+    assert off <= contact_stiffness_error(found) / expected <= 0.1
+    assert off <= 0.005
     # The same contact conducts as Barber's analogy says.
     barber = 2 * contact_stiffness(found) / (REDUCED * 0.7)
     np.testing.assert_allclose(contact_conductance(found, 0.7), barber, rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_stiffness_of_a_rough_surface_is_that_of_finer_grids():
+    """Waves are the same on all grids; the exact stiffness is extrapolated to no spacing."""
+    grid, q0 = gc.Grid((64, 64), 1.0), 2 * np.pi
+    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=q0, q_roll=3 * q0, q_high=8 * q0)
+    waves = np.fft.fft2(gc.random_surface(spectrum, grid, jax.random.key(7)).heights)
+
+    def slide(n):
+        # A sum of the waves at the points: those on the Nyquist lines are empty.
+        k = np.fft.fftfreq(64, 1 / 64)
+        phase = np.exp(2j * np.pi * np.outer(np.arange(n) / n, k))
+        heights = (phase @ waves @ phase.T).real / 64**2
+        surface = gc.Surface(heights, gc.Grid((n, n), 1.0))
+        return gc.slide(BLOCK, surface, pressure=5e-3, velocity=0.0, rtol=1e-6)
+
+    contacts = {n: slide(n) for n in (64, 128, 256, 512)}
+    k = {n: float(contact_stiffness(found)) for n, found in contacts.items()}
+    exact = 2 * k[512] - k[256]
+    for n in (128, 256):
+        assert abs(k[n] - exact) <= 0.012 * exact
+        assert abs(k[n] - exact) <= contact_stiffness_error(contacts[n])
 
 
 def test_full_contact_is_infinitely_stiff():

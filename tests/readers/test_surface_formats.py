@@ -1,0 +1,400 @@
+"""Heights in formats that the package reads itself, from files written here byte by byte."""
+
+import io
+import struct
+import zipfile
+import zlib
+
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact import read_surface
+from graded_contact.plot.contact import draw_map
+from graded_contact.readers.digital_surf import read_digital_surf
+
+RNG = np.random.default_rng(5)
+SIZE = (4e-6, 3e-6)
+HEIGHTS = 1e-8 * np.cumsum(np.cumsum(RNG.normal(size=(40, 30)), 0), 1) / 40  # [m]
+
+
+def zipped(files):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def check(surface, heights=HEIGHTS, size=SIZE, rtol=1e-6):
+    """Compares a surface read with `periodic="mirror"` with heights from which a plane is taken."""
+    np.testing.assert_allclose(surface.grid.size, 2 * np.array(size[: heights.ndim]), rtol=rtol)
+    x = np.meshgrid(*map(np.arange, heights.shape), indexing="ij")
+    basis = np.stack([np.ones(heights.size), *map(np.ravel, x)], 1)
+    plane = basis @ np.linalg.lstsq(basis, heights.ravel())[0]
+    found = np.asarray(surface.heights)[tuple(map(slice, heights.shape))]
+    expected = heights - plane.reshape(heights.shape)
+    np.testing.assert_allclose(found, expected, atol=10 * rtol * np.std(expected))
+
+
+def read(folder, content, name="a.dat", **options):
+    (folder / name).write_bytes(content)
+    return read_surface(folder / name, **{"periodic": "mirror", **options})
+
+
+# Containers of contact.engineering
+
+META = r"""creation_time: '2021-06-21 15:06:49+00:00'
+surfaces:
+- category: exp
+  description: "Two\
+    \ lines: \xB5m\n"
+  name: wafer   # a remark
+  topographies:
+  - creator:
+      name: Someone
+    datafile:
+      original: map.txt
+    height_scale: 0.5
+    is_periodic: false
+    name: 'the map''s'
+    size: !!python/tuple
+    - 4.0
+    - 3.0
+    tags: []
+    unit: µm
+  - datafile: {original: scan.txt}
+    height_scale: 1.0
+    name: stylus
+    size: [4.0]
+    unit: um
+  - datafile:
+      original: own.npz
+    height_scale: 0.25
+    name: "own \u2013 scale"
+    size: [9.0, 9.0]
+    unit: um
+versions:
+  topobank: 0.13.0
+"""
+
+
+def test_a_container_gives_its_measurements_by_name_with_size_and_unit(tmp_path):
+    matrix, scan, own = io.StringIO(), io.StringIO(), io.BytesIO()
+    np.savetxt(matrix, 2e6 * HEIGHTS.T)
+    line = 1e6 * np.stack([1e-7 * np.arange(40), HEIGHTS[:, 3]], 1)
+    np.savetxt(scan, line, fmt="%.9g", header="x z")
+    np.savez(own, z_nm=1e9 * HEIGHTS, size_um=(4.0, 3.0))
+    files = {"map.txt": matrix.getvalue(), "scan.txt": scan.getvalue(), "own.npz": own.getvalue(),
+             "LICENSE.txt": "Attribution 4.0"}  # fmt: skip
+    content = zipped({**files, "meta.yml": META})
+    with pytest.raises(ValueError, match=r"\[\"the map's\", 'stylus', 'own – scale'\]"):
+        read(tmp_path, content)
+    surface = read(tmp_path, content, channel="the map's")
+    check(surface)
+    assert any("multiplied by 0.5, as the container says" in note for note in surface.history)
+    check(read(tmp_path, content, channel="stylus"), HEIGHTS[:, 3])
+    surface = read(tmp_path, content, channel="own.npz")  # the file is another name
+    check(surface)
+    told = " ".join(surface.history)
+    assert "scales its heights by 0.25; the file has its own scale, in 'nm', which is used" in told
+    assert "says its size is [9.e-06 9.e-06] m; the file's [4.e-06 3.e-06] m is used" in told
+    index = """{"surfaces": [{"name": "w", "topographies": [{"name": "n", "unit": "um",
+        "size": [4, 3], "height_scale": 0.5, "datafile": {"original": "map.txt"}}]}]}"""
+    check(read(tmp_path, zipped({**files, "index.json": index})))
+
+
+@pytest.mark.parametrize("meta", ["surfaces: 3\n", "a\n  b: [\n", "surfaces:\n- topographies: 1\n"])
+def test_a_container_that_is_not_understood_is_refused_by_name(tmp_path, meta):
+    with pytest.raises(ValueError, match=r"its 'meta\.yml' is not understood"):
+        read(tmp_path, zipped({"meta.yml": meta, "a.txt": "1 2\n"}))
+
+
+# Digital Surf
+
+STEP = 1e-12  # [m], of the numbers that the file keeps
+
+
+def digital_surf(raw, *, packed=0, units=("µm", "µm", "nm"), inversion=0, least=0, special=0):
+    """A file of whole numbers, a row for each line along x; `packed` is a number of streams."""
+    num_y, num_x = raw.shape
+    head = bytearray(512)
+    head[:12] = b"DSCOMPRESSED" if packed else b"DIGITAL SURF"
+
+    def put(at, form, *values):
+        struct.pack_into("<" + form, head, at, *values)
+
+    put(14, "H", 1), put(86, "H", special), put(98, "H", 8 * raw.itemsize), put(100, "i", least)
+    put(108, "3i", num_x, num_y, num_x * num_y), put(120, "3f", 0.1, 0.1, 1e-3)
+    for place, text in enumerate((*"xyz", *units, *units)):
+        head[132 + 16 * place : 148 + 16 * place] = text.encode("latin-1").ljust(16)
+    put(276, "3f", 1, 1, 1), put(290, "H", inversion), put(334, "2H", 5, 3)
+    data = raw.astype(raw.dtype.newbyteorder("<")).tobytes()
+    if packed:
+        parts = [data[i : i + len(data) // packed + 1]
+                 for i in range(0, len(data), len(data) // packed + 1)]  # fmt: skip
+        streams = [zlib.compress(part) for part in parts]
+        sizes = [n for pair in zip(parts, streams, strict=True) for n in map(len, pair)]
+        data = struct.pack(f"<I{len(sizes)}I", len(parts), *sizes) + b"".join(streams)
+    return bytes(head) + b"hello" + b"..." + data
+
+
+RAW = np.round(HEIGHTS.T / STEP).astype("i4")
+
+
+@pytest.mark.parametrize("packed", [0, 1, 3])
+def test_maps_of_mountains_are_read_packed_too(tmp_path, packed):
+    kept = STEP * RAW.T
+    check(read(tmp_path, digital_surf(RAW, packed=packed)), kept)
+    upside = digital_surf(np.ascontiguousarray(-RAW[::-1]), packed=packed, inversion=3)
+    check(read(tmp_path, upside), kept)
+    line = np.ascontiguousarray(RAW[:1])
+    check(read(tmp_path, digital_surf(line, packed=packed)), kept[:, 0])
+
+
+def test_maps_of_mountains_agree_with_surface_topography():
+    """Where no unit differs, and for missing points and each inversion."""
+    library = pytest.importorskip("SurfaceTopography")
+    raw = np.ascontiguousarray(RAW // 2)
+    raw[3, 4] = raw.min() - 2
+    for inversion in range(4):
+        options = {"units": 3 * ("nm",), "special": 1, "least": int(raw[3, 4]) + 2}
+        content = digital_surf(raw, inversion=inversion, **options)
+        theirs = library.open_topography(io.BytesIO(content)).topography()
+        ours = read_digital_surf(content, 1e9)
+        np.testing.assert_allclose(np.ma.filled(theirs.heights(), np.nan), ours.heights)
+        np.testing.assert_allclose(theirs.physical_sizes, 1e9 * ours.size)
+
+
+def test_other_maps_of_mountains_and_damaged_ones_are_refused(tmp_path):
+    content = digital_surf(RAW, packed=2)
+    bomb = content[:524] + struct.pack("<I", 2**31) + content[528:]
+    endless = content[:524] + bytes(4) + content[528:]  # a part of 0 bytes
+    for changed, message in [
+        (digital_surf(RAW, packed=1, units=("mm", "mm", "a.u.")), r"its 'z' is in 'a\.u\.'"),
+        (digital_surf(RAW, units=("mm", "mm", "V")), "it holds no heights"),
+        (digital_surf(RAW, units=("s", "mm", "nm")), "its x is in 's' and its y in 'mm'"),
+        (content[:-40], "compressed heights are damaged|bytes of heights: cut short"),
+        (bomb, "it unpacks to more than 50 MB"),
+        (endless, "bytes of heights: cut short"),
+        (content[:300], "header is cut short"),
+        (content[:525], "list of compressed parts is cut short"),
+        (content[:560] + bytes(9) + content[569:], "damaged"),
+        (digital_surf(RAW)[:-1], "bytes of heights: cut short"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            read(tmp_path, changed)
+
+
+# X3P with heights as text, and Gwyddion without units
+
+X3P = """<?xml version="1.0" encoding="UTF-8"?>
+<p:ISO5436_2 xmlns:p="http://www.opengps.eu/2008/ISO5436_2"><Record1>
+<Revision>ISO5436 - 2000</Revision><FeatureType>SUR</FeatureType><Axes>
+<CX><AxisType>I</AxisType><DataType>D</DataType><Increment>1e-7</Increment></CX>
+<CY><AxisType>I</AxisType><DataType>D</DataType><Increment>1e-7</Increment></CY>
+<CZ><AxisType>A</AxisType><DataType>D</DataType></CZ></Axes></Record1><Record3>
+<MatrixDimension><SizeX>{}</SizeX><SizeY>{}</SizeY><SizeZ>1</SizeZ></MatrixDimension>
+<DataList>{}</DataList></Record3></p:ISO5436_2>"""
+
+
+def x3p(heights):
+    """`heights` of shape (nx, ny) or (nx,); x runs first, and NaN is an empty tag."""
+    data = ["<Datum/>" if np.isnan(h) else f"<Datum>{h:.9e}</Datum>" for h in heights.T.ravel()]
+    return X3P.format(len(heights), heights.size // len(heights), "\n".join(data))
+
+
+def test_heights_in_the_xml_of_an_x3p_are_read(tmp_path):
+    check(read(tmp_path, zipped({"main.xml": x3p(HEIGHTS)})))
+    check(read(tmp_path, zipped({"a/main.xml": x3p(HEIGHTS)})))
+    check(read(tmp_path, zipped({"main.xml": x3p(HEIGHTS[:, 2])})), HEIGHTS[:, 2])
+    scaled = x3p(1e9 * HEIGHTS).replace(
+        "<CZ><AxisType>A", "<CZ><Increment>1e-9</Increment><AxisType>I"
+    )
+    check(read(tmp_path, zipped({"main.xml": scaled})))
+    holed = np.where(RNG.random(HEIGHTS.shape) < 0.02, np.nan, HEIGHTS)
+    surface = read(tmp_path, zipped({"main.xml": x3p(holed)}))
+    assert any(f"Filled {np.sum(np.isnan(holed))} missing" in note for note in surface.history)
+    for old, new, message in [
+        ("<SizeX>40", "<SizeX>41", "it has 1200 heights for 41 x 30 x 1 points"),
+        ("<?xml version", "<!DOCTYPE a><?xml version", "declares a type of document"),
+        ("MatrixDimension", "ListDimension", "its points are a list, not a matrix"),
+        ("</DataList>", "", "no complete list of heights"),
+        ("<Axes>", "<a/>" * 300_000 + "<Axes>", "has more than 1e\\+06 bytes beside the heights"),
+        ("<Datum>", "<Datum>1;2;", "its points have more than a height"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            read(tmp_path, zipped({"main.xml": x3p(HEIGHTS).replace(old, new)}))
+
+
+def gwyddion(*channels, xreal=4e3):
+    """A file of channels, each a title, heights of shape (nx, ny), a unit, and a mask or None."""
+
+    def thing(name, *components):
+        inner = b"".join(components)
+        return name.encode() + b"\0" + struct.pack("<I", len(inner)) + inner
+
+    def component(name, kind, content):
+        return name.encode() + b"\0" + kind.encode() + content
+
+    def field(values, unit):
+        numbers = values.T.astype("<f8")
+        text = component("unitstr", "s", unit.encode() + b"\0")
+        parts = [component(name, "i", struct.pack("<i", n))
+                 for name, n in zip(("xres", "yres"), values.shape, strict=True)]  # fmt: skip
+        parts += [component(name, "d", struct.pack("<d", edge))
+                  for name, edge in (("xreal", xreal), ("yreal", xreal * 30 / 40))]  # fmt: skip
+        parts += [
+            component(f"si_unit_{axis}", "o", thing("GwySIUnit", text)) for axis in ("xy", "z")
+        ]
+        data = struct.pack("<I", numbers.size) + numbers.tobytes()
+        return thing("GwyDataField", *parts, component("data", "D", data))
+
+    parts = [component("/note", "S", struct.pack("<I", 2) + b"one\0two\0")]
+    for i, (title, values, unit, mask) in enumerate(channels):
+        parts.append(component(f"/{i}/data/title", "s", title.encode() + b"\0"))
+        parts.append(component(f"/{i}/data/visible", "b", b"\1"))
+        parts.append(component(f"/{i}/data", "o", field(values, unit)))
+        if mask is not None:
+            parts.append(component(f"/{i}/mask", "o", field(mask.astype(float), "")))
+    return b"GWYP" + thing("GwyContainer", *parts)
+
+
+def test_channels_of_gwyddion_without_a_unit_are_listed_and_need_one(tmp_path):
+    pytest.importorskip("SurfaceTopography")
+    numbers = 1e9 * HEIGHTS  # [nm]
+    content = gwyddion(("One", numbers, "", None), ("Two", -numbers, "", HEIGHTS > 0))
+    with pytest.raises(ValueError, match=r"no unit; pass `channel`, one of \['One', 'Two'\]"):
+        read(tmp_path, content)
+    with pytest.raises(ValueError, match="needed of channel 'One'; pass `unit`, for instance 'um'"):
+        read(tmp_path, content, channel="One")
+    check(read(tmp_path, content, channel="One", unit="nm"))
+    surface = read(tmp_path, content, channel="Two", unit="nm")
+    assert any(f"Filled {np.sum(HEIGHTS > 0)} missing" in note for note in surface.history)
+    known = gwyddion(("One", HEIGHTS, "m", None), ("Two", -HEIGHTS, "V", None), xreal=4e-6)
+    check(read(tmp_path, known))  # by SurfaceTopography
+    with pytest.raises(ValueError, match="its channels are no heights: 'Phase' in 'deg'"):
+        read(tmp_path, gwyddion(("Phase", HEIGHTS, "deg", None)))
+    with pytest.raises(ValueError, match=r"a\.dat"):
+        read(tmp_path, content[:-30])
+
+
+# Channels of an instrument, and marks of missing points
+
+
+def jpk(*channels):
+    """A TIFF of a thumbnail and channels: name, whether a retrace, and heights [m] (nx, ny)."""
+    tifffile = pytest.importorskip("tifffile")
+    stream = io.BytesIO()
+    common = {"photometric": "minisblack", "metadata": None, "software": False}
+    with tifffile.TiffWriter(stream, byteorder="<") as file:
+        edges = [(0x8042 + i, "d", 1, edge, True) for i, edge in enumerate(SIZE)]
+        start = (0x8003, "s", 0, "2020-01-01", True)
+        file.write(np.zeros((2, 2), "i4"), extratags=[start, *edges], **common)
+        for name, retrace, heights in channels:
+            texts = {0x8050: name, 0x8052: name, 0x8081: "nominal", 0x8090: "nominal",
+                     0x80A2: "m", 0x80A3: "LinearScaling"}  # fmt: skip
+            tags = [(code, "s", 0, text, True) for code, text in texts.items()]
+            tags += [(0x8051, "I", 1, retrace, True), (0x8080, "I", 1, 1, True)]
+            tags += [(0x80A4, "d", 1, STEP, True), (0x80A5, "d", 1, 0.0, True)]
+            raw = np.round(heights.T / STEP)[::-1].astype("i4")  # the first line is at the bottom
+            file.write(np.ascontiguousarray(raw), extratags=tags, **common)
+    return stream.getvalue()
+
+
+def test_the_measured_trace_is_read_of_a_jpk_and_the_others_are_named(tmp_path):
+    pytest.importorskip("SurfaceTopography")
+    height, measured = HEIGHTS[::-1], HEIGHTS
+    content = jpk(("Height", 0, height), ("Height (measured)", 0, measured),
+                  ("Height (measured)", 1, -measured), ("Height", 1, -height))  # fmt: skip
+    surface = read(tmp_path, content)
+    check(surface, rtol=2e-4)
+    assert "from channel 'Height (measured)' of a.dat" in surface.history[0]
+    others = "'Height', 'Height (measured, retrace)', 'Height (retrace)'; `channel` chooses"
+    assert others in surface.history[1]
+    check(read(tmp_path, content, channel="Height (retrace)"), -height, rtol=2e-4)
+    check(read(tmp_path, jpk(("Height", 1, height), ("Height", 0, measured))), rtol=2e-4)
+
+
+@pytest.mark.parametrize("mark", [1e37, -1e38, 3.4028235e38])
+def test_large_marks_are_missing_points(tmp_path, mark):
+    heights, hole = 1e9 * HEIGHTS, (slice(3, 5), slice(7, 9))
+    heights[hole] = np.float32(mark)
+    np.save(tmp_path / "a.npy", heights)
+    np.savetxt(tmp_path / "a.txt", heights.T)
+    x, y = np.meshgrid(np.arange(40), np.arange(30), indexing="ij")
+    np.savetxt(tmp_path / "b.txt", np.stack([x.ravel() * 1e2, y.ravel() * 1e2, heights.ravel()], 1))
+    for name, options in [("a.npy", {"size": SIZE}), ("a.txt", {"size": SIZE}), ("b.txt", {})]:
+        surface = read_surface(tmp_path / name, unit="nm", periodic="mirror", **options)
+        assert np.sum(surface.measured[:40, :30] == 0) == 4 and not np.any(
+            surface.measured[3:5, 7:9]
+        )
+        assert any(
+            "4 heights of" in note and "count as missing" in note for note in surface.history
+        )
+
+
+@pytest.mark.parametrize("jitter", ["even", "normal"])
+def test_scattered_points_are_taken_on_their_grid_or_refused(tmp_path, jitter):
+    """Each line of points is a cloud; three lines of the grid are missing."""
+    x, y = np.meshgrid(np.arange(40), np.arange(30), indexing="ij")
+    kept = (x != 4) & (x != 5) & (y != 20)
+
+    def scattered(part):
+        draw = RNG.normal if jitter == "normal" else lambda size: RNG.uniform(-1, 1, size)
+        points = np.stack([x[kept], y[kept], 1e7 * HEIGHTS[kept]], 1)
+        points[:, :2] += part * draw(size=(len(points), 2))
+        np.savetxt(tmp_path / "a.txt", RNG.permutation(points))
+        return read_surface(tmp_path / "a.txt", unit="um", periodic="mirror", fill="harmonic")
+
+    exact, surface = scattered(0.0), scattered(0.01)
+    assert not any("beside a grid" in note for note in exact.history)
+    assert any("of a step beside a grid" in note for note in surface.history)
+    np.testing.assert_array_equal(surface.measured[:40, :30] > 0, kept)
+    np.testing.assert_allclose(surface.grid.size, [80e-6, 60e-6], rtol=1e-3)
+    np.testing.assert_allclose(surface.heights, exact.heights, atol=1e-3 * np.std(exact.heights))
+    with pytest.raises(ValueError, match=r"interpolate them onto one, for instance by `scipy"):
+        scattered(0.3)
+
+
+@pytest.mark.parametrize("periodic", [None, "harmonic"])
+def test_waves_along_either_edge_of_oblong_pixels_have_equal_areas(tmp_path, periodic):
+    """Pixels of 1:2, cut, resampled to square ones and pressed: the axes are not confused."""
+    x, y = np.meshgrid(np.arange(96) / 96, np.arange(48) / 48, indexing="ij")
+    areas, slopes = [], []
+    for name, along in (("x", x), ("y", y)):
+        np.savetxt(tmp_path / f"{name}.txt", 1e-2 * np.cos(2 * np.pi * 4 * along).T)
+        surface = read_surface(
+            tmp_path / f"{name}.txt", unit="m", size=(1.0, 1.0), periodic=periodic,
+            region=[0, 0.75, 0, 0.75], shape=(72, 72),
+        )  # fmt: skip
+        assert any("m are not square" in note for note in surface.history)
+        body = gc.Stack(base=gc.HalfSpace(gc.Elastic(0.75, 0.5)))
+        kernel = gc.stack_kernel(body, surface.grid).real
+        solution = gc.solve_contact(kernel, surface.heights, mean_gap=5e-3, rtol=1e-8)
+        areas.append(float(np.mean(solution.pressure > 0)))
+        slopes.append([surface.steps[-1].rms_slope, np.std(np.asarray(surface.heights))])
+    np.testing.assert_allclose(*np.array(slopes, float), rtol=0.01)
+    assert areas[0] == pytest.approx(areas[1], rel=0.01) and 0.1 < areas[0] < 0.5, areas
+
+
+def test_the_first_line_of_a_file_is_at_y_0_and_at_the_bottom_of_a_figure(tmp_path):
+    """In text, X3P and Mountains: one corner is the highest."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    heights = np.zeros((40, 30))
+    heights[35:, :3] = 1e-8  # at the end of the first lines
+    np.savetxt(tmp_path / "a.txt", 1e6 * heights.T)
+    surfaces = [
+        read_surface(tmp_path / "a.txt", unit="um", size=SIZE, periodic="mirror"),
+        read(tmp_path, zipped({"main.xml": x3p(heights)})),
+        read(tmp_path, digital_surf(np.round(heights.T / STEP).astype("i4"))),
+    ]
+    for surface in surfaces:
+        tile = np.asarray(surface.heights)[:40, :30]
+        assert np.all(tile[35:, :3] > np.max(tile[:34, 4:])), surface.history
+    figure, axes = pyplot.subplots()
+    image = draw_map(axes, tile, np.array(SIZE))
+    drawn = image.get_array() if image.origin == "lower" else image.get_array()[::-1]
+    assert np.all(drawn[:3, 35:] > np.max(drawn[4:, :34]))
+    assert axes.get_ylim()[0] < axes.get_ylim()[1]  # y upwards
+    pyplot.close(figure)

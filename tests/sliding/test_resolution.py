@@ -1,0 +1,136 @@
+"""Errors by the grid and by the times, against finer grids and more times."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.sliding.resolution import resampled
+
+CELL, Q0 = 8e-3, 2 * np.pi / 8e-3
+RUBBER = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6], [1e-3], 0.49)))
+
+
+def rough(n, cut, seed=0, ndim=2):
+    spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=Q0, q_high=cut * Q0)
+    return gc.random_surface(spectrum, gc.Grid((n,) * ndim, CELL), jax.random.key(seed))
+
+
+def finer(surface, factor):
+    """The same waves at more points."""
+    shape = tuple(factor * n for n in surface.heights.shape)
+    return gc.Surface(resampled(surface.heights, shape), gc.Grid(shape, CELL))
+
+
+def slide(surface, pressure=2e5, velocity=0.5, **more):
+    return gc.slide(RUBBER, surface, pressure=pressure, velocity=velocity, **more)
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return slide(rough(32, 4))
+
+
+def test_errors_contain_the_change_to_a_finer_grid(coarse):
+    fine = slide(finer(rough(32, 4), 4))
+    for name in ("friction", "contact_area", "mean_gap"):
+        error, off = getattr(coarse, f"{name}_error"), getattr(coarse, name) - getattr(fine, name)
+        assert abs(off) <= error <= 0.2 * getattr(coarse, name)
+        assert getattr(fine, f"{name}_error") < error / 3
+    assert coarse.contact_area_pixels > 1.05 * fine.contact_area > coarse.contact_area
+
+
+def test_the_total_is_the_sum_of_its_parts_and_prints_behind_the_number(coarse):
+    parts = coarse.friction_solver_error, coarse.friction_grid_error
+    np.testing.assert_allclose(coarse.friction_error, sum(parts), rtol=1e-12)
+    row = next(line for line in repr(coarse).splitlines() if " friction " in line)
+    assert f"(solver {parts[0]:.1e}, grid {parts[1]:.1e})" in row
+    assert "friction_grid_error" not in repr(coarse)
+
+
+def test_a_surface_with_waves_that_half_the_grid_lacks_has_an_error_too():
+    surface = rough(32, 16)
+    found, fine = slide(surface), slide(finer(surface, 4))
+    assert found.neighbours.factor == 3
+    for name in ("friction", "contact_area"):
+        off = abs(getattr(found, name) - getattr(fine, name))
+        assert off <= getattr(found, f"{name}_error") <= getattr(found, name)
+
+
+def test_contacts_of_one_point_have_an_area_and_shear():
+    """The contour had no area there, and the shear was 0 ± 0."""
+    surface = rough(32, 16)
+    shear = gc.sliding.ConstantShear(1e5)
+    found, fine = (slide(s, 1e3, shear=shear) for s in (surface, finer(surface, 8)))
+    assert np.sum(found.pressure > 0) < 10
+    for name in ("shear_friction", "contact_area"):
+        assert 0.4 < getattr(found, name) / getattr(fine, name) < 2.5
+    assert abs(found.friction - fine.friction) < 2 * found.friction_error
+
+
+def test_errors_under_jit_and_in_a_batch_are_those_of_the_call(coarse):
+    surface = rough(32, 4)
+
+    def errors(velocity):
+        found = slide(surface, velocity=velocity)
+        return jnp.stack(found.compute("friction_error", "contact_area_error"))
+
+    expected = [coarse.friction_error, coarse.contact_area_error]
+    np.testing.assert_allclose(jax.jit(errors)(0.5), expected, rtol=1e-2)
+    batch = jax.lax.map(lambda v: slide(surface, velocity=v), jnp.array([0.5, 1.0]))
+    np.testing.assert_allclose(batch.friction_error[0], expected[0], rtol=1e-2)
+    assert jax.grad(lambda v: jnp.sum(errors(v)))(0.5) == 0
+
+
+def test_a_body_on_a_window_has_the_error_of_its_grid():
+    """Hertz: the approach R d = a² and the area."""
+    n, radius, a = 48, 0.05, 1.2e-3
+    x = ((np.arange(n) + 0.5) / n - 0.5) * CELL
+    body = gc.Surface(-(x[:, None] ** 2 + x**2) / (2 * radius), gc.Grid((n, n), CELL),
+                      periodic=False)  # fmt: skip
+    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.5)))
+    load = 4 / 3 * (1e6 / 0.75) * a**3 / radius / CELL**2
+    found = gc.slide(block, body, pressure=load, velocity=0.0)
+    off = abs(found.approach - a**2 / radius)
+    assert off <= found.approach_error <= 0.05 * found.approach
+    off = abs(found.contact_area - np.pi * a**2 / CELL**2)
+    assert off <= found.contact_area_error <= 0.2 * found.contact_area
+
+
+def test_where_half_the_grid_loses_the_contact_the_error_is_the_number_itself():
+    surface = rough(64, 8)
+    found = gc.slide(RUBBER, surface, mean_gap=0.99 * float(jnp.max(surface.heights)), velocity=0.1)
+    assert np.isnan(found.neighbours.half.friction)
+    assert found.friction_error > 0.5 * found.friction
+    assert "does not resolve" in found.caveats[0]
+
+
+def test_on_the_smallest_grids_the_error_is_not_known():
+    assert np.isnan(slide(rough(6, 2)).mean_gap_error)
+    assert slide(rough(8, 2)).mean_gap_error > 1e-7
+
+
+def test_a_failed_solve_has_no_errors():
+    surface = rough(16, 4)
+    failed = jax.jit(lambda p: slide(surface, pressure=p, throw=False))(jnp.nan)
+    assert np.isnan(failed.friction_error)
+
+
+def cycle(num_times, stroke=2e-3):
+    surface = rough(16, 4)
+    motion = gc.sliding.sinusoidal(stroke, 100.0, num_times)
+    return gc.slide_cycle(
+        RUBBER, surface, displacement=motion.displacement, period=motion.period, pressure=2e5
+    )
+
+
+def test_errors_of_a_cycle_contain_the_times():
+    found, fine = cycle(24), cycle(96)
+    for name in ("mean_friction", "peak_friction", "work"):
+        off = abs(getattr(found, name) - getattr(fine, name))
+        assert off <= getattr(found, f"{name}_time_error") <= 0.5 * abs(getattr(found, name))
+        total = getattr(found, f"{name}_error")
+        parts = [n for n in found.numbers if n.startswith(f"{name}_") and n != f"{name}_error"]
+        np.testing.assert_allclose(total, sum(getattr(found, n) for n in parts), rtol=1e-12)
+    assert "number of times" not in " ".join(fine.caveats)
