@@ -101,7 +101,11 @@ def _heads(results: "Dataset") -> Iterator[str]:
 
 def _columns(results: "Dataset", hidden: set[str]) -> dict[str, tuple[str, str]]:
     """Heads and formats of the columns, of quantities with one number for each solve."""
-    columns = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
+    known = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
+    # An error stands beside its number.
+    numbers = (name for name in known if not name.endswith("_error"))
+    beside = [pair for name in numbers for pair in (name, f"{name}_error")]
+    columns = {name: known[name] for name in beside if name in known}
     columns["friction_standard_error"] = ("± materials", ".1e")  # of means over seeds
     hidden = hidden | ({"unmeasured_friction"} if "measured" not in results else set())
     # Without shear in the contact, all friction is hysteresis.
