@@ -9,7 +9,7 @@ other one under an elastic coat; half of the velocities along x, half oblique. K
     light       8 points, loads 10 times smaller
     line        512 points in one dimension, 8 for the shortest wave
     window      a sphere, with and without waves, or a flat punch, 64² points
-    measured    parts of measured surfaces, 64² points, as they are; truth by interpolation
+    measured    parts of measured surfaces, 64² points, not smoothed; truth by interpolation
     cycle       back and forth, 32² points, 8 for the shortest wave, 64 times; truth by 512 times
 """
 

@@ -40,43 +40,6 @@ def edge_stiffness(kernel: Waves, grid: Grid) -> Scalar:
     return jnp.exp(-jnp.sum(weight * logarithm) / jnp.sum(weight))
 
 
-def sub_pixel_area(indicator: Field) -> Scalar:
-    """Returns the contact area fraction, the mean of `contact_shares` [1].
-
-    It is continuous in every parameter and has a derivative, and no contact is so small that it has
-    none.
-    """
-    return jnp.mean(contact_shares(indicator))
-
-
-def contact_shares(
-    indicator: Field, edge: Callable[[Array, int], Array] | None = None
-) -> Float[Array, "*shape"]:
-    """Returns the share of each point in contact [1], with the edges of contact between the points.
-
-    Lines of points along each axis are cut where the contact ends, and the mean of all half lines
-    around a point is taken. A point joins the contact with a share of 0, so that the sum never
-    jumps.
-
-    **Arguments:**
-
-    - `indicator`: see `AbstractLaw.contact_indicator` [Pa].
-    - `edge`: function of g/p and the number of dimensions, see `edge_distance`, the default.
-    """
-    edge = edge_distance if edge is None else edge
-    inside, parts = indicator > 0, []
-    for axis in range(indicator.ndim):
-        for step in (1, -1):
-            other = jnp.roll(indicator, step, axis)
-            mixed = inside != (other > 0)
-            high, low = jnp.maximum(indicator, other), jnp.minimum(indicator, other)
-            ratio = jnp.where(mixed, -low / jnp.where(mixed, high, 1), 1)
-            x = edge(jnp.clip(ratio, 1e-7, 1e6), indicator.ndim)  # the root of 0 has no derivative
-            part = jnp.where(inside, jnp.minimum(2 * x, 1), jnp.maximum(2 * x - 1, 0))
-            parts.append(jnp.where(mixed, part, inside.astype(x.dtype)))
-    return jnp.asarray(sum(parts) / len(parts))
-
-
 def edge_distance(ratio: Array, ndim: int) -> Array:
     """Returns the distance of the last point in contact from the edge [spacings].
 
@@ -93,3 +56,43 @@ def edge_distance(ratio: Array, ndim: int) -> Array:
     """
     r = (3 / np.pi if ndim == 1 else 3 / 2) * ratio
     return 1 / (1 + jnp.cbrt(r) ** 2 + r**2)
+
+
+def contact_shares(
+    indicator: Field, edge: Callable[[Array, int], Array] = edge_distance
+) -> Float[Array, "*shape"]:
+    """Returns the share of each point in contact [1], with the edges of contact between the points.
+
+    Lines of points along each axis are cut where the contact ends, and the mean of all half lines
+    around a point is taken. A point joins the contact with a share of 0, so that the sum never
+    jumps.
+
+    **Arguments:**
+
+    - `indicator`: see `AbstractLaw.contact_indicator` [Pa].
+    - `edge`: function of g/p and the number of dimensions, see `edge_distance`.
+    """
+    inside, parts = indicator > 0, []
+    for axis in range(indicator.ndim):
+        other = jnp.roll(indicator, -1, axis)
+        far = other > 0
+        mixed = inside != far
+        high, low = jnp.maximum(indicator, other), jnp.minimum(indicator, other)
+        ratio = jnp.where(mixed, -low / jnp.where(mixed, high, 1), 1)
+        x = edge(jnp.clip(ratio, 1e-7, 1e6), indicator.ndim)  # the root of 0 has no derivative
+        # Of the half of the line at the point in contact, and at the other one.
+        shares = jnp.minimum(2 * x, 1), jnp.maximum(2 * x - 1, 0)
+        near, beyond = (
+            jnp.where(mixed, jnp.where(touches, *shares), touches) for touches in (inside, far)
+        )
+        parts += [near, jnp.roll(beyond, 1, axis)]
+    return jnp.asarray(sum(parts) / len(parts))
+
+
+def sub_pixel_area(indicator: Field) -> Scalar:
+    """Returns the contact area fraction, the mean of `contact_shares` [1].
+
+    It is continuous in every parameter and has a derivative, and no contact is so small that it has
+    none.
+    """
+    return jnp.mean(contact_shares(indicator))

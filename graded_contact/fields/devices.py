@@ -78,11 +78,6 @@ def whole_along(array: Array, axis: int) -> Array:
     return jax.lax.with_sharding_constraint(array, NamedSharding(mesh, over))
 
 
-def interleaved_rows(field: Array) -> Array:
-    """Returns the rows of a field for a loop over them, shape (turns, devices, ny)."""
-    return jnp.swapaxes(field.reshape(num_devices(field), -1, field.shape[1]), 0, 1)
-
-
 def binned(place: Array, spectrum: Array, num_bins: int) -> Array:
     """Returns the sum over the modes in each bin, of half spectra `place` and `spectrum`."""
     parts = num_devices(spectrum)

@@ -26,10 +26,9 @@ import numpy as np
 from jaxtyping import Array
 
 from ..contacts import area
-from ..contacts.estimates import error_of
 from ..contacts.operator import nonzero
 from ..core.derivative import largest
-from ..core.quantities import OBSERVABLES, observable
+from ..core.quantities import observable
 from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import coordinates, derivative, odd_wavevector, to_field, to_spectrum
 from ..materials.coverage import is_unknown
@@ -78,7 +77,7 @@ def _along_motion(found: Found) -> list[Array]:
     return [-wave_frequencies(found.cell, direction_and_speed(found.velocity)[0])]
 
 
-def _tractions(found: Found, pressure: Array, profile: Array) -> Array:
+def tractions_of(found: Found, pressure: Array, profile: Array) -> Array:
     """-⟨σ ∂f/∂x⟩ [Pa] on the cell, along the motion on the last axis."""
     parts = [found.operator.traction(pressure, profile, q) for q in _along_motion(found)]
     return jnp.stack(parts, axis=-1)
@@ -86,7 +85,7 @@ def _tractions(found: Found, pressure: Array, profile: Array) -> Array:
 
 @shared
 def _own_tractions(found: Found) -> Array:
-    return _tractions(found, *loaded(found))
+    return tractions_of(found, *loaded(found))
 
 
 def _over_load(found: Found, tractions: Array) -> Array:
@@ -99,9 +98,9 @@ def _over_load(found: Found, tractions: Array) -> Array:
     return over.reshape(found.displacement.shape)
 
 
-def _frictions(found: Found, pressure: Array) -> Array:
+def frictions(found: Found, pressure: Array) -> Array:
     """The friction of steady sliding, or mean and peak friction of a cycle, under a pressure."""
-    tractions = _tractions(found, pressure, found.operator.displace(pressure))
+    tractions = tractions_of(found, pressure, found.operator.displace(pressure))
     size = load(found, pressure)
     if not found.is_cycle:
         return tractions / size
@@ -114,17 +113,7 @@ def _frictions(found: Found, pressure: Array) -> Array:
     return jnp.stack([_power(found, tractions) / nonzero(path), peak])
 
 
-@shared
-def _solver_errors(found: Found) -> Array:
-    """The errors of `_frictions` that the solver left."""
-    pressure, moved = loaded(found)
-    change = found.operator.on_cell(found.contact.correction)
-    of = lambda change: _frictions(found, pressure + change)  # noqa: E731
-    steepest = jnp.max(_slopes(found, pressure, moved))
-    return error_of(of, of(jnp.zeros_like(change)), change, steepest)
-
-
-def _slopes(found: Found, pressure: Array, displacement: Array) -> Array:
+def slopes(found: Found, pressure: Array, displacement: Array) -> Array:
     """The rms slope weighted by |pressure|, at each time; 0 without contact."""
 
     def slope(p, w):
@@ -176,7 +165,7 @@ def _exchange(found: Found) -> tuple[Array, Array]:
 
 
 @shared
-def _touching(found: Found) -> Array:
+def touching(found: Found) -> Array:
     return contact_indicator(found) > 0
 
 
@@ -192,46 +181,7 @@ def _share_unmeasured(found: Found, weight: Array) -> Array:
     return jnp.sum(weight * (1 - found.measured)) / nonzero(jnp.sum(weight))
 
 
-# Of a window.
-
-
-def _changes_by_kernel(found: Found) -> list[Array]:
-    """What the errors of a window's kernel change in the pressure."""
-    if found.kernel_error is None:
-        return []
-    given = found.pressure, _touching(found), found.at_approach
-    return [found.operator.change_by(error, *given) for error in found.kernel_error]
-
-
-def _with_chance(part: Array) -> Array:
-    """The sum of contributions of points, some of which may cancel by chance."""
-    return jnp.abs(jnp.sum(part)) + jnp.sqrt(jnp.sum(part**2))
-
-
-def _image_error(found: Found) -> Array:
-    """What the errors of a window's kernel change in friction, under this pressure and by the load.
-
-    Contributions of single points may cancel in the estimate by chance: so twice their root sum of
-    squares is added (`docs/theory/contact.md`).
-    """
-    pressure = loaded(found)[0]
-    moved = [found.operator.with_kernel(k).displace(pressure) for k in found.kernel_error]
-    sums = sum(jnp.abs(jnp.sum(_tractions(found, pressure, w)) / load(found)) for w in moved)
-    slopes = sum(_slopes(found, pressure, w) for w in moved)
-    by_kernel = sums + 2 * slopes / jnp.sqrt(jnp.sum(pressure != 0))
-    if not found.at_approach:
-        return by_kernel
-    indicator = contact_indicator(found)
-
-    def friction_under(p):
-        own = _frictions(found, found.operator.on_cell(p))[0]
-        return own + shear_over_load(p, indicator + p - found.pressure, found.shear)
-
-    pull = jax.grad(friction_under)(found.pressure)
-    return by_kernel + sum(_with_chance(pull * change) for change in _changes_by_kernel(found))
-
-
-def _moved(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
+def moved_where_loaded(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
     """How far a window moves where it is loaded, less a field; and the block's mean part of it."""
     pressure, weight = operator.on_cell(found.pressure), jnp.abs(found.pressure)
     weight = jax.lax.stop_gradient(jnp.where(jnp.sum(weight) > 0, weight, 1))
@@ -261,7 +211,7 @@ def approach(found: Found) -> Array:
     """
     if "window" not in found.facts:
         raise ValueError("Only a body on a window has an `approach`; use `mean_gap`.")
-    moved, mean = _moved(found, found.operator, found.heights + found.gap)
+    moved, mean = moved_where_loaded(found, found.operator, found.heights + found.gap)
     ground = found.kernel[(0,) * found.kernel.ndim] != 0
     return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
 
@@ -291,7 +241,7 @@ def moment(found: Found) -> Array:
 @of_cycle(r"\bar\mu", "1", "work of friction over load and path", column=("friction\n(mean)", FOUR))
 def mean_friction(found: Found) -> Array:
     """Work over ∮ load |v| dt [1], 0 without motion; under steady sliding the friction."""
-    return _frictions(found, loaded(found)[0])[0]
+    return frictions(found, loaded(found)[0])[0]
 
 
 @of_cycle(
@@ -300,7 +250,7 @@ def mean_friction(found: Found) -> Array:
 )  # fmt: skip
 def peak_friction(found: Found) -> Array:
     """The largest |friction|, also between the times [1]."""
-    return _frictions(found, loaded(found)[0])[1]
+    return frictions(found, loaded(found)[0])[1]
 
 
 @of_cycle("W", "J/m²", "work of friction in a cycle", column=("work\n[J/m²]", FOUR))
@@ -394,7 +344,7 @@ def geometric_friction(found: Found) -> Array:
     """
     pressure = loaded(found)[0]
     heights = found.operator.on_cell(found.heights, "symmetric")
-    tractions = _tractions(found, pressure, jnp.broadcast_to(heights, pressure.shape))
+    tractions = tractions_of(found, pressure, jnp.broadcast_to(heights, pressure.shape))
     return _over_load(found, tractions) + shear_friction(found)
 
 
@@ -424,7 +374,7 @@ def contact_area(found: Found) -> Array:
 @observable("A/A_0", "1", "share of points in contact", over_time=True)
 def contact_area_pixels(found: Found) -> Array:
     """Fraction of the points in contact [1]: 4 to 20 % more than the area, without a derivative."""
-    return _share_of(found, area.counted_area, _touching(found))
+    return _share_of(found, area.counted_area, touching(found))
 
 
 @of_cycle("t_c/T", "1", "share of the times at which the surfaces touch")
@@ -457,7 +407,7 @@ def slope_in_contact(found: Found) -> Array:
 
     It is the size of the strains there. The friction of a hard wall never exceeds it.
     """
-    return largest(_slopes(found, *_displaced(found)))
+    return largest(slopes(found, *_displaced(found)))
 
 
 @of_steady("", "1", "share of the contact area on filled or tapered points")
@@ -466,7 +416,7 @@ def unmeasured_area(found: Found) -> Array:
 
     0 where `Surface.measured` is None.
     """
-    return _share_unmeasured(found, _touching(found).astype(found.pressure.dtype))
+    return _share_unmeasured(found, touching(found).astype(found.pressure.dtype))
 
 
 @of_steady(
@@ -605,172 +555,3 @@ def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Arra
     least = stress(jnp.zeros((), pressure.dtype))
     pressed = pressure != 0  # elsewhere a power of the pressure may have no derivative
     return least, jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - least, 0)
-
-
-# The errors of these numbers, and the parts that each is the sum of.
-
-
-def errors_of(
-    name: str,
-    kind: Any,
-    column: tuple[str, str] | None = None,
-    needs: tuple[str, ...] = (),
-    **parts: Callable[[Found], Array],
-) -> None:
-    """Registers `NAME_error`, the sum of its parts, and each part as `NAME_PART_error`."""
-    symbol, unit, meaning = OBSERVABLES[name].quantity[1:]
-    for part, formula in parts.items():
-        cause, fact = CAUSES[part]
-
-        def of_part(found, formula=formula):
-            return formula(found)
-
-        of_part.__name__ = f"{name}_{part}_error"
-        of_part.__doc__ = f"The part of `{name}_error` by {cause} [{unit}]."
-        kind(
-            "", unit, f"error of the {meaning} by {cause}",
-            needs=(*needs, *fact), on_two_grids=part in ("grid", "time"),
-        )(of_part)  # fmt: skip
-
-    def total(found):
-        known = (n for n in parts if {*CAUSES[n][1]} <= found.facts)
-        return sum(parts[n](found) for n in known)
-
-    total.__name__ = f"{name}_error"
-    total.__doc__ = f"Estimated error of `{name}`, the sum of its parts [{unit}]."
-    kind(
-        rf"\delta {symbol}", unit, f"estimated error of the {meaning}", column=column, needs=needs,
-        on_two_grids=True,
-    )(total)  # fmt: skip
-
-
-# The causes of errors in words, and the facts of the contacts that have them.
-CAUSES: dict[str, tuple[str, list[str]]] = {
-    "solver": ("the solver", []),
-    "grid": ("the grid", []),
-    "time": ("the number of times", []),
-    "temperature": ("the temperatures of the contact", ["heated"]),
-    "kernel": ("the kernel of the window", ["window"]),
-}
-
-
-def change_by_grid(name: str) -> Callable[[Found], Array]:
-    """Returns the formula of the change of a number from half the grid, see `resolution.py`."""
-
-    def change(found):
-        formula, near = OBSERVABLES[name].formula, found.neighbours
-        own, same, half = map(formula, (found, near.same, near.half))
-        # Without its shortest waves a surface has less friction, of about the same relative error.
-        less = jnp.maximum(jnp.abs(own) / nonzero(jnp.abs(same)), 1)
-        # Half the grid may lose a contact of few points, and with it the friction.
-        moved = jnp.where(jnp.isnan(half), jnp.abs(same), jnp.abs(same - half))
-        return near.factor * moved * less
-
-    return change
-
-
-def by_times(name: str) -> Callable[[Found], Array]:
-    """Returns the formula of the error by the times: the change from half as many."""
-
-    def of_times(found):
-        formula, fewer = OBSERVABLES[name].formula, found.neighbours.fewer
-        if fewer is None:  # too few to be halved
-            return jnp.abs(formula(found))
-        return jnp.abs(formula(found) - formula(fewer))
-
-    return of_times
-
-
-def _friction_by_solver(found: Found) -> Array:
-    error = _solver_errors(found)[0]
-    if found.shear is None:
-        return error
-    indicator, value = contact_indicator(found), jnp.abs(shear_friction(found))
-
-    def of(change):  # in contact the indicator of a hard wall is the pressure
-        return shear_over_load(found.pressure + change, indicator + change, found.shear)[None]
-
-    return error + error_of(of, of(jnp.zeros_like(indicator)), found.contact.correction, value)[0]
-
-
-# `bench_contact.py grid` has how often these are below the true error, and how far above it.
-
-
-def _friction_by_grid(found: Found) -> Array:
-    # Each alone is sometimes far too small.
-    by_slopes = jnp.abs(geometric_friction(found) - friction(found))
-    return (change_by_grid("friction")(found) + by_slopes) / 2
-
-
-def _area_by_grid(found: Found) -> Array:
-    edges = jnp.abs(contact_area_pixels(found) - contact_area(found))
-    return change_by_grid("contact_area")(found) + 0.4 * found.neighbours.factor * edges
-
-
-def _area_in_doubt(found: Found, change: Array) -> Array:
-    """The share of points that a change of the pressure may have put on the wrong side."""
-    return area.area_in_doubt(contact_indicator(found), jnp.abs(change))
-
-
-def _area_by_solver(found: Found) -> Array:
-    indicator, value = contact_indicator(found), contact_area(found)
-    of = lambda change: area.sub_pixel_area(indicator + change)[None]  # noqa: E731
-    moved = error_of(of, value[None], found.contact.correction, value)[0]
-    return moved + _area_in_doubt(found, found.contact.correction)
-
-
-def _area_by_kernel(found: Found) -> Array:
-    touching, change = _touching(found), jnp.zeros_like(found.pressure)
-    for moved in _changes_by_kernel(found):  # 0 outside contact, where points may join it
-        in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(touching), 1))
-        change += jnp.where(touching, jnp.abs(moved), in_contact)
-    # Edges move between the points, too; what a change of both signs moves may cancel by chance.
-    pull = jax.grad(area.sub_pixel_area)(contact_indicator(found))
-    return _area_in_doubt(found, change) + _with_chance(pull * change)
-
-
-def _pressure_by_solver(found: Found) -> Array:
-    if not found.at_approach:
-        raise ValueError("Only a contact at a given `approach` has a `mean_pressure_error`.")
-    of = lambda change: jnp.mean(found.pressure + change)[None]  # noqa: E731
-    mean = found.contact.mean_pressure
-    return error_of(of, mean[None], found.contact.correction, mean)[0]
-
-
-def _approach_by_kernel(found: Found) -> Array:
-    operators = map(found.operator.with_kernel, found.kernel_error)
-    return jnp.sum(jnp.stack([jnp.abs(_moved(found, operator)) for operator in operators]))
-
-
-def _gap_by_solver(found: Found) -> Array:
-    return found.contact.gap_error * jnp.std(found.heights)
-
-
-TOTAL = ("±", ".1e")  # a column of tables
-errors_of(
-    "friction", of_steady, TOTAL,
-    solver=_friction_by_solver, grid=_friction_by_grid,
-    kernel=_image_error, temperature=lambda found: found.heated.friction_error,
-)  # fmt: skip
-errors_of(
-    "contact_area", of_steady, TOTAL,
-    solver=_area_by_solver, grid=_area_by_grid, kernel=_area_by_kernel,
-    temperature=lambda found: found.heated.area_error,
-)  # fmt: skip
-errors_of("mean_gap", of_steady, solver=_gap_by_solver, grid=change_by_grid("mean_gap"))
-errors_of(
-    "mean_pressure", of_steady, needs=("given approach",),
-    solver=_pressure_by_solver, grid=change_by_grid("mean_pressure"),
-    kernel=lambda f: sum(map(_with_chance, _changes_by_kernel(f))) / f.pressure.size,
-)  # fmt: skip
-errors_of(
-    "approach", of_steady, needs=("ground", "given load"),
-    solver=_gap_by_solver, grid=change_by_grid("approach"), kernel=_approach_by_kernel,
-)  # fmt: skip
-for _number, _index in (("mean_friction", 0), ("peak_friction", 1)):
-    errors_of(
-        _number, of_cycle, TOTAL, grid=change_by_grid(_number), time=by_times(_number),
-        solver=lambda found, index=_index: _solver_errors(found)[index],
-    )  # fmt: skip
-for _number in ("work", "load_work", "dissipated_power"):
-    errors_of(_number, of_cycle, grid=change_by_grid(_number), time=by_times(_number))

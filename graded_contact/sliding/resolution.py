@@ -33,7 +33,7 @@ Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
 RTOL = 2e-4  # of the pressure; the differences of two grids are larger
 _LEAST, _LEAST_TIMES = 4, 8  # points along an axis, and times, which are not halved again
 _LACKING = 3.0  # times the change, where half the grid lacks waves
-_SAME = 1e-6  # share of the variance of slopes that half the grid may lack
+_SAME = 1e-6  # share of the variance of heights that half the grid may lack
 
 
 class Neighbours(eqx.Module):

@@ -22,6 +22,7 @@ from ..core.quantities import OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, caveats_of
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid
+from . import errors  # noqa: F401 (it registers the observables and their errors)
 from .motion import components, rate_of
 from .resolution import Neighbours, neighbours_of
 from .shear import ShearStress

@@ -9,13 +9,11 @@ contact. The current between two conductors has the same distribution (J. R. Bar
 gives the stiffness -dp/dū with the kernel M of the block, and the conductance with (ϱ₁ + ϱ₂)/q.
 
 With a set of points as A both numbers would jump whenever a point joins. So a point with the share
-f of its cell in contact rests on a spring of compliance c (1 - f)/f times that of the block near
-half the Nyquist number (`edge_stiffness`). The edges of f lie 0.14 spacings outside those of
-strips, 0.11 outside those of round contacts (`contacts/area.py`). On a line c = 1 takes back the
-first. On a plane c = 0.8 leaves 0.05 and 0.02 spacings of them, because spots of a radius below two
-spacings come out too small. Both errors vanish as the grid is refined
-(`bench_contact.py stiffness`). Within each spacing the error varies: a derivative has a local error
-of about 30 %, and is right over several spacings.
+f in contact rests on a spring of compliance c (1 - f)/f times that of the block near half the
+Nyquist number (`edge_stiffness`). Here f is cut at 1/(1 + g/p) of the way to the next point, so
+that the spring is a gap over a pressure. With c = 1 on a line and 0.8 on a plane, strips, spheres
+and rough surfaces have the least errors (`bench_contact.py stiffness`). Within each spacing the
+error varies: a derivative has a local error of about 30 %, and is right over several spacings.
 """
 
 import equinox as eqx
@@ -32,7 +30,7 @@ from .result import Sliding
 
 _RTOL = 1e-8
 _YIELDING = {1: 1.0, 2: 0.8}  # compliance of half a point over that of the block, by dimensions
-# Parts of the error: the change from half as many points, and that by softer springs. With them 120
+# Parts of the error: the change from half as many points, and that by softer springs. With them 119
 # of 124 claims held (`bench_contact.py stiffness`).
 _FROM_HALF, _SOFTER = 0.75, 1.25
 

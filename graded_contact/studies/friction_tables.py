@@ -60,8 +60,7 @@ def friction_table(
     **Returns:** an `xarray.Dataset` over temperature (if given), pressure and velocity with
     `friction`, `friction_error`, `contact_area`, `contact_area_error` and `message`. The errors of
     a contact are those of the solver and of the grid; that of the mean field is the error of its
-    quadrature. With `"both"` the numbers of the mean
-    field are `mean_field.friction` and so on.
+    quadrature. With `"both"` the numbers of the mean field are `mean_field.friction` and so on.
 
     **Raises:** `ValueError` for a refused argument; what `sweep` raises.
     """
