@@ -88,6 +88,12 @@ def _of_friction(error: str) -> Callable[[Any], ArrayLike]:
     return share
 
 
+def _of_area(found: Any) -> ArrayLike:
+    """The error of the contact area by the grid over the area [1]; 0 without contact."""
+    area, wrong = (_number(found, name) for name in ("contact_area", "contact_area_grid_error"))
+    return np.where(area > 0, wrong / np.where(area > 0, area, 1), 0.0)
+
+
 def _unmeasured(what: str) -> str:
     return (
         f"{{worst:.0%}} of the {what} on points that were filled or tapered, not measured. "
@@ -108,6 +114,9 @@ RULES = (
     Rule(_of_friction("friction_grid_error"), LIMIT,
          "The grid does not resolve the contact: the friction has an error of about {worst:.0%}. "
          "Take more points, or a smoother surface."),
+    Rule(_of_area, LIMIT,
+         "The grid does not resolve the contact: the contact area has an error of about "
+         "{worst:.0%}. Take more points, or a smoother surface."),
     *SLIDING_RULES,
     Rule(lambda found: np.isnan(found.friction) & (_number(found, "slope_in_contact") == 0), 0,
          "The surfaces do not touch: there is no load, so friction is not defined."),

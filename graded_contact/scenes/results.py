@@ -53,7 +53,7 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
         "heated": scene.heating is not None,
         "window": not surface.periodic,
         "ground": not surface.periodic and has_ground(scene.stack, surface.grid),
-        "given approach": scene.approach is not None,
+        "load follows": scene.approach is not None,
         "given load": scene.approach is None,
     }
     # What is varied is a coordinate, and no result.

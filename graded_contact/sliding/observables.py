@@ -194,7 +194,7 @@ def moved_where_loaded(found: Found, operator: Any, field: Array | float = 0.0) 
 
 
 @observable(
-    r"\bar\sigma", "Pa", "mean contact pressure", needs=["given approach"],
+    r"\bar\sigma", "Pa", "mean contact pressure", needs=["load follows"],
     column=("pressure\n[Pa]", FOUR),
 )  # fmt: skip
 def mean_pressure(found: Found) -> Array:

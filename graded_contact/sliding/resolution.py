@@ -4,7 +4,7 @@ The waves of surface and block that half as many points resolve are kept. Fricti
 with the square of the spacing, roughly, so that their change from half the grid contains the error
 several times (`bench_contact.py grid`). A surface may have waves that half the grid lacks. Then the
 change is that of the surface without them, on the grid and on half of it: as many points for the
-shortest wave as the grid itself has.
+shortest wave as the grid itself has. The more of the slope these waves have, the more it counts.
 
 A window has no waves of its own: the heights of half the grid are means of neighbours.
 """
@@ -20,20 +20,21 @@ from jaxtyping import Array, Float
 from ..contacts.abstract_solver import Inputs
 from ..contacts.adjoint import LinearSplitting
 from ..contacts.nested_solve import DouglasRachford
+from ..contacts.operator import nonzero
 from ..contacts.solution import RESULTS
 from ..contacts.solve import contact_of, loading_of, solve_contact
 from ..contacts.space_time import in_motion
 from ..contacts.window import operator_of
 from ..core.checks import is_concrete
 from ..core.derivative import largest
-from ..fields.grid import Grid, interpolate, resample_spectrum, to_field, to_spectrum
+from ..fields.grid import Grid, derivative, interpolate, resample_spectrum, to_field, to_spectrum
 
 Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
 
 RTOL = 2e-4  # of the pressure; the differences of two grids are larger
 _LEAST, _LEAST_TIMES = 4, 8  # points along an axis, and times, which are not halved again
-_LACKING = 3.0  # times the change, where half the grid lacks waves
-_SAME = 1e-6  # share of the variance of heights that half the grid may lack
+_LACKING = 8.0  # times the share of the squared slope that half the grid lacks
+_SAME = 1e-5  # of the squared slope: below it half the grid lacks nothing
 
 
 class Neighbours(eqx.Module):
@@ -44,7 +45,7 @@ class Neighbours(eqx.Module):
     - `same`: on the grid, without the waves that half of it lacks.
     - `half`: the same on half as many points.
     - `fewer`: of a cycle, on the grid with half as many times; None if these are too few.
-    - `factor`: by which changes are multiplied: 3 if half the grid lacks waves, else 1 [1].
+    - `factor`: by which changes are multiplied: 1, and more if half the grid lacks waves [1].
     """
 
     same: Found
@@ -68,7 +69,7 @@ def neighbours_of(found: Found) -> Neighbours:
         same = _solved(found, shape, cut, times)
     if times >= 2 * _LEAST_TIMES:
         fewer = _solved(found, shape, found.heights, times // 2)
-    factor = jnp.where(missing > _SAME, _LACKING, 1.0).astype(found.heights.dtype)
+    factor = 1 + _LACKING * missing
     if halved == shape:  # nothing is known of the error of the grid
         factor = factor * jnp.nan
     return Neighbours(same, _solved(found, halved, on_half, times), fewer, factor)
@@ -76,14 +77,17 @@ def neighbours_of(found: Found) -> Neighbours:
 
 @eqx.filter_jit
 def _heights(found: Found, halved: tuple[int, ...]) -> tuple[Array, Array, Array]:
-    """The heights on half the grid, those without the waves it lacks, and their share."""
+    """The heights on half the grid, those without the waves it lacks, and the share of these."""
     heights = found.heights
     if "window" in found.facts:
         return _means(heights, halved), heights, jnp.zeros(())
     less = resampled(heights, halved)
     cut = resampled(less, heights.shape)
-    missing = jnp.var(heights - cut) / jnp.var(heights)
-    return less, cut, missing
+    lost, all_of = (
+        sum(jnp.mean(derivative(field, found.grid, axis) ** 2) for axis in range(heights.ndim))
+        for field in (heights - cut, heights)
+    )
+    return less, cut, lost / nonzero(all_of)
 
 
 def resampled(field: Float[Array, "*shape"], shape: tuple[int, ...]) -> Float[Array, "*new"]:

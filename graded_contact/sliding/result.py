@@ -179,7 +179,7 @@ class Sliding(AbstractSliding):
             "window": isinstance(self.operator, Window),
             "ground": self.ground,
             "heated": self.heated is not None,
-            "given approach": self.at_approach,
+            "load follows": self.prescribed != "pressure",
             "given load": not self.at_approach,
         }
         return frozenset(fact for fact, holds in known.items() if holds)

@@ -227,7 +227,7 @@ def test_load_at_an_approach_has_the_error_of_the_kernel():
     assert "  approach [m]             0.026\n  rim_load " in repr(found)
     pressed = gc.slide(COATED, sphere(64), pressure=found.mean_pressure, velocity=1.0)
     assert with_error(float(pressed.approach), float(pressed.approach_error)) in repr(pressed)
-    with pytest.raises(ValueError, match="at a given `approach`"):
+    with pytest.raises(ValueError, match="at a given `pressure`"):
         _ = pressed.mean_pressure_error
 
 
