@@ -209,7 +209,7 @@ def _area_by_grid(found: Found) -> Array:
 def _gap_by_grid(found: Found) -> Array:
     # Two changes of both signs may cancel in the gap; they do not in the area.
     by_area = jnp.abs(mean_gap(found)) * _area_by_grid(found)
-    return 0.9 * change_by_grid("mean_gap")(found) + 0.1 * by_area
+    return change_by_grid("mean_gap")(found) + 0.15 * by_area
 
 
 def _area_in_doubt(found: Found, change: Array) -> Array:

@@ -113,7 +113,9 @@ def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int
     """The contact on another grid of the same cell; of a cycle with other times."""
     load, start, operator, parts = _given(found, shape, heights, num_times)
     parts = parts | dict(operator=operator, heights=heights, grid=Grid(shape, found.grid.size))
-    how: Any = {"solver": DouglasRachford(), "adjoint": LinearSplitting(), "rtol": RTOL}
+    # In a program of the user, Newton steps would take long to compile and are seldom needed.
+    solver = DouglasRachford(newton=is_concrete(load))
+    how: Any = {"solver": solver, "adjoint": LinearSplitting(), "rtol": RTOL}
     prescribed: Any = {found.prescribed: load}
     if found.is_cycle:
         spread = jnp.broadcast_to(heights, (num_times, *shape))
