@@ -25,7 +25,7 @@ from graded_contact.core.checks import Numbers
 from graded_contact.fields.grid import Grid
 from graded_contact.materials.material import AbstractMaterial
 from graded_contact.scenes import block, scene, surface_source
-from graded_contact.scenes.design_scene import DesignScene, Stiffness
+from graded_contact.scenes.design_scene import DesignScene, Limits, Stiffness
 from graded_contact.scenes.schema import (
     REQUIRED,
     Key,
@@ -80,6 +80,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
         for kind, make in kinds.items()
     },
     "[design]": {DesignScene: keys_of(DesignScene, "scene", "spectrum")},
+    "[design.limits]": {Limits: keys_of(Limits)},
     "[design.stiffness]": {Stiffness: keys_of(Stiffness)},
 }
 WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", dict: "tables"}
