@@ -19,7 +19,7 @@ from rows import ROOT, run, show
 import graded_contact as gc
 from graded_contact.core.parameters import paths, with_values
 from graded_contact.scenes.design_scene import read_design
-from graded_contact.scenes.run_design import mean_field_problem
+from graded_contact.scenes.design_search import mean_field_problem
 from graded_contact.studies.search import minimise
 from graded_contact.studies.stochastic import minimise_expected
 
@@ -77,7 +77,7 @@ def gains_of(study, points, num_unseen, seed, what, speeds):
             "drawn": what, "search": f"{name:34s}", "contacts": contacts * design.num_evaluations,
             "seconds": seconds, "gain": np.exp(gains.mean()), "+-": error,
             "seen": np.exp(reference - design.value),
-            "limits": float(np.min(constraints(design.parameters))),
+            "limits": min(map(float, constraints(design.parameters).values())),
         }, note)  # fmt: skip
 
     for frozen in FROZEN:

@@ -1,4 +1,4 @@
-"""Figures of the site that are drawn from rows of benchmarks."""
+"""Figures of the site that are drawn from rows of benchmarks, or from the program of a page."""
 
 from typing import Any
 
@@ -93,9 +93,30 @@ def measurement(rows: Rows) -> Any:
     return figure
 
 
+@styled
+def neural_profile(found: dict[str, Any]) -> Any:
+    """A trained profile over height, and the friction before and after."""
+    heights, velocities = np.linspace(0, 1, 101), found["velocities"]
+    figure = new_figure(PAGE, 2.9)
+    panels: Any = figure.subplots(1, 2)
+    for name, factor in zip(
+        ("modulus", "relaxation times"), found["trained"].factors(heights), strict=True
+    ):
+        panels[0].semilogy(heights, factor, label=name)
+    panels[0].set(xlabel="height in the skin $s$", ylabel="factor over the rubber below")
+    for name, label in (("before", "without the skin"), ("after", "with the trained skin")):
+        panels[1].semilogx(velocities, found[name], "o-", label=label)
+    panels[1].set(xlabel="sliding velocity [m/s]", ylabel="friction coefficient", ylim=(0, None))
+    for panel in panels:
+        panel.legend()
+    return figure
+
+
 FIGURES = {
     "bench_grading": grading,
     "bench_contact-elastic": elastic,
     "bench_contact-total": total,
     "bench_measurement-friction": measurement,
 }
+# By the name of a page of docs/howto: drawn from the names that its program defines.
+OF_PAGES = {"neural_profile": neural_profile}

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from _examples import EXAMPLES
-from _figures import FIGURES
+from _figures import FIGURES, OF_PAGES
 from jaxtyping import ScalarLike
 from numpy.typing import ArrayLike
 from typer.testing import CliRunner
@@ -25,7 +25,7 @@ from graded_contact.core.checks import Numbers
 from graded_contact.fields.grid import Grid
 from graded_contact.materials.material import AbstractMaterial
 from graded_contact.scenes import block, scene, surface_source
-from graded_contact.scenes.design_scene import DesignScene, Stiffness
+from graded_contact.scenes.design_scene import DesignScene, Limits, Stiffness
 from graded_contact.scenes.schema import (
     REQUIRED,
     Key,
@@ -80,6 +80,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
         for kind, make in kinds.items()
     },
     "[design]": {DesignScene: keys_of(DesignScene, "scene", "spectrum")},
+    "[design.limits]": {Limits: keys_of(Limits)},
     "[design.stiffness]": {Stiffness: keys_of(Stiffness)},
 }
 WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", dict: "tables"}
@@ -110,8 +111,19 @@ def write_all(docs: Path) -> None:
         draw(last_run(ROOT / "benchmarks" / "results" / f"{name}.csv")).savefig(
             docs / "_measured" / f"{name}.svg"
         )
+    for name, draw_program in OF_PAGES.items():
+        found = run_program(docs / "howto" / f"{name}.md")
+        draw_program(found).savefig(docs / "_measured" / f"{name}.svg")
     for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
         shutil.copy(notebook, docs / "tutorials")
+
+
+def run_program(page: Path) -> dict[str, Any]:
+    """Returns all that the Python program of a page defines."""
+    found: dict[str, Any] = {"__name__": page.stem}
+    text = page.read_text(encoding="utf-8")
+    exec("\n".join(re.findall(r"(?ms)^```python\n(.*?)^```", text)), found)
+    return found
 
 
 def reference_pages() -> dict[str, str]:

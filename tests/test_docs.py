@@ -107,3 +107,14 @@ def test_programs_of_a_page_run(name, tmp_path):
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_a_network_that_is_trained_through_slide_makes_friction_flat(monkeypatch):
+    """By the program of its page, which draws its figure, too."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    found = importlib.import_module("_generated").run_program(DOCS / "howto" / "neural_profile.md")
+    ratios = [float(found[name].max() / found[name].min()) for name in ("before", "after")]
+    assert ratios[0] > 1.7 and ratios[1] < 1.06
+    figure = importlib.import_module("_figures").neural_profile(found)
+    assert len(figure.axes) == 2

@@ -5,7 +5,8 @@ angular frequencies ω [rad/s] that broadcast against each other; it returns You
 E [Pa] and Poisson's ratio [1], entry by entry, each of a shape that broadcasts to theirs. Where
 a derivative of it jumps, it (or a shape in it) may have an attribute `breaks` (heights strictly
 between 0 and 1): the layer is then cut there, and convergence is as fast as without. E and ν
-themselves must be continuous; a jump is a boundary between two layers.
+themselves must be continuous; a jump is a boundary between two layers. Fields may be networks
+(`equinox.nn`): functions inside a profile are fixed, arrays have derivatives.
 
 The ready profiles vary with height through a shape φ(s). The paper's two (Scaraggi & Comingio,
 App. B) are `Blend` with `Linear()` and with `Sinusoidal()`.

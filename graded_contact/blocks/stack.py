@@ -37,8 +37,22 @@ def _as_profile(profile: Any) -> Any:
             f"`profile={short(profile)}` must be called as profile(s, omega) and return (E, ν), "
             "such as `Blend(bottom, top)`."
         )
-    # A bare function is no pytree; wrapped, it is one without leaves.
-    return profile if isinstance(profile, eqx.Module) else jax.tree_util.Partial(profile)
+    if not isinstance(profile, eqx.Module):
+        return _as_part(profile)
+    # JAX traces every leaf: activation functions in the layers of a network are leaves.
+    return jax.tree.map(_as_part, profile)
+
+
+def _as_part(leaf: Any) -> Any:
+    """A number or array; a function as a pytree without leaves, which JAX does not trace."""
+    if eqx.is_array_like(leaf):
+        return leaf
+    if not callable(leaf):
+        raise ValueError(
+            f"`profile` has a field with {short(leaf)}, which is no number, array or function: "
+            "declare the field with `eqx.field(static=True)`."
+        )
+    return jax.tree_util.Partial(leaf)
 
 
 @shown(units=False)
@@ -64,7 +78,8 @@ class GradedLayer(eqx.Module):
     - `profile`: called as profile(s, omega) with heights s [1], 0 at the layer's bottom and 1 at
       its top, and ω [rad/s]; returns (E [Pa], ν [1]). One of `Blend`, `Mixture`, `Aged`, or any
       module or function as described in `blocks/profile.py`. Only a module has parameters
-      that can be differentiated; each new function is compiled anew.
+      that can be differentiated; each new function is compiled anew. Functions inside a module,
+      such as the activation functions of a network, are fixed.
     - `thickness`: d [m]. Zero is allowed, and is no layer.
     """
 

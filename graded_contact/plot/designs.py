@@ -9,8 +9,9 @@ from ..blocks.stack import materials_of
 from ..materials.table import Tabulated
 from ..mean_field.angles import LAST_COSINE
 from ..mean_field.mean_field import MeanField
+from ..scenes.design_quantities import design_mean_field
 from ..scenes.design_scene import DesignScene
-from ..scenes.run_design import DesignResults, design_mean_field
+from ..scenes.run_design import DesignResults
 from ..studies.design_problem import named
 from ..studies.objectives import loss_tangent
 from ..studies.search import Design
@@ -36,11 +37,12 @@ def plot_design(results: DesignResults) -> "Figure":
     """
     study, scene = results.study, results.study.scene
     before = results.candidates["before"].field
-    # Contacts are solved at few speeds; the mean field costs little and draws a curve.
-    velocities = _curve_velocities(study, before)
     # The loss tangent at the middle speed, over the waves of the road and of the band.
-    cutoff = before.against_cutoff.cutoff
-    ends = [np.min(cutoff), np.max(cutoff), *(study.band or ())]
+    waves = [] if before is None else np.ravel(before.against_cutoff.cutoff)
+    if before is None:
+        cell, spacing = np.max(study.grid.size), np.min(study.grid.spacing)
+        waves = 2 * np.pi / np.array([cell, 2 * spacing])
+    ends = [np.min(waves), np.max(waves), *(study.band or ())]
     q = np.geomspace(min(ends), max(ends), 200)
     speed = float(np.exp(np.mean(np.log(scene.velocity))))
     figure = new_figure(PAGE, 2.9)
@@ -49,12 +51,18 @@ def plot_design(results: DesignResults) -> "Figure":
     about = f"contact, mean ± standard deviation of {count} surfaces" if count > 1 else "contact"
     for (name, candidate), colour in zip(results.candidates.items(), colours, strict=False):
         style = {"color": colour, "label": f"{name}, mean field"}
-        field = design_mean_field(study, candidate.stack, velocities)
-        friction.plot(velocities, field.friction, **style)
+        if before is not None:
+            # Contacts are solved at few speeds; the mean field costs little and draws a curve.
+            velocities = _curve_velocities(study, before)
+            field = design_mean_field(study, candidate.stack, velocities)
+            friction.plot(velocities, field.friction, **style)
+            style["label"] = about if name == "before" else "_"
+        else:
+            style["label"] = f"{name}, {about}"
         tangent = loss_tangent(candidate.stack, q, speed, graded_solver=scene.graded_solver)
         loss.plot(q, tangent, color=colour)
-        if study.verify:
-            solved, style["label"] = candidate.friction, about if name == "before" else "_"
+        solved = candidate.contacts["friction"]
+        if len(solved):
             spread = solved.std(0, ddof=1) if len(solved) > 1 else None
             friction.errorbar(scene.velocity, solved.mean(0), spread, fmt="o", capsize=2, **style)
     if study.band is not None:
@@ -110,7 +118,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
     evaluation = np.arange(1, 1 + len(history.values))
     for axes in limits:
         for i, margins in enumerate(history.margins.T):
-            axes.plot(evaluation, margins, ".-", label=f"(b) constraint {i + 1}")
+            axes.plot(evaluation, margins, ".-", label=f"(b) {design.constraints[i]}")
         ends = axes.get_ylim()
         # Grey is not allowed.
         axes.axhspan(min(ends[0], 0), 0, color="0.93", zorder=0)

@@ -12,7 +12,8 @@ import numpy as np
 from ..core.display import shown
 from ..core.memory import available_memory, in_gigabytes, memory_of
 from .design_scene import DesignScene
-from .run_design import POLISHING, design_fields
+from .design_search import STARTS, design_fields, not_in_mean_field
+from .run_design import POLISHING
 from .run_scene import build_surface, scene_fields
 from .scene import Scene
 from .surface_source import RandomSurface
@@ -65,16 +66,23 @@ def scene_cost(scene: Scene) -> Cost:
 def design_cost(study: DesignScene) -> Cost:
     """Returns the cost of a design."""
     scene, verify, num_velocities = study.scene, study.verify, study.scene.velocity.size
-    seconds = _COMPILING + study.starts * _EVALUATIONS * num_velocities * _PER_EVALUATION
-    if not verify:
+    starts = study.starts or STARTS
+    seconds = _COMPILING + starts * _EVALUATIONS * num_velocities * _PER_EVALUATION
+    source, by_contact = scene.surface, not_in_mean_field(study)
+    if not (verify or by_contact or study.quantities):
         return Cost(_shape(scene), 0.0, 0, seconds)
     shape = _shape(scene)
+    seeds = (source.seeds or 1) if isinstance(source, RandomSurface) else 1
     num_solves = verify * num_velocities * (3 if study.polish else 2)
     if study.polish:
         # The start, and each evaluation with a derivative, which takes another solve.
         num_solves += verify * num_velocities * (1 + 2 * POLISHING)
+    else:
+        # A comparison with the mean field at two blocks, or a search.
+        num_solves += seeds * num_velocities * (2 * _EVALUATIONS if by_contact else 2)
     seconds += _COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
-    return Cost(shape, memory_of(design_fields(study), shape), num_solves, seconds)
+    fields = design_fields(study, searched=bool(study.polish or by_contact))
+    return Cost(shape, memory_of(fields, shape), num_solves, seconds)
 
 
 def _shape(scene: Scene) -> tuple[int, ...]:

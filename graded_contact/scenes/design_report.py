@@ -4,23 +4,34 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from ..core.parameters import paths
 from ..core.warnings import EXTRAPOLATED
-from .run_design import DesignResults, band_tangents, limited_modulus, total_thickness
+from .design_quantities import BY_MEAN_FIELD, band_tangents, limited_modulus, total_thickness
+from .design_scene import LIMITED
+from .design_search import ROOM
+from .run_design import Candidate, DesignResults
+
+ROOM_BY_MEAN_FIELD = 0.01  # it has no scatter
 
 
 def report(results: DesignResults) -> str:
     """Returns a table of before and after, and the runs that led there, as text.
 
-    Contact is given as mean ± standard deviation over the surfaces. A friction that the design does
-    not reach, see `missed`, is reported below the table.
+    Contact is given as mean ± standard deviation over the surfaces. A goal or limit that the design
+    misses, see `missed`, is reported below the table.
     """
     from pandas import DataFrame  # takes a third of a second to import
 
     table = DataFrame.from_dict(_rows(results), orient="index", columns=[*results.candidates])
     texts = [table.to_string(), *missed(results)]
-    texts += ["", f"objective {results.study.objective}, by mean field", results.design.report()]
+    if results.method == "contact" and not results.study.verify:
+        texts.append("Contact is on the surfaces of the search: `verify` draws others.")
+    objective = results.study.objective
+    sign = " (value: its negative)" if objective.startswith("maximise") else ""
+    by = f"searched by {results.method}: {results.reason}"
+    texts += ["", f"objective {objective}{sign}; {by}", results.design.report()]
     if results.polished is not None:
         texts += ["", "the same, polished by contact", results.polished.report()]
     return "\n".join(texts)
@@ -34,6 +45,17 @@ def _rows(results: DesignResults) -> dict[str, list[str]]:
     def add(label: str, values: Iterable[Any], digits: int = 5) -> None:
         rows[label] = [f"{float(value):.{digits}g}" for value in values]
 
+    def add_contact(label: str, solved: list[np.ndarray]) -> None:
+        # One surface has no standard deviation.
+        if study.verify == 1:
+            add(f"{label}, contact, one surface, spread unknown", map(np.mean, solved), 4)
+        elif study.verify:
+            rows[f"{label}, contact"] = [
+                f"{values.mean():.4g} ± {values.std(ddof=1):.2g}" for values in solved
+            ]
+        elif len(solved[0]):
+            add(f"{label}, contact", map(np.mean, solved), 4)
+
     for path in study.lower:
         add(path, (paths(c.stack)[path] for c in candidates))
     if study.total_thickness is not None:
@@ -45,50 +67,64 @@ def _rows(results: DesignResults) -> dict[str, list[str]]:
         if study.band is not None:
             bands = [band_tangents(study, c.stack)[i] for c in candidates]
             add(f"loss tangent {at}, max/min", (b.max() / b.min() for b in bands), 4)
-        shares = [float(c.field.extrapolated_friction[i]) for c in candidates]
-        if max(shares) > EXTRAPOLATED:
+        fields = [c.field for c in candidates if c.field is not None]
+        shares = [float(field.extrapolated_friction[i]) for field in fields]
+        if max(shares, default=0) > EXTRAPOLATED:
             add(f"friction not measured {at}", shares, 2)
-        for name in ("friction", "contact_area"):
-            label = f"{name.replace('_', ' ')} {at}"
-            add(f"{label}, mean field", (getattr(c.field, name)[i] for c in candidates), 4)
-            solved = [getattr(c, name)[:, i] for c in candidates]
-            # One surface has no standard deviation.
-            if study.verify == 1:
-                add(f"{label}, contact, one surface, spread unknown", map(np.mean, solved), 4)
-            elif study.verify:
-                rows[f"{label}, contact"] = [
-                    f"{values.mean():.4g} ± {values.std(ddof=1):.2g}" for values in solved
-                ]
+        for name in candidates[0].contacts:
+            label = f"{name.replace('_', ' ')} {LIMITED.get(name, '[1]').replace('[1]', '')} {at}"
+            label = " ".join(label.split())
+            if name in BY_MEAN_FIELD and fields:
+                add(f"{label}, mean field", (getattr(field, name)[i] for field in fields), 4)
+            add_contact(label, [c.contacts[name][:, i] for c in candidates])
+    if study.quantity == "friction_ratio":
+        ratios = [c.contacts["friction"][:, 0] / c.contacts["friction"][:, 1] for c in candidates]
+        add_contact("friction ratio", ratios)
     return rows
 
 
 def missed(results: DesignResults) -> list[str]:
-    """Returns a sentence for each velocity at which the last candidate misses `target` or `ratio`.
+    """Returns a sentence for each velocity at which the last candidate misses a goal or a limit.
 
-    It is judged by contact if there are surfaces, otherwise by the mean field; to 5 % and twice the
+    It is judged by contact if there is one, otherwise by the mean field; to 5 % and twice the
     standard error of the mean, and to 1 %.
     """
     study, last = results.study, list(results.candidates.values())[-1]
-    if study.goal is None:
-        return []
-    friction, own = (
-        c.friction if study.verify else np.asarray(c.field.friction)[None]
-        for c in (last, results.candidates["before"])
-    )
-    share = friction / own if study.relative else friction
-    # Of means: surface by surface a small friction before would weigh too much.
-    reached = np.mean(friction, axis=0) / (np.mean(own, axis=0) if study.relative else 1)
-    room = 0.05 if study.verify else 0.01
-    error = 0 if len(share) < 2 else np.std(share, axis=0, ddof=1) / np.sqrt(len(share))
-    allowed = room * study.goal + 2 * error
-    by, kind = "contact" if study.verify else "mean field", "ratio" if study.relative else "target"
-    return [
-        f"{kind} missed at {v:g} m/s: {got:.3g} of {goal:.3g}, by {by}"
-        for v, got, goal, most in zip(
-            study.scene.velocity, reached, study.goal, allowed, strict=True
-        )
-        if not abs(got - goal) <= most
-    ]
+    sentences = []
+    if study.goal is not None:
+        by, found = _judged(last, "friction")
+        own = _judged(results.candidates["before"], "friction")[1] if study.relative else found**0
+        # Of means: surface by surface a small friction before would weigh too much.
+        reached, kind = np.mean(found, 0) / np.mean(own, 0), "ratio" if study.relative else "target"
+        off = np.abs(reached - study.goal) - _room(by, study.goal, found / own)
+        for i in np.flatnonzero(~(off <= 0)):
+            got, goal = f"{reached[i]:.3g}", f"{study.goal[i]:.3g}"
+            at = f"{study.scene.velocity[i]:g} m/s"
+            sentences.append(f"{kind} missed at {at}: {got} of {goal}, by {by}")
+    for name, end, limit in study.limits or ():
+        by, found = _judged(last, name)
+        beyond = (np.mean(found, 0) - limit) * (1 if end == "max" else -1)
+        for i in np.flatnonzero(~(beyond <= _room(by, limit, found))):
+            most = "most" if end == "max" else "least"
+            got = f"{np.mean(found, 0)[i]:.3g} of at {most} {limit:.3g}"
+            at = f"{study.scene.velocity[i]:g} m/s"
+            sentences.append(f"{name.replace('_', ' ')} missed at {at}: {got}, by {by}")
+    return sentences
+
+
+def _judged(
+    candidate: Candidate, name: str
+) -> tuple[str, Float[np.ndarray, "surfaces velocities"]]:
+    """By what a candidate is judged, and the values of a quantity."""
+    if len(candidate.contacts[name]):
+        return "contact", candidate.contacts[name]
+    return "mean field", np.asarray(getattr(candidate.field, name))[None]
+
+
+def _room(by: str, goal: Any, values: np.ndarray) -> Any:
+    """How far a mean may be from a goal or beyond a limit."""
+    error = 0 if len(values) < 2 else np.std(values, axis=0, ddof=1) / np.sqrt(len(values))
+    return (ROOM if by == "contact" else ROOM_BY_MEAN_FIELD) * goal + 2 * error
 
 
 def designed_values(results: DesignResults) -> dict[str, Any]:

@@ -1,46 +1,55 @@
-"""Designs of scenes, run: the mean field decides, contact polishes and verifies.
+"""Designs of scenes, run: the mean field searches, contact goes on, polishes and verifies.
 
-mean_field_problem ─ minimise ─> designed ─┐
-contacts, gradients ─ minimise ─> polished ┼─> contact on unseen surfaces ─> report, missed
-                                 before ───┘
+mean field ─ minimise ─> designed ── exact enough? ── yes ──┐
+                             └─ no ─> contacts ─ minimise ─>┤ polish ─> polished ─> contact on
+                                                  before ───┘           unseen surfaces ─> report
 """
 
-import dataclasses
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..blocks.compliance import effective_modulus
 from ..blocks.stack import Stack
-from ..core.checks import Numbers, as_float, within
+from ..core.compilation import jit
 from ..core.display import shown
-from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import paths, with_values
 from ..mean_field.mean_field import MeanField
 from ..studies.dataset import NOT_STARTED
-from ..studies.objectives import distance, friction_curve, loss_tangent, ripple
-from ..studies.search import Constraints, Design, Objective, minimise
+from ..studies.search import Design, minimise
 from ..studies.store import Store
 from ..studies.sweep import sweep
 from ..surfaces.surface import Surface
+from .design_quantities import (
+    BY_MEAN_FIELD,
+    OF_CONTACT,
+    Quantities,
+    Values,
+    block_margins,
+    contact_at,
+    contact_quantities,
+    design_mean_field,
+    has_mean_field,
+    search_surfaces,
+)
 from .design_scene import DesignScene
-from .run_scene import scene_fields
+from .design_search import (
+    Method,
+    Progress,
+    check_design_memory,
+    contact_problem,
+    not_in_mean_field,
+    search_design,
+)
 from .scene import refuse_liquids
 from .surface_source import RandomSurface
 from .theory import refuse_extrapolated
 
-WAVES = 65  # in the band of a flat loss tangent
 POLISHING_STEPS = 6
 POLISHING = 10  # approximate number of evaluations
-
-Progress = Callable[[str, int, int], None]
-Parameters = dict[str, Float[Array, "..."]]
 
 
 @shown()
@@ -50,39 +59,48 @@ class Candidate(NamedTuple):
     **Fields:**
 
     - `stack`: the block.
-    - `field`: the mean field at each velocity.
-    - `friction`, `contact_area`: by contact [1], shape (surfaces, velocities); without verification
-      there are no surfaces.
+    - `field`: the mean field at each velocity; None for a motion or a window.
+    - `contacts`: by name "friction", "contact_area" [1] and what else the study limits or searches
+      for, each of shape (surfaces, velocities). Without verification there are no surfaces, or
+      after a search by contact one row, the mean over its surfaces.
     """
 
     stack: Stack
-    field: MeanField
-    friction: Float[np.ndarray, "surfaces velocities"]
-    contact_area: Float[np.ndarray, "surfaces velocities"]
+    field: MeanField | None
+    contacts: dict[str, Float[np.ndarray, "surfaces velocities"]]
 
 
-@shown("design", "polished", "candidates")
+@shown("method", "reason", "design", "polished", "candidates")
 class DesignResults(NamedTuple):
     """The design of a scene, and the contacts that verify it.
 
     **Fields:**
 
     - `study`: the scene and its table [design].
-    - `design`: by the mean field.
-    - `polished`: by the contact solver, or None.
+    - `design`: what the search found.
+    - `polished`: by the contact solver on other surfaces, or None.
     - `candidates`: "before", "designed" and, if polished, "polished".
+    - `method`: what the search evaluated last: "response", "mean field" or "contact".
+    - `reason`: of the method, one sentence.
     """
 
     study: DesignScene
     design: Design
     polished: Design | None
     candidates: dict[str, Candidate]
+    method: Method = "mean field"
+    reason: str = ""
 
 
 def run_design(
     study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
 ) -> DesignResults:
     """Returns the design of a scene, and the contacts that verify it.
+
+    The mean field searches if it knows the objective. Contact goes on from its design, one program
+    for a step, in three cases: the mean field does not know the objective or a limit, finds nothing
+    within the limits, or is more than 5 % off at its design. What counts is the change from the
+    block of the scene, or the value itself if there is a `target` or a limit.
 
     **Arguments:**
 
@@ -99,25 +117,31 @@ def run_design(
     """
     check_design(study)
     own, say = study.scene.stack, progress or (lambda *_: None)
-    objective, constraints = mean_field_problem(study)
-    with within("[design]"):
-        design = minimise(
-            objective, study.lower, study.upper, {path: paths(own)[path] for path in study.lower},
-            constraints=constraints, num_starts=study.starts, seed=study.seed, store=store,
-            progress=lambda i, value: say(f"design, value {value:.4g}", i, study.starts),
-        )  # fmt: skip
-    say("design", study.starts, study.starts)
-    stacks = {"before": own, "designed": with_values(own, design.parameters)}
+    surfaces = cache(lambda: search_surfaces(study))  # drawn when they are needed
+    # Of the values of the parameters: one program for all blocks.
+    program = jit(lambda values: contact_quantities(study, with_values(own, values), surfaces()))
+
+    def contacts(values: Values) -> Quantities:
+        surfaces()  # not inside the program, which would keep them
+        return program(values)
+
+    design, method, reason = search_design(study, surfaces, contacts, store, say)
+    start = {path: paths(own)[path] for path in study.lower}
+    found = {"before": start, "designed": design.parameters}
     polished = None
     if study.polish:
         polished = _polish(study, design, store, say)
-        stacks["polished"] = with_values(own, polished.parameters)
+        found["polished"] = polished.parameters
     candidates = {}
-    for name, stack in stacks.items():
-        field = design_mean_field(study, stack)
-        solved = _contacts(study, stack, 0, store, partial(say, f"contact, {name}"))
-        candidates[name] = Candidate(stack, field, *solved)
-    return DesignResults(study, design, polished, candidates)
+    for name, values in found.items():
+        stack = with_values(own, values)
+        field = design_mean_field(study, stack) if has_mean_field(study) else None
+        if study.verify or method != "contact":
+            solved = _verified(study, stack, 0, store, partial(say, f"contact, {name}"))
+        else:
+            solved = {key: np.asarray(value)[None] for key, value in contacts(values).items()}
+        candidates[name] = Candidate(stack, field, solved)
+    return DesignResults(study, design, polished, candidates, method, reason)
 
 
 def check_design(study: DesignScene) -> None:
@@ -126,65 +150,31 @@ def check_design(study: DesignScene) -> None:
     These are contacts that need more memory than is free, friction from frequencies at which the
     block's materials were not measured, and a liquid under waves at rest.
     """
-    source, own = study.scene.surface, study.scene.stack
-    if study.verify and isinstance(source, RandomSurface):
-        with within("[grid]"):
-            check_memory("shape", "this design", design_fields(study), source.grid.shape)
-    rough = study.spectrum if isinstance(study.spectrum, Surface) else source
-    assert isinstance(rough, Surface | RandomSurface)
+    own = study.scene.stack
+    searched = bool(study.polish or not_in_mean_field(study))
+    by_contact = searched or study.verify > 0
+    if by_contact:
+        check_design_memory(study, searched=searched)
     # The mean field of a spectrum has no waves at rest; contacts and a surface's modes have.
-    on_grid = study.verify or isinstance(rough, Surface)
+    on_grid = by_contact or isinstance(study.spectrum, Surface)
     stiffness_at_rest = study.stiffness is not None and study.stiffness.omega == 0
-    if (on_grid and rough.grid.ndim == 2) or stiffness_at_rest:
+    at_rest = (on_grid and study.grid.ndim == 2) or study.scene.motion is not None
+    if at_rest or stiffness_at_rest:
         refuse_liquids(study.scene)
-    refuse_extrapolated(
-        study.scene, own, rough.grid, lambda: design_mean_field(study, own).extrapolated_friction
-    )
-
-
-def design_fields(study: DesignScene) -> float:
-    """Returns how many fields of the size of its surface the contacts of a study take."""
-    fields = 2 * study.verify + DERIVATIVE if study.polish else 1
-    return fields + scene_fields(dataclasses.replace(study.scene, fields="none"))
-
-
-def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | None]:
-    """Returns the objective and the constraints of a design, as functions of parameters.
-
-    Both are for `minimise`, or any other search: they take a dict of numbers by path.
-    """
-    stack, constraints = study.scene.stack, _constraints(study)
-    if study.band is not None:
-
-        def flatness(values: Parameters) -> Float[Array, ""]:
-            tangents = band_tangents(study, with_values(stack, values))
-            return jnp.mean(jnp.stack([ripple(tangent) for tangent in tangents]))
-
-        return flatness, constraints
-    before = design_mean_field(study, stack).friction
-
-    def objective(values: Parameters) -> Float[Array, ""]:
-        changed = with_values(stack, values)
-        return _objective(study, design_mean_field(study, changed).friction, before)
-
-    return objective, constraints
+    if has_mean_field(study):
+        refuse_extrapolated(
+            study.scene, own, study.grid,
+            lambda: design_mean_field(study, own).extrapolated_friction,
+        )  # fmt: skip
 
 
 def _polish(study: DesignScene, design: Design, store: Store | None, say: Progress) -> Design:
     """A few steps from the design, by the contact solver's gradients on surfaces of their own."""
-    stack, count, done = study.scene.stack, study.verify, 0
+    count, done = study.verify, 0
     # Other surfaces than those of the verification, which the search must not have seen.
-    heights = jnp.stack([_heights(study, count + i) for i in range(count)])
-    friction, _ = _contacts(study, stack, count, store, partial(say, "polish, before"))
-    before, velocities = np.mean(friction, axis=0), jnp.asarray(study.scene.velocity)
-
-    def objective(values: Parameters) -> Float[Array, ""]:
-        changed = with_values(stack, values)
-
-        def on(rough: Array) -> Array:
-            return jax.lax.map(lambda v: _contact(study, changed, rough, v)[0], velocities)
-
-        return _objective(study, jnp.mean(jax.lax.map(on, heights), axis=0), before)
+    surfaces = [_unseen(study, count + i) for i in range(count)]
+    solved = _verified(study, study.scene.stack, count, store, partial(say, "polish, before"))
+    before = {name: np.mean(values, axis=0) for name, values in solved.items()}
 
     def after_evaluation(_: int, value: float) -> None:
         nonlocal done
@@ -193,94 +183,34 @@ def _polish(study: DesignScene, design: Design, store: Store | None, say: Progre
 
     say("polish", 0, POLISHING)
     polished = minimise(
-        objective, study.lower, study.upper, design.parameters,
-        constraints=_constraints(study), num_starts=1, max_steps=POLISHING_STEPS, store=store,
-        progress=after_evaluation,
+        contact_problem(study, surfaces, before), study.lower, study.upper, design.parameters,
+        constraints=partial(block_margins, study), num_starts=1, max_steps=POLISHING_STEPS,
+        store=store, progress=after_evaluation,
     )  # fmt: skip
     say("polish", POLISHING, POLISHING)
     return polished
 
 
-@eqx.filter_jit
-def design_mean_field(
-    study: DesignScene, stack: Stack, velocities: Numbers | None = None
-) -> MeanField:
-    """Returns the mean field of a stack at the velocities of the study, or at others [m/s]."""
-    scene = study.scene
-    return friction_curve(
-        stack, study.spectrum, pressure=scene.pressure[0],
-        velocities=scene.velocity if velocities is None else velocities,
-        graded_solver=scene.graded_solver, strain_per_slope=scene.strain_per_slope,
-    )  # fmt: skip
-
-
-def _objective(study: DesignScene, friction: Array, before: Numbers) -> Float[Array, ""]:
-    """The objective, from the friction at each velocity and the friction before."""
-    if study.goal is not None:
-        goal = study.goal * (as_float(before) if study.relative else 1)
-        # 1 where it is reached: a value whose relative changes mean something.
-        return jnp.exp(distance(friction, goal))
-    # The geometric mean: a velocity with little friction counts as much as one with much.
-    mean = jnp.exp(jnp.mean(jnp.log(friction)))
-    return mean if study.objective == "minimise_friction" else -mean
-
-
-def _constraints(study: DesignScene) -> Constraints | None:
-    own, stiffness, limit = study.scene.stack, study.stiffness, study.total_thickness
-    if stiffness is None and limit is None:
-        return None
-
-    def constraints(values: Parameters) -> Float[Array, " limits"]:
-        stack, parts = with_values(own, values), []
-        if stiffness is not None:
-            # Two one-sided limits, relative as `minimise` wants them.
-            change = limited_modulus(study, stack) / limited_modulus(study, own) - 1
-            parts += [stiffness.within - change, stiffness.within + change]
-        if limit is not None:
-            parts.append(1 - total_thickness(stack) / limit)
-        return jnp.stack(parts)
-
-    return constraints
-
-
-def band_tangents(study: DesignScene, stack: Stack) -> list[Float[Array, " waves"]]:
-    """The loss tangent over the band, at each velocity."""
-    assert study.band is not None
-    q, solver = np.geomspace(*study.band, WAVES), study.scene.graded_solver
-    return [loss_tangent(stack, q, v, graded_solver=solver) for v in study.scene.velocity]
-
-
-def limited_modulus(study: DesignScene, stack: Stack) -> Float[Array, ""]:
-    """|effective_modulus| at the wave whose stiffness is limited."""
-    wave, solver = study.stiffness, study.scene.graded_solver
-    assert wave is not None
-    return jnp.abs(effective_modulus(stack, wave.q, wave.omega, graded_solver=solver))
-
-
-def total_thickness(stack: Stack) -> Float[Array, ""]:
-    return sum((layer.thickness for layer in stack.layers), start=jnp.zeros(()))
-
-
-def _heights(study: DesignScene, index: Any) -> Float[Array, "nx ny"]:
-    """Heights of one of the surfaces for verification, or after these of one for polishing."""
+def _unseen(study: DesignScene, index: Any) -> Surface:
+    """One of the surfaces for verification, or after these one of those for polishing."""
     source = study.scene.surface
     assert isinstance(source, RandomSurface)
-    return source.of_key(
-        jax.random.split(jax.random.key(source.seed), 2 * study.verify)[index]
-    ).heights
+    keys = jax.random.split(jax.random.key(source.seed), 2 * study.verify)
+    return source.of_key(keys[index])
 
 
-def _contacts(
+def _verified(
     study: DesignScene, stack: Stack, first: int, store: Store | None, say: Callable
-) -> Float[np.ndarray, "2 surfaces velocities"]:
-    """Friction and area of a stack on `verify` surfaces, from the store or for it."""
-    names, velocity = ("friction", "contact_area"), study.scene.velocity
+) -> dict[str, Float[np.ndarray, "surfaces velocities"]]:
+    """What contacts of a stack on `verify` surfaces give, from the store or for it."""
+    names = dict.fromkeys((*BY_MEAN_FIELD, *study.quantities))
+    velocity = study.scene.velocity
     if not study.verify:
-        return np.zeros((2, 0, len(velocity)))
+        return {name: np.zeros((0, len(velocity))) for name in names}
 
     def solved(point: dict[str, Any]) -> dict[str, Array]:
-        found = _contact(study, stack, _heights(study, point["surface"]), point["velocity"])
-        return dict(zip(names, found, strict=True))
+        found = contact_at(study, stack, _unseen(study, point["surface"]), point["velocity"])
+        return {name: OF_CONTACT[name](found) for name in names}
 
     axes = {"surface": first + np.arange(study.verify), "velocity": velocity}
     found = sweep(solved, axes, store=store, progress=say)
@@ -289,17 +219,4 @@ def _contacts(
         raise KeyboardInterrupt
     if np.any(ends != ""):
         raise RuntimeError(ends[ends != ""][0])
-    return np.stack([found[name].values for name in names])
-
-
-def _contact(
-    study: DesignScene, stack: Stack, heights: Array, velocity: Any
-) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Friction and sub-pixel area by contact."""
-    scene = study.scene
-    assert isinstance(scene.surface, RandomSurface)
-    bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)
-    point = {"pressure": scene.pressure[0], "velocity": velocity}
-    case = bare.case(point, Surface(heights, scene.surface.grid))
-    found = case.solve(dataclasses.replace(scene.numerics, throw=True))
-    return found.friction, found.contact_area
+    return {name: found[name].values for name in names}

@@ -70,10 +70,10 @@ def pareto_front(
 
     def best(i, start=None, limit=None):
         def all_constraints(p):
-            parts = [] if constraints is None else [jnp.ravel(constraints(p))]
+            parts = {} if constraints is None else {"given": constraints(p)}
             if limit is not None:
-                parts.append(jnp.atleast_1d((limit - objectives(p)[1]) / spread))
-            return jnp.concatenate(parts)
+                parts["second objective"] = (limit - objectives(p)[1]) / spread
+            return parts
 
         some = None if constraints is None and limit is None else all_constraints
         one = lambda p: objectives(p)[i]  # noqa: E731

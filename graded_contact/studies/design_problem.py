@@ -66,17 +66,38 @@ def _flat(argument: str, tree: Any, names: list[str]) -> Flat:
 
 def named(tree: Any, argument: str = "parameters") -> tuple[list[str], Flat]:
     """Returns names and values of all numbers in a nesting."""
-    names, values = [], []
-    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+
+    def number(leaf):
         try:
-            array = np.asarray(leaf, float)
+            return np.asarray(leaf, float)
         except (TypeError, ValueError, OverflowError):
             raise ValueError(f"`{argument}` has {short(leaf)}, which is not a number.") from None
-        where = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
-        for index in np.ndindex(array.shape):
-            names.append(where + "".join(f"[{i}]" for i in index))
-            values.append(float(array[index]))
-    return names, np.array(values)
+
+    arrays = jax.tree.map(number, tree)
+    values = [array.ravel() for array in jax.tree.leaves(arrays)]
+    return _names_of(arrays, "parameter"), np.concatenate([*values, np.zeros(0)])
+
+
+def _names_of(tree: Any, alone: str) -> list[str]:
+    """The names of all numbers in a nesting of arrays; `alone` without a nesting."""
+    return [
+        (jax.tree_util.keystr(path, simple=True, separator=".") or alone)
+        + "".join(f"[{i}]" for i in index)
+        for path, array in jax.tree_util.tree_leaves_with_path(tree)
+        for index in np.ndindex(array.shape)
+    ]
+
+
+def _with_slopes(function: Callable[..., Array]) -> Callable[..., tuple[Array, Array]]:
+    """The program of a vector and its derivatives by the first argument, row by row."""
+
+    def run(x, *others):
+        values, pull = jax.vjp(lambda x: function(x, *others), x)
+        # Not `vmap`: a solve of one row would last as long as that of the slowest.
+        rows = jnp.eye(len(values), dtype=values.dtype)
+        return values, jax.lax.map(lambda row: pull(row)[0], rows)
+
+    return jax.jit(run)
 
 
 class Evaluation(NamedTuple):
@@ -93,35 +114,48 @@ class Problem:
 
     **Arguments:**
 
-    - `objective`, `constraints`: functions of the parameters, the latter or None; if they are
-      random, also of a key.
+    - `objective`: function of the parameters; if it is random, also of a key. It gives a number, or
+      a pair of a number and constraints, if one solve gives both.
+    - `constraints`: of the same arguments, or None.
     - `box`: bounds of the parameters.
     - `store`: of evaluations, under a name of all that the functions compute, or None.
     - `key`: of a random problem.
     """
 
     def __init__(
-        self, objective: Callable[..., Array], constraints: Callable[..., Array] | None, box: Box,
+        self, objective: Callable[..., Any], constraints: Callable[..., Any] | None, box: Box,
         store: Store | None, key: Array | None = None,
     ):  # fmt: skip
         self.box, self.store, self.key = box, store, key
         self._found: dict[str, Evaluation] = {}
+        self._names: dict[str, list[str]] = {}
 
         def value(x, *key):
-            return objective(box.unravel(x), *key)
+            found = objective(box.unravel(x), *key)
+            value, limits = found if isinstance(found, tuple) else (found, ())
+            return jnp.append(jnp.reshape(value, 1), self._flat("objective", limits))
 
         def limits(x, *key):
-            if constraints is None:
-                return jnp.zeros(0)
-            return jnp.ravel(jnp.asarray(constraints(box.unravel(x), *key)))
+            found = () if constraints is None else constraints(box.unravel(x), *key)
+            return self._flat("constraints", found)
 
-        self._limits = jax.jit(lambda x, *key: (limits(x, *key), jax.jacrev(limits)(x, *key)))
-        self._objective = jax.jit(jax.value_and_grad(value))
+        self._objective, self._limits = _with_slopes(value), _with_slopes(limits)
         if store is not None:
             arguments = jnp.asarray(box.low), *self._keys(None if key is None else 0)
             # The program, not the Python code: another number inside it is another search.
             traced = jax.make_jaxpr(lambda *x: (value(*x), limits(*x)))(*arguments)
             self._name = key_of(traced, str(traced.jaxpr))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the constraints, known after the first evaluation."""
+        return tuple(name for part in ("objective", "constraints") for name in self._names[part])
+
+    def _flat(self, part: str, limits: Any) -> Array:
+        """Constraints as one array; their names are kept when the program is traced."""
+        limits = jax.tree.map(jnp.asarray, limits)
+        self._names[part] = _names_of(limits, "constraint")
+        return ravel_pytree(limits)[0]
 
     def evaluate(self, x: Flat, draw: int | None = None) -> Evaluation:
         """Returns objective and constraints.
@@ -143,14 +177,7 @@ class Problem:
             arrays: Any = point.values
             found = Evaluation(**arrays)._replace(value=float(arrays["value"]))
         else:
-            value, slope = self._objective(x, *self._keys(draw))
-            if not np.isfinite(value):
-                raise ValueError(f"`objective` is {np.asarray(value)} at {self._text(x, draw)}.")
-            limits, slopes = self.limits(x, draw)
-            if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(slopes))):
-                where = f"`objective` or `constraints` is not finite at {self._text(x, draw)}"
-                raise ValueError(f"A derivative of {where}.")
-            found = Evaluation(float(value), limits, np.asarray(slope), slopes)
+            found = self._evaluated(x, draw)
             if self.store is not None:
                 self.store.write(name, Point(jax.tree.map(np.asarray, found._asdict())))
         self._found[at] = found
@@ -163,10 +190,30 @@ class Problem:
 
         **Raises:** `ValueError` for constraints that are not finite.
         """
+        found = self._evaluated(x, draw) if self._names.get("objective") else None
+        return self._beside(x, draw) if found is None else (found.limits, found.slopes)
+
+    def _evaluated(self, x: Flat, draw: int | None) -> Evaluation:
+        values, slopes = map(np.asarray, self._objective(x, *self._keys(draw)))
+        if not np.isfinite(values[0]):
+            raise ValueError(f"`objective` is {values[0]} at {self._text(x, draw)}.")
+        self._check_limits(values[1:], x, draw)
+        limits, others = self._beside(x, draw)
+        if not (np.all(np.isfinite(slopes)) and np.all(np.isfinite(others))):
+            where = f"`objective` or `constraints` is not finite at {self._text(x, draw)}"
+            raise ValueError(f"A derivative of {where}.")
+        limits, others = np.append(values[1:], limits), np.concatenate([slopes[1:], others])
+        return Evaluation(float(values[0]), limits, slopes[0], others)
+
+    def _beside(self, x: Flat, draw: int | None) -> tuple[np.ndarray, np.ndarray]:
+        """The constraints that are functions of their own, and their derivatives."""
         limits, slopes = map(np.asarray, self._limits(x, *self._keys(draw)))
+        self._check_limits(limits, x, draw)
+        return limits, slopes
+
+    def _check_limits(self, limits: np.ndarray, x: Flat, draw: int | None) -> None:
         if not np.all(np.isfinite(limits)):
             raise ValueError(f"`constraints` is {limits} at {self._text(x, draw)}.")
-        return limits, slopes
 
     def _keys(self, draw):
         return () if self.key is None else (jax.random.fold_in(self.key, draw),)

@@ -20,12 +20,14 @@ from scipy.optimize import minimize
 from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
 from .design_problem import Box, Evaluation, Flat, Problem, box_of, first_in, named
+from .progress_line import shown_on_a_line
 from .store import Store, opened
 
-Objective = Callable[[Any], Float[Array, ""]]
-Constraints = Callable[[Any], Float[Array, "..."]]
+Objective = Callable[[Any], Float[Array, ""] | tuple[Float[Array, ""], Any]]
+Constraints = Callable[[Any], Any]
 
 MARGIN = 1e-8  # of the constraints
+ACTIVE = 1e-3  # margin of a constraint, or relative distance to a bound, that counts as none
 FIRST_STEP = 0.1  # largest first step over the distance of the bounds
 
 
@@ -70,7 +72,7 @@ class Run(eqx.Module):
 
 
 @shown(
-    "value", "error", "converged", "message", "parameters", "elasticities", "margins",
+    "value", "error", "converged", "message", "parameters", "elasticities", "active", "margins",
     "multipliers", "num_evaluations",
 )  # fmt: skip
 class Design(eqx.Module):
@@ -82,6 +84,8 @@ class Design(eqx.Module):
     - `value`: of the objective.
     - `elasticities`: d ln|value|/d ln(parameter) [1], shaped as `parameters`: what matters most.
     - `margins`: of the constraints, all positive; empty without constraints.
+    - `constraints`: names of the constraints.
+    - `active`: which bounds and constraints hold the design where it is, a sentence each.
     - `runs`: the result of every start. Many of them near `value` mean a reliable minimum.
     - `error`: standard error of the value where it is a mean over draws, see `minimise_expected`.
     - `multipliers`: by how much the value would fall by an allowance of 1 in each constraint;
@@ -93,6 +97,8 @@ class Design(eqx.Module):
     elasticities: Any
     margins: Float[np.ndarray, " constraints"]
     runs: tuple[Run, ...]
+    constraints: tuple[str, ...] = ()
+    active: tuple[str, ...] = ()
     error: float = 0.0
     multipliers: Float[np.ndarray, " multipliers"] = eqx.field(default_factory=lambda: np.zeros(0))
 
@@ -117,7 +123,7 @@ class Design(eqx.Module):
         return sum(run.num_evaluations for run in self.runs)
 
     def report(self) -> str:
-        """Returns parameters with their elasticities, and the runs, as text."""
+        """Returns parameters with their elasticities, what is active, and the runs, as text."""
         names, values = named(self.parameters)
         _, slopes = named(self.elasticities)
         width = max(map(len, names))
@@ -126,6 +132,7 @@ class Design(eqx.Module):
         lines.append(f"{'parameter':{width}s} {'value':>12s} {'elasticity':>11s}")
         for name, value, slope in zip(names, values, slopes, strict=True):
             lines.append(f"{name:{width}s} {value:12.5g} {slope:11.3g}")
+        lines += ["", *(self.active or ["no bound and no constraint is active"])]
         lines += ["", f"{'start':>5s} {'value':>12s} {'evaluations':>11s}"]
         for i, run in enumerate(self.runs):
             note = "" if run.converged and run.feasible else f"  {run.message}"
@@ -152,20 +159,23 @@ def minimise(
 
     **Arguments:**
 
-    - `objective`: parameters -> a number, differentiable by JAX; it is jitted.
+    - `objective`: parameters -> a number, differentiable by JAX; it is jitted. Or parameters -> a
+      pair of this number and constraints, if one solve gives both.
     - `lower`, `upper`: bounds, positive numbers in any nesting of dicts, lists and arrays. Where
       they are equal the parameter is fixed.
     - `start`: where to start first, in the same nesting; by default the middle on the logarithm.
-    - `constraints`: parameters -> numbers that must not be negative.
+    - `constraints`: parameters -> numbers that must not be negative, in any nesting. The keys of a
+      dict are their names: `{"area of at most 0.1": 1 - area / 0.1}`.
     - `num_starts`, `seed`: number of starts, and the seed of their positions.
     - `rtol`: change of the objective over its size at which a run ends.
     - `max_steps`: of a run.
     - `store`: a folder, which is made, or a `Store`. Each evaluation is on the disk at once: the
       same call after a kill repeats its steps from there. Other searches may share the folder.
     - `progress`: called with the number of the start and the value after each evaluation; what it
-      raises ends the search.
+      raises ends the search. By default a line in the terminal or notebook shows both.
 
-    **Returns:** the best parameters, and the result of every start.
+    **Returns:** the best parameters, which bounds and constraints are active there, and the result
+    of every start.
 
     **Raises:** `ValueError` for bounds that are refused, for an objective or constraint that is
     not finite (naming the parameters), and if no start satisfies the constraints; of a `store`,
@@ -178,12 +188,12 @@ def minimise(
     check_whole("max_steps", max_steps, 1)
     check_tolerance("rtol", rtol, np.zeros(()))
     box = box_of(lower, upper)
-    first, say = first_in(box, start), progress or (lambda *_: None)
+    first = first_in(box, start)
     # A shift modulo 1 keeps the points evenly spread, for every seed.
     shift = np.random.default_rng(seed).random(len(first))
     spread = (qmc.Halton(len(first), scramble=False).random(num_starts)[1:] + shift) % 1
     starts = [first, *(box.low * (box.high / box.low) ** u for u in spread)]
-    with opened(store) as points:
+    with opened(store) as points, shown_on_a_line(progress, "start", num_starts) as say:
         problem = Problem(objective, constraints, box, points)
         # The median: a start may be where the objective is all but zero.
         size = np.median([abs(problem.evaluate(x).value) for x in starts])
@@ -193,22 +203,43 @@ def minimise(
         ]
     feasible = [run for run in runs if run.feasible]
     if not feasible:
-        least = max(problem.evaluate(np.array(run.parameters)).limits.min() for run in runs)
-        raise ValueError(
-            f"No start of {len(runs)} satisfies `constraints`; the best of them falls short by "
-            f"{-least:.3g}. Widen the bounds or the constraints, or raise `num_starts`."
+        ends = [problem.evaluate(np.array(run.parameters)).limits for run in runs]
+        limits = max(ends, key=np.min)
+        raise NothingAllowed(
+            f"No start of {len(runs)} satisfies `constraints`: the best of them misses "
+            f"{problem.names[np.argmin(limits)]!r} by {-np.min(limits):.3g}. Widen the bounds or "
+            "the constraints, or raise `num_starts`."
         )
     best = min(feasible, key=lambda run: run.value)
     x = np.array(best.parameters)
     value, margins, slope, _ = problem.evaluate(x)
-    return designed(box, x, value, slope, margins=margins, runs=tuple(runs))
+    return designed(problem, x, value, slope, margins=margins, runs=tuple(runs))
 
 
-def designed(box: Box, x: Flat, value: float, slope: Flat, **others: Any) -> Design:
+class NothingAllowed(ValueError):
+    """No start of a search satisfies its constraints."""
+
+
+def designed(
+    problem: Problem, x: Flat, value: float, slope: Flat, margins: Float[np.ndarray, " limits"],
+    **others: Any,
+) -> Design:  # fmt: skip
     """Returns the design at flat parameters, with the derivative of its value there."""
+    box = problem.box
     slopes = x * slope / value if value else x * np.inf  # d ln|value|/d ln x
     parameters, elasticities = (box.unravel(jnp.asarray(flat)) for flat in (x, slopes))
-    return Design(parameters=parameters, value=value, elasticities=elasticities, **others)
+    active = [
+        f"{name} is at its {end} bound"
+        for end, bound in (("lower", box.low), ("upper", box.high))
+        for name, u, at_end, low, high in zip(box.names, x, bound, box.low, box.high, strict=True)
+        if low < high and abs(np.log(u / at_end)) <= ACTIVE * min(1, np.log(high / low))
+    ]
+    pairs = zip(problem.names, margins, strict=True)
+    active += [f"{name} is active" for name, margin in pairs if margin <= ACTIVE]
+    return Design(
+        parameters=parameters, value=value, elasticities=elasticities, margins=margins,
+        constraints=problem.names, active=tuple(active), **others,
+    )  # fmt: skip
 
 
 def descend(

@@ -29,6 +29,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from ..core.checks import check_types, check_values, check_whole
 from .design_problem import Evaluation, Flat, Problem, box_of, first_in
+from .progress_line import shown_on_a_line
 from .search import MARGIN, Design, History, Run, descend, designed
 from .store import Store, opened
 
@@ -66,7 +67,8 @@ def minimise_expected(
     - `objective`: parameters and a key of JAX -> a number, differentiable by JAX; it is jitted.
       Draw all random numbers with the key, which is a new one in each step.
     - `lower`, `upper`, `start`: as in `minimise`; there is one start.
-    - `constraints`: parameters and the key -> numbers whose means must not be negative.
+    - `constraints`: parameters and the key -> numbers whose means must not be negative, in any
+      nesting, see `minimise`.
     - `optimiser`: any of optax, for the logarithms of the parameters; by default `optax.adam` with
       a rate that falls from 0.1 to 0.
     - `num_steps`: number of steps, a draw each; the result is the mean of the latter half.
@@ -76,6 +78,7 @@ def minimise_expected(
       the result counts as converged.
     - `store`: as in `minimise`.
     - `progress`: called with the number and the value of each draw; what it raises ends the run.
+      By default a line in the terminal or notebook shows both.
 
     **Returns:** the design; its value, margins and elasticities are means over the new draws,
     `error` is the standard error of the value, `multipliers` are those of the
@@ -89,9 +92,9 @@ def minimise_expected(
     check_values("rtol", rtol, "it lies between 0 and 1", above=0, at_most=1)
     box = box_of(lower, upper)
     first = first_in(box, start)
-    with opened(store) as points:
+    with opened(store) as points, shown_on_a_line(progress, "step", num_steps) as say:
         problem = Problem(objective, constraints, box, points, jax.random.key(seed))
-        path = _descend(problem, first, optimiser, num_steps, progress)
+        path = _descend(problem, first, optimiser, num_steps, say)
         # One set of draws to move the mean by, another to judge where that led.
         last = num_steps + num_checks
         mean = np.clip(np.exp(np.mean(path.points, axis=0)), box.low, box.high)
@@ -107,7 +110,7 @@ class _Path(NamedTuple):
     multipliers: list[Flat]
 
 
-def _descend(problem, first, optimiser, num_steps, progress) -> _Path:
+def _descend(problem, first, optimiser, num_steps, say) -> _Path:
     """The steps of the optimiser down the augmented Lagrangian of limits >= 0."""
     if optimiser is None:
         optimiser = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, num_steps))
@@ -123,8 +126,7 @@ def _descend(problem, first, optimiser, num_steps, progress) -> _Path:
     for k in range(num_steps):
         x = np.clip(np.exp(u), problem.box.low, problem.box.high)
         value, limits, slope, slopes = problem.evaluate(x, k)
-        if progress is not None:
-            progress(k, value)
+        say(k, value)
         slope, slopes = x * slope, x * slopes
         # The stiffness follows from the sizes of all gradients so far: units do not matter.
         squares = squares + np.array([slope @ slope, *np.sum(slopes**2, axis=1)])
@@ -187,6 +189,6 @@ def _judged(problem: Problem, x: Flat, path: _Path, draws: range, rtol: float) -
     )  # fmt: skip
     multipliers = np.mean(path.multipliers, axis=0)
     return designed(
-        problem.box, x, value, slope, margins=margins, runs=(run,), error=float(noise),
+        problem, x, value, slope, margins=margins, runs=(run,), error=float(noise),
         multipliers=multipliers,
     )  # fmt: skip

@@ -1,3 +1,5 @@
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -107,6 +109,47 @@ def test_temperature_reaches_the_materials_of_every_profile():
         bare.at(273.15)
 
 
+class Named(gc.blocks.AbstractProfile):
+    """A rubber that a function stiffens with height; a text names what it does."""
+
+    stiffer: object
+    name: object = "rubber"
+
+    def __call__(self, s, omega):
+        factor = jnp.vectorize(self.stiffer, signature="(i)->(o)")(s[..., None])[..., 0]
+        return jnp.exp(factor) * RUBBER.modulus(omega), jnp.asarray(0.5)
+
+
+def test_a_network_is_a_profile_whose_weights_have_derivatives():
+    """Against central differences, in a program and without one; functions in it stay fixed."""
+    network = eqx.nn.MLP(1, 1, 3, 1, activation=jax.nn.tanh, key=jax.random.key(0))
+    layers, q = (GradedLayer(Named(network, None), 1e-4),), 2e4
+    stack = Stack(layers=layers, base=gc.HalfSpace(RUBBER))
+    assert all(eqx.is_array(leaf) for leaf in jax.tree.leaves(stack))
+
+    def weight_of(stack):
+        return stack.layers[0].profile.stiffer.layers[0].weight
+
+    def compliance(stack):
+        return jnp.abs(gc.surface_compliance(stack, q, 1e3))
+
+    value, slope = jax.jit(jax.value_and_grad(compliance))(stack)
+    np.testing.assert_allclose(value, compliance(stack), rtol=1e-12)
+    # 32 layers cut by hand, at their middle.
+    s = (np.arange(32)[::-1] + 0.5) / 32
+    factor = jax.vmap(network)(s[:, None])[:, 0]
+    cut = [
+        gc.Layer(gc.Prony(1e6 * f, [1e8 * f], [1e-3], 0.5), 1e-4 / len(s)) for f in np.exp(factor)
+    ]
+    np.testing.assert_allclose(value, compliance(Stack(layers=cut, base=stack.base)), rtol=1e-4)
+    for i, expected in enumerate(weight_of(slope)[:, 0]):
+        high, low = (
+            compliance(eqx.tree_at(weight_of, stack, weight_of(stack).at[i, 0].add(step)))
+            for step in (1e-4, -1e-4)
+        )
+        np.testing.assert_allclose((high - low) / 2e-4, expected, rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -117,6 +160,7 @@ def test_temperature_reaches_the_materials_of_every_profile():
         (lambda: Blend(STEEL, RUBBER, "linear"), "'linear'` must be a shape"),
         (lambda: Aged(3.0), "must be a material"),
         (lambda: GradedLayer(RUBBER, 1e-3), "`profile=.* must be called as profile"),
+        (lambda: GradedLayer(Named(jnp.sin, "tread"), 1e-3), "a field with 'tread', which is no"),
     ],
 )
 def test_bad_profiles_are_refused(make, message):

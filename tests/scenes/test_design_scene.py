@@ -18,15 +18,21 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
         ("[5e-5, 1e-3]", "[1e-3, 5e-5]", r"\[design.parameters\] 'layers.0..thickness' = "),
         ('times[0]" = [1e-5, 1e-1]', 'poisson" = [0.4, 0.6]', "at most 0.5"),
         ('"friction"', '"maximise_friction"', '`ratio` belongs to the objective "friction"'),
-        ("ratio = 1.3", "", "`target` or `ratio`, not both"),
+        ("ratio = 1.3", "", "lacks `target` or `ratio`: give one"),
         ("ratio = 1.3", "ratio = [1.3, 1.2]", "`ratio` has 2 numbers"),
         ("within = 0.01", "within = 0", "`within=0` is refused"),
         ("verify = 2", "verify = 0", "`polish` needs `verify`"),
         ("velocity = 0.1", "velocity = 0", "`velocity"),
         ("velocity = 0.1", "velocity = 0.1\nstrain_per_slope = 1.0", "holds no"),
-        ("[design]\n", f"{MOTION}[design]\n", r"\[design\] does not take the table \[motion\]"),
+        ("ratio = 1.3", "ratio = 1.3\ntarget = 0.1", "has `target` and `ratio`: give one"),
+        ('"friction"\nratio = 1.3', '"minimise_friction_ratio"', "needs two velocities .* not 1"),
+        ('"friction"\nratio = 1.3', '"minimise_peak_over_mean"', r"needs the table \[motion\]"),
+        ("starts = 2", "max_area = 0.1", r"`max_area`: limits stand in \[design.limits\]"),
+        ("starts = 2", "limits = {max_area = 0.1}", "did you mean `max_contact_area`"),
+        ("starts = 2", "limits = {min_mean_gap = 0}", "`min_mean_gap=0` is refused"),
+        ("starts = 2", "limits = {min_friction = 0.2, max_friction = 0.1}", "`min_friction` = 0.2"),
         ("[solver]", '[sweep]\n"layers[0].thickness" = [1e-5]\n[solver]', "needs one .*thickness"),
-        ("[grid]", "seeds = 2\n[grid]", "needs one .*seed"),
+        ("[grid]", "seeds = 0\n[grid]", "`seeds=0`"),
         ("velocity = 0.1", "velocity = 0.1\ndirection = 1", "`direction` = 0"),
         (DESIGN[DESIGN.index("[design]") :], "", r"lacks the table \[design\]"),
     ],
@@ -35,6 +41,11 @@ def test_a_table_that_cannot_be_designed_is_refused(old, new, message):
     assert old in DESIGN
     with pytest.raises(ValueError, match=message):
         parse_design(DESIGN.replace(old, new))
+
+
+def test_a_loss_tangent_has_no_motion():
+    with pytest.raises(ValueError, match=r"flat_loss_tangent. does not take the table .motion"):
+        parse_design(FLAT.replace("[design]\n", f"{MOTION}[design]\n"))
 
 
 def test_a_band_is_in_order():

@@ -19,16 +19,15 @@ from graded_contact import cli
 from graded_contact.command import design as design_job
 from graded_contact.command import terminal as session
 from graded_contact.core.parameters import with_values
+from graded_contact.scenes.design_quantities import (
+    contact_at,
+    design_mean_field,
+    mean_field_quantities,
+)
 from graded_contact.scenes.design_report import designed_values, missed, report
 from graded_contact.scenes.design_scene import parse_design
-from graded_contact.scenes.run_design import (
-    Candidate,
-    DesignResults,
-    check_design,
-    design_mean_field,
-    run_design,
-)
-from graded_contact.scenes.run_design import _contact as contact_of
+from graded_contact.scenes.design_search import search_design
+from graded_contact.scenes.run_design import Candidate, DesignResults, check_design, run_design
 from graded_contact.studies.search import Design, History, Run
 from graded_contact.studies.store import Store
 
@@ -134,7 +133,7 @@ def test_contact_on_other_surfaces_has_the_required_friction(designed):
 def test_a_loss_tangent_is_made_flat_over_a_band():
     steps = []
     results = run_design(parse_design(FLAT), progress=lambda *step: steps.append(step))
-    assert results.polished is None and results.candidates["designed"].friction.shape == (0, 1)
+    assert results.polished is None and results.method == "response"
     assert steps[-1] == ("design", 2, 2)
     q = np.geomspace(1e3, 1e4, 201)
     before, after = (
@@ -156,7 +155,8 @@ def came_to(reached, *, verify=0, text=DESIGN, outside=0.0):
             friction=friction[0], contact_area=friction[0], extrapolated_friction=[outside]
         )
         solved = friction if verify else np.zeros((0, 1))
-        candidates[name] = Candidate(study.scene.stack, field, solved, solved)
+        contacts = {"friction": solved, "contact_area": solved}
+        candidates[name] = Candidate(study.scene.stack, field, contacts)
     history = History(np.ones(1), np.ones((1, 1)), np.zeros((1, 0)))
     run = Run([1.0], 1.0, history, 1, True, True, "")
     design = Design({"a": 1.0}, 1.0, {"a": 0.0}, np.zeros(0), (run,))
@@ -186,6 +186,67 @@ def test_a_ratio_is_missed_beyond_what_is_uncertain(reached, verify, said):
     assert bool(missed(came_to(reached, verify=verify))) == said
 
 
+# On a profile, which compiles and solves faster.
+LINE = (
+    DESIGN[: DESIGN.index("[design]")].replace("[32, 32]", "[32]")
+    + """
+[design]
+objective = "maximise_friction"
+starts = 1
+limits = {min_contact_area = 0.3, min_mean_gap = 1e-6}
+[design.parameters]
+"layers[0].thickness" = [5e-5, 1e-3]
+"layers[0].material.strengths[0]" = [1e6, 1e8]
+"""
+)
+
+
+def test_a_limit_that_the_mean_field_does_not_know_is_kept_by_contact():
+    """Over two surfaces: by `slide` the mean of their areas is on its limit."""
+    study = parse_design(LINE.replace("[grid]", "seeds = 2\n[grid]"))
+    results = run_design(study)
+    assert (results.method, results.reason) == ("contact", "the mean field has no mean gap")
+    assert "contact area of at least 0.3 is active" in results.design.active
+    before, designed = results.candidates.values()
+    source, names = study.scene.surface, ("friction", "contact_area", "mean_gap")
+    found = [
+        gc.slide(designed.stack, source.drawn(seed), pressure=3e5, velocity=0.1, rtol=1e-5)
+        for seed in (0, 1)
+    ]
+    friction, area, gap = (np.mean([getattr(f, name) for f in found]) for name in names)
+    np.testing.assert_allclose(-results.design.value, friction, rtol=1e-4)
+    np.testing.assert_allclose(area, 0.3, rtol=2e-3)
+    assert friction > before.contacts["friction"][0, 0] and gap > 1e-6
+    assert "contact area at 0.1 m/s, contact" in report(results) and not missed(results)
+
+
+def test_the_mean_field_stays_where_contact_agrees_with_it():
+    study = parse_design(LINE.replace(", min_mean_gap = 1e-6", ""))
+    own = study.scene.stack
+
+    def agreeing(values):
+        found = mean_field_quantities(study, with_values(own, values))
+        return {name: 1.02 * value for name, value in found.items()}
+
+    design, method, reason = search_design(study, lambda: [], agreeing, None, lambda *_: None)
+    assert method == "mean field" and reason == "contact agrees with it within 2 %"
+    assert design.converged
+
+
+@pytest.mark.parametrize(
+    "limits, said",
+    [
+        ("max_friction = 0.12", "friction missed at 0.1 m/s: 0.13 of at most 0.12, by mean field"),
+        ("min_friction = 0.2", "friction missed at 0.1 m/s: 0.13 of at least 0.2, by mean field"),
+        ("max_friction = 0.13, min_friction = 0.13", None),
+    ],
+)
+def test_a_limit_that_the_design_misses_is_reported(limits, said):
+    text = DESIGN.replace("starts = 2", f"limits = {{{limits}}}")
+    found = missed(came_to([1.3], text=text))
+    assert found == ([] if said is None else [said])
+
+
 def test_a_block_that_softens_has_the_amplitude_of_the_scene():
     soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
     soft += "storage = [1.0, 0.5]\nloss = [1.0, 0.7]\n[[layers]]"
@@ -200,7 +261,7 @@ def test_a_block_that_softens_has_the_amplitude_of_the_scene():
     found = design_mean_field(study, stack)
     np.testing.assert_allclose(found.friction[0], field.friction, rtol=1e-10)
     surface = study.scene.surface.drawn(0)
-    friction, _ = contact_of(study, stack, surface.heights, 0.1)
+    friction = contact_at(study, stack, surface, 0.1).friction
     np.testing.assert_allclose(friction, gc.slide(stack, surface, **at).friction, rtol=1e-4)
     with pytest.raises(ValueError, match="does not take the key `strain_per_slope`"):
         parse_design(softened(FLAT))

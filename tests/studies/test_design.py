@@ -49,6 +49,50 @@ def test_constraints_hold_where_they_bind():
     np.testing.assert_allclose(slopes["a"], slopes["b"][0], rtol=1e-3)
 
 
+def test_active_bounds_and_constraints_are_said():
+    """The first holds at a = 1.5, the second at b = 6/1.5 at most 3.5; the third has room."""
+    low, high = {"a": 0.1, "b": [0.1, 1.0]}, {"a": 1.5, "b": [10.0, 1.0]}
+    design = minimise(
+        valley, low, high, num_starts=2,
+        constraints=lambda p: {
+            "b of at most 3.5": 1 - p["b"][0] / 3.5, "other": jnp.stack(p["b"]) + 1,
+        },
+    )  # fmt: skip
+    assert design.active == ("a is at its upper bound", "b of at most 3.5 is active")
+    assert design.constraints == ("b of at most 3.5", "other[0]", "other[1]")
+    assert "b of at most 3.5 is active" in design.report() and "at its upper" in str(design)
+    free = minimise(valley, LOW, HIGH, num_starts=1)
+    assert free.active == () and "no bound and no constraint is active" in free.report()
+
+
+def test_an_objective_with_its_constraints_is_computed_once_a_step():
+    """The same design as of two functions."""
+    calls = []
+
+    def both(p):
+        jax.debug.callback(lambda: calls.append(1))
+        return valley(p), {"sum": 1 - (p["a"] + p["b"][0]) / 4}
+
+    design = minimise(both, LOW, HIGH, constraints=lambda p: 5 - p["a"], num_starts=2)
+    jax.effects_barrier()
+    assert len(calls) == len({tuple(x) for r in design.runs for x in r.history.parameters})
+    assert design.constraints == ("sum", "constraint") and design.active == ("sum is active",)
+    limits = lambda p: jnp.stack([1 - (p["a"] + p["b"][0]) / 4, 5 - p["a"]])  # noqa: E731
+    apart = minimise(valley, LOW, HIGH, constraints=limits, num_starts=2)
+    np.testing.assert_allclose(design.value, apart.value, rtol=1e-9)
+    np.testing.assert_allclose(design.margins, apart.margins, atol=1e-9)
+
+
+def test_a_search_shows_its_progress_in_a_terminal(capsys, monkeypatch):
+    minimise(valley, LOW, HIGH, num_starts=2)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    design = minimise(valley, LOW, HIGH, num_starts=2)
+    last = capsys.readouterr().err.rpartition("\x1b[2K")[2]
+    assert last.startswith(f"start 2 of 2, {design.num_evaluations} evaluations, ")
+    assert last.endswith(f"lowest {design.value:.6g}\n")
+
+
 def test_many_starts_find_what_a_gradient_free_search_finds():
     def bumpy(p):
         x = jnp.log(p["x"])
