@@ -18,23 +18,13 @@ from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
 from ..materials.measured import Measured, distinct, joined
-from .cells import Sheet, holds_data, is_number
+from .cells import LARGEST, Sheet, holds_data
 from .columns import WAYS, MeasuredTable, Options, Unclear
+from .paths import Refusal, read_file
 from .points import measured_points, one_each
+from .registry import File, Tables, read
 from .steps import rank, understand
-from .tables import parameters
-from .trios import read_tables
-from .units import DIMENSIONS, OFFSETS, UNITS, parse_unit
-
-# RepTate's manual fixes the order and units of the columns by the ending of the file, and which
-# parameter of its first line is the constant load; without a strain, "stress" is a modulus.
-_SWEEP = {"frequency": "rad/s", "storage": "Pa", "loss": "Pa"}
-_REPTATE = {
-    ".tts": ("frequency", _SWEEP, "", None),
-    ".osc": ("frequency", _SWEEP, "", None),
-    ".gt": ("relaxation", {"time": "s", "stress": "Pa"}, "gamma", 1.0),
-    ".creep": ("creep", {"time": "s", "strain": "1"}, "stress", None),
-}
+from .units import DIMENSIONS, UNITS
 
 
 @check_types
@@ -177,22 +167,22 @@ def _options(kind, columns, units, deformation, temperature: bool, step) -> Opti
 
 def _read(path: Path, options: Options, poisson, temperature, name: str | None) -> Measured:
     """The measurements in one file."""
-    sheets = read_tables(path)
+    content = read_file(path, LARGEST)
     try:
-        if path.suffix.lower() in _REPTATE:
-            options, temperature, sheets = _as_reptate(path, options, temperature, sheets)
-        if name is not None:
-            names = [sheet.name for sheet in sheets]
-            if name not in names:
-                raise ValueError(f"there is no `sheet={name!r}`, only {names}")
-            sheets = [sheets[names.index(name)]]
+        tables = read(File(path, content, len(content)), "moduli")
+        sheets, options = _sheets(tables, name, options), _with_fixed(options, tables)
+        if temperature is None and tables.temperature is not None:
+            temperature, options = (
+                tables.temperature,
+                dataclasses.replace(options, temperature=True),
+            )
         understood = _understood(sheets, options)
         several = len(understood) > 1  # otherwise there may be one temperature for each curve
         each = one_each(temperature, len(understood), "sheets") if several else [temperature]
         parts = []
         for (sheet, measured), kelvin in zip(understood, each, strict=True):
-            read = f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."
-            measured.notes.insert(0, read)
+            rows = f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."
+            measured.notes.insert(0, rows)
             parts.append(measured_points(path, measured, poisson, kelvin))
         names = [sheet.name for sheet, _ in understood]
         if several and not distinct(parts):
@@ -201,39 +191,42 @@ def _read(path: Path, options: Options, poisson, temperature, name: str | None) 
             )
         whole = joined(parts) if several else parts[0]
     except ValueError as error:
-        raise ValueError(f"`path={path}`: {str(error).rstrip('.')}.") from None
+        refused = " is refused" * isinstance(error, Refusal)
+        raise ValueError(f"`path={path}`{refused}: {str(error).rstrip('.')}.") from None
     left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]
     notes = [f"Left out the sheets {', '.join(left)}."] if left else []
     return dataclasses.replace(whole, history=(*whole.history, *notes))
 
 
-def _as_reptate(path: Path, options: Options, temperature, sheets: list[Sheet]) -> tuple:
-    """What RepTate's formats fix; temperature [°C] and load are in the first line."""
-    kind, columns, load, usual = _REPTATE[path.suffix.lower()]
-    rows = sheets[0].rows
-    given = parameters(rows[0]) if rows else {}
-    if temperature is None and is_number(given.get("T", "")):
-        temperature = float(given["T"]) + OFFSETS["C"]
-    below = [[parse_unit(cell) for cell in row.cells[: len(columns)]] for row in rows[1:4]]
-    own = next((units for units in below if len(units) == len(columns) and all(units)), None)
-    pairs = zip(columns, own or columns.values(), strict=True)
-    units = {DIMENSIONS[name]: str(unit) for name, unit in pairs}
-    if any(unit not in UNITS[dimension] for dimension, unit in units.items()):
-        raise ValueError(f"its columns must be {', '.join(columns)}, in this order; pass `columns`")
-    source = "as in the file" if own else "as in all of RepTate's"
-    if not options.columns:  # others may follow, without a name, or be missing
-        rows = [row._replace(cells=row.cells[: len(columns)]) for row in rows if holds_data(row)]
-    options = dataclasses.replace(
+def _sheets(tables: Tables, name: str | None, options: Options) -> list[Sheet]:
+    """The sheets to look at; rows of numbers only, if the format fixes what their columns are."""
+    sheets = tables.sheets
+    if name is not None:
+        names = [sheet.name for sheet in sheets]
+        if name not in names:
+            raise ValueError(f"there is no `sheet={name!r}`, only {names}")
+        sheets = [sheets[names.index(name)]]
+    if options.columns or not tables.columns:
+        return sheets
+    width = len(tables.columns)  # others may follow, without a name
+    return [
+        sheet._replace(rows=[
+            row._replace(cells=row.cells[:width]) for row in sheet.rows if holds_data(row)
+        ]) for sheet in sheets
+    ]  # fmt: skip
+
+
+def _with_fixed(options: Options, tables: Tables) -> Options:
+    """The options of the caller, and what the format fixes where they are silent."""
+    return dataclasses.replace(
         options,
-        kind=options.kind or kind,
-        columns=options.columns or {quantity: i + 1 for i, quantity in enumerate(columns)},
-        units={**units, **options.units},
-        deformation=options.deformation or "shear",
-        temperature=temperature is not None,
-        load=float(given[load]) if is_number(given.get(load, "")) else usual,
-        source=options.source if options.units else source,
+        kind=options.kind or tables.kind,
+        columns=options.columns or tables.columns,
+        units={**tables.units, **options.units},
+        deformation=options.deformation or tables.deformation,
+        load=tables.load,
+        source=options.source if options.units else tables.source,
     )
-    return options, temperature, [sheets[0]._replace(rows=rows)]
 
 
 def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, MeasuredTable]]:

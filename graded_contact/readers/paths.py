@@ -142,6 +142,18 @@ def check_archive(content: bytes, at_most: float) -> None:
     check_unpacked(sum(entry.file_size for entry in entries), at_most)
 
 
+def names_in(content: bytes) -> list[str]:
+    """Returns the names of the files in a zip."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return [entry.filename for entry in archive.infolist() if not entry.is_dir()]
+
+
+def file_in(content: bytes, name: str) -> bytes:
+    """Returns the content of a file in a zip."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return archive.read(name)
+
+
 def check_hdf5(content: bytes, at_most: float) -> None:
     """Raises `Refusal` for HDF5 that refers to other files, or has more bytes, unpacked.
 

@@ -4,6 +4,7 @@ import io
 import struct
 import zipfile
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ import pytest
 import graded_contact as gc
 from graded_contact import read_surface
 from graded_contact.plot.contact import draw_map
-from graded_contact.readers.digital_surf import read_digital_surf
+from graded_contact.readers.instruments.digital_surf import read_digital_surf
+from graded_contact.readers.registry import File
 
 RNG = np.random.default_rng(5)
 SIZE = (4e-6, 3e-6)
@@ -161,7 +163,7 @@ def test_maps_of_mountains_agree_with_surface_topography():
         options = {"units": 3 * ("nm",), "special": 1, "least": int(raw[3, 4]) + 2}
         content = digital_surf(raw, inversion=inversion, **options)
         theirs = library.open_topography(io.BytesIO(content)).topography()
-        ours = read_digital_surf(content, 1e9)
+        ours = read_digital_surf(File(Path("a.sur"), content, len(content)))
         np.testing.assert_allclose(np.ma.filled(theirs.heights(), np.nan), ours.heights)
         np.testing.assert_allclose(theirs.physical_sizes, 1e9 * ours.size)
 

@@ -12,10 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .cells import COMMENT, LONGEST, TextLayout, is_missing, lines_of, text_layout
-from .formats import Scan, equally_spaced
-from .paths import Refusal
-from .units import length_unit
+from ..cells import COMMENT, LONGEST, TextLayout, is_missing, lines_of, text_layout
+from ..paths import Refusal
+from ..registry import File, reader
+from ..scan import Scan, equally_spaced
+from ..units import length_unit
+from .surface_topography import read_instrument
 
 _BARE_UNIT = re.compile(r"^\W*(unit|einheit)", re.IGNORECASE)
 _OF_HEIGHTS = re.compile(r"unit|einheit|height|höhe|\bz\b|value|wert|topograph|depth", re.I)
@@ -35,6 +37,23 @@ class _Table(NamedTuple):
     header: list[str]
     layout: TextLayout
     notes: list[str]
+
+
+@reader("text", "heights", knows=lambda file: file.text is not None, last=True)
+def read_text_file(file: File) -> Scan:
+    """Returns the heights in a text.
+
+    SurfaceTopography reads text with a known header; it takes much else for a table of numbers.
+    """
+    try:
+        scan = read_instrument(file)
+        if scan.unit is not None and scan.size is not None:
+            return scan
+    except Refusal:
+        raise
+    except Exception:  # it raises many kinds, also where it is not installed
+        pass
+    return read_text(file.text or "")
 
 
 def read_text(text: str) -> Scan:

@@ -10,9 +10,10 @@ import zlib
 
 import numpy as np
 
-from .formats import Scan, check_points
-from .paths import Refusal, check_unpacked
-from .units import metres
+from ..paths import Refusal, check_unpacked
+from ..registry import File, reader
+from ..scan import Scan, check_points
+from ..units import metres
 
 _MAGIC = {b"DIGITAL SURF": False, b"DSCOMPRESSED": True}
 _HEADER = 512
@@ -26,12 +27,10 @@ _NAME_Z, _STEP_UNITS = 164, 180  # texts of 16 bytes
 _MISSING = -2  # beside the least number
 
 
-def is_digital_surf(content: bytes) -> bool:
-    return content[:12] in _MAGIC
-
-
-def read_digital_surf(content: bytes, at_most: float) -> Scan:
+@reader("mountains", "heights", knows=lambda file: file.content[:12] in _MAGIC)
+def read_digital_surf(file: File) -> Scan:
     """Returns the heights of a map or a profile; raises `Refusal` for what is no height."""
+    content, at_most = file.content, file.at_most
     head = content[:_HEADER]
     if len(head) < _HEADER:
         raise Refusal("its header is cut short")

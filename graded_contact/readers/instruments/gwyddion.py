@@ -4,23 +4,29 @@ The file is a tree of named components, see "Gwyddion native format" in the user
 (http://gwyddion.net/documentation/user-guide-en/gwyfile-format.html).
 """
 
+import contextlib
 import re
 import struct
 from typing import Any
 
 import numpy as np
 
-from .formats import Scan, check_points, chosen
-from .paths import Refusal
+from ..paths import Refusal
+from ..registry import File, reader
+from ..scan import Scan, check_points, chosen
+from .surface_topography import NoHeights, read_instrument
 
-MAGIC = b"GWYP"
+_MAGIC = b"GWYP"
 _ATOMS = {"b": "<?", "c": "<c", "i": "<i", "q": "<q", "d": "<d"}
 _ARRAYS = {"C": "S1", "I": "<i4", "Q": "<i8", "D": "<f8"}
 
 
-def read_channels(content: bytes, channel: str | int | None, at_most: float) -> Scan:
+@reader("gwyddion", "heights", knows=lambda file: file.content.startswith(_MAGIC))
+def read_channels(file: File) -> Scan:
     """Returns the channel of heights, or of numbers without a unit; raises `Refusal`."""
-    (_, container), _ = _object(content, len(MAGIC))
+    with contextlib.suppress(NoHeights):
+        return read_instrument(file)
+    (_, container), _ = _object(file.content, len(_MAGIC))
     fields = {
         found[1]: value[1]
         for key, value in container.items()
@@ -35,10 +41,10 @@ def read_channels(content: bytes, channel: str | int | None, at_most: float) -> 
         listed = ", ".join(f"{titles[key]!r} in {unit!r}" for key, unit in units.items())
         raise Refusal(f"its channels are no heights: {listed or 'there are none'}")
     names = [titles[key] for key in bare]
-    key = bare[chosen(channel, names, "its channels have no unit")]
+    key = bare[chosen(file.channel, names, "its channels have no unit")]
     field = fields[key]
     shape = field["xres"], field["yres"]
-    check_points(shape, at_most)
+    check_points(shape, file.at_most)
     heights = np.array(field["data"], float).reshape(shape[::-1]).T
     mask = container.get(f"/{key}/mask")
     if mask is not None:
