@@ -171,11 +171,7 @@ def _read(path: Path, options: Options, poisson, temperature, name: str | None) 
     try:
         tables = read(File(path, content, len(content)), "moduli")
         sheets, options = _sheets(tables, name, options), _with_fixed(options, tables)
-        if temperature is None and tables.temperature is not None:
-            temperature, options = (
-                tables.temperature,
-                dataclasses.replace(options, temperature=True),
-            )
+        temperature = tables.temperature if temperature is None else temperature
         understood = _understood(sheets, options)
         several = len(understood) > 1  # otherwise there may be one temperature for each curve
         each = one_each(temperature, len(understood), "sheets") if several else [temperature]
@@ -224,6 +220,7 @@ def _with_fixed(options: Options, tables: Tables) -> Options:
         columns=options.columns or tables.columns,
         units={**tables.units, **options.units},
         deformation=options.deformation or tables.deformation,
+        temperature=options.temperature or tables.temperature is not None,
         load=tables.load,
         source=options.source if options.units else tables.source,
     )

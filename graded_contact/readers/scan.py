@@ -55,6 +55,11 @@ class Scan(NamedTuple):
         return self._replace(heights=heights, notes=(*self.notes, note))
 
 
+def from_lines(lines: np.ndarray) -> np.ndarray:
+    """Returns heights `[x, y]` from the lines of a picture, the topmost first."""
+    return lines[::-1].T
+
+
 def equally_spaced(values: np.ndarray, within: float) -> bool:
     """Returns whether numbers are equally spaced within this part of their step."""
     even = np.linspace(values[0], values[-1], len(values))

@@ -45,11 +45,10 @@ def read_surface(
     linearly to its median step; points x y z that are scattered by at most 5 % of a step are taken
     on their grid. Heights of 1e37 and more, in any unit, are missing points.
 
-    x runs along a line of the file and y from its first line to its last, also in text; but x runs
-    along the first axis of a NumPy array, as in `Surface.heights`: the text of an array is its
-    transpose. Figures draw y upwards: most instruments show the first line at the top, so that
-    their pictures are the figures upside down. Such a reflection at the x axis changes no
-    friction of a sliding along x and no area.
+    x runs to the right and y upwards in the picture that the microscope shows, and in figures. The
+    first line of a file is the top of the picture, also in text. Points x y z, axes in the first
+    row and column, and roads (y to the left) have y of their own; arrays of NumPy are `[x, y]`, as
+    `Surface.heights`.
 
     **Arguments:**
 

@@ -70,7 +70,7 @@ def test_arguments_override_a_bundle_and_two_readings_are_refused(tmp_path, expe
 
 
 def test_a_scratch_workbook_of_heights_is_read(tmp_path, expected):
-    path, table = tmp_path / "a.xlsx", (1e6 * HEIGHTS.T).tolist()
+    path, table = tmp_path / "a.xlsx", (1e6 * HEIGHTS.T[::-1]).tolist()
     workbook(path, {"Sheet1": table, "Sheet2": [], "notes": [["measured on Monday"]]})
     same(mirrored(path, unit="um", size=SIZE), expected)
     workbook(path, {"a": [[], [None, "Height in µm"], *([None, *row] for row in table)]})
@@ -104,7 +104,7 @@ def zipped(files):
 
 
 def x3p(folder=""):
-    data = HEIGHTS.T.astype("<f8").tobytes()
+    data = HEIGHTS.T[::-1].astype("<f8").tobytes()
     main = MAIN.format(hashlib.md5(data).hexdigest())
     checksum = hashlib.md5(main.encode()).hexdigest()
     return zipped({

@@ -42,14 +42,12 @@ class Measurement(NamedTuple):
 def read_container(file: File) -> Scan:
     """Returns the measurement that `channel` names, or the only one."""
     kept = _measurements(file)
-    names = [*kept]
-    files = {each.file: name for name, each in kept.items()}
-    index = chosen(
-        files.get(file.channel, file.channel), names, "it is a container of measurements"
-    )
-    measurement = kept[names[index]]
+    names = {each.file: name for name, each in kept.items()}
+    channel = names.get(str(file.channel), file.channel)
+    name = [*kept][chosen(channel, [*kept], "it is a container of measurements")]
+    measurement = kept[name]
     content = file_in(file.content, measurement.file)
-    scan = file.read_part(measurement.file, content, measurement.source).part_of(names[index])
+    scan = file.read_part(measurement.file, content, measurement.source).part_of(name)
     return _as_described(scan, measurement)
 
 
@@ -65,11 +63,7 @@ def _measurements(file: File) -> dict[str, Measurement]:
         if "surfaces" not in description:
             return {}
         found = [
-            (
-                str(each.get("name") or name),
-                str(surface.get("name") or ""),
-                _measurement(each, name),
-            )
+            (str(each.get("name") or name), surface.get("name"), _measurement(each, name))
             for surface in description["surfaces"]
             for each in surface["topographies"]
             if (name := _file(each, file.parts))

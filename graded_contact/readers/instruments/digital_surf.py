@@ -12,7 +12,7 @@ import numpy as np
 
 from ..paths import Refusal, check_unpacked
 from ..registry import File, reader
-from ..scan import Scan, check_points
+from ..scan import Scan, check_points, from_lines
 from ..units import metres
 
 _MAGIC = {b"DIGITAL SURF": False, b"DSCOMPRESSED": True}
@@ -48,21 +48,21 @@ def read_digital_surf(file: File) -> Scan:
     size = num_x * num_y * of["bits"] // 8
     if len(numbers) < size:
         raise Refusal(f"it has {len(numbers)} of {size} bytes of heights: cut short")
-    raw = np.frombuffer(numbers[:size], f"<i{of['bits'] // 8}").reshape(num_y, num_x).T
+    raw = np.frombuffer(numbers[:size], f"<i{of['bits'] // 8}").reshape(num_y, num_x)
     heights = of["step_z"] * raw.astype(float) * (-1 if of["inversion"] in (1, 2, 3) else 1)
     if of["special"] == 1:
         heights[raw == of["least"] + _MISSING] = np.nan
     if of["inversion"] in (2, 3):
-        heights = np.flip(heights, of["inversion"] - 2)
+        heights = np.flip(heights, 3 - of["inversion"])
     first = ", the first of several objects" * (of["objects"] > 1)
     source = f"{name!r}{first}" if name else f"heights{first}"
     if num_y == 1:
-        return Scan(heights[:, 0], source, np.array([num_x * of["step_x"]]), unit, lateral)
+        return Scan(heights[0], source, np.array([num_x * of["step_x"]]), unit, lateral)
     factors = metres(lateral), metres(across)
     if None in factors:
         raise Refusal(f"its x is in {lateral!r} and its y in {across!r}: a length is needed")
     steps = np.array([of["step_x"], of["step_y"]]) * factors
-    return Scan(heights, source, steps * heights.shape, unit, "m")
+    return Scan(from_lines(heights), source, steps * (num_x, num_y), unit, "m")
 
 
 def _text(field: bytes) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..paths import Refusal
 from ..registry import File, reader
-from ..scan import Scan, check_points, chosen
+from ..scan import Scan, check_points, chosen, from_lines
 from .surface_topography import NoHeights, read_instrument
 
 _MAGIC = b"GWYP"
@@ -45,10 +45,10 @@ def read_channels(file: File) -> Scan:
     field = fields[key]
     shape = field["xres"], field["yres"]
     check_points(shape, file.at_most)
-    heights = np.array(field["data"], float).reshape(shape[::-1]).T
+    heights = from_lines(np.array(field["data"], float).reshape(shape[::-1]))
     mask = container.get(f"/{key}/mask")
     if mask is not None:
-        heights[mask[1]["data"].reshape(shape[::-1]).T > 0.5] = np.nan
+        heights[from_lines(mask[1]["data"].reshape(shape[::-1])) > 0.5] = np.nan
     size = np.abs([field.get("xreal", 0.0), field.get("yreal", 0.0)])
     lateral = _unit(field, "si_unit_xy")
     size = size if np.all(size > 0) else None

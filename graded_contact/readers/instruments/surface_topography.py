@@ -11,7 +11,7 @@ import numpy as np
 
 from ..paths import check_unpacked
 from ..registry import File, reader
-from ..scan import Scan, check_points, chosen
+from ..scan import Scan, check_points, chosen, from_lines
 from ..units import metres
 
 CHUNK = 2**16  # bytes
@@ -64,6 +64,7 @@ def read_instrument(file: File) -> Scan:
             x, heights = topography.positions_and_heights()
             positions = np.asarray(x, float) - np.min(x)
         heights = np.ma.filled(np.ma.asarray(heights, float), np.nan)
+        heights = from_lines(heights.T) if heights.ndim == 2 else heights  # its y runs downwards
         size = None if sizes is None else np.asarray(sizes, float)
         scan = Scan(heights, f"channel {info.name!r}", size, info.unit, info.unit, positions)
         others = ", ".join(repr(name) for name in dict.fromkeys(names) if name != info.name)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..paths import Refusal, file_in
 from ..registry import File, reader
-from ..scan import Scan, check_points
+from ..scan import Scan, check_points, from_lines
 
 _MOST_XML = 1_000_000  # bytes
 
@@ -56,7 +56,7 @@ def read_text_heights(file: File) -> Scan:
     if root.findtext(f"{axes}/CZ/AxisType".replace("/", "/{*}"), "A").strip() == "I":
         heights = heights * number(f"{axes}/CZ/Increment", "1")
     steps = np.array([number(f"{axes}/C{axis}/Increment") for axis in "XY"])
-    heights = heights.reshape(shape[1], shape[0]).T  # x is the fastest index
+    heights = from_lines(heights.reshape(shape[1], shape[0]))  # x is the fastest index
     if shape[1] == 1:
         heights, steps = heights[:, 0], steps[:1]
     return Scan(heights, "the XML", steps * heights.shape, "m", "m")
