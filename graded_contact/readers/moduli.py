@@ -17,12 +17,12 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
+from ..core.files import Refusal, read_file
 from ..materials.measured import Measured, distinct, joined
-from .cells import LARGEST, Sheet, holds_data
-from .columns import WAYS, MeasuredTable, Options, Unclear
-from .paths import Refusal, read_file
+from .cells import LARGEST, Sheet
+from .columns import WAYS, MeasuredTable, Unclear
 from .points import measured_points, one_each
-from .registry import File, Tables, read
+from .registry import File, Options, read
 from .steps import rank, understand
 from .units import DIMENSIONS, UNITS
 
@@ -77,7 +77,6 @@ def read_moduli(
     named = isinstance(paths, list | tuple) and len(paths) > 0
     if not named or not all(isinstance(each, str | os.PathLike) for each in paths):
         raise ValueError(f"`path={path!r}` must be the name of a file, or a list of them.")
-    options = _options(kind, columns, units, deformation, temperature is not None, step)
     if poisson is not None:
         poisson = float(as_scalar(poisson, "poisson"))
         check_poisson("poisson", poisson)
@@ -88,10 +87,13 @@ def read_moduli(
             words = f"`temperature={short(temperature)}` is refused: numbers [K] are needed."
             raise ValueError(words) from None
         check_positive("temperature", temperature, "[K]")
-    if len(paths) == 1:
-        return _read(Path(paths[0]), options, poisson, temperature, sheet)
-    pairs = zip(paths, one_each(temperature, len(paths), "files"), strict=True)
-    return joined([_read(Path(file), options, poisson, t, sheet) for file, t in pairs])
+    options = _options(columns, units, step, kind, deformation)
+    each = [temperature] if len(paths) == 1 else one_each(temperature, len(paths), "files")
+    parts = [
+        _read(Path(file), dataclasses.replace(options, temperature=kelvin), poisson, sheet)
+        for file, kelvin in zip(paths, each, strict=True)
+    ]
+    return parts[0] if len(parts) == 1 else joined(parts)
 
 
 _BACK = 0.9  # of a strain reached before: amplitudes that are measured scatter
@@ -129,8 +131,8 @@ def read_strain_sweep(
 
 def strain_sweep(path, columns, units, sheet, step) -> Measured:
     """Returns the moduli over the strain amplitude [1], arguments as in `read_strain_sweep`."""
-    options = _options(None, columns, units, None, True, step)
-    sweep = _read(Path(path), dataclasses.replace(options, kind="strain"), None, None, sheet)
+    options = dataclasses.replace(_options(columns, units, step), kind="strain")
+    sweep = _read(Path(path), options, None, sheet)
     strains = sweep.abscissa[np.argsort(sweep.lines)]
     strains = strains if strains[0] < strains[-1] else strains[::-1]
     back = np.any(strains < _BACK * np.maximum.accumulate(strains))
@@ -142,7 +144,7 @@ def strain_sweep(path, columns, units, sheet, step) -> Measured:
     return sweep
 
 
-def _options(kind, columns, units, deformation, temperature: bool, step) -> Options:
+def _options(columns, units, step, kind=None, deformation=None) -> Options:
     """The arguments of `read_moduli`, checked."""
     kinds = tuple(dict.fromkeys(kind for kind, _ in WAYS))
     choices: list[tuple[str, Any, Any]] = [
@@ -162,67 +164,55 @@ def _options(kind, columns, units, deformation, temperature: bool, step) -> Opti
     steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
-    return Options(kind, columns or {}, units or {}, deformation, temperature, tuple(steps))
+    return Options(kind, columns or {}, units or {}, deformation, step=tuple(steps))
 
 
-def _read(path: Path, options: Options, poisson, temperature, name: str | None) -> Measured:
+def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
     """The measurements in one file."""
     content = read_file(path, LARGEST)
     try:
-        tables = read(File(path, content, len(content)), "moduli")
-        sheets, options = _sheets(tables, name, options), _with_fixed(options, tables)
-        temperature = tables.temperature if temperature is None else temperature
+        sheets, fixed = read(File(path, content, len(content)), "moduli")
+        names = [sheet.name for sheet in sheets]
+        if name is not None:
+            if name not in names:
+                raise ValueError(f"there is no `sheet={name!r}`, only {names}")
+            sheets = [sheets[names.index(name)]]
+        if fixed.columns and not options.columns:  # others may follow, without a name
+            sheets = [sheet.numbers_only(len(fixed.columns)) for sheet in sheets]
+        options = _completed(options, fixed)
         understood = _understood(sheets, options)
-        several = len(understood) > 1  # otherwise there may be one temperature for each curve
-        each = one_each(temperature, len(understood), "sheets") if several else [temperature]
+        kelvins = [options.temperature]
+        if len(understood) > 1:  # otherwise there may be one temperature for each curve
+            kelvins = one_each(options.temperature, len(understood), "sheets")
         parts = []
-        for (sheet, measured), kelvin in zip(understood, each, strict=True):
+        for (sheet, measured), kelvin in zip(understood, kelvins, strict=True):
             rows = f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."
             measured.notes.insert(0, rows)
             parts.append(measured_points(path, measured, poisson, kelvin))
         names = [sheet.name for sheet, _ in understood]
-        if several and not distinct(parts):
-            raise ValueError(
-                f"the sheets {names} have similar tables at one temperature; pass `sheet`"
-            )
-        whole = joined(parts) if several else parts[0]
+        if len(parts) > 1 and not distinct(parts):
+            same = "have similar tables at one temperature"
+            raise ValueError(f"the sheets {names} {same}; pass `sheet`")
     except ValueError as error:
         refused = " is refused" * isinstance(error, Refusal)
         raise ValueError(f"`path={path}`{refused}: {str(error).rstrip('.')}.") from None
+    whole = joined(parts) if len(parts) > 1 else parts[0]
     left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]
     notes = [f"Left out the sheets {', '.join(left)}."] if left else []
     return dataclasses.replace(whole, history=(*whole.history, *notes))
 
 
-def _sheets(tables: Tables, name: str | None, options: Options) -> list[Sheet]:
-    """The sheets to look at; rows of numbers only, if the format fixes what their columns are."""
-    sheets = tables.sheets
-    if name is not None:
-        names = [sheet.name for sheet in sheets]
-        if name not in names:
-            raise ValueError(f"there is no `sheet={name!r}`, only {names}")
-        sheets = [sheets[names.index(name)]]
-    if options.columns or not tables.columns:
-        return sheets
-    width = len(tables.columns)  # others may follow, without a name
-    return [
-        sheet._replace(rows=[
-            row._replace(cells=row.cells[:width]) for row in sheet.rows if holds_data(row)
-        ]) for sheet in sheets
-    ]  # fmt: skip
-
-
-def _with_fixed(options: Options, tables: Tables) -> Options:
+def _completed(options: Options, fixed: Options) -> Options:
     """The options of the caller, and what the format fixes where they are silent."""
     return dataclasses.replace(
         options,
-        kind=options.kind or tables.kind,
-        columns=options.columns or tables.columns,
-        units={**tables.units, **options.units},
-        deformation=options.deformation or tables.deformation,
-        temperature=options.temperature or tables.temperature is not None,
-        load=tables.load,
-        source=options.source if options.units else tables.source,
+        kind=options.kind or fixed.kind,
+        columns=options.columns or fixed.columns,
+        units={**fixed.units, **options.units},
+        deformation=options.deformation or fixed.deformation,
+        temperature=fixed.temperature if options.temperature is None else options.temperature,
+        load=fixed.load,
+        source="as given in `units`" if options.units else fixed.source,
     )
 
 

@@ -10,10 +10,9 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
 from pathlib import PurePath
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
-from .cells import Sheet, decoded
-from .paths import (
+from ..core.files import (
     UNPACKED_TEXT,
     Refusal,
     check_archive,
@@ -22,10 +21,10 @@ from .paths import (
     may_unpack,
     names_in,
 )
+from .cells import Sheet, decoded
 from .scan import Scan
 
 DEEPEST = 3  # containers in one another
-Gives = Literal["heights", "moduli"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,10 +57,8 @@ class File:
         text, encoding = decoded(self.content) or ("", None)
         # Latin-1 can hold any bytes: a file of instruments has other characters than text.
         odd = sum(not (char.isprintable() or char.isspace()) for char in text[:10_000])
-        if encoding is None or (encoding == "Latin-1" and odd > 0.01 * len(text[:10_000])):
-            return None
-        check_unpacked(len(self.content), may_unpack(self.packed, UNPACKED_TEXT))
-        return text
+        binary = encoding is None or (encoding == "Latin-1" and odd > 0.01 * len(text[:10_000]))
+        return None if binary else text
 
     @functools.cached_property
     def parts(self) -> list[str]:
@@ -76,23 +73,35 @@ class File:
         return read(dataclasses.replace(self, **changes, depth=self.depth + 1), "heights")
 
 
-class Tables(NamedTuple):
-    """Tables of measured moduli, and what their format fixes.
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """What is known of tables of moduli; empty where the tables decide.
 
-    - `sheets`: rows of cells, with lines of names.
-    - `kind`, `columns`, `units`, `deformation`, `temperature`: as in `read_moduli`.
+    - `kind`: "frequency", "relaxation", "creep" or "strain".
+    - `columns`: name, or number counted from 1, of the column of a quantity.
+    - `units`: unit of a dimension.
+    - `deformation`: "tension" or "shear".
+    - `temperature`: [K], so that a column of it is not needed.
+    - `step`: numbers, or parts of titles, of the steps to read.
     - `load`: the constant stress of a creep test [Pa], the strain of a relaxation test [1].
     - `source`: where the units come from, in words.
     """
 
-    sheets: list[Sheet]
     kind: str | None = None
-    columns: Mapping[str, str | int] = {}
-    units: Mapping[str, str] = {}
+    columns: Mapping[str, str | int] = dataclasses.field(default_factory=dict)
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
     deformation: str | None = None
-    temperature: float | None = None
+    temperature: Any = None
+    step: tuple[str | int, ...] = ()
     load: float | None = None
-    source: str = "as given in `units`"
+    source: str = ""
+
+
+class Tables(NamedTuple):
+    """Rows of cells with lines of names, on sheets, and what their format fixes."""
+
+    sheets: list[Sheet]
+    fixed: Options = Options()
 
 
 class Reader(NamedTuple):
@@ -101,13 +110,13 @@ class Reader(NamedTuple):
     name: str
     knows: Callable[[File], bool]
     read: Callable[[File], Any]
-    last: bool
+    rank: int
 
 
-READERS: dict[Gives, list[Reader]] = {"heights": [], "moduli": []}
+READERS: dict[str, list[Reader]] = {"heights": [], "moduli": []}
 
 
-def reader(name: str, gives: Gives, *, knows: Callable[[File], bool], last: bool = False):
+def reader(name: str, gives: str, *, knows: Callable[[File], bool], rank: int = 0):
     """Registers the function below it as a reader of files.
 
     **Arguments:**
@@ -115,12 +124,13 @@ def reader(name: str, gives: Gives, *, knows: Callable[[File], bool], last: bool
     - `name`: of the kind of file.
     - `gives`: "heights" for a function that returns a `Scan`, "moduli" for `Tables`.
     - `knows`: whether the function reads a file: by its first bytes, a heading, or its extension.
-    - `last`: whether it only takes what no other reader knows.
+    - `rank`: 0 for a format that is told by its content, 1 for a library of many formats, 2 for
+      what is tried after it.
     """
 
     def register(function: Callable[[File], Any]) -> Callable[[File], Any]:
-        READERS[gives].append(Reader(name, knows, function, last))
-        READERS[gives].sort(key=lambda each: each.last)
+        READERS[gives].append(Reader(name, knows, function, rank))
+        READERS[gives].sort(key=lambda each: each.rank)
         return function
 
     return register
@@ -134,20 +144,41 @@ def find_readers() -> None:
         importlib.import_module(module.name)
 
 
-def read(file: File, gives: Gives) -> Any:
-    """Returns what the first reader that knows a file reads from it; raises `Refusal`."""
-    find_readers()
+def _is_refused(file: File) -> bool:
+    """Raises `Refusal` for an empty file, and for one that unpacks to too much."""
     if not file.content.strip():
         raise Refusal("it is empty")
-    try:
-        if file.content.startswith(b"PK"):
-            check_archive(file.content, file.at_most)
-        check_hdf5(file.content, file.at_most)
-        return next(each.read(file) for each in READERS[gives] if each.knows(file))
-    except (ImportError, Refusal):
-        raise
-    except Exception as error:  # libraries raise many kinds
-        reason = "its format is not known, or the file is damaged"
-        if type(error).__name__ != "CannotDetectFileFormat":
-            reason += " (" + " ".join(f"{type(error).__name__}: {error}".split())[:300] + ")"
-        raise Refusal(reason) from error
+    if file.content.startswith(b"PK"):
+        check_archive(file.content, file.at_most)
+    check_hdf5(file.content, file.at_most)
+    if file.text is not None:
+        check_unpacked(len(file.content), may_unpack(file.packed, UNPACKED_TEXT))
+    return False
+
+
+def read(file: File, gives: str) -> Any:
+    """Returns what a reader that knows a file reads from it; raises `Refusal`.
+
+    Readers are asked in turn until one returns. A `Refusal` is the last word, and so is any error
+    of a reader of rank 0.
+    """
+    find_readers()
+    errors: list[Exception] = []
+    for each in [Reader("size", _is_refused, read, 0), *READERS[gives]]:
+        try:
+            if each.knows(file):
+                return each.read(file)
+        except Refusal:
+            raise
+        except Exception as error:  # libraries raise many kinds
+            errors.append(error)
+            if each.rank == 0:
+                break
+    for error in errors:
+        if isinstance(error, ImportError):
+            raise error
+    error = errors[-1]
+    reason = "its format is not known, or the file is damaged"
+    if type(error).__name__ != "CannotDetectFileFormat":
+        reason += " (" + " ".join(f"{type(error).__name__}: {error}".split())[:300] + ")"
+    raise Refusal(reason) from error

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .paths import Refusal
+from ..core.files import Refusal
 
 MOST_POINTS = 2**28
 BYTES_OF_POINT = 4  # unpacked; fewer in files that are hardly packed

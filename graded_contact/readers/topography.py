@@ -14,9 +14,9 @@ import numpy as np
 
 from ..core.checks import Numbers, check_positive, check_types
 from ..core.display import with_unit
+from ..core.files import Refusal, read_file
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
 from ..surfaces.surface import Step, Surface, step
-from .paths import Refusal, read_file
 from .registry import File, read
 from .scan import Scan
 from .units import metres

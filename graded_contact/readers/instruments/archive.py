@@ -4,25 +4,19 @@ import io
 import zipfile
 from pathlib import PurePosixPath
 
-from ..paths import Refusal, file_in
+from ...core.files import file_in
 from ..registry import File, reader
 from ..scan import Scan, chosen
-from .surface_topography import read_instrument
 
 _BESIDE = {".txt", ".md", ".pdf", ".xml", ".json", ".csv", ".html", ".jpg", ".png", ".tif", ".bmp"}
 
 
-@reader("archive", "heights", knows=lambda file: file.content.startswith(b"PK"), last=True)
+@reader("archive", "heights", knows=lambda file: file.content.startswith(b"PK"), rank=2)
 def read_archive(file: File) -> Scan:
-    """Returns the heights in a zip: of an instrument's own zip, or of a file that it holds."""
-    try:
-        return read_instrument(file)
-    except (ImportError, Refusal):
-        raise
-    except Exception:  # the library raises many kinds
-        names = [name for name in file.parts if not name.startswith("__MACOSX")]
-    if "main.xml" in names:  # as in a damaged `.x3p`
-        raise Refusal("its format is not known, or the file is damaged")
+    """Returns the heights in a file of a zip that is not of an instrument."""
+    names = [name for name in file.parts if not name.startswith("__MACOSX")]
+    if "main.xml" in names:
+        raise ValueError("a damaged X3P")
     folders = [name.removesuffix("main.xml") for name in names if name.endswith("/main.xml")]
     if len(folders) == 1:  # an `.x3p` whose parts lie in a folder
         stream = io.BytesIO()

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..paths import Refusal, check_unpacked, file_in
+from ...core.files import Refusal, check_unpacked, file_in
 from ..registry import File, reader
 from ..scan import Scan, chosen
 from ..units import metres

@@ -10,7 +10,7 @@ import zlib
 
 import numpy as np
 
-from ..paths import Refusal, check_unpacked
+from ...core.files import Refusal, check_unpacked
 from ..registry import File, reader
 from ..scan import Scan, check_points, from_lines
 from ..units import metres

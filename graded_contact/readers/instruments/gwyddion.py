@@ -4,28 +4,24 @@ The file is a tree of named components, see "Gwyddion native format" in the user
 (http://gwyddion.net/documentation/user-guide-en/gwyfile-format.html).
 """
 
-import contextlib
 import re
 import struct
 from typing import Any
 
 import numpy as np
 
-from ..paths import Refusal
+from ...core.files import Refusal
 from ..registry import File, reader
 from ..scan import Scan, check_points, chosen, from_lines
-from .surface_topography import NoHeights, read_instrument
 
 _MAGIC = b"GWYP"
 _ATOMS = {"b": "<?", "c": "<c", "i": "<i", "q": "<q", "d": "<d"}
 _ARRAYS = {"C": "S1", "I": "<i4", "Q": "<i8", "D": "<f8"}
 
 
-@reader("gwyddion", "heights", knows=lambda file: file.content.startswith(_MAGIC))
+@reader("gwyddion", "heights", knows=lambda file: file.content.startswith(_MAGIC), rank=2)
 def read_channels(file: File) -> Scan:
     """Returns the channel of heights, or of numbers without a unit; raises `Refusal`."""
-    with contextlib.suppress(NoHeights):
-        return read_instrument(file)
     (_, container), _ = _object(file.content, len(_MAGIC))
     fields = {
         found[1]: value[1]

@@ -10,7 +10,7 @@ import re
 
 import numpy as np
 
-from ..paths import Refusal
+from ...core.files import Refusal
 from ..registry import File, reader
 from ..scan import Scan, equally_spaced
 from ..units import metres

@@ -4,9 +4,9 @@ RepTate's manual fixes the order and units of the columns by the ending of the f
 parameter of its first line is the constant load; without a strain, "stress" is a modulus.
 """
 
+from ...core.files import Refusal
 from ..cells import is_number, sheets_of
-from ..paths import Refusal
-from ..registry import File, Tables, reader
+from ..registry import File, Options, Tables, reader
 from ..tables import parameters
 from ..units import DIMENSIONS, OFFSETS, UNITS, parse_unit
 
@@ -32,8 +32,13 @@ def read_reptate(file: File) -> Tables:
     units = {DIMENSIONS[name]: str(unit) for name, unit in pairs}
     if any(unit not in UNITS[dimension] for dimension, unit in units.items()):
         raise Refusal(f"its columns must be {', '.join(columns)}, in this order; pass `columns`")
-    return Tables(
-        [sheet], kind, {name: i + 1 for i, name in enumerate(columns)}, units,
-        "shear", known["T"] + OFFSETS["C"] if "T" in known else None, known.get(load, usual),
-        "as in the file" if own else "as in all of RepTate's",
-    )  # fmt: skip
+    fixed = Options(
+        kind=kind,
+        columns={name: i + 1 for i, name in enumerate(columns)},
+        units=units,
+        deformation="shear",
+        temperature=known["T"] + OFFSETS["C"] if "T" in known else None,
+        load=known.get(load, usual),
+        source="as in the file" if own else "as in all of RepTate's",
+    )
+    return Tables([sheet], fixed)

@@ -4,7 +4,7 @@ from ..cells import sheets_of
 from ..registry import File, Tables, reader
 
 
-@reader("spreadsheet", "moduli", knows=lambda file: True, last=True)
+@reader("spreadsheet", "moduli", knows=lambda file: True, rank=2)
 def read_spreadsheet(file: File) -> Tables:
     """Returns the sheets of a workbook, or a text as the only sheet."""
     return Tables(sheets_of(file.content, file.packed))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..paths import check_unpacked
+from ...core.files import check_unpacked
 from ..registry import File, reader
 from ..scan import Scan, check_points, chosen, from_lines
 from ..units import metres
@@ -18,15 +18,7 @@ CHUNK = 2**16  # bytes
 _BACK = re.compile(r"(?i)re-?trace|backward|\bbwd\b|rückw")  # the way back of a scan
 
 
-class NoHeights(ValueError):
-    """A known format without a channel in a unit of length."""
-
-
-def _knows(file: File) -> bool:
-    return file.text is None and not file.content.startswith(b"PK")
-
-
-@reader("instrument", "heights", knows=_knows, last=True)
+@reader("instrument", "heights", knows=lambda file: True, rank=1)
 def read_instrument(file: File) -> Scan:
     """Returns the topography that SurfaceTopography reads from a file; it may raise any error.
 
@@ -47,7 +39,7 @@ def read_instrument(file: File) -> Scan:
             raise ValueError("this reader takes any 2 n² bytes")
         channels: list[Any] = list(library.channels)
         if not channels:
-            raise NoHeights("no channel of heights was found")
+            raise ValueError("no channel of heights was found")
         names = [info.name for info in channels]
         index = channels.index(_usual(channels, library.default_channel))
         if file.channel is not None:
@@ -55,6 +47,8 @@ def read_instrument(file: File) -> Scan:
         info = channels[index]
         check_points(info.nb_grid_pts or (), at_most)
         sizes = info.physical_sizes
+        if file.text is not None and not (sizes and info.unit):
+            raise ValueError("text without a known header: this reader takes much for numbers")
         lacking: dict[str, Any] = {} if sizes else {"physical_sizes": (1.0,) * info.dim}
         lacking |= {} if info.unit else {"unit": "m"}
         topography = library.topography(channel_index=index, **lacking)

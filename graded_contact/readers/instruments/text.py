@@ -12,12 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.files import Refusal
 from ..cells import COMMENT, LONGEST, TextLayout, is_missing, lines_of, text_layout
-from ..paths import Refusal
 from ..registry import File, reader
 from ..scan import Scan, equally_spaced, from_lines
 from ..units import length_unit
-from .surface_topography import read_instrument
 
 _BARE_UNIT = re.compile(r"^\W*(unit|einheit)", re.IGNORECASE)
 _OF_HEIGHTS = re.compile(r"unit|einheit|height|höhe|\bz\b|value|wert|topograph|depth", re.I)
@@ -39,20 +38,9 @@ class _Table(NamedTuple):
     notes: list[str]
 
 
-@reader("text", "heights", knows=lambda file: file.text is not None, last=True)
+@reader("text", "heights", knows=lambda file: file.text is not None, rank=2)
 def read_text_file(file: File) -> Scan:
-    """Returns the heights in a text.
-
-    SurfaceTopography reads text with a known header; it takes much else for a table of numbers.
-    """
-    try:
-        scan = read_instrument(file)
-        if scan.unit is not None and scan.size is not None:
-            return scan
-    except Refusal:
-        raise
-    except Exception:  # it raises many kinds, also where it is not installed
-        pass
+    """Returns the heights in a text without a header that SurfaceTopography knows."""
     return read_text(file.text or "")
 
 

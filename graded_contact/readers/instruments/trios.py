@@ -8,8 +8,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from ...core.files import Refusal
 from ..cells import Row, Sheet
-from ..paths import Refusal
 from ..registry import File, Tables, reader
 
 _NUMBERS = ("Number", "Integer")

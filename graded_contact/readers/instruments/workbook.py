@@ -1,29 +1,19 @@
 """Heights in an Excel workbook: the sheet that `channel` names, or its only table."""
 
-import contextlib
-
 import numpy as np
 
+from ...core.files import Refusal
 from ..cells import sheets_of
-from ..paths import Refusal
 from ..registry import File, reader
 from ..scan import Scan, chosen
 from .surface_topography import read_instrument
 from .text import read_text
 
-_OLE = b"\xd0\xcf\x11\xe0"  # old workbooks, and files of some instruments
 
-
-def _knows(file: File) -> bool:
-    return file.content.startswith(_OLE) or "xl/workbook.xml" in file.parts
-
-
-@reader("workbook", "heights", knows=_knows)
+@reader("workbook", "heights", knows=lambda file: "xl/workbook.xml" in file.parts)
+@reader("xls", "heights", knows=lambda file: file.content.startswith(b"\xd0\xcf\x11\xe0"), rank=2)
 def read_workbook(file: File) -> Scan:
     """Returns the heights in a sheet."""
-    if file.content.startswith(_OLE):
-        with contextlib.suppress(Exception):  # the library raises many kinds
-            return read_instrument(file)
     scans, refusals = {}, []
     sheets = sheets_of(file.content, file.packed)
     if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..paths import Refusal, file_in
+from ...core.files import Refusal, file_in
 from ..registry import File, reader
 from ..scan import Scan, check_points, from_lines
 

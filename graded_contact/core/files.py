@@ -13,7 +13,7 @@ import uuid
 import zipfile
 from pathlib import Path
 
-from ..core.display import short
+from .display import short
 
 LONGEST_NAME = 180  # bytes; file systems take 255, and endings are added
 PROBE = 65536  # bytes written to see whether a folder takes any
