@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
+from ..core.files import check_folder
 from ..plot import plot_compare
-from ..readers.paths import check_folder
 from ..scenes.results import read_results
 from .terminal import FigureFormat, refusing, save_figure
 

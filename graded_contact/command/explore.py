@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from ..core.files import check_folder, full_path
 from ..page.serving import serve
-from ..readers.paths import check_folder, full_path
 from .terminal import refusing
 
 

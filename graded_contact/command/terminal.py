@@ -15,8 +15,8 @@ from rich import progress as bars
 from rich.console import Console
 
 from ..core.compilation import LESS_WORK
+from ..core.files import check_folder, check_name, full_path
 from ..plot.style import caption
-from ..readers.paths import check_folder, check_name, full_path
 from ..scenes.scene import Scene
 from ..studies.dataset import write_whole
 from ..studies.interruption import Interruption

@@ -16,11 +16,11 @@ import numpy as np
 
 from ..core.checks import within
 from ..core.display import with_unit
+from ..core.files import check_name, read_file, read_utf8
 from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
 from ..materials.material import AbstractMaterial
 from ..readers.moduli import read_moduli
-from ..readers.paths import check_name, read_file, read_utf8
 from ..readers.topography import read_surface
 from ..scenes.scene import Scene, parse_scene, refuse_tables
 from ..scenes.schema import MOST_BYTES, parse_toml, toml_text

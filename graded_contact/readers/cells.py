@@ -11,10 +11,9 @@ import io
 import re
 import warnings
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from .paths import UNPACKED_TEXT, Refusal, check_archive, may_unpack, read_file
+from ..core.files import UNPACKED_TEXT, Refusal, check_archive, may_unpack
 
 LARGEST = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
 MOST_CELLS = 5_000_000  # of a sheet; lines of a text
@@ -66,6 +65,11 @@ class Sheet(NamedTuple):
     rows: list[Row]
     layout: str
     spaced: bool
+
+    def numbers_only(self, width: int) -> "Sheet":
+        """Returns the first cells of the rows of numbers."""
+        rows = [row._replace(cells=row.cells[:width]) for row in self.rows if holds_data(row)]
+        return self._replace(rows=rows)
 
 
 class TextLayout(NamedTuple):
@@ -210,24 +214,11 @@ def _text_sheet(content: bytes) -> Sheet:
 # Files and workbooks.
 
 
-def read_sheets(path: Path) -> list[Sheet]:
-    """Returns the sheets of a workbook, or a text file as the only sheet, without empty rows.
-
-    The first bytes of a file decide what it is, not its name. Raises `FileNotFoundError`,
-    `ImportError` if the reader of a workbook is not installed, and `ValueError` for what is not a
-    table.
-    """
-    content = read_file(path, LARGEST)
-    try:
-        return sheets_of(content, len(content))
-    except Refusal as error:
-        raise ValueError(f"`path={path}` is refused: {error}.") from error
-
-
 def sheets_of(content: bytes, packed: int) -> list[Sheet]:
-    """Returns the sheets in the content of a file, as `read_sheets`, or raises `Refusal`.
+    """Returns the sheets of a workbook, or a text as the only sheet, without empty rows.
 
-    `packed`: bytes of the file that it lies in.
+    The first bytes decide what it is. Raises `Refusal` for what is no table, and `ImportError` if
+    the reader of a workbook is not installed. `packed`: bytes of the file that it lies in.
     """
     if content.startswith(b"\xd0\xcf\x11\xe0"):
         sheets = _workbook("xlrd", _xls(content))

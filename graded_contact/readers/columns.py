@@ -1,13 +1,13 @@
 """Which column of a table of measurements is which quantity, in which unit."""
 
-import dataclasses
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..core.display import short
+from .registry import Options
 from .tables import Column, Table, stress_above, tension_above
 from .units import DIMENSIONS, OF_SHEAR, PER_SECOND, SI, UNITS
 
@@ -35,30 +35,6 @@ _NO_AMPLITUDE = re.compile(r"(?i)\bcmd\b|command|ratio|constant")  # as TRIOS ha
 ALIKE = 0.02  # columns whose values differ by less are the same
 CONSTANT = 0.05  # what a test holds constant varies by less
 SAME = 1e-3  # relative, between frequencies that are meant to be equal
-
-
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """The arguments of the caller, which override the file; None and empty where the file decides.
-
-    - `kind`: a kind of `WAYS`, or "strain".
-    - `columns`: name, or number counted from 1, of the column of a quantity.
-    - `units`: unit of a dimension.
-    - `deformation`: "tension" or "shear".
-    - `temperature`: whether it is given, so that a column of it is not needed.
-    - `step`: numbers, or parts of titles, of the steps to read.
-    - `load`: the constant stress of a creep test [Pa], the strain of a relaxation test [1].
-    - `source`: where these come from, in words.
-    """
-
-    kind: str | None
-    columns: Mapping[str, str | int]
-    units: Mapping[str, str]
-    deformation: str | None
-    temperature: bool
-    step: tuple[str | int, ...] = ()
-    load: float | None = None
-    source: str = "as given in `units`"
 
 
 class Unclear(ValueError):
@@ -117,13 +93,13 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
             names=table.names * table.blocks, units=table.units * table.blocks, blocks=1
         )
     places = _places(table, options)
-    if options.temperature:
+    if options.temperature is not None:
         places.pop("temperature", None)
     titles = [row for segment in table.segments for row in segment.titles]
     stress = None if options.kind == "relaxation" else stress_above(titles)
     load = stress if options.load is None else options.load
     kind, names = _way(table, places, load is not None, options)
-    beside = {"frequency", "temperature"} if kind == "strain" else {"temperature"}
+    beside = {"frequency"} if kind == "strain" else {"temperature"}
     needed = {name: places[name] for name in (*names, *sorted(beside & set(places)))}
     found = {name: _distinct(table, name, needed[name], options, notes) for name in needed}
     columns = {name: each[0] for name, each in found.items() if each[0] is not None}

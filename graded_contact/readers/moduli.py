@@ -17,24 +17,14 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
+from ..core.files import Refusal, read_file
 from ..materials.measured import Measured, distinct, joined
-from .cells import Sheet, holds_data, is_number
-from .columns import WAYS, MeasuredTable, Options, Unclear
+from .cells import LARGEST, Sheet
+from .columns import WAYS, MeasuredTable, Unclear
 from .points import measured_points, one_each
+from .registry import File, Options, read
 from .steps import rank, understand
-from .tables import parameters
-from .trios import read_tables
-from .units import DIMENSIONS, OFFSETS, UNITS, parse_unit
-
-# RepTate's manual fixes the order and units of the columns by the ending of the file, and which
-# parameter of its first line is the constant load; without a strain, "stress" is a modulus.
-_SWEEP = {"frequency": "rad/s", "storage": "Pa", "loss": "Pa"}
-_REPTATE = {
-    ".tts": ("frequency", _SWEEP, "", None),
-    ".osc": ("frequency", _SWEEP, "", None),
-    ".gt": ("relaxation", {"time": "s", "stress": "Pa"}, "gamma", 1.0),
-    ".creep": ("creep", {"time": "s", "strain": "1"}, "stress", None),
-}
+from .units import DIMENSIONS, UNITS
 
 
 @check_types
@@ -87,7 +77,6 @@ def read_moduli(
     named = isinstance(paths, list | tuple) and len(paths) > 0
     if not named or not all(isinstance(each, str | os.PathLike) for each in paths):
         raise ValueError(f"`path={path!r}` must be the name of a file, or a list of them.")
-    options = _options(kind, columns, units, deformation, temperature is not None, step)
     if poisson is not None:
         poisson = float(as_scalar(poisson, "poisson"))
         check_poisson("poisson", poisson)
@@ -98,10 +87,13 @@ def read_moduli(
             words = f"`temperature={short(temperature)}` is refused: numbers [K] are needed."
             raise ValueError(words) from None
         check_positive("temperature", temperature, "[K]")
-    if len(paths) == 1:
-        return _read(Path(paths[0]), options, poisson, temperature, sheet)
-    pairs = zip(paths, one_each(temperature, len(paths), "files"), strict=True)
-    return joined([_read(Path(file), options, poisson, t, sheet) for file, t in pairs])
+    options = _options(columns, units, step, kind, deformation)
+    each = [temperature] if len(paths) == 1 else one_each(temperature, len(paths), "files")
+    parts = [
+        _read(Path(file), dataclasses.replace(options, temperature=kelvin), poisson, sheet)
+        for file, kelvin in zip(paths, each, strict=True)
+    ]
+    return parts[0] if len(parts) == 1 else joined(parts)
 
 
 _BACK = 0.9  # of a strain reached before: amplitudes that are measured scatter
@@ -139,8 +131,8 @@ def read_strain_sweep(
 
 def strain_sweep(path, columns, units, sheet, step) -> Measured:
     """Returns the moduli over the strain amplitude [1], arguments as in `read_strain_sweep`."""
-    options = _options(None, columns, units, None, True, step)
-    sweep = _read(Path(path), dataclasses.replace(options, kind="strain"), None, None, sheet)
+    options = dataclasses.replace(_options(columns, units, step), kind="strain")
+    sweep = _read(Path(path), options, None, sheet)
     strains = sweep.abscissa[np.argsort(sweep.lines)]
     strains = strains if strains[0] < strains[-1] else strains[::-1]
     back = np.any(strains < _BACK * np.maximum.accumulate(strains))
@@ -152,7 +144,7 @@ def strain_sweep(path, columns, units, sheet, step) -> Measured:
     return sweep
 
 
-def _options(kind, columns, units, deformation, temperature: bool, step) -> Options:
+def _options(columns, units, step, kind=None, deformation=None) -> Options:
     """The arguments of `read_moduli`, checked."""
     kinds = tuple(dict.fromkeys(kind for kind, _ in WAYS))
     choices: list[tuple[str, Any, Any]] = [
@@ -172,68 +164,56 @@ def _options(kind, columns, units, deformation, temperature: bool, step) -> Opti
     steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
-    return Options(kind, columns or {}, units or {}, deformation, temperature, tuple(steps))
+    return Options(kind, columns or {}, units or {}, deformation, step=tuple(steps))
 
 
-def _read(path: Path, options: Options, poisson, temperature, name: str | None) -> Measured:
+def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
     """The measurements in one file."""
-    sheets = read_tables(path)
+    content = read_file(path, LARGEST)
     try:
-        if path.suffix.lower() in _REPTATE:
-            options, temperature, sheets = _as_reptate(path, options, temperature, sheets)
+        sheets, fixed = read(File(path, content, len(content)), "moduli")
+        names = [sheet.name for sheet in sheets]
         if name is not None:
-            names = [sheet.name for sheet in sheets]
             if name not in names:
                 raise ValueError(f"there is no `sheet={name!r}`, only {names}")
             sheets = [sheets[names.index(name)]]
+        if fixed.columns and not options.columns:  # others may follow, without a name
+            sheets = [sheet.numbers_only(len(fixed.columns)) for sheet in sheets]
+        options = _completed(options, fixed)
         understood = _understood(sheets, options)
-        several = len(understood) > 1  # otherwise there may be one temperature for each curve
-        each = one_each(temperature, len(understood), "sheets") if several else [temperature]
+        kelvins = [options.temperature]
+        if len(understood) > 1:  # otherwise there may be one temperature for each curve
+            kelvins = one_each(options.temperature, len(understood), "sheets")
         parts = []
-        for (sheet, measured), kelvin in zip(understood, each, strict=True):
-            read = f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."
-            measured.notes.insert(0, read)
+        for (sheet, measured), kelvin in zip(understood, kelvins, strict=True):
+            rows = f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."
+            measured.notes.insert(0, rows)
             parts.append(measured_points(path, measured, poisson, kelvin))
         names = [sheet.name for sheet, _ in understood]
-        if several and not distinct(parts):
-            raise ValueError(
-                f"the sheets {names} have similar tables at one temperature; pass `sheet`"
-            )
-        whole = joined(parts) if several else parts[0]
+        if len(parts) > 1 and not distinct(parts):
+            same = "have similar tables at one temperature"
+            raise ValueError(f"the sheets {names} {same}; pass `sheet`")
     except ValueError as error:
-        raise ValueError(f"`path={path}`: {str(error).rstrip('.')}.") from None
+        refused = " is refused" * isinstance(error, Refusal)
+        raise ValueError(f"`path={path}`{refused}: {str(error).rstrip('.')}.") from None
+    whole = joined(parts) if len(parts) > 1 else parts[0]
     left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]
     notes = [f"Left out the sheets {', '.join(left)}."] if left else []
     return dataclasses.replace(whole, history=(*whole.history, *notes))
 
 
-def _as_reptate(path: Path, options: Options, temperature, sheets: list[Sheet]) -> tuple:
-    """What RepTate's formats fix; temperature [°C] and load are in the first line."""
-    kind, columns, load, usual = _REPTATE[path.suffix.lower()]
-    rows = sheets[0].rows
-    given = parameters(rows[0]) if rows else {}
-    if temperature is None and is_number(given.get("T", "")):
-        temperature = float(given["T"]) + OFFSETS["C"]
-    below = [[parse_unit(cell) for cell in row.cells[: len(columns)]] for row in rows[1:4]]
-    own = next((units for units in below if len(units) == len(columns) and all(units)), None)
-    pairs = zip(columns, own or columns.values(), strict=True)
-    units = {DIMENSIONS[name]: str(unit) for name, unit in pairs}
-    if any(unit not in UNITS[dimension] for dimension, unit in units.items()):
-        raise ValueError(f"its columns must be {', '.join(columns)}, in this order; pass `columns`")
-    source = "as in the file" if own else "as in all of RepTate's"
-    if not options.columns:  # others may follow, without a name, or be missing
-        rows = [row._replace(cells=row.cells[: len(columns)]) for row in rows if holds_data(row)]
-    options = dataclasses.replace(
+def _completed(options: Options, fixed: Options) -> Options:
+    """The options of the caller, and what the format fixes where they are silent."""
+    return dataclasses.replace(
         options,
-        kind=options.kind or kind,
-        columns=options.columns or {quantity: i + 1 for i, quantity in enumerate(columns)},
-        units={**units, **options.units},
-        deformation=options.deformation or "shear",
-        temperature=temperature is not None,
-        load=float(given[load]) if is_number(given.get(load, "")) else usual,
-        source=options.source if options.units else source,
+        kind=options.kind or fixed.kind,
+        columns=options.columns or fixed.columns,
+        units={**fixed.units, **options.units},
+        deformation=options.deformation or fixed.deformation,
+        temperature=fixed.temperature if options.temperature is None else options.temperature,
+        load=fixed.load,
+        source="as given in `units`" if options.units else fixed.source,
     )
-    return options, temperature, [sheets[0]._replace(rows=rows)]
 
 
 def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, MeasuredTable]]:

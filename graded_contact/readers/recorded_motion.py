@@ -1,14 +1,14 @@
 """A recorded motion from a table of times and displacements."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import ScalarLike
 
+from ..core.files import Refusal, read_file
 from ..fields.grid import Grid
 from ..sliding.motion import Motion, recorded
-from .cells import holds_data, read_sheets
+from .cells import LARGEST, holds_data, sheets_of
 from .units import UNITS, length_unit, metres, parse_heading
 
 
@@ -29,7 +29,11 @@ def read_motion(
 
     **Raises:** `FileNotFoundError`; `ValueError` for a file that is no such table.
     """
-    rows = read_sheets(Path(path))[0].rows
+    content = read_file(path, LARGEST)
+    try:
+        rows = sheets_of(content, len(content))[0].rows
+    except Refusal as error:
+        raise ValueError(f"`path={path}` is refused: {error}.") from error
     data = [row.cells[:2] for row in rows if holds_data(row)]
     head = next((row.cells for row in rows if len(row.cells) > 1 and not holds_data(row)), ["", ""])
     try:

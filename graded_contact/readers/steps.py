@@ -14,8 +14,9 @@ import numpy as np
 
 from ..materials.measured import ISOTHERM_GAP
 from .cells import Row, Sheet
-from .columns import CONSTANT, SAME, MeasuredTable, Options, measured_table
+from .columns import CONSTANT, SAME, MeasuredTable, measured_table
 from .points import LIMIT
+from .registry import Options
 from .tables import Column, Table, find_tables, title_above
 from .units import SI
 

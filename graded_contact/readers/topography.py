@@ -7,45 +7,20 @@ microscopes; plain text, OpenCRG roads and NumPy's files by the other modules of
 
 import os
 import warnings
-from pathlib import Path, PurePath, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..core.checks import Numbers, check_positive, check_types
 from ..core.display import with_unit
+from ..core.files import Refusal, read_file
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
 from ..surfaces.surface import Step, Surface, step
-from . import gwyddion
-from .cells import decoded, sheets_of
-from .container import as_described, measurements_in
-from .digital_surf import is_digital_surf, read_digital_surf
-from .formats import (
-    NoHeights,
-    Scan,
-    chosen,
-    file_in,
-    marked_as_missing,
-    names_in,
-    read_arrays,
-    read_instrument,
-    unpacked,
-)
-from .heights_text import read_text
-from .opencrg import is_road, read_road
-from .paths import (
-    UNPACKED_TEXT,
-    Refusal,
-    check_archive,
-    check_hdf5,
-    check_unpacked,
-    may_unpack,
-    read_file,
-)
+from .registry import File, read
+from .scan import Scan
 from .units import metres
-from .x3p import has_text_heights, read_text_heights
 
-DEEPEST = 3  # zips in one another
 GAP = 3  # steps of a line scan, beyond which the points between are missing
 
 
@@ -70,11 +45,10 @@ def read_surface(
     linearly to its median step; points x y z that are scattered by at most 5 % of a step are taken
     on their grid. Heights of 1e37 and more, in any unit, are missing points.
 
-    x runs along a line of the file and y from its first line to its last, also in text; but x runs
-    along the first axis of a NumPy array, as in `Surface.heights`: the text of an array is its
-    transpose. Figures draw y upwards: most instruments show the first line at the top, so that
-    their pictures are the figures upside down. Such a reflection at the x axis changes no
-    friction of a sliding along x and no area.
+    x runs to the right and y upwards in the picture that the microscope shows, and in figures. The
+    first line of a file is the top of the picture, also in text. Points x y z, axes in the first
+    row and column, and roads (y to the left) have y of their own; arrays of NumPy are `[x, y]`, as
+    `Surface.heights`.
 
     **Arguments:**
 
@@ -126,119 +100,16 @@ def _read(path: Path, channel, size, unit, periodic) -> tuple[Scan, float, np.nd
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            scan = _without_marks(_scan(path, content, channel, size, unit, len(content)))
+            file = File(path, content, len(content), channel, size, unit)
+            scan = read(file, "heights").without_marks()
             factor, known = _scales(scan, size, unit)
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
     except Refusal as error:
         raise ValueError(f"`path={path}` is refused: {error}.") from None
-    except ImportError:
-        raise
-    except Exception as error:  # readers raise many kinds
-        reason = "its format is not known, or the file is damaged"
-        if type(error).__name__ != "CannotDetectFileFormat":
-            reason += " (" + " ".join(f"{type(error).__name__}: {error}".split())[:300] + ")"
-        raise ValueError(f"`path={path}` cannot be read: {reason}.") from error
     kinds = UserWarning | RuntimeWarning
     told = [entry.message for entry in caught if issubclass(entry.category, kinds)]
     return scan, factor, known, [f"The reader warned: {message}" for message in told]
-
-
-def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, depth=0) -> Scan:
-    """The heights in a file, which may lie in zips, by the reader that fits its content.
-
-    `packed`: bytes of the outermost file.
-    """
-    if not content.strip():
-        raise Refusal("it is empty")
-    at_most = may_unpack(packed)
-    is_zip, is_ole = content.startswith(b"PK"), content.startswith(b"\xd0\xcf\x11\xe0")
-    if is_zip:
-        check_archive(content, at_most)
-    check_hdf5(content, at_most)
-    if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and is_zip):
-        return read_arrays(content, channel, size, unit, at_most)
-    text, encoding = decoded(content) or ("", None)
-    # Latin-1 can hold any bytes: a file of instruments has other characters than text.
-    odd = sum(not (char.isprintable() or char.isspace()) for char in text[:10_000])
-    is_text = encoding and not (encoding == "Latin-1" and odd > 0.01 * len(text[:10_000]))
-    if is_text:
-        check_unpacked(len(content), may_unpack(packed, UNPACKED_TEXT))
-    if is_digital_surf(content):
-        return read_digital_surf(content, at_most)
-    if is_road(content):
-        return read_road(content)
-    if is_zip and "xl/workbook.xml" in names_in(content):
-        return _read_sheets(content, channel, packed)
-    if is_zip and has_text_heights(content):
-        return read_text_heights(content, at_most)
-    if is_zip and (kept := measurements_in(content)):
-        if depth == DEEPEST:
-            raise Refusal("it has too many zips in one another")
-        names = [*kept]
-        files = {each.file: name for name, each in kept.items()}
-        index = chosen(files.get(channel, channel), names, "it is a container of measurements")
-        name, measurement = names[index], kept[names[index]]
-        inner, own = PurePosixPath(measurement.file), file_in(content, measurement.file)
-        scan = _scan(inner, own, measurement.source, size, unit, packed, depth + 1)
-        scan = scan._replace(source=f"{scan.source} of {name!r}")
-        return as_described(scan, measurement)
-    if not is_text:
-        try:
-            return read_instrument(content, channel, at_most)
-        except NoHeights:
-            if not content.startswith(gwyddion.MAGIC):
-                raise
-            return gwyddion.read_channels(content, channel, at_most)
-        except Exception as error:
-            if is_ole:
-                return _read_sheets(content, channel, packed)
-            if not is_zip or isinstance(error, ImportError | Refusal):
-                raise
-        if depth == DEEPEST:
-            raise Refusal("it has too many zips in one another")
-        inner, name = unpacked(content, channel)
-        scan = _scan(PurePosixPath(name), inner, None, size, unit, packed, depth + 1)
-        return scan._replace(source=f"{scan.source} of {name!r}")
-    # The library reads text with a known header; it takes much else for a table of numbers.
-    try:
-        scan = read_instrument(content, channel, at_most)
-    except Refusal:
-        raise
-    except Exception:  # it raises many kinds, also where it is not installed
-        return read_text(text)
-    return scan if scan.unit is not None and scan.size is not None else read_text(text)
-
-
-def _without_marks(scan: Scan) -> Scan:
-    """The heights with NaN for numbers that mark missing points."""
-    marked = marked_as_missing(scan.heights)
-    if not np.any(marked):
-        return scan
-    least = np.min(np.abs(scan.heights[marked]))
-    note = f"{np.sum(marked)} heights of {least:.2g} or more count as missing."
-    heights = np.where(marked, np.nan, scan.heights)
-    return scan._replace(heights=heights, notes=(*scan.notes, note))
-
-
-def _read_sheets(content: bytes, channel: str | int | None, packed: int) -> Scan:
-    """The heights in the sheet of a workbook that `channel` names, or in its only table."""
-    scans, refusals = {}, []
-    sheets = sheets_of(content, packed)
-    if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:
-        return read_instrument(content, channel, may_unpack(packed))  # of Mitutoyo's instruments
-    for sheet in filter(lambda sheet: sheet.rows, sheets):
-        cells = [row.cells for row in sheet.rows]  # all rows of a sheet are equally wide
-        full = np.flatnonzero([any(column) for column in zip(*cells, strict=True)])
-        lines = ["\t".join(row[full[0] : full[-1] + 1]) for row in cells]
-        try:
-            scans[sheet.name] = read_text("\n".join(lines))._replace(source=sheet.layout)
-        except Refusal as error:
-            refusals.append(error)
-    if not scans:
-        raise refusals[0] if refusals else Refusal("it is an empty workbook")
-    names = list(scans)
-    return scans[names[chosen(channel, names, "it holds several sheets of heights")]]
 
 
 def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:

@@ -18,9 +18,9 @@ from jaxtyping import Float
 
 from ..core.checks import check_poisson, check_positive, check_values, check_whole, within
 from ..core.display import shown
+from ..core.files import read_utf8
 from ..core.parameters import with_values
 from ..fields.grid import Grid
-from ..readers.paths import read_utf8
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .scene import Scene, check_paths, parse_scene, refuse_tables

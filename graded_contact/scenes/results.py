@@ -22,11 +22,11 @@ from jaxtyping import Float
 
 from ..blocks.window_compliance import has_ground
 from ..contacts.solution import RESULTS
+from ..core.files import read_file
 from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of
 from ..fields.grid import Grid
 from ..materials.shift import shifts_in
-from ..readers.paths import read_file
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions, read
 from ..studies.store import Point, together
 from ..surfaces.surface import Step, Surface

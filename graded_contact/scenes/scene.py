@@ -32,13 +32,13 @@ from ..core.checks import (
     within,
 )
 from ..core.display import shown
+from ..core.files import check_name, read_utf8
 from ..core.memory import check_points
 from ..core.parameters import paths, places, with_values
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
 from ..materials.material import AbstractMaterial
 from ..materials.softening import as_strain_per_slope
-from ..readers.paths import check_name, read_utf8
 from ..sliding.case import Case
 from ..sliding.heating import Heating
 from ..sliding.motion import Motion

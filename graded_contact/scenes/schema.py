@@ -29,8 +29,8 @@ import numpy as np
 from jaxtyping import AbstractArray, Float
 
 from ..core.checks import check_positive, check_type, check_values, nearest, short, within
+from ..core.files import full_path
 from ..core.memory import check_points
-from ..readers.paths import full_path
 
 MOST_BYTES = 1_000_000  # bytes of a text; building 20,000 layers takes a minute
 ROOT = "the scene"

@@ -18,9 +18,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from ..core.files import LARGEST_FILE, Refusal, check_hdf5, read_file
 from ..core.memory import available_memory
 from ..core.quantities import quantity_of
-from ..readers.paths import LARGEST_FILE, Refusal, check_hdf5, read_file
 
 if TYPE_CHECKING:
     from xarray import Dataset

@@ -15,8 +15,8 @@ from jaxtyping import Array, Float
 
 from ..core.checks import as_float, check_values, nearest, within
 from ..core.display import shown
+from ..core.files import read_file
 from ..core.parameters import paths, with_values
-from ..readers.paths import read_file
 from .dataset import write_whole
 
 _LARGEST = 10_000_000  # bytes of a file; 500 numbers have 6 MB

@@ -18,7 +18,7 @@ import filelock
 import jax
 import numpy as np
 
-from ..readers.paths import check_archive, may_unpack
+from ..core.files import check_archive, may_unpack
 from .dataset import FAILED, read_sealed, write_sealed
 
 

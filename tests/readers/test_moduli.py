@@ -1,7 +1,9 @@
 """Files in many layouts are written here and read back; measured files are beside the project."""
 
+import io
 import re
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -510,7 +512,7 @@ def test_what_is_not_understood_is_refused_by_line(tmp_path, old, new, options, 
         ("f E' E''\nHz Pa Pa\n1 2 3\n2 3\n", "2 entries in 3 columns: .* line 4"),
         ("f, E', E'', T\nHz, Pa, Pa, K\n1, 2, 3, -20\n2, 3, 4, -20\n", "absolute zero.*line 3"),
         ("f, E*, delta\nHz, Pa, deg\n1, 2, 90\n2, 3, 4\n", "below 90°: .* line 3 .'90'."),
-        ("", "no table of numbers"),
+        ("", "it is empty"),
         ("f, E', E''\0\n", "neither a table of text nor an Excel"),
         ("7" * 200_000, "neither a table of text nor an Excel"),
     ],
@@ -526,10 +528,15 @@ def test_a_missing_file_a_folder_and_a_damaged_workbook_are_refused(tmp_path, mo
         read_moduli(tmp_path / "nowhere.csv")
     with pytest.raises(ValueError, match="is a folder; a file is needed"):
         read_moduli(tmp_path)
-    for start, library in ((b"\xd0\xcf\x11\xe0", "xlrd"), (b"PK\x03\x04", "openpyxl")):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("xl/workbook.xml", "<workbook/>")
+    for content, library in ((b"\xd0\xcf\x11\xe0", "xlrd"), (stream.getvalue(), "openpyxl")):
         pytest.importorskip(library)
         with pytest.raises(ValueError, match=r"a.xls` is refused: it cannot be read as an Ex"):
-            read(tmp_path, start + bytes(range(256)), "a.xls")
+            read(tmp_path, content, "a.xls")
+        with pytest.raises(ValueError, match=r"a.xls` is refused: .*damaged|cannot be read"):
+            read(tmp_path, content[:4] + bytes(range(256)), "a.xls")
         monkeypatch.setitem(sys.modules, library, None)
         with pytest.raises(ImportError, match=rf"{library}: pip install graded_contact\[io\]"):
-            read(tmp_path, start, "a.xls")
+            read(tmp_path, content, "a.xls")

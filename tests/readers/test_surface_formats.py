@@ -1,9 +1,11 @@
 """Heights in formats that the package reads itself, from files written here byte by byte."""
 
+import importlib.util
 import io
 import struct
 import zipfile
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,8 @@ import pytest
 import graded_contact as gc
 from graded_contact import read_surface
 from graded_contact.plot.contact import draw_map
-from graded_contact.readers.digital_surf import read_digital_surf
+from graded_contact.readers.instruments.digital_surf import read_digital_surf
+from graded_contact.readers.registry import File
 
 RNG = np.random.default_rng(5)
 SIZE = (4e-6, 3e-6)
@@ -81,7 +84,7 @@ versions:
 
 def test_a_container_gives_its_measurements_by_name_with_size_and_unit(tmp_path):
     matrix, scan, own = io.StringIO(), io.StringIO(), io.BytesIO()
-    np.savetxt(matrix, 2e6 * HEIGHTS.T)
+    np.savetxt(matrix, 2e6 * HEIGHTS.T[::-1])
     line = 1e6 * np.stack([1e-7 * np.arange(40), HEIGHTS[:, 3]], 1)
     np.savetxt(scan, line, fmt="%.9g", header="x z")
     np.savez(own, z_nm=1e9 * HEIGHTS, size_um=(4.0, 3.0))
@@ -139,17 +142,17 @@ def digital_surf(raw, *, packed=0, units=("µm", "µm", "nm"), inversion=0, leas
     return bytes(head) + b"hello" + b"..." + data
 
 
-RAW = np.round(HEIGHTS.T / STEP).astype("i4")
+RAW = np.round(HEIGHTS.T[::-1] / STEP).astype("i4")
 
 
 @pytest.mark.parametrize("packed", [0, 1, 3])
 def test_maps_of_mountains_are_read_packed_too(tmp_path, packed):
-    kept = STEP * RAW.T
+    kept = STEP * RAW[::-1].T
     check(read(tmp_path, digital_surf(RAW, packed=packed)), kept)
     upside = digital_surf(np.ascontiguousarray(-RAW[::-1]), packed=packed, inversion=3)
     check(read(tmp_path, upside), kept)
     line = np.ascontiguousarray(RAW[:1])
-    check(read(tmp_path, digital_surf(line, packed=packed)), kept[:, 0])
+    check(read(tmp_path, digital_surf(line, packed=packed)), kept[:, -1])
 
 
 def test_maps_of_mountains_agree_with_surface_topography():
@@ -161,8 +164,9 @@ def test_maps_of_mountains_agree_with_surface_topography():
         options = {"units": 3 * ("nm",), "special": 1, "least": int(raw[3, 4]) + 2}
         content = digital_surf(raw, inversion=inversion, **options)
         theirs = library.open_topography(io.BytesIO(content)).topography()
-        ours = read_digital_surf(content, 1e9)
-        np.testing.assert_allclose(np.ma.filled(theirs.heights(), np.nan), ours.heights)
+        ours = read_digital_surf(File(Path("a.sur"), content, len(content)))
+        shown = np.ma.filled(theirs.heights(), np.nan).T  # they draw it by `imshow`
+        np.testing.assert_allclose(shown, ours.heights.T[::-1])
         np.testing.assert_allclose(theirs.physical_sizes, 1e9 * ours.size)
 
 
@@ -200,7 +204,8 @@ X3P = """<?xml version="1.0" encoding="UTF-8"?>
 
 def x3p(heights):
     """`heights` of shape (nx, ny) or (nx,); x runs first, and NaN is an empty tag."""
-    data = ["<Datum/>" if np.isnan(h) else f"<Datum>{h:.9e}</Datum>" for h in heights.T.ravel()]
+    lines = heights.T[::-1] if heights.ndim == 2 else heights
+    data = ["<Datum/>" if np.isnan(h) else f"<Datum>{h:.9e}</Datum>" for h in lines.ravel()]
     return X3P.format(len(heights), heights.size // len(heights), "\n".join(data))
 
 
@@ -238,7 +243,7 @@ def gwyddion(*channels, xreal=4e3):
         return name.encode() + b"\0" + kind.encode() + content
 
     def field(values, unit):
-        numbers = values.T.astype("<f8")
+        numbers = values.T[::-1].astype("<f8")
         text = component("unitstr", "s", unit.encode() + b"\0")
         parts = [component(name, "i", struct.pack("<i", n))
                  for name, n in zip(("xres", "yres"), values.shape, strict=True)]  # fmt: skip
@@ -297,7 +302,7 @@ def jpk(*channels):
             tags = [(code, "s", 0, text, True) for code, text in texts.items()]
             tags += [(0x8051, "I", 1, retrace, True), (0x8080, "I", 1, 1, True)]
             tags += [(0x80A4, "d", 1, STEP, True), (0x80A5, "d", 1, 0.0, True)]
-            raw = np.round(heights.T / STEP)[::-1].astype("i4")  # the first line is at the bottom
+            raw = np.round(heights.T / STEP).astype("i4")  # the first line is at the bottom
             file.write(np.ascontiguousarray(raw), extratags=tags, **common)
     return stream.getvalue()
 
@@ -321,7 +326,7 @@ def test_large_marks_are_missing_points(tmp_path, mark):
     heights, hole = 1e9 * HEIGHTS, (slice(3, 5), slice(7, 9))
     heights[hole] = np.float32(mark)
     np.save(tmp_path / "a.npy", heights)
-    np.savetxt(tmp_path / "a.txt", heights.T)
+    np.savetxt(tmp_path / "a.txt", heights.T[::-1])
     x, y = np.meshgrid(np.arange(40), np.arange(30), indexing="ij")
     np.savetxt(tmp_path / "b.txt", np.stack([x.ravel() * 1e2, y.ravel() * 1e2, heights.ravel()], 1))
     for name, options in [("a.npy", {"size": SIZE}), ("a.txt", {"size": SIZE}), ("b.txt", {})]:
@@ -378,23 +383,44 @@ def test_waves_along_either_edge_of_oblong_pixels_have_equal_areas(tmp_path, per
     assert areas[0] == pytest.approx(areas[1], rel=0.01) and 0.1 < areas[0] < 0.5, areas
 
 
-def test_the_first_line_of_a_file_is_at_y_0_and_at_the_bottom_of_a_figure(tmp_path):
-    """In text, X3P and Mountains: one corner is the highest."""
+def test_figures_show_surfaces_as_microscopes_do(tmp_path):
+    """The first line of a file is at the top; points, arrays and axes have their own y."""
     pyplot = pytest.importorskip("matplotlib.pyplot")
-    heights = np.zeros((40, 30))
-    heights[35:, :3] = 1e-8  # at the end of the first lines
-    np.savetxt(tmp_path / "a.txt", 1e6 * heights.T)
+    heights = np.zeros((40, 30))  # [x, y], y upwards
+    heights[35:, -3:] = 1e-8  # at the top right, which is at the end of the first lines
+    lines, (x, y) = heights.T[::-1], np.indices(heights.shape)
+    np.savetxt(tmp_path / "lines.txt", 1e6 * lines)
+    np.savetxt(tmp_path / "points.txt", np.stack([x, y, 1e8 * heights], -1).reshape(-1, 3))
+    np.savetxt(tmp_path / "up.txt", np.block([[np.zeros((1, 1)), x[:, :1].T + 0.5],
+                                              [y[:1].T + 0.5, 1e8 * heights.T]]))  # fmt: skip
+    np.savetxt(tmp_path / "down.txt", np.block([[np.zeros((1, 1)), x[:, :1].T + 0.5],
+                                                [y[:1, ::-1].T + 0.5, 1e8 * lines]]))  # fmt: skip
+    np.save(tmp_path / "a.npy", 1e6 * heights)
+    bare = {"unit": "um", "periodic": "mirror"}
+    raw = np.round(lines / STEP).astype("i4")
     surfaces = [
-        read_surface(tmp_path / "a.txt", unit="um", size=SIZE, periodic="mirror"),
+        read_surface(tmp_path / "lines.txt", size=SIZE, **bare),
+        read_surface(tmp_path / "a.npy", size=SIZE, **bare),
+        *(read_surface(tmp_path / f"{name}.txt", **bare) for name in ("points", "up", "down")),
         read(tmp_path, zipped({"main.xml": x3p(heights)})),
-        read(tmp_path, digital_surf(np.round(heights.T / STEP).astype("i4"))),
+        read(tmp_path, digital_surf(raw)),
+        read(tmp_path, gwyddion(("a", 1e6 * heights, "", None)), unit="um"),
     ]
+    if importlib.util.find_spec("SurfaceTopography"):
+        surfaces.append(read(tmp_path, tmd(lines)))
     for surface in surfaces:
-        tile = np.asarray(surface.heights)[:40, :30]
-        assert np.all(tile[35:, :3] > np.max(tile[:34, 4:])), surface.history
+        found = np.asarray(surface.heights)[:40, :30]
+        assert np.all(found[35:, -3:] > np.max(found[:34, :-4])), surface.history
     figure, axes = pyplot.subplots()
-    image = draw_map(axes, tile, np.array(SIZE))
-    drawn = image.get_array() if image.origin == "lower" else image.get_array()[::-1]
+    image = draw_map(axes, found, np.array(SIZE))
+    drawn = image.get_array() if image.origin == "upper" else image.get_array()[::-1]
     assert np.all(drawn[:3, 35:] > np.max(drawn[4:, :34]))
-    assert axes.get_ylim()[0] < axes.get_ylim()[1]  # y upwards
+    assert axes.get_ylim()[0] < axes.get_ylim()[1]
     pyplot.close(figure)
+
+
+def tmd(lines):
+    """A file of GelSight and TrueMap, in millimetres: the lines of a picture."""
+    head = b"Binary TrueMap Data File v2.0\r\n\0" + b"Created by TrueMap v6\r\n\0"
+    sizes = struct.pack("<2I4f", *lines.shape[::-1], 4e-3, 3e-3, 0.0, 0.0)
+    return head + sizes + (1e3 * lines).astype("<f4").tobytes()

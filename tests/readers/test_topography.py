@@ -71,7 +71,7 @@ def test_mirrored_files_have_the_tabulated_statistics(name, shape, size, height,
 
 
 def test_spikes_around_large_holes_are_reported_and_discarded_on_request():
-    path, third = _measured("frt-2.frt"), [0, 0.03, 0.01, 0.02]
+    path, third = _measured("frt-2.frt"), [0, 0.03, 0.04, 0.05]
     spiky = read_surface(path, region=third, fill="harmonic")
     assert any("Filled 1844 missing points" in n and "see `rim=1`" in n for n in spiky.history)
     assert any("25% of the points were not measured" in text for text in spiky.caveats)
@@ -316,13 +316,13 @@ def _texts():
     def rows(separator, decimal=".", spare=""):
         return "".join(
             separator.join(f"{v:g}".replace(".", decimal) for v in row) + spare + "\n"
-            for row in h.T  # a row of text runs along x
+            for row in h.T[::-1]  # lines of a picture
         )
 
     x, y = np.meshgrid(2.0 * np.arange(6), 2.0 * np.arange(5), indexing="ij")
     triples = [f"{a:g},{b:g},{c:g}" for a, b, c in zip(x.flat, y.flat, h.flat, strict=True)]
     labels = "y\\x," + ",".join(map(str, range(0, 12, 2))) + "\n"
-    labelled = "".join(f"{2 * j}," + line + "\n" for j, line in enumerate(rows(",").splitlines()))
+    labelled = "".join(f"{8 - 2 * j},{line}\n" for j, line in enumerate(rows(",").splitlines()))
     square = {"unit": "um", "size": (12e-6, 10e-6)}
     spaced = {"unit": "um"}
     return h, [
@@ -360,8 +360,8 @@ def test_matrices_and_triples_are_read_in_any_layout(tmp_path, encoding):
 @pytest.mark.parametrize("word", ["NaN", "---", "", "inf"])
 def test_words_between_the_numbers_are_missing_points(tmp_path, word):
     h, _ = _texts()
-    cells = [[f"{v:g}" for v in row] for row in h.T]
-    cells[1][2] = cells[3][4] = word
+    cells = [[f"{v:g}" for v in row] for row in h.T[::-1]]
+    cells[3][2] = cells[1][4] = word
     (tmp_path / "map.csv").write_text("\n".join(map(",".join, cells)))
     surface = read_surface(tmp_path / "map.csv", unit="um", size=1e-5, periodic="mirror")
     assert any(f"Missing points are written {word!r}." in note for note in surface.history)

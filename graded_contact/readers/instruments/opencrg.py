@@ -10,9 +10,10 @@ import re
 
 import numpy as np
 
-from .formats import Scan, equally_spaced
-from .paths import Refusal
-from .units import metres
+from ...core.files import Refusal
+from ..registry import File, reader
+from ..scan import Scan, equally_spaced
+from ..units import metres
 
 _MARK = re.compile(rb"^\$ROAD_CRG", re.MULTILINE | re.IGNORECASE)
 _DATA = re.compile(rb"^\$\$[^\n]*\n", re.MULTILINE)
@@ -20,12 +21,10 @@ _POSITION = re.compile(r"at\s+v\s*=\s*([-+.\deE]+)")
 _PARAMETER = re.compile(r"^\s*(\w+)\s*=\s*([-+.\deE]+)")
 
 
-def is_road(content: bytes) -> bool:
-    return _MARK.search(content[:100_000]) is not None
-
-
-def read_road(content: bytes) -> Scan:
+@reader("opencrg", "heights", knows=lambda file: _MARK.search(file.content[:100_000]) is not None)
+def read_road(file: File) -> Scan:
     """Returns the elevations of a road [m]; raises `ValueError` for a damaged file."""
+    content = file.content
     end = _DATA.search(content)
     header = content[: end.start() if end else None].decode("latin-1")
     sections = _sections(header)

@@ -10,17 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from .formats import Scan, check_points, chosen
-from .paths import Refusal
+from ...core.files import Refusal
+from ..registry import File, reader
+from ..scan import Scan, check_points, chosen, from_lines
 
-MAGIC = b"GWYP"
+_MAGIC = b"GWYP"
 _ATOMS = {"b": "<?", "c": "<c", "i": "<i", "q": "<q", "d": "<d"}
 _ARRAYS = {"C": "S1", "I": "<i4", "Q": "<i8", "D": "<f8"}
 
 
-def read_channels(content: bytes, channel: str | int | None, at_most: float) -> Scan:
+@reader("gwyddion", "heights", knows=lambda file: file.content.startswith(_MAGIC), rank=2)
+def read_channels(file: File) -> Scan:
     """Returns the channel of heights, or of numbers without a unit; raises `Refusal`."""
-    (_, container), _ = _object(content, len(MAGIC))
+    (_, container), _ = _object(file.content, len(_MAGIC))
     fields = {
         found[1]: value[1]
         for key, value in container.items()
@@ -35,14 +37,14 @@ def read_channels(content: bytes, channel: str | int | None, at_most: float) -> 
         listed = ", ".join(f"{titles[key]!r} in {unit!r}" for key, unit in units.items())
         raise Refusal(f"its channels are no heights: {listed or 'there are none'}")
     names = [titles[key] for key in bare]
-    key = bare[chosen(channel, names, "its channels have no unit")]
+    key = bare[chosen(file.channel, names, "its channels have no unit")]
     field = fields[key]
     shape = field["xres"], field["yres"]
-    check_points(shape, at_most)
-    heights = np.array(field["data"], float).reshape(shape[::-1]).T
+    check_points(shape, file.at_most)
+    heights = from_lines(np.array(field["data"], float).reshape(shape[::-1]))
     mask = container.get(f"/{key}/mask")
     if mask is not None:
-        heights[mask[1]["data"].reshape(shape[::-1]).T > 0.5] = np.nan
+        heights[from_lines(mask[1]["data"].reshape(shape[::-1])) > 0.5] = np.nan
     size = np.abs([field.get("xreal", 0.0), field.get("yreal", 0.0)])
     lateral = _unit(field, "si_unit_xy")
     size = size if np.all(size > 0) else None

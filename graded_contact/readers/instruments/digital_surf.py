@@ -10,9 +10,10 @@ import zlib
 
 import numpy as np
 
-from .formats import Scan, check_points
-from .paths import Refusal, check_unpacked
-from .units import metres
+from ...core.files import Refusal, check_unpacked
+from ..registry import File, reader
+from ..scan import Scan, check_points, from_lines
+from ..units import metres
 
 _MAGIC = {b"DIGITAL SURF": False, b"DSCOMPRESSED": True}
 _HEADER = 512
@@ -26,12 +27,10 @@ _NAME_Z, _STEP_UNITS = 164, 180  # texts of 16 bytes
 _MISSING = -2  # beside the least number
 
 
-def is_digital_surf(content: bytes) -> bool:
-    return content[:12] in _MAGIC
-
-
-def read_digital_surf(content: bytes, at_most: float) -> Scan:
+@reader("mountains", "heights", knows=lambda file: file.content[:12] in _MAGIC)
+def read_digital_surf(file: File) -> Scan:
     """Returns the heights of a map or a profile; raises `Refusal` for what is no height."""
+    content, at_most = file.content, file.at_most
     head = content[:_HEADER]
     if len(head) < _HEADER:
         raise Refusal("its header is cut short")
@@ -49,21 +48,21 @@ def read_digital_surf(content: bytes, at_most: float) -> Scan:
     size = num_x * num_y * of["bits"] // 8
     if len(numbers) < size:
         raise Refusal(f"it has {len(numbers)} of {size} bytes of heights: cut short")
-    raw = np.frombuffer(numbers[:size], f"<i{of['bits'] // 8}").reshape(num_y, num_x).T
+    raw = np.frombuffer(numbers[:size], f"<i{of['bits'] // 8}").reshape(num_y, num_x)
     heights = of["step_z"] * raw.astype(float) * (-1 if of["inversion"] in (1, 2, 3) else 1)
     if of["special"] == 1:
         heights[raw == of["least"] + _MISSING] = np.nan
     if of["inversion"] in (2, 3):
-        heights = np.flip(heights, of["inversion"] - 2)
+        heights = np.flip(heights, 3 - of["inversion"])
     first = ", the first of several objects" * (of["objects"] > 1)
     source = f"{name!r}{first}" if name else f"heights{first}"
     if num_y == 1:
-        return Scan(heights[:, 0], source, np.array([num_x * of["step_x"]]), unit, lateral)
+        return Scan(heights[0], source, np.array([num_x * of["step_x"]]), unit, lateral)
     factors = metres(lateral), metres(across)
     if None in factors:
         raise Refusal(f"its x is in {lateral!r} and its y in {across!r}: a length is needed")
     steps = np.array([of["step_x"], of["step_y"]]) * factors
-    return Scan(heights, source, steps * heights.shape, unit, "m")
+    return Scan(from_lines(heights), source, steps * (num_x, num_y), unit, "m")
 
 
 def _text(field: bytes) -> str:

@@ -13,7 +13,7 @@ import uuid
 import zipfile
 from pathlib import Path
 
-from ..core.display import short
+from .display import short
 
 LONGEST_NAME = 180  # bytes; file systems take 255, and endings are added
 PROBE = 65536  # bytes written to see whether a folder takes any
@@ -140,6 +140,18 @@ def check_archive(content: bytes, at_most: float) -> None:
     if {entry.compress_type for entry in entries} - {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
         raise Refusal('it is packed by another method than "deflate": pack it again')
     check_unpacked(sum(entry.file_size for entry in entries), at_most)
+
+
+def names_in(content: bytes) -> list[str]:
+    """Returns the names of the files in a zip."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return [entry.filename for entry in archive.infolist() if not entry.is_dir()]
+
+
+def file_in(content: bytes, name: str) -> bytes:
+    """Returns the content of a file in a zip."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return archive.read(name)
 
 
 def check_hdf5(content: bytes, at_most: float) -> None:

@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .cells import COMMENT, LONGEST, TextLayout, is_missing, lines_of, text_layout
-from .formats import Scan, equally_spaced
-from .paths import Refusal
-from .units import length_unit
+from ...core.files import Refusal
+from ..cells import COMMENT, LONGEST, TextLayout, is_missing, lines_of, text_layout
+from ..registry import File, reader
+from ..scan import Scan, equally_spaced, from_lines
+from ..units import length_unit
 
 _BARE_UNIT = re.compile(r"^\W*(unit|einheit)", re.IGNORECASE)
 _OF_HEIGHTS = re.compile(r"unit|einheit|height|höhe|\bz\b|value|wert|topograph|depth", re.I)
@@ -35,6 +36,12 @@ class _Table(NamedTuple):
     header: list[str]
     layout: TextLayout
     notes: list[str]
+
+
+@reader("text", "heights", knows=lambda file: file.text is not None, rank=2)
+def read_text_file(file: File) -> Scan:
+    """Returns the heights in a text without a header that SurfaceTopography knows."""
+    return read_text(file.text or "")
 
 
 def read_text(text: str) -> Scan:
@@ -254,14 +261,16 @@ def _matrix_scan(table: _Table) -> Scan:
         line = "row" if labels[0] else "column"
         raise Refusal(f"its first {line} increases in equal steps, like an axis: remove it")
     if not all(labels):
-        return Scan(values.T, "a matrix of heights", unit=unit)
+        return Scan(from_lines(values), "a matrix of heights", unit=unit)
     notes = ["Its first row and first column were taken as x and y."]
     if corner is not None:
         unit, lateral = unit or corner, corner
         notes.append(f"The unit {corner!r} in its corner is that of x and y, and of the heights "
                      f"unless the header names another.")  # fmt: skip
-    heights = values[1:, 1:].T
-    size = np.array(heights.shape) * np.abs([label for label in labels if label])
+    steps = np.array([label for label in labels if label])
+    along_x, along_y = np.sign(steps).astype(int)
+    heights = values[1:, 1:].T[::along_x, ::along_y]
+    size = np.abs(steps) * heights.shape
     return Scan(heights, "a matrix of heights", size, unit, lateral, notes=tuple(notes))
 
 

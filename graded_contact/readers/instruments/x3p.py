@@ -3,29 +3,27 @@
 SurfaceTopography reads the heights that lie in a binary file beside the XML, not those in it.
 """
 
-import io
 import re
-import zipfile
 from xml.etree import ElementTree
 
 import numpy as np
 
-from .formats import Scan, check_points, names_in
-from .paths import Refusal
+from ...core.files import Refusal, file_in
+from ..registry import File, reader
+from ..scan import Scan, check_points, from_lines
 
 _MOST_XML = 1_000_000  # bytes
 
 
-def has_text_heights(content: bytes) -> bool:
-    """Returns whether a zip is an `.x3p` whose heights are text in its XML."""
-    return (
-        "main.xml" in names_in(content) and re.search(rb"<(\w+:)?Datum", _main(content)) is not None
-    )
+def _knows(file: File) -> bool:
+    main = file_in(file.content, "main.xml") if "main.xml" in file.parts else b""
+    return re.search(rb"<(\w+:)?Datum", main) is not None
 
 
-def read_text_heights(content: bytes, at_most: float) -> Scan:
+@reader("x3p", "heights", knows=_knows)
+def read_text_heights(file: File) -> Scan:
     """Returns the heights of a matrix in an `.x3p`; raises `Refusal` for other data."""
-    main = _main(content)
+    main = file_in(file.content, "main.xml")
     parts = re.split(rb"</?(?:\w+:)?DataList>", main, maxsplit=2)
     if len(parts) != 3:
         raise Refusal("its XML has no complete list of heights")
@@ -47,7 +45,7 @@ def read_text_heights(content: bytes, at_most: float) -> Scan:
     if root.find(dimension.replace("/", "/{*}")) is None:
         raise Refusal("its points are a list, not a matrix: save it as a matrix")
     shape = tuple(int(number(f"{dimension}/Size{axis}", "1")) for axis in "XYZ")
-    check_points(shape, at_most)
+    check_points(shape, file.at_most)
     if shape[2] != 1 or min(shape) < 1 or len(data) != shape[0] * shape[1]:
         raise Refusal(f"it has {len(data)} heights for {' x '.join(map(str, shape))} points")
     try:
@@ -58,12 +56,7 @@ def read_text_heights(content: bytes, at_most: float) -> Scan:
     if root.findtext(f"{axes}/CZ/AxisType".replace("/", "/{*}"), "A").strip() == "I":
         heights = heights * number(f"{axes}/CZ/Increment", "1")
     steps = np.array([number(f"{axes}/C{axis}/Increment") for axis in "XY"])
-    heights = heights.reshape(shape[1], shape[0]).T  # x is the fastest index
+    heights = from_lines(heights.reshape(shape[1], shape[0]))  # x is the fastest index
     if shape[1] == 1:
         heights, steps = heights[:, 0], steps[:1]
     return Scan(heights, "the XML", steps * heights.shape, "m", "m")
-
-
-def _main(content: bytes) -> bytes:
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        return archive.read("main.xml")

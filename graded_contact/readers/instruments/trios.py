@@ -6,39 +6,34 @@ export the results as measured and as edited: those as edited are read.
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-from .cells import LARGEST, Row, Sheet, read_sheets
-from .paths import Refusal, read_file
+from ...core.files import Refusal
+from ..cells import Row, Sheet
+from ..registry import File, Tables, reader
 
 _NUMBERS = ("Number", "Integer")
 
 
-def read_tables(path: Path) -> list[Sheet]:
-    """Returns the tables in the JSON of TRIOS, or else the sheets, as `read_sheets` does."""
+def _tree(file: File) -> Any:
+    """The value of a JSON, None for other files."""
     try:
-        tables = _trios_sheets(read_file(path, LARGEST))
-    except Refusal as error:
-        raise ValueError(f"`path={path}` is refused: {error}.") from error
-    return tables or read_sheets(path)
-
-
-def _trios_sheets(content: bytes) -> list[Sheet] | None:
-    """Returns the tables in a JSON; None for other files. Raises `Refusal` for other JSON."""
-    if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
-        return None
-    try:
-        root = json.loads(content.decode("utf-8-sig"))
+        start = file.content.lstrip(b"\xef\xbb\xbf \t\r\n")[:1]
+        return json.loads(file.content.decode("utf-8-sig")) if start == b"{" else None
     except (ValueError, RecursionError):
         return None
-    tables = dict(_tables(root, ""))
+
+
+@reader("trios", "moduli", knows=lambda file: _tree(file) is not None)
+def read_trios(file: File) -> Tables:
+    """Returns the tables in a JSON of TRIOS; raises `Refusal` for other JSON."""
+    tables = dict(_tables(_tree(file), ""))
     if not tables:
         export = "export it as text, or as a workbook"
         raise Refusal(f"it is a JSON without the `ColumnHeaders` and `Rows` of TRIOS: {export}")
     edited = {name: table for name, table in tables.items() if name == "Processed"} or tables
     try:
-        return [_sheet(name, table) for name, table in edited.items()]
+        return Tables([_sheet(name, table) for name, table in edited.items()])
     except (AttributeError, TypeError) as error:
         raise Refusal(f"its tables are not as TRIOS writes them ({error})") from error
 

@@ -1,0 +1,143 @@
+"""Measurements in a container of contact.engineering: a zip of files and one that describes them.
+
+`index.json` or `meta.yml` names the measurements of each surface, with their files, sizes and units
+(https://contactengineering.github.io/SurfaceTopography).
+"""
+
+import json
+from collections import Counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...core.files import Refusal, check_unpacked, file_in
+from ..registry import File, reader
+from ..scan import Scan, chosen
+from ..units import metres
+
+_MOST = 1e6  # bytes of a description
+_DESCRIPTIONS = ("index.json", "meta.yml")
+
+
+class Measurement(NamedTuple):
+    """A file in a container, and what the container says of it.
+
+    - `file`: its name in the zip.
+    - `source`: the channel in the file, or None.
+    - `size`: edge lengths in `unit`, or None.
+    - `unit`: of lengths and heights, or None.
+    - `scale`: by which the numbers of the file are to be multiplied.
+    - `periodic`: whether the surface is declared periodic.
+    """
+
+    file: str
+    source: int | None
+    size: np.ndarray | None
+    unit: str | None
+    scale: float
+    periodic: bool
+
+
+@reader("container", "heights", knows=lambda file: bool(_measurements(file)))
+def read_container(file: File) -> Scan:
+    """Returns the measurement that `channel` names, or the only one."""
+    kept = _measurements(file)
+    names = {each.file: name for name, each in kept.items()}
+    channel = names.get(str(file.channel), file.channel)
+    name = [*kept][chosen(channel, [*kept], "it is a container of measurements")]
+    measurement = kept[name]
+    content = file_in(file.content, measurement.file)
+    scan = file.read_part(measurement.file, content, measurement.source).part_of(name)
+    return _as_described(scan, measurement)
+
+
+def _measurements(file: File) -> dict[str, Measurement]:
+    """The measurements in a zip by name; none if it is no container."""
+    described = next((name for name in _DESCRIPTIONS if name in file.parts), None)
+    if described is None:
+        return {}
+    text = file_in(file.content, described)
+    check_unpacked(len(text), _MOST)
+    try:
+        description = json.loads(text) if described.endswith("json") else _yaml(text)
+        if "surfaces" not in description:
+            return {}
+        found = [
+            (str(each.get("name") or name), surface.get("name"), _measurement(each, name))
+            for surface in description["surfaces"]
+            for each in surface["topographies"]
+            if (name := _file(each, file.parts))
+        ]
+    except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
+        if described == "index.json":  # many a zip has one
+            return {}
+        reason = " ".join(str(error).split())[:200]
+        raise Refusal(f"its {described!r} is not understood ({reason})") from error
+    uses = Counter(name for name, _, _ in found)
+    full = [f"{name} of {surface}" if uses[name] > 1 else name for name, surface, _ in found]
+    uses = Counter(full)
+    each = [measurement for _, _, measurement in found]
+    return {one.file if uses[name] > 1 else name: one for name, one in zip(full, each, strict=True)}
+
+
+def _yaml(text: bytes) -> Any:
+    """The value of a text in YAML; scalars are texts, whatever tags they have."""
+    try:
+        import yaml
+    except ImportError as error:
+        reason = "This container needs PyYAML: pip install graded_contact[io]"
+        raise ImportError(reason) from error
+    try:
+        loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, loader)):
+            raise ValueError("it has aliases")  # a few of them may stand for billions of entries
+        return yaml.load(text, loader)
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from error
+
+
+def _file(entry: dict[str, Any], names: list[str]) -> str | None:
+    """The name in the zip of the file of a measurement, as the instrument wrote it if possible."""
+    files = entry.get("datafile")
+    files = {"original": files} if isinstance(files, str) else files or {}
+    ordered = sorted(files.items(), key=lambda pair: pair[0] != "original")
+    return next((name for _, name in ordered if name in names), None)
+
+
+def _measurement(entry: dict[str, Any], file: str) -> Measurement:
+    kept = {key: value for key, value in entry.items() if value not in (None, "", "null", "~")}
+    source, size = str(kept.get("data_source")), kept.get("size")
+    return Measurement(
+        file=file,
+        source=int(source) if source.isdigit() else None,
+        size=None if size is None else np.atleast_1d(np.array(size, float)),
+        unit=None if "unit" not in kept else str(kept["unit"]),
+        scale=float(kept.get("height_scale", 1)),
+        periodic=str(kept.get("is_periodic")).lower() == "true",
+    )
+
+
+def _as_described(scan: Scan, measurement: Measurement) -> Scan:
+    """Returns the heights of a file with the size and unit of its container where it lacks them."""
+    scan = scan.without_marks()
+    notes = list(scan.notes)
+    scale, unit, size = measurement.scale, measurement.unit, measurement.size
+    if scan.unit is None:
+        scan = scan._replace(heights=scale * scan.heights, unit=unit)
+        notes += [f"Heights were multiplied by {scale:g}, as the container says."] * (scale != 1)
+    elif scale != 1:
+        own = f"the file has its own scale, in {scan.unit!r}, which is used"
+        notes.append(f"The container scales its heights by {scale:g}; {own}.")
+    lateral = scan.lateral_unit or unit
+    if scan.size is None and size is not None and size.shape == (scan.heights.ndim,):
+        scan, lateral = scan._replace(size=size), unit
+    elif scan.size is not None and size is not None:
+        own, said = (
+            (metres(str(name)) or np.nan) * edges
+            for name, edges in ((lateral, scan.size), (unit, size))
+        )
+        # The length of a line of n points may be n or n - 1 steps.
+        if own.shape != said.shape or np.any(np.abs(said / own - 1) > 0.01 + 1 / len(scan.heights)):
+            notes.append(f"The container says its size is {said} m; the file's {own} m is used.")
+    periodic = scan.periodic or measurement.periodic
+    return scan._replace(lateral_unit=lateral, periodic=periodic, notes=tuple(notes))

@@ -1,0 +1,109 @@
+"""Heights in the formats of profilometers and microscopes that SurfaceTopography knows."""
+
+import contextlib
+import io
+import re
+import warnings
+import zlib
+from typing import Any
+
+import numpy as np
+
+from ...core.files import check_unpacked
+from ..registry import File, reader
+from ..scan import Scan, check_points, chosen, from_lines
+from ..units import metres
+
+CHUNK = 2**16  # bytes
+_BACK = re.compile(r"(?i)re-?trace|backward|\bbwd\b|rückw")  # the way back of a scan
+
+
+@reader("instrument", "heights", knows=lambda file: True, rank=1)
+def read_instrument(file: File) -> Scan:
+    """Returns the topography that SurfaceTopography reads from a file; it may raise any error.
+
+    Raises `Refusal` for more than `at_most` bytes, unpacked. Zips and HDF5 are checked before.
+    """
+    content, at_most = file.content, file.at_most
+    if content.startswith((b"MATLAB", b"\xd0\xcf\x11\xe0")):
+        _check_streams(content, at_most)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            import SurfaceTopography  # takes seconds
+    except ImportError as error:
+        reason = "This file needs SurfaceTopography: pip install graded_contact[io]"
+        raise ImportError(reason) from error
+    with SurfaceTopography.open_topography(io.BytesIO(content)) as library:
+        if content.startswith(b"PK") and type(library).__name__ == "HGTReader":
+            raise ValueError("this reader takes any 2 n² bytes")
+        channels: list[Any] = list(library.channels)
+        if not channels:
+            raise ValueError("no channel of heights was found")
+        names = [info.name for info in channels]
+        index = channels.index(_usual(channels, library.default_channel))
+        if file.channel is not None:
+            index = chosen(file.channel, names, "it has several channels")
+        info = channels[index]
+        check_points(info.nb_grid_pts or (), at_most)
+        sizes = info.physical_sizes
+        if file.text is not None and not (sizes and info.unit):
+            raise ValueError("text without a known header: this reader takes much for numbers")
+        lacking: dict[str, Any] = {} if sizes else {"physical_sizes": (1.0,) * info.dim}
+        lacking |= {} if info.unit else {"unit": "m"}
+        topography = library.topography(channel_index=index, **lacking)
+        if topography.is_uniform:
+            heights, positions = topography.heights(), None
+        else:
+            x, heights = topography.positions_and_heights()
+            positions = np.asarray(x, float) - np.min(x)
+        heights = np.ma.filled(np.ma.asarray(heights, float), np.nan)
+        heights = from_lines(heights.T) if heights.ndim == 2 else heights  # its y runs downwards
+        size = None if sizes is None else np.asarray(sizes, float)
+        scan = Scan(heights, f"channel {info.name!r}", size, info.unit, info.unit, positions)
+        others = ", ".join(repr(name) for name in dict.fromkeys(names) if name != info.name)
+        notes = (f"It also has the channels {others}; `channel` chooses.",) if others else ()
+        return scan._replace(periodic=bool(info.is_periodic), notes=notes)
+
+
+def _usual(channels: list[Any], default: Any) -> Any:
+    """The channel of heights that a user expects: measured ones, on the way forth.
+
+    The heights of JPK's files are measured by a sensor, or derived from the voltage of the piezo;
+    and the library takes the last channel, which is a retrace.
+    """
+    lengths = [info for info in channels if isinstance(info.unit, str) and metres(info.unit)]
+
+    def rank(info: Any) -> tuple[bool, ...]:
+        name = str(info.name)
+        measured = re.search(r"(?i)height.*measured|measured.*height", name)
+        return (
+            _BACK.search(name) is not None,
+            measured is None,
+            re.search("(?i)smooth", name) is not None,
+            re.match("(?i)height|topo|z", name) is None,
+            info is not default,
+        )
+
+    if _BACK.search(str(default.name)) or any(not rank(info)[1] for info in lengths):
+        return min(lengths, key=rank, default=default)
+    return default
+
+
+def _check_streams(content: bytes, at_most: float) -> None:
+    """Raises `Refusal` if the streams of zlib in a file unpack to more bytes.
+
+    SurfaceTopography's readers of MAT and MNT unpack without a limit.
+    """
+    size = 0
+    for head in re.finditer(rb"\x78[\x01\x5e\x9c\xda]", content):
+        stream = zlib.decompressobj()
+        with contextlib.suppress(zlib.error):  # the two bytes may mean anything
+            for start in range(head.start(), len(content), CHUNK):
+                part = content[start : start + CHUNK]
+                while part and not stream.eof:
+                    size += len(stream.decompress(part, CHUNK))
+                    check_unpacked(size, at_most)
+                    part = stream.unconsumed_tail
+                if stream.eof:
+                    break

@@ -1,0 +1,184 @@
+"""Readers of files, each registered with what it knows; the content decides which one reads a file.
+
+A module in `instruments/` is found without being named anywhere. Its functions take a `File` and
+return a `Scan` (heights) or `Tables` (moduli), or raise `Refusal`.
+"""
+
+import dataclasses
+import functools
+import importlib
+import pkgutil
+from collections.abc import Callable, Mapping
+from pathlib import PurePath
+from typing import Any, NamedTuple
+
+from ..core.files import (
+    UNPACKED_TEXT,
+    Refusal,
+    check_archive,
+    check_hdf5,
+    check_unpacked,
+    may_unpack,
+    names_in,
+)
+from .cells import Sheet, decoded
+from .scan import Scan
+
+DEEPEST = 3  # containers in one another
+
+
+@dataclasses.dataclass(frozen=True)
+class File:
+    """A file, or a part of a container.
+
+    - `name`: of the file; what it is follows from its content if possible.
+    - `content`: all its bytes.
+    - `channel`, `size`, `unit`: as in `read_surface`.
+    - `packed`: bytes of the outermost file.
+    - `depth`: of the container that it lies in.
+    """
+
+    name: PurePath
+    content: bytes
+    packed: int
+    channel: str | int | None = None
+    size: Any = None
+    unit: str | None = None
+    depth: int = 0
+
+    @property
+    def at_most(self) -> float:
+        """Bytes to which the file may unpack."""
+        return may_unpack(self.packed)
+
+    @functools.cached_property
+    def text(self) -> str | None:
+        """The text of the file, None if it is no text."""
+        text, encoding = decoded(self.content) or ("", None)
+        # Latin-1 can hold any bytes: a file of instruments has other characters than text.
+        odd = sum(not (char.isprintable() or char.isspace()) for char in text[:10_000])
+        binary = encoding is None or (encoding == "Latin-1" and odd > 0.01 * len(text[:10_000]))
+        return None if binary else text
+
+    @functools.cached_property
+    def parts(self) -> list[str]:
+        """The names of the files in a zip; none if it is no zip."""
+        return names_in(self.content) if self.content.startswith(b"PK") else []
+
+    def read_part(self, name: str, content: bytes, channel: int | None = None) -> Scan:
+        """Returns the heights in a part of this file, by the reader that knows it."""
+        if self.depth == DEEPEST:
+            raise Refusal("it has too many zips in one another")
+        changes = {"name": PurePath(name), "content": content, "channel": channel}
+        return read(dataclasses.replace(self, **changes, depth=self.depth + 1), "heights")
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """What is known of tables of moduli; empty where the tables decide.
+
+    - `kind`: "frequency", "relaxation", "creep" or "strain".
+    - `columns`: name, or number counted from 1, of the column of a quantity.
+    - `units`: unit of a dimension.
+    - `deformation`: "tension" or "shear".
+    - `temperature`: [K], so that a column of it is not needed.
+    - `step`: numbers, or parts of titles, of the steps to read.
+    - `load`: the constant stress of a creep test [Pa], the strain of a relaxation test [1].
+    - `source`: where the units come from, in words.
+    """
+
+    kind: str | None = None
+    columns: Mapping[str, str | int] = dataclasses.field(default_factory=dict)
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    deformation: str | None = None
+    temperature: Any = None
+    step: tuple[str | int, ...] = ()
+    load: float | None = None
+    source: str = ""
+
+
+class Tables(NamedTuple):
+    """Rows of cells with lines of names, on sheets, and what their format fixes."""
+
+    sheets: list[Sheet]
+    fixed: Options = Options()
+
+
+class Reader(NamedTuple):
+    """A function that reads a kind of file, and whether it knows one."""
+
+    name: str
+    knows: Callable[[File], bool]
+    read: Callable[[File], Any]
+    rank: int
+
+
+READERS: dict[str, list[Reader]] = {"heights": [], "moduli": []}
+
+
+def reader(name: str, gives: str, *, knows: Callable[[File], bool], rank: int = 0):
+    """Registers the function below it as a reader of files.
+
+    **Arguments:**
+
+    - `name`: of the kind of file.
+    - `gives`: "heights" for a function that returns a `Scan`, "moduli" for `Tables`.
+    - `knows`: whether the function reads a file: by its first bytes, a heading, or its extension.
+    - `rank`: 0 for a format that is told by its content, 1 for a library of many formats, 2 for
+      what is tried after it.
+    """
+
+    def register(function: Callable[[File], Any]) -> Callable[[File], Any]:
+        READERS[gives].append(Reader(name, knows, function, rank))
+        READERS[gives].sort(key=lambda each: each.rank)
+        return function
+
+    return register
+
+
+@functools.cache
+def find_readers() -> None:
+    """Imports all instruments, which register themselves."""
+    room = importlib.import_module(f"{__package__}.instruments")
+    for module in pkgutil.iter_modules(room.__path__, f"{room.__name__}."):
+        importlib.import_module(module.name)
+
+
+def _is_refused(file: File) -> bool:
+    """Raises `Refusal` for an empty file, and for one that unpacks to too much."""
+    if not file.content.strip():
+        raise Refusal("it is empty")
+    if file.content.startswith(b"PK"):
+        check_archive(file.content, file.at_most)
+    check_hdf5(file.content, file.at_most)
+    if file.text is not None:
+        check_unpacked(len(file.content), may_unpack(file.packed, UNPACKED_TEXT))
+    return False
+
+
+def read(file: File, gives: str) -> Any:
+    """Returns what a reader that knows a file reads from it; raises `Refusal`.
+
+    Readers are asked in turn until one returns. A `Refusal` is the last word, and so is any error
+    of a reader of rank 0.
+    """
+    find_readers()
+    errors: list[Exception] = []
+    for each in [Reader("size", _is_refused, read, 0), *READERS[gives]]:
+        try:
+            if each.knows(file):
+                return each.read(file)
+        except Refusal:
+            raise
+        except Exception as error:  # libraries raise many kinds
+            errors.append(error)
+            if each.rank == 0:
+                break
+    for error in errors:
+        if isinstance(error, ImportError):
+            raise error
+    error = errors[-1]
+    reason = "its format is not known, or the file is damaged"
+    if type(error).__name__ != "CannotDetectFileFormat":
+        reason += " (" + " ".join(f"{type(error).__name__}: {error}".split())[:300] + ")"
+    raise Refusal(reason) from error

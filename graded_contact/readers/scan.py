@@ -1,0 +1,87 @@
+"""Heights as a file has them, in its own units.
+
+Heights are `[x, y]`, x to the right and y upwards in the picture that the microscope shows, whose
+lines run along x from the top to the bottom: `from_lines` makes them from the lines of a picture.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..core.files import Refusal
+
+MOST_POINTS = 2**28
+BYTES_OF_POINT = 4  # unpacked; fewer in files that are hardly packed
+MARK = 0.99e37  # in any unit; 1e37, 1e38 and the largest float32 are in use
+
+
+class Scan(NamedTuple):
+    """The heights in a file, in its own units.
+
+    **Fields:**
+
+    - `heights`: in `unit`, shape `(nx, ny)` or `(nx,)`; NaN where missing.
+    - `source`: the part of the file, in words.
+    - `size`: edge lengths in `lateral_unit`, shape `(ndim,)`; None if the file has none.
+    - `unit`, `lateral_unit`: of heights and lengths; None if the file has none.
+    - `positions`: of the points of a profile in `lateral_unit`, ascending, if unequally spaced.
+    - `periodic`: whether the file declares the surface periodic.
+    - `notes`: how it was understood, one sentence each.
+    """
+
+    heights: np.ndarray
+    source: str
+    size: np.ndarray | None = None
+    unit: str | None = None
+    lateral_unit: str | None = None
+    positions: np.ndarray | None = None
+    periodic: bool = False
+    notes: tuple[str, ...] = ()
+
+    def part_of(self, name: str) -> "Scan":
+        """Returns the same heights; `source` says that they are in a part of this name."""
+        return self._replace(source=f"{self.source} of {name!r}")
+
+    def without_marks(self) -> "Scan":
+        """Returns the heights with NaN for marks of missing points; instruments have no NaN."""
+        marked = np.abs(self.heights) >= MARK
+        if not np.any(marked):
+            return self
+        least = np.min(np.abs(self.heights[marked]))
+        note = f"{np.sum(marked)} heights of {least:.2g} or more count as missing."
+        heights = np.where(marked, np.nan, self.heights)
+        return self._replace(heights=heights, notes=(*self.notes, note))
+
+
+def from_lines(lines: np.ndarray) -> np.ndarray:
+    """Returns heights `[x, y]` from the lines of a picture, the topmost first."""
+    return lines[::-1].T
+
+
+def equally_spaced(values: np.ndarray, within: float) -> bool:
+    """Returns whether numbers are equally spaced within this part of their step."""
+    even = np.linspace(values[0], values[-1], len(values))
+    step = abs(values[-1] - values[0]) / (len(values) - 1)
+    return bool(np.max(np.abs(values - even)) <= within * step)
+
+
+def chosen(channel: str | int | None, names: Sequence[str], what: str) -> int:
+    """Returns the index of the channel; without a choice there must be only one."""
+    if isinstance(channel, int) and 0 <= channel < len(names):
+        return channel
+    if channel in names:
+        return names.index(channel)
+    if channel is None and len(names) == 1:
+        return 0
+    wrong = "" if channel is None else f", not {channel!r}"
+    raise Refusal(f"{what}; pass `channel`, one of {list(names)[:20]}{wrong}")
+
+
+def check_points(shape: Any, at_most: float) -> None:
+    """Raises `Refusal` for more points than a file has that unpacks to `at_most` bytes."""
+    points = math.prod(np.atleast_1d(shape).tolist())
+    most = min(MOST_POINTS, at_most / BYTES_OF_POINT)
+    if points > most:
+        raise Refusal(f"it has {points} points; at most {most:.0f} are read at its packed size")
