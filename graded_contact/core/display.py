@@ -17,7 +17,7 @@ import jax
 import numpy as np
 from jax.core import Tracer
 
-from .quantities import quantity_of
+from .quantities import in_brackets, quantity_of
 
 K = TypeVar("K", bound=type)
 FEW = 8  # numbers of an array that are printed one by one, and entries of a list
@@ -136,7 +136,7 @@ def with_error(value: float, error: float) -> str:
 
 def _title(name: str, owner: str = "") -> str:
     known = quantity_of(name, owner)
-    return name if known is None or known.unit == "1" else f"{name} [{known.unit}]"
+    return name if known is None else name + in_brackets(known.unit)
 
 
 def _is_number(value: Any) -> bool:

@@ -29,7 +29,12 @@ class Quantity(NamedTuple):
     @property
     def label(self) -> str:
         """Words, symbol and unit for an axis of a figure."""
-        return f"{self.meaning} ${self.symbol}$ [{self.unit}]"
+        return f"{self.meaning} ${self.symbol}$" + in_brackets(self.unit)
+
+
+def in_brackets(unit: str) -> str:
+    """Returns a unit as it follows a name: " [Pa]"; nothing for dimensionless numbers."""
+    return "" if unit in ("", "1") else f" [{unit}]"
 
 
 def _table(quantities: Iterable[tuple[str, str, str, str]]) -> dict[str, Quantity]:

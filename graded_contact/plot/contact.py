@@ -277,8 +277,8 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
         # The curve's own steps are uneven and would make the derivative noisy.
         steps = np.diff(np.interp(np.log(edges), np.log(q), friction)) / np.diff(np.log(edges))
         each.stairs(steps, edges, color=colour, linewidth=1.2, label=label)
-    total.set(xscale="log", ylabel="friction of waves up to $q$ [1]")
-    each.set_ylabel(r"$\mathrm{d}\mu/\mathrm{d}\ln q$ [1]")
+    total.set(xscale="log", ylabel="friction of waves up to $q$")
+    each.set_ylabel(r"$\mathrm{d}\mu/\mathrm{d}\ln q$")
     for axes in (total, each):
         axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
         axes.set_xlabel("wavenumber $q$ [rad/m]")

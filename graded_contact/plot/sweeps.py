@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..core.quantities import OBSERVABLES
+from ..core.quantities import OBSERVABLES, in_brackets
 from ..scenes.results import SEED_ERROR, has_numbers, over_seeds, solve_states, warnings_of
 from ..studies.dataset import NOT_STARTED
 from . import style
@@ -267,6 +267,5 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
     title = title_of(lines.along, line.attrs.get("scene", ""))
     if lines.along == "reduced_velocity":
         title = f"$a_T$ × {title_of('velocity')}"
-    unit = line["x"].attrs.get("units")
-    axes.set_xlabel(title + (f" [{unit}]" if unit else ""))
-    axes.set_ylabel(f"{OBSERVABLES[quantity].quantity.meaning} [1]")
+    axes.set_xlabel(title + in_brackets(line["x"].attrs.get("units", "")))
+    axes.set_ylabel(OBSERVABLES[quantity].quantity.meaning)

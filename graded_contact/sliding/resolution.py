@@ -56,13 +56,13 @@ class Neighbours(eqx.Module):
 def neighbours_of(found: Found) -> Neighbours:
     """Returns the contacts on half the grid, and of a cycle with half the times."""
     shape = found.grid.shape
-    halved = tuple(n if n < 2 * _LEAST else n // 2 for n in shape)
+    halved = _halved(shape)
     pressure = found.contact.mean_pressure
     if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
         # Without a contact there is nothing to compare.
         return Neighbours(found, found, found, jnp.ones_like(pressure))
     times = len(found.displacement) if found.is_cycle else 0
-    on_half, cut, missing = _heights(found, halved)
+    on_half, cut, missing = _heights(found.heights, halved, "window" in found.facts)
     same, fewer = found, None
     if not (is_concrete(missing) and missing <= _SAME):
         same = _solved(found, shape, cut, times)
@@ -74,11 +74,26 @@ def neighbours_of(found: Found) -> Neighbours:
     return Neighbours(same, _solved(found, halved, on_half, times), fewer, factor)
 
 
+def grid_estimate(heights: Float[Array, "*shape"], window: bool) -> str:
+    """Returns in words where the errors by the grid of a contact come from."""
+    halved = _halved(heights.shape)
+    if halved == heights.shape:
+        return "not known: the grid has too few points"
+    if float(_heights(heights, halved, window)[2]) <= _SAME:
+        return "from half the grid"
+    return f"from half the grid, without the waves it lacks, times {_LACKING:g}"
+
+
+def _halved(shape: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(n if n < 2 * _LEAST else n // 2 for n in shape)
+
+
 @eqx.filter_jit
-def _heights(found: Found, halved: tuple[int, ...]) -> tuple[Array, Array, Array]:
+def _heights(
+    heights: Array, halved: tuple[int, ...], window: bool
+) -> tuple[Array, Array, Array]:
     """The heights on half the grid, those without the waves it lacks, and their share."""
-    heights = found.heights
-    if "window" in found.facts:
+    if window:
         return _means(heights, halved), heights, jnp.zeros(())
     less = resampled(heights, halved)
     cut = resampled(less, heights.shape)
