@@ -106,7 +106,7 @@ def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):
     steps = (Step("read", 1e-6, 0.2, 4.0, 0.31), Step("filled", 1e-6, 0.2, 4.0, 0.0))
     write(tmp_path / "a.h5", results.assign_attrs(surface_steps=json.dumps(steps)))
     printed = " ".join(command("info", tmp_path / "a.h5").stdout.split())
-    for text in ("read 1 µm 0.2 4 31.0%", "(1) 31% of the points were not measured"):
+    for text in ("read 1 µm 0.2 4 31.0%", "(each solve) 31% of the points were not measured"):
         assert text in printed
 
 
@@ -396,7 +396,11 @@ def test_results_are_compared_in_a_figure(folder, tmp_path):
     write(second, read_results(first))
     result = command("compare", first, second, "-o", tmp_path / "lines", "--format", "pdf")
     assert result.exit_code == 0 and (tmp_path / "lines.pdf").read_bytes().startswith(b"%PDF")
+    named = ("--label", "bare", "--label", "coated", "--format", "svg")
+    result = command("compare", first, second, "-o", tmp_path / "named", *named)
+    assert result.exit_code == 0, result.output
     for words, expected in (
+        ((first, second, "--label", "one"), "`--label` is given 1 times for 2 results"),
         ((first,), "needs two results or more"),
         ((first, tmp_path / "none.h5"), "none.h5` does not exist"),
         ((first, second, "-o", tmp_path / "a.xyz"), "is refused: figures are"),
