@@ -703,6 +703,9 @@ def test_the_cache_of_compiled_code_belongs_to_the_user_alone(tmp_path, monkeypa
     folder = CACHE_FOLDER()
     assert folder is not None and folder.parent == tmp_path / "graded_contact"
     assert all(stat.S_IMODE(at.stat().st_mode) == 0o700 for at in (folder, folder.parent))
+    with monkeypatch.context() as patch:  # another JAX has another folder
+        patch.setattr(session, "version", lambda name: f"{name} 99")
+        assert CACHE_FOLDER() not in (None, folder)
     folder.chmod(0o777)
     assert CACHE_FOLDER() is None
     monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
