@@ -16,6 +16,7 @@
     python benchmarks/bench_contact.py gradient      cost of derivatives
     python benchmarks/bench_contact.py linear        FFT pairs and errors of their linear solves
     python benchmarks/bench_contact.py first         seconds before the first answer
+    python benchmarks/bench_contact.py features      the same for gradients, Hessians, `vmap`
     python benchmarks/bench_contact.py cycle         periodic motion, beside time steps
     python benchmarks/bench_contact.py cycle_times   periodic motion with more and fewer times
     python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
@@ -28,6 +29,8 @@ the package's at -10 °C; `+coat`, under an elastic coat of modulus 1 Pa, q0 d =
 """
 
 from contact_costs import (
+    features,
+    features_of,
     first,
     first_of,
     gradient,
@@ -52,7 +55,7 @@ def main():
     run(
         __doc__, elastic, viscoelastic, observables, grid, total, random, attracted, hard,
         stiffness, overhead, overhead_of, many, many_on, cylinder, cycle, cycle_times, kernel,
-        gradient, linear, first, first_of, largest,
+        gradient, linear, first, first_of, features, features_of, largest,
     )  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """Costs of a solve besides transforms.
 
-The sections `overhead`, `many`, `gradient`, `linear`, `first` and `largest`.
+The sections `overhead`, `many`, `gradient`, `linear`, `first`, `features` and `largest`.
 
 Run by `bench_contact.py`.
 """
@@ -200,13 +200,6 @@ def first_of(way, n=256, cache=""):
         jax.config.update("jax_compilation_cache_dir", cache)
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
         jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    compiled = []
-
-    def listen(event, seconds, **_):
-        if event == "/jax/core/compile/backend_compile_duration":
-            compiled.append(seconds)
-
-    jax.monitoring.register_event_duration_secs_listener(listen)
     surface, stack = rough_surface(n), bodies()["tread+coat"]
 
     def value(stack):
@@ -217,14 +210,57 @@ def first_of(way, n=256, cache=""):
     steps = {"slide": value, "its gradient": jax.grad(value)}
     together = {"both in one jit without throw": jax.jit(jax.value_and_grad(value))}
     for name, step in (steps if way == "separate" else together).items():
-        compiled.clear()
-        begun = time.process_time()
-        elapsed = seconds(partial(step, stack))
-        show({
-            "N": n, "cache": "on disk" if cache else "off", "first call": name,
-            "programs": len(compiled), "XLA [s]": sum(compiled),
-            "of a core [s]": time.process_time() - begun, "time [s]": elapsed,
-        })  # fmt: skip
+        show_first(
+            {"N": n, "cache": "on disk" if cache else "off", "first call": name}, step, stack
+        )
+
+
+def show_first(row, step, *arguments):
+    """Shows programs and seconds of a first call."""
+    compiled = []
+
+    def listen(event, seconds, **_):
+        if event == "/jax/core/compile/backend_compile_duration":
+            compiled.append(seconds)
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    begun = time.process_time()
+    elapsed = seconds(partial(step, *arguments))
+    show(row | {
+        "programs": len(compiled), "XLA [s]": sum(compiled),
+        "of a core [s]": time.process_time() - begun, "time [s]": elapsed,
+    })  # fmt: skip
+    jax.monitoring.clear_event_listeners()
+
+
+FEATURES = ("slide", "grad", "value_and_grad", "hessian", "checkpoint", "vmap over 4 seeds")
+
+
+def features(n=32):
+    """Seconds of the first call of features of JAX, in the open, in `gc.jit` and in `jax.jit`."""
+    for _, start in in_processes("features_of", FEATURES, n=n):
+        start()
+
+
+def features_of(feature, n=32):
+    """The same of one feature, in this process; each way compiles afresh."""
+    stack = bodies()["tread+coat"]
+
+    def friction(thickness, seed=0):
+        surface = rough_surface(n, seed)
+        block = gc.with_values(stack, {"layers[0].thickness": thickness})
+        s = gc.slide(block, surface, pressure=0.1, velocity=SPEED, throw=False)
+        return s.friction
+
+    thickness = jnp.asarray(stack.layers[0].thickness)
+    step = {
+        "slide": friction, "grad": jax.grad(friction), "value_and_grad": jax.value_and_grad(friction),
+        "hessian": jax.hessian(friction), "checkpoint": jax.grad(jax.checkpoint(friction)),
+        "vmap over 4 seeds": lambda d: jax.vmap(lambda seed: friction(d, seed))(jnp.arange(4)),
+    }[feature]  # fmt: skip
+    for way, wrapped in (("open", step), ("gc.jit", gc.jit(step)), ("jax.jit", jax.jit(step))):
+        jax.clear_caches()
+        show_first({"N": n, "feature": feature, "in": way}, wrapped, thickness)
 
 
 def largest(size=8192, velocity=0.1, loads=(0.1,)):

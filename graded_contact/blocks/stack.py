@@ -19,8 +19,8 @@ from ..materials.material import AbstractMaterial, Prony, material_called
 LIQUID = (
     "is a liquid (its equilibrium modulus is 0), which flows without end under waves at rest, such "
     "as those across a motion. Give it an equilibrium modulus (`--equilibrium` of the commands "
-    "`fit` and `new`). Steady sliding in one dimension, and the mean field of a spectrum (the "
-    "command `table`), need none."
+    "`fit` and `new`). Steady sliding in one dimension, and the mean field of a spectrum (`table "
+    "--method mean_field`), need none."
 )
 
 

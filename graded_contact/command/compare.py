@@ -6,8 +6,10 @@ from typing import Annotated
 import typer
 
 from ..core.files import check_folder
+from ..page.document import described
 from ..plot import plot_compare
 from ..scenes.results import read_results
+from ..scenes.schema import parse_toml
 from .terminal import FigureFormat, refusing, save_figure
 
 
@@ -19,21 +21,34 @@ def compare(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Figure file. Its extension overrides --format.")
     ] = Path("compare"),
+    label: Annotated[list[str] | None, typer.Option(
+        help="Name of a result in the legend; once for each result, in their order."
+    )] = None,
     form: FigureFormat = "png",
-) -> None:
+) -> None:  # fmt: skip
     """Draws friction and contact area of several results in one figure.
 
-    The results must vary the same axes. The legend has the titles of their scenes, or the names of
-    the files if titles are missing or equal.
+    The results must vary the same axes. Without --label the legend has the titles of their scenes,
+    or the blocks and surfaces, or the names of the files, whichever differ.
     """
     with refusing():
         if len(result_files) < 2:
             raise ValueError("`compare` needs two results or more.")
         results = [read_results(path) for path in result_files]
+        if label and len(label) != len(results):
+            raise ValueError(
+                f"`--label` is given {len(label)} times for {len(results)} results: give it once "
+                "for each."
+            )
         titles = [str(one.attrs["title"]) for one in results]
-        if not all(titles) or len(set(titles)) < len(titles):
-            titles = [str(path) for path in result_files]
-        figure = plot_compare(results, titles)
+        contents = [parse_toml(one.attrs["scene"]) for one in results]
+        blocks = [
+            described(content, [layer["thickness"] for layer in content.get("layers", [])])
+            for content in contents
+        ]
+        names = (label or titles, blocks, [str(path) for path in result_files])
+        chosen = next((n for n in names if all(n) and len({*n}) == len(n)), names[0])
+        figure = plot_compare(results, chosen)
         formats = figure.canvas.get_supported_filetypes()
         ending = output.suffix.removeprefix(".") or form
         if ending not in formats:

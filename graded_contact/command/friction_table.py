@@ -1,67 +1,169 @@
 """The job `table`: friction over pressure, velocity and temperature, for other programs."""
 
+import dataclasses
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
+from typer import Option
 
+from ..core.checks import check_values
 from ..exports.friction_cards import export_friction
-from ..scenes.run_scene import build_surface
-from ..scenes.scene import read_scene, refuse_liquids, refuse_tables
-from ..scenes.theory import check_frequencies_of, roughness_of
-from ..studies.dataset import write, write_whole
-from ..studies.friction_tables import Method, friction_table
-from ..studies.interruption import interruptible
-from .terminal import Output, Replace, SceneFile, checked_place, place_of, progress, refusing
+from ..mean_field.diffusion import Correction
+from ..page.document import described
+from ..scenes.run_scene import build_surface, run_scene
+from ..scenes.scene import Scene, read_scene, refuse_liquids, refuse_tables
+from ..scenes.schema import parse_toml
+from ..scenes.theory import check_frequencies_of, errors_of_stack, roughness_of
+from ..studies.dataset import FAILED, write, write_whole
+from ..studies.friction_tables import Method, beside, conditions, friction_table
+from ..studies.interruption import Interruption, interruptible
+from ..studies.store import Store
+from ..surfaces.surface import Surface
+from . import terminal
+from .result_tables import print_table, size_of
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+OPTIONS = ("num_wavenumbers", "num_angles", "correction", "rtol")  # of the mean field
+# Methods in words, and what helps where they fail.
+WAYS = {
+    "contact": ("contact", "`--method mean_field` writes cards of the mean field"),
+    "mean_field": ("the mean field", "`--method contact` writes cards of contact"),
+}
 
 
 def table(
-    scene_file: SceneFile,
-    output: Output = None,
-    replace: Replace = False,
-    method: Annotated[
-        Method, typer.Option(help="Contact solves, the mean field, or both beside each other.")
-    ] = "mean_field",
-) -> None:
+    scene_file: terminal.SceneFile,
+    output: terminal.Output = None,
+    replace: terminal.Replace = False,
+    method: Annotated[Method, Option(
+        help="Contact solves; the mean field (Persson's theory), which takes seconds; or both."
+    )] = "contact",
+    num_wavenumbers: Annotated[int | None, Option(
+        help="Mean field: intervals of the quadrature over wavenumbers (default: 64)."
+    )] = None,
+    num_angles: Annotated[int | None, Option(
+        help="Mean field: intervals of the quadrature over a quarter turn (default: 16)."
+    )] = None,
+    correction: Annotated[Correction | None, Option(
+        help="Mean field: how partial contact counts (default: yang_persson)."
+    )] = None,
+    rtol: Annotated[float | None, Option(
+        help="Mean field: largest relative error of the quadrature (default: 1e-4)."
+    )] = None,
+) -> None:  # fmt: skip
     r"""Writes friction over pressure, velocity and temperature of a scene for other programs.
 
-    Writes NAME-friction.inp (*FRICTION of Abaqus), NAME-friction.csv (brush and ABS models; with
-    errors) and NAME-friction.h5. The scene has no other axes: neither \[sweep] nor seeds.
+    Writes NAME-friction.inp (*FRICTION of Abaqus), NAME-friction.csv (brush and ABS models) and
+    NAME-friction.h5, with the method, the errors and the conditions. The scene has no other axes:
+    neither \[sweep] nor seeds. Contact solves that `run` stored in the same folder are used.
     """
-    with refusing(), interruptible() as interruption:
+    given = zip(OPTIONS, (num_wavenumbers, num_angles, correction, rtol), strict=True)
+    options: dict[str, Any] = {name: value for name, value in given if value is not None}
+    with terminal.refusing(_with_options), interruptible() as interruption:
+        if method == "contact":
+            for name in options:
+                raise ValueError(f"`{name}` is an option of the mean field: add --method both.")
         scene = read_scene(scene_file)
-        refuse_tables(scene, "A table of friction", "motion", "shear", "heating")
+        refuse_tables(scene, "A table of friction", "motion")
         for axis in scene.axes:
             if axis not in ("temperature", "pressure", "velocity"):
                 raise ValueError(f"{scene_file}: a table of friction has no axis `{axis}`.")
-        folder, name = place_of(scene, scene_file, output)
-        stem = checked_place(folder, f"{name}-friction")
+        check_values("velocity", scene.velocity, "a speed [m/s] is not negative", at_least=0)
+        folder, name = terminal.place_of(scene, scene_file, output)
+        stem = terminal.checked_place(folder, f"{name}-friction")
         files = {form: Path(f"{stem}.{form}") for form in ("inp", "csv", "h5")}
         for file in files.values():
             if file.exists() and not replace:
                 raise ValueError(f"{file} exists: give another --output, or --replace.")
         surface = build_surface(scene)
-        simple = method == "mean_field" and surface.periodic
-        if (surface.grid.ndim == 2 and not simple) or not np.all(scene.velocity):
-            refuse_liquids(scene)
-        check_frequencies_of(scene, surface)
-        common = {"graded_solver": scene.graded_solver, "strain_per_slope": scene.strain_per_slope}
-        with progress(interruption) as advance:
-            warm = None if scene.temperature is None else np.atleast_1d(scene.temperature)
-            found = friction_table(
-                scene.stack, roughness_of(scene, surface) if simple else surface,
-                pressure=scene.pressure, velocity=scene.velocity, temperature=warm,
-                direction=scene.direction, method=method, mean_field_options=common,
-                slide_options={"solver": scene.solver, "rtol": scene.rtol, **common},
-                progress=partial(advance, "friction"),
-            )  # fmt: skip
-        if interruption.signal is not None:
-            raise typer.Exit(interruption.exit_code)
+        if method != "contact" and not surface.periodic:
+            raise ValueError("A surface on a window has no mean field: use --method contact.")
+        found = None
+        if method != "mean_field":
+            with Store(stem.with_name(f"{name}.points")) as store:
+                found = _contacts(scene, surface, store, interruption)
+        if method != "contact":
+            theory = _mean_field(scene, surface, interruption, options)
+            found = theory if found is None else beside(found, theory)
+        assert found is not None
+        found.attrs |= {"method": method, "conditions": _conditions(scene, surface)}
         stem.parent.mkdir(parents=True, exist_ok=True)
         write(files["h5"], found)  # first: it also takes points that failed
         typer.echo(f"wrote {files['h5']}")
+        if np.any(found["message"] != ""):
+            _say_failures(found, method)
+            raise typer.Exit(1)
         for form, program in {"inp": "abaqus", "csv": "csv"}.items():
             write_whole(files[form], export_friction(found, program))
             typer.echo(f"wrote {files[form]}")
+        if "mean_field.message" in found and np.any(found["mean_field.message"] != ""):
+            _say_failures(found, "mean_field", "mean_field.message")
+
+
+def _with_options(message: str) -> str:
+    """A message with options in place of the arguments of the mean field."""
+    for name in OPTIONS:
+        message = message.replace(f"`{name}", f"`--{name.replace('_', '-')}")
+    return message
+
+
+def _contacts(
+    scene: Scene, surface: Surface, store: Store, interruption: Interruption
+) -> "Dataset":
+    """The contacts of a scene, without their fields; prints their table."""
+    with terminal.progress(interruption) as advance:
+        found = run_scene(
+            dataclasses.replace(scene, fields="none"), surface=surface, store=store,
+            workers="auto", progress=partial(advance, "sliding"),
+        )  # fmt: skip
+    print_table(found)
+    terminal.end_if_interrupted(interruption)
+    return found.drop_dims([axis for axis in ("x", "y") if axis in found.dims])
+
+
+def _mean_field(
+    scene: Scene, surface: Surface, interruption: Interruption, options: dict[str, Any]
+) -> "Dataset":
+    if not np.all(scene.velocity):
+        refuse_liquids(scene)
+    check_frequencies_of(scene, surface)
+    names = ("graded_solver", "strain_per_slope", "shear", "heating")
+    given = {name: getattr(scene, name) for name in names} | options
+    warm = None if scene.temperature is None else np.atleast_1d(scene.temperature)
+    with terminal.progress(interruption) as advance:
+        found = friction_table(
+            scene.stack, roughness_of(scene, surface), pressure=scene.pressure,
+            velocity=scene.velocity, temperature=warm, direction=scene.direction,
+            method="mean_field", mean_field_options=given, errors=errors_of_stack(scene),
+            progress=partial(advance, "mean field"),
+        )  # fmt: skip
+    if interruption.signal is not None:
+        raise typer.Exit(interruption.exit_code)
+    return found.assign_attrs(title=scene.title, scene=scene.text)
+
+
+def _conditions(scene: Scene, surface: Surface) -> str:
+    """What a table holds for, in lines."""
+    thickness = [float(layer.thickness) for layer in scene.stack.layers]
+    points = " x ".join(map(str, surface.grid.shape))
+    return "\n".join([
+        f"Block: {described(parse_toml(scene.text), thickness)}",
+        f"Surface: {points} points, {size_of(surface)}",
+        conditions(scene.direction, scene.shear, scene.heating),
+    ])  # fmt: skip
+
+
+def _say_failures(found: "Dataset", method: Method, messages: str = "message") -> None:
+    """Prints that points failed by one method, why, and what the other method offers."""
+    by = "mean_field" if method == "mean_field" else "contact"
+    reasons = found[messages].values[found[messages].values != ""]
+    count = f"{reasons.size} of {found[messages].size} points failed by {WAYS[by][0]}"
+    text = f"{count}. The first: {_with_options(reasons.flat[0].removeprefix(FAILED))}"
+    if messages == "message":
+        text += f"\nNo card is written. {WAYS[by][1]}."
+    typer.secho(text, fg="red", err=True)

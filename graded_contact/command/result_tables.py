@@ -11,13 +11,15 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ..core.display import with_error, with_unit
-from ..core.quantities import AXES, OBSERVABLES
+from ..core.display import with_unit
+from ..core.quantities import AXES, OBSERVABLES, in_brackets
+from ..core.warnings import Caveat
 from ..page.document import described
 from ..plot.words import title_of
-from ..scenes.results import SEED_ERROR, over_seeds, solve_states, warnings_of
+from ..scenes.results import SEED_ERROR, over_seeds, solve_states, surface_of, warnings_of
 from ..scenes.scene import Scene
 from ..scenes.schema import parse_toml
+from ..sliding.resolution import grid_estimate
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
@@ -34,58 +36,59 @@ STATES = {
 
 
 # What a table has without `--full`, with the errors.
-MAIN = ("friction", "mean_friction", "peak_friction", "contact_area", "mean_pressure", "approach")
+MAIN = ("mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach")
+# Errors that are no part of the total: ends of names, and heads.
+APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
 
 
 def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False) -> None:
-    """Prints one line for each solve, then the reasons of solves that did not converge.
+    """Prints one line for each solve, then why numbers are in doubt, and why solves failed.
 
     Of several random surfaces a line has the mean and its standard error, unless `all_seeds`. Only
     `full` tables have all numbers.
     """
     every, warnings = results, list(warnings_of(results))
-    main = "mean_friction" if "mean_friction" in results else "friction"
-    errors = {main: "friction_standard_error"}  # numbers that are printed with a standard error
     if "seed" in every["message"].dims and not all_seeds:
         results = over_seeds(every)
-        errors = {name: name + SEED_ERROR for name in (main, "contact_area")}
         seeds = every["message"].dims.index("seed")
         warnings = [caveat._replace(where=caveat.where.any(seeds)) for caveat in warnings]
-        typer.echo(f"Numbers are means of {every.sizes['seed']} surfaces ± standard error.")
-    errors = {name: error for name, error in errors.items() if error in results}
-    axes = results["message"].dims
-    hidden = set(errors.values())
-    if not full:
-        hidden |= {*map(str, results)} - _main(errors)
-    columns = _columns(results, hidden)
+        typer.echo(
+            f"Numbers are means of {every.sizes['seed']} surfaces. The standard error of the mean "
+            'is "± over surfaces", the largest error of a surface "±".'
+        )
+    axes, columns = results["message"].dims, _columns(results, full)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in (*_heads(results), *(head for head, _ in columns.values()), ""):
+    for head in (*_heads(results), *(head for head, _ in columns.values()), "state"):
         table.add_column(Text(head), justify="right", no_wrap=True)
-    states = solve_states(results).values
-    values = {name: results[name].values for name in (*columns, *errors.values())}
+    states, numbered = solve_states(results).values, [*enumerate(warnings, start=1)]
     load_unit = 1e6 if axes[-2] == "pressure" else 1
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
-        cells = {name: format(values[name][index], form) for name, (_, form) in columns.items()}
-        for pair in errors.items():
-            cells[pair[0]] = with_error(*(float(values[name][index]) for name in pair))
-        mark = f"[bold red]{state}[/] " if (state := states[index]) else ""
-        doubts = ",".join(str(n) for n, c in enumerate(warnings, start=1) if c.where[index])
-        mark += f"[yellow]({doubts})[/]" if doubts else ""
+        cells = [format(results[name].values[index], form) for name, (_, form) in columns.items()]
+        # What holds for each of several solves is said once, below the table.
+        doubts = [str(n) for n, c in numbered if c.where[index] and not _of_each(c)]
+        mark = f"[bold red]{states[index]}[/] " if states[index] else "" if doubts else "solved"
+        mark += f"[yellow]doubtful ({','.join(doubts)})[/]" if doubts else ""
         numbers = (f"{speed:.3e}", f"{load / load_unit:.4g}", *(f"{number:.5g}" for number in at))
-        table.add_row(*numbers, *cells.values(), mark)
+        table.add_row(*numbers, *cells, mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.
     console.width = max(console.width, 180 + 24 * (len(axes) - 2))
     console.print(table)
-    for number, caveat in enumerate(warnings, start=1):
-        console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
+    for number, caveat in numbered:
+        mark = "each solve" if _of_each(caveat) else number
+        text = f"[bold yellow]({mark})[/] {escape(caveat.sentence)}"
+        console.print(text, soft_wrap=True)
+    if full:
+        surface = surface_of(every)
+        words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
+        console.print(f"Errors by the grid are {words}.", soft_wrap=True)
     _print_failures(every)
 
 
-def _main(errors: Mapping[str, str]) -> set[str]:
-    """The numbers of a short table."""
-    return {*MAIN, *(f"{name}_error" for name in MAIN), *errors.values()}
+def _of_each(caveat: Caveat) -> bool:
+    """Whether a warning concerns each of several solves."""
+    return caveat.where.size > 1 and bool(np.all(caveat.where))
 
 
 def _heads(results: "Dataset") -> Iterator[str]:
@@ -96,26 +99,25 @@ def _heads(results: "Dataset") -> Iterator[str]:
     for name in map(str, others):
         unit = results[name].attrs.get("units", "1")
         head = name if name in AXES else title_of(name, results.attrs["scene"])
-        yield head.replace(" ", "\n", 1) + (f" [{unit}]" if unit != "1" else "")
+        yield head.replace(" ", "\n", 1) + in_brackets(unit)
 
 
-def _columns(results: "Dataset", hidden: set[str]) -> dict[str, tuple[str, str]]:
+def _columns(results: "Dataset", full: bool) -> dict[str, tuple[str, str]]:
     """Heads and formats of the columns, of quantities with one number for each solve."""
     known = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
-    # An error stands beside its number.
-    numbers = (name for name in known if not name.endswith("_error"))
-    beside = [pair for name in numbers for pair in (name, f"{name}_error")]
-    columns = {name: known[name] for name in beside if name in known}
-    columns["friction_standard_error"] = ("± materials", ".1e")  # of means over seeds
-    hidden = hidden | ({"unmeasured_friction"} if "measured" not in results else set())
+    known |= {name + end: (head, ".1e") for name in MAIN for end, head in APART.items()}
+    hidden = {"unmeasured_friction"} if "measured" not in results else set()
     # Without shear in the contact, all friction is hysteresis.
     if "shear_friction" in results and not np.any(results["shear_friction"]):
         hidden |= {"hysteresis_friction", "shear_friction"}
+    # An error stands beside its number.
+    numbers = [name for name in known if not name.endswith("_error")] if full else MAIN
+    beside = [name + end for name in numbers for end in ("", "_error", *APART)]
     axes = results["message"].dims
     return {
-        name: column
-        for name, column in columns.items()
-        if name not in hidden and name in results and results[name].dims == axes
+        name: known[name]
+        for name in beside
+        if name in known and name not in hidden and name in results and results[name].dims == axes
     }
 
 
@@ -162,13 +164,18 @@ def print_read(scene: Scene, surface: Surface | None) -> None:
 
 def print_steps(surface: Surface) -> None:
     """Prints size and roughness, and the roughness after every step of reading, one line each."""
-    size = " x ".join(with_unit(float(edge), "m") for edge in np.asarray(surface.grid.size))
-    found = statistics(surface)
-    height = with_unit(float(found.rms_height), "m")
-    typer.echo(f"surface: {size}, rms height {height}, rms slope {float(found.rms_slope):.3g}")
+    typer.echo(f"surface: {size_of(surface)}")
     if surface.steps:
         heads = f"{'rms height':>16}{'rms slope':>12}{'peak/rms':>10}{'missing':>9}"
         typer.echo(f"{'surface, after the step':24}{heads}")
     for name, rms_height, rms_slope, peak, missing in surface.steps:
         numbers = f"{rms_slope:12.4g}{peak:10.3g}{missing:9.1%}"
         typer.echo(f"{name:24}{with_unit(rms_height, 'm'):>16}{numbers}")
+
+
+def size_of(surface: Surface) -> str:
+    """Returns size and roughness of a surface in words."""
+    size = " x ".join(with_unit(float(edge), "m") for edge in np.asarray(surface.grid.size))
+    found = statistics(surface)
+    height = with_unit(float(found.rms_height), "m")
+    return f"{size}, rms height {height}, rms slope {float(found.rms_slope):.3g}"

@@ -13,10 +13,11 @@ import typer
 
 from .. import plot
 from ..core.checks import nearest, within
+from ..core.warnings import ROUNDING
 from ..fields.frequency import velocity_along
 from ..plot.style import entitle
 from ..plot.sweeps import NOTHING
-from ..plot.words import label_of, title_of
+from ..plot.words import label_of, not_gaussian, title_of
 from ..scenes.cost import scene_cost
 from ..scenes.results import (
     contact_at,
@@ -261,7 +262,11 @@ def _contacts(
 ) -> Iterator[tuple[str, "Figure"]]:
     """Yields each figure of a solve that was kept; only the maps if the run was interrupted."""
     fields, surface = contact_at(results, index)
-    at = results["message"].isel(dict(zip(results["message"].dims, index, strict=True)))
+    if not np.any(fields["pressure"] > 0):
+        typer.echo("The surfaces do not touch: no maps are drawn.")
+        return
+    solve = results.isel(dict(zip(results["message"].dims, index, strict=True)))
+    at = solve["message"]
     title = ", ".join(
         f"{title_of(str(name), scene.text)} {label_of(at[name])}" for name in at.coords
     )
@@ -273,12 +278,13 @@ def _contacts(
         figures = {"contact": plot.plot_sliding(fields, surface, velocity)}
         if whole and surface.periodic:
             theory = mean_field_at(scene, surface, index)
-            figures["distributions"] = plot.plot_distributions(fields, theory)
-            if at["velocity"] != 0:
+            figures["distributions"] = plot.plot_distributions(fields, theory, surface)
+            if abs(solve["friction"]) > ROUNDING * solve["slope_in_contact"]:
                 pressure, moved = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
                 waves = cumulative_friction(pressure, moved, surface.grid, velocity)
                 curves = {"contact": waves, "mean field": theory.against_cutoff}
                 figures["dissipation"] = plot.plot_dissipation(curves)
+                entitle(figures["dissipation"], not_gaussian(surface))
     for key, figure in figures.items():
         entitle(figure, title)
         yield "-".join(map(str, (key, *(index if num_kept > 1 else ())))), figure

@@ -6,6 +6,7 @@ import io
 import os
 import platform
 from collections.abc import Callable, Iterator
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,7 +15,7 @@ import typer
 from rich import progress as bars
 from rich.console import Console
 
-from ..core.compilation import LESS_WORK
+from ..core.compilation import LESS_WORK, keep_small_programs
 from ..core.files import check_folder, check_name, full_path
 from ..plot.style import caption
 from ..scenes.scene import Scene
@@ -54,12 +55,10 @@ def prepare() -> None:
     missing = (flag for flag in ours if flag.split("=")[0] not in flags)
     os.environ["XLA_FLAGS"] = " ".join([flags, *missing]).strip()
     jax.config.update("jax_enable_x64", True)
-    folder = cache_folder()
-    if folder is not None:
+    # A folder that the user chose stays.
+    if not jax.config.values["jax_compilation_cache_dir"] and (folder := cache_folder()):
         jax.config.update("jax_compilation_cache_dir", str(folder))
-        # Also small programs: a scene has dozens of them.
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
-        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    keep_small_programs()
 
 
 @contextlib.contextmanager
@@ -126,7 +125,7 @@ def save_figure(figure: "Figure", path: Path, form: str) -> None:
 
 
 def cache_folder() -> Path | None:
-    """The user's cache folder for this kind of machine; None if other users can write to it.
+    """The user's cache folder for this machine and JAX; None if other users can write to it.
 
     Its files are executed: only the user may write to it, and only this processor use it.
     """
@@ -139,7 +138,8 @@ def cache_folder() -> Path | None:
             lines = Path("/proc/cpuinfo").read_text().splitlines()
             kept = {line for line in lines if line.startswith(("model name", "flags", "Features"))}
             processor = "\n".join(sorted(kept))
-        folder = root / hashlib.sha256(processor.encode()).hexdigest()[:16]
+        key = f"jax {version('jax')}, jaxlib {version('jaxlib')}\n{processor}"
+        folder = root / hashlib.sha256(key.encode()).hexdigest()[:16]
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)
         if os.name == "posix":

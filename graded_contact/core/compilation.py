@@ -98,6 +98,7 @@ def _parted(tree):
 def _options() -> dict[str, bool | int]:
     """The options that are not set in the environment, if this XLA knows them."""
     logging.getLogger("graded_contact").info(COMPILING)
+    keep_small_programs()
     flags = os.environ.get("XLA_FLAGS", "")
     options = {name: value for name, value in LESS_WORK.items() if name not in flags}
     # A small program tells whether this XLA knows them: names of options come and go.
@@ -106,6 +107,16 @@ def _options() -> dict[str, bool | int]:
     except jax.errors.JaxRuntimeError:
         return {}
     return options
+
+
+def keep_small_programs() -> None:
+    """Makes JAX store all programs if a folder for them is set, unless the environment decides.
+
+    JAX leaves out those that compile in less than a second: a solve has dozens of them.
+    """
+    name = "jax_persistent_cache_min_compile_time_secs"
+    if jax.config.values["jax_compilation_cache_dir"] and name.upper() not in os.environ:
+        jax.config.update(name, 0)
 
 
 def one_by_one(function: F) -> F:

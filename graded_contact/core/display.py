@@ -17,7 +17,7 @@ import jax
 import numpy as np
 from jax.core import Tracer
 
-from .quantities import quantity_of
+from .quantities import in_brackets, quantity_of
 
 K = TypeVar("K", bound=type)
 FEW = 8  # numbers of an array that are printed one by one, and entries of a list
@@ -96,6 +96,12 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
             continue
         if name not in fields and callable(part):
             part = part()
+        entries = declared[name].metadata.get("entries") if name in declared else None
+        if entries is not None and np.shape(part) == (len(entries),):
+            texts = (
+                f"{_text(number)} {words}" for number, words in zip(part, entries, strict=True)
+            )
+            part = ", ".join(texts)
         if name in declared:  # paths have the names of arguments, see `parameters`
             name = declared[name].metadata.get("argument", name)
         owner = type(value).__name__
@@ -136,7 +142,7 @@ def with_error(value: float, error: float) -> str:
 
 def _title(name: str, owner: str = "") -> str:
     known = quantity_of(name, owner)
-    return name if known is None or known.unit == "1" else f"{name} [{known.unit}]"
+    return name if known is None else name + in_brackets(known.unit)
 
 
 def _is_number(value: Any) -> bool:

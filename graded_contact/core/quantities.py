@@ -29,7 +29,12 @@ class Quantity(NamedTuple):
     @property
     def label(self) -> str:
         """Words, symbol and unit for an axis of a figure."""
-        return f"{self.meaning} ${self.symbol}$ [{self.unit}]"
+        return f"{self.meaning} ${self.symbol}$" + in_brackets(self.unit)
+
+
+def in_brackets(unit: str) -> str:
+    """Returns a unit as it follows a name: " [Pa]"; nothing for dimensionless numbers."""
+    return "" if unit in ("", "1") else f" [{unit}]"
 
 
 def _table(quantities: Iterable[tuple[str, str, str, str]]) -> dict[str, Quantity]:
@@ -118,6 +123,8 @@ RESULTS = _table([
     ("period", "T", "s", "period"),
     ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),
     ("friction_standard_error", "", "1", "standard error of the friction by that of materials"),
+    ("GapFlow.conductance", "K", "m³", "conductance of the gap along x and along y"),
+    ("GapFlow.estimate", "K", "m³", "conductance of the effective medium along x and along y"),
     ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),

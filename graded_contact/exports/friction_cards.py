@@ -23,9 +23,11 @@ def export_friction(table: "Dataset", format: str, *, name: str = "friction") ->
     """Returns the text of a table of friction in one of `FORMATS`.
 
     - "abaqus": *SURFACE INTERACTION with *FRICTION, which depends on slip rate, contact pressure
-      and, if it is an axis, temperature [K]. The largest error is in a comment;
+      and, if it is an axis, temperature [K];
     - "csv": a line for each point with velocity, pressure, temperature (if it is an axis), friction
-      and its error, as brush models of tyres and models of ABS interpolate it.
+      and contact area with their errors, as brush models of tyres and models of ABS interpolate it.
+
+    Comments (`**` or `#`) have the method, the errors and the conditions.
 
     **Arguments:**
 
@@ -42,11 +44,22 @@ def export_friction(table: "Dataset", format: str, *, name: str = "friction") ->
     return FORMATS[format](_checked(table), name)
 
 
-NUMBERS = ("friction", "friction_error", "contact_area", "contact_area_error")
+NUMBERS = (
+    "friction", "friction_error", "friction_standard_error", "contact_area", "contact_area_error",
+    "mean_field.friction", "mean_field.contact_area",
+)  # fmt: skip
+CONTACT = "contact of the surface on a grid; errors are those of solver and grid together"
 METHODS = {
-    "contact": "contact of the surface on a grid; the error is that of solver and grid",
-    "mean_field": "mean field of the spectrum; the error is that of its quadrature",
-    "both": "contact of the surface on a grid; the error is that of solver and grid",
+    "contact": CONTACT,
+    "mean_field": (
+        "mean field (Persson's theory); its errors are those of the quadrature alone, and contact "
+        "may differ by a factor of 2"
+    ),
+    "both": f"{CONTACT}; beside it the mean field (Persson's theory)",
+}
+ERRORS = {
+    "friction_error": "Relative error of friction",
+    "friction_standard_error": "Relative standard error of friction by the errors of the materials",
 }
 
 
@@ -78,14 +91,33 @@ def _lines(table: "Dataset", columns: list[str], separator: str) -> list[str]:
     return [separator.join(map(repr, row)) for row in rows]  # `repr` keeps all digits
 
 
+def _remarks(table: "Dataset") -> list[str]:
+    """Method, errors and conditions, in lines."""
+    lines = [f"Method: {METHODS[table.attrs.get('method', 'contact')]}"]
+    if title := table.attrs.get("title"):
+        lines.insert(0, f"Friction of: {title}")
+    friction = np.where(table["friction"] > 0, table["friction"], np.inf)
+    for name, words in ERRORS.items():
+        if name in table:
+            share = table[name].values / friction
+            lines.append(f"{words}: {np.min(share):.2%} to {np.max(share):.2%}")
+    if "mean_field.friction" in table:
+        ratio = table["mean_field.friction"].values / friction
+        known = ratio[np.isfinite(ratio)]
+        ends = f"{np.min(known):.3g} to {np.max(known):.3g}" if known.size else "not known"
+        failed = (
+            f"; it failed at {ratio.size - known.size} points" if known.size < ratio.size else ""
+        )
+        lines.append(f"Friction by the mean field over that of contact: {ends}{failed}")
+    told = "\n".join(table.attrs.get(name, "") for name in ("conditions", "caveats"))
+    return [*lines, *filter(None, told.split("\n"))]
+
+
 def _abaqus(table: "Dataset", name: str) -> str:
     columns = ["friction", "velocity", "pressure", *table["friction"].dims[:-2]]
-    friction, error = (table[n].values for n in ("friction", "friction_error"))
-    largest = np.max(error / np.where(friction > 0, friction, np.inf))
     lines = [
         "** Units: m/s, Pa, K. Friction coefficient, slip rate, contact pressure, temperature.",
-        f"** Method: {METHODS.get(table.attrs.get('method', ''), 'not known')}",
-        f"** Largest estimated relative error of the friction coefficient: {largest:.2g}",
+        *(f"** {line}" for line in _remarks(table)),
         f"*SURFACE INTERACTION, NAME={name}",
         "*FRICTION",
     ]
@@ -93,11 +125,12 @@ def _abaqus(table: "Dataset", name: str) -> str:
 
 
 def _csv(table: "Dataset", name: str) -> str:
-    units = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
+    units = {"velocity": " [m/s]", "pressure": " [Pa]", "temperature": " [K]"}
     units = {axis: unit for axis, unit in units.items() if axis in table["friction"].dims}
-    units |= {name: "1" for name in NUMBERS if name in table}
-    heads = ",".join(f"{column} [{unit}]" for column, unit in units.items())
-    return "\n".join([heads, *_lines(table, [*units], ","), ""])
+    units |= {name: "" for name in NUMBERS if name in table}
+    heads = ",".join(f"{column}{unit}" for column, unit in units.items())
+    remarks = [f"# {line}" for line in _remarks(table)]
+    return "\n".join([*remarks, heads, *_lines(table, [*units], ","), ""])
 
 
 FORMATS: dict[str, Callable[["Dataset", str], str]] = {"abaqus": _abaqus, "csv": _csv}

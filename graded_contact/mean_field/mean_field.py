@@ -69,8 +69,8 @@ from .quadrature import Field, Rules, add_up, integrate
 from .roughness import as_roughness
 
 _NOT_REACHED = (
-    "The mean field did not reach `rtol` or steady temperatures, or met a value that is not finite "
-    "(as of a modulus of 0 under `jit`). Raise `num_wavenumbers` and `num_angles`, or `rtol`."
+    "The mean field did not reach `rtol` or steady temperatures, or is not finite (as with a "
+    "modulus of 0). Raise `num_wavenumbers` and `num_angles`, or `rtol`."
 )
 
 

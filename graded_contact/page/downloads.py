@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from ..core.quantities import FIELDS, OBSERVABLES
+from ..core.quantities import FIELDS, OBSERVABLES, in_brackets
 from ..studies.dataset import package_versions
 from .model import Contact, Derivatives, Model
 
@@ -33,7 +33,7 @@ def to_csv(shown: Shown) -> bytes:
     """Returns the curves, side by side, with their units in the heading."""
     curves = shown.curves
     tables = [curves.drop_dims(other).to_dataframe().reset_index() for other in ("speed", "q")]
-    titles = {name: f"{name} [{curves[name].attrs['units']}]" for name in curves.variables}
+    titles = {name: name + in_brackets(curves[name].attrs["units"]) for name in curves.variables}
     return pd.concat(tables, axis=1).rename(columns=titles).to_csv(index=False).encode()
 
 

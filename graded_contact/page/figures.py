@@ -114,8 +114,8 @@ def new_lines(highest: float) -> dict[str, Lines]:
     friction, area = "Friction: mean field, • contact", "Contact area: mean field, • contact"
     lines = (
         Lines("modulus", "Composite modulus", q, "|E| [MPa]", GREEN, (wave, 1e6), log=True),
-        Lines("loss_tangent", "Composite loss tangent", q, "tan δ [1]", GREEN, (wave, 1)),
-        Lines("friction", friction, v, "μ [1]", BLUE, (1, 1)),
+        Lines("loss_tangent", "Composite loss tangent", q, "tan δ", GREEN, (wave, 1)),
+        Lines("friction", friction, v, "μ", BLUE, (1, 1)),
         Lines("contact_area", area, v, "A/A₀ [%]", ORANGE, (1, 0.01)),
     )
     return {line.name: line for line in lines}

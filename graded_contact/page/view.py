@@ -297,7 +297,7 @@ def _headline(shown: Shown | None, pinned: Shown | None) -> str:
         return ""
     now, before = shown.contact.sliding, pinned and pinned.contact.sliding
     cells = {
-        "friction": ("friction μ [1]", lambda μ: with_error(μ, float(now.friction_error))),
+        "friction": ("friction μ", lambda μ: with_error(μ, float(now.friction_error))),
         "contact_area": (
             "contact area A/A₀ [%]",
             lambda area: with_error(100 * area, 100 * float(now.contact_area_error)),

@@ -14,6 +14,7 @@ from ..sliding.result import Sliding
 from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface
 from .style import COLOURS, PAGE, PRESSURES, entitle, few_powers_of_ten, finished, new_figure
+from .words import not_gaussian
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -194,7 +195,9 @@ def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
 
 @finished
 def plot_distributions(
-    sliding: "Sliding | Dataset", mean_field: MeanField | None = None
+    sliding: "Sliding | Dataset",
+    mean_field: MeanField | None = None,
+    surface: Surface | None = None,
 ) -> "Figure":
     """Returns a figure of the distributions of contact pressure and gap.
 
@@ -206,6 +209,8 @@ def plot_distributions(
 
     - `sliding`: as in `plot_sliding`.
     - `mean_field`: the result of `mean_field_friction` for the same contact, to compare with.
+    - `surface`: the surface that slides; the figure says if its heights are not Gaussian, as those
+      of the theory are.
     """
     pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)
     open_points = (pressure <= 0) & (gap > 0)
@@ -231,6 +236,8 @@ def plot_distributions(
         axes.set(xlim=(0, None), ylim=(0, None))
     if not right:
         entitle(figure, FULL)
+    if mean_field is not None and surface is not None:
+        entitle(figure, not_gaussian(surface))
     return figure
 
 
@@ -277,8 +284,8 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
         # The curve's own steps are uneven and would make the derivative noisy.
         steps = np.diff(np.interp(np.log(edges), np.log(q), friction)) / np.diff(np.log(edges))
         each.stairs(steps, edges, color=colour, linewidth=1.2, label=label)
-    total.set(xscale="log", ylabel="friction of waves up to $q$ [1]")
-    each.set_ylabel(r"$\mathrm{d}\mu/\mathrm{d}\ln q$ [1]")
+    total.set(xscale="log", ylabel="friction of waves up to $q$")
+    each.set_ylabel(r"$\mathrm{d}\mu/\mathrm{d}\ln q$")
     for axes in (total, each):
         axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
         axes.set_xlabel("wavenumber $q$ [rad/m]")

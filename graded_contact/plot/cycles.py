@@ -47,11 +47,11 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
         area.plot(times, share, color=colour)
     for axes in (loop, over_time):
         axes.axhline(0, color="0.6", linewidth=0.6)
-        axes.set_ylabel("friction coefficient [1]")
+        axes.set_ylabel("friction coefficient")
     loop.set_xlabel(f"displacement [{unit}]")
     for axes in (over_time, area):
-        axes.set_xlabel("time over the period [1]")
-    area.set(ylabel="contact area fraction [1]", ylim=(0, None))
+        axes.set_xlabel("time over the period")
+    area.set(ylabel="contact area fraction", ylim=(0, None))
     return figure
 
 

@@ -67,9 +67,9 @@ def plot_design(results: DesignResults) -> "Figure":
             friction.errorbar(scene.velocity, solved.mean(0), spread, fmt="o", capsize=2, **style)
     if study.band is not None:
         loss.axvspan(*study.band, color="0.93", zorder=0, label="band of the design")
-    friction.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel="friction coefficient [1]")
+    friction.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel="friction coefficient")
     loss.set(
-        xscale="log", xlabel="wavenumber $q$ [rad/m]", ylabel=f"loss tangent at {speed:.3g} m/s [1]"
+        xscale="log", xlabel="wavenumber $q$ [rad/m]", ylabel=f"loss tangent at {speed:.3g} m/s"
     )
     for axes in (friction, loss):
         axes.set_ylim(bottom=0)
@@ -129,7 +129,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
     ratios = history.parameters / np.array(best.parameters)
     for name, ratio in zip(names, ratios.T, strict=True):
         parameters.plot(evaluation, ratio, ".-", label=f"({letter}) {title_of(name, scene)}")
-    parameters.set_ylabel("parameter / result [1]")
+    parameters.set_ylabel("parameter / result")
     if np.max(ratios) > 3 * np.min(ratios):  # else a logarithmic axis has hardly a number
         parameters.set_yscale("log")
         few_powers_of_ten(parameters.yaxis, np.min(ratios), np.max(ratios))

@@ -136,7 +136,7 @@ def _draw_shifts(panels: "list[Axes]", curve: MasterCurve, colours) -> None:
     temperatures = np.asarray(curve.temperatures)
     celsius = temperatures - ZERO_CELSIUS
     factors, deviations = np.asarray(curve.vertical_shifts), curve.shift_deviations()
-    rows = [(r"$\log_{10} a_T$ [1]", curve.log10_shifts, 1.0), ("$b_T$ [1]", factors, factors)]
+    rows = [(r"$\log_{10} a_T$", curve.log10_shifts, 1.0), ("$b_T$", factors, factors)]
     for axes, (label, values, unit), deviation in zip(panels, rows, deviations, strict=False):
         bars = 2 * np.asarray(deviation) * unit  # the deviation of b_T is that of its logarithm
         for *point, colour in zip(celsius, np.asarray(values), bars, colours, strict=True):

@@ -52,7 +52,7 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
         loss.semilogx(q, np.imag(modulus) / np.real(modulus), **style)
     words = "wavenumber $q$ [rad/m]"
     stiffness.set(xlabel=words, ylabel="effective modulus $|2/(q M_{zz})|$ [Pa]")
-    loss.set(xlabel=words, ylabel="loss tangent [1]", ylim=(0, None))
+    loss.set(xlabel=words, ylabel="loss tangent", ylim=(0, None))
     return figure
 
 
@@ -118,5 +118,5 @@ def plot_sensitivity(
             axes.semilogx(curve.omega, values, color=COLOURS[i % len(COLOURS)], label=label)
         axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
         axes.set(xlabel=r"angular frequency $\omega$ [rad/s]", title=title)
-    panels[0].set_ylabel(f"relative change of the {of} per that of\nthe modulus and decade [1]")
+    panels[0].set_ylabel(f"relative change of the {of} per that of\nthe modulus and decade")
     return figure

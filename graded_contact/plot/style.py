@@ -9,6 +9,7 @@ import functools
 import re
 import string
 import textwrap
+import unicodedata
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -130,7 +131,18 @@ def caption(figure: "Figure") -> str:
             panels.append(f"{axes.get_title(loc='left')} {shown}".strip())
     sentences = re.sub(r" \[[^]]*\]", "", "; ".join(panels)), figure.get_suptitle()
     text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences if text)
-    return text.replace("\n", " ")
+    text = re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text.replace("\n", " "))
+    return _plain(text)
+
+
+def _plain(text: str) -> str:
+    """A text without the formulas of TeX: "log10 a_T" for r"$\\log_{10} a_T$"."""
+    words = {r"\mathrm": "", "_{10}": "10", "^*": "*", r"\,": " ", "$": "", "{": "", "}": ""}
+    for old, new in words.items():
+        text = text.replace(old, new)
+    greek = {name: unicodedata.lookup(f"GREEK SMALL LETTER {name}") for name in
+             ("mu", "sigma", "omega", "delta")}  # fmt: skip
+    return re.sub(r"\\([a-z]+)", lambda found: greek.get(found[1], found[1]), text)
 
 
 def _draw_legend(figure: "Figure") -> None:

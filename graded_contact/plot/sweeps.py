@@ -1,13 +1,15 @@
 """Figures of scenes: friction and contact area over the varied quantities."""
 
 import itertools
+import re
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..core.quantities import OBSERVABLES
+from ..core.quantities import OBSERVABLES, in_brackets
+from ..core.warnings import Caveat
 from ..scenes.results import SEED_ERROR, has_numbers, over_seeds, solve_states, warnings_of
 from ..studies.dataset import NOT_STARTED
 from . import style
@@ -20,7 +22,6 @@ if TYPE_CHECKING:
 
 DRAWN = ("friction", "contact_area")
 ERROR = "_standard_error"
-DOUBTFUL = "doubtful: see the caveats"
 NOTHING = "No solve succeeded: no figure is drawn."
 DASHES = ("-", "--", ":", "-.")
 THIN = 0.4  # points, of the lines of single surfaces
@@ -40,12 +41,14 @@ class _Lines(NamedTuple):
       `state` and `doubtful` along the axis, and `NAME_each` over the seeds if all are drawn; the
       numbers on the other axes are its coordinates.
     - `surfaces`: number of seeds; 0 without such an axis.
+    - `doubts`: why points are doubtful, in short sentences, and whether all points are.
     """
 
     along: str
     varied: list[str]
     each: "list[Dataset]"
     surfaces: int
+    doubts: list[tuple[str, bool]]
 
 
 @style.finished
@@ -55,8 +58,8 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
     If there is one velocity they are drawn against the last axis that has several points. The area
     is the sub-pixel one. The first of the other axes has a colour for each value, the rest have
     dashes. Over several surfaces (`seed`) lines are means, and bands are their standard errors.
-    Bars, and the bands of one surface, are standard errors by materials, where these are known. A
-    solve that did not converge has a hollow marker, one with a caveat a cross, one that failed a
+    Bars are standard errors by materials, where these are known. A solve that did not converge has
+    a hollow marker, a doubtful one a cross, with the reason in the legend; one that failed has a
     triangle and one that was not started a stroke, both at the bottom.
 
     **Arguments:**
@@ -119,7 +122,8 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
     # All lines together: dashes stand for the same numbers in every result.
     surfaces = max(lines.surfaces for lines in every)
     together = [line for lines in every for line in lines.each]
-    lines = first._replace(each=together, surfaces=surfaces)
+    doubts = list(dict.fromkeys(doubt for lines in every for doubt in lines.doubts))
+    lines = first._replace(each=together, surfaces=surfaces, doubts=doubts)
     return _drawn(lines, colours, labels, first.varied)
 
 
@@ -147,9 +151,12 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
     follows = "velocity" if along == "reduced_velocity" else along
     others = [axis for axis in axes if axis not in (follows, "seed")]
     state = solve_states(results)
-    # A solve is doubtful if one of the warnings concerns it, a mean if one of its surfaces is.
-    doubts = [caveat.where for caveat in warnings_of(results)]
-    doubtful = state.copy(data=np.any([np.zeros(state.shape, bool), *doubts], axis=0))
+    # A solve is doubtful if a warning concerns it, a mean if one of its surfaces is. A cross on
+    # each of several points would show nothing: what concerns all is said in words.
+    warnings, several = warnings_of(results), state.size > 1
+    doubts = [(_reason(c), several and bool(np.all(c.where))) for c in warnings]
+    crossed = [c.where for c, (_, each) in zip(warnings, doubts, strict=True) if not each]
+    doubtful = state.copy(data=np.any([np.zeros(state.shape, bool), *crossed], axis=0))
     middle, apart = results, {}
     if "seed" in axes:
         middle = over_seeds(results)
@@ -165,7 +172,13 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
         for index in np.ndindex(*(results.sizes[axis] for axis in others))
     ]
     varied = [axis for axis in others if results.sizes[axis] > 1]
-    return _Lines(along, varied, each, results.sizes.get("seed", 0))
+    return _Lines(along, varied, each, results.sizes.get("seed", 0), doubts)
+
+
+def _reason(caveat: Caveat) -> str:
+    """The beginning of a warning, up to its explanation or remedy."""
+    first = re.split(r"[:.] ", caveat.sentence)[0].rstrip(".")
+    return first[0].lower() + first[1:]
 
 
 def _coloured(lines: _Lines, axis: str) -> "Figure":
@@ -214,23 +227,23 @@ def _drawn(
         entry(color="0.8", linewidth=6, label=label)
     known = {str(name) for line in lines.each for name in line}
     if any(f"{name}{ERROR}" in known for name in DRAWN):
-        how = {"marker": "|", "ls": ""} if lines.surfaces > 1 else {"color": "0.8", "linewidth": 6}
-        entry(**how, label="± standard error by materials")
+        entry(marker="|", ls="", label="± standard error by materials")
     if f"{DRAWN[0]}_each" in known:
         entry(linewidth=THIN, label="each surface")
-    if any(np.any(line["doubtful"]) for line in lines.each):
-        entry(color="black", marker="x", markersize=7, ls="", label=DOUBTFUL)
+    for reason, each in lines.doubts:
+        if each:
+            entry(ls="", label=f"all points: {reason}")
+        else:
+            entry(color="black", marker="x", markersize=7, ls="", label=f"doubtful: {reason}")
     return figure
 
 
 def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: Any) -> None:
-    """Draws a line with a band of the error over seeds and bars of that by materials, and marks
-    points by their state."""
+    """Draws a line, its error over seeds as a band and that by materials as bars, and the states."""
     x, values, state = (line[name].values for name in ("x", quantity, "state"))
     axes.plot(x, values, color=colour, **options)
-    band = next((end for end in (SEED_ERROR, ERROR) if quantity + end in line), None)
-    if band is not None:
-        error = line[quantity + band].values
+    if quantity + SEED_ERROR in line:
+        error = line[quantity + SEED_ERROR].values
         axes.fill_between(x, values - error, values + error, color=colour, alpha=0.2, linewidth=0)
     if f"{quantity}_each" in line:
         each = line[f"{quantity}_each"].transpose(..., "seed").values
@@ -267,6 +280,5 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
     title = title_of(lines.along, line.attrs.get("scene", ""))
     if lines.along == "reduced_velocity":
         title = f"$a_T$ × {title_of('velocity')}"
-    unit = line["x"].attrs.get("units")
-    axes.set_xlabel(title + (f" [{unit}]" if unit else ""))
-    axes.set_ylabel(f"{OBSERVABLES[quantity].quantity.meaning} [1]")
+    axes.set_xlabel(title + in_brackets(line["x"].attrs.get("units", "")))
+    axes.set_ylabel(OBSERVABLES[quantity].quantity.meaning)

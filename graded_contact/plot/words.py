@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING
 from ..core.display import unit_of
 from ..core.quantities import AXES, quantity_of
 from ..scenes.schema import parse_toml
+from ..surfaces.statistics import statistics
+from ..surfaces.surface import Surface
 
 if TYPE_CHECKING:
     from xarray import DataArray
 
+SKEWNESS, EXCESS = 0.5, 1.0  # of heights that count as Gaussian; the excess is kurtosis less 3
 ZERO_CELSIUS = 273.15  # K
 _SINGULAR = {"branch moduli": "branch modulus", "relaxation times": "relaxation time"}
 
@@ -61,3 +64,13 @@ def kelvin(value: float) -> str:
     # 0.0 is added because -0.0 would be written with its sign.
     celsius = f"{round(value - ZERO_CELSIUS, 2) + 0.0:g}".replace("-", "−")
     return f"{value:.5g} K ({celsius} °C)"
+
+
+def not_gaussian(surface: Surface) -> str:
+    """Returns a remark for a figure with Persson's theory if the heights are not Gaussian."""
+    found = statistics(surface)
+    skewness, kurtosis = float(found.skewness), float(found.kurtosis)
+    if abs(skewness) <= SKEWNESS and abs(kurtosis - 3) <= EXCESS:
+        return ""
+    numbers = f"skewness {skewness:.2g} and kurtosis {kurtosis:.2g}".replace("-", "−")
+    return f"Persson's theory is for Gaussian heights; these have {numbers}, not 0 and 3"

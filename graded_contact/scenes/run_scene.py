@@ -2,10 +2,9 @@
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..blocks.stack import Stack
@@ -15,7 +14,7 @@ from ..core.memory import CYCLE, DERIVATIVE, SLIDING, check_memory
 from ..fields.frequency import velocity_along
 from ..sliding.steady import check_approach
 from ..studies.dataset import package_versions
-from ..studies.parameter_covariance import moved
+from ..studies.parameter_covariance import with_standard_error
 from ..studies.program import trace
 from ..studies.store import Store, fingerprint
 from ..studies.sweep import Workers, columns_of, solve_points
@@ -178,17 +177,5 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         found |= {"heights": rough.heights} if "heights" in fields else {}
         return found | {"result": contact.result}
 
-    if errors is None:
-        return lambda point: solved(point, scene.stack)
-
-    def with_error(point: dict[str, Any]) -> dict[str, Any]:
-        def friction(steps):
-            found = solved(point, moved(scene.stack, errors, steps))
-            return found["friction" if scene.motion is None else "mean_friction"], found
-
-        none = jnp.zeros(len(errors.directions), surface.heights.dtype)
-        # One backward pass gives the slopes along all directions of the errors.
-        slopes, found = jax.grad(friction, has_aux=True)(none)
-        return {**found, "friction_standard_error": jnp.linalg.norm(slopes)}
-
-    return with_error
+    main = "friction" if scene.motion is None else "mean_friction"
+    return lambda point: with_standard_error(partial(solved, point), scene.stack, errors, main)

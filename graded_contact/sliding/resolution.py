@@ -57,13 +57,13 @@ class Neighbours(eqx.Module):
 def neighbours_of(found: Found) -> Neighbours:
     """Returns the contacts on half the grid, and of a cycle with half the times."""
     shape = found.grid.shape
-    halved = tuple(n if n < 2 * _LEAST else n // 2 for n in shape)
+    halved = _halved(shape)
     pressure = found.contact.mean_pressure
     if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
         # Without a contact there is nothing to compare.
         return Neighbours(found, found, found, jnp.ones_like(pressure))
     times = len(found.displacement) if found.is_cycle else 0
-    on_half, cut, missing = _heights(found, halved)
+    on_half, cut, missing = _heights(found.heights, found.grid, halved, "window" in found.facts)
     same, fewer = found, None
     if not (is_concrete(missing) and missing <= _SAME):
         same = _solved(found, shape, cut, times)
@@ -75,16 +75,32 @@ def neighbours_of(found: Found) -> Neighbours:
     return Neighbours(same, _solved(found, halved, on_half, times), fewer, factor)
 
 
+def grid_estimate(heights: Float[Array, "*shape"], grid: Grid, window: bool) -> str:
+    """Returns in words where the errors by the grid of a contact come from."""
+    halved = _halved(heights.shape)
+    if halved == heights.shape:
+        return "not known: the grid has too few points"
+    missing = float(_heights(heights, grid, halved, window)[2])
+    if missing <= _SAME:
+        return "from half the grid"
+    return f"from half the grid, without the waves it lacks, times {1 + _LACKING * missing:.2g}"
+
+
+def _halved(shape: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(n if n < 2 * _LEAST else n // 2 for n in shape)
+
+
 @eqx.filter_jit
-def _heights(found: Found, halved: tuple[int, ...]) -> tuple[Array, Array, Array]:
+def _heights(
+    heights: Array, grid: Grid, halved: tuple[int, ...], window: bool
+) -> tuple[Array, Array, Array]:
     """The heights on half the grid, those without the waves it lacks, and the share of these."""
-    heights = found.heights
-    if "window" in found.facts:
+    if window:
         return _means(heights, halved), heights, jnp.zeros(())
     less = resampled(heights, halved)
     cut = resampled(less, heights.shape)
     lost, all_of = (
-        sum(jnp.mean(derivative(field, found.grid, axis) ** 2) for axis in range(heights.ndim))
+        sum(jnp.mean(derivative(field, grid, axis) ** 2) for axis in range(heights.ndim))
         for field in (heights - cut, heights)
     )
     return less, cut, lost / nonzero(all_of)

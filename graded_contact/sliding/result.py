@@ -24,7 +24,7 @@ from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid
 from . import errors  # noqa: F401 (it registers the observables and their errors)
 from .motion import components, rate_of
-from .resolution import Neighbours, neighbours_of
+from .resolution import Neighbours, grid_estimate, neighbours_of
 from .shear import ShearStress
 
 K = TypeVar("K", bound=type)
@@ -122,6 +122,12 @@ class AbstractSliding(eqx.Module):
         return _beyond_contact(self)
 
     @property
+    def grid_errors(self) -> str:
+        """Where the errors by the grid come from, in words; of a batch, those of its first."""
+        one = self.heights.reshape(-1, *self.grid.shape)[0]
+        return grid_estimate(one, self.grid, "window" in self.facts)
+
+    @property
     def caveats(self) -> tuple[str, ...]:
         """Warnings about these numbers, one sentence each; not under `jit`."""
         self.compute(*self.numbers)
@@ -129,7 +135,7 @@ class AbstractSliding(eqx.Module):
         return tuple(caveat.sentence for caveat in caveats_of(self, rules))
 
 
-@shown("contact", "caveats")
+@shown("contact", "grid_errors", "caveats")
 @_described
 class Sliding(AbstractSliding):
     """Friction, contact area and fields of a sliding contact.
@@ -203,7 +209,7 @@ class Sliding(AbstractSliding):
         return direction_and_speed(self.velocity)[1]
 
 
-@shown("contact", "caveats")
+@shown("contact", "grid_errors", "caveats")
 @_described
 class CyclicSliding(AbstractSliding):
     """Friction, contact area and fields over a cycle.

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from ..core.files import LARGEST_FILE, Refusal, check_hdf5, read_file
 from ..core.memory import available_memory
-from ..core.quantities import quantity_of
+from ..core.quantities import in_brackets, quantity_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -137,12 +137,7 @@ def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
     axes, numbers = dataset["message"].dims, dataset.data_vars.items()
     names = [str(n) for n, v in numbers if {*v.dims} <= {*axes} and v.dtype.kind in "fiub"]
     table = dataset[[*names, "message"]].to_dataframe(dim_order=[*axes]).reset_index()
-    # Whole numbers, as seeds, have no unit.
-    heads = {
-        name: f"{name} [{dataset[name].units}]"
-        for name in table
-        if "units" in dataset[name].attrs and dataset[name].dtype.kind == "f"
-    }
+    heads = {name: name + in_brackets(dataset[name].attrs.get("units", "")) for name in table}
     table = table.rename(columns=heads)
     write_whole(path, table.to_csv(index=False, na_rep="nan", lineterminator="\r\n"))
 

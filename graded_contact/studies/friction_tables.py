@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -18,6 +19,7 @@ from ..sliding.numerics import numerics_of
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .dataset import package_versions
+from .parameter_covariance import Errors, with_standard_error
 from .sweep import sweep
 
 if TYPE_CHECKING:
@@ -38,6 +40,7 @@ def friction_table(
     method: Method = "contact",
     slide_options: Mapping[str, Any] = MappingProxyType({}),
     mean_field_options: Mapping[str, Any] = MappingProxyType({}),
+    errors: Errors | None = None,
     **engine: Any,
 ) -> "Dataset":
     """Returns friction and contact area at every combination of pressure, velocity and temperature.
@@ -55,12 +58,14 @@ def friction_table(
     - `method`: `"contact"`, by `slide`; `"mean_field"`, by `mean_field_friction`; or `"both"`.
     - `slide_options`, `mean_field_options`: further arguments of these functions, without those
       that `slide` has for a start.
+    - `errors`: of numbers of the stack, as `propagate` takes them, or None.
     - `engine`: `store`, `workers`, `client` and `progress` of `sweep`.
 
     **Returns:** an `xarray.Dataset` over temperature (if given), pressure and velocity with
     `friction`, `friction_error`, `contact_area`, `contact_area_error` and `message`. The errors of
     a contact are those of the solver and of the grid; that of the mean field is the error of its
-    quadrature. With `"both"` the numbers of the mean field are `mean_field.friction` and so on.
+    quadrature. With `errors` there is a `friction_standard_error`. With `"both"` the numbers of the
+    mean field are `mean_field.friction` and so on, with `mean_field.message`.
 
     **Raises:** `ValueError` for a refused argument; what `sweep` raises.
     """
@@ -88,24 +93,51 @@ def friction_table(
     numerics, _ = numerics_of("slide", {**of_numerics, "throw": False})
     contact = dataclasses.replace(plain, **of_case)
 
-    def numbers(point: dict[str, Array]) -> dict[str, Any]:
-        at: dict[str, Any] = {**point, "velocity": velocity_along(point["velocity"], direction)}
-        if temperature is not None:
-            at["stack"] = stack.at(point["temperature"])
-        theory, found = {}, {}
-        if method != "contact":
-            field = mean_field_of(dataclasses.replace(plain, **at), **mean_field_options)
-            theory = dict(
-                friction=field.friction, friction_error=field.error * jnp.abs(field.friction),
-                contact_area=field.contact_area,
-                contact_area_error=field.error * field.contact_area,
-            )  # fmt: skip
-        if method != "mean_field":
+    def solved(point: dict[str, Array], by: Method, block: Stack) -> dict[str, Any]:
+        warm = block if temperature is None else block.at(point["temperature"])
+        moving = velocity_along(point["velocity"], direction)
+        at: dict[str, Any] = {**point, "velocity": moving, "stack": warm}
+        if by == "contact":
             s = dataclasses.replace(contact, **at).solve(numerics)
             names = ("friction", "friction_error", "contact_area", "contact_area_error")
-            found = dict(zip(names, s.compute(*names), strict=True), result=s.result)
-        return {**found, "mean_field": theory} if method == "both" else found or theory
+            return dict(zip(names, s.compute(*names), strict=True), result=s.result)
+        field = mean_field_of(dataclasses.replace(plain, **at), **mean_field_options)
+        return dict(
+            friction=field.friction, friction_error=field.error * jnp.abs(field.friction),
+            contact_area=field.contact_area,
+            contact_area_error=field.error * field.contact_area,
+        )  # fmt: skip
 
-    table = sweep(numbers, axes, **engine)
-    table.attrs |= {"method": method, "direction": float(direction), **package_versions()}
+    def table_by(by: Method) -> "Dataset":
+        def numbers(point):
+            return with_standard_error(partial(solved, point, by), stack, errors)
+
+        return sweep(numbers, axes, **engine)
+
+    # One after the other: a point that fails by one method has the numbers of the other.
+    table = table_by("mean_field" if method == "mean_field" else "contact")
+    if method == "both":
+        table = beside(table, table_by("mean_field"))
+    shear, heating = (slide_options.get(name) for name in ("shear", "heating"))
+    table.attrs |= {
+        "method": method,
+        "conditions": conditions(direction, shear, heating),
+        "direction": float(direction),
+        **package_versions(),
+    }
     return table
+
+
+def beside(contacts: "Dataset", theory: "Dataset") -> "Dataset":
+    """Returns a table of contacts with the numbers of the mean field as `mean_field.friction`."""
+    return contacts.assign({f"mean_field.{name}": theory[name] for name in theory.data_vars})
+
+
+def conditions(direction: float, shear: Any, heating: Any) -> str:
+    """Returns in a sentence what a table of friction holds for."""
+    parts = [
+        f"Steady sliding at {direction:g} rad from the x axis",
+        "no shear in the contact" if shear is None else f"shear in the contact: {short(shear)}",
+        "no heat of friction" if heating is None else "with the heat of friction",
+    ]
+    return "; ".join(parts)

@@ -7,9 +7,12 @@ direction of their errors: one standard deviation, in the units of the numbers.
 import csv
 import io
 import os
-from typing import TypeVar
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -57,6 +60,26 @@ def moved(tree: T, errors: Errors, steps: Float[Array, " directions"]) -> T:
     known, off = paths(tree), steps @ errors.directions
     changes = zip(errors.paths, off, strict=True)
     return with_values(tree, {path: known.get(path, 0) + change for path, change in changes})
+
+
+def with_standard_error(
+    solved: Callable[[T], dict[str, Any]], tree: T, errors: Errors | None, name: str = "friction"
+) -> dict[str, Any]:
+    """Returns what `solved` finds of a tree and, if errors are known, `friction_standard_error`.
+
+    `name` is the number that stands for the friction. One backward pass gives its slopes along all
+    directions of the errors.
+    """
+    if errors is None:
+        return solved(tree)
+
+    def friction(steps):
+        found = solved(moved(tree, errors, steps))
+        return found[name], found
+
+    none = jnp.zeros(len(errors.directions), errors.directions.dtype)
+    slopes, found = jax.grad(friction, has_aux=True)(none)
+    return {**found, "friction_standard_error": jnp.linalg.norm(slopes)}
 
 
 def check_errors(errors: Errors, material: object) -> None:

@@ -1,6 +1,9 @@
 """Programs that compile in less time outside `jit`."""
 
 import logging
+import os
+import subprocess
+import sys
 from collections import Counter
 
 import jax
@@ -49,6 +52,21 @@ def test_options_of_the_environment_stay_and_the_log_says_once_that_it_compiles(
         compilation._options()
     assert caplog.text.count(COMPILING) == 1
     assert set(compilation.LESS_WORK) - set(options) == {"xla_backend_optimization_level"}
+
+
+SMALL = """
+import jax, graded_contact as gc
+gc.jit(lambda x: x + 1)(1.0)
+"""
+
+
+def test_a_folder_for_programs_alone_is_enough(tmp_path):
+    own = {k: v for k, v in os.environ.items() if not k.startswith("JAX_")}
+    own["JAX_COMPILATION_CACHE_DIR"] = str(tmp_path)
+    for seconds, stored in (("1000", False), (None, True)):
+        limit = {} if seconds is None else {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": seconds}
+        subprocess.run([sys.executable, "-c", SMALL], env=own | limit, check=True)
+        assert bool([*tmp_path.iterdir()]) == stored
 
 
 def test_an_xla_without_the_options_compiles_as_it_does(afresh, monkeypatch):

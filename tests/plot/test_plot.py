@@ -7,6 +7,7 @@ import math
 import re
 from types import SimpleNamespace
 
+import jax
 import jax.numpy as jnp
 import matplotlib
 import numpy as np
@@ -18,9 +19,11 @@ import graded_contact as gc
 from graded_contact.command.result_tables import print_table
 from graded_contact.core.display import unit_of
 from graded_contact.core.quantities import numbers_of
+from graded_contact.plot.style import caption
 from graded_contact.plot.words import title_of
 from graded_contact.scenes.results import surface_variables
 from graded_contact.studies.dataset import attach, write_csv
+from graded_contact.surfaces.spectrum import CutoffCurve
 
 
 def straight(axes):
@@ -72,6 +75,18 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale
         assert len(lines) == 2 and all(np.all(np.diff(line.get_xdata()) > 0) for line in lines)
     (crosses,) = (line for line in figure.axes[0].lines if line.get_marker() == "x")
     np.testing.assert_array_equal(crosses.get_xydata(), [[velocity[2], 6.0]])
+    legend = [text.get_text() for text in figure.legends[0].get_texts()]
+    reason = "20% of the friction arises on points that were filled or tapered, not measured"
+    assert f"doubtful: {reason}" in legend
+
+
+def test_what_makes_each_point_doubtful_is_said_without_crosses():
+    results = made({"pressure": [1e5], "velocity": [0.1, 1.0]})
+    results["slope_in_contact"][:] = 0.6
+    figure = gc.plot.plot_sweep(results)
+    assert not any(line.get_marker() == "x" for line in figure.axes[0].lines)
+    (told,) = (text.get_text() for text in figure.legends[0].get_texts())
+    assert told == "all points: the block's rms slope where it carries the load is 0.6"
 
 
 def made(axes, names=(), failing=()):
@@ -147,6 +162,27 @@ def test_full_contact_has_no_empty_panel():
     assert maps.get_suptitle() == shares.get_suptitle() == "full contact: there is no gap"
 
 
+def test_a_surface_that_is_not_gaussian_is_said_beside_the_theory():
+    waves = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=1e4, q_roll=4e4, q_high=1e5)
+    road = gc.random_surface(waves, gc.Grid((32, 32), 2 * np.pi / 1e4), jax.random.key(1))
+    clipped = dataclasses.replace(road, heights=jnp.maximum(road.heights, 0))
+    stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7)))
+    field = gc.mean_field_friction(stack, waves, pressure=1e5, velocity=1.0)
+    fields, _ = make_fields((32, 32))
+    figures = [gc.plot.plot_distributions(fields, field, one) for one in (road, clipped)]
+    assert figures[0].get_suptitle() == ""
+    assert (
+        "Persson's theory is for Gaussian heights; these have skewness" in figures[1].get_suptitle()
+    )
+
+
+def test_a_caption_has_no_formulas_of_tex():
+    figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))
+    assert caption(figure) == (
+        "(a) friction of waves up to q against wavenumber q; (b) dμ/dln q against wavenumber q."
+    )
+
+
 def test_reduced_velocities_shift_each_temperature():
     axes = gc.plot.plot_reduced(made(VARIED, names=["reduced_velocity"])).axes[0]
     np.testing.assert_allclose(straight(axes)[0].get_xdata(), [1e-22, 1e-21, 1e-20, 1e-19])
@@ -214,6 +250,7 @@ def test_standard_errors_are_bars():
     ends = np.array([path.vertices[:, 1] for path in container[2][0].get_paths()])
     np.testing.assert_allclose(ends, results.friction.values.T + error.T * [-1, 1])
     assert not bars[1].containers and not plain[0].containers
+    assert not bars[0].collections[1:]  # one sign for one error: no band beside the bars
 
 
 def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent():
@@ -268,14 +305,19 @@ def test_units_suit_the_size():
     assert unit_of("m", 0.99e-3)[1] == 1e6
 
 
-# Labels without a unit.
-BARE = ("", "evaluation", "objective", "constraint (0 or more allowed)")
+# Labels without a unit: of counts and of dimensionless numbers.
+BARE = (
+    "", "evaluation", "objective", "constraint (0 or more allowed)", "parameter / result",
+    "friction coefficient", "contact area fraction", "friction of waves up to $q$",
+    r"$\mathrm{d}\mu/\mathrm{d}\ln q$", r"$\log_{10} a_T$", "$b_T$", "loss tangent",
+)  # fmt: skip
 
 
 def check_labels(figure):
-    """Every axis has a label, and that a unit."""
+    """Every axis has a label, and that a unit unless the numbers have no dimension."""
     for axes in figure.axes:
         labels = axes.get_xlabel(), axes.get_ylabel()
+        assert not any("[1]" in label for label in labels)
         assert any(labels), "a panel without labels"
         assert all(label in BARE or re.search(r"\[[^\]]+\]", label) for label in labels), labels
 

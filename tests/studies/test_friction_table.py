@@ -19,6 +19,7 @@ from graded_contact.exports import export_friction
 from graded_contact.scenes.scene import KEYS
 from graded_contact.studies import friction_table
 from graded_contact.studies.dataset import read
+from graded_contact.studies.parameter_covariance import Errors
 from graded_contact.studies.store import fingerprint
 
 CELL = 0.01
@@ -67,7 +68,11 @@ def test_both_methods_beside_each_other_with_the_error_of_the_grid():
     field = gc.mean_field_friction(STACK, PROFILE, pressure=2e5, velocity=0.1)
     np.testing.assert_allclose(found["mean_field.friction"], field.friction, rtol=1e-12)
     assert np.all(both.message == "")
-    assert len(export_friction(both, "csv").splitlines()) == 3
+    lines = export_friction(both, "csv").splitlines()
+    assert lines[-3].endswith("mean_field.friction,mean_field.contact_area")
+    ratio = (both["mean_field.friction"] / both.friction).values
+    told = f"that of contact: {ratio.min():.3g} to {ratio.max():.3g}"
+    assert any(told in line for line in lines)
 
 
 def test_direction_of_sliding_matters_to_a_lay():
@@ -87,7 +92,9 @@ def test_direction_of_sliding_matters_to_a_lay():
 def test_abaqus_reads_back_every_number_in_its_order(table):
     lines = export_friction(table, "abaqus", name="tread").splitlines()
     cards = [line for line in lines if not line.startswith("**")]
-    assert any("Method: " in line and "not known" not in line for line in lines)
+    text = "\n".join(lines)
+    assert "Method: mean field" in text and "contact may differ by a factor of 2" in text
+    assert "Steady sliding at 0 rad from the x axis; no shear in the contact; no heat" in text
     assert cards[:2] == ["*SURFACE INTERACTION, NAME=tread", "*FRICTION"]
     rows = np.array([[float(n) for n in line.split(",")] for line in cards[2:]])
     assert rows.shape == (12, 4)
@@ -97,18 +104,18 @@ def test_abaqus_reads_back_every_number_in_its_order(table):
     for friction, velocity, pressure, temperature in rows:
         point = dict(velocity=velocity, pressure=pressure, temperature=temperature)
         assert float(table.friction.sel(point)) == friction
-    (largest,) = (line for line in lines if "Largest estimated" in line)
-    expected = float((table.friction_error / table.friction).max())
-    np.testing.assert_allclose(float(largest.rsplit(" ", 1)[1]), expected, rtol=0.06)
+    (told,) = (line for line in lines if "Relative error of friction" in line)
+    share = table.friction_error / table.friction
+    assert told.endswith(f"friction: {share.min():.2%} to {share.max():.2%}")
     warm = export_friction(table.sel(temperature=310.0, drop=True), "abaqus").splitlines()
     assert len(warm[-1].split(",")) == 3
 
 
 def test_csv_reads_back_bit_for_bit(table):
-    frame = pd.read_csv(io.StringIO(export_friction(table, "csv")))
+    frame = pd.read_csv(io.StringIO(export_friction(table, "csv")), comment="#")
     assert list(frame) == [
-        "velocity [m/s]", "pressure [Pa]", "temperature [K]", "friction [1]", "friction_error [1]",
-        "contact_area [1]", "contact_area_error [1]",
+        "velocity [m/s]", "pressure [Pa]", "temperature [K]", "friction", "friction_error",
+        "contact_area", "contact_area_error",
     ]  # fmt: skip
     frame.columns = [head.split(" ")[0] for head in frame]
     back = frame.set_index(["temperature", "pressure", "velocity"]).to_xarray()
@@ -122,8 +129,9 @@ def test_csv_reads_back_bit_for_bit(table):
 def test_axes_of_one_or_two_points_have_cards(table, counts, temperatures):
     index = dict(zip(("pressure", "velocity"), map(range, counts), strict=True))
     part = table.isel(index | {"temperature": range(temperatures) if temperatures else 0})
-    assert len(export_friction(part, "csv").splitlines()) == 1 + part.friction.size
-    cards = export_friction(part, "abaqus").splitlines()[5:]
+    rows = [line for line in export_friction(part, "csv").splitlines() if line[0].isdigit()]
+    assert len(rows) == part.friction.size
+    cards = [line for line in export_friction(part, "abaqus").splitlines() if line[0].isdigit()]
     assert [len(card.split(",")) for card in cards] == [
         4 if temperatures else 3
     ] * part.friction.size
@@ -165,6 +173,9 @@ OTHER_LOADS = {
 }
 
 
+MEAN_FIELD = ("--method", "mean_field")
+
+
 def test_the_command_ignores_no_key_of_the_load(tmp_path, monkeypatch):
     assert OTHER_LOADS.keys() == {key.name for key in KEYS["[load]"]}
     soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
@@ -186,33 +197,95 @@ def test_the_command_ignores_no_key_of_the_load(tmp_path, monkeypatch):
             lines = scene.splitlines()
         lines.insert(0 if key == "title" else lines.index("[load]") + 1, f"{key} = {value}")
         (tmp_path / "other.toml").write_text("\n".join(lines))
-        done = CliRunner().invoke(cli.app, ["table", str(tmp_path / "other.toml")])
+        done = CliRunner().invoke(cli.app, ["table", str(tmp_path / "other.toml"), *MEAN_FIELD])
         assert (refused or "only recorded") in " ".join(done.output.split())
     assert len(set(asked)) == 1 + sum(refused is None for _, refused in OTHER_LOADS.values())
 
 
-def test_the_command_writes_what_python_computes(tmp_path, monkeypatch):
+@pytest.fixture
+def invoke(tmp_path, monkeypatch):
+    """Runs `table` on a scene of two velocities, in which words are replaced."""
     monkeypatch.setattr(session, "cache_folder", lambda: None)
     monkeypatch.setenv("HOME", str(tmp_path))
-    file = tmp_path / "small.toml"
-    file.write_text(SCENE)
-    call = ["table", str(file), "--output", "~/out"]
-    done = CliRunner().invoke(cli.app, call)
+
+    def run(*options, replaced=("32", "16")):
+        (tmp_path / "small.toml").write_text(SCENE.replace("8e4", "4e4").replace(*replaced))
+        return CliRunner().invoke(cli.app, ["table", str(tmp_path / "small.toml"), *options])
+
+    return run
+
+
+def test_the_command_writes_what_python_computes(invoke, tmp_path):
+    call = (*MEAN_FIELD, "--output", "~/out", "--num-wavenumbers", "32")
+    done = invoke(*call)
     assert done.exit_code == 0, done.output
     written = read(tmp_path / "out" / "small-friction.h5")
     assert written.attrs["method"] == "mean_field"
     for form, ending in (("abaqus", "inp"), ("csv", "csv")):
         text = (tmp_path / "out" / f"small-friction.{ending}").read_text()
         assert text == export_friction(written, form)
-    scene = gc.read_scene(file)
+    scene = gc.read_scene(tmp_path / "small.toml")
     alone = gc.mean_field_friction(
-        scene.stack, scene.surface.spectrum, pressure=2e5, velocity=jnp.array([1.0, 0.0])
-    )
+        scene.stack, scene.surface.spectrum, pressure=2e5, velocity=jnp.array([1.0, 0.0]),
+        num_wavenumbers=32,
+    )  # fmt: skip
     np.testing.assert_allclose(written.friction[0, 1], alone.friction, rtol=1e-10)
-    again = CliRunner().invoke(cli.app, call)
+    again = invoke(*call)
     assert again.exit_code == 2
     assert "exists: give another --output, or --replace" in " ".join(again.output.split())
-    (tmp_path / "seeds.toml").write_text(SCENE.replace("q_high = 8e4", "q_high = 8e4\nseeds = 2"))
-    seeds = CliRunner().invoke(cli.app, ["table", str(tmp_path / "seeds.toml")])
-    assert seeds.exit_code == 2
-    assert "no axis `seed`" in seeds.output
+
+
+def test_the_table_is_of_contacts_and_says_so(invoke, tmp_path):
+    done = invoke("-o", str(tmp_path))
+    assert done.exit_code == 0, done.output
+    written = read(tmp_path / "small-friction.h5")
+    scene = gc.read_scene(tmp_path / "small.toml")
+    alone = gc.slide(scene.stack, scene.surface.build(), pressure=2e5, velocity=1.0)
+    np.testing.assert_allclose(written.friction[0, 1], alone.friction, rtol=1e-8)
+    np.testing.assert_allclose(written.friction_error[0, 1], alone.friction_error, rtol=1e-3)
+    card = (tmp_path / "small-friction.inp").read_text()
+    for told in (
+        "** Friction of: a small one", "** Method: contact", "** Relative error of friction:",
+        "** Block: tread on a random surface", "** Surface: 16 x 16 points, 1 mm x 1 mm",
+        "** Steady sliding at 0 rad",
+    ):  # fmt: skip
+        assert told in card
+
+
+def test_a_point_that_fails_by_one_method_offers_the_other(invoke, tmp_path):
+    failed = invoke(*MEAN_FIELD, "-o", str(tmp_path), "--rtol", "1e-12")
+    assert failed.exit_code == 1 and not (tmp_path / "small-friction.csv").exists()
+    text = " ".join(failed.stderr.split())
+    assert "2 of 2 points failed by the mean field. The first: The mean field did not" in text
+    assert "Raise `--num-wavenumbers` and" in text and "`--method contact` writes cards" in text
+    both = invoke("--method", "both", "-o", str(tmp_path), "--rtol", "1e-12", "--replace")
+    assert both.exit_code == 0 and "2 of 2 points failed by the mean field" in both.stderr
+    written = read(tmp_path / "small-friction.h5")
+    assert np.all(written.friction > 0) and np.all(np.isnan(written["mean_field.friction"]))
+    assert "it failed at 2 points" in (tmp_path / "small-friction.csv").read_text()
+
+
+def test_what_a_table_does_not_take_is_refused(invoke):
+    for options, replaced, told in (
+        ((), ("q_high = 4e4", "q_high = 4e4\nseeds = 2"), "no axis `seed`"),
+        (("--num-angles", "8"), ("", ""), "`--num-angles` is an option of the mean field"),
+        ((), ("[0.01, 1.0]", "[-0.01, 1.0]"), "a speed [m/s] is not negative"),
+    ):
+        refused = invoke(*options, replaced=replaced)
+        assert refused.exit_code == 2 and told in " ".join(refused.output.split())
+
+
+def test_errors_of_materials_are_those_of_differences():
+    """By hand: half the change of friction between two moduli, one deviation below and above."""
+    axes = dict(pressure=[2e5], velocity=[0.1], method="mean_field")
+    errors = Errors(("base.material.equilibrium",), [[1e4]])
+    found = friction_table(STACK, SPECTRUM, errors=errors, **axes)
+    ends = [
+        friction_table(
+            gc.with_values(STACK, {"base.material.equilibrium": 1e6 + step}), SPECTRUM, **axes
+        ).friction
+        for step in (-1e4, 1e4)
+    ]
+    expected = np.abs(ends[1] - ends[0]) / 2
+    np.testing.assert_allclose(found.friction_standard_error, expected, rtol=1e-3)
+    assert "by the errors of the materials" in export_friction(found, "csv")
