@@ -51,6 +51,7 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     """The numbers of a solve but those of the axes; a standard error if errors are known."""
     facts = {
         "heated": scene.heating is not None,
+        "sheared": scene.shear is not None,
         "window": not surface.periodic,
         "ground": not surface.periodic and has_ground(scene.stack, surface.grid),
         "given approach": scene.approach is not None,

@@ -380,7 +380,7 @@ def _check_tables(scene: Scene) -> None:
         if scene.pressure_ratio is not None:
             raise ValueError("[load] `pressure_ratio` needs a table [motion].")
         return
-    refuse_tables(scene, "[motion]", "shear", "heating")
+    refuse_tables(scene, "[motion]")
     if scene.strain_per_slope is not None:
         raise ValueError("[motion] does not take the key `strain_per_slope` of [load].")
     with within("[load]"):
@@ -390,6 +390,8 @@ def _check_tables(scene: Scene) -> None:
             check_positive("velocity", scene.velocity, "[m/s]: a motion has a highest speed")
         elif np.any(scene.velocity):
             raise ValueError("`velocity` is refused: [motion] is at rest. Leave it out.")
+        elif scene.heating is not None:
+            raise ValueError("[heating] is refused: [motion] is at rest. Remove one of the two.")
 
 
 def refuse_tables(scene: Scene, place: str, *names: str) -> None:

@@ -5,6 +5,7 @@ import pytest
 from scene_texts import BARE
 
 import graded_contact as gc
+from graded_contact.command.result_tables import print_table
 from graded_contact.scenes.results import contact_at, kept_solves, read_results
 from graded_contact.scenes.run_scene import build_surface, run_scene
 from graded_contact.scenes.scene import parse_scene
@@ -13,6 +14,7 @@ from graded_contact.studies.dataset import write, write_csv
 SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")
 CYCLE = SMALL.replace("[0.01, 1.0]", "[0.1, 1.0]\npressure_ratio = [1.0, 1.5]\ndirection = 0.5") + (
     '[motion]\nkind = "sinusoidal"\nstroke = 1e-4\nfrequency = 20.0\nnum_times = 8\n'
+    '[shear]\nkind = "peaked"\npeak = 1e5\nvelocity = 0.1\nsteepness = 0.1\n'
 )
 
 
@@ -32,11 +34,20 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
         displacement=np.asarray(motion.displacement)[:, None] * along,
         period=motion.period * motion.highest_speed / 1.0,
         pressure=2e5 * np.array([1.0, 1.125, 1.25, 1.375, 1.5, 1.375, 1.25, 1.125]),
+        shear=gc.sliding.PeakedShear(1e5, 0.1, 0.1),
         rtol=scene.rtol,
     )
     assert np.all(results.message == "")
     at = results.isel(pressure=0, velocity=1)
-    for name in ("mean_friction", "peak_friction", "work", "dissipated_power", "phase", "load"):
+    for name in (
+        "mean_friction",
+        "mean_shear_friction",
+        "peak_friction",
+        "work",
+        "dissipated_power",
+        "phase",
+        "load",
+    ):
         np.testing.assert_allclose(at[name], getattr(cycle, name), rtol=1e-5, err_msg=name)
     np.testing.assert_allclose(at.friction, cycle.friction @ along, rtol=1e-4, atol=1e-7)
     np.testing.assert_allclose(at.period, cycle.period, rtol=1e-12)
@@ -44,6 +55,12 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
     assert results.time.values.tolist() == [i / 8 for i in range(8)]
     assert results.work.attrs["units"] == "J/m²" and results.largest_step.attrs["units"] == "1"
     np.testing.assert_allclose(at.friction * at["load"], at["traction"], rtol=1e-12)
+
+
+def test_a_table_of_cycles_has_a_column_of_the_shear(cycles, capsys):
+    print_table(cycles[1], full=True)
+    head = capsys.readouterr().out.split("1.000e-01")[0]
+    assert all(word in head for word in ("(peak)", "shear", "phase"))
 
 
 def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(cycles, tmp_path):

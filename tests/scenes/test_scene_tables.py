@@ -149,7 +149,8 @@ def test_an_open_file_is_a_window_with_its_tilt(tmp_path):
         (STILL + SINE.replace("stroke", "strok"), r"\[motion\] has no key `strok`; did you mean"),
         (STILL + SINE.replace('"sin', '"sun'), r"`kind` = 'sunusoidal' .* did you mean `sinuso"),
         (STILL + SINE.replace("= 20.0", "= -1.0"), r"\[motion\] `frequency=-1` is refused"),
-        (STILL + SINE + PEAKED, r"\[motion\] does not take the table \[shear\]"),
+        (STILL.replace("[load]", "[load]\ntemperature = 300.0") + HEATING
+         + SINE.replace("2e-4", "0.0"), r"\[heating\] is refused: \[motion\] is at rest"),
         (BARE.replace("[0.01", "[0.0") + SINE, r"\[load\] `velocity\[0\]=0` is refused"),
         (BARE.replace("= [0.01, 1.0]", "= 1.0\npressure_ratio = [1.0, 2.0]"), "needs a table .mot"),
         (BARE + PEAKED + SHIFT, r"\[shear\] `temperature=None` is refused"),
