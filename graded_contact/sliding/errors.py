@@ -152,7 +152,7 @@ def _image_error(found: Found) -> Array:
     indicator = contact_indicator(found)
 
     def friction_under(p):
-        own = frictions(found, found.operator.on_cell(p))[0]
+        own = frictions(found, found.operator.on_cell(p), indicator)[0]
         return own + shear_over_load(p, indicator + p - found.pressure, found.shear)
 
     pull = jax.grad(friction_under)(found.pressure)

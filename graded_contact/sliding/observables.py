@@ -99,10 +99,10 @@ def _over_load(found: Found, tractions: Array) -> Array:
     return over.reshape(found.displacement.shape)
 
 
-def frictions(found: Found, pressure: Array, indicator: Array | None = None) -> Array:
+def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
     """The friction of steady sliding, or mean and peak friction of a cycle, under a pressure.
 
-    That of a cycle contains the shear, for which it takes the `contact_indicator`.
+    That of a cycle contains the shear, which acts where the indicator of contact is positive.
     """
     tractions = tractions_of(found, pressure, found.operator.displace(pressure))
     size = load(found, pressure)
