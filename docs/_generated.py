@@ -48,7 +48,7 @@ TITLES = {
 }  # fmt: skip
 
 # Keys and tables that have a kind, in the order of `block.KINDS`.
-SHORT = ("shift", "shape", "graded_solver", "[shear]", "[motion]")
+SHORT = ("shift", "shape", "graded_solver", "[law]", "[shear]", "[motion]")
 # Keys of scenes, by table and by what takes them.
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene.Tables: keys_of(scene.Tables)},

@@ -54,7 +54,10 @@ def table(
                 scene.stack, roughness_of(scene, surface) if simple else surface,
                 pressure=scene.pressure, velocity=scene.velocity, temperature=warm,
                 direction=scene.direction, method=method, mean_field_options=common,
-                slide_options={"solver": scene.solver, "rtol": scene.rtol, **common},
+                slide_options={
+                    "solver": scene.solver, "rtol": scene.rtol, "law": scene.contact_law,
+                    **common,
+                },
                 progress=partial(advance, "friction"),
             )  # fmt: skip
         if interruption.signal is not None:

@@ -277,7 +277,9 @@ def _contacts(
             if at["velocity"] != 0:
                 pressure, moved = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
                 waves = cumulative_friction(pressure, moved, surface.grid, velocity)
-                curves = {"contact": waves, "mean field": theory.against_cutoff}
+                curves = {"contact": waves}
+                if theory is not None:
+                    curves["mean field"] = theory.against_cutoff
                 figures["dissipation"] = plot.plot_dissipation(curves)
     for key, figure in figures.items():
         entitle(figure, title)

@@ -168,7 +168,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     scene, table = parse_scene(text, folder), parse_toml(text).get("design")
     if table is None:
         raise ValueError("The scene lacks the table [design].")
-    refuse_tables(scene, "[design]", "motion", "shear", "heating")
+    refuse_tables(scene, "[design]", "motion", "law", "shear", "heating")
     if scene.strain_per_slope is not None and table.get("objective") == "flat_loss_tangent":
         raise ValueError(
             '[design] with the objective "flat_loss_tangent" does not take the key '

@@ -20,6 +20,7 @@ from jaxtyping import Float
 from ..blocks.grading import AbstractGradedSolver
 from ..blocks.layering import Layering
 from ..blocks.stack import LIQUID, Stack, liquid_in
+from ..contacts.law import AbstractLaw, HardWall, check_pressure
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
 from ..core.checks import (
@@ -70,6 +71,7 @@ class Tables:
     - `sweep`: other values for numbers of the block, by paths as in `with_values`:
       "layers[0].thickness" = [1e-5, 1e-4]. A temperature acts on the block with these values.
     - `motion`: back and forth or with stops, in place of steady sliding, with a `kind`.
+    - `law`: of contact, with a `kind`: adhesion, hardness or a soft wall; if missing, a hard wall.
     - `shear`: stress in the contact, which adds to the friction, with a `kind`.
     - `heating`: how the heat of friction flows; it then softens the block under the contact.
     - `solver`: tolerance and algorithm.
@@ -86,6 +88,7 @@ class Tables:
     layers: list[dict] = dataclasses.field(default_factory=list)
     sweep: dict[str, Axis] = dataclasses.field(default_factory=dict)
     motion: dict[str, object] | None = None
+    law: AbstractLaw | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
     solver: dict[str, object] = dataclasses.field(default_factory=dict)
@@ -95,7 +98,7 @@ class Tables:
 
 @shown(
     "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion",
-    "sampling", "shear", "heating",
+    "sampling", "law", "shear", "heating",
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -118,7 +121,7 @@ class Scene:
       heating it is the bulk temperature.
     - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
       period, linear in between; if missing, the load is constant.
-    - `motion`, `shear`, `heating`: the tables of these names, or None.
+    - `motion`, `law`, `shear`, `heating`: the tables of these names, or None.
     - `step`: of a motion, its largest step from one time to the next, in spacings of the grid.
     - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
       if missing, each material has its own amplitude.
@@ -152,6 +155,7 @@ class Scene:
     strain_per_slope: float | None = None
     motion: Motion | None = None
     step: float | None = None
+    law: AbstractLaw | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
     solver: DouglasRachford
@@ -175,6 +179,11 @@ class Scene:
             found["seed"] = self.surface.seed + np.arange(self.surface.seeds)
         load = "pressure" if self.approach is None else "approach"
         return {**found, load: getattr(self, load), "velocity": self.velocity}
+
+    @property
+    def contact_law(self) -> AbstractLaw:
+        """That of [law], or a hard wall."""
+        return self.law or HardWall()
 
     @property
     def num_solves(self) -> int:
@@ -212,7 +221,7 @@ class Scene:
         given: dict[str, Any] = {
             "stack": self.block(point), "surface": surface, "shear": self.shear,
             "temperature": point.get("temperature", self.temperature), "heating": self.heating,
-            "strain_per_slope": self.strain_per_slope,
+            "strain_per_slope": self.strain_per_slope, "law": self.contact_law,
             **{name: point[name] for name in ("pressure", "approach") if name in point},
         }  # fmt: skip
         if self.motion is None:
@@ -313,7 +322,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     stack = block.stack(tables.layers, tables.base)
     inputs = dict(reader.paths)  # before [output], whose folder is no input
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
-    own = {name: getattr(tables, name) for name in ("title", "sweep", "shear", "heating")}
+    own = {name: getattr(tables, name) for name in ("title", "sweep", "law", "shear", "heating")}
     errors = tuple((name, block.materials[name], known) for name, known in block.errors.items())
     materials = {at: name for name, part in block.materials.items() for at in places(stack, part)}
     found = Scene(
@@ -341,6 +350,8 @@ def _check_numbers(scene: Scene) -> None:
     with within("[load]"):
         if scene.approach is None:
             check_positive("pressure", scene.pressure, "[Pa]")
+            highest = np.max(scene.pressure) * np.max(scene.pressure_ratio or 1.0)
+            check_pressure(as_float(highest), scene.contact_law)
         else:
             check_values("approach", scene.approach, "an approach [m] must be finite")
         check_values("velocity", scene.velocity, "a velocity [m/s] must be finite")

@@ -89,6 +89,19 @@ def test_a_run_with_shear_adds_the_stress_on_the_contact():
     np.testing.assert_allclose(results.friction, both, rtol=1e-12)
 
 
+def test_a_run_with_a_law_is_slide_with_it():
+    """The softer body flows: no pressure exceeds its hardness."""
+    text = SMALL.replace("[0.01, 1.0]", "1.0") + '[law]\nkind = "hard_wall"\nhardness = 1e6\n'
+    scene = parse_scene(text)
+    results = run_scene(scene)
+    surface, load = build_surface(scene), {"pressure": 2e5, "velocity": 1.0, "rtol": scene.rtol}
+    flowed = gc.slide(scene.stack, surface, law=gc.HardWall(1e6), **load)
+    for name in ("friction", "contact_area", "mean_gap"):
+        np.testing.assert_allclose(results[name].item(), getattr(flowed, name), rtol=1e-5)
+    assert results.contact_pressure.max() <= 1e6 * (1 + 1e-12)
+    assert results.contact_area_pixels.item() >= 0.2  # the load over the hardness
+
+
 @pytest.mark.slow
 def test_a_run_with_heating_is_slide_with_heating():
     text = SMALL.replace("= [0.01, 1.0]", "= 10.0\ntemperature = 300.0") + (
