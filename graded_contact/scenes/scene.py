@@ -1,8 +1,7 @@
 """Scenes: a block, a surface, loads and velocities, as a TOML file describes them.
 
 The keys of a scene are the names of arguments of this package, in SI units, angles in radians; a
-`kind` names what takes them. The site lists all of them. Paths are relative to the scene file, or
-begin with `~`.
+`kind` names what takes them. Paths are relative to the scene file, or begin with `~`.
 """
 
 import dataclasses
@@ -271,7 +270,7 @@ KEYS = {
 
 
 def read_scene(path: str | os.PathLike) -> Scene:
-    """Returns the scene that a TOML file describes; the site lists its keys.
+    """Returns the scene that a TOML file describes; `docs/scene_keys.md` lists its keys.
 
     A missing file raises `FileNotFoundError`. An error in the file raises `ValueError` with the
     table and the key.
