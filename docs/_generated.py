@@ -1,6 +1,6 @@
 """Pages that are made, not written: reference, commands, rows of benchmarks, notebooks.
 
-`python docs/_generated.py` writes the table of a scene's keys alone, which is kept in the repository.
+`python docs/_generated.py` writes the table of a scene's keys alone, which the repository keeps.
 """
 
 import csv
@@ -73,6 +73,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     },
     "[load]": {scene.Scene: scene.KEYS["[load]"]},
     "[heating]": {Heating: keys_of(Heating)},
+    "[observe]": {scene.Observe: keys_of(scene.Observe)},
     "[solver]": {
         scene.Scene: scene.KEYS["[solver]"],
         DouglasRachford: keys_of(DouglasRachford),
@@ -258,7 +259,8 @@ def keys_page() -> str:
     about = inspect.cleandoc(scene.__doc__ or "").partition("\n\n")[2]
     made = (
         "`python docs/_generated.py` makes this page from the code. [Describe your own scene]"
-        '(howto/own_scene.md) explains scenes by examples. For None write "none", or leave out a key without a default.'
+        '(howto/own_scene.md) explains scenes by examples. For None write "none", or leave out a '
+        "key without a default."
     )
     parts = ["# The keys of a scene", about, made]
     for title, takers in TABLES.items():

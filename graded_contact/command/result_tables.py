@@ -34,7 +34,10 @@ STATES = {
 
 
 # What a table has without `--full`, with the errors.
-MAIN = ("friction", "mean_friction", "peak_friction", "contact_area", "mean_pressure", "approach")
+MAIN = (
+    "friction", "mean_friction", "peak_friction", "contact_area", "mean_pressure", "approach",
+    "contact_stiffness", "specific_conductance", "flow_along_x", "flow_along_y",
+)  # fmt: skip
 
 
 def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False) -> None:

@@ -9,6 +9,7 @@ all solves were kept, over `x` and `y` if only one was, whose index is the attri
 cycle they are also over `time`.
 """
 
+import dataclasses
 import hashlib
 import json
 import os
@@ -52,6 +53,7 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     facts = {
         "heated": scene.heating is not None,
         "sheared": scene.shear is not None,
+        **dataclasses.asdict(scene.observe),
         "window": not surface.periodic,
         "ground": not surface.periodic and has_ground(scene.stack, surface.grid),
         "given approach": scene.approach is not None,

@@ -54,6 +54,26 @@ Axis = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
 
 
 @dataclasses.dataclass(frozen=True)
+class Observe:
+    """Numbers of each contact that take more time, for those who ask.
+
+    **Fields:**
+
+    - `stiffness`: true for the contact stiffness [Pa/m], by which the mean pressure rises as the
+      mean gap closes.
+    - `conductance`: true for the conductance of the contact between two half spaces, times the sum
+      of their resistivities [1/m]. Over the sum of 1/λ it is the thermal conductance.
+    - `flow`: true for the conductance of the gap for a thin fluid along x and along y [m³]. Times
+      the gradient of the fluid's pressure, over 12 times its viscosity, it is the leakage per
+      width.
+    """
+
+    stiffness: bool = False
+    conductance: bool = False
+    flow: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
 class Tables:
     """The tables of a scene; those that need others are converted after them.
 
@@ -73,6 +93,7 @@ class Tables:
     - `law`: of contact, with a `kind`: adhesion, hardness or a soft wall; if missing, a hard wall.
     - `shear`: stress in the contact, which adds to the friction, with a `kind`.
     - `heating`: how the heat of friction flows; it then softens the block under the contact.
+    - `observe`: numbers that are computed if asked for: stiffness, conductance, flow.
     - `solver`: tolerance and algorithm.
     - `output`: names and fields of the results.
     - `design`: what the command `design` does.
@@ -90,6 +111,7 @@ class Tables:
     law: AbstractLaw | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
+    observe: Observe = Observe()
     solver: dict[str, object] = dataclasses.field(default_factory=dict)
     output: dict[str, object] = dataclasses.field(default_factory=dict)
     design: dict[str, object] | None = None
@@ -97,7 +119,7 @@ class Tables:
 
 @shown(
     "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion",
-    "sampling", "law", "shear", "heating",
+    "sampling", "law", "shear", "heating", "observe",
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -121,6 +143,7 @@ class Scene:
     - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
       period, linear in between; if missing, the load is constant.
     - `motion`, `law`, `shear`, `heating`: the tables of these names, or None.
+    - `observe`: the table of this name.
     - `step`: of a motion, its largest step from one time to the next, in spacings of the grid.
     - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
       if missing, each material has its own amplitude.
@@ -157,6 +180,7 @@ class Scene:
     law: AbstractLaw | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
+    observe: Observe = Observe()
     solver: DouglasRachford
     rtol: float = RTOL
     graded_solver: AbstractGradedSolver = Layering()  # noqa: RUF009 (immutable)
@@ -251,6 +275,8 @@ class Scene:
             yield point, self.block(point)
 
 
+# The tables that are fields of a scene as they are.
+_OWN = ("title", "sweep", "law", "shear", "heating", "observe")
 # The keys of tables that are fields of a scene.
 KEYS = {
     place: tuple(
@@ -321,7 +347,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     stack = block.stack(tables.layers, tables.base)
     inputs = dict(reader.paths)  # before [output], whose folder is no input
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
-    own = {name: getattr(tables, name) for name in ("title", "sweep", "law", "shear", "heating")}
+    own = {name: getattr(tables, name) for name in _OWN}
     errors = tuple((name, block.materials[name], known) for name, known in block.errors.items())
     materials = {at: name for name, part in block.materials.items() for at in places(stack, part)}
     found = Scene(
@@ -380,6 +406,9 @@ def _check_tables(scene: Scene) -> None:
         raise ValueError(
             '[load] `approach` needs a surface of kind "sphere", or a file that is "open".'
         )
+    asked = scene.observe != Observe()
+    if asked and (motion is not None or is_open or isinstance(source, Sphere)):
+        raise ValueError("[observe] needs steady sliding on a periodic surface.")
     if scene.heating is not None and scene.temperature is None:
         raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
     with within("[shear]"):

@@ -6,8 +6,13 @@ from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
-from graded_contact.scenes.results import contact_at, kept_solves, read_results
-from graded_contact.scenes.run_scene import build_surface, run_scene
+from graded_contact.scenes.results import (
+    contact_at,
+    kept_solves,
+    numbers_of_scene,
+    read_results,
+)
+from graded_contact.scenes.run_scene import build_surface, point_names, run_scene
 from graded_contact.scenes.scene import parse_scene
 from graded_contact.studies.dataset import write, write_csv
 
@@ -100,6 +105,38 @@ def test_a_run_with_a_law_is_slide_with_it():
         np.testing.assert_allclose(results[name].item(), getattr(flowed, name), rtol=1e-5)
     assert results.contact_pressure.max() <= 1e6 * (1 + 1e-12)
     assert results.contact_area_pixels.item() >= 0.2  # the load over the hardness
+
+
+def test_numbers_that_are_asked_for_are_those_of_python(capsys):
+    elastic = SMALL.replace('"tyre_tread"', '"elastic"\nmodulus = 2e6\npoisson = 0.5')
+    plain = parse_scene(elastic.replace("[0.01, 1.0]", "0.0"))
+    asked = "[observe]\nstiffness = true\nconductance = true\nflow = true\n"
+    scene = parse_scene(plain.text + asked)
+    surface, results = build_surface(scene), run_scene(scene)
+    assert not any("stiffness" in name for name in numbers_of_scene(plain, surface))
+    # A store solves points again that lack a number; it is no part of their name.
+    np.testing.assert_array_equal(point_names(plain, surface), results.point)
+    sliding = gc.slide(scene.stack, surface, pressure=2e5, velocity=0.0)
+    flow = gc.sliding.gap_flow(sliding.gap, sliding.grid, contact=sliding.pressure > 0)
+    expected = {
+        "contact_stiffness": gc.sliding.contact_stiffness(sliding),
+        "contact_stiffness_error": gc.sliding.contact_stiffness_error(sliding),
+        "specific_conductance": gc.sliding.contact_conductance(sliding, 3.0) * 3.0,
+        "flow_along_x": flow.conductance[0],
+        "flow_along_y": flow.conductance[1],
+    }
+    for name, value in expected.items():
+        np.testing.assert_allclose(results[name].item(), value, rtol=1e-6, err_msg=name)
+    # Barber's analogy, and its error.
+    conductance, stiffness = results.specific_conductance, results.contact_stiffness
+    np.testing.assert_allclose(conductance, 2 * stiffness * (1 - 0.5**2) / 2e6, rtol=1e-9)
+    parts = results.specific_conductance_error / conductance, results.contact_stiffness_error
+    np.testing.assert_allclose(parts[0], parts[1] / stiffness, rtol=1e-9)
+    units = [results[name].attrs["units"] for name in ("flow_along_x", "contact_stiffness")]
+    assert units == ["m³", "Pa/m"]
+    print_table(results)
+    table = capsys.readouterr().out
+    assert "[m³]" in table and "[Pa/m]" in table
 
 
 @pytest.mark.slow
