@@ -1,4 +1,7 @@
-"""Pages that are made, not written: reference, commands, rows of benchmarks, notebooks."""
+"""Pages that are made, not written: reference, commands, rows of benchmarks, notebooks.
+
+`python docs/_generated.py` writes the table of a scene's keys alone, which the repository keeps.
+"""
 
 import csv
 import importlib
@@ -38,6 +41,7 @@ from graded_contact.scenes.schema import (
 from graded_contact.sliding.heating import Heating
 
 ROOT = Path(__file__).parents[1]
+KEYS_FILE = ROOT / "docs" / "scene_keys.md"
 TITLES = {
     "materials": "Materials", "blocks": "Blocks and their response", "surfaces": "Surfaces",
     "contacts": "Contact", "sliding": "Sliding", "mean_field": "Mean field", "fitting": "Fits",
@@ -48,7 +52,7 @@ TITLES = {
 }  # fmt: skip
 
 # Keys and tables that have a kind, in the order of `block.KINDS`.
-SHORT = ("shift", "shape", "graded_solver", "[shear]", "[motion]")
+SHORT = ("shift", "shape", "graded_solver", "[law]", "[shear]", "[motion]")
 # Keys of scenes, by table and by what takes them.
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene.Tables: keys_of(scene.Tables)},
@@ -69,6 +73,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     },
     "[load]": {scene.Scene: scene.KEYS["[load]"]},
     "[heating]": {Heating: keys_of(Heating)},
+    "[observe]": {scene.Observe: keys_of(scene.Observe)},
     "[solver]": {
         scene.Scene: scene.KEYS["[solver]"],
         DouglasRachford: keys_of(DouglasRachford),
@@ -100,9 +105,9 @@ def write_all(docs: Path) -> None:
     for name in ("reference", "_measured", "tutorials"):
         shutil.rmtree(docs / name, ignore_errors=True)
         (docs / name).mkdir()
-    made = {"commands": commands_page(), "scene_keys": keys_page()}
-    for name, text in (reference_pages() | made).items():
+    for name, text in (reference_pages() | {"commands": commands_page()}).items():
         (docs / "reference" / f"{name}.md").write_text(text, encoding="utf-8")
+    KEYS_FILE.write_text(keys_page(), encoding="utf-8")
     shown = "".join(page.read_text(encoding="utf-8") for page in docs.glob("*.md"))
     for name in set(re.findall(r"_measured/(\S+)\.md", shown)):
         rows = rows_page(ROOT / "benchmarks" / "results" / f"{name}.csv")
@@ -264,7 +269,12 @@ def commands_page() -> str:
 def keys_page() -> str:
     """Returns the keys of scenes, those that their reader takes, table by table."""
     about = inspect.cleandoc(scene.__doc__ or "").partition("\n\n")[2]
-    parts = ["# The keys of a scene", about]
+    made = (
+        "`python docs/_generated.py` makes this page from the code. [Describe your own scene]"
+        '(howto/own_scene.md) explains scenes by examples. For None write "none", or leave out a '
+        "key without a default."
+    )
+    parts = ["# The keys of a scene", about, made]
     for title, takers in TABLES.items():
         rows = [key_row(key, make) for make, keys in takers.items() for key in keys]
         if rows:
@@ -272,19 +282,27 @@ def keys_page() -> str:
             lines = ["| " + " | ".join(row) + " |" for row in head + rows]
             heading = re.sub(r'kind = "\w+"', r"`\g<0>`", title)
             parts += [f"## {heading}", "\n".join(lines)]
-    return "\n\n".join(parts)
+    return "\n\n".join(parts) + "\n"
 
 
 def key_row(key: Key, make: Callable) -> list[str]:
     """Returns key, meaning, type, default and unit, from signature and docstring."""
-    pattern = r"^ *- (`[^:]*`[^:]*): (.*?)(?=^ *- `|^ *$|\Z)"
-    entries = re.findall(pattern, make.__doc__ or "", re.MULTILINE | re.DOTALL)
-    found = [" ".join(text.split()) for names, text in entries if f"`{key.name}`" in names]
-    meaning = MEANINGS[key.name] if key.name in MEANINGS else found[0]
-    meaning = meaning.removesuffix(" Static.")
-    unit = re.search(r"(?<![\w\[])\[((?:1|Pa|rad|m²?|s|K|J|Hz)(?:/\w+)?)\]", meaning)
+    meaning = MEANINGS.get(key.name) or meaning_of(key.name, make)
+    unit = re.search(r"(?<![\w\[])\[((?:1|Pa|rad|m²?|s|K|J|Hz)(?:/\w+)?|W/\(m K\))\]", meaning)
     cells = [f"`{key.name}`", meaning, words(key), default_text(key), unit[1] if unit else ""]
     return [cell.replace("|", "\\|") for cell in cells]
+
+
+def meaning_of(name: str, make: Any) -> str:
+    """Returns what the docstring of a function or class says of an argument."""
+    pattern = r"^ *- (`[^:]*`[^:]*): (.*?)(?=^ *- `|^ *$|\Z)"
+    entries = re.findall(pattern, make.__doc__ or "", re.MULTILINE | re.DOTALL)
+    found = next(" ".join(text.split()) for names, text in entries if f"`{name}`" in names)
+    if elsewhere := re.fullmatch(r"(?:see|as in) `(\w+)`\.", found):
+        return meaning_of(name, getattr(gc, elsewhere[1]))
+    if found == "as the fields of the class.":
+        return meaning_of(name, make.__self__)
+    return found.removesuffix(" Static.")
 
 
 def words(key: Key) -> str:
@@ -338,3 +356,7 @@ def rows_page(path: Path) -> str:
     if len(rows) > LONG:
         lines = [f":::{{dropdown}} {len(rows)} rows", *lines, ":::"]
     return "\n".join([f"`{command}`, {rows[0]['measured']}:", "", *lines, ""])
+
+
+if __name__ == "__main__":
+    KEYS_FILE.write_text(keys_page(), encoding="utf-8")

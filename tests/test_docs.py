@@ -84,6 +84,13 @@ def test_every_public_name_is_described_with_its_docstring(monkeypatch):
     assert set(rooms) <= set(pages)
 
 
+def test_the_table_of_keys_is_that_of_the_code(monkeypatch):
+    """`python docs/_generated.py` writes it anew."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    made = importlib.import_module("_generated").keys_page()
+    assert (DOCS / "scene_keys.md").read_text(encoding="utf-8") == made
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_whole_scenes_of_a_page_are_read(page):
     text = page.read_text(encoding="utf-8")

@@ -36,7 +36,10 @@ STATES = {
 
 
 # What a table has without `--full`, with the errors.
-MAIN = ("mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach")
+MAIN = (
+    "mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach",
+    "contact_stiffness", "specific_conductance", "flow_along_x", "flow_along_y",
+)  # fmt: skip
 # Errors that are no part of the total: ends of names, and heads.
 APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
 

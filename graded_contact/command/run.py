@@ -282,7 +282,9 @@ def _contacts(
             if abs(solve["friction"]) > ROUNDING * solve["slope_in_contact"]:
                 pressure, moved = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
                 waves = cumulative_friction(pressure, moved, surface.grid, velocity)
-                curves = {"contact": waves, "mean field": theory.against_cutoff}
+                curves = {"contact": waves}
+                if theory is not None:
+                    curves["mean field"] = theory.against_cutoff
                 figures["dissipation"] = plot.plot_dissipation(curves)
                 entitle(figures["dissipation"], not_gaussian(surface))
     for key, figure in figures.items():

@@ -173,7 +173,7 @@ class Observable(NamedTuple):
     - `cycle`: True for a number of cycles alone, False for one of steady sliding alone.
     - `over_time`: whether a cycle has one number at each time.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
-    - `needs`: only contacts with these `facts` print and store it; cycles have none of these.
+    - `needs`: only contacts with these `facts` print and store it.
     - `column`: head and format in the table of the command, if it has a column there.
     - `on_two_grids`: whether it needs the contact on half the grid, see `sliding/resolution.py`.
     """
@@ -203,8 +203,7 @@ class Observable(NamedTuple):
 
     def is_of(self, motion: bool, facts: Collection[str]) -> bool:
         """Whether contacts of this kind have it."""
-        cycle = False if self.needs else self.cycle
-        return cycle in (None, motion) and {*self.needs} <= {*facts}
+        return self.cycle in (None, motion) and {*self.needs} <= {*facts}
 
 
 # In the order of prints and tables.

@@ -24,6 +24,7 @@ SQUEEZED = 0.2 - 1e-3  # of the layers; from 20 % on, whatever the error of the 
 RIM = 1e-3  # of the load, on the outermost points of a window
 WHOLE = 1e-3  # of the cell: a stroke as long as the cell may be rounded
 RIPPLE = 0.01  # of the peak of the friction; 0.3 % or less of smooth starts
+WARM = 1.0  # K above the bulk; less changes the moduli of a rubber by a few per cent
 ROUNDING = 1e-12  # of the slope: friction below it is none
 IDLE = 1e-3  # friction over slope below which a contact counts as without friction
 # What to do where a step of reading changed the slope.
@@ -153,6 +154,10 @@ CYCLE_RULES = (
     Rule("unresolved_motion", LIMIT,
          "{worst:.0%} of the velocity is at the upper half of the frequencies that the times "
          "resolve: the motion has kinks or jumps. Take more times, or a smoother motion."),
+    Rule("surface_rise", WARM,
+         "The contact is {worst:.2g} K above the bulk in the mean over the cycle. Within the cycle "
+         "it is warmer at the highest speed and colder at a turn; this, and heat that is left when "
+         "the next pass comes, are neglected."),
     Rule("stroke_over_cell", 1 + WHOLE,
          "The stroke is {worst:.3g} times as long as the cell: the surface is periodic, so that "
          "the next copy of each asperity follows in its track before it turns. Take a larger cell "

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 
 from ..blocks.compliance import effective_modulus
 from ..blocks.stack import Stack
+from ..contacts.law import AbstractLaw
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed, velocity_along
@@ -47,6 +48,7 @@ class Scenery(eqx.Module):
     random: RandomSurface | None
     targets: tuple[Target, ...] = eqx.field(static=True)
     direction: float = eqx.field(static=True)
+    law: AbstractLaw
     numerics: Numerics
 
 
@@ -87,7 +89,7 @@ class Model:
         self._scenery = Scenery(
             stack=self.scene.stack, surface=surface, spectrum=spectrum, random=random,
             rms_height=statistics(surface).rms_height, direction=self.scene.direction,
-            targets=tuple(knob.target for knob in self.knobs),
+            targets=tuple(knob.target for knob in self.knobs), law=self.scene.contact_law,
             numerics=dataclasses.replace(self.scene.numerics, rtol=PAGE_RTOL),
         )  # fmt: skip
         self._speeds = jnp.geomspace(*document.speeds, NUM_SPEEDS)
@@ -230,6 +232,7 @@ def _curves(scenery, numbers, waves, speeds):
 # Not in one `jit`: what does not depend on the block is compiled once for all blocks.
 def _slide(scenery, numbers, start, solution=None):
     stack, surface, _, pressure, velocity = _at(scenery, numbers)
-    case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity)
+    load = {"pressure": pressure, "velocity": velocity, "law": scenery.law}
+    case = Case(stack=stack, surface=surface, **load)
     found = case.solve(scenery.numerics, start=start, solution=solution)
     return cast(Sliding, found), surface.heights

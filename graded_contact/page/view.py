@@ -288,7 +288,11 @@ def _words(text: str, error: bool = False) -> str:
 
 
 def _warnings(shown: Shown | None) -> str:
-    return _words(" ".join(shown.contact.sliding.caveats)) if shown else ""
+    if shown is None:
+        return ""
+    of_law = "Curves of the mean field are those of a hard wall, without [law]."
+    known = [of_law] if shown.model.scene.law is not None else []
+    return _words(" ".join([*shown.contact.sliding.caveats, *known]))
 
 
 def _headline(shown: Shown | None, pinned: Shown | None) -> str:

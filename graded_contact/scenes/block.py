@@ -15,6 +15,8 @@ from ..blocks.profile import Blend
 from ..blocks.riccati import Riccati
 from ..blocks.shapes import AbstractShape, ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from ..blocks.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
+from ..contacts.adhesion import AdhesiveLJ, ExponentialAdhesion
+from ..contacts.law import AbstractLaw, HardWall, RepulsiveLJ
 from ..core.checks import nearest, within
 from ..core.warnings import unusual
 from ..materials.library import tyre_tread
@@ -50,6 +52,12 @@ KINDS = {
         "error_function": ErrorFunction,
     },
     AbstractGradedSolver: {"layering": Layering, "riccati": Riccati},
+    AbstractLaw: {
+        "hard_wall": HardWall,
+        "repulsive_lj": RepulsiveLJ,
+        "adhesive_lj": AdhesiveLJ,
+        "exponential_adhesion": ExponentialAdhesion,
+    },
     AbstractShear: {"constant": ConstantShear, "peaked": PeakedShear},
     Motion: {"sinusoidal": sinusoidal, "start_stop": start_stop, "recorded": read_motion},
 }

@@ -253,7 +253,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     scene, table = parse_scene(text, folder), parse_toml(text).get("design")
     if table is None:
         raise ValueError("The scene lacks the table [design].")
-    refuse_tables(scene, "[design]", "shear", "heating")
+    refuse_tables(scene, "[design]", "law", "shear", "heating")
     if table.get("objective") == "flat_loss_tangent":
         refuse_tables(scene, '[design] with the objective "flat_loss_tangent"', "motion")
     if scene.strain_per_slope is not None and table.get("objective") == "flat_loss_tangent":

@@ -9,6 +9,7 @@ all solves were kept, over `x` and `y` if only one was, whose index is the attri
 cycle they are also over `time`.
 """
 
+import dataclasses
 import hashlib
 import json
 import os
@@ -51,6 +52,8 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     """The numbers of a solve but those of the axes; a standard error if errors are known."""
     facts = {
         "heated": scene.heating is not None,
+        "sheared": scene.shear is not None,
+        **dataclasses.asdict(scene.observe),
         "window": not surface.periodic,
         "ground": not surface.periodic and has_ground(scene.stack, surface.grid),
         "load follows": scene.approach is not None,

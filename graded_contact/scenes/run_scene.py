@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..blocks.stack import Stack
-from ..contacts.law import HardWall
 from ..core.checks import within
 from ..core.memory import CYCLE, DERIVATIVE, SLIDING, check_memory
 from ..fields.frequency import velocity_along
@@ -141,8 +140,8 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
     common = fingerprint(
         versions, scene.stack, None if "temperature" in scene.axes else scene.temperature,
         rough, surface.grid, surface.periodic, scene.direction, scene.solver, scene.rtol,
-        scene.graded_solver, scene.motion, scene.pressure_ratio, scene.shear, scene.heating,
-        scene.strain_per_slope, errors_of_stack(scene),
+        scene.graded_solver, scene.motion, scene.pressure_ratio, scene.law, scene.shear,
+        scene.heating, scene.strain_per_slope, errors_of_stack(scene),
     )  # fmt: skip
     columns = columns_of(scene.axes)
     names = [
@@ -156,7 +155,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
     if scene.approach is not None:
         with within("[load]"):
-            check_approach(scene.approach, surface, HardWall())
+            check_approach(scene.approach, surface, scene.contact_law)
     fields = fields_of(scene)
     errors = errors_of_stack(scene)
     names = [n for n in numbers_of_scene(scene, surface) if n != "friction_standard_error"]

@@ -1,8 +1,7 @@
 """Scenes: a block, a surface, loads and velocities, as a TOML file describes them.
 
 The keys of a scene are the names of arguments of this package, in SI units, angles in radians; a
-`kind` names what takes them. The site lists all of them. Paths are relative to the scene file, or
-begin with `~`.
+`kind` names what takes them. Paths are relative to the scene file, or begin with `~`.
 """
 
 import dataclasses
@@ -20,6 +19,7 @@ from jaxtyping import Float
 from ..blocks.grading import AbstractGradedSolver
 from ..blocks.layering import Layering
 from ..blocks.stack import LIQUID, Stack, liquid_in
+from ..contacts.law import AbstractLaw, HardWall, check_pressure
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
 from ..core.checks import (
@@ -54,6 +54,26 @@ Axis = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
 
 
 @dataclasses.dataclass(frozen=True)
+class Observe:
+    """Numbers of each contact that take more time, for those who ask.
+
+    **Fields:**
+
+    - `stiffness`: true for the contact stiffness [Pa/m], by which the mean pressure rises as the
+      mean gap closes.
+    - `conductance`: true for the conductance of the contact between two half spaces, times the sum
+      of their resistivities [1/m]. Over the sum of 1/λ it is the thermal conductance.
+    - `flow`: true for the conductance of the gap for a thin fluid along x and along y [m³]. Times
+      the gradient of the fluid's pressure, over 12 times its viscosity, it is the leakage per
+      width.
+    """
+
+    stiffness: bool = False
+    conductance: bool = False
+    flow: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
 class Tables:
     """The tables of a scene; those that need others are converted after them.
 
@@ -70,8 +90,10 @@ class Tables:
     - `sweep`: other values for numbers of the block, by paths as in `with_values`:
       "layers[0].thickness" = [1e-5, 1e-4]. A temperature acts on the block with these values.
     - `motion`: back and forth or with stops, in place of steady sliding, with a `kind`.
+    - `law`: of contact, with a `kind`: adhesion, hardness or a soft wall; if missing, a hard wall.
     - `shear`: stress in the contact, which adds to the friction, with a `kind`.
     - `heating`: how the heat of friction flows; it then softens the block under the contact.
+    - `observe`: numbers that are computed if asked for: stiffness, conductance, flow.
     - `solver`: tolerance and algorithm.
     - `output`: names and fields of the results.
     - `design`: what the command `design` does.
@@ -86,8 +108,10 @@ class Tables:
     layers: list[dict] = dataclasses.field(default_factory=list)
     sweep: dict[str, Axis] = dataclasses.field(default_factory=dict)
     motion: dict[str, object] | None = None
+    law: AbstractLaw | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
+    observe: Observe = Observe()
     solver: dict[str, object] = dataclasses.field(default_factory=dict)
     output: dict[str, object] = dataclasses.field(default_factory=dict)
     design: dict[str, object] | None = None
@@ -95,7 +119,7 @@ class Tables:
 
 @shown(
     "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion",
-    "sampling", "shear", "heating",
+    "sampling", "law", "shear", "heating", "observe",
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -118,7 +142,8 @@ class Scene:
       heating it is the bulk temperature.
     - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
       period, linear in between; if missing, the load is constant.
-    - `motion`, `shear`, `heating`: the tables of these names, or None.
+    - `motion`, `law`, `shear`, `heating`: the tables of these names, or None.
+    - `observe`: the table of this name.
     - `step`: of a motion, its largest step from one time to the next, in spacings of the grid.
     - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
       if missing, each material has its own amplitude.
@@ -152,8 +177,10 @@ class Scene:
     strain_per_slope: float | None = None
     motion: Motion | None = None
     step: float | None = None
+    law: AbstractLaw | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
+    observe: Observe = Observe()
     solver: DouglasRachford
     rtol: float = RTOL
     graded_solver: AbstractGradedSolver = Layering()  # noqa: RUF009 (immutable)
@@ -175,6 +202,11 @@ class Scene:
             found["seed"] = self.surface.seed + np.arange(self.surface.seeds)
         load = "pressure" if self.approach is None else "approach"
         return {**found, load: getattr(self, load), "velocity": self.velocity}
+
+    @property
+    def contact_law(self) -> AbstractLaw:
+        """That of [law], or a hard wall."""
+        return self.law or HardWall()
 
     @property
     def num_solves(self) -> int:
@@ -212,7 +244,7 @@ class Scene:
         given: dict[str, Any] = {
             "stack": self.block(point), "surface": surface, "shear": self.shear,
             "temperature": point.get("temperature", self.temperature), "heating": self.heating,
-            "strain_per_slope": self.strain_per_slope,
+            "strain_per_slope": self.strain_per_slope, "law": self.contact_law,
             **{name: point[name] for name in ("pressure", "approach") if name in point},
         }  # fmt: skip
         if self.motion is None:
@@ -243,6 +275,8 @@ class Scene:
             yield point, self.block(point)
 
 
+# The tables that are fields of a scene as they are.
+_OWN = ("title", "sweep", "law", "shear", "heating", "observe")
 # The keys of tables that are fields of a scene.
 KEYS = {
     place: tuple(
@@ -262,7 +296,7 @@ KEYS = {
 
 
 def read_scene(path: str | os.PathLike) -> Scene:
-    """Returns the scene that a TOML file describes; the site lists its keys.
+    """Returns the scene that a TOML file describes; `docs/scene_keys.md` lists its keys.
 
     A missing file raises `FileNotFoundError`. An error in the file raises `ValueError` with the
     table and the key.
@@ -313,7 +347,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     stack = block.stack(tables.layers, tables.base)
     inputs = dict(reader.paths)  # before [output], whose folder is no input
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
-    own = {name: getattr(tables, name) for name in ("title", "sweep", "shear", "heating")}
+    own = {name: getattr(tables, name) for name in _OWN}
     errors = tuple((name, block.materials[name], known) for name, known in block.errors.items())
     materials = {at: name for name, part in block.materials.items() for at in places(stack, part)}
     found = Scene(
@@ -341,6 +375,8 @@ def _check_numbers(scene: Scene) -> None:
     with within("[load]"):
         if scene.approach is None:
             check_positive("pressure", scene.pressure, "[Pa]")
+            highest = np.max(scene.pressure) * np.max(scene.pressure_ratio or 1.0)
+            check_pressure(as_float(highest), scene.contact_law)
         else:
             check_values("approach", scene.approach, "an approach [m] must be finite")
         check_values("velocity", scene.velocity, "a velocity [m/s] must be finite")
@@ -370,6 +406,9 @@ def _check_tables(scene: Scene) -> None:
         raise ValueError(
             '[load] `approach` needs a surface of kind "sphere", or a file that is "open".'
         )
+    asked = scene.observe != Observe()
+    if asked and (motion is not None or is_open or isinstance(source, Sphere)):
+        raise ValueError("[observe] needs steady sliding on a periodic surface.")
     if scene.heating is not None and scene.temperature is None:
         raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
     with within("[shear]"):
@@ -380,7 +419,7 @@ def _check_tables(scene: Scene) -> None:
         if scene.pressure_ratio is not None:
             raise ValueError("[load] `pressure_ratio` needs a table [motion].")
         return
-    refuse_tables(scene, "[motion]", "shear", "heating")
+    refuse_tables(scene, "[motion]")
     if scene.strain_per_slope is not None:
         raise ValueError("[motion] does not take the key `strain_per_slope` of [load].")
     with within("[load]"):
@@ -390,6 +429,8 @@ def _check_tables(scene: Scene) -> None:
             check_positive("velocity", scene.velocity, "[m/s]: a motion has a highest speed")
         elif np.any(scene.velocity):
             raise ValueError("`velocity` is refused: [motion] is at rest. Leave it out.")
+        elif scene.heating is not None:
+            raise ValueError("[heating] is refused: [motion] is at rest. Remove one of the two.")
 
 
 def refuse_tables(scene: Scene, place: str, *names: str) -> None:

@@ -30,21 +30,25 @@ from ..studies.parameter_covariance import Errors
 from ..studies.uncertainty import Sensitivity, sensitivity
 from ..surfaces.statistics import radial_spectrum
 from ..surfaces.surface import Surface
-from .scene import Scene
+from .scene import Scene, refuse_tables
 from .surface_source import RandomSurface
 
 PER_DECADE = 8  # frequencies of a table of moduli
 SLOWER = 0.01  # waves across the velocity excite lower frequencies than those along it
 
 
-def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> MeanField:
+def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> MeanField | None:
     """Returns the mean field at one of a scene's points, also if it misses its tolerance.
+
+    None for a scene with a [law]: the mean field is that of a hard wall.
 
     **Arguments:**
 
     - `surface`: of the scene.
     - `index`: of the point, along the axes.
     """
+    if scene.law is not None:
+        return None
     point = {name: at[i] for (name, at), i in zip(scene.axes.items(), index, strict=True)}
     return _mean_field(scene, surface, point)
 
@@ -52,14 +56,18 @@ def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> Mea
 def _mean_field(
     scene: Scene, surface: Surface, point: Mapping[str, Any], **changed: Any
 ) -> MeanField:
-    """Without heat, of a scene with changed fields; also if it misses its tolerance."""
-    case = dataclasses.replace(scene, heating=None, motion=None, **changed).case(point, surface)
-    rough, solver = roughness_of(scene, surface), scene.graded_solver
-    return mean_field_of(case, rough, graded_solver=solver, throw=False)
+    """At a hard wall without heat, of a scene with changed fields; as `mean_field_at`."""
+    scene = dataclasses.replace(scene, heating=None, motion=None, law=None, **changed)
+    case, rough = scene.case(point, surface), roughness_of(scene, surface)
+    return mean_field_of(case, rough, graded_solver=scene.graded_solver, throw=False)
 
 
 def roughness_of(scene: Scene, surface: Surface) -> Any:
-    """Returns the roughness as the mean field takes it; a profile by its waves."""
+    """Returns the roughness as the mean field takes it; a profile by its waves.
+
+    **Raises:** `ValueError` for a scene with a [law], which the mean field does not have.
+    """
+    refuse_tables(scene, "The mean field", "law")
     if surface.heights.ndim == 1:
         return surface
     if isinstance(scene.surface, RandomSurface):

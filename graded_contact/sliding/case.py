@@ -42,7 +42,7 @@ class Case(eqx.Module):
     - `law`: of contact.
     - `shear`: law of the shear stress in the contact, or None.
     - `temperature`: of the contact [K], with `heating` that of the bulk; or None.
-    - `heating`: how the heat of friction flows, or None.
+    - `heating`: how the heat of friction flows, or None; of a cycle it is the mean heat.
     - `strain_per_slope`: strain amplitude of each wave over the rms slope [1], or None.
     """
 
@@ -72,6 +72,10 @@ class Case(eqx.Module):
             as_velocity(self.velocity, grid)
             return
         check_type("surface", self.surface, Surface)
+        if self.strain_per_slope is not None:
+            raise ValueError(
+                "`strain_per_slope` is refused with a `displacement`: give a velocity."
+            )
         if self.period is None:
             raise ValueError("`displacement` needs the `period` [s] of the motion.")
         shape = self.displacement.shape
@@ -116,8 +120,8 @@ class Case(eqx.Module):
             raise ValueError(
                 "`solution` is refused with `heating` or a motion: it holds steady contacts alone."
             )
-        if self.velocity is None:
-            return solve_cycle(self, numerics, start)
         if self.heating is not None:
             return solve_heated(self, numerics, start)
+        if self.velocity is None:
+            return solve_cycle(self, numerics, start)
         return solve_steady(self, numerics, start, solution)

@@ -18,7 +18,7 @@ from ..blocks.grading import graded_tolerance
 from ..blocks.periodic_kernel import periodic_kernel
 from ..contacts.abstract_solver import Inputs
 from ..contacts.law import check_one_law
-from ..contacts.solution import RESULTS
+from ..contacts.solution import RESULTS, ContactSolution
 from ..contacts.solve import as_start, contact_of, loading_of
 from ..contacts.space_time import SpaceTime, in_motion
 from ..core.checks import Numbers, check_squares
@@ -31,10 +31,19 @@ from ..surfaces.surface import check_periodic
 from .motion import components
 from .numerics import Numerics
 from .result import CyclicSliding
+from .shear import shear_stress
 
 
-def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> CyclicSliding:
-    """Returns the periodic state of a `Case` with a displacement over time; see `slide_cycle`."""
+def solve_cycle(
+    case: Any,
+    numerics: Numerics,
+    start: Numbers | None = None,
+    solution: ContactSolution | None = None,
+) -> CyclicSliding:
+    """Returns the periodic state of a `Case` with a displacement over time, without its heat.
+
+    See `slide_cycle`; with a `solution` as `Case.solve`.
+    """
     stack, surface, law, period = case.stack, case.surface, case.law, case.period
     check_periodic(surface)
     check_one_law(law)
@@ -43,6 +52,7 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
     check_memory("displacement", "a cycle", CYCLE, heights.shape, heights.dtype.itemsize)
     loading = loading_of(law, heights, num_times, pressure=case.pressure, mean_gap=case.mean_gap)
+    sheared = shear_stress(case.shear, jnp.zeros_like(period), case.temperature)
     begin = as_start(start, heights, law)
     kernel, error = periodic_kernel(stack, grid, num_times, period, numerics.graded_solver)
     reached = error <= graded_tolerance(numerics.graded_solver, None, grid.size)
@@ -52,7 +62,7 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     operator = _operator(kernel, case.displacement, grid)
     contact = contact_of(
         Inputs(operator, heights, law, loading),
-        numerics.solver, numerics.adjoint, numerics.rtol, begin, None, numerics.throw,
+        numerics.solver, numerics.adjoint, numerics.rtol, begin, solution, numerics.throw,
     )  # fmt: skip
     if not numerics.throw:
         result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
@@ -60,7 +70,7 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     return CyclicSliding(
         contact=contact, operator=operator, heights=surface.heights, grid=grid, law=law,
         displacement=case.displacement, period=period, measured_range=coverage(stack),
-        prescribed=case.prescribed,
+        prescribed=case.prescribed, shear=sheared,
     )  # fmt: skip
 
 

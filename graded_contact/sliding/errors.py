@@ -138,7 +138,8 @@ def _solver_errors(found: Found) -> Array:
     """The errors of `frictions` that the solver left."""
     pressure, moved = loaded(found)
     change = found.operator.on_cell(found.contact.correction)
-    of = lambda change: frictions(found, pressure + change)  # noqa: E731
+    touches = contact_indicator(found)
+    of = lambda change: frictions(found, pressure + change, touches + change)  # noqa: E731
     steepest = jnp.max(slopes(found, pressure, moved))
     return error_of(of, of(jnp.zeros_like(change)), change, steepest)
 
@@ -172,7 +173,7 @@ def _image_error(found: Found) -> Array:
     indicator = contact_indicator(found)
 
     def friction_under(p):
-        own = frictions(found, found.operator.on_cell(p))[0]
+        own = frictions(found, found.operator.on_cell(p), indicator)[0]
         return own + shear_over_load(p, indicator + p - found.pressure, found.shear)
 
     pull = jax.grad(friction_under)(found.pressure)
@@ -248,6 +249,12 @@ def _approach_by_kernel(found: Found) -> Array:
     return jnp.sum(jnp.abs(jnp.stack(moved)))
 
 
+def _by_temperature(found: Found, index: int) -> Array:
+    """The error of mean or peak friction by the temperatures; known is that of the mean."""
+    both = frictions(found, loaded(found)[0], contact_indicator(found))
+    return found.heated.friction_error * jnp.abs(both[index]) / nonzero(jnp.abs(both[0]))
+
+
 def _gap_by_solver(found: Found) -> Array:
     return found.contact.gap_error * jnp.std(found.heights)
 
@@ -277,6 +284,7 @@ for _number, _index in (("mean_friction", 0), ("peak_friction", 1)):
     errors_of(
         _number, of_cycle, TOTAL, grid=change_by_grid(_number), time=by_times(_number, friction),
         solver=lambda found, index=_index: _solver_errors(found)[index],
+        temperature=lambda found, index=_index: _by_temperature(found, index),
     )  # fmt: skip
 for _number, _trace in (
     ("work", _work_over_time), ("load_work", _work_over_time),

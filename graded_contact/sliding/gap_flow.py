@@ -36,6 +36,7 @@ from jaxtyping import Array, Bool, Float
 from ..core.checks import Numbers, as_float, check_shape, check_type, check_types, check_values
 from ..core.display import shown
 from ..fields.grid import Grid
+from .observables import Found, contact_indicator, of_steady, shared
 
 _SHEETS = 5  # copies of the cell in which a path that winds around it ends on another one
 _HALVINGS = 50  # of the logarithm of an estimate
@@ -88,6 +89,29 @@ def gap_flow(gap: Numbers, grid: Grid, *, contact: Numbers | None = None) -> Gap
         check_shape("contact", closed, grid.shape)
         gap = jnp.where(closed != 0, 0, gap)
     return _gap_flow(gap, grid)
+
+
+@shared
+def _flow(found: Found) -> GapFlow:
+    return gap_flow(found.gap, found.grid, contact=contact_indicator(found) > 0)
+
+
+@of_steady(
+    "K_x", "m³", "conductance of the gap for a fluid along x", needs=["flow"],
+    column=("flow along\nx [m³]", ".3e"),
+)  # fmt: skip
+def flow_along_x(found: Found) -> Float[Array, ""]:
+    """Conductance of the gap for a thin fluid along x [m³], see `gap_flow`."""
+    return _flow(found).conductance[0]
+
+
+@of_steady(
+    "K_y", "m³", "conductance of the gap for a fluid along y", needs=["flow"],
+    column=("flow along\ny [m³]", ".3e"),
+)  # fmt: skip
+def flow_along_y(found: Found) -> Float[Array, ""]:
+    """The same along y [m³]; across the grooves of a profile."""
+    return _flow(found).conductance[1]
 
 
 @eqx.filter_jit

@@ -19,6 +19,12 @@ With `slide(..., heating=...)` the block has the temperature of its contact. The
 contact at each depth, weighted by the pressure, sets the relaxation times there: the block becomes
 a stack of thin layers, each at its temperature. Anderson's acceleration solves for the fixed point,
 with a contact and its temperatures in each step. The derivative is implicit.
+
+With `slide_cycle(..., heating=...)` one temperature of each depth holds for the whole cycle. It is
+that of steady sliding at the mean speed and the mean load of the cycle, times the mean power of the
+cycle over the power of that sliding. This is a mean: at the highest speed the contact is warmer,
+and at a turn it cools. And each pass is to meet rubber that has cooled since the last one, which
+is so if the stroke is longer than the spots of contact.
 """
 
 import dataclasses
@@ -54,9 +60,12 @@ from ..fields.grid import multiplicity, to_field, to_spectrum, wavenumber
 from ..materials.shift import as_temperature
 from ..materials.softening import at_strain
 from ..surfaces.surface import check_periodic
+from .cycle import solve_cycle
 from .heat_source import as_depths, gauss_within, heat_depths, heat_source, intervals, shear_heat
+from .motion import refined
 from .numerics import Numerics
-from .result import Sliding
+from .observables import lengths, shear_power
+from .result import CyclicSliding, Sliding
 from .steady import solve_steady
 
 NUM_CELLS = 8  # of the depth, each at one temperature
@@ -90,10 +99,18 @@ class Heating(eqx.Module):
         check_values("counterface_conductivity", self.counterface_conductivity, allowed, at_least=0)
 
 
-def solve_heated(case: Any, numerics: Numerics, start: Numbers | None = None) -> Sliding:
+def solve_heated(
+    case: Any, numerics: Numerics, start: Numbers | None = None
+) -> Sliding | CyclicSliding:
     """Returns the contact of a `Case` at the temperatures that it causes; see `slide`."""
     check_periodic(case.surface)
     check_heated(case.stack)
+    if (
+        case.velocity is None
+        and is_concrete(case.displacement)
+        and not np.any(np.ptp(np.asarray(case.displacement), axis=0))
+    ):
+        raise ValueError("`heating` is refused: `displacement` does not move.")
     grid, dtype = case.surface.grid, case.surface.grid.size.dtype
     temperature = as_temperature(check_bulk(case.temperature)).astype(dtype)
     case.stack.at(temperature)  # refuses what a material cannot have
@@ -105,57 +122,84 @@ def solve_heated(case: Any, numerics: Numerics, start: Numbers | None = None) ->
     heat = fixed.heating, fixed.stack
     rtol = 10 * numerics.rtol  # temperatures are as noisy as the contact is inaccurate
 
-    def contact(x, case, edges, start=None, solution=None):
-        """The contact at rises of the surface and of the cells, and its block."""
+    def contact(x, case, edges, starts=(None, None), solutions=(None, None)):
+        """The contact at rises of the surface and of the cells, the contact with its heat, its
+        block, and the factor of the heat.
+        """
         block, ratio = heated(case.stack, case.temperature, x[1:], edges), case.strain_per_slope
         inner = dataclasses.replace(
             case, stack=block, temperature=case.temperature + x[0], heating=None
         )
-        s = solve_steady(inner, numerics, start, solution)
-        return s, block if ratio is None else at_strain(block, ratio * s.slope_in_contact)
+        if case.velocity is None:
+            cycle = solve_cycle(inner, numerics, starts[0], solutions[0])
+            inner, power = _of_mean(inner, cycle)
+            s = solve_steady(inner, numerics, starts[1], solutions[1])
+            own = s.friction * jnp.mean(s.pressure) * s.speed
+            return cycle, s, block, jnp.where(own > 0, power / jnp.where(own > 0, own, 1), 0)
+        s = solve_steady(inner, numerics, starts[0], solutions[0])
+        block = block if ratio is None else at_strain(block, ratio * s.slope_in_contact)
+        return s, s, block, 1.0
 
     def step(x, state):
-        start, pairs = state
-        s, block = contact(x, fixed, edges, start)
-        return _rises(s, *heat, block, edges), (s.pressure, pairs + s.num_fft_pairs)
+        starts, pairs = state
+        found, s, block, factor = contact(x, fixed, edges, starts)
+        pairs = pairs + found.num_fft_pairs
+        return factor * _rises(s, *heat, block, edges), ((found.pressure, s.pressure), pairs)
 
-    state = start, jnp.zeros((), dtype)
+    state = (start, None), jnp.zeros((), dtype)
     none = jnp.zeros(NUM_CELLS + 1, dtype)
     point = find_fixed_point(step, none, state, jnp.asarray(rtol, dtype))
     x = jax.lax.stop_gradient(point.x)
-    start, pairs = point.state
-    s, block = contact(x, fixed, edges, start)
+    starts, pairs = point.state
+    found, s, block, factor = contact(x, fixed, edges, starts)
     # One more step with twice the cells has less error, of the iteration and of the depths.
     finer = intervals(first, last, 2 * NUM_CELLS)
-    closer, _ = contact(_rises(s, *heat, block, finer), fixed, finer, s.pressure)
-    errors = still(_errors(s, closer))
-    pairs = pairs + s.num_fft_pairs + closer.num_fft_pairs
+    rises = factor * _rises(s, *heat, block, finer)
+    closer = contact(rises, fixed, finer, (found.pressure, s.pressure))[0]
+    errors = still(_errors(found, closer))
+    pairs = pairs + found.num_fft_pairs + closer.num_fft_pairs
     # Derivatives are attached only where something is traced.
     if not all(map(is_concrete, jax.tree.leaves(given))):
-        known = still(s.contact)
+        known = still((found.contact, s.contact))
 
         def image(x):
-            s, block = contact(x, given, edges, solution=known)
-            return _rises(s, given.heating, given.stack, block, edges)
+            _, s, block, factor = contact(x, given, edges, solutions=known)
+            return factor * _rises(s, given.heating, given.stack, block, edges)
 
         x = attach_fixed_point(image, x)
-        s, block = contact(x, given, edges, solution=known)
+        found, _, block, _ = contact(x, given, edges, solutions=known)
     reached = point.error <= rtol
     if numerics.throw:
         x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
-    result = RESULTS.where(reached, s.result, RESULTS.not_settled)
+    result = RESULTS.where(reached, found.result, RESULTS.not_settled)
     return dataclasses.replace(
-        s,
-        contact=dataclasses.replace(s.contact, result=result, num_fft_pairs=pairs),
+        found,
+        contact=dataclasses.replace(found.contact, result=result, num_fft_pairs=pairs),
         heated=HeatedContact(block, x[0], x[1:], edges, point.error, *errors),
     )
 
 
-def _errors(s: Sliding, closer: Sliding):
+def _of_mean(case: Any, cycle: CyclicSliding) -> tuple[Any, Array]:
+    """The case of steady sliding at the mean speed and load of a cycle, and its mean power [W/m²].
+
+    The velocity is along the fastest part of the path, if the path is not straight.
+    """
+    velocity = refined(cycle.motion_of_surface[0])
+    speed = lengths(velocity)
+    top = jnp.argmax(speed)
+    mean = jnp.mean(speed) * velocity[top] / speed[top]
+    steady = dataclasses.replace(
+        case, displacement=None, period=None, velocity=mean.reshape(cycle.displacement.shape[1:]),
+        pressure=cycle.contact.mean_pressure, mean_gap=None,
+    )  # fmt: skip
+    return steady, cycle.dissipated_power + shear_power(cycle)
+
+
+def _errors(s: Sliding | CyclicSliding, closer: Sliding | CyclicSliding):
     """The errors of friction and contact area, from a contact of less error."""
-    names = "friction", "contact_area"
+    names = "mean_friction" if s.is_cycle else "friction", "contact_area"
     pairs = zip(s.compute(*names), closer.compute(*names), strict=True)
-    by_friction, by_area = (SAFETY * jnp.abs(a - b) for a, b in pairs)
+    by_friction, by_area = (SAFETY * jnp.max(jnp.abs(a - b)) for a, b in pairs)
     points = area_in_doubt(s.contact_indicator, closer.pressure - s.pressure)
     return by_friction, jnp.maximum(by_area, points)
 

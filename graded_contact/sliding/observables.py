@@ -16,6 +16,7 @@ displacement, which converges faster (ten times less error at 8 points per short
 of the two is the error of the grid.
 """
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any
@@ -98,19 +99,68 @@ def _over_load(found: Found, tractions: Array) -> Array:
     return over.reshape(found.displacement.shape)
 
 
-def frictions(found: Found, pressure: Array) -> Array:
-    """The friction of steady sliding, or mean and peak friction of a cycle, under a pressure."""
+def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
+    """The friction of steady sliding, or mean and peak friction of a cycle, under a pressure.
+
+    That of a cycle contains the shear, which acts where the indicator of contact is positive.
+    """
     tractions = tractions_of(found, pressure, found.operator.displace(pressure))
     size = load(found, pressure)
     if not found.is_cycle:
         return tractions / size
-    # Work over load and path: a mean of ratios would count times with little load too much.
-    # At a turn the speed has a kink, which few times would smooth.
-    path = jnp.mean(refined(size) * _length(refined(found.motion_of_surface[0])))
     over = tractions / jnp.where(size > 0, size, 1)[:, None]
+    between, power = refined(over), _power(found, tractions)
+    if found.shear is not None:
+        (at, _), (along, rubbing) = (
+            shear_of_cycle(found, pressure, indicator, fine) for fine in (False, True)
+        )
+        over = over + at / jnp.where(size > 0, size, 1)[:, None]
+        fine_size = refined(size)[:, None]
+        between = between + along / jnp.where(fine_size > 0, fine_size, 1)
+        power = power + rubbing
     # The peak lies between two times; after a jump of the load, waves between them would be noise.
-    peak = jnp.where(jnp.min(size) > 0, largest(_length(refined(over))), largest(_length(over)))
-    return jnp.stack([_power(found, tractions) / nonzero(path), peak])
+    peak = jnp.where(jnp.min(size) > 0, largest(lengths(between)), largest(lengths(over)))
+    # Work over load and path: a mean of ratios would count times with little load too much.
+    return jnp.stack([power / nonzero(_loaded_path(found, size)), peak])
+
+
+def _loaded_path(found: Found, size: Array) -> Array:
+    """The mean of load times speed [W/m²] of a cycle."""
+    # At a turn the speed has a kink, which few times would smooth.
+    return jnp.mean(refined(size) * lengths(refined(found.motion_of_surface[0])))
+
+
+def shear_of_cycle(
+    found: Found, pressure: Array, indicator: Array, fine: bool
+) -> tuple[Array, Array]:
+    """The traction of shear along the motion [Pa], at its times or `refined`, and its mean power.
+
+    The law holds at the pressure and the speed of each time. At rest it has no direction and is 0.
+    """
+    rate, rests = found.motion_of_surface[0], _rests(found)
+    fastest = jnp.max(lengths(rate))
+    times = refined if fine else (lambda over_time: over_time)
+
+    def law(speed):
+        # At rest a law, such as a power of the speed, may have no derivative.
+        return dataclasses.replace(found.shear, speed=jnp.where(speed > 0, speed, fastest))
+
+    def at(pressure, indicator, speed):
+        added = shear_parts(pressure, law(speed))[1]
+        return area.sub_pixel_area(indicator), jnp.mean(added)
+
+    touches, added = map(times, jax.vmap(at)(pressure, indicator, lengths(rate)))
+    rate = times(rate)
+    speed = lengths(rate)
+    # Between the times the area is smooth, but near a turn the stress without pressure is not.
+    least = jax.vmap(lambda speed: law(speed)(jnp.zeros((), pressure.dtype)))(speed)
+    stress = least * touches + added
+    # The Fourier series of a stop ripples.
+    still = rests & jnp.roll(rests, 1)
+    still = jnp.repeat(rests, len(speed) // len(rests)) if fine else still
+    moves = ~still & (speed > 1e-9 * fastest)
+    along = jnp.where(moves, stress / jnp.where(moves, speed, 1), 0)
+    return along[:, None] * rate, jnp.mean(stress * speed)
 
 
 def slopes(found: Found, pressure: Array, displacement: Array) -> Array:
@@ -130,8 +180,17 @@ def _root(squared: Array) -> Array:
     return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
 
 
-def _length(vectors: Array) -> Array:
+def lengths(vectors: Array) -> Array:
+    """The lengths of vectors on the second axis, with the derivative 0 at 0."""
     return _root(jnp.sum(vectors**2, axis=1))
+
+
+def _rests(found: Found) -> Array:
+    """Whether the surface rests from each time of a cycle to the next one."""
+    moved, size = found.moved, found.grid.size[: found.moved.shape[1]]
+    steps = jnp.roll(moved, -1, axis=0) - moved
+    steps = lengths(steps - size * jnp.round(steps / size))  # the last may be by whole cells
+    return steps <= 1e-6 * jnp.max(steps)
 
 
 def _power(found: Found, tractions: Array) -> Array:
@@ -193,7 +252,7 @@ def moved_where_loaded(found: Found, operator: Any, field: Array | float = 0.0) 
 # Load and gap.
 
 
-@observable(
+@of_steady(
     r"\bar\sigma", "Pa", "mean contact pressure", needs=["load follows"],
     column=("pressure\n[Pa]", FOUR),
 )  # fmt: skip
@@ -202,7 +261,7 @@ def mean_pressure(found: Found) -> Array:
     return found.contact.mean_pressure
 
 
-@observable(r"\delta", "m", "approach", needs=["ground"], column=("approach\n[m]", ".3e"))
+@of_steady(r"\delta", "m", "approach", needs=["ground"], column=("approach\n[m]", ".3e"))
 def approach(found: Found) -> Array:
     """How far a body on a window moved into the block after its first touch [m].
 
@@ -216,7 +275,7 @@ def approach(found: Found) -> Array:
     return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
 
 
-@observable("", "1", "share of the load on the rim of the window", needs=["window"])
+@of_steady("", "1", "share of the load on the rim of the window", needs=["window"])
 def rim_load(found: Found) -> Array:
     """Share of the load on the outermost points of a window [1]; NaN without a load."""
     rim = np.full(found.grid.shape, "window" in found.facts)
@@ -241,7 +300,16 @@ def moment(found: Found) -> Array:
 @of_cycle(r"\bar\mu", "1", "work of friction over load and path", column=("friction\n(mean)", FOUR))
 def mean_friction(found: Found) -> Array:
     """Work over ∮ load |v| dt [1], 0 without motion; under steady sliding the friction."""
-    return frictions(found, loaded(found)[0])[0]
+    return frictions(found, loaded(found)[0], contact_indicator(found))[0]
+
+
+@of_cycle(
+    r"\bar\mu_\mathrm{shear}", "1", "part of the mean friction from shear in the contact",
+    needs=["sheared"], column=("shear\n(mean)", FOUR),
+)  # fmt: skip
+def mean_shear_friction(found: Found) -> Array:
+    """The part of `mean_friction` from shear in the contact area, with `shear` [1]."""
+    return shear_power(found) / nonzero(_loaded_path(found, load(found)))
 
 
 @of_cycle(
@@ -250,18 +318,21 @@ def mean_friction(found: Found) -> Array:
 )  # fmt: skip
 def peak_friction(found: Found) -> Array:
     """The largest |friction|, also between the times [1]."""
-    return frictions(found, loaded(found)[0])[1]
+    return frictions(found, loaded(found)[0], contact_indicator(found))[1]
 
 
 @of_cycle("W", "J/m²", "work of friction in a cycle", column=("work\n[J/m²]", FOUR))
 def work(found: Found) -> Array:
-    """Work of friction per area and cycle [J/m²]."""
-    return _power(found, _own_tractions(found)) * found.period
+    """Work of friction per area and cycle, that of shear included [J/m²]."""
+    return (_power(found, _own_tractions(found)) + shear_power(found)) * found.period
 
 
 @of_cycle(r"W_\sigma", "J/m²", "work of the load in a cycle")
 def load_work(found: Found) -> Array:
-    """Work of the load on the block per area and cycle [J/m²]; the sum of both is dissipated."""
+    """Work of the load on the block per area and cycle [J/m²].
+
+    The sum of both, less the work of shear, is dissipated in the block.
+    """
     return (_exchange(found)[0] - _power(found, _own_tractions(found))) * found.period
 
 
@@ -290,7 +361,7 @@ def phase(found: Found) -> Array:
 
     0 for a spring, π/2 for a dashpot; 0 without motion.
     """
-    fields = _own_tractions(found), found.motion_of_surface[1]
+    fields = _own_tractions(found) + _sheared(found)[0], found.motion_of_surface[1]
     force, moved = (jnp.fft.rfft(a, axis=0)[1] for a in fields)
     lead = jnp.sum(force * jnp.conj(moved))
     # The angle of 0 has no derivative.
@@ -321,6 +392,8 @@ def hysteresis_friction(found: Found) -> Array:
 )  # fmt: skip
 def shear_friction(found: Found) -> Array:
     """The part from shear in the contact area [1]; 0 without `shear`."""
+    if found.is_cycle:
+        return _over_load(found, _sheared(found)[0])
     return shear_over_load(found.pressure, contact_indicator(found), found.shear)
 
 
@@ -329,7 +402,7 @@ def shear_friction(found: Found) -> Array:
     column=("contact above\nbulk [K]", FOUR),
 )  # fmt: skip
 def surface_rise(found: Found) -> Array:
-    """Temperature of the contact above the bulk, with heating [K]."""
+    """Temperature of the contact above the bulk, with heating [K]; the mean over a cycle."""
     return found.heated.surface_rise
 
 
@@ -350,8 +423,8 @@ def geometric_friction(found: Found) -> Array:
 
 @of_cycle(r"\tau", "Pa", "shear stress that opposes the motion", over_time=True)
 def traction(found: Found) -> Array:
-    """τ [Pa], the shear stress on the whole area."""
-    return _own_tractions(found).reshape(found.displacement.shape)
+    """τ [Pa], the shear stress on the whole area, of hysteresis and shear together."""
+    return (_own_tractions(found) + _sheared(found)[0]).reshape(found.displacement.shape)
 
 
 @of_cycle(r"\sigma_0", "Pa", "mean pressure at each time", over_time=True)
@@ -447,7 +520,7 @@ def extrapolated_friction(found: Found) -> Array:
     return jnp.sum(jnp.where(outside, lost, 0)) / nonzero(jnp.sum(lost))
 
 
-@observable("", "1", "approach over the thickness of layers on a rigid base", needs=["window"])
+@of_steady("", "1", "approach over the thickness of layers on a rigid base", needs=["window"])
 def compression(found: Found) -> Array:
     """How far a body on a window moved into layers on a rigid base, over their thickness [1].
 
@@ -491,16 +564,13 @@ def ripple_at_rest(found: Found) -> Array:
 
     From time to time it changes its sign, unlike what decays. 0 for a motion without a rest.
     """
-    moved, size = found.moved, found.grid.size[: found.moved.shape[1]]
-    steps = jnp.roll(moved, -1, axis=0) - moved
-    steps = _length(steps - size * jnp.round(steps / size))  # the last may be by whole cells
-    rests = steps <= 1e-6 * jnp.max(steps)
+    rests = _rests(found)
     soon = ~(jnp.roll(rests, -1) & jnp.roll(rests, -2) & jnp.roll(rests, -3))
     tractions = _own_tractions(found)
     neighbours = (jnp.roll(tractions, 1, axis=0) + jnp.roll(tractions, -1, axis=0)) / 2
-    ripple = _length(tractions - neighbours) / 2
+    ripple = lengths(tractions - neighbours) / 2
     before = jnp.where(jnp.roll(rests, 1) & rests & soon, ripple, 0)
-    return jnp.max(before) / nonzero(jnp.max(_length(tractions)))
+    return jnp.max(before) / nonzero(jnp.max(lengths(tractions)))
 
 
 @of_cycle("", "1", "share of the velocity at the upper half of the frequencies")
@@ -535,6 +605,20 @@ def contact_indicator(found: Found) -> Array:
 
 
 # Shear in the contact.
+
+
+@shared
+def _sheared(found: Found) -> tuple[Array, Array]:
+    """The tractions of shear along the motion at the times of a cycle [Pa], and the mean power."""
+    if found.shear is None:
+        return jnp.zeros_like(found.moved), jnp.zeros((), found.pressure.dtype)
+    given = found, loaded(found)[0], contact_indicator(found)
+    return shear_of_cycle(*given, False)[0], shear_of_cycle(*given, True)[1]
+
+
+def shear_power(found: Found) -> Array:
+    """Mean power of shear in a cycle [W/m²]."""
+    return _sheared(found)[1]
 
 
 def shear_over_load(pressure: Array, indicator: Array, stress: Any) -> Array:

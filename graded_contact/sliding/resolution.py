@@ -99,8 +99,9 @@ def _heights(
         return _means(heights, halved), heights, jnp.zeros(())
     less = resampled(heights, halved)
     cut = resampled(less, heights.shape)
+    axes = range(heights.ndim)
     lost, all_of = (
-        sum(jnp.mean(derivative(field, grid, axis) ** 2) for axis in range(heights.ndim))
+        jnp.sum(jnp.stack([jnp.mean(derivative(field, grid, axis) ** 2) for axis in axes]))
         for field in (heights - cut, heights)
     )
     return less, cut, lost / nonzero(all_of)

@@ -230,14 +230,23 @@ class CyclicSliding(AbstractSliding):
     - `heights`, `grid`, `law`: of the surface and of the contact.
     - `displacement`: s(t) of the surface [m].
     - `period`: T [s].
+    - `shear`: shear stress [Pa] as a function of the pressure, or None; its speed is that of each
+      time.
+    - `heated`: temperatures of the contact, see `HeatedContact`, or None.
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     - `prescribed`: what was given: "pressure" or "mean_gap". Static.
     """
 
     displacement: Float[Array, "nt ..."]
     period: Float[Array, ""]
-    shear: ClassVar[None] = None
+    shear: ShearStress | None = None
+    heated: HeatedContact | None = None
     is_cycle: ClassVar[bool] = True
+
+    @property
+    def facts(self) -> frozenset[str]:
+        known = {"sheared": self.shear is not None, "heated": self.heated is not None}
+        return frozenset(fact for fact, holds in known.items() if holds)
 
     @property
     def times(self) -> Float[Array, " nt"]:

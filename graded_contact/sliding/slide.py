@@ -91,13 +91,16 @@ def slide_cycle(
     pressure: Numbers | None = None,
     mean_gap: Numbers | None = None,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
+    shear: ShearLaw | None = None,
+    temperature: ScalarLike | None = None,
+    heating: Heating | None = None,
     **numerics: Any,
 ) -> CyclicSliding:
     """Returns friction, contact area and fields of a surface in periodic motion on a block.
 
     The periodic state, which a repeated motion approaches. Differentiable in every leaf of `stack`,
-    `surface` and `law`, in the motion and in the prescribed load or gap; works under `jit` and
-    `vmap`.
+    `surface`, `law` and `shear`, in the motion and in the prescribed load or gap; works under `jit`
+    and `vmap`.
 
     **Arguments:**
 
@@ -112,6 +115,11 @@ def slide_cycle(
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
       heights.
     - `law`: of contact; it has no history.
+    - `shear`, `temperature`: as in `slide`. The law holds at the pressure and the speed of each
+      time. At rest the shear has no direction and is 0.
+    - `heating`: as in `slide`, by the mean heat of the cycle: the block and the shear have the
+      temperature of steady sliding at the mean speed and load, with the mean power of the cycle.
+      What varies within the cycle is left out, see `solve_heated`.
     - `numerics`: as in `slide`, without `solution`.
 
     **Returns:** friction and areas over time, works, errors and the contact, see `CyclicSliding`.
@@ -120,7 +128,7 @@ def slide_cycle(
     """
     case = Case(
         stack=stack, surface=surface, displacement=displacement, period=period, pressure=pressure,
-        mean_gap=mean_gap, law=law,
+        mean_gap=mean_gap, law=law, shear=shear, temperature=temperature, heating=heating,
     )  # fmt: skip
     how, known = numerics_of("slide_cycle", numerics, "start")
     return cast(CyclicSliding, case.solve(how, **known))

@@ -26,6 +26,8 @@ from ..contacts.area import contact_shares, edge_stiffness
 from ..contacts.operator import Steady, first_mode
 from ..core.checks import as_scalar, check_positive, check_type, check_types
 from ..fields.grid import wavenumber
+from .errors import TOTAL
+from .observables import FOUR, of_steady
 from .result import Sliding
 
 _RTOL = 1e-8
@@ -35,6 +37,9 @@ _YIELDING = {1: 1.0, 2: 0.8}  # compliance of half a point over that of the bloc
 _FROM_HALF, _SOFTER = 0.75, 1.25
 
 
+@of_steady(
+    "k", "Pa/m", "contact stiffness", needs=["stiffness"], column=("stiffness\n[Pa/m]", FOUR)
+)
 @check_types
 def contact_stiffness(
     sliding: Sliding,
@@ -59,6 +64,10 @@ def contact_stiffness(
     return _stiffness(sliding, sliding.kernel, adjoint)
 
 
+@of_steady(
+    r"\delta k", "Pa/m", "estimated error of the contact stiffness", needs=["stiffness"],
+    column=TOTAL, on_two_grids=True,
+)  # fmt: skip
 @check_types
 def contact_stiffness_error(
     sliding: Sliding,
@@ -114,6 +123,28 @@ def contact_conductance(
     check_positive("resistivity", resistivity, "[Ω m]")
     q = wavenumber(sliding.grid)
     return _stiffness(sliding, resistivity / jnp.where(first_mode(q.shape), 1, q), adjoint)
+
+
+@of_steady(
+    r"G\varrho", "1/m", "contact conductance times the sum of both resistivities",
+    needs=["conductance"], column=("conductance\n× resistivity\n[1/m]", FOUR),
+)  # fmt: skip
+def specific_conductance(sliding: Sliding) -> Float[Array, ""]:
+    """`contact_conductance` times the sum of the resistivities of both bodies [1/m].
+
+    Over the sum of 1/λ of their thermal conductivities it is the thermal conductance.
+    """
+    return contact_conductance(sliding, 1.0)
+
+
+@of_steady(
+    r"\delta G\varrho", "1/m", "estimated error of the conductance times the resistivities",
+    needs=["conductance"], column=TOTAL, on_two_grids=True,
+)  # fmt: skip
+def specific_conductance_error(sliding: Sliding) -> Float[Array, ""]:
+    """Estimated error of `specific_conductance`, the same part of it as that of the stiffness."""
+    part = contact_stiffness_error(sliding) / contact_stiffness(sliding)
+    return part * specific_conductance(sliding)
 
 
 def _check(sliding: Sliding) -> None:

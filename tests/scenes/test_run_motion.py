@@ -5,14 +5,21 @@ import pytest
 from scene_texts import BARE
 
 import graded_contact as gc
-from graded_contact.scenes.results import contact_at, kept_solves, read_results
-from graded_contact.scenes.run_scene import build_surface, run_scene
+from graded_contact.command.result_tables import print_table
+from graded_contact.scenes.results import (
+    contact_at,
+    kept_solves,
+    numbers_of_scene,
+    read_results,
+)
+from graded_contact.scenes.run_scene import build_surface, point_names, run_scene
 from graded_contact.scenes.scene import parse_scene
 from graded_contact.studies.dataset import write, write_csv
 
 SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")
 CYCLE = SMALL.replace("[0.01, 1.0]", "[0.1, 1.0]\npressure_ratio = [1.0, 1.5]\ndirection = 0.5") + (
     '[motion]\nkind = "sinusoidal"\nstroke = 1e-4\nfrequency = 20.0\nnum_times = 8\n'
+    '[shear]\nkind = "peaked"\npeak = 1e5\nvelocity = 0.1\nsteepness = 0.1\n'
 )
 
 
@@ -32,11 +39,20 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
         displacement=np.asarray(motion.displacement)[:, None] * along,
         period=motion.period * motion.highest_speed / 1.0,
         pressure=2e5 * np.array([1.0, 1.125, 1.25, 1.375, 1.5, 1.375, 1.25, 1.125]),
+        shear=gc.sliding.PeakedShear(1e5, 0.1, 0.1),
         rtol=scene.rtol,
     )
     assert np.all(results.message == "")
     at = results.isel(pressure=0, velocity=1)
-    for name in ("mean_friction", "peak_friction", "work", "dissipated_power", "phase", "load"):
+    for name in (
+        "mean_friction",
+        "mean_shear_friction",
+        "peak_friction",
+        "work",
+        "dissipated_power",
+        "phase",
+        "load",
+    ):
         np.testing.assert_allclose(at[name], getattr(cycle, name), rtol=1e-5, err_msg=name)
     np.testing.assert_allclose(at.friction, cycle.friction @ along, rtol=1e-4, atol=1e-7)
     np.testing.assert_allclose(at.period, cycle.period, rtol=1e-12)
@@ -44,6 +60,12 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
     assert results.time.values.tolist() == [i / 8 for i in range(8)]
     assert results.work.attrs["units"] == "J/m²" and results.largest_step.attrs["units"] == "1"
     np.testing.assert_allclose(at.friction * at["load"], at["traction"], rtol=1e-12)
+
+
+def test_a_table_of_cycles_has_a_column_of_the_shear(cycles, capsys):
+    print_table(cycles[1], full=True)
+    head = capsys.readouterr().out.split("1.000e-01")[0]
+    assert all(word in head for word in ("(peak)", "shear", "phase"))
 
 
 def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(cycles, tmp_path):
@@ -70,6 +92,51 @@ def test_a_run_with_shear_adds_the_stress_on_the_contact():
     np.testing.assert_allclose(results.shear_friction, 0.5 * results.contact_area, rtol=1e-9)
     both = results.hysteresis_friction + results.shear_friction
     np.testing.assert_allclose(results.friction, both, rtol=1e-12)
+
+
+def test_a_run_with_a_law_is_slide_with_it():
+    """The softer body flows: no pressure exceeds its hardness."""
+    text = SMALL.replace("[0.01, 1.0]", "1.0") + '[law]\nkind = "hard_wall"\nhardness = 1e6\n'
+    scene = parse_scene(text)
+    results = run_scene(scene)
+    surface, load = build_surface(scene), {"pressure": 2e5, "velocity": 1.0, "rtol": scene.rtol}
+    flowed = gc.slide(scene.stack, surface, law=gc.HardWall(1e6), **load)
+    for name in ("friction", "contact_area", "mean_gap"):
+        np.testing.assert_allclose(results[name].item(), getattr(flowed, name), rtol=1e-5)
+    assert results.contact_pressure.max() <= 1e6 * (1 + 1e-12)
+    assert results.contact_area_pixels.item() >= 0.2  # the load over the hardness
+
+
+def test_numbers_that_are_asked_for_are_those_of_python(capsys):
+    elastic = SMALL.replace('"tyre_tread"', '"elastic"\nmodulus = 2e6\npoisson = 0.5')
+    plain = parse_scene(elastic.replace("[0.01, 1.0]", "0.0"))
+    asked = "[observe]\nstiffness = true\nconductance = true\nflow = true\n"
+    scene = parse_scene(plain.text + asked)
+    surface, results = build_surface(scene), run_scene(scene)
+    assert not any("stiffness" in name for name in numbers_of_scene(plain, surface))
+    # A store solves points again that lack a number; it is no part of their name.
+    np.testing.assert_array_equal(point_names(plain, surface), results.point)
+    sliding = gc.slide(scene.stack, surface, pressure=2e5, velocity=0.0)
+    flow = gc.sliding.gap_flow(sliding.gap, sliding.grid, contact=sliding.pressure > 0)
+    expected = {
+        "contact_stiffness": gc.sliding.contact_stiffness(sliding),
+        "contact_stiffness_error": gc.sliding.contact_stiffness_error(sliding),
+        "specific_conductance": gc.sliding.contact_conductance(sliding, 3.0) * 3.0,
+        "flow_along_x": flow.conductance[0],
+        "flow_along_y": flow.conductance[1],
+    }
+    for name, value in expected.items():
+        np.testing.assert_allclose(results[name].item(), value, rtol=1e-6, err_msg=name)
+    # Barber's analogy, and its error.
+    conductance, stiffness = results.specific_conductance, results.contact_stiffness
+    np.testing.assert_allclose(conductance, 2 * stiffness * (1 - 0.5**2) / 2e6, rtol=1e-9)
+    parts = results.specific_conductance_error / conductance, results.contact_stiffness_error
+    np.testing.assert_allclose(parts[0], parts[1] / stiffness, rtol=1e-9)
+    units = [results[name].attrs["units"] for name in ("flow_along_x", "contact_stiffness")]
+    assert units == ["m³", "Pa/m"]
+    print_table(results)
+    table = capsys.readouterr().out
+    assert "[m³]" in table and "[Pa/m]" in table
 
 
 @pytest.mark.slow

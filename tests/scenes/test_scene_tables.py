@@ -3,14 +3,17 @@
 import re
 from pathlib import Path
 
+import equinox as eqx
 import numpy as np
 import pytest
 from scene_texts import BARE
 
 import graded_contact as gc
+from graded_contact.contacts import AdhesiveLJ, ExponentialAdhesion, RepulsiveLJ
 from graded_contact.readers.recorded_motion import read_motion
+from graded_contact.scenes.run_scene import point_names
 from graded_contact.scenes.scene import parse_scene, read_scene
-from graded_contact.scenes.theory import mean_field_at
+from graded_contact.scenes.theory import mean_field_at, roughness_of
 
 STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")
 SINE = '[motion]\nkind = "sinusoidal"\nstroke = 2e-4\nfrequency = 20.0\nnum_times = 16\n'
@@ -72,6 +75,30 @@ def test_shear_and_heating_are_those_of_the_constructors():
     assert parse_scene(text + PEAKED + SHIFT + parts).heating.conductivity.tolist() == [0.2, 0.4]
     constant = parse_scene(BARE + '[shear]\nkind = "constant"\nstress = 1e5\n').shear
     assert float(constant.stress) == 1e5
+
+
+@pytest.mark.parametrize(
+    "lines, law",
+    [
+        ('kind = "hard_wall"\nhardness = 2e6', gc.HardWall(2e6)),
+        ('kind = "repulsive_lj"\nrange = 1e-9\npressure = 1e6', RepulsiveLJ(1e-9, 1e6)),
+        ('kind = "adhesive_lj"\nrange = 1e-9\nwork = 0.05\ncontact_gap = 1.2',
+         AdhesiveLJ(1e-9, 0.05, 1.2)),
+        ('kind = "exponential_adhesion"\nrange = 1e-9\nwork = 0.05',
+         ExponentialAdhesion(1e-9, 0.05)),
+    ],
+)  # fmt: skip
+def test_a_law_of_contact_is_that_of_the_constructor_and_has_no_mean_field(lines, law):
+    scene = parse_scene(f"{BARE}\n[law]\n{lines}\n")
+    surface = scene.surface.build()
+    case = scene.case({"pressure": 2e5, "velocity": 1.0}, surface)
+    assert eqx.tree_equal(scene.law, law) and eqx.tree_equal(case.law, law)
+    assert mean_field_at(scene, surface, (0, 0)) is None
+    with pytest.raises(ValueError, match=r"The mean field does not take the table \[law\]"):
+        roughness_of(scene, surface)
+    plain = parse_scene(BARE)
+    assert isinstance(plain.case({"pressure": 2e5, "velocity": 1.0}, surface).law, gc.HardWall)
+    assert not np.any(np.isin(point_names(scene, surface), point_names(plain, surface)))
 
 
 def test_anisotropy_and_softening_are_keys():
@@ -149,9 +176,17 @@ def test_an_open_file_is_a_window_with_its_tilt(tmp_path):
         (STILL + SINE.replace("stroke", "strok"), r"\[motion\] has no key `strok`; did you mean"),
         (STILL + SINE.replace('"sin', '"sun'), r"`kind` = 'sunusoidal' .* did you mean `sinuso"),
         (STILL + SINE.replace("= 20.0", "= -1.0"), r"\[motion\] `frequency=-1` is refused"),
-        (STILL + SINE + PEAKED, r"\[motion\] does not take the table \[shear\]"),
+        (STILL.replace("[load]", "[load]\ntemperature = 300.0") + HEATING
+         + SINE.replace("2e-4", "0.0"), r"\[heating\] is refused: \[motion\] is at rest"),
         (BARE.replace("[0.01", "[0.0") + SINE, r"\[load\] `velocity\[0\]=0` is refused"),
         (BARE.replace("= [0.01, 1.0]", "= 1.0\npressure_ratio = [1.0, 2.0]"), "needs a table .mot"),
+        (BARE + '[law]\nkind = "hard_wall"\nhardness = 1e5\n',
+         r"^\[load\] `pressure=200000` is refused: the law allows mean pressures between 0 and"),
+        (BARE + '[law]\nkind = "adhesive_lj"\nrange = 1e-9\n', r"\[law\] lacks the key `work`"),
+        (BARE + "[observe]\nleakage = true\n", r"\[observe\] has no key `leakage`; it takes `sti"),
+        (BARE + SINE.replace("16", "64") + "[observe]\nflow = true\n",
+         r"^\[observe\] needs steady sliding on a periodic surface"),
+        (BARE + "[observe]\nleakage = true\n", r"\[observe\] has no key `leakage`; it takes `sti"),
         (BARE + PEAKED + SHIFT, r"\[shear\] `temperature=None` is refused"),
         (BARE + HEATING, r"\[heating\] needs the bulk `temperature`"),
         (BARE.replace("self_affine", "sphere"), r"\[surface\] has no key `rms_slope`"),

@@ -9,7 +9,15 @@ from oracles import elasticities
 from scipy.special import jv
 
 import graded_contact as gc
-from graded_contact.sliding import recorded, sinusoidal, slide_cycle, start_stop, steady
+from graded_contact.sliding import (
+    ConstantShear,
+    PeakedShear,
+    recorded,
+    sinusoidal,
+    slide_cycle,
+    start_stop,
+    steady,
+)
 
 N = 32
 GRID = gc.Grid((N,), 1.0)
@@ -65,6 +73,54 @@ def test_steady_sliding_in_two_dimensions_is_that_of_slide():
     np.testing.assert_allclose(along, expected.friction, rtol=1e-8)
     assert found.friction.shape == (32, 2) and found.largest_step == 1
     assert found.energy_imbalance < 1e-10
+
+
+LAWS = [
+    ConstantShear(0.02), PeakedShear(0.05, 1.0, 0.5), lambda p, v, t: 0.1 * p * v**0.5,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_steady_sliding_with_shear_is_that_of_slide(law):
+    motion = steady(-3.0, GRID)
+    found = cycle(s=motion.displacement, period=motion.period, shear=law)
+    expected = gc.slide(rubber(), ROUGH, pressure=LOAD, velocity=-3.0, shear=law, rtol=1e-9)
+    for name in ("mean_friction", "peak_friction"):
+        np.testing.assert_allclose(getattr(found, name), expected.friction, rtol=1e-8)
+    np.testing.assert_allclose(-found.friction, expected.friction, rtol=1e-8)
+    np.testing.assert_allclose(found.mean_shear_friction, expected.shear_friction, rtol=1e-8)
+    np.testing.assert_allclose(found.traction, found.friction * LOAD, rtol=1e-12)
+
+
+def test_shear_follows_from_pressure_and_speed_of_each_time():
+    alone = cycle()
+    coulomb = cycle(shear=lambda p, v, t: 0.3 * p)
+    np.testing.assert_array_equal(alone.pressure, coulomb.pressure)
+    np.testing.assert_allclose(coulomb.mean_friction - alone.mean_friction, 0.3, rtol=1e-12)
+    moving = np.abs(np.cos(2 * np.pi * TIMES)) > 1e-9
+    added = np.where(moving, 0.3 * np.sign(np.cos(2 * np.pi * TIMES)), 0)
+    np.testing.assert_allclose(coulomb.friction - alone.friction, added, atol=1e-12)
+    # The sum over the times is exact for a stress in proportion to the speed, whose work is v².
+    viscous = cycle(shear=lambda p, v, t: 0.01 * v)
+    velocity = 0.4 * np.pi * np.cos(2 * np.pi * TIMES)
+    stress = 0.01 * velocity * np.asarray(alone.contact_area)
+    np.testing.assert_allclose(viscous.work - alone.work, np.mean(stress * velocity), rtol=1e-2)
+    np.testing.assert_allclose(viscous.traction - alone.traction, stress, atol=1e-12)
+    for found in (coulomb, viscous):  # the block loses what it lost
+        np.testing.assert_allclose(found.load_work, alone.load_work, atol=1e-15)
+        assert found.dissipated_power == alone.dissipated_power
+
+
+def test_there_is_no_shear_at_rest():
+    motion = start_stop(stroke=0.2, moving=0.5, dwell=0.5, num_times=32)
+    given = {"s": motion.displacement, "period": motion.period}
+    alone, found = cycle(**given), cycle(**given, shear=ConstantShear(0.02))
+    added = np.asarray(found.friction - alone.friction)
+    still = np.abs(np.diff(np.append(motion.displacement, motion.displacement[0]))) < 1e-9
+    still &= np.roll(still, 1)
+    assert 8 < still.sum() < 24
+    np.testing.assert_array_equal(added[still], 0)
+    assert np.all(np.abs(added[~still]) * LOAD <= 0.02 * found.contact_area[~still] * (1 + 1e-9))
 
 
 @pytest.mark.parametrize(("amplitude", "rate"), [(1, 1.0), (5, 0.3), (20, 0.1)])
@@ -159,13 +215,17 @@ def test_a_constant_load_does_no_work_and_a_moving_block_leaves_and_enters():
 
 
 def measured(x, surface=ROUGH, **options):
-    """A number that weighs all that a cycle has; x: strength, stroke, load, period, height."""
+    """A number that weighs all that a cycle has.
+
+    x: strength, stroke, load, period, height, stress of shear.
+    """
     stack = rubber(x[0])
     s = x[1] * jnp.sin(2 * np.pi * TIMES)
     load = LOAD * (1 + (x[2] - 1) * jnp.asarray(TIMES[5] == TIMES, float))
     surface = eqx.tree_at(lambda one: one.heights, surface, x[4] * surface.heights)
     job = {"pressure": load} if not options else {"mean_gap": options["mean_gap"] * x[2]}
-    c = cycle(stack, surface, s, x[3], rtol=1e-11, **job)
+    law = PeakedShear(x[5], 1.0, 0.5)
+    c = cycle(stack, surface, s, x[3], rtol=1e-11, shear=law, **job)
     weights = jnp.cos(jnp.arange(N))
     return (
         100 * c.work + c.mean_friction + c.peak_friction + jnp.mean(weights * c.contact_area)
@@ -176,7 +236,7 @@ def measured(x, surface=ROUGH, **options):
 
 @pytest.mark.parametrize("options", [{}, pytest.param({"mean_gap": 0.02}, marks=pytest.mark.slow)])
 def test_derivatives_match_central_differences(options):
-    at = jnp.array([3.0, 0.2, 1.1, 0.9, 1.05])
+    at = jnp.array([3.0, 0.2, 1.1, 0.9, 1.05, 0.05])
     slopes = elasticities(lambda x: measured(x, **options), (at,))
     np.testing.assert_allclose(*np.transpose(slopes), rtol=2e-5, atol=1e-6)
 
@@ -189,6 +249,7 @@ def test_claimed_errors_hold(control):
         stack = rubber(contrast)
         size = LOAD if control == "pressure" else jnp.std(surface.heights)
         given = {control: size * (1.02 + np.sin(2 * np.pi * TIMES))}
+        given["shear"] = PeakedShear(0.02, 1.0, 0.5)
         close = cycle(stack, surface, rtol=1e-9, **given)
         for rtol in (1e-3, 1e-4):
             loose = cycle(stack, surface, **given, rtol=rtol)

@@ -72,6 +72,32 @@ def test_the_contact_is_at_the_temperatures_that_it_causes(monkeypatch):
     )
 
 
+@pytest.mark.slow
+def test_a_cycle_has_the_temperatures_of_its_mean_heat():
+    """Of steady sliding they are those of `slide`; back and forth they follow the mean power."""
+    line = gc.random_surface(SPECTRUM, gc.Grid((32,), CELL), jax.random.key(0))
+    law = PeakedShear(3e5, 1.0, 0.3, gc.Arrhenius(9e4, 293.0))
+    how = {"pressure": 3e4, "temperature": 293.0, "heating": TISSUE, "shear": law, "rtol": 1e-8}
+    expected = gc.slide(BLOCK, line, velocity=1.0, **how)
+    motion = gc.sliding.steady(1.0, line.grid)
+    given = {"displacement": motion.displacement, "period": motion.period}
+    found = gc.sliding.slide_cycle(BLOCK, line, **given, **how)
+    np.testing.assert_allclose(found.mean_friction, expected.friction, rtol=1e-8)
+    np.testing.assert_allclose(found.heated.rises, expected.heated.rises, rtol=1e-8)
+    np.testing.assert_allclose(found.surface_rise, expected.surface_rise, rtol=1e-8)
+    # At a mean speed of 1 m/s the mean power is near that of steady sliding.
+    motion = gc.sliding.sinusoidal(2e-3, 250.0, grid=line.grid)
+    given = {"displacement": motion.displacement, "period": motion.period}
+    found = gc.sliding.slide_cycle(BLOCK, line, **given, **how)
+    power = found.work / found.period / (expected.friction * 3e4)
+    np.testing.assert_allclose(found.surface_rise, power * expected.surface_rise, rtol=0.1)
+    assert found.surface_rise > 1 and "in the mean over the cycle" in " ".join(found.caveats)
+    assert 0 < found.mean_friction_temperature_error < 0.01 * found.mean_friction
+    with pytest.raises(ValueError, match="`heating` is refused: `displacement` does not move"):
+        given = {"displacement": np.zeros(8), "period": 1.0}
+        gc.sliding.slide_cycle(BLOCK, line, **given, **how)
+
+
 def random_cases(number):
     rng = np.random.default_rng(1)
     spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=8 * Q0)
