@@ -108,25 +108,28 @@ def stress_field(
     depth: Numbers,
     velocity: Numbers = 0.0,
     *,
+    traction: Numbers | None = None,
     side: Side = "below",
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> InteriorFields:
-    """Returns displacement and stress at one depth under a pressure on a periodic cell.
+    """Returns displacement and stress at one depth under pressure and traction on a periodic cell.
 
     **Arguments:**
 
     - `stack`: the block.
     - `grid`: the periodic cell; in one dimension the strain along y is zero.
-    - `pressure`: on the surface [Pa], positive in compression, shape of the grid. No friction
-      acts.
+    - `pressure`: on the surface [Pa], positive in compression, shape of the grid.
     - `depth`: z [m], one number.
     - `velocity`: of the pressure over the block [m/s], as in `stack_kernel`.
+    - `traction`: tangential force per area that acts on the block's surface [Pa], such as that of
+      friction along the velocity: of the shape of the grid (along x), or with a last axis `(x, y)`.
+      None for no traction.
     - `side`, `graded_solver`, `rtol`: as in `interior_fields`.
 
     **Returns:** real fields, shape `(*grid.shape, 3)` and `(*grid.shape, 3, 3)`. The mean pressure
     compresses the block without lateral strain, σ_xx = σ_yy = ν/(1-ν) σ_zz at ω = 0; the mean
-    displacement, which belongs to the mean gap, is left out. Nyquist lines are treated as in
+    displacement, which belongs to the mean gap, is left out, and so is that of the mean traction. Nyquist lines are treated as in
     `stack_kernel`, with which the surface's displacement agrees.
     """
     pressure, depth = as_float(pressure, "pressure"), as_scalar(depth, "depth")
@@ -135,7 +138,15 @@ def stress_field(
     velocity = checked_velocity(stack, grid, velocity)
     depth = _inside(stack, depth)
     rtol = graded_tolerance(graded_solver, rtol, pressure)
-    return _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, rtol)
+    loads = {2: pressure}  # by axis
+    if traction is not None:
+        traction = as_float(traction, "traction")
+        with_axes = traction.ndim > grid.ndim
+        check_shape("traction", traction, (*grid.shape, 2) if with_axes else grid.shape)
+        check_values("traction", traction, "a traction [Pa] must be finite")
+        parts = jnp.moveaxis(traction, -1, 0) if with_axes else [traction]
+        loads |= dict(enumerate(parts))
+    return _stress_field(stack, grid, loads, depth, velocity, side, graded_solver, rtol)
 
 
 @check_types
@@ -234,23 +245,31 @@ def _interior_fields(stack, qx, qy, omega, traction, depth, side, graded_solver,
 
 
 @eqx.filter_jit
-def _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, rtol):
-    spectrum = to_spectrum(pressure)
+def _stress_field(stack, grid, loads, depth, velocity, side, graded_solver, rtol):
     qx, *qy = wavevector(grid, both_signs(grid.shape))
     qy = qy[0] if qy else jnp.zeros_like(qx)
     zero = (qx == 0) & (qy == 0)
     omega = sliding_frequency(qx, qy, velocity)
-    unit = [jnp.asarray(x, pressure.dtype) for x in (0, 0, 1)]
     depth = depth.reshape((1,) * qx.ndim)
     # Any wave in place of the mean, whose response is put in below.
     qx = jnp.where(zero, qx.ravel()[1], qx)
-    found, lateral = _fields(stack, qx, qy, omega, unit, depth, side, graded_solver, rtol)
-    means = [0, 0, 0, *(-lateral.ravel()[0],) * 2, -1, 0, 0, 0]
-    fields = []
-    for response, mean in zip(found, means, strict=True):
-        response = even_on_nyquist(jnp.where(zero, mean, response), grid.shape)
-        fields.append(to_field(response * spectrum, grid.shape))
-    return _as_fields(fields)
+    spectra = [0] * 9
+    for axis, load in loads.items():
+        unit = [jnp.asarray(axis == i, load.dtype) for i in range(3)]
+        found, lateral = _fields(stack, qx, qy, omega, unit, depth, side, graded_solver, rtol)
+        means = _means(axis, lateral.ravel()[0])
+        spectrum = to_spectrum(load)
+        for i, (response, mean) in enumerate(zip(found, means, strict=True)):
+            response = even_on_nyquist(jnp.where(zero, mean, response), grid.shape)
+            spectra[i] = response * spectrum + spectra[i]
+    return _as_fields([to_field(spectrum, grid.shape) for spectrum in spectra])
+
+
+def _means(axis: int, lateral: Array) -> list:
+    """What a mean load of 1 along an axis causes: (u_x, u_y, u_z, σ_xx, ..., σ_xy) at q = 0."""
+    if axis == 2:
+        return [0, 0, 0, -lateral, -lateral, -1, 0, 0, 0]
+    return [0] * 6 + [-(axis == 1), -(axis == 0), 0]
 
 
 def _as_fields(found) -> InteriorFields:

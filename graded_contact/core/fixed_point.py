@@ -1,10 +1,11 @@
-"""Fixed points of a few unknowns by Anderson's acceleration, with their implicit derivative.
+"""Fixed points by Anderson's acceleration, with their implicit derivative.
 
 Outside `jit` the loop runs in Python, so that the function is compiled in its own programs.
 """
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -15,6 +16,7 @@ from .anderson import History, accelerate
 from .checks import is_concrete
 
 _MEMORY = 4
+_LINEAR_RTOL = 1e-6
 MAX_STEPS = 40
 
 
@@ -47,23 +49,25 @@ class FixedPoint(NamedTuple):
 
 
 def find_fixed_point(
-    function: Callable, start: Float[Array, " n"], state: Any, rtol: Float[Array, ""]
-) -> FixedPoint:
+    function: Callable, start: Float[Array, "..."], state: Any, rtol: Float[Array, ""],
+    *, ordered: bool = True,
+) -> FixedPoint:  # fmt: skip
     """Returns x = function(x, state)[0] to a change of `rtol` of the largest |x|.
 
-    The function also returns the next state.
+    The function also returns the next state. `ordered` unknowns grow and shrink together, so that
+    iterates can bracket the fixed point.
     """
 
     def step(point: FixedPoint) -> FixedPoint:
         image, state = function(point.x, point.state)
         # The state may hold fields: they do not pass through the program of a few unknowns.
-        return _next(point._replace(state=None), image, rtol)._replace(state=state)
+        return _next(point._replace(state=None), image, rtol, ordered)._replace(state=state)
 
     def running(point: FixedPoint):
         return ~(point.error <= rtol) & (point.history.cycles < MAX_STEPS)
 
     far = jnp.full_like(start, jnp.inf)
-    point = step(FixedPoint(History.empty(start, _MEMORY), -far, far, far[0], state))
+    point = step(FixedPoint(History.empty(start, _MEMORY), -far, far, far.ravel()[0], state))
     if not all(map(is_concrete, jax.tree.leaves(point))):
         return jax.lax.while_loop(running, step, point)
     while running(point):
@@ -71,12 +75,15 @@ def find_fixed_point(
     return point
 
 
-@jax.jit
-def _next(point: FixedPoint, image: Array, rtol: Array) -> FixedPoint:
+@partial(jax.jit, static_argnames="ordered")
+def _next(point: FixedPoint, image: Array, rtol: Array, ordered: bool) -> FixedPoint:
     """The accelerated iterate, or the middle of the bracket if it lies outside."""
     x, low, high = point.x, point.low, point.high
     change, largest = jnp.max(jnp.abs(image - x)), jnp.max(jnp.abs(image))
     error = change / jnp.where(largest > 0, largest, 1)
+    if not ordered:
+        history = accelerate(point.history, image, error, ~(error <= rtol))
+        return point._replace(history=history)
     # The fixed point lies above iterates that grow, and below those that shrink.
     grows = jnp.sum(image - x) > 0
     low = jnp.where(grows & (jnp.sum(x) > jnp.sum(low)), x, low)
@@ -95,15 +102,25 @@ def _next(point: FixedPoint, image: Array, rtol: Array) -> FixedPoint:
     return FixedPoint(dataclasses.replace(history, z=z), low, high, best, None)
 
 
-def attach_fixed_point(function: Callable, x: Float[Array, " n"]) -> Float[Array, " n"]:
+def attach_fixed_point(
+    function: Callable, x: Float[Array, "*n"], solve: Callable | None = None
+) -> Float[Array, "*n"]:
     """Returns x = function(x) unchanged, with the derivative by what `function` closes over.
 
-    It takes the derivative of `function` along each unknown, and a linear system of their number.
+    It takes a linear system, solved by `solve(linear, rhs)`: by default `by_elimination`.
     """
+    tangent = by_elimination if solve is None else solve
+    return jax.lax.custom_root(lambda x: function(x) - x, x, lambda _, x: x, tangent)
 
-    def solve(linear, rhs):
-        # The unknowns are few, and `map` compiles `linear` once.
-        matrix = jax.lax.map(linear, jnp.eye(len(rhs), dtype=rhs.dtype)).T
-        return jnp.linalg.solve(matrix, rhs)
 
-    return jax.lax.custom_root(lambda x: function(x) - x, x, lambda _, x: x, solve)
+def by_elimination(linear: Callable, rhs: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Solves linear(x) = rhs for few unknowns, by the derivative along each of them."""
+    # `map` compiles `linear` once.
+    matrix = jax.lax.map(linear, jnp.eye(len(rhs), dtype=rhs.dtype)).T
+    return jnp.linalg.solve(matrix, rhs)
+
+
+def by_iteration(linear: Callable, rhs: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Solves linear(x) = rhs for fields, by GMRES."""
+    options: dict[str, Any] = {"tol": _LINEAR_RTOL, "restart": 16, "maxiter": 4}
+    return jax.scipy.sparse.linalg.gmres(linear, rhs, solve_method="incremental", **options)[0]

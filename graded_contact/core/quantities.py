@@ -102,6 +102,7 @@ PARAMETERS = _table([
     ("range", r"\rho", "m", "range of the law of contact"),
     ("work", r"\Delta\gamma", "J/m²", "work of adhesion"),
     ("hardness", r"\sigma_H", "Pa", "hardness"),
+    ("coefficient", "f", "1", "friction coefficient of the interface"),
     ("ConstantShear.stress", r"\tau_f", "Pa", "shear stress in the contact"),
     ("PeakedShear.peak", r"\tau_0", "Pa", "largest shear stress in the contact"),
     ("PeakedShear.velocity", "v^*", "m/s", "velocity of the largest shear stress"),
@@ -166,7 +167,7 @@ class Observable(NamedTuple):
     - `cycle`: True for a number of cycles alone, False for one of steady sliding alone.
     - `over_time`: whether a cycle has one number at each time.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
-    - `needs`: only contacts with these `facts` print and store it; cycles have none of these.
+    - `needs`: only contacts with these `facts` print and store it; a cycle if `cycle` is True.
     - `column`: head and format in the table of the command, if it has a column there.
     - `on_two_grids`: whether it needs the contact on half the grid, see `sliding/resolution.py`.
     """
@@ -196,7 +197,7 @@ class Observable(NamedTuple):
 
     def is_of(self, motion: bool, facts: Collection[str]) -> bool:
         """Whether contacts of this kind have it."""
-        cycle = False if self.needs else self.cycle
+        cycle = False if self.needs and self.cycle is None else self.cycle
         return cycle in (None, motion) and {*self.needs} <= {*facts}
 
 

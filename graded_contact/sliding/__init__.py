@@ -8,12 +8,12 @@ from .magnification import area_against_cutoff, cumulative_friction
 from .motion import Motion, recorded, sinusoidal, start_stop, steady
 from .numerics import Numerics
 from .result import CyclicSliding, Sliding
-from .shear import AbstractShear, ConstantShear, PeakedShear
+from .shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
 from .slide import slide, slide_cycle
 from .stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 
 __all__ = [
-    "AbstractShear", "Case", "ConstantShear", "CyclicSliding", "GapFlow", "Heating", "Motion",
+    "AbstractShear", "Case", "ConstantShear", "Coulomb", "CyclicSliding", "GapFlow", "Heating", "Motion",
     "Numerics", "PeakedShear", "Sliding", "area_against_cutoff", "contact_conductance",
     "contact_stiffness", "contact_stiffness_error", "cumulative_friction", "flash_temperature",
     "gap_flow", "heat_depths", "heat_source", "recorded", "sinusoidal", "slide", "slide_cycle",

@@ -52,8 +52,10 @@ def slide(
       are one velocity, not two speeds as in a scene: for several speeds use `sweep` or
       `jax.lax.map`. At rest (0, known beforehand) the relaxed moduli act and a real kernel is used.
     - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
-      temperature), such as `ConstantShear` or `PeakedShear`; None for hysteresis alone. The shear
-      traction does not change the pressure, which is exact for ν = 1/2 on a half space.
+      temperature), such as `Coulomb`, `ConstantShear` or `PeakedShear`; None for hysteresis alone.
+      The traction of a law that is `coupled` moves the surface of the block and so changes the
+      pressure; that of others does not, which is exact for ν = 1/2 on a half space. On a window
+      only `Coulomb` can be coupled.
     - `temperature`: of the contact [K], for a law of shear that varies with it; with `heating` the
       bulk temperature, to which the block is brought, see `Stack.at`.
     - `heating`: conductivities, see `Heating`: the heat of friction then changes the temperature of
@@ -91,6 +93,8 @@ def slide_cycle(
     pressure: Numbers | None = None,
     mean_gap: Numbers | None = None,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
+    shear: ShearLaw | None = None,
+    temperature: ScalarLike | None = None,
     **numerics: Any,
 ) -> CyclicSliding:
     """Returns friction, contact area and fields of a surface in periodic motion on a block.
@@ -112,6 +116,8 @@ def slide_cycle(
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
       heights.
     - `law`: of contact; it has no history.
+    - `shear`, `temperature`: law of the shear stress in the contact and its temperature [K], as in
+      `slide`. The traction has the direction of the motion at each time; at rest there is none.
     - `numerics`: as in `slide`, without `solution`.
 
     **Returns:** friction and areas over time, works, errors and the contact, see `CyclicSliding`.
@@ -120,7 +126,7 @@ def slide_cycle(
     """
     case = Case(
         stack=stack, surface=surface, displacement=displacement, period=period, pressure=pressure,
-        mean_gap=mean_gap, law=law,
+        mean_gap=mean_gap, law=law, shear=shear, temperature=temperature,
     )  # fmt: skip
     how, known = numerics_of("slide_cycle", numerics, "start")
     return cast(CyclicSliding, case.solve(how, **known))
