@@ -14,9 +14,10 @@ from jaxtyping import Array, Float
 
 from .anderson import History, accelerate
 from .checks import is_concrete
+from .derivative import still
 
 _MEMORY = 4
-_LINEAR_RTOL = 1e-6
+_LINEAR_RTOL, _RESTART = 1e-6, 16  # of GMRES
 MAX_STEPS = 40
 
 
@@ -102,25 +103,36 @@ def _next(point: FixedPoint, image: Array, rtol: Array, ordered: bool) -> FixedP
     return FixedPoint(dataclasses.replace(history, z=z), low, high, best, None)
 
 
-def attach_fixed_point(
-    function: Callable, x: Float[Array, "*n"], solve: Callable | None = None
-) -> Float[Array, "*n"]:
+def attach_fixed_point(function: Callable, x: Float[Array, " n"]) -> Float[Array, " n"]:
     """Returns x = function(x) unchanged, with the derivative by what `function` closes over.
 
-    It takes a linear system, solved by `solve(linear, rhs)`: by default `by_elimination`.
+    It takes the derivative of `function` along each unknown, and a linear system of their number.
     """
-    tangent = by_elimination if solve is None else solve
-    return jax.lax.custom_root(lambda x: function(x) - x, x, lambda _, x: x, tangent)
+
+    def solve(linear, rhs):
+        # The unknowns are few, and `map` compiles `linear` once.
+        matrix = jax.lax.map(linear, jnp.eye(len(rhs), dtype=rhs.dtype)).T
+        return jnp.linalg.solve(matrix, rhs)
+
+    return jax.lax.custom_root(lambda x: function(x) - x, x, lambda _, x: x, solve)
 
 
-def by_elimination(linear: Callable, rhs: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Solves linear(x) = rhs for few unknowns, by the derivative along each of them."""
-    # `map` compiles `linear` once.
-    matrix = jax.lax.map(linear, jnp.eye(len(rhs), dtype=rhs.dtype)).T
-    return jnp.linalg.solve(matrix, rhs)
+def attach_fixed_field(
+    function: Callable, given: Any, x: Float[Array, "*shape"]
+) -> Float[Array, "*shape"]:
+    """Returns x = function(given, x) unchanged, with its first derivative by `given`.
 
+    For fields: GMRES solves the linear system.
+    """
+    fixed = still(given)
+    image = function(given, x)
+    change = image - jax.lax.stop_gradient(image)
 
-def by_iteration(linear: Callable, rhs: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Solves linear(x) = rhs for fields, by GMRES."""
-    options: dict[str, Any] = {"tol": _LINEAR_RTOL, "restart": 16, "maxiter": 4}
-    return jax.scipy.sparse.linalg.gmres(linear, rhs, solve_method="incremental", **options)[0]
+    def linear(v):
+        return v - jax.jvp(lambda x: function(fixed, x), (x,), (v,))[1]
+
+    def solve(linear, rhs):
+        how: dict[str, Any] = {"tol": _LINEAR_RTOL, "restart": _RESTART, "maxiter": 4}
+        return jax.scipy.sparse.linalg.gmres(linear, rhs, solve_method="incremental", **how)[0]
+
+    return x + jax.lax.custom_linear_solve(linear, change, solve, solve)

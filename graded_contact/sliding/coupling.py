@@ -31,7 +31,7 @@ from ..contacts.operator import AbstractOperator, Field, Waves, first_mode
 from ..contacts.solution import RESULTS, ContactSolution
 from ..core.checks import is_concrete
 from ..core.derivative import still
-from ..core.fixed_point import attach_fixed_point, by_iteration, find_fixed_point
+from ..core.fixed_point import attach_fixed_field, find_fixed_point
 from ..fields.devices import required
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid, wavenumber
@@ -146,8 +146,8 @@ def solve_lagged(
     # Derivatives are attached only where something is traced.
     if not all(map(is_concrete, jax.tree.leaves(given))):
         contact = still(found.contact)
-        image = lambda x: lift(solve(given, x, None, contact))  # noqa: E731
-        x = attach_fixed_point(image, x, by_iteration)
+        image = lambda given, x: lift(solve(given, x, None, contact))  # noqa: E731
+        x = attach_fixed_field(image, given, x)
         found = solve(given, x, None, contact)
     contact = found.contact
     if numerics.throw:

@@ -24,7 +24,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
 from ..contacts import area
@@ -33,7 +32,6 @@ from ..core.checks import (
     check_squares,
     check_type,
     check_values,
-    is_concrete,
     scalar,
     short,
 )
@@ -149,9 +147,7 @@ class PeakedShear(AbstractShear):
 
 def is_coupled(law: object) -> bool:
     """Returns whether the traction of a law moves the surface of the block."""
-    friction = getattr(law, "coefficient", None) if isinstance(law, Coulomb) else None
-    none = is_concrete(friction) and friction is not None and not np.any(np.asarray(friction))
-    return bool(getattr(law, "coupled", False)) and not none
+    return bool(getattr(law, "coupled", False))
 
 
 class ShearStress(eqx.Module):

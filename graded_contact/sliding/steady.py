@@ -139,8 +139,10 @@ def kernel_of(case: Any, numerics: Numerics) -> tuple:
     if numerics.throw:
         coupling = required(coupling, good, RESULTS.inaccurate_kernel.error_if)
     reached, steady = good if reached is True else reached & good, True
-    if coupling.in_kernel:
-        coefficient = case.shear.coefficient.astype(kernel.real.dtype)
+    coefficient = case.shear.coefficient if coupling.in_kernel else None
+    # Without friction a real kernel stays real.
+    if coefficient is not None and not (is_concrete(coefficient) and coefficient == 0):
+        coefficient = coefficient.astype(kernel.real.dtype)
         kernel = kernel + coefficient * coupling.lift[0]
         error = None if error is None else error + coefficient * lift_error
         steady = check_positive_kernel(kernel, cells[0], coefficient)
