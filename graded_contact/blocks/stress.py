@@ -14,7 +14,7 @@ with E_r = E/(1 - ν²), which hold at ν = 1/2.
 """
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -129,8 +129,8 @@ def stress_field(
 
     **Returns:** real fields, shape `(*grid.shape, 3)` and `(*grid.shape, 3, 3)`. The mean pressure
     compresses the block without lateral strain, σ_xx = σ_yy = ν/(1-ν) σ_zz at ω = 0; the mean
-    displacement, which belongs to the mean gap, is left out, and so is that of the mean traction. Nyquist lines are treated as in
-    `stack_kernel`, with which the surface's displacement agrees.
+    displacement, which belongs to the mean gap, is left out, and so is that of the mean traction.
+    Nyquist lines are treated as in `stack_kernel`, with which the surface's displacement agrees.
     """
     pressure, depth = as_float(pressure, "pressure"), as_scalar(depth, "depth")
     check_shape("pressure", pressure, grid.shape)
@@ -160,8 +160,7 @@ def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     **Returns:** von Mises stress [Pa], shape `(...)`.
     """
     stress = as_float(stress, "stress")
-    if stress.shape[-2:] != (3, 3):
-        raise ValueError(f"`stress` has shape {stress.shape}; the last two axes must be (3, 3).")
+    _check_stress(stress)
     mean = jnp.trace(stress, axis1=-2, axis2=-1) / 3
     deviator = stress - mean[..., None, None] * jnp.eye(3, dtype=stress.dtype)
     # Squares of stresses in pascals may leave the range of float32.
@@ -171,6 +170,29 @@ def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     # The root has no derivative at 0.
     none = squared == 0
     return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared))) * size
+
+
+@check_types
+def largest_tension(stress: Numbers) -> Float[Array, "*w"]:
+    """Returns the largest principal stress [Pa] of real stresses, positive in tension.
+
+    **Arguments:**
+
+    - `stress`: σ [Pa], real and symmetric, shape `(..., 3, 3)`.
+
+    **Returns:** largest principal stress [Pa], shape `(...)`. Where two are equal, the derivative
+    is that of one of them.
+    """
+    stress = as_float(stress, "stress")
+    _check_stress(stress)
+    # A first-order change of an eigenvalue keeps its vector.
+    axis = jnp.linalg.eigh(jax.lax.stop_gradient(stress))[1][..., -1]
+    return jnp.einsum("...i,...ij,...j->...", axis, stress, axis)
+
+
+def _check_stress(stress: Array) -> None:
+    if stress.shape[-2:] != (3, 3):
+        raise ValueError(f"`stress` has shape {stress.shape}; the last two axes must be (3, 3).")
 
 
 def _inside(stack: Stack, depth: Array) -> Array:
@@ -253,7 +275,7 @@ def _stress_field(stack, grid, loads, depth, velocity, side, graded_solver, rtol
     depth = depth.reshape((1,) * qx.ndim)
     # Any wave in place of the mean, whose response is put in below.
     qx = jnp.where(zero, qx.ravel()[1], qx)
-    spectra = [0] * 9
+    spectra: list[Any] = [0] * 9
     for axis, load in loads.items():
         unit = [jnp.asarray(axis == i, load.dtype) for i in range(3)]
         found, lateral = _fields(stack, qx, qy, omega, unit, depth, side, graded_solver, rtol)

@@ -33,13 +33,13 @@ class FixedPoint(NamedTuple):
     """
 
     history: History
-    low: Float[Array, " n"]
-    high: Float[Array, " n"]
+    low: Float[Array, "..."]
+    high: Float[Array, "..."]
     best: Float[Array, ""]
     state: Any
 
     @property
-    def x(self) -> Float[Array, " n"]:
+    def x(self) -> Float[Array, "..."]:
         """The unknowns."""
         return self.history.z
 

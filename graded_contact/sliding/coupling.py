@@ -15,6 +15,7 @@ rests there is none: the law is that of gross sliding.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -57,19 +58,28 @@ class Coupling(eqx.Module):
 
     def lifted(self, operator: AbstractOperator, tractions: Sequence[Field]) -> Field:
         """Returns the displacement along z under tractions [m]."""
-        parts = zip(self.lift, tractions, strict=True)
-        waves = sum(lift * operator.to_waves(traction) for lift, traction in parts)
+        waves = self._lifted([operator.to_waves(traction) for traction in tractions])
         return operator.to_field(waves, tractions[0].shape)
 
-    def moved(self, pressed: Waves, sheared: Sequence[Waves]) -> list[Waves]:
-        """Returns the waves of the displacement along each component [m].
+    def waves(
+        self, operator: AbstractOperator, pressure: Field, tractions: Sequence[Field]
+    ) -> tuple[list[Waves], list[Waves]]:
+        """Returns the waves of pressure and tractions [Pa], and of the displacements [m].
 
-        `pressed` and `sheared` are the waves of the pressure and of the tractions.
+        The displacements are those along z and along each component of the traction.
         """
-        return [
-            sum((m * t for m, t in zip(row, sheared, strict=True)), -lift * pressed)
+        pressed, *sheared = (operator.to_waves(f) / pressure.size for f in (pressure, *tractions))
+        down = operator.compliance * pressed
+        if not self.in_kernel:
+            down = down + self._lifted(sheared)
+        moved = [
+            functools.reduce(jnp.add, map(jnp.multiply, row, sheared), -lift * pressed)
             for lift, row in zip(self.lift, self.along, strict=True)
         ]
+        return [pressed, *sheared], [down, *moved]
+
+    def _lifted(self, sheared: Sequence[Waves]) -> Waves:
+        return functools.reduce(jnp.add, map(jnp.multiply, self.lift, sheared))
 
 
 def steady_coupling(
@@ -79,15 +89,23 @@ def steady_coupling(
 
     `cells` are the cell of a periodic surface, or the two of a window, which has errors.
     """
-    given = case.velocity, direction_and_speed(case.velocity)[0], graded_solver, strain
-    lifts, alongs, good = zip(
-        *(tangential_kernels(case.stack, cell, *given) for cell in cells), strict=True
-    )
-    lift, along, error = lifts[0], alongs[0], None
+    if len(cells) == 2 and not isinstance(case.shear, Coulomb):
+        raise ValueError(
+            "`shear` is refused: on a window only the traction of `Coulomb` can move the surface. "
+            "Pass `coupled=False`, or put the body into a periodic cell."
+        )
+    direction = direction_and_speed(case.velocity)[0]
+    found = [
+        tangential_kernels(case.stack, cell, case.velocity, direction, graded_solver, strain)
+        for cell in cells
+    ]
+    (lift, along, good), error = found[0], None
     if len(cells) == 2:
-        lift, error = without_images(*lifts, case.surface.grid, False)
-        along, _ = without_images(*alongs, case.surface.grid, False)
-    return Coupling((lift,), ((along,),), isinstance(case.shear, Coulomb)), error, jnp.all(jnp.stack(good))
+        (far_lift, far_along, far_good), window = found[1], case.surface.grid
+        lift, error = without_images(lift, far_lift, window, False)
+        along, _ = without_images(along, far_along, window, False)
+        good = good & far_good
+    return Coupling((lift,), ((along,),), isinstance(case.shear, Coulomb)), error, good
 
 
 def check_positive_kernel(kernel: Waves, cell: Grid, coefficient: Array) -> Bool[Array, ""]:

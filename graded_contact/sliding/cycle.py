@@ -56,11 +56,11 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     sheared = shear_stress(case.shear, jnp.zeros((), heights.dtype), case.temperature)
     coupling = None
     if is_coupled(case.shear):
-        *kernels, good = periodic_tangential_kernels(
+        lift, along, good = periodic_tangential_kernels(
             stack, grid, num_times, period, components(case.displacement).shape[1],
             numerics.graded_solver,
         )  # fmt: skip
-        coupling, reached = Coupling(*kernels), reached & good
+        coupling, reached = Coupling(lift, along), reached & good
     # Under `jit` only the program itself can raise.
     if numerics.throw:
         kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)

@@ -7,10 +7,10 @@ the same Poisson's ratio ν. Its dashpot turns
     W_k = [(1 + ν) s:s - ν (tr s)²]/(τ_k E_k) >= 0   [W/m³],      s = stress of branch k,
 
 into heat. There is no average over time and no assumption about the depth of a wave: the integral
-of W = Σ W_k over the depth is hysteresis friction times load times speed; with a traction that moves
-the surface, `block_friction` takes its place. In a `StrainSoftening`
-the dashpots have the factor of the loss modulus. Shear in the contact makes the heat τ_f |v| [W/m²]
-at the surface, with coupling times the speed of slip over |v|.
+of W = Σ W_k over the depth is hysteresis friction times load times speed; with a traction that
+moves the surface, `block_friction` takes its place. In a `StrainSoftening` the dashpots have the
+factor of the loss modulus. Shear in the contact makes the heat τ_f |v| [W/m²] at the surface, with
+coupling times the speed of slip over |v|.
 """
 
 import equinox as eqx

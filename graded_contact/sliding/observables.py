@@ -204,22 +204,14 @@ def dissipation_of_waves(found: Found) -> Array:
     if found.coupling is None:
         return found.operator.dissipation(pressure, omega)
     forces, moved = waves_of(found)
-    power = sum(-omega * jnp.imag(jnp.conj(f) * u) for f, u in zip(forces, moved, strict=True))
-    return power * multiplicity(pressure.shape)
+    work = sum(jnp.imag(jnp.conj(f) * u) for f, u in zip(forces, moved, strict=True))
+    return jnp.asarray(-omega * work * multiplicity(pressure.shape))
 
 
 @shared
 def waves_of(found: Found) -> tuple[list[Array], list[Array]]:
     """Waves of pressure and tractions [Pa], and of the displacements along them [m]."""
-    operator, pressure = found.operator, loaded(found)[0]
-    pressed, *sheared = (
-        operator.to_waves(p) / pressure.size for p in (pressure, *tractions_on(found))
-    )
-    down = operator.compliance * pressed
-    if not found.coupling.in_kernel:
-        pairs = zip(found.coupling.lift, sheared, strict=True)
-        down = down + sum(part * traction for part, traction in pairs)
-    return [pressed, *sheared], [down, *found.coupling.moved(pressed, sheared)]
+    return found.coupling.waves(found.operator, loaded(found)[0], tractions_on(found))
 
 
 @shared
@@ -621,4 +613,3 @@ def contact_indicator(found: Found) -> Array:
     """How far points are inside contact or outside [Pa], see `AbstractLaw.contact_indicator`."""
     stiffness = area.edge_stiffness(found.operator.at_edges, found.cell)
     return found.law.contact_indicator(found.pressure, found.gap, stiffness)
-

@@ -33,7 +33,7 @@ from .coupling import check_positive_kernel, solve_lagged, steady_coupling
 from .numerics import Numerics
 from .observables import lift
 from .result import Sliding
-from .shear import Coulomb, is_coupled, shear_stress
+from .shear import is_coupled, shear_stress
 
 
 def solve_steady(
@@ -126,29 +126,27 @@ def kernel_of(case: Any, numerics: Numerics) -> tuple:
     kernel, error = found[0][0], None
     if not surface.periodic:
         # Cells of two sizes give the kernel of a window without the images of its load.
-        kernel, error = without_images(*(k for k, _ in found), grid, has_ground(stack, grid))
+        near, far = (one for one, _ in found)
+        kernel, error = without_images(near, far, grid, has_ground(stack, grid))
     reached = found[0][1] if surface.periodic else found[0][1] & found[1][1]
     if not is_coupled(case.shear):
         return kernel, reached, error, None, True
-    if not (surface.periodic or isinstance(case.shear, Coulomb)):
-        raise ValueError(
-            "`shear` is refused: on a window only the traction of `Coulomb` can move the surface. "
-            "Pass `coupled=False`, or put the body into a periodic cell."
-        )
     coupling, lift_error, good = steady_coupling(case, cells, numerics.graded_solver, strain)
     if numerics.throw:
         coupling = required(coupling, good, RESULTS.inaccurate_kernel.error_if)
-    reached, steady = good if reached is True else reached & good, True
+    else:
+        reached = reached & good
     coefficient = case.shear.coefficient if coupling.in_kernel else None
     # Without friction a real kernel stays real.
-    if coefficient is not None and not (is_concrete(coefficient) and coefficient == 0):
-        coefficient = coefficient.astype(kernel.real.dtype)
-        kernel = kernel + coefficient * coupling.lift[0]
-        error = None if error is None else error + coefficient * lift_error
-        steady = check_positive_kernel(kernel, cells[0], coefficient)
-        if numerics.throw:
-            kernel, steady = required(kernel, steady, RESULTS.no_steady_sliding.error_if), True
-    return kernel, True if numerics.throw else reached, error, coupling, steady
+    if coefficient is None or (is_concrete(coefficient) and coefficient == 0):
+        return kernel, reached, error, coupling, True
+    coefficient = coefficient.astype(kernel.real.dtype)
+    kernel = kernel + coefficient * coupling.lift[0]
+    error = None if error is None or lift_error is None else error + coefficient * lift_error
+    steady = check_positive_kernel(kernel, cells[0], coefficient)
+    if numerics.throw:
+        kernel, steady = required(kernel, steady, RESULTS.no_steady_sliding.error_if), True
+    return kernel, reached, error, coupling, steady
 
 
 def _lagged(solve, result, given, numerics, start, solution) -> Sliding:
