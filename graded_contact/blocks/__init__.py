@@ -12,13 +12,13 @@ from .matrix import surface_compliance_matrix
 from .profile import AbstractProfile, Aged, Blend, Mixture
 from .riccati import Riccati
 from .stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, interface_depths
-from .stress import interior_fields, stress_field, von_mises
+from .stress import interior_fields, largest_tension, stress_field, von_mises
 from .window_compliance import window_kernel
 
 __all__ = [
     "AbstractGradedSolver", "AbstractProfile", "Aged", "Blend", "Free", "GradedLayer", "HalfSpace",
     "Layer", "Layering", "Mixture", "Riccati", "Rigid", "Stack", "effective_modulus",
     "graded_compliance", "interface_depths", "interior_fields", "kernel_table",
-    "layered_compliance", "shapes", "sliced", "stack_kernel", "stress_field", "surface_compliance",
-    "surface_compliance_matrix", "von_mises", "window_kernel",
+    "largest_tension", "layered_compliance", "shapes", "sliced", "stack_kernel", "stress_field",
+    "surface_compliance", "surface_compliance_matrix", "von_mises", "window_kernel",
 ]  # fmt: skip

@@ -12,7 +12,9 @@ A surface moving with velocity v excites the wavevector q at ω = -q·v. To save
 """
 
 import math
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -186,20 +188,37 @@ def is_dear(stack: Stack, num_points: int) -> bool:
 @derivative_apart
 @jit
 def _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain):
+    def response(block, q, omega):
+        return [compliance_of(block, q, omega, graded_solver, rtol, throw=False)]
+
+    return of_waves(response, stack, grid, velocity, strain)[0]
+
+
+def of_waves(
+    response: Callable[..., list[Array]], stack: Stack, grid: Grid, velocity: Array, strain: Any
+) -> list[Inexact[Array, "*half"]]:
+    """Returns the parts of a response on the half spectrum of a grid, each by its rules.
+
+    `response(block, q, omega)` returns its parts at these waves, functions of |q| and ω.
+    """
+
+    def rows(qx, qy):
+        # Side by side, as one wider row.
+        return jnp.concatenate(_responses(response, stack, qx, qy, velocity, strain), axis=-1)
+
     if grid.ndim == 1:
         qx = _wavenumbers(grid, 0, np.arange(grid.shape[0] // 2 + 1))
-        kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, graded_solver, rtol, strain)
-        return _rules(kernel, grid)
+        found = rows(qx, jnp.zeros_like(qx))
+        return [_rules(part, grid) for part in jnp.split(found, len(found) // len(qx))]
     kx, ky = both_signs(grid.shape)
     qy = _wavenumbers(grid, 1, ky)
-
-    def rows(index):
-        qx = _wavenumbers(grid, 0, jnp.asarray(kx)[index])
-        return _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain)
-
-    if velocity.shape == ():
-        return _mirrored(rows, grid)
-    return _rules(even_on_nyquist(_in_blocks(rows, len(kx)), grid.shape), grid)
+    rows_at = lambda index: rows(_wavenumbers(grid, 0, jnp.asarray(kx)[index]), qy)  # noqa: E731
+    oblique = velocity.ndim > 0
+    found = _in_blocks(rows_at, len(kx)) if oblique else _mirrored(rows_at, grid)
+    parts = jnp.split(found, found.shape[1] // qy.shape[1], axis=1)
+    if oblique:
+        parts = [even_on_nyquist(part, grid.shape) for part in parts]
+    return [_rules(part, grid) for part in parts]
 
 
 @derivative_apart
@@ -214,7 +233,7 @@ def _interpolated_kernel(stack, grid, velocity, graded_solver, rtol):
         qx = _wavenumbers(grid, 0, index)
         return jnp.exp(table.along_x(index, columns)) / _magnitude(qx[:, None], qy[None, :])
 
-    return _mirrored(rows, grid), table.error
+    return _rules(_mirrored(rows, grid), grid), table.error
 
 
 @jit
@@ -236,7 +255,7 @@ def _mirrored(rows_of, grid):
     kernel = _in_blocks(rows_of, num_rows)
     # The row of the Nyquist number, if any, is its own mirror image.
     others = kernel[1 : grid.shape[0] - num_rows + 1][::-1]
-    return _rules(jnp.concatenate([kernel, jnp.conj(others)]), grid)
+    return jnp.concatenate([kernel, jnp.conj(others)])
 
 
 def _in_blocks(rows_of, num_rows):
@@ -263,19 +282,19 @@ def _magnitude(qx, qy):
     return jnp.sqrt(jnp.where(squared == 0, 1, squared))
 
 
-def _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain):
+def _responses(response, stack, qx, qy, velocity, strain):
     q = _magnitude(qx, qy)
     # For sliding along x the frequency keeps the shape of qx: one modulus per row.
     omega = sliding_frequency(qx, qy, velocity)
     if strain is None:
-        return compliance_of(stack, q, omega, graded_solver, rtol, throw=False)
+        return response(stack, q, omega)
 
     # With strain each wave sees another block.
     def at(q, omega):
         block = at_strain(stack, jnp.interp(q, *strain))
-        return compliance_of(block, q[None], omega[None], graded_solver, rtol, throw=False)[0]
+        return jnp.concatenate(response(block, q[None], omega[None]))
 
-    return jnp.vectorize(at)(q, omega)
+    return jnp.moveaxis(jnp.vectorize(at, signature="(),()->(n)")(q, omega), -1, 0)
 
 
 def _rules(kernel, grid):

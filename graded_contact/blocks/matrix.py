@@ -69,11 +69,27 @@ def wavevectors(stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers) -> tuple
 @eqx.filter_jit
 def _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol):
     q = jnp.hypot(qx, qy)
+    (c11, c12, c22, c_t, split), _ = compliance_parts(stack, q, omega, graded_solver, rtol)
+    a, b = qx / q, qy / q
+    # In the precision of the values: a Python number could raise it.
+    i = jnp.asarray(1j, jnp.result_type(c11, jnp.complex64))
+    xy, xz, yz = split * a * b, -i * c12 * a, -i * c12 * b
+    xx, yy = c11 * a * a + c_t * b * b, c11 * b * b + c_t * a * a
+    entries = jnp.broadcast_arrays(xx, xy, xz, xy, yy, yz, -xz, -yz, c22)
+    return jnp.stack(entries, -1).astype(i.dtype).reshape(*c11.shape, 3, 3)
+
+
+def compliance_parts(
+    stack: Stack, q: Array, omega: Array, graded_solver: AbstractGradedSolver, rtol, throw=True
+) -> tuple[tuple[Array, ...], Array]:
+    """Returns c11, c12, c22, c_T and c11 - c_T [m/Pa], and their relative error.
+
+    `q` and `omega` are of equal rank, unchecked. With `throw` a tolerance that is missed raises.
+    """
     column = column_of(stack, q, omega)
     base = base_face(column, jnp.zeros_like(q))
 
     def climb(add_graded):
-        """c11, c12, c22, c_T and c11 - c_T [m/Pa]."""
         top = climb_through(column, base, FULL, add_graded)
         n, c, n_t, c_t, split = top.state
         unit = (2 / column.unit) / q
@@ -87,12 +103,4 @@ def _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol):
         errors = [jnp.abs(d) / size for d, size in zip(differences, sizes, strict=True)]
         return functools.reduce(jnp.maximum, errors)
 
-    values, _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol)
-    c11, c12, c22, c_t, split = values
-    a, b = qx / q, qy / q
-    # In the precision of the values: a Python number could raise it.
-    i = jnp.asarray(1j, jnp.result_type(c11, jnp.complex64))
-    xy, xz, yz = split * a * b, -i * c12 * a, -i * c12 * b
-    xx, yy = c11 * a * a + c_t * b * b, c11 * b * b + c_t * a * a
-    entries = jnp.broadcast_arrays(xx, xy, xz, xy, yy, yz, -xz, -yz, c22)
-    return jnp.stack(entries, -1).astype(i.dtype).reshape(*c11.shape, 3, 3)
+    return solve_graded(graded_solver, climb, measure, stack, q, omega, rtol, throw)

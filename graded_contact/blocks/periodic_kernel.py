@@ -5,6 +5,7 @@ quadrant of positive components of q and for ω >= 0 only. That of graded and lo
 interpolated from a table over log |q| and log ω (`kernel_interpolation.py`).
 """
 
+from collections.abc import Callable
 from functools import partial
 
 import equinox as eqx
@@ -61,30 +62,55 @@ def _kernel(stack, grid: Grid, num_times: int, period, graded_solver, rtol):
     """The kernel and the error of its table."""
     points = (num_times // 2 + 1) * int(np.prod([n // 2 + 1 for n in grid.shape]))
     make = _interpolated if is_dear(stack, points) else _direct
-    lowest = 2 * np.pi / grid.size
+    q, has_wave = _quadrant(grid)
+    # One vector of wavenumbers for both ways; the entry at q = 0 is a placeholder.
+    found, error = make(stack, q, num_times, period, graded_solver, rtol)
+    return _whole(found, has_wave, num_times, grid), error
+
+
+def of_period(
+    response: Callable[..., list[Array]], grid: Grid, num_times: int, period: Array
+) -> list[Inexact[Array, "nt *half"]]:
+    """Returns the parts of a response as `periodic_kernel` returns M_zz.
+
+    `response(q, omega)` returns its parts at these waves, functions of |q| and ω.
+    """
+    q, has_wave = _quadrant(grid)
+    found = _at_frequencies(lambda omega: response(q, omega), num_times, period)
+    return [_whole(part, has_wave, num_times, grid) for part in found]
+
+
+def _quadrant(grid: Grid) -> tuple[Array, Array]:
+    """|q| of the positive components, in one vector, and where it is not 0, in their shape."""
     numbers = [np.arange(n // 2 + 1) for n in grid.shape]
+    lowest = 2 * np.pi / grid.size
     mesh = jnp.meshgrid(*map(jnp.multiply, lowest, numbers), indexing="ij")
     squared = jnp.sum(jnp.stack(mesh) ** 2, axis=0)
     q = jnp.sqrt(jnp.where(squared > 0, squared, 1)).ravel()
-    q = jnp.where(squared.ravel() > 0, q, jnp.min(lowest))
-    # One vector of wavenumbers for both ways; the entry at q = 0 is a placeholder.
-    found, error = make(stack, q, num_times, period, graded_solver, rtol)
-    kernel = found.reshape(-1, *squared.shape)
-    kernel = jnp.where(squared > 0, kernel, 0)
+    return jnp.where(squared.ravel() > 0, q, jnp.min(lowest)), squared > 0
+
+
+def _whole(found: Array, has_wave: Array, num_times: int, grid: Grid) -> Array:
+    """The response at all frequencies and waves from that at the positive ones."""
+    kernel = jnp.where(has_wave, found.reshape(-1, *has_wave.shape), 0)
     if grid.ndim == 2:
         rows = kernel[:, 1 : (grid.shape[0] + 1) // 2][:, ::-1]
         kernel = jnp.concatenate([kernel, rows], axis=1)
     # M(q, -ω) is the conjugate of M(q, ω).
     others = kernel[1 : (num_times + 1) // 2][::-1]
-    return jnp.concatenate([kernel, jnp.conj(others)]), error
+    return jnp.concatenate([kernel, jnp.conj(others)])
+
+
+def _at_frequencies(response, num_times: int, period):
+    row = jax.checkpoint(lambda omega: response(omega[None]))
+    return jax.lax.map(row, period_frequencies(num_times, period), batch_size=_BLOCK)
 
 
 def _direct(stack, q, num_times: int, period, graded_solver, rtol):
-    @jax.checkpoint
-    def row(omega):
-        return compliance_of(stack, q, omega[None], graded_solver, rtol, throw=False)
+    def response(omega):
+        return compliance_of(stack, q, omega, graded_solver, rtol, throw=False)
 
-    found = jax.lax.map(row, period_frequencies(num_times, period), batch_size=_BLOCK)
+    found = _at_frequencies(response, num_times, period)
     return found, jnp.where(jnp.all(jnp.isfinite(found)), 0.0, jnp.nan)
 
 

@@ -14,7 +14,7 @@ with E_r = E/(1 - ν²), which hold at ν = 1/2.
 """
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -108,26 +108,29 @@ def stress_field(
     depth: Numbers,
     velocity: Numbers = 0.0,
     *,
+    traction: Numbers | None = None,
     side: Side = "below",
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> InteriorFields:
-    """Returns displacement and stress at one depth under a pressure on a periodic cell.
+    """Returns displacement and stress at one depth under pressure and traction on a periodic cell.
 
     **Arguments:**
 
     - `stack`: the block.
     - `grid`: the periodic cell; in one dimension the strain along y is zero.
-    - `pressure`: on the surface [Pa], positive in compression, shape of the grid. No friction
-      acts.
+    - `pressure`: on the surface [Pa], positive in compression, shape of the grid.
     - `depth`: z [m], one number.
     - `velocity`: of the pressure over the block [m/s], as in `stack_kernel`.
+    - `traction`: tangential force per area that acts on the block's surface [Pa], such as that of
+      friction along the velocity: of the shape of the grid (along x), or with a last axis `(x, y)`.
+      None for no traction.
     - `side`, `graded_solver`, `rtol`: as in `interior_fields`.
 
     **Returns:** real fields, shape `(*grid.shape, 3)` and `(*grid.shape, 3, 3)`. The mean pressure
     compresses the block without lateral strain, σ_xx = σ_yy = ν/(1-ν) σ_zz at ω = 0; the mean
-    displacement, which belongs to the mean gap, is left out. Nyquist lines are treated as in
-    `stack_kernel`, with which the surface's displacement agrees.
+    displacement, which belongs to the mean gap, is left out, and so is that of the mean traction.
+    Nyquist lines are treated as in `stack_kernel`, with which the surface's displacement agrees.
     """
     pressure, depth = as_float(pressure, "pressure"), as_scalar(depth, "depth")
     check_shape("pressure", pressure, grid.shape)
@@ -135,7 +138,15 @@ def stress_field(
     velocity = checked_velocity(stack, grid, velocity)
     depth = _inside(stack, depth)
     rtol = graded_tolerance(graded_solver, rtol, pressure)
-    return _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, rtol)
+    loads = {2: pressure}  # by axis
+    if traction is not None:
+        traction = as_float(traction, "traction")
+        with_axes = traction.ndim > grid.ndim
+        check_shape("traction", traction, (*grid.shape, 2) if with_axes else grid.shape)
+        check_values("traction", traction, "a traction [Pa] must be finite")
+        parts = jnp.moveaxis(traction, -1, 0) if with_axes else [traction]
+        loads |= dict(enumerate(parts))
+    return _stress_field(stack, grid, loads, depth, velocity, side, graded_solver, rtol)
 
 
 @check_types
@@ -149,8 +160,7 @@ def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     **Returns:** von Mises stress [Pa], shape `(...)`.
     """
     stress = as_float(stress, "stress")
-    if stress.shape[-2:] != (3, 3):
-        raise ValueError(f"`stress` has shape {stress.shape}; the last two axes must be (3, 3).")
+    _check_stress(stress)
     mean = jnp.trace(stress, axis1=-2, axis2=-1) / 3
     deviator = stress - mean[..., None, None] * jnp.eye(3, dtype=stress.dtype)
     # Squares of stresses in pascals may leave the range of float32.
@@ -160,6 +170,29 @@ def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     # The root has no derivative at 0.
     none = squared == 0
     return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared))) * size
+
+
+@check_types
+def largest_tension(stress: Numbers) -> Float[Array, "*w"]:
+    """Returns the largest principal stress [Pa] of real stresses, positive in tension.
+
+    **Arguments:**
+
+    - `stress`: σ [Pa], real and symmetric, shape `(..., 3, 3)`.
+
+    **Returns:** largest principal stress [Pa], shape `(...)`. Where two are equal, the derivative
+    is that of one of them.
+    """
+    stress = as_float(stress, "stress")
+    _check_stress(stress)
+    # A first-order change of an eigenvalue keeps its vector.
+    axis = jnp.linalg.eigh(jax.lax.stop_gradient(stress))[1][..., -1]
+    return jnp.einsum("...i,...ij,...j->...", axis, stress, axis)
+
+
+def _check_stress(stress: Array) -> None:
+    if stress.shape[-2:] != (3, 3):
+        raise ValueError(f"`stress` has shape {stress.shape}; the last two axes must be (3, 3).")
 
 
 def _inside(stack: Stack, depth: Array) -> Array:
@@ -234,23 +267,31 @@ def _interior_fields(stack, qx, qy, omega, traction, depth, side, graded_solver,
 
 
 @eqx.filter_jit
-def _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, rtol):
-    spectrum = to_spectrum(pressure)
+def _stress_field(stack, grid, loads, depth, velocity, side, graded_solver, rtol):
     qx, *qy = wavevector(grid, both_signs(grid.shape))
     qy = qy[0] if qy else jnp.zeros_like(qx)
     zero = (qx == 0) & (qy == 0)
     omega = sliding_frequency(qx, qy, velocity)
-    unit = [jnp.asarray(x, pressure.dtype) for x in (0, 0, 1)]
     depth = depth.reshape((1,) * qx.ndim)
     # Any wave in place of the mean, whose response is put in below.
     qx = jnp.where(zero, qx.ravel()[1], qx)
-    found, lateral = _fields(stack, qx, qy, omega, unit, depth, side, graded_solver, rtol)
-    means = [0, 0, 0, *(-lateral.ravel()[0],) * 2, -1, 0, 0, 0]
-    fields = []
-    for response, mean in zip(found, means, strict=True):
-        response = even_on_nyquist(jnp.where(zero, mean, response), grid.shape)
-        fields.append(to_field(response * spectrum, grid.shape))
-    return _as_fields(fields)
+    spectra: list[Any] = [0] * 9
+    for axis, load in loads.items():
+        unit = [jnp.asarray(axis == i, load.dtype) for i in range(3)]
+        found, lateral = _fields(stack, qx, qy, omega, unit, depth, side, graded_solver, rtol)
+        means = _means(axis, lateral.ravel()[0])
+        spectrum = to_spectrum(load)
+        for i, (response, mean) in enumerate(zip(found, means, strict=True)):
+            response = even_on_nyquist(jnp.where(zero, mean, response), grid.shape)
+            spectra[i] = response * spectrum + spectra[i]
+    return _as_fields([to_field(spectrum, grid.shape) for spectrum in spectra])
+
+
+def _means(axis: int, lateral: Array) -> list:
+    """What a mean load of 1 along an axis causes: (u_x, u_y, u_z, σ_xx, ..., σ_xy) at q = 0."""
+    if axis == 2:
+        return [0, 0, 0, -lateral, -lateral, -1, 0, 0, 0]
+    return [0] * 6 + [-(axis == 1), -(axis == 0), 0]
 
 
 def _as_fields(found) -> InteriorFields:

@@ -104,7 +104,10 @@ def without_images(near: Array, far: Array, grid: Grid, ground: bool) -> tuple[A
     longest = far[tuple(np.eye(grid.ndim, dtype=int))]
     late = jnp.sum(longest.imag**2 / longest.real) * 8 * (2 / windows) ** grid.ndim
     of_mean = jnp.abs(more - 3 * own) / 3 + late
-    errors = [jnp.where(mean, of_mean, own), images - _images(fewer, grid, points // 2, 2)]
+    errors = [
+        jnp.where(mean, of_mean if ground else 0, own),
+        images - _images(fewer, grid, points // 2, 2),
+    ]
     kernel = near - images - jnp.where(mean, 2 * own - more / 3, 0)
     return kernel if ground else jnp.where(mean, 0, kernel), jnp.stack(errors)
 

@@ -39,8 +39,13 @@ class RESULTS(eqx.Enumeration):
         "tenth of the rms height. Tighten `rtol`, or do not use gaps and displacements."
     )
     not_settled = (
-        "The temperatures of the contact did not converge to the tolerance. Loosen `rtol`; a block "
-        "whose losses change fast with temperature may have several temperatures."
+        "The temperatures of the contact, or the traction that moves its surface, did not converge "
+        "to the tolerance. Loosen `rtol`; a block whose losses change fast with temperature may "
+        "have several temperatures."
+    )
+    no_steady_sliding = (
+        "The traction of friction outweighs the stiffness of the block at some wavelength: sliding "
+        "may have no steady state. Lower the `coefficient` of `shear`, or pass `coupled=False`."
     )
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 

@@ -1,10 +1,11 @@
-"""Fixed points of a few unknowns by Anderson's acceleration, with their implicit derivative.
+"""Fixed points by Anderson's acceleration, with their implicit derivative.
 
 Outside `jit` the loop runs in Python, so that the function is compiled in its own programs.
 """
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -13,8 +14,10 @@ from jaxtyping import Array, Float
 
 from .anderson import History, accelerate
 from .checks import is_concrete
+from .derivative import still
 
 _MEMORY = 4
+_LINEAR_RTOL, _RESTART = 1e-6, 16  # of GMRES
 MAX_STEPS = 40
 
 
@@ -30,13 +33,13 @@ class FixedPoint(NamedTuple):
     """
 
     history: History
-    low: Float[Array, " n"]
-    high: Float[Array, " n"]
+    low: Float[Array, "..."]
+    high: Float[Array, "..."]
     best: Float[Array, ""]
     state: Any
 
     @property
-    def x(self) -> Float[Array, " n"]:
+    def x(self) -> Float[Array, "..."]:
         """The unknowns."""
         return self.history.z
 
@@ -47,23 +50,25 @@ class FixedPoint(NamedTuple):
 
 
 def find_fixed_point(
-    function: Callable, start: Float[Array, " n"], state: Any, rtol: Float[Array, ""]
-) -> FixedPoint:
+    function: Callable, start: Float[Array, "..."], state: Any, rtol: Float[Array, ""],
+    *, ordered: bool = True,
+) -> FixedPoint:  # fmt: skip
     """Returns x = function(x, state)[0] to a change of `rtol` of the largest |x|.
 
-    The function also returns the next state.
+    The function also returns the next state. `ordered` unknowns grow and shrink together, so that
+    iterates can bracket the fixed point.
     """
 
     def step(point: FixedPoint) -> FixedPoint:
         image, state = function(point.x, point.state)
         # The state may hold fields: they do not pass through the program of a few unknowns.
-        return _next(point._replace(state=None), image, rtol)._replace(state=state)
+        return _next(point._replace(state=None), image, rtol, ordered)._replace(state=state)
 
     def running(point: FixedPoint):
         return ~(point.error <= rtol) & (point.history.cycles < MAX_STEPS)
 
     far = jnp.full_like(start, jnp.inf)
-    point = step(FixedPoint(History.empty(start, _MEMORY), -far, far, far[0], state))
+    point = step(FixedPoint(History.empty(start, _MEMORY), -far, far, far.ravel()[0], state))
     if not all(map(is_concrete, jax.tree.leaves(point))):
         return jax.lax.while_loop(running, step, point)
     while running(point):
@@ -71,12 +76,15 @@ def find_fixed_point(
     return point
 
 
-@jax.jit
-def _next(point: FixedPoint, image: Array, rtol: Array) -> FixedPoint:
+@partial(jax.jit, static_argnames="ordered")
+def _next(point: FixedPoint, image: Array, rtol: Array, ordered: bool) -> FixedPoint:
     """The accelerated iterate, or the middle of the bracket if it lies outside."""
     x, low, high = point.x, point.low, point.high
     change, largest = jnp.max(jnp.abs(image - x)), jnp.max(jnp.abs(image))
     error = change / jnp.where(largest > 0, largest, 1)
+    if not ordered:
+        history = accelerate(point.history, image, error, ~(error <= rtol))
+        return point._replace(history=history)
     # The fixed point lies above iterates that grow, and below those that shrink.
     grows = jnp.sum(image - x) > 0
     low = jnp.where(grows & (jnp.sum(x) > jnp.sum(low)), x, low)
@@ -107,3 +115,24 @@ def attach_fixed_point(function: Callable, x: Float[Array, " n"]) -> Float[Array
         return jnp.linalg.solve(matrix, rhs)
 
     return jax.lax.custom_root(lambda x: function(x) - x, x, lambda _, x: x, solve)
+
+
+def attach_fixed_field(
+    function: Callable, given: Any, x: Float[Array, "*shape"]
+) -> Float[Array, "*shape"]:
+    """Returns x = function(given, x) unchanged, with its first derivative by `given`.
+
+    For fields: GMRES solves the linear system.
+    """
+    fixed = still(given)
+    image = function(given, x)
+    change = image - jax.lax.stop_gradient(image)
+
+    def linear(v):
+        return v - jax.jvp(lambda x: function(fixed, x), (x,), (v,))[1]
+
+    def solve(linear, rhs):
+        how: dict[str, Any] = {"tol": _LINEAR_RTOL, "restart": _RESTART, "maxiter": 4}
+        return jax.scipy.sparse.linalg.gmres(linear, rhs, solve_method="incremental", **how)[0]
+
+    return x + jax.lax.custom_linear_solve(linear, change, solve, solve)

@@ -107,6 +107,7 @@ PARAMETERS = _table([
     ("range", r"\rho", "m", "range of the law of contact"),
     ("work", r"\Delta\gamma", "J/m²", "work of adhesion"),
     ("hardness", r"\sigma_H", "Pa", "hardness"),
+    ("coefficient", "f", "1", "friction coefficient of the interface"),
     ("ConstantShear.stress", r"\tau_f", "Pa", "shear stress in the contact"),
     ("PeakedShear.peak", r"\tau_0", "Pa", "largest shear stress in the contact"),
     ("PeakedShear.velocity", "v^*", "m/s", "velocity of the largest shear stress"),

@@ -239,7 +239,7 @@ def _drawn(
 
 
 def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: Any) -> None:
-    """Draws a line, its error over seeds as a band and that by materials as bars, and the states."""
+    """Draws a line, its error over seeds as a band, that by materials as bars, and the states."""
     x, values, state = (line[name].values for name in ("x", quantity, "state"))
     axes.plot(x, values, color=colour, **options)
     if quantity + SEED_ERROR in line:

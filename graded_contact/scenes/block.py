@@ -28,7 +28,7 @@ from ..readers.moduli import read_moduli, strain_sweep
 from ..readers.recorded_motion import read_motion
 from ..readers.units import DIMENSIONS, UNITS
 from ..sliding.motion import Motion, sinusoidal, start_stop
-from ..sliding.shear import AbstractShear, ConstantShear, PeakedShear
+from ..sliding.shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
 from ..studies.parameter_covariance import Errors, check_errors, read_errors
 from .schema import Key, Reader, check_keys, keys_of, kind_of
 
@@ -58,7 +58,7 @@ KINDS = {
         "adhesive_lj": AdhesiveLJ,
         "exponential_adhesion": ExponentialAdhesion,
     },
-    AbstractShear: {"constant": ConstantShear, "peaked": PeakedShear},
+    AbstractShear: {"constant": ConstantShear, "coulomb": Coulomb, "peaked": PeakedShear},
     Motion: {"sinusoidal": sinusoidal, "start_stop": start_stop, "recorded": read_motion},
 }
 ERRORS = Key("errors", os.PathLike, None)  # of every material

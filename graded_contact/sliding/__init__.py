@@ -1,6 +1,7 @@
 """Sliding contact: the case, its observables and results, motion in time, shear and heat."""
 
 from .case import Case
+from .contact_stress import ContactStress, LargestStress, contact_stress
 from .gap_flow import GapFlow, gap_flow
 from .heat_source import heat_depths, heat_source
 from .heating import Heating, flash_temperature
@@ -8,14 +9,14 @@ from .magnification import area_against_cutoff, cumulative_friction
 from .motion import Motion, recorded, sinusoidal, start_stop, steady
 from .numerics import Numerics
 from .result import CyclicSliding, Sliding
-from .shear import AbstractShear, ConstantShear, PeakedShear
+from .shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
 from .slide import slide, slide_cycle
 from .stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 
 __all__ = [
-    "AbstractShear", "Case", "ConstantShear", "CyclicSliding", "GapFlow", "Heating", "Motion",
-    "Numerics", "PeakedShear", "Sliding", "area_against_cutoff", "contact_conductance",
-    "contact_stiffness", "contact_stiffness_error", "cumulative_friction", "flash_temperature",
-    "gap_flow", "heat_depths", "heat_source", "recorded", "sinusoidal", "slide", "slide_cycle",
-    "start_stop", "steady",
+    "AbstractShear", "Case", "ConstantShear", "ContactStress", "Coulomb", "CyclicSliding",
+    "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear", "Sliding",
+    "area_against_cutoff", "contact_conductance", "contact_stiffness", "contact_stiffness_error",
+    "contact_stress", "cumulative_friction", "flash_temperature", "gap_flow", "heat_depths",
+    "heat_source", "recorded", "sinusoidal", "slide", "slide_cycle", "start_stop", "steady",
 ]  # fmt: skip

@@ -34,12 +34,12 @@ from .observables import (
     of_steady,
     shared,
     shear_friction,
-    shear_over_load,
     slopes,
     touching,
     traction,
     tractions_of,
 )
+from .shear import shear_over_load
 
 
 def errors_of(

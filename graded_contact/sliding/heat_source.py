@@ -7,9 +7,10 @@ the same Poisson's ratio ν. Its dashpot turns
     W_k = [(1 + ν) s:s - ν (tr s)²]/(τ_k E_k) >= 0   [W/m³],      s = stress of branch k,
 
 into heat. There is no average over time and no assumption about the depth of a wave: the integral
-of W = Σ W_k over the depth is hysteresis friction times load times speed. In a `StrainSoftening`
-the dashpots have the factor of the loss modulus. Shear in the contact makes the heat τ_f |v| [W/m²]
-at the surface.
+of W = Σ W_k over the depth is hysteresis friction times load times speed; with a traction that
+moves the surface, `block_friction` takes its place. In a `StrainSoftening` the dashpots have the
+factor of the loss modulus. Shear in the contact makes the heat τ_f |v| [W/m²] at the surface, with
+coupling times the speed of slip over |v|.
 """
 
 import equinox as eqx
@@ -23,14 +24,14 @@ from ..blocks.layering import Layering
 from ..blocks.profile import Aged, Blend
 from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths
 from ..blocks.stress import stress_field
-from ..contacts.area import contact_shares
 from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
-from ..fields.frequency import wave_frequencies
+from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, to_field, to_spectrum
 from ..materials.material import AbstractMaterial, Elastic, Prony
 from ..materials.softening import StrainSoftening
-from .observables import shear_parts
+from .observables import tractions_on
 from .result import Sliding
+from .traction import slip
 
 _NODES = 2  # of Gauss's rule in each interval of the depth
 _FIRST, _LAST = 0.05, 3.0  # ends of the first interval [spacings] and of the last one [cells]
@@ -120,9 +121,12 @@ def as_depths(depths: Numbers) -> Float[Array, " depths"]:
 def _heat_source(sliding: Sliding, stack: Stack, depths, graded_solver):
     grid, velocity, pressure = sliding.grid, sliding.velocity, sliding.pressure
     omega = wave_frequencies(grid, velocity)
+    how = {"graded_solver": graded_solver}
+    if sliding.coupling is not None:
+        how["traction"] = shear_traction(sliding)
 
     def at(depth):
-        found = stress_field(stack, grid, pressure, depth, velocity, graded_solver=graded_solver)
+        found = stress_field(stack, grid, pressure, depth, velocity, **how)
         normal = [to_spectrum(found.stress[..., i, i]) for i in range(3)]
         shear = [to_spectrum(found.stress[..., i, j]) for i, j in ((0, 1), (0, 2), (1, 2))]
         equilibrium, strengths, losses, times, poisson = _series_in(stack, depth)
@@ -150,14 +154,21 @@ def _heat_source(sliding: Sliding, stack: Stack, depths, graded_solver):
     return jax.lax.map(at, depths)
 
 
+def shear_traction(sliding: Sliding) -> Array | None:
+    """Returns the tangential traction on the block [Pa], as `stress_field` takes it, or None."""
+    if sliding.shear is None:
+        return None
+    (stress,), direction = tractions_on(sliding), direction_and_speed(sliding.velocity)[0]
+    return stress * direction[0] if len(direction) == 1 else stress[..., None] * direction
+
+
 def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
     """Returns the heat of shear in the contact [W/m²]; its mean is the power of the shear."""
-    pressure, stress = sliding.pressure, sliding.shear
-    if stress is None:
-        return jnp.zeros_like(pressure)
-    least, added = shear_parts(pressure, stress)
-    touching = contact_shares(sliding.contact_indicator)
-    return jnp.abs(sliding.speed) * (least * touching + added)
+    if sliding.shear is None:
+        return jnp.zeros_like(sliding.pressure)
+    (stress,) = tractions_on(sliding)
+    heat = jnp.abs(sliding.speed) * stress
+    return heat if sliding.coupling is None else heat * slip(sliding)
 
 
 def _series_in(stack: Stack, depth):

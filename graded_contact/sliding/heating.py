@@ -211,7 +211,8 @@ def _rises(s: Sliding, heating: Heating, stack: Stack, block: Stack, edges):
     source = heat_source(s, block, depths)
     # A few depths miss some of the heat.
     made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
-    power = s.hysteresis_friction * jnp.mean(s.pressure) * s.speed
+    lost = s.hysteresis_friction if s.coupling is None else s.block_friction
+    power = lost * jnp.mean(s.pressure) * s.speed
     source = source * jnp.where(made > 0, jnp.abs(power) / jnp.where(made > 0, made, 1), 0)
     spectra = temperatures(s, stack, heating, source, weights, jnp.append(0.0, depths))
     rises = jax.vmap(lambda spectrum: _over_contact(s, spectrum))(spectra)

@@ -18,6 +18,7 @@ of the two is the error of the grid.
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -31,9 +32,17 @@ from ..contacts.operator import nonzero
 from ..core.derivative import largest
 from ..core.quantities import observable
 from ..fields.frequency import direction_and_speed, wave_frequencies
-from ..fields.grid import coordinates, derivative, odd_wavevector, to_field, to_spectrum
+from ..fields.grid import (
+    coordinates,
+    derivative,
+    multiplicity,
+    odd_wavevector,
+    to_field,
+    to_spectrum,
+)
 from ..materials.coverage import is_unknown
 from .motion import Motion, odd_frequencies, rate_of, refined
+from .shear import shear_field, shear_over_load, shear_parts
 
 Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
 of_steady, of_cycle = (functools.partial(observable, cycle=kind) for kind in (False, True))
@@ -60,7 +69,28 @@ def shared(formula: Callable[[Any], Any]) -> Callable[[Any], Any]:
 def loaded(found: Found) -> tuple[Array, Array]:
     """The pressure on the cell, and its own displacement, which balances energy to rounding."""
     pressure = found.operator.on_cell(found.pressure)
-    return pressure, found.operator.displace(pressure)
+    return pressure, found.operator.displace(pressure) + lift(found)
+
+
+@shared
+def tractions_on(found: Found) -> list[Array]:
+    """The tangential traction on the block along each of its components [Pa], on the cell."""
+    pressure, indicator, stress = found.pressure, contact_indicator(found), found.shear
+    if found.is_cycle:
+        speeds = lengths(found.motion_of_surface[0])
+        at = lambda p, i, speed: shear_field(p, i, dataclasses.replace(stress, speed=speed))  # noqa: E731
+        size = jax.vmap(at)(pressure, indicator, speeds)
+    else:
+        size = shear_field(pressure, indicator, stress)
+    return [found.operator.on_cell(size * part) for part in found.directions]
+
+
+@shared
+def lift(found: Found) -> Array:
+    """The displacement along z under the traction that the kernel does not contain [m]."""
+    if found.coupling is None or found.coupling.in_kernel:
+        return jnp.zeros((), found.pressure.dtype)
+    return found.coupling.lifted(found.operator, tractions_on(found))
 
 
 def _displaced(found: Found) -> tuple[Array, Array]:
@@ -70,7 +100,7 @@ def _displaced(found: Found) -> tuple[Array, Array]:
     return found.pressure, found.contact.displacement
 
 
-def _along_motion(found: Found) -> list[Array]:
+def along_motion(found: Found) -> list[Array]:
     """q of each wave along the velocity [rad/m]; in a cycle along each axis that it moves on."""
     if found.is_cycle:
         return list(odd_wavevector(found.grid)[: found.moved.shape[1]])
@@ -80,13 +110,19 @@ def _along_motion(found: Found) -> list[Array]:
 
 def tractions_of(found: Found, pressure: Array, profile: Array) -> Array:
     """-⟨σ ∂f/∂x⟩ [Pa] on the cell, along the motion on the last axis."""
-    parts = [found.operator.traction(pressure, profile, q) for q in _along_motion(found)]
+    parts = [found.operator.traction(pressure, profile, q) for q in along_motion(found)]
     return jnp.stack(parts, axis=-1)
 
 
 @shared
 def _own_tractions(found: Found) -> Array:
     return tractions_of(found, *loaded(found))
+
+
+@shared
+def _all_tractions(found: Found) -> Array:
+    """The traction against the motion in a cycle, of slopes and of shear [Pa]."""
+    return _own_tractions(found) + _sheared(found)[0]
 
 
 def _over_load(found: Found, tractions: Array) -> Array:
@@ -104,7 +140,7 @@ def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
 
     That of a cycle contains the shear, which acts where the indicator of contact is positive.
     """
-    tractions = tractions_of(found, pressure, found.operator.displace(pressure))
+    tractions = tractions_of(found, pressure, found.operator.displace(pressure) + lift(found))
     size = load(found, pressure)
     if not found.is_cycle:
         return tractions / size
@@ -199,7 +235,7 @@ def _power(found: Found, tractions: Array) -> Array:
 
 
 @shared
-def _frequencies(found: Found) -> Array:
+def frequencies(found: Found) -> Array:
     """ω of each wave of the pressure [rad/s]; the highest of an even number of times is 0."""
     if not found.is_cycle:
         return wave_frequencies(found.cell, found.velocity)
@@ -212,15 +248,38 @@ def _frequencies(found: Found) -> Array:
 @shared
 def dissipation_of_waves(found: Found) -> Array:
     """Returns the power lost in each wave and its conjugate [W/m²], on the half spectrum."""
-    return found.operator.dissipation(loaded(found)[0], _frequencies(found))
+    pressure, omega = loaded(found)[0], frequencies(found)
+    if found.coupling is None:
+        return found.operator.dissipation(pressure, omega)
+    forces, moved = waves_of(found)
+    work = sum(jnp.imag(jnp.conj(f) * u) for f, u in zip(forces, moved, strict=True))
+    return jnp.asarray(-omega * work * multiplicity(pressure.shape))
+
+
+@shared
+def waves_of(found: Found) -> tuple[list[Array], list[Array]]:
+    """Waves of pressure and tractions [Pa], and of the displacements along them [m]."""
+    return found.coupling.waves(found.operator, loaded(found)[0], tractions_on(found))
 
 
 @shared
 def _exchange(found: Found) -> tuple[Array, Array]:
     """Power that the pressure exchanges with the block, and the sum of its sizes [W/m²]."""
-    pressure, operator = loaded(found)[0], found.operator
-    power = pressure * operator.filtered(1j * _frequencies(found) * operator.compliance, pressure)
+    pressure, operator, omega = loaded(found)[0], found.operator, frequencies(found)
+    if found.coupling is None:
+        rate = operator.filtered(1j * omega * operator.compliance, pressure)
+    else:
+        rate = rates_of(found)[0]
+    power = pressure * rate
     return jnp.mean(power), jnp.mean(jnp.abs(power))
+
+
+@shared
+def rates_of(found: Found) -> list[Array]:
+    """The rates of the displacements of `waves_of` at a fixed point of the block [m/s]."""
+    shape = loaded(found)[0].shape
+    waves = (1j * frequencies(found) * u * math.prod(shape) for u in waves_of(found)[1])
+    return [found.operator.to_field(w, shape) for w in waves]
 
 
 @shared
@@ -361,7 +420,7 @@ def phase(found: Found) -> Array:
 
     0 for a spring, π/2 for a dashpot; 0 without motion.
     """
-    fields = _own_tractions(found) + _sheared(found)[0], found.motion_of_surface[1]
+    fields = _all_tractions(found), found.motion_of_surface[1]
     force, moved = (jnp.fft.rfft(a, axis=0)[1] for a in fields)
     lead = jnp.sum(force * jnp.conj(moved))
     # The angle of 0 has no derivative.
@@ -375,6 +434,8 @@ def friction(found: Found) -> Array:
     It is >= 0 for passive materials in steady sliding, and NaN without contact. In a cycle it is
     positive where it opposes a motion along +x; over the displacement it draws the hysteresis loop.
     """
+    if found.is_cycle:
+        return _over_load(found, _all_tractions(found))
     return hysteresis_friction(found) + shear_friction(found)
 
 
@@ -382,7 +443,7 @@ def friction(found: Found) -> Array:
     r"\mu_\mathrm{hys}", "1", "friction coefficient of the hysteresis", column=("hysteresis", FOUR)
 )
 def hysteresis_friction(found: Found) -> Array:
-    """The part of the friction that is dissipated in the block [1]."""
+    """The part of the friction from the slopes [1]; without coupling it is lost in the block."""
     return _over_load(found, _own_tractions(found))
 
 
@@ -418,13 +479,15 @@ def geometric_friction(found: Found) -> Array:
     pressure = loaded(found)[0]
     heights = found.operator.on_cell(found.heights, "symmetric")
     tractions = tractions_of(found, pressure, jnp.broadcast_to(heights, pressure.shape))
+    if found.is_cycle:
+        return _over_load(found, tractions + _sheared(found)[0])
     return _over_load(found, tractions) + shear_friction(found)
 
 
 @of_cycle(r"\tau", "Pa", "shear stress that opposes the motion", over_time=True)
 def traction(found: Found) -> Array:
     """τ [Pa], the shear stress on the whole area, of hysteresis and shear together."""
-    return (_own_tractions(found) + _sheared(found)[0]).reshape(found.displacement.shape)
+    return _all_tractions(found).reshape(found.displacement.shape)
 
 
 @of_cycle(r"\sigma_0", "Pa", "mean pressure at each time", over_time=True)
@@ -468,8 +531,15 @@ def mean_gap(found: Found) -> Array:
 
 @observable("", "1", "relative difference of friction work and dissipation")
 def energy_imbalance(found: Found) -> Array:
-    """Work of hysteresis, and of the load, against dissipation in the block, relative [1]."""
+    """Work of hysteresis, and of the load, against dissipation in the block, relative [1].
+
+    With coupling also the work of the shear on the block.
+    """
     exchanged, size = _exchange(found)
+    if found.coupling is not None:
+        for traction_, rate in zip(tractions_on(found), rates_of(found)[1:], strict=True):
+            exchanged += jnp.mean(traction_ * rate)
+            size += jnp.mean(jnp.abs(traction_ * rate))
     imbalance = jnp.abs(exchanged - jnp.sum(dissipation_of_waves(found))) / nonzero(size)
     return jax.lax.stop_gradient(imbalance)  # of rounding
 
@@ -502,7 +572,7 @@ def unmeasured_friction(found: Found) -> Array:
     Tractions up and down the slopes nearly cancel in friction.
     """
     pressure, displacement = _displaced(found)
-    (q,) = _along_motion(found)
+    (q,) = along_motion(found)
     slope = to_field(1j * q * to_spectrum(displacement), pressure.shape)
     return _share_unmeasured(found, found.operator.on_surface(jnp.abs(pressure * slope)))
 
@@ -516,7 +586,7 @@ def extrapolated_friction(found: Found) -> Array:
     if found.measured_range is None:
         return jnp.zeros((), found.pressure.dtype)
     lost = jnp.abs(dissipation_of_waves(found))
-    outside = is_unknown(_frequencies(found), found.measured_range)
+    outside = is_unknown(frequencies(found), found.measured_range)
     return jnp.sum(jnp.where(outside, lost, 0)) / nonzero(jnp.sum(lost))
 
 
@@ -566,7 +636,7 @@ def ripple_at_rest(found: Found) -> Array:
     """
     rests = _rests(found)
     soon = ~(jnp.roll(rests, -1) & jnp.roll(rests, -2) & jnp.roll(rests, -3))
-    tractions = _own_tractions(found)
+    tractions = _all_tractions(found)
     neighbours = (jnp.roll(tractions, 1, axis=0) + jnp.roll(tractions, -1, axis=0)) / 2
     ripple = lengths(tractions - neighbours) / 2
     before = jnp.where(jnp.roll(rests, 1) & rests & soon, ripple, 0)
@@ -619,23 +689,3 @@ def _sheared(found: Found) -> tuple[Array, Array]:
 def shear_power(found: Found) -> Array:
     """Mean power of shear in a cycle [W/m²]."""
     return _sheared(found)[1]
-
-
-def shear_over_load(pressure: Array, indicator: Array, stress: Any) -> Array:
-    """Returns the shear force in the contact over the load [1], ∫τ_f dA/∫σ dA; 0 without `stress`.
-
-    `stress` gives τ_f [Pa] at a pressure [Pa]. Its value without pressure acts on the
-    `contact_area`. What pressure adds vanishes at the edge of contact and is
-    summed over the points: friction in proportion to the pressure is exact.
-    """
-    if stress is None:
-        return jnp.zeros((), pressure.dtype)
-    least, added = shear_parts(pressure, stress)
-    return (least * area.sub_pixel_area(indicator) + jnp.mean(added)) / jnp.mean(pressure)
-
-
-def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Returns the shear stress without pressure and what the pressure adds to it [Pa]."""
-    least = stress(jnp.zeros((), pressure.dtype))
-    pressed = pressure != 0  # elsewhere a power of the pressure may have no derivative
-    return least, jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - least, 0)

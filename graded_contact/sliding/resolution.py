@@ -13,6 +13,7 @@ import dataclasses
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -28,6 +29,7 @@ from ..contacts.window import operator_of
 from ..core.checks import is_concrete
 from ..core.derivative import largest
 from ..fields.grid import Grid, derivative, interpolate, resample_spectrum, to_field, to_spectrum
+from .observables import lift
 
 Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
 
@@ -128,12 +130,14 @@ def _means(heights: Array, shape: tuple[int, ...]) -> Array:
 
 def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int = 0) -> Found:
     """The contact on another grid of the same cell; of a cycle with other times."""
-    load, start, operator, parts = _given(found, shape, heights, num_times)
+    load, start, operator, parts, shift = _given(found, shape, heights, num_times)
     parts = parts | dict(operator=operator, heights=heights, grid=Grid(shape, found.grid.size))
     # In a program of the user, Newton steps would take long to compile and are seldom needed.
     solver = DouglasRachford(newton=is_concrete(load))
     how: Any = {"solver": solver, "adjoint": LinearSplitting(), "rtol": RTOL}
     prescribed: Any = {found.prescribed: load}
+    # The displacement by a traction that is no part of the kernel stays as it is.
+    heights = heights - shift
     if found.is_cycle:
         spread = jnp.broadcast_to(heights, (num_times, *shape))
         loading = loading_of(found.law, spread, num_times, **prescribed)
@@ -148,13 +152,14 @@ def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int
     # A number that is not known must not show a small change.
     good = (contact.result == RESULTS.successful) | (contact.result == RESULTS.gap_unresolved)
     pressure = jnp.where(good, contact.pressure, jnp.nan)
-    contact = dataclasses.replace(contact, pressure=pressure)
+    moved = contact.displacement + shift
+    contact = dataclasses.replace(contact, pressure=pressure, displacement=moved)
     return dataclasses.replace(found, contact=contact, **parts)
 
 
 @eqx.filter_jit
 def _given(found: Found, shape: tuple[int, ...], heights: Array, num_times: int) -> tuple:
-    """The load and the start of a contact on another grid, its operator, and its motion."""
+    """The load and the start of a contact on another grid, its operator, motion and shift."""
     low, high = found.law.bounds
     old, contact = found.grid.shape, found.contact
     if not found.is_cycle:
@@ -167,7 +172,8 @@ def _given(found: Found, shape: tuple[int, ...], heights: Array, num_times: int)
         start = jnp.clip(resampled(found.pressure, shape), low, high)
         cell = found.operator.cell(Grid(shape, found.grid.size))
         kernel = resample_spectrum(found.operator.kernel, found.cell.shape, cell.shape)
-        return load, start, operator_of(kernel, shape), {}
+        parts = {"coupling": _resampled_coupling(found, found.cell.shape, cell.shape)}
+        return load, start, operator_of(kernel, shape), parts, _shift(found, shape)
     start = jnp.clip(resampled(found.pressure, (num_times, *shape)), low, high)
     name = "load" if found.prescribed == "pressure" else "mean_gap"
     load = interpolate(found.compute(name)[0], (num_times,))
@@ -179,4 +185,15 @@ def _given(found: Found, shape: tuple[int, ...], heights: Array, num_times: int)
     still = [(0, 0), (0, len(shape) - moved.shape[1])]
     operator = in_motion(kernel, jnp.pad(moved, still), Grid(shape, found.grid.size))
     motion = {"displacement": moved.reshape(num_times, *found.displacement.shape[1:])}
-    return load, start, operator, motion
+    whole, new = (len(rate), *old), (num_times, *shape)
+    motion |= {"coupling": _resampled_coupling(found, whole, new)}
+    return load, start, operator, motion, _shift(found, new)
+
+
+def _resampled_coupling(found: Found, shape: tuple[int, ...], new: tuple[int, ...]):
+    return jax.tree.map(lambda waves: resample_spectrum(waves, shape, new), found.coupling)
+
+
+def _shift(found: Found, shape: tuple[int, ...]):
+    moved = lift(found)
+    return resampled(moved, shape) if moved.ndim else moved

@@ -22,7 +22,8 @@ from ..core.quantities import OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, caveats_of
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid
-from . import errors  # noqa: F401 (it registers the observables and their errors)
+from . import errors, traction  # noqa: F401 (they register the observables and their errors)
+from .coupling import Coupling
 from .motion import components, rate_of
 from .resolution import Neighbours, grid_estimate, neighbours_of
 from .shear import ShearStress
@@ -164,6 +165,8 @@ class Sliding(AbstractSliding):
     - `kernel_error`: two estimated errors of the kernel of a window [m/Pa], see
       `blocks/window_compliance.py`; None if periodic.
     - `shear`: shear stress [Pa] as a function of the pressure, or None.
+    - `coupling`: how its traction moves the surface of the block, see `sliding/coupling.py`, or
+      None.
     - `heated`: temperatures of the contact, see `HeatedContact`, or None.
     - `thickness`: of the layers between a window and a rigid base [m], else None.
     - `ground`: whether the block of a window does not move far away. Static.
@@ -174,6 +177,7 @@ class Sliding(AbstractSliding):
     measured: Float[Array, "..."] | None = None
     kernel_error: Inexact[Array, "..."] | None = None
     shear: ShearStress | None = None
+    coupling: Coupling | None = None
     heated: HeatedContact | None = None
     thickness: Float[Array, "..."] | None = None
     ground: bool = eqx.field(default=False, static=True)
@@ -186,9 +190,15 @@ class Sliding(AbstractSliding):
             "ground": self.ground,
             "heated": self.heated is not None,
             "load follows": self.prescribed != "pressure",
+            "coupled": self.coupling is not None,
             "given load": not self.at_approach,
         }
         return frozenset(fact for fact, holds in known.items() if holds)
+
+    @property
+    def directions(self) -> list[float]:
+        """The unit vector of the traction, by its components: one, along the velocity."""
+        return [1.0]
 
     @property
     def at_approach(self) -> bool:
@@ -234,6 +244,9 @@ class CyclicSliding(AbstractSliding):
       time.
     - `heated`: temperatures of the contact, see `HeatedContact`, or None.
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
+    - `shear`: shear stress [Pa] as a function of the pressure, at each time's speed; or None.
+    - `coupling`: how its traction moves the surface of the block, see `sliding/coupling.py`, or
+      None.
     - `prescribed`: what was given: "pressure" or "mean_gap". Static.
     """
 
@@ -241,12 +254,31 @@ class CyclicSliding(AbstractSliding):
     period: Float[Array, ""]
     shear: ShearStress | None = None
     heated: HeatedContact | None = None
+    coupling: Coupling | None = None
     is_cycle: ClassVar[bool] = True
 
     @property
     def facts(self) -> frozenset[str]:
-        known = {"sheared": self.shear is not None, "heated": self.heated is not None}
+        known = {
+            "sheared": self.shear is not None,
+            "heated": self.heated is not None,
+            "coupled": self.coupling is not None,
+        }
         return frozenset(fact for fact, holds in known.items() if holds)
+
+    @property
+    def directions(self) -> list[Float[Array, "nt ..."]]:
+        """The unit vector of the motion at each time, by its components; 0 at rest."""
+        rate, back = self.motion_of_surface
+        # From the time before to the time after: what the Fourier series of a rest adds is no
+        # motion.
+        step = jnp.mean(rate, axis=0) * (2 * self.period / len(back))
+        step = step + jnp.roll(back, -1, axis=0) - jnp.roll(back, 1, axis=0)
+        squared = jnp.sum(step**2, axis=1)
+        moves = squared > 1e-12 * jnp.max(squared)
+        length = jnp.sqrt(jnp.where(moves, squared, 1))
+        unit = jnp.where(moves[:, None], step / length[:, None], 0)
+        return [part.reshape(-1, *[1] * self.grid.ndim) for part in unit.T]
 
     @property
     def times(self) -> Float[Array, " nt"]:

@@ -6,9 +6,11 @@ one for each pressure. Any function will do; only a module, such as a subclass o
 has parameters that can be differentiated, and each new function is compiled anew.
 
 The shear force is the integral of τ_f over the contact area. It opposes the motion and adds to the
-hysteresis. The shear traction does not change the pressure: this is exact for an incompressible
-half space (ν = 1/2), whose surface does not move along z under a tangential traction, and an
-approximation for other blocks.
+hysteresis. If the law is `coupled`, the traction moves the surface of the block and so changes the
+pressure, see `traction.py`. That of `Coulomb` is coupled unless it is told not to be; other laws
+are coupled on request. Without coupling the pressure is that of a frictionless contact: this is
+exact for an incompressible half space (ν = 1/2), whose surface does not move along z under a
+tangential traction, and an approximation for other blocks.
 
 Source of the peak in the logarithm of the velocity: B. Lorenz, Y. R. Oh, S. K. Nam, S. H. Jeon,
 B. N. J. Persson, J. Chem. Phys. 142 (2015) 194701, doi:10.1063/1.4919221 (its abstract was read,
@@ -24,7 +26,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import check_positive, check_squares, check_type, check_values, scalar, short
+from ..contacts import area
+from ..core.checks import (
+    check_positive,
+    check_squares,
+    check_type,
+    check_values,
+    scalar,
+    short,
+)
 from ..core.display import shown
 from ..materials.shift import AbstractShift, as_temperature
 
@@ -33,7 +43,10 @@ ShearLaw = Callable[..., Any]
 
 @shown(units=False)
 class AbstractShear(eqx.Module):
-    """A law of the frictional shear stress in the contact."""
+    """A law of the frictional shear stress in the contact.
+
+    If it has an attribute `coupled` that is true, its traction moves the surface of the block.
+    """
 
     @abc.abstractmethod
     def __call__(
@@ -45,17 +58,40 @@ class AbstractShear(eqx.Module):
         """Returns τ_f [Pa] at a pressure [Pa], a speed [m/s] and a temperature [K]."""
 
 
+class Coulomb(AbstractShear):
+    """A shear stress in proportion to the pressure, τ_f = f σ.
+
+    **Fields:**
+
+    - `coefficient`: f [1], zero or positive.
+    - `coupled`: whether the traction moves the surface of the block. Static.
+    """
+
+    coefficient: Float[Array, ""] = eqx.field(converter=scalar("coefficient"))
+    coupled: bool = eqx.field(default=True, static=True)
+
+    def __check_init__(self):
+        check_values("coefficient", self.coefficient, "f [1] is zero or positive", at_least=0)
+        check_type("coupled", self.coupled, bool)
+
+    def __call__(self, pressure, speed, temperature):
+        return self.coefficient * pressure
+
+
 class ConstantShear(AbstractShear):
     """The same shear stress everywhere in the contact, at every speed.
 
     **Fields:**
 
     - `stress`: τ_f [Pa], zero or positive.
+    - `coupled`: whether the traction moves the surface of the block. Static.
     """
 
     stress: Float[Array, ""] = eqx.field(converter=scalar("stress"))
+    coupled: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
+        check_type("coupled", self.coupled, bool)
         check_values("stress", self.stress, "a shear stress [Pa] is zero or positive", at_least=0)
         check_squares("stress", self.stress, "Pa")
 
@@ -76,14 +112,17 @@ class PeakedShear(AbstractShear):
     - `steepness`: c [1]; the peak falls to 1/e over 1/√c decades on either side.
     - `shift`: law of time-temperature superposition (`Arrhenius` or `WLF`), or None if τ_f does
       not depend on temperature.
+    - `coupled`: whether the traction moves the surface of the block. Static.
     """
 
     peak: Float[Array, ""] = eqx.field(converter=scalar("peak"))
     velocity: Float[Array, ""] = eqx.field(converter=scalar("velocity"))
     steepness: Float[Array, ""] = eqx.field(converter=scalar("steepness"))
     shift: AbstractShift | None = None
+    coupled: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
+        check_type("coupled", self.coupled, bool)
         check_values("peak", self.peak, "a shear stress [Pa] is zero or positive", at_least=0)
         check_squares("peak", self.peak, "Pa")
         check_positive("velocity", self.velocity, "[m/s]")
@@ -104,6 +143,11 @@ class PeakedShear(AbstractShear):
         logarithm = jnp.log(jnp.where(moves, jnp.abs(speed), 1) / self.velocity) + log_factor
         decades = logarithm / jnp.log(10.0).astype(logarithm.dtype)
         return jnp.where(moves, self.peak * jnp.exp(-self.steepness * decades**2), 0)
+
+
+def is_coupled(law: object) -> bool:
+    """Returns whether the traction of a law moves the surface of the block."""
+    return bool(getattr(law, "coupled", False))
 
 
 class ShearStress(eqx.Module):
@@ -154,3 +198,32 @@ def shear_stress(
             f"[m/s] and a temperature [K] or None; it gave {type(error).__name__}: {error}."
         ) from None
     return bound
+
+
+def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Returns the shear stress without pressure and what the pressure adds to it [Pa]."""
+    least = stress(jnp.zeros((), pressure.dtype))
+    pressed = pressure != 0  # elsewhere a power of the pressure may have no derivative
+    return least, jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - least, 0)
+
+
+def shear_field(pressure: Array, indicator: Array, stress: Callable[[Array], Array]) -> Array:
+    """Returns the shear stress at each point [Pa]; its value without pressure acts in contact.
+
+    `indicator` shows which points touch, see `AbstractLaw.contact_indicator`.
+    """
+    least, added = shear_parts(pressure, stress)
+    return least * area.contact_shares(indicator) + added
+
+
+def shear_over_load(pressure: Array, indicator: Array, stress: Any) -> Array:
+    """Returns the shear force in the contact over the load [1], ∫τ_f dA/∫σ dA; 0 without `stress`.
+
+    `stress` gives τ_f [Pa] at a pressure [Pa]. Its value without pressure acts on the
+    `contact_area`. What pressure adds vanishes at the edge of contact and is
+    summed over the points: friction in proportion to the pressure is exact.
+    """
+    if stress is None:
+        return jnp.zeros((), pressure.dtype)
+    least, added = shear_parts(pressure, stress)
+    return (least * area.sub_pixel_area(indicator) + jnp.mean(added)) / jnp.mean(pressure)

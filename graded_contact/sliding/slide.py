@@ -52,8 +52,10 @@ def slide(
       are one velocity, not two speeds as in a scene: for several speeds use `sweep` or
       `jax.lax.map`. At rest (0, known beforehand) the relaxed moduli act and a real kernel is used.
     - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
-      temperature), such as `ConstantShear` or `PeakedShear`; None for hysteresis alone. The shear
-      traction does not change the pressure, which is exact for ν = 1/2 on a half space.
+      temperature), such as `Coulomb`, `ConstantShear` or `PeakedShear`; None for hysteresis alone.
+      The traction of a law that is `coupled` moves the surface of the block and so changes the
+      pressure; that of others does not, which is exact for ν = 1/2 on a half space. On a window
+      only `Coulomb` can be coupled.
     - `temperature`: of the contact [K], for a law of shear that varies with it; with `heating` the
       bulk temperature, to which the block is brought, see `Stack.at`.
     - `heating`: conductivities, see `Heating`: the heat of friction then changes the temperature of
@@ -116,7 +118,7 @@ def slide_cycle(
       heights.
     - `law`: of contact; it has no history.
     - `shear`, `temperature`: as in `slide`. The law holds at the pressure and the speed of each
-      time. At rest the shear has no direction and is 0.
+      time, and the traction has the direction of the motion. At rest there is none.
     - `heating`: as in `slide`, by the mean heat of the cycle: the block and the shear have the
       temperature of steady sliding at the mean speed and load, with the mean power of the cycle.
       What varies within the cycle is left out, see `solve_heated`.

@@ -21,16 +21,17 @@ from ..contacts.window import operator_of
 from ..core.checks import Numbers, as_float, check_values, is_concrete
 from ..core.compilation import jit
 from ..core.memory import SLIDING, check_memory
-from ..fields.devices import num_devices
+from ..fields.devices import num_devices, required
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid
 from ..materials.coverage import coverage
 from ..materials.softening import as_strain_per_slope
 from ..surfaces.statistics import slope_up_to
 from ..surfaces.surface import Surface, check_periodic
+from .coupling import check_positive_kernel, lagged, steady_coupling
 from .numerics import Numerics
 from .result import Sliding
-from .shear import shear_stress
+from .shear import is_coupled, shear_stress
 
 
 def solve_steady(
@@ -45,35 +46,61 @@ def solve_steady(
     `known` is the result of `kernel_of` where several contacts share it.
     """
     stack, surface = case.stack, case.surface
-    approach = None if case.approach is None else check_approach(case.approach, surface, case.law)
-    kernel, reached, kernel_error = kernel_of(case, numerics) if known is None else known
+    kernel, reached, kernel_error, coupling, steady = (
+        kernel_of(case, numerics) if known is None else known
+    )
     sheared = shear_stress(case.shear, direction_and_speed(case.velocity)[1], case.temperature)
-    contact = solve_contact(
-        kernel, surface.heights, case.pressure,
-        mean_gap=case.mean_gap, approach=approach, law=case.law,
-        solver=numerics.solver, adjoint=numerics.adjoint, rtol=numerics.rtol,
-        start=start, solution=solution, throw=numerics.throw,
-    )  # fmt: skip
-    if reached is not True:
-        result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
-        contact = dataclasses.replace(contact, result=result)
     on_window, on_rigid = not surface.periodic, isinstance(stack.base, Rigid)
-    return Sliding(
-        contact=contact, operator=operator_of(kernel, surface.heights.shape),
-        heights=surface.heights, measured=surface.measured, grid=surface.grid,
-        velocity=case.velocity, law=case.law, shear=sheared,
-        measured_range=_coverage(stack), kernel_error=kernel_error,
-        thickness=interface_depths(stack)[-1] if on_window and on_rigid else None,
-        ground=on_window and has_ground(stack, surface.grid),
-        prescribed=case.prescribed,
-    )  # fmt: skip
+
+    def result(given, contact):
+        case, kernel, kernel_error, sheared, coupling = given
+        return Sliding(
+            contact=contact, operator=operator_of(kernel, surface.heights.shape),
+            heights=case.surface.heights, measured=surface.measured, grid=surface.grid,
+            velocity=case.velocity, law=case.law, shear=sheared, coupling=coupling,
+            measured_range=_coverage(stack), kernel_error=kernel_error,
+            thickness=interface_depths(stack)[-1] if on_window and on_rigid else None,
+            ground=on_window and has_ground(stack, surface.grid),
+            prescribed=case.prescribed,
+        )  # fmt: skip
+
+    def solve(given, shift, start, solution):
+        """The contact of the heights less a shift."""
+        case, kernel, heights = given[0], given[1], given[0].surface.heights
+        approach = None
+        if case.approach is not None:
+            approach = check_approach(case.approach, case.surface, case.law)
+        contact = solve_contact(
+            kernel, heights if shift is None else heights - shift, case.pressure,
+            mean_gap=case.mean_gap, approach=approach, law=case.law,
+            solver=numerics.solver, adjoint=numerics.adjoint, rtol=numerics.rtol,
+            start=start, solution=solution, throw=numerics.throw,
+        )  # fmt: skip
+        return result(given, contact)
+
+    given = case, kernel, kernel_error, sheared, coupling
+    if coupling is None or coupling.in_kernel:
+        found = solve(given, None, start, solution)
+    else:
+        none = jnp.zeros_like(surface.heights)
+        found = lagged(solve, result, given, numerics, start, solution, none)
+    if reached is not True or steady is not True:
+        end = found.contact.result
+        end = RESULTS.where(steady, end, RESULTS.no_steady_sliding)
+        end = RESULTS.where(reached, end, RESULTS.inaccurate_kernel)
+        found = dataclasses.replace(found, contact=dataclasses.replace(found.contact, result=end))
+    return found
 
 
 _coverage = jit(coverage)
 
 
 def kernel_of(case: Any, numerics: Numerics) -> tuple:
-    """Returns the kernel of a case, whether it is good, and its errors on a window."""
+    """Returns the kernel of a case and more that several contacts may share.
+
+    The others: whether the kernel is good, its errors on a window, the coupling by traction or
+    None, and whether sliding with this traction may be steady.
+    """
     stack, surface, velocity, grid = case.stack, case.surface, case.velocity, case.surface.grid
     itemsize = surface.heights.dtype.itemsize
     check_memory("surface", "sliding", SLIDING, grid.shape, itemsize, num_devices(grid.size))
@@ -93,12 +120,32 @@ def kernel_of(case: Any, numerics: Numerics) -> tuple:
             kernel, reached = attempted_kernel(stack, cell, velocity, **how)
         return kernel.real if at_rest else kernel, reached
 
-    if surface.periodic:
-        return *kernel_on(grid), None
-    # Cells of two sizes give the kernel of a window without the images of its load.
-    (near, reached), (far, also) = kernel_on(doubled(grid)), kernel_on(long_cell(grid))
-    kernel, error = without_images(near, far, grid, has_ground(stack, grid))
-    return kernel, reached & also, error
+    cells = (grid,) if surface.periodic else (doubled(grid), long_cell(grid))
+    found = [kernel_on(cell) for cell in cells]
+    kernel, error = found[0][0], None
+    if not surface.periodic:
+        # Cells of two sizes give the kernel of a window without the images of its load.
+        near, far = (one for one, _ in found)
+        kernel, error = without_images(near, far, grid, has_ground(stack, grid))
+    reached = found[0][1] if surface.periodic else found[0][1] & found[1][1]
+    if not is_coupled(case.shear):
+        return kernel, reached, error, None, True
+    coupling, lift_error, good = steady_coupling(case, cells, numerics.graded_solver, strain)
+    if numerics.throw:
+        coupling = required(coupling, good, RESULTS.inaccurate_kernel.error_if)
+    else:
+        reached = reached & good
+    coefficient = case.shear.coefficient if coupling.in_kernel else None
+    # Without friction a real kernel stays real.
+    if coefficient is None or (is_concrete(coefficient) and coefficient == 0):
+        return kernel, reached, error, coupling, True
+    coefficient = coefficient.astype(kernel.real.dtype)
+    kernel = kernel + coefficient * coupling.lift[0]
+    error = None if error is None or lift_error is None else error + coefficient * lift_error
+    steady = check_positive_kernel(kernel, cells[0], coefficient)
+    if numerics.throw:
+        kernel, steady = required(kernel, steady, RESULTS.no_steady_sliding.error_if), True
+    return kernel, reached, error, coupling, steady
 
 
 def check_approach(approach: Numbers, surface: Surface, law: AbstractLaw) -> Array:

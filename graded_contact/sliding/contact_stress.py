@@ -1,0 +1,129 @@
+"""The stress in the block under the pressure and the traction of a contact."""
+
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..blocks.depth import Side
+from ..blocks.grading import AbstractGradedSolver
+from ..blocks.layering import Layering
+from ..blocks.stack import Stack
+from ..blocks.stress import largest_tension, stress_field, von_mises
+from ..core.checks import Numbers, check_types
+from ..core.compilation import jit
+from ..core.derivative import largest
+from ..core.display import shown
+from ..fields.grid import Grid, coordinates
+from .heat_source import as_depths, shear_traction
+from .result import Sliding
+
+Kind = Literal["von_mises", "tension", "shear", "opening"]
+
+
+@shown()
+class LargestStress(eqx.Module):
+    """The largest value of a stress, and where it acts.
+
+    **Fields:**
+
+    - `value`: [Pa], with a derivative.
+    - `place`: x (and y) on the grid, and the depth z [m].
+    """
+
+    value: Float[Array, ""]
+    place: Float[Array, " axes"]
+
+
+@shown(units=False)
+class ContactStress(eqx.Module):
+    """The stress in the block at some depths under a contact; positive in tension.
+
+    **Fields:**
+
+    - `stress`: σ [Pa], shape `(depths, *grid.shape, 3, 3)`, along (x, y, z).
+    - `depths`: z [m], shape `(depths,)`.
+    - `grid`: of the surface.
+    """
+
+    stress: Float[Array, "depths *shape 3 3"]
+    depths: Float[Array, " depths"]
+    grid: Grid
+
+    @property
+    def von_mises(self) -> Float[Array, "depths *shape"]:
+        """The von Mises stress [Pa]."""
+        return von_mises(self.stress)
+
+    @property
+    def tension(self) -> Float[Array, "depths *shape"]:
+        """The largest principal stress [Pa], which opens cracks."""
+        return largest_tension(self.stress)
+
+    @property
+    def shear(self) -> Float[Array, "depths *shape"]:
+        """The shear stress in the plane z = constant [Pa], which slides a layer off another."""
+        squared = self.stress[..., 0, 2] ** 2 + self.stress[..., 1, 2] ** 2
+        return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
+
+    @property
+    def opening(self) -> Float[Array, "depths *shape"]:
+        """σ_zz [Pa]: where it is positive, it pulls a layer off another."""
+        return self.stress[..., 2, 2]
+
+    def largest(self, kind: Kind) -> LargestStress:
+        """Returns the largest value of "von_mises", "tension", "shear" or "opening".
+
+        The largest of the points: between them it may be more.
+        """
+        return _largest(getattr(self, kind), self.depths, self.grid)
+
+
+@jit
+def _largest(field: Array, depths: Array, grid: Grid) -> LargestStress:
+    index = jnp.unravel_index(jnp.argmax(field), field.shape)
+    axes = [axis.ravel() for axis in coordinates(grid)]
+    place = [axis[i] for axis, i in zip(axes, index[1:], strict=True)]
+    return LargestStress(largest(field), jnp.stack([*place, depths[index[0]]]))
+
+
+@check_types
+def contact_stress(
+    sliding: Sliding,
+    stack: Stack,
+    depths: Numbers,
+    *,
+    side: Side = "below",
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+) -> ContactStress:
+    """Returns the stress in the block under the pressure and the traction of a contact.
+
+    The traction is that of the law of `shear`, coupled or not. Differentiable in the contact, in
+    every leaf of `stack` and in `depths`.
+
+    **Arguments:**
+
+    - `sliding`: a result of `slide` on a periodic surface.
+    - `stack`: its block; with heating `sliding.heated.stack`.
+    - `depths`: z [m], shape `(depths,)`; 0 is the surface. See `interface_depths`.
+    - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump.
+    - `graded_solver`: as in `slide`.
+
+    **Returns:** stresses, and their largest values with their places, see `ContactStress`.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    if "window" in sliding.facts:
+        raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
+    depths = as_depths(depths)
+    return ContactStress(_stress(sliding, stack, depths, side, graded_solver), depths, sliding.grid)
+
+
+@eqx.filter_jit
+def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side, graded_solver):
+    how = {"side": side, "graded_solver": graded_solver, "traction": shear_traction(sliding)}
+    grid, pressure, velocity = sliding.grid, sliding.pressure, sliding.velocity
+    at = lambda z: stress_field(stack, grid, pressure, z, velocity, **how).stress  # noqa: E731
+    return jax.lax.map(at, depths)

@@ -1,0 +1,116 @@
+"""Stress under pressure and traction: closed form of a line contact, equilibrium, derivatives."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import elasticities
+
+import graded_contact as gc
+from graded_contact.blocks import interface_depths, largest_tension, stress_field
+from graded_contact.contacts.window import Window
+from graded_contact.fields.grid import derivative
+from graded_contact.sliding import Coulomb, contact_stress
+
+GRID = gc.Grid((16, 12), (4e-3, 3e-3))
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1600, q_roll=3200, q_high=5000)
+ROAD = gc.random_surface(SPECTRUM, GRID, jax.random.key(0))
+COAT = gc.Layer(gc.Elastic(3e7, 0.35), 2e-4)
+BLOCK = gc.Stack(layers=(COAT,), base=gc.HalfSpace(gc.Elastic(2e6, 0.45)))
+
+
+def test_line_contact_has_its_closed_form():
+    """Under p0 √(1 - x²/a²) and f times that: σ_xx = -p - 2 f p0 x/a, and 2 f p0 at x = -a.
+
+    K. L. Johnson, Contact Mechanics, Cambridge 1985, section 7.1.
+    """
+    num, size, a, f = 1024, 1.0, 0.05, 0.5
+    x = (np.arange(num) - num // 2) * size / num
+    pressure = np.sqrt(np.maximum(1 - (x / a) ** 2, 0))
+    stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
+    grid = gc.Grid((num,), size)
+    found = stress_field(stack, grid, pressure, 0.0, traction=f * pressure)
+    along, far = found.stress[:, 0, 0], np.abs(x) > a
+    outside = np.sign(x) * np.sqrt(np.where(far, (x / a) ** 2 - 1, 0))
+    expected = -pressure - 2 * f * (x / a - outside)
+    # In a plane σ_xx = σ_zz under a wave of pressure; the mean has ν/(1 - ν) σ_zz.
+    expected = expected + (1 - 0.3 / 0.7) * np.mean(pressure)
+    near = (np.abs(x) < 2 * a) & (np.abs(np.abs(x) - a) > 4 * size / num)
+    # The images of the traction add what is linear in x.
+    np.testing.assert_allclose(along[near], expected[near], atol=0.02)
+    np.testing.assert_allclose(found.stress[near, 0, 2], -f * pressure[near], atol=1e-3)
+    tension = largest_tension(found.stress)
+    assert abs(x[np.argmax(tension)] + a) < 2 * size / num
+    np.testing.assert_allclose(np.max(tension), 2 * f, rtol=0.1)
+
+
+def test_traction_along_both_axes_is_in_equilibrium():
+    """By differences over the depth, in a coat and below; and the surface has the traction."""
+    fields = [gc.random_surface(SPECTRUM, GRID, jax.random.key(i)).heights * 1e9 for i in range(3)]
+    pressure, traction = fields[0], jnp.stack(fields[1:], axis=-1)
+
+    def at(z, **how):
+        return stress_field(BLOCK, GRID, pressure, z, traction=traction, **how)
+
+    top = at(0.0).stress
+    np.testing.assert_allclose(top[..., 2, 2], -pressure, atol=1e-6 * np.max(pressure))
+    np.testing.assert_allclose(top[..., :2, 2], -traction, atol=1e-6 * np.max(pressure))
+    step = 1e-7
+    for z, (young, poisson) in ((1e-4, (3e7, 0.35)), (4e-4, (2e6, 0.45))):
+        above, here, below = (at(z + i * step) for i in (-1, 0, 1))
+        rate = (below.stress - above.stress) / (2 * step)
+        for i in range(3):
+            force = rate[..., i, 2]
+            force += sum(derivative(here.stress[..., i, j], GRID, j) for j in range(2))
+            scale = np.max(np.abs(rate[..., i, 2]))
+            np.testing.assert_allclose(force, 0, atol=1e-5 * scale)
+        # Hooke's law holds for the strains of the displacement.
+        slopes = [derivative(here.displacement[..., i], GRID, j) for i in range(3) for j in (0, 1)]
+        slopes = jnp.stack(slopes, -1).reshape(*GRID.shape, 3, 2)
+        deep = (below.displacement - above.displacement)[..., None] / (2 * step)
+        gradient = jnp.concatenate([slopes, deep], axis=-1)
+        strain = (gradient + jnp.swapaxes(gradient, -1, -2)) / 2
+        mean = jnp.trace(strain, axis1=-2, axis2=-1)[..., None, None] * jnp.eye(3)
+        stress = young / (1 + poisson) * (strain + poisson / (1 - 2 * poisson) * mean)
+        without_mean = here.stress - jnp.mean(here.stress, axis=(0, 1))
+        stress = stress - jnp.mean(stress, axis=(0, 1))
+        np.testing.assert_allclose(stress, without_mean, atol=1e-4 * np.max(np.abs(stress)))
+
+
+def test_largest_values_and_their_places():
+    s = gc.slide(BLOCK, ROAD, pressure=5e4, velocity=[0.1, 0.2], shear=Coulomb(0.6))
+    depths = jnp.append(jnp.array([0.0, 1e-4]), interface_depths(BLOCK))
+    found = contact_stress(s, BLOCK, depths, side="above")
+    principal = np.linalg.eigvalsh(found.stress)[..., -1]
+    np.testing.assert_allclose(found.tension, principal, atol=1e-9 * np.max(principal))
+    for kind, field in (("tension", principal), ("opening", found.stress[..., 2, 2])):
+        largest = found.largest(kind)
+        k, i, j = np.unravel_index(np.argmax(field), field.shape)
+        place = [i * GRID.spacing[0], j * GRID.spacing[1], depths[k]]
+        np.testing.assert_allclose(largest.value, field[k, i, j], rtol=1e-9)
+        np.testing.assert_allclose(largest.place, place)
+    # At the surface the shear is f σ along the motion.
+    np.testing.assert_allclose(found.shear[0], 0.6 * s.pressure, atol=1e-3 * np.max(s.pressure))
+    pushed = found.stress[0][..., 1, 2] / np.minimum(found.stress[0][..., 0, 2], -1e3)
+    np.testing.assert_allclose(pushed[s.pressure > 1e5], 2.0, rtol=1e-2)
+    # Without a law of shear the stress is that of the pressure.
+    alone = contact_stress(dataclasses.replace(s, shear=None), BLOCK, [1e-4])
+    expected = stress_field(BLOCK, GRID, s.pressure, 1e-4, s.velocity).stress
+    np.testing.assert_allclose(alone.stress[0], expected, atol=1e-12 * np.max(s.pressure))
+    with pytest.raises(ValueError, match="on a window"):
+        contact_stress(dataclasses.replace(s, operator=Window(s.kernel)), BLOCK, [0.0])
+
+
+@pytest.mark.slow
+def test_derivatives_of_the_largest_values_match_differences():
+    def total(friction, modulus, thickness):
+        coat = gc.Layer(gc.Elastic(modulus, 0.35), thickness)
+        block = gc.Stack(layers=(coat,), base=BLOCK.base)
+        s = gc.slide(block, ROAD, pressure=5e4, velocity=0.1, shear=Coulomb(friction), rtol=1e-11)
+        found = contact_stress(s, block, jnp.append(0.0, interface_depths(block)), side="above")
+        return sum(found.largest(kind).value for kind in ("tension", "von_mises", "shear"))
+
+    arguments = tuple(map(jnp.asarray, (0.6, 3e7, 2e-4)))
+    np.testing.assert_allclose(*np.transpose(elasticities(total, arguments)), rtol=1e-4)

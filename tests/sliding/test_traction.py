@@ -1,0 +1,253 @@
+"""Traction that moves the surface: closed form, dense matrices, energy, other laws, derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import elasticities
+
+import graded_contact as gc
+from graded_contact.blocks.tangential_kernel import tangential_kernels
+from graded_contact.fields.frequency import direction_and_speed
+from graded_contact.fields.grid import multiplicity, nyquist_lines, wavevector, zero_mode
+from graded_contact.sliding import (
+    AbstractShear,
+    ConstantShear,
+    Coulomb,
+    heat_depths,
+    heat_source,
+    slide_cycle,
+    steady,
+)
+from graded_contact.sliding.heat_source import shear_heat
+
+CELL = 4e-3  # m
+Q0 = 2 * np.pi / CELL
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=4 * Q0)
+ROAD = gc.random_surface(SPECTRUM, gc.Grid((16, 16), CELL), jax.random.key(0))
+LINE = gc.random_surface(SPECTRUM, gc.Grid((32,), CELL), jax.random.key(0))
+COAT = gc.Layer(gc.Elastic(8e6, 0.4), 1e-4)
+BLOCK = gc.Stack(layers=(COAT,), base=gc.HalfSpace(gc.Prony(1e6, [4e6], [1e-3], 0.2)))
+LOAD = 5e4
+
+
+class Proportional(AbstractShear):
+    """Coulomb's law, without telling that it is."""
+
+    coefficient: jax.Array
+    coupled: bool = True
+
+    def __call__(self, pressure, speed, temperature):
+        return self.coefficient * pressure
+
+
+def rub(shear, velocity=0.3, stack=BLOCK, surface=ROAD, **how):
+    how = {"pressure": LOAD, "rtol": 1e-9} | how
+    return gc.slide(stack, surface, velocity=velocity, shear=shear, **how)
+
+
+def compliances(grid, velocity):
+    """C at the waves of a grid, where they are waves, and ω."""
+    components = [*wavevector(grid), 0.0][:2]
+    qx, qy = (np.broadcast_to(q, zero_mode(grid.shape).shape) for q in components)
+    v = np.append(np.atleast_1d(velocity), 0.0)[:2]
+    omega, zero = -(qx * v[0] + qy * v[1]), np.asarray(zero_mode(grid.shape))
+    matrix = gc.surface_compliance_matrix(BLOCK, np.where(zero, 1.0, qx), qy, omega)
+    kept = ~(zero | np.asarray(nyquist_lines(grid.shape)))
+    return np.asarray(matrix), kept, omega
+
+
+@pytest.mark.parametrize(("poisson", "friction"), [(0.0, 1.0), (0.3, 0.7)])
+def test_sliding_parabola_has_its_closed_form(poisson, friction):
+    """p ∝ (a - x)^(1/2+γ) (a + x)^(1/2-γ) about -2γa, tan πγ = f (1-2ν)/(2-2ν), R = 1."""
+    num, size, load = 128, 0.08, 2e-4
+    x = (np.arange(num) + 0.5) * size / num - size / 2
+    surface = gc.Surface(-(x**2) / 2, gc.Grid((num,), size), periodic=False)
+    stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, poisson)))
+    s = rub(Coulomb(friction), 1.0, stack, surface, pressure=load / size)
+    gamma = np.arctan(friction * (1 - 2 * poisson) / (2 - 2 * poisson)) / np.pi
+    half_width = np.sqrt(4 * load * (1 - poisson**2) / np.pi / (1 - 4 * gamma**2))
+    np.testing.assert_allclose(s.contact_area * size / 2, half_width, rtol=6e-3)
+    centroid = np.sum(x * s.pressure) / np.sum(s.pressure)
+    np.testing.assert_allclose(centroid, -8 / 3 * gamma * half_width, rtol=6e-3)
+    # The moment of the pressure is that of the slopes, and an elastic block loses nothing.
+    np.testing.assert_allclose(s.friction, friction - 8 / 3 * gamma * half_width, atol=1e-4)
+    np.testing.assert_allclose(s.block_friction, 0, atol=1e-12)
+
+
+def test_kernels_are_entries_of_the_matrix():
+    velocity = [0.3, -0.2]
+    grid, v = gc.Grid((8, 7), CELL), jnp.asarray(velocity)
+    direction = direction_and_speed(v)[0]
+    lift, along, good = tangential_kernels(BLOCK, grid, v, direction, gc.blocks.Layering())
+    matrix, kept, _ = compliances(grid, velocity)
+    e = np.zeros(3)
+    e[: len(direction)] = direction
+    scale = 1e-12 * np.max(np.abs(matrix[kept]))
+    np.testing.assert_allclose(lift[kept], (matrix @ e)[kept][:, 2], atol=scale)
+    np.testing.assert_allclose(along[kept], (e @ (matrix @ e)[..., None])[kept][:, 0], atol=scale)
+    # Reciprocal: a pressure moves the surface along e by the opposite.
+    np.testing.assert_allclose(lift[kept], -(e @ matrix[..., 2, None])[kept][:, 0], atol=scale)
+    assert np.all(lift[~kept] == 0) and good
+
+
+def test_contact_obeys_its_conditions_with_a_dense_matrix():
+    s = rub(Coulomb(0.8), surface=LINE)
+    matrix, kept, _ = compliances(LINE.grid, 0.3)
+    kernel = np.where(kept, matrix[:, 2, 2] + 0.8 * matrix[:, 2, 0], matrix[:, 2, 2].real)
+    kernel[0] = 0
+    one = np.fft.irfft(kernel, 32)
+    dense = np.stack([np.roll(one, i) for i in range(32)], axis=1)
+    gap = dense @ np.asarray(s.pressure) - LINE.heights
+    touching = np.asarray(s.pressure) > 0
+    gap = gap - np.mean(gap[touching])
+    np.testing.assert_allclose(gap[touching], 0, atol=1e-6 * np.std(LINE.heights))
+    assert 2 < np.sum(touching) < 20 and np.all(gap[~touching] > 0)
+
+
+@pytest.mark.parametrize("velocity", [pytest.param(0.3, marks=pytest.mark.slow), [0.2, -0.2]])
+def test_force_is_what_the_block_and_the_interface_lose(velocity):
+    s, f = rub(Coulomb(0.8), velocity), 0.8
+    matrix, kept, omega = compliances(ROAD.grid, velocity)
+    load = np.append(f * np.append(np.atleast_1d(velocity), 0.0)[:2] / s.speed, 1.0)
+    lost = -omega * np.imag(np.einsum("i,...ij,j->...", load, matrix, load))
+    waves = np.abs(np.fft.rfftn(s.pressure) / s.pressure.size) ** 2 * multiplicity((16, 16))
+    lost = np.sum(np.where(kept, lost * waves, 0)) / (LOAD * s.speed)
+    np.testing.assert_allclose(s.block_friction, lost, rtol=1e-3)  # the rest is on Nyquist lines
+    np.testing.assert_allclose(s.block_friction + s.interface_friction, s.friction, rtol=1e-12)
+    assert s.energy_imbalance < 1e-12
+    np.testing.assert_allclose(s.slope_friction, f**2 * s.hysteresis_friction, rtol=1e-6)
+    # The law without coupling has the same shear on another contact.
+    apart = rub(Coulomb(f, coupled=False), velocity)
+    np.testing.assert_allclose(apart.shear_friction, f, rtol=1e-12)
+    assert abs(apart.friction - s.friction) > 1e-3
+
+
+def test_without_friction_nothing_changes():
+    alone, none = rub(None, surface=LINE), rub(Coulomb(0.0), surface=LINE)
+    np.testing.assert_array_equal(none.pressure, alone.pressure)
+    np.testing.assert_allclose(none.block_friction, alone.friction, rtol=1e-12)
+
+
+def test_lagged_traction_of_a_proportional_law_is_that_of_the_kernel():
+    law = Proportional(jnp.asarray(0.8))
+    s, expected = rub(law, surface=LINE), rub(Coulomb(0.8), surface=LINE)
+    scale = 1e-6 * np.max(expected.pressure)
+    np.testing.assert_allclose(s.pressure, expected.pressure, atol=scale)
+    np.testing.assert_allclose(s.block_friction, expected.block_friction, rtol=1e-5)
+    np.testing.assert_allclose(s.displacement, expected.displacement, atol=1e-6 * np.ptp(s.gap))
+    assert s.energy_imbalance < 1e-12
+    assert s.num_fft_pairs > expected.num_fft_pairs  # of all contacts
+    # A stress that does not vanish at the edge of contact acts on the area.
+    constant = rub(ConstantShear(2e5, coupled=True), surface=LINE)
+    np.testing.assert_allclose(
+        constant.shear_friction, 2e5 * constant.contact_area / LOAD, rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        constant.block_friction + constant.interface_friction, constant.friction, rtol=1e-9
+    )
+
+
+@pytest.mark.slow
+def test_cycle_of_steady_sliding_is_that_of_slide():
+    motion = steady(-0.3, LINE.grid)
+    given = dict(displacement=motion.displacement, period=motion.period, pressure=LOAD, rtol=1e-9)
+    c = slide_cycle(BLOCK, LINE, shear=Coulomb(0.8), **given)
+    s = rub(Coulomb(0.8), -0.3, surface=LINE)
+    np.testing.assert_allclose(c.mean_friction, s.friction, rtol=1e-6)
+    np.testing.assert_allclose(-c.friction, s.friction, rtol=1e-5)
+    power = LOAD * 0.3
+    np.testing.assert_allclose(c.dissipated_power / power, s.block_friction, rtol=1e-4)
+    np.testing.assert_allclose(c.interface_power / power, s.interface_friction, rtol=1e-5)
+
+
+def test_work_of_a_cycle_is_lost_in_block_and_interface():
+    there = 0.2 * CELL * np.sin(2 * np.pi * np.arange(32) / 32)
+    given = dict(displacement=there, period=0.01, pressure=LOAD, rtol=1e-6)
+    c = slide_cycle(BLOCK, LINE, shear=Coulomb(0.8), **given)
+    power = (c.work + c.load_work) / 0.01
+    np.testing.assert_allclose(c.dissipated_power + c.interface_power, power, rtol=1e-12)
+    assert c.energy_imbalance < 1e-12
+    assert c.directions[0].ravel()[8] == 0 and abs(c.friction[8]) < 0.1 < c.friction[0]
+    apart = slide_cycle(BLOCK, LINE, shear=Coulomb(0.8, coupled=False), **given)
+    assert abs(apart.work - c.work) > 1e-3 * c.work
+    # Mean force over a path under a constant load: f, and the hysteresis.
+    alone = slide_cycle(BLOCK, LINE, **given)
+    moving = np.mean(np.abs(c.velocity) * np.abs(c.directions[0].ravel()))
+    np.testing.assert_allclose(apart.work, alone.work + 0.8 * LOAD * moving * 0.01, rtol=1e-9)
+
+
+def test_derivatives_match_differences():
+    def total(friction, time, speed):
+        base = gc.HalfSpace(gc.Prony(1e6, [4e6], jnp.array([time]), 0.2))
+        s = rub(Coulomb(friction), speed, gc.Stack(base=base), rtol=1e-11)
+        return s.friction + 3 * s.block_friction + s.contact_area
+
+    arguments = tuple(map(jnp.asarray, (0.5, 1e-3, 0.3)))
+    np.testing.assert_allclose(*np.transpose(elasticities(total, arguments)), rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_derivatives_of_lagged_traction_match_differences():
+    class Root(AbstractShear):
+        factor: jax.Array
+        coupled: bool = True
+
+        def __call__(self, pressure, speed, temperature):
+            return self.factor * pressure**0.8
+
+    def steadily(factor, load):
+        s = rub(Root(factor), pressure=load, rtol=1e-11)
+        return s.friction + 3 * s.block_friction
+
+    there = 0.1 * CELL * np.sin(2 * np.pi * np.arange(16) / 16)
+
+    def in_a_cycle(friction, load):
+        given = dict(displacement=there, period=0.01, pressure=load, rtol=1e-10)
+        c = slide_cycle(BLOCK, LINE, shear=Coulomb(friction), **given)
+        return c.mean_friction + c.dissipated_power / 1e3
+
+    for total, arguments in ((steadily, (4.0, LOAD)), (in_a_cycle, (0.5, LOAD))):
+        pairs = elasticities(total, tuple(map(jnp.asarray, arguments)))
+        np.testing.assert_allclose(*np.transpose(pairs), rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_heat_is_what_the_block_and_the_interface_lose():
+    soft = gc.Stack(layers=(gc.Layer(gc.Prony(2e6, [1e7], [1e-4], 0.4), 1e-4),), base=BLOCK.base)
+    s = rub(Coulomb(0.8), [0.2, 0.2], soft)
+    depths, weights = heat_depths(soft, ROAD.grid, 30)
+    made = jnp.sum(jnp.mean(heat_source(s, soft, depths), (1, 2)) * weights)
+    np.testing.assert_allclose(made, s.block_friction * LOAD * s.speed, rtol=2e-3)
+    np.testing.assert_allclose(
+        jnp.mean(shear_heat(s)), s.interface_friction * LOAD * s.speed, rtol=1e-9
+    )
+
+
+@pytest.mark.slow
+def test_window_is_that_of_a_large_cell():
+    def sphere(cells):
+        num = 24 * cells
+        x = (np.arange(num) + 0.5) * CELL / 24 - CELL * cells / 2
+        heights = -(x[:, None] ** 2 + x**2) / 0.02
+        return gc.Surface(heights, gc.Grid((num, num), CELL * cells), periodic=cells > 1)
+
+    rubber = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [4e6], [1e-3], 0.3)))
+    window, cell = (
+        rub(Coulomb(0.8), 0.5, rubber, sphere(n), pressure=1e4 / n**2, rtol=1e-7) for n in (1, 8)
+    )
+    assert abs(window.friction - cell.friction) < window.friction_error < 1e-3
+    np.testing.assert_allclose(window.block_friction, cell.block_friction, rtol=2e-3)
+    assert window.energy_imbalance < 1e-12
+
+
+def test_what_has_no_steady_sliding_is_refused_with_its_wavelength():
+    rubber = gc.Prony(1e6, [9e6], [1e-3], 0.5)
+    thin = gc.Stack(layers=(gc.Layer(rubber, 2e-4),), base=gc.Rigid())
+    with pytest.raises(ValueError, match=r"coefficient 0\.5 .* wavelength 0\.004 m"):
+        rub(Coulomb(0.5), 0.1, thin)
+    window = gc.Surface(ROAD.heights, ROAD.grid, periodic=False)
+    with pytest.raises(ValueError, match="only the traction of `Coulomb`"):
+        rub(ConstantShear(1e5, coupled=True), surface=window)
+    with pytest.raises(ValueError, match="`coefficient=-1` is refused"):
+        Coulomb(-1.0)
