@@ -12,7 +12,7 @@ import numpy as np
 from ..core.display import shown
 from ..core.memory import available_memory, in_gigabytes, memory_of
 from .design_scene import DesignScene
-from .design_search import STARTS, design_fields, not_in_mean_field
+from .design_search import CONTACT_STARTS, STARTS, design_fields, not_in_mean_field
 from .run_design import POLISHING
 from .run_scene import build_surface, scene_fields
 from .scene import Scene
@@ -78,8 +78,9 @@ def design_cost(study: DesignScene) -> Cost:
         # The start, and each evaluation with a derivative, which takes another solve.
         num_solves += verify * num_velocities * (1 + 2 * POLISHING)
     else:
-        # A comparison with the mean field at two blocks, or a search.
-        num_solves += seeds * num_velocities * (2 * _EVALUATIONS if by_contact else 2)
+        # A search, with a derivative at each step: the mean field seldom makes it needless.
+        starts = study.starts or CONTACT_STARTS
+        num_solves += seeds * num_velocities * starts * 2 * POLISHING
     seconds += _COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
     fields = design_fields(study, searched=bool(study.polish or by_contact))
     return Cost(shape, memory_of(fields, shape), num_solves, seconds)
