@@ -100,7 +100,7 @@ def test_whole_scenes_of_a_page_are_read(page):
 
 
 RUN = [
-    "indenter", "own_law", "own_profile", "own_solver", "precision", "shear_and_heat",
+    "design", "indenter", "own_law", "own_profile", "own_solver", "precision", "shear_and_heat",
     "short_answers", "studies",
 ]  # fmt: skip
 

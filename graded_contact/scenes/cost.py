@@ -12,7 +12,7 @@ import numpy as np
 from ..core.display import shown
 from ..core.memory import available_memory, in_gigabytes, memory_of
 from .design_scene import DesignScene
-from .design_search import STARTS, design_fields, not_in_mean_field
+from .design_search import CONTACT_STARTS, STARTS, design_fields
 from .run_design import POLISHING
 from .run_scene import build_surface, scene_fields
 from .scene import Scene
@@ -68,20 +68,20 @@ def design_cost(study: DesignScene) -> Cost:
     scene, verify, num_velocities = study.scene, study.verify, study.scene.velocity.size
     starts = study.starts or STARTS
     seconds = _COMPILING + starts * _EVALUATIONS * num_velocities * _PER_EVALUATION
-    source, by_contact = scene.surface, not_in_mean_field(study)
-    if not (verify or by_contact or study.quantities):
+    if not (verify or study.quantities):
         return Cost(_shape(scene), 0.0, 0, seconds)
-    shape = _shape(scene)
-    seeds = (source.seeds or 1) if isinstance(source, RandomSurface) else 1
+    shape, source = _shape(scene), scene.surface
     num_solves = verify * num_velocities * (3 if study.polish else 2)
     if study.polish:
         # The start, and each evaluation with a derivative, which takes another solve.
         num_solves += verify * num_velocities * (1 + 2 * POLISHING)
-    else:
-        # A comparison with the mean field at two blocks, or a search.
-        num_solves += seeds * num_velocities * (2 * _EVALUATIONS if by_contact else 2)
+    elif study.quantities:
+        # A search by contact: the mean field seldom makes it needless.
+        seeds = (source.seeds or 1) if isinstance(source, RandomSurface) else 1
+        starts = study.starts or CONTACT_STARTS
+        num_solves += seeds * num_velocities * starts * 2 * POLISHING
     seconds += _COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
-    fields = design_fields(study, searched=bool(study.polish or by_contact))
+    fields = design_fields(study, searched=bool(study.quantities))
     return Cost(shape, memory_of(fields, shape), num_solves, seconds)
 
 

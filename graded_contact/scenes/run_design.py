@@ -67,7 +67,7 @@ class Candidate(NamedTuple):
 
     stack: Stack
     field: MeanField | None
-    contacts: dict[str, Float[np.ndarray, "surfaces velocities"]]
+    contacts: dict[str, np.ndarray]
 
 
 @shown("method", "reason", "design", "polished", "candidates")

@@ -29,7 +29,8 @@ def shown_on_a_line(
     def say(i: int, value: float) -> None:
         nonlocal last, count, least, text
         count, least = count + 1, min(least, value)
-        text = f"{unit} {i + 1} of {total}, {count} evaluations, {value:.6g}, lowest {least:.6g}"
+        text = f"{unit} {i + 1} of {total}, {count} evaluations"
+        text += f", value {value:.6g}, lowest {least:.6g}"
         if time.monotonic() >= last + EVERY:
             last = time.monotonic()
             write(text, "")
@@ -42,7 +43,8 @@ def shown_on_a_line(
 
 def _writer() -> Callable[[str, str], None] | None:
     """What replaces the text of the line, and then ends it; None where nobody looks."""
-    if "ipykernel" in sys.modules:
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if hasattr(shell, "kernel"):  # of a notebook
         from IPython.display import display
 
         line: Any = display({"text/plain": ""}, raw=True, display_id=True)

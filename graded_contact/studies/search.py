@@ -208,7 +208,7 @@ def minimise(
         raise NothingAllowed(
             f"No start of {len(runs)} satisfies `constraints`: the best of them misses "
             f"{problem.names[np.argmin(limits)]!r} by {-np.min(limits):.3g}. Widen the bounds or "
-            "the constraints, or raise `num_starts`."
+            "the constraints, or search from more starts."
         )
     best = min(feasible, key=lambda run: run.value)
     x = np.array(best.parameters)

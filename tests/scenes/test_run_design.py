@@ -8,6 +8,7 @@ import json
 from types import SimpleNamespace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -18,15 +19,20 @@ import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import design as design_job
 from graded_contact.command import terminal as session
-from graded_contact.core.parameters import with_values
+from graded_contact.core.parameters import paths, with_values
 from graded_contact.scenes.design_quantities import (
     contact_at,
     design_mean_field,
     mean_field_quantities,
+    search_surfaces,
 )
 from graded_contact.scenes.design_report import designed_values, missed, report
 from graded_contact.scenes.design_scene import parse_design
-from graded_contact.scenes.design_search import search_design
+from graded_contact.scenes.design_search import (
+    contact_problem,
+    not_in_mean_field,
+    search_design,
+)
 from graded_contact.scenes.run_design import Candidate, DesignResults, check_design, run_design
 from graded_contact.studies.search import Design, History, Run
 from graded_contact.studies.store import Store
@@ -34,11 +40,11 @@ from graded_contact.studies.store import Store
 STEADY = {"q": 2.5e3, "omega": 250.0}
 
 
-def design_command(folder, out):
+def design_command(folder, out, text=DESIGN):
     """The command on the scene of this folder, without a cache on the disk."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(session, "cache_folder", lambda: None)
-        (folder / "coat.toml").write_text(DESIGN)
+        (folder / "coat.toml").write_text(text)
         return CliRunner().invoke(cli.app, ["design", str(folder / "coat.toml"), "-o", str(out)])
 
 
@@ -218,6 +224,57 @@ def test_a_limit_that_the_mean_field_does_not_know_is_kept_by_contact():
     np.testing.assert_allclose(area, 0.3, rtol=2e-3)
     assert friction > before.contacts["friction"][0, 0] and gap > 1e-6
     assert "contact area at 0.1 m/s, contact" in report(results) and not missed(results)
+
+
+@pytest.mark.slow
+def test_a_cycle_is_judged_by_its_own_numbers():
+    """Those of `slide_cycle`: peak over mean friction, and means over the times."""
+    motion = '[motion]\nkind = "sinusoidal"\nstroke = 2e-4\nfrequency = 20.0\nnum_times = 16\n'
+    text = LINE.replace("maximise_friction", "minimise_peak_over_mean")
+    text = text.replace("[design]\n", f"{motion}[design]\n").replace("velocity = 0.1\n", "")
+    study = parse_design(text)
+    scene, values = study.scene, {path: paths(study.scene.stack)[path] for path in study.lower}
+    surfaces = search_surfaces(study)
+    value, margins = contact_problem(study, surfaces, {})(values)
+    cycle = gc.sliding.slide_cycle(
+        scene.stack, surfaces[0], displacement=scene.motion.displacement,
+        period=scene.motion.period, pressure=3e5, rtol=1e-5,
+    )  # fmt: skip
+    np.testing.assert_allclose(value, cycle.peak_friction / cycle.mean_friction, rtol=1e-4)
+    area, gap = margins["contact area of at least 0.3"], margins["mean gap of at least 1e-06"]
+    np.testing.assert_allclose(0.3 * (1 + area), np.mean(cycle.contact_area), rtol=1e-4)
+    np.testing.assert_allclose(1e-6 * (1 + gap), np.mean(cycle.mean_gap), rtol=1e-4)
+    check_design(study)
+    assert not_in_mean_field(study) == "the mean field has no motion in time"
+
+
+@pytest.mark.slow
+def test_no_block_of_a_grid_beats_the_design_of_the_command(tmp_path):
+    """Brute force, by `slide` alone: 144 blocks, two surfaces each."""
+    text = LINE.replace("[32]", "[32, 32]").replace("[grid]", "seeds = 2\n[grid]")
+    text = text.replace("min_contact_area = 0.3, min_mean_gap = 1e-6", "min_contact_area = 0.1")
+    text = text.replace("starts = 1\n", "").replace("rms_slope = 0.1", "rms_slope = 0.2")
+    result = design_command(tmp_path, tmp_path, text.replace("pressure = 3e5", "pressure = 2e5"))
+    assert result.exit_code == 0, result.output
+    assert "searched by contact: the mean field is " in result.stdout
+    assert "contact area of at least 0.1 is active" in result.stdout
+    study = parse_design(text)
+    own, source = study.scene.stack, study.scene.surface
+    roads = [source.drawn(seed) for seed in (0, 1)]
+
+    def of(values):
+        stack = with_values(own, values)
+        found = [gc.slide(stack, road, pressure=2e5, velocity=0.1, rtol=1e-5) for road in roads]
+        return [sum(getattr(f, name) for f in found) / 2 for name in ("friction", "contact_area")]
+
+    ends = [np.geomspace(*study.parameters[path], 12) for path in study.lower]
+    blocks = dict(zip(study.lower, map(np.ravel, np.meshgrid(*ends)), strict=True))
+    every = gc.jit(lambda blocks: jax.lax.map(of, blocks))
+    friction, area = every(jax.tree.map(jnp.asarray, blocks))
+    written = with_values(own, json.loads((tmp_path / "coat-design.json").read_text()))
+    best, share = of({path: paths(written)[path] for path in study.lower})
+    assert share >= 0.1 * (1 - 1e-4) and best >= np.max(np.where(area >= 0.1, friction, 0))
+    assert np.max(friction) > 1.01 * best  # the limit costs friction
 
 
 def test_the_mean_field_stays_where_contact_agrees_with_it():
