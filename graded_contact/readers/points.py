@@ -37,6 +37,8 @@ def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -
         entries["temperature"] = kelvin
     entries["isotherm"] = _isotherms(entries, separate=measured.table.blocks > 1)
     entries = _at_constant_load(measured, entries)
+    if len(entries) < (total := len(measured.table.rows) * measured.table.blocks):
+        notes.append(f"{len(entries)} of {total} points are used.")
     values = _moduli(measured, {name: entries[name].to_numpy() for name in measured.columns})
     stiffness = 1 / values if kind == "creep" else values.real
     odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
@@ -72,48 +74,22 @@ def _entries(measured: MeasuredTable) -> "pd.DataFrame":
     """The numbers in SI units by quantity, with the abscissa, curve and line of each point."""
     import pandas as pd
 
-    columns, table, check = measured.columns, measured.table, measured.check
-    width, found = len(table.names), []
+    table, check = measured.table, measured.check
+    found, unusable = [], 0
     left: dict[str, list[tuple[int, str]]] = {}  # reason: lines, each with its cell
-    unusable, ended = 0, [0] * table.blocks
-
-    def leave(reason: str, line: int, cell: str = "") -> None:
-        left.setdefault(reason, []).append((line, cell))
-
-    rows = [(i, row) for i, segment in enumerate(table.segments) for row in segment.data]
-    for (segment, row), block in itertools.product(rows, range(table.blocks)):
+    for curve, row, cells in table.curves():
         if entries := table.misfit(row):
-            leave(f"{entries} entries in {table.blocks * width} columns", row.line)
-            unusable += 1
-            continue
-        cells = [*row.cells, *[""] * (table.blocks * width)][block * width :]
-        empty = sum(is_missing(cells[column.place]) for column in columns.values())
-        if empty:
-            if table.blocks == 1 or empty < len(columns):
-                leave("a missing value", row.line)
-            else:  # a curve may end above the others
-                ended[block] += 1
-            continue
-        numbers = {name: column.si(cells[column.place]) for name, column in columns.items()}
-        refused = ((name, _refused(columns[name], number)) for name, number in numbers.items())
-        name, reason = next((pair for pair in refused if pair[1]), ("", None))
-        if reason:
-            column = columns[name]
-            cell = repr(cells[column.place])
-            leave(f"{column.label}, where the {name} {reason}", row.line, cell)
-            unusable += name not in ("stress", "strain")  # none before and after a test
-        elif numbers.get("time") == 0:
-            leave("the time 0", row.line)
+            numbers, cell = {}, ""
+            reason = f"{entries} entries in {table.blocks * len(table.names)} columns"
         else:
-            place = {"curve": segment * table.blocks + block, "line": row.line}
+            numbers, reason, cell = _numbers(measured, curve % table.blocks + 1, cells)
+        if reason:
+            left.setdefault(reason, []).append((row.line, cell))
+            unusable += bool(entries or cell)
+        else:
             tangent = check.si(cells[check.place]) if check else 0
-            found.append({**numbers, **place, "check": tangent})
+            found.append({**numbers, "curve": curve, "line": row.line, "check": tangent})
     left_out = [_left_out(reason, lines) for reason, lines in left.items()]
-    left_out += [
-        f"Curve {block} of {table.blocks} side by side is empty in {count} of {len(rows)} rows."
-        for block, count in enumerate(ended, start=1)
-        if count
-    ]
     if len(found) < 2 or unusable > len(found):
         reason = f"{len(found)} complete rows are left; at least 2 and half of all are needed"
         raise ValueError(f"{reason}. {' '.join(left_out)} Check `columns` and `units`")
@@ -127,6 +103,22 @@ def _entries(measured: MeasuredTable) -> "pd.DataFrame":
             varied = f"the frequency varies from {low:.4g} to {high:.4g} rad/s"
             raise ValueError(f"{varied}: choose the sweep of strain by `step`")
     return entries
+
+
+def _numbers(measured: MeasuredTable, block: int, cells: list[str]) -> tuple[dict, str, str]:
+    """The numbers of a point in SI units, or why it is left out, and the cell that is wrong."""
+    columns, blocks = measured.columns, measured.table.blocks
+    empty = sum(is_missing(cells[column.place]) for column in columns.values())
+    if empty:
+        ended = blocks > 1 and empty == len(columns)  # a curve may end above the others
+        return {}, f"an empty curve {block} of {blocks}" if ended else "a missing value", ""
+    numbers = {name: column.si(cells[column.place]) for name, column in columns.items()}
+    for name, column in columns.items():
+        if reason := _refused(column, numbers[name]):
+            # There is no load before and after a test.
+            cell = "" if name in ("stress", "strain") else repr(cells[column.place])
+            return {}, f"{column.label}, where the {name} {reason}", cell
+    return numbers, "the time 0" * (numbers.get("time") == 0), ""
 
 
 def _refused(column: Column, value: float) -> str | None:
@@ -148,8 +140,8 @@ def _refused(column: Column, value: float) -> str | None:
 
 
 def _left_out(reason: str, lines: list[tuple[int, str]]) -> str:
-    rows = list(dict.fromkeys(lines))
-    return f"Left out for {reason}: {len(rows)} row(s), line {_listed(rows)}."
+    rows = list(dict.fromkeys(lines))  # side by side, a row has several points
+    return f"Left out for {reason}: {len(lines)} row(s), line {_listed(rows)}."
 
 
 def _listed(rows: list[tuple[int, str]]) -> str:

@@ -7,7 +7,7 @@ for each curve.
 
 import itertools
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -100,6 +100,14 @@ class Table(NamedTuple):
         # Where spaces separate, a missing entry would move those after it.
         return entries if entries > width or (self.spaced and entries < width) else 0
 
+    def curves(self) -> Iterator[tuple[int, Row, list[str]]]:
+        """Yields each row of each block, with the number of its curve and its cells."""
+        width = len(self.names)
+        for i, segment in enumerate(self.segments):
+            for row, block in itertools.product(segment.data, range(self.blocks)):
+                cells = [*row.cells, *[""] * (self.blocks * width)]
+                yield i * self.blocks + block, row, cells[block * width :]
+
     def label(self, place: int) -> str:
         name = self.names[place]
         return f"column {place + 1}" + (f" ({name})" if name else "")
@@ -163,11 +171,14 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
 def _headed(row: Row, units: list[str], spaced: bool) -> Table:
     """A table without rows yet, whose names may repeat: each repetition is a block."""
     names = stripped(row.cells)
-    size, below = len(names), (units + [""] * len(names))[: len(names)]
+    below = (units + [""] * len(names))[: len(names)]
     columns = list(zip(names, below, strict=True))
-    widths = (n for n in range(2, size) if size % n == 0 and columns == columns[:n] * (size // n))
-    width = next(widths, size)
-    return Table(f"line {row.line}", names[:width], below[:width], size // width, [], spaced)
+    for width in range(2, len(names)):
+        whole = columns + [("", "")] * (-len(names) % width)  # an empty column between blocks
+        blocks = len(whole) // width
+        if whole == columns[:width] * blocks:
+            return Table(f"line {row.line}", names[:width], below[:width], blocks, [], spaced)
+    return Table(f"line {row.line}", names, below, 1, [], spaced)
 
 
 def _starts(rows: list[Row], named: set[str]) -> list[int]:
