@@ -14,7 +14,7 @@ from ..core.checks import Numbers
 from ..materials.measured import ISOTHERM_GAP, Measured, grouped
 from .cells import Row, is_missing
 from .columns import CONSTANT, SAME, MeasuredTable
-from .tables import Column, temperature_above
+from .tables import LIMIT, Column, temperature_above
 from .units import DIMENSIONS, SI
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.
 LIMITS = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
-LIMIT = 1e100  # of shifted frequencies and times
 HOTTEST = 1e4  # K
 RAMP = 5.0  # K over which no isotherm drifts
 

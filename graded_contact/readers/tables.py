@@ -15,26 +15,28 @@ import numpy as np
 from .cells import Row, Sheet, holds_data, is_missing, is_number, stripped
 from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse_unit
 
+LIMIT = 1e100  # in SI units; of shifted frequencies and times
+
 
 class Column(NamedTuple):
     """A column of a table.
 
     - `quantity`: a key of `units.DIMENSIONS`.
-    - `label`: its number and name, for messages.
     - `place`: counted from 0, within a block.
-    - `unit`: one of `UNITS` of its dimension.
+    - `label`: its number and name, for messages.
+    - `unit`: one of `UNITS` of its dimension; empty if any unit does.
     - `source`: where the unit comes from.
     - `deformation`: "tension", "shear" or None, by its name.
     - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
     """
 
     quantity: str
-    label: str
     place: int
-    unit: str
-    source: str
-    deformation: str | None
-    base: str | None
+    label: str = ""
+    unit: str = ""
+    source: str = ""
+    deformation: str | None = None
+    base: str | None = None
 
     @property
     def sentence(self) -> str:
@@ -54,13 +56,18 @@ class Column(NamedTuple):
             value = np.float64(cell)
             if self.base is not None:
                 value = np.exp(value * (np.log(10) if self.base == "10" else 1))
-            offset = OFFSETS[self.unit] if self.quantity == "temperature" else 0.0
-            return float(UNITS[DIMENSIONS[self.quantity]][self.unit] * value + offset)
+            offset = OFFSETS.get(self.unit, 0.0)
+            return float(UNITS[DIMENSIONS[self.quantity]].get(self.unit, 1.0) * value + offset)
 
     def numbers(self, rows: Sequence[Row]) -> np.ndarray:
         """Returns the numbers of the first block in SI units, NaN where there is none."""
         cells = (row.cells[self.place] if self.place < len(row.cells) else "" for row in rows)
         return np.array(list(map(self.si, cells)))
+
+    def known(self, rows: Sequence[Row]) -> np.ndarray:
+        """Returns the numbers that a measurement can have, so that their ratios are finite."""
+        values = np.abs(self.numbers(rows))
+        return values[(values > 1 / LIMIT) & (values < LIMIT)]
 
 
 class Segment(NamedTuple):
