@@ -258,7 +258,7 @@ def test_every_point_of_three_replicates_is_used_or_left_out_with_a_reason(tmp_p
     total = 48 if apart is None else 63  # rows without a cell are no rows
     if apart is not None:
         assert f"{len(measured.abscissa)} of 63 points are used." in measured.history
-    left = [re.search(r"(\d+) row.s., line", note) for note in measured.history]
+    left = [re.search(r"(\d+) (?:row|point).s., line", note) for note in measured.history]
     assert len(measured.abscissa) == 45
     assert 45 + sum(int(found[1]) for found in left if found) == total, measured.history
 
