@@ -29,7 +29,7 @@ def one_each(temperature: Numbers | None, count: int, what: str) -> Any:
 
 
 def curve_temperatures(measured: MeasuredTable, entries: "pd.DataFrame", given) -> Any:
-    """Returns temperatures [K]: as given, of a column, or of titles such as "25 °C" above curves."""
+    """Returns temperatures [K]: as given, of a column, or of titles above curves ("25 °C")."""
     table, curve = measured.table, entries["curve"].to_numpy()
     if given is not None:
         return one_each(given, table.blocks * len(table.segments), "curve(s)")[curve]
