@@ -16,7 +16,7 @@ from ..materials.measured import ISOTHERM_GAP
 from .cells import Row, Sheet
 from .columns import CONSTANT, SAME, MeasuredTable, measured_table
 from .registry import Options
-from .tables import Column, Table, find_tables, title_above
+from .tables import Column, Table, credible, find_tables, title_above
 from .units import SI
 
 # The whole name of a column that holds the numbers or names of steps.
@@ -199,7 +199,7 @@ def _amplitudes(measured: MeasuredTable, rows: list[Row]) -> list[tuple[str, flo
     used = {column.place for column in measured.columns.values()}
     for pattern, (place, name) in itertools.product(_AMPLITUDES, enumerate(measured.table.names)):
         if pattern.search(name) and place not in used:
-            values = Column("strain", place).known(rows)
+            values = credible(np.abs(Column("strain", place).numbers(rows)))
             if len(values) and np.max(values) > WIDER * np.min(values):
                 found.append((name, float(values[0]), float(values[-1])))
     return found

@@ -18,6 +18,11 @@ from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse
 LIMIT = 1e100  # in SI units; of shifted frequencies and times
 
 
+def credible(values: np.ndarray) -> np.ndarray:
+    """Returns the values that a measurement can have, so that their ratios are finite."""
+    return values[(values > 1 / LIMIT) & (values < LIMIT)]
+
+
 class Column(NamedTuple):
     """A column of a table.
 
@@ -65,9 +70,8 @@ class Column(NamedTuple):
         return np.array(list(map(self.si, cells)))
 
     def known(self, rows: Sequence[Row]) -> np.ndarray:
-        """Returns the numbers that a measurement can have, so that their ratios are finite."""
-        values = np.abs(self.numbers(rows))
-        return values[(values > 1 / LIMIT) & (values < LIMIT)]
+        """Returns the numbers that a measurement can have."""
+        return credible(self.numbers(rows))
 
 
 class Segment(NamedTuple):
