@@ -9,7 +9,7 @@ import numpy as np
 from ..core.display import short
 from .registry import Options
 from .tables import Column, Table, stress_above, tension_above
-from .units import DIMENSIONS, OF_SHEAR, PER_SECOND, SI, UNITS
+from .units import DIMENSIONS, OF_SHEAR, PER_SECOND, UNITS
 
 # The quantities that make a measurement of each kind, the most direct ones first; in the order of
 # the first of a kind the columns of a file without names are read.
@@ -127,7 +127,8 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
         lacking.append(f"lines above name tension or bending, but {reason}: pass `deformation`")
     if lacking:
         abscissa = next(name for name in ("strain", "frequency", "time") if name in needed)
-        swept = np.ptp(_finite(table, abscissa, needed[abscissa][0])) > 0
+        values = Column(abscissa, needed[abscissa][0]).known(table.rows)
+        swept = len(values) > 0 and np.ptp(values) > 0
         raise Unclear(f"{table.place}: {'; '.join(lacking)}", bool(swept))
     tangents = places.get("tan_delta", []) if names[1:] == WAYS[0][1][1:] else []
     check = _column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None
@@ -146,14 +147,6 @@ def _choice(table: Table, several: dict[str, list[int]]) -> str:
         last = table.blocks * len(table.names)
         repeated = f" (they repeat {table.blocks} times; numbers up to {last} choose one of these)"
     return f"choose, for instance by `columns={first}`{by}{repeated}"
-
-
-def _finite(table: Table, quantity: str, place: int) -> np.ndarray:
-    """The numbers of a column in any unit; a single 0 if there are none."""
-    column = Column(quantity, "", place, SI[DIMENSIONS[quantity]], "", None, None)
-    values = column.numbers(table.rows)
-    values = values[np.isfinite(values)]
-    return values if len(values) else np.zeros(1)
 
 
 def _places(table: Table, options: Options) -> dict[str, list[int]]:
@@ -210,9 +203,8 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> tuple[st
     # Creep is at constant stress, relaxation at constant strain.
     constant = []
     for way, quantity in zip(possible, ("strain", "stress"), strict=False):
-        place, any_unit = places[quantity][0], SI[DIMENSIONS[quantity]]
-        base = table.headings[place].base
-        values = Column(quantity, "", place, any_unit, "", None, base).numbers(table.rows)
+        place = places[quantity][0]
+        values = Column(quantity, place, base=table.headings[place].base).numbers(table.rows)
         values = values[values > 0.5 * np.nanmax(values, initial=0)]
         if len(values) and np.mean(np.abs(values / np.median(values) - 1) < CONSTANT) > 0.9:
             constant.append(way)
@@ -255,4 +247,4 @@ def _column(table: Table, quantity: str, place: int, options: Options) -> Column
         else:
             return None
     deformation = options.deformation or heading.deformation
-    return Column(quantity, table.label(place), place, unit, source, deformation, heading.base)
+    return Column(quantity, place, table.label(place), unit, source, deformation, heading.base)

@@ -21,7 +21,8 @@ from ..core.files import Refusal, read_file
 from ..materials.measured import Measured, distinct, joined
 from .cells import LARGEST, Sheet
 from .columns import WAYS, MeasuredTable, Unclear
-from .points import measured_points, one_each
+from .isotherms import one_each
+from .points import measured_points
 from .registry import File, Options, read
 from .steps import rank, understand
 from .units import DIMENSIONS, UNITS
@@ -146,25 +147,21 @@ def strain_sweep(path, columns, units, sheet, step) -> Measured:
 
 def _options(columns, units, step, kind=None, deformation=None) -> Options:
     """The arguments of `read_moduli`, checked."""
-    kinds = tuple(dict.fromkeys(kind for kind, _ in WAYS))
-    choices: list[tuple[str, Any, Any]] = [
-        ("kind", kind, kinds),
-        ("deformation", deformation, ("tension", "shear")),
-        *(("columns", {key: name}, DIMENSIONS) for key, name in (columns or {}).items()),
-        *(("units", {key: unit}, UNITS) for key, unit in (units or {}).items()),
+    columns, units = columns or {}, units or {}
+    checks: list[tuple[str, Any, Any, Any]] = [  # name, value, the part to check, what is allowed
+        ("kind", kind, kind, tuple(dict.fromkeys(kind for kind, _ in WAYS))),
+        ("deformation", deformation, deformation, ("tension", "shear")),
+        *(("columns", {key: name}, key, DIMENSIONS) for key, name in columns.items()),
+        *(("units", {key: unit}, key, UNITS) for key, unit in units.items()),
+        *(("units", {key: unit}, unit, UNITS.get(key, ())) for key, unit in units.items()),
     ]
-    for name, value, allowed in choices:
-        given = value
-        if isinstance(value, dict):
-            ((given, unit),) = value.items()
-            if name == "units" and isinstance(given, str) and given in UNITS:
-                given, allowed = unit, UNITS[given]
+    for name, value, given, allowed in checks:
         if given is not None and (not isinstance(given, str) or given not in allowed):
             raise ValueError(f"`{name}={short(value)}` is refused: use one of {list(allowed)}.")
     steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
-    return Options(kind, columns or {}, units or {}, deformation, step=tuple(steps))
+    return Options(kind, columns, units, deformation, step=tuple(steps))
 
 
 def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:

@@ -4,17 +4,16 @@ Each function adds to `notes` what it understood or did, in sentences; every row
 reported, with the reason.
 """
 
-import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.checks import Numbers
-from ..materials.measured import ISOTHERM_GAP, Measured, grouped
-from .cells import Row, is_missing
+from ..materials.measured import Measured
+from .cells import is_missing
 from .columns import CONSTANT, SAME, MeasuredTable
-from .tables import Column, temperature_above
+from .isotherms import curve_temperatures, note_isotherms, numbered
+from .tables import LIMIT, Column
 from .units import DIMENSIONS, SI
 
 if TYPE_CHECKING:
@@ -23,20 +22,20 @@ if TYPE_CHECKING:
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.
 LIMITS = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
-LIMIT = 1e100  # of shifted frequencies and times
 HOTTEST = 1e4  # K
-RAMP = 5.0  # K over which no isotherm drifts
 
 
 def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -> Measured:
     """Returns the points of a table; `poisson` and `temperature` as in `read_moduli`."""
     kind, notes = measured.kind, measured.notes
     entries = _entries(measured)
-    kelvin = _curve_temperatures(measured, entries, temperature)
+    kelvin = curve_temperatures(measured, entries, temperature)
     if kelvin is not None:
         entries["temperature"] = kelvin
-    entries["isotherm"] = _isotherms(entries, separate=measured.table.blocks > 1)
+    entries["isotherm"] = numbered(entries, separate=measured.table.blocks > 1)
     entries = _at_constant_load(measured, entries)
+    if len(entries) < (total := len(measured.table.rows) * measured.table.blocks):
+        notes.append(f"{len(entries)} of {total} points are used.")
     values = _moduli(measured, {name: entries[name].to_numpy() for name in measured.columns})
     stiffness = 1 / values if kind == "creep" else values.real
     odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
@@ -51,7 +50,7 @@ def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -
     # Stable: points that repeat a frequency keep the order of the file.
     order = np.lexsort((entries["abscissa"], entries["isotherm"]))
     entries, values = entries.iloc[order], values[order]
-    _note_isotherms(measured, entries)
+    note_isotherms(measured, entries)
     if measured.table.blocks == 1 and np.any(np.diff(entries["line"]) < 0):
         notes.append("Sorted the rows.")
     _check_abscissa(measured, entries, values)
@@ -72,48 +71,22 @@ def _entries(measured: MeasuredTable) -> "pd.DataFrame":
     """The numbers in SI units by quantity, with the abscissa, curve and line of each point."""
     import pandas as pd
 
-    columns, table, check = measured.columns, measured.table, measured.check
-    width, found = len(table.names), []
+    table, check = measured.table, measured.check
+    found, unusable = [], 0
     left: dict[str, list[tuple[int, str]]] = {}  # reason: lines, each with its cell
-    unusable, ended = 0, [0] * table.blocks
-
-    def leave(reason: str, line: int, cell: str = "") -> None:
-        left.setdefault(reason, []).append((line, cell))
-
-    rows = [(i, row) for i, segment in enumerate(table.segments) for row in segment.data]
-    for (segment, row), block in itertools.product(rows, range(table.blocks)):
+    for curve, row, cells in table.curves():
         if entries := table.misfit(row):
-            leave(f"{entries} entries in {table.blocks * width} columns", row.line)
-            unusable += 1
-            continue
-        cells = [*row.cells, *[""] * (table.blocks * width)][block * width :]
-        empty = sum(is_missing(cells[column.place]) for column in columns.values())
-        if empty:
-            if table.blocks == 1 or empty < len(columns):
-                leave("a missing value", row.line)
-            else:  # a curve may end above the others
-                ended[block] += 1
-            continue
-        numbers = {name: column.si(cells[column.place]) for name, column in columns.items()}
-        refused = ((name, _refused(columns[name], number)) for name, number in numbers.items())
-        name, reason = next((pair for pair in refused if pair[1]), ("", None))
-        if reason:
-            column = columns[name]
-            cell = repr(cells[column.place])
-            leave(f"{column.label}, where the {name} {reason}", row.line, cell)
-            unusable += name not in ("stress", "strain")  # none before and after a test
-        elif numbers.get("time") == 0:
-            leave("the time 0", row.line)
+            numbers, cell, wrong = {}, "", True
+            reason = f"{entries} entries in {table.blocks * len(table.names)} columns"
         else:
-            place = {"curve": segment * table.blocks + block, "line": row.line}
+            numbers, reason, cell, wrong = _numbers(measured, curve % table.blocks + 1, cells)
+        if reason:
+            left.setdefault(reason, []).append((row.line, cell))
+            unusable += wrong
+        else:
             tangent = check.si(cells[check.place]) if check else 0
-            found.append({**numbers, **place, "check": tangent})
+            found.append({**numbers, "curve": curve, "line": row.line, "check": tangent})
     left_out = [_left_out(reason, lines) for reason, lines in left.items()]
-    left_out += [
-        f"Curve {block} of {table.blocks} side by side is empty in {count} of {len(rows)} rows."
-        for block, count in enumerate(ended, start=1)
-        if count
-    ]
     if len(found) < 2 or unusable > len(found):
         reason = f"{len(found)} complete rows are left; at least 2 and half of all are needed"
         raise ValueError(f"{reason}. {' '.join(left_out)} Check `columns` and `units`")
@@ -127,6 +100,22 @@ def _entries(measured: MeasuredTable) -> "pd.DataFrame":
             varied = f"the frequency varies from {low:.4g} to {high:.4g} rad/s"
             raise ValueError(f"{varied}: choose the sweep of strain by `step`")
     return entries
+
+
+def _numbers(measured: MeasuredTable, block: int, cells: list[str]) -> tuple:
+    """The numbers of a point in SI units; why it is left out; by which cell; if that is wrong."""
+    columns, blocks = measured.columns, measured.table.blocks
+    empty = sum(is_missing(cells[column.place]) for column in columns.values())
+    if empty:
+        ended = blocks > 1 and empty == len(columns)  # a curve may end above the others
+        return {}, f"an empty curve {block} of {blocks}" if ended else "a missing value", "", False
+    numbers = {name: column.si(cells[column.place]) for name, column in columns.items()}
+    for name, column in columns.items():
+        if reason := _refused(column, numbers[name]):
+            wrong = name not in ("stress", "strain")  # there is none before and after a test
+            cell = repr(cells[column.place])
+            return {}, f"{column.label}, where the {name} {reason}", cell, wrong
+    return numbers, "the time 0" * (numbers.get("time") == 0), "", False
 
 
 def _refused(column: Column, value: float) -> str | None:
@@ -148,8 +137,9 @@ def _refused(column: Column, value: float) -> str | None:
 
 
 def _left_out(reason: str, lines: list[tuple[int, str]]) -> str:
-    rows = list(dict.fromkeys(lines))
-    return f"Left out for {reason}: {len(rows)} row(s), line {_listed(rows)}."
+    rows = list(dict.fromkeys(lines))  # side by side, a row has several points
+    what = "row" if len(rows) == len(lines) else "point"
+    return f"Left out for {reason}: {len(lines)} {what}(s), line {_listed(rows)}."
 
 
 def _listed(rows: list[tuple[int, str]]) -> str:
@@ -216,8 +206,8 @@ def _deformation(measured: MeasuredTable, poisson: float | None) -> tuple[str, f
         raise ValueError(f"{labels} mix tension and shear; choose matching ones by `columns`")
     if not named and measured.shear:
         named = {"shear"}
-        reason = f"because of the column {measured.shear!r}"
-        notes.append(f"Read as shear, {reason}; otherwise pass `deformation='tension'`.")
+        reason = f"Read as shear, because of the column {measured.shear!r}"
+        notes.append(f"{reason}; otherwise pass `deformation='tension'`.")
     if not named:
         notes.append("Read as tension (Young's modulus); otherwise pass `deformation='shear'`.")
     if named != {"shear"}:
@@ -228,94 +218,6 @@ def _deformation(measured: MeasuredTable, poisson: float | None) -> tuple[str, f
     factor = 2 * (1 + poisson)
     notes.append(f"Converted from shear to tension by `poisson`: E = {factor:.6g} G.")
     return "tension", factor
-
-
-# Temperatures and isotherms.
-
-
-def one_each(temperature: Numbers | None, count: int, what: str) -> Any:
-    """Returns a temperature for each of so many files, sheets or curves; None if it is unknown."""
-    if temperature is None:
-        return [None] * count
-    kelvin = np.asarray(temperature)
-    if kelvin.shape not in ((), (count,)):
-        needed = f"one number is needed, or one for each of the {count} {what}"
-        raise ValueError(f"`temperature` has shape {kelvin.shape}; {needed}.")
-    return np.broadcast_to(kelvin, (count,))
-
-
-def _curve_temperatures(measured: MeasuredTable, entries: "pd.DataFrame", given) -> Any:
-    """[K] as given, from a column, or from titles such as "25 °C" above curves."""
-    table, curve = measured.table, entries["curve"].to_numpy()
-    if given is not None:
-        return one_each(given, table.blocks * len(table.segments), "curve(s)")[curve]
-    if "temperature" in entries:
-        return entries["temperature"]
-    found, width = [], len(table.names)
-    for segment, block in itertools.product(table.segments, range(table.blocks)):
-        rows = segment.titles
-        if table.blocks > 1:  # the last line above has a title over each block
-            cells = [row.cells[block * width : (block + 1) * width] for row in rows[-1:]]
-            rows = [Row(rows[-1].line, part) for part in cells if part]
-        found.append(temperature_above(rows))
-    if None in found:
-        return None
-    listed = ", ".join(f"{value:.2f}" for value in found)
-    measured.notes.append(f"Took the temperature from the lines above the numbers: {listed} K.")
-    return np.array(found)[curve]
-
-
-def _isotherms(entries: "pd.DataFrame", separate: bool) -> np.ndarray:
-    """Numbers of isotherms from 0, the coldest first.
-
-    An isotherm is a group of temperatures; or a curve, if these are `separate`. Without
-    temperatures the curves are isotherms if they overlap.
-    """
-    curve, abscissa = entries["curve"].to_numpy(), entries["abscissa"].to_numpy()
-    if "temperature" not in entries:
-        ends = sorted((part.min(), part.max()) for _, part in entries.groupby("curve")["abscissa"])
-        over = any(low < high for (_, high), (low, _) in itertools.pairwise(ends))
-        return np.unique(curve, return_inverse=True)[1] if separate or over else 0 * curve
-    kelvin = entries["temperature"].to_numpy()
-    if not separate:
-        isotherm = grouped(kelvin)
-        if _drift(kelvin, isotherm) <= RAMP:
-            return isotherm
-        # A slow ramp, on which each sweep is a separate isotherm.
-        steps = np.diff(np.log(abscissa), prepend=np.log(abscissa[0]))
-        curve = np.cumsum(steps * np.sign(np.median(steps)) < 0)
-    names, curve = np.unique(curve, return_inverse=True)
-    means = np.array([np.mean(kelvin[curve == i]) for i in range(len(names))])
-    if separate:  # replicates side by side, of one temperature, are one isotherm
-        return grouped(means)[curve]
-    return np.argsort(np.argsort(means, kind="stable"))[curve]
-
-
-def _drift(kelvin: np.ndarray, isotherm: np.ndarray) -> float:
-    return max(float(np.ptp(kelvin[isotherm == i])) for i in np.unique(isotherm))
-
-
-def _note_isotherms(measured: MeasuredTable, entries: "pd.DataFrame") -> None:
-    """Reports the number of isotherms; refuses temperatures that change during a sweep."""
-    notes, table = measured.notes, measured.table
-    isotherm = entries["isotherm"].to_numpy()
-    count = np.max(isotherm) + 1
-    if "temperature" not in entries:
-        if count > 1:
-            notes.append(f"{count} curves of unknown temperature; pass their `temperature`s [K].")
-        return
-    kelvin = entries["temperature"].to_numpy()
-    drift = _drift(kelvin, isotherm)
-    if drift > RAMP:
-        changes = f"the temperature changes by {drift:.3g} K within a sweep"
-        beyond = f"numbers above {len(table.names)} in `columns` choose one curve"
-        several = f"; of those side by side, {beyond}"
-        raise ValueError(f"{changes}: isotherms are needed{several if table.blocks > 1 else ''}")
-    ends = f"{np.min(kelvin):.2f} to {np.max(kelvin):.2f} K"
-    notes.append(f"{count} isotherm(s), {ends}, each constant within {drift:.2g} K.")
-    if drift > 2 * ISOTHERM_GAP:
-        drifts = f"a temperature drifts by {drift:.3g} K without a step above {ISOTHERM_GAP:g} K"
-        notes.append(f"Warning: {drifts}; these may not be isotherms.")
 
 
 # What looks wrong.

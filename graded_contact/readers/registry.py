@@ -164,7 +164,7 @@ def read(file: File, gives: str) -> Any:
     """
     find_readers()
     errors: list[Exception] = []
-    for each in [Reader("size", _is_refused, read, 0), *READERS[gives]]:
+    for each in [Reader("none", _is_refused, lambda _: None, 0), *READERS[gives]]:
         try:
             if each.knows(file):
                 return each.read(file)
@@ -174,10 +174,9 @@ def read(file: File, gives: str) -> Any:
             errors.append(error)
             if each.rank == 0:
                 break
-    for error in errors:
-        if isinstance(error, ImportError):
-            raise error
-    error = errors[-1]
+    error = next((each for each in errors if isinstance(each, ImportError)), errors[-1])
+    if isinstance(error, ImportError):
+        raise error
     reason = "its format is not known, or the file is damaged"
     if type(error).__name__ != "CannotDetectFileFormat":
         reason += " (" + " ".join(f"{type(error).__name__}: {error}".split())[:300] + ")"

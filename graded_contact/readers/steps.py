@@ -15,9 +15,8 @@ import numpy as np
 from ..materials.measured import ISOTHERM_GAP
 from .cells import Row, Sheet
 from .columns import CONSTANT, SAME, MeasuredTable, measured_table
-from .points import LIMIT
 from .registry import Options
-from .tables import Column, Table, find_tables, title_above
+from .tables import Column, Table, credible, find_tables, title_above
 from .units import SI
 
 # The whole name of a column that holds the numbers or names of steps.
@@ -172,11 +171,11 @@ def _swept(measured: MeasuredTable, steps: list[Step]) -> MeasuredTable:
 
 def _constant_runs(measured: MeasuredTable, step: Step) -> list[list[Row]]:
     """Rows of a step at one frequency: all of them, or runs that are a sweep of something else."""
-    omega = measured.columns["frequency"].numbers(step.rows)
-    credible = _credible(omega)
-    omega, rows = omega[credible], list(itertools.compress(step.rows, credible))
+    column = measured.columns["frequency"]
+    rows = [row for row in step.rows if len(column.known([row]))]
     if not rows:
         return []
+    omega = column.known(rows)
     if not _varies(omega):
         named = step.title and "freq" not in step.title.casefold().replace("é", "e")
         return [step.rows] if named or len(rows) >= FEWEST else []
@@ -200,25 +199,17 @@ def _amplitudes(measured: MeasuredTable, rows: list[Row]) -> list[tuple[str, flo
     used = {column.place for column in measured.columns.values()}
     for pattern, (place, name) in itertools.product(_AMPLITUDES, enumerate(measured.table.names)):
         if pattern.search(name) and place not in used:
-            column = Column("strain", name, place, "1", "", None, None)
-            values = np.abs(column.numbers(rows))
-            values = values[_credible(values)]
+            values = credible(np.abs(Column("strain", place).numbers(rows)))
             if len(values) and np.max(values) > WIDER * np.min(values):
                 found.append((name, float(values[0]), float(values[-1])))
     return found
 
 
 def _known(measured: MeasuredTable, quantity: str, rows: list[Row]) -> np.ndarray:
-    """The credible numbers of a quantity; a single 0 if there are none."""
+    """The numbers of a quantity; a single 0 if there are none."""
     column = measured.columns.get(quantity)
-    values = column.numbers(rows) if column else np.zeros(0)
-    values = values[_credible(values)]
+    values = column.known(rows) if column else np.zeros(0)
     return values if len(values) else np.zeros(1)
-
-
-def _credible(values: np.ndarray) -> np.ndarray:
-    """Which values a measurement can have, so that their ratios are finite; NaN is none."""
-    return (values > 1 / LIMIT) & (values < LIMIT)
 
 
 def _varies(omega: np.ndarray) -> bool:

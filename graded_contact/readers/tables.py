@@ -7,7 +7,7 @@ for each curve.
 
 import itertools
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,26 +15,33 @@ import numpy as np
 from .cells import Row, Sheet, holds_data, is_missing, is_number, stripped
 from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse_unit
 
+LIMIT = 1e100  # in SI units; of shifted frequencies and times
+
+
+def credible(values: np.ndarray) -> np.ndarray:
+    """Returns the values that a measurement can have, so that their ratios are finite."""
+    return values[(values > 1 / LIMIT) & (values < LIMIT)]
+
 
 class Column(NamedTuple):
     """A column of a table.
 
     - `quantity`: a key of `units.DIMENSIONS`.
-    - `label`: its number and name, for messages.
     - `place`: counted from 0, within a block.
-    - `unit`: one of `UNITS` of its dimension.
+    - `label`: its number and name, for messages.
+    - `unit`: one of `UNITS` of its dimension; empty if any unit does.
     - `source`: where the unit comes from.
     - `deformation`: "tension", "shear" or None, by its name.
     - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
     """
 
     quantity: str
-    label: str
     place: int
-    unit: str
-    source: str
-    deformation: str | None
-    base: str | None
+    label: str = ""
+    unit: str = ""
+    source: str = ""
+    deformation: str | None = None
+    base: str | None = None
 
     @property
     def sentence(self) -> str:
@@ -54,13 +61,17 @@ class Column(NamedTuple):
             value = np.float64(cell)
             if self.base is not None:
                 value = np.exp(value * (np.log(10) if self.base == "10" else 1))
-            offset = OFFSETS[self.unit] if self.quantity == "temperature" else 0.0
-            return float(UNITS[DIMENSIONS[self.quantity]][self.unit] * value + offset)
+            offset = OFFSETS.get(self.unit, 0.0)
+            return float(UNITS[DIMENSIONS[self.quantity]].get(self.unit, 1.0) * value + offset)
 
     def numbers(self, rows: Sequence[Row]) -> np.ndarray:
         """Returns the numbers of the first block in SI units, NaN where there is none."""
         cells = (row.cells[self.place] if self.place < len(row.cells) else "" for row in rows)
         return np.array(list(map(self.si, cells)))
+
+    def known(self, rows: Sequence[Row]) -> np.ndarray:
+        """Returns the numbers that a measurement can have."""
+        return credible(self.numbers(rows))
 
 
 class Segment(NamedTuple):
@@ -99,6 +110,14 @@ class Table(NamedTuple):
         entries, width = len(stripped(row.cells)), self.blocks * len(self.names)
         # Where spaces separate, a missing entry would move those after it.
         return entries if entries > width or (self.spaced and entries < width) else 0
+
+    def curves(self) -> Iterator[tuple[int, Row, list[str]]]:
+        """Yields each row of each block, with the number of its curve and its cells."""
+        width = len(self.names)
+        for i, segment in enumerate(self.segments):
+            for row, block in itertools.product(segment.data, range(self.blocks)):
+                cells = [*row.cells, *[""] * (self.blocks * width)]
+                yield i * self.blocks + block, row, cells[block * width :]
 
     def label(self, place: int) -> str:
         name = self.names[place]
@@ -163,11 +182,14 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
 def _headed(row: Row, units: list[str], spaced: bool) -> Table:
     """A table without rows yet, whose names may repeat: each repetition is a block."""
     names = stripped(row.cells)
-    size, below = len(names), (units + [""] * len(names))[: len(names)]
+    below = (units + [""] * len(names))[: len(names)]
     columns = list(zip(names, below, strict=True))
-    widths = (n for n in range(2, size) if size % n == 0 and columns == columns[:n] * (size // n))
-    width = next(widths, size)
-    return Table(f"line {row.line}", names[:width], below[:width], size // width, [], spaced)
+    for width in range(2, len(names)):
+        whole = columns + [("", "")] * (-len(names) % width)  # an empty column between blocks
+        blocks = len(whole) // width
+        if whole == columns[:width] * blocks:
+            return Table(f"line {row.line}", names[:width], below[:width], blocks, [], spaced)
+    return Table(f"line {row.line}", names, below, 1, [], spaced)
 
 
 def _starts(rows: list[Row], named: set[str]) -> list[int]:

@@ -243,13 +243,33 @@ def test_replicates_side_by_side_are_numbered_and_chosen_by_number(tmp_path):
     np.testing.assert_allclose(second.values, 7 * (1e6 + 1e5j) * f)
 
 
+@pytest.mark.parametrize("apart", [None, ",", ",,"])
+def test_every_point_of_three_replicates_is_used_or_left_out_with_a_reason(tmp_path, apart):
+    """Below one another, or side by side with an empty column between them or none."""
+    names = "f [Hz],G' [Pa],G'' [Pa]"
+    curves = [[f"{10 ** (k / 7):.6g},{1e5 + k},{1e4 + k}" for k in range(21)] for _ in range(3)]
+    curves[0][4], curves[0][5], curves[1][4] = "2,,3e4", "2.5,broken,3e4", "2,-1,3e4"
+    curves[1][12:], curves[2][15:] = [",,"] * 9, [",,"] * 6  # these end above the others
+    rows = [names, *curves[0], *curves[1], *curves[2]]
+    if apart is not None:
+        rows = [apart.join(3 * [names]), *map(apart.join, zip(*curves, strict=True))]
+    path = write(tmp_path, "\n".join(row for row in rows if row.strip(",")) + "\n")
+    measured = read_moduli(path, temperature=298.0)
+    total = 48 if apart is None else 63  # rows without a cell are no rows
+    if apart is not None:
+        assert f"{len(measured.abscissa)} of 63 points are used." in measured.history
+    left = [re.search(r"(\d+) (?:row|point).s., line", note) for note in measured.history]
+    assert len(measured.abscissa) == 45
+    assert 45 + sum(int(found[1]) for found in left if found) == total, measured.history
+
+
 def test_empty_places_of_a_curve_side_by_side_are_counted(tmp_path):
     text = "f (Hz),G' (Pa),G'' (Pa),f (Hz),G' (Pa),G'' (Pa)\n"
     text += "1,1e6,1e5,1,2e6,2e5\n2,1e6,1e5,2,2e6,2e5\n4,1e6,1e5,,,\n8,1e6,1e5,,,\n"
     (tmp_path / "a.csv").write_text(text)
     measured = read_moduli(tmp_path / "a.csv")
     assert len(measured.abscissa) == 6
-    assert "Curve 2 of 2 side by side is empty in 2 of 4 rows." in measured.history
+    assert "Left out for an empty curve 2 of 2: 2 row(s), line 4-5." in measured.history
     assert len(measured.isotherms()) == 2
     joined = read_moduli(tmp_path / "a.csv", temperature=298.0)  # replicates
     assert len(joined.isotherms()) == 1 and len(joined.abscissa) == 6

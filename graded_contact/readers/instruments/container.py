@@ -6,78 +6,67 @@
 
 import json
 from collections import Counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ...core.files import Refusal, check_unpacked, file_in
+from ...core.files import Refusal, file_in
 from ..registry import File, reader
 from ..scan import Scan, chosen
 from ..units import metres
 
 _MOST = 1e6  # bytes of a description
 _DESCRIPTIONS = ("index.json", "meta.yml")
-
-
-class Measurement(NamedTuple):
-    """A file in a container, and what the container says of it.
-
-    - `file`: its name in the zip.
-    - `source`: the channel in the file, or None.
-    - `size`: edge lengths in `unit`, or None.
-    - `unit`: of lengths and heights, or None.
-    - `scale`: by which the numbers of the file are to be multiplied.
-    - `periodic`: whether the surface is declared periodic.
-    """
-
-    file: str
-    source: int | None
-    size: np.ndarray | None
-    unit: str | None
-    scale: float
-    periodic: bool
+_NOTHING = (None, "", "null", "~")  # in YAML
 
 
 @reader("container", "heights", knows=lambda file: bool(_measurements(file)))
 def read_container(file: File) -> Scan:
     """Returns the measurement that `channel` names, or the only one."""
     kept = _measurements(file)
-    names = {each.file: name for name, each in kept.items()}
+    names = {part: name for name, (part, _) in kept.items()}
     channel = names.get(str(file.channel), file.channel)
     name = [*kept][chosen(channel, [*kept], "it is a container of measurements")]
-    measurement = kept[name]
-    content = file_in(file.content, measurement.file)
-    scan = file.read_part(measurement.file, content, measurement.source).part_of(name)
-    return _as_described(scan, measurement)
+    part, said = kept[name]
+    source = str(said.get("data_source"))
+    inner = int(source) if source.isdigit() else None
+    scan = file.read_part(part, file_in(file.content, part), inner).part_of(name)
+    return _as_described(scan, said)
 
 
-def _measurements(file: File) -> dict[str, Measurement]:
-    """The measurements in a zip by name; none if it is no container."""
+def _measurements(file: File) -> dict[str, tuple[str, dict[str, Any]]]:
+    """The measurements in a zip, by name: the file of each, and what is said of it.
+
+    There are none if the zip is no container.
+    """
     described = next((name for name in _DESCRIPTIONS if name in file.parts), None)
     if described is None:
         return {}
     text = file_in(file.content, described)
-    check_unpacked(len(text), _MOST)
     try:
+        if len(text) > _MOST:
+            raise ValueError(f"it has more than {_MOST:g} bytes")
         description = json.loads(text) if described.endswith("json") else _yaml(text)
         if "surfaces" not in description:
             return {}
-        found = [
-            (str(each.get("name") or name), surface.get("name"), _measurement(each, name))
-            for surface in description["surfaces"]
-            for each in surface["topographies"]
-            if (name := _file(each, file.parts))
-        ]
+        found = []
+        for surface in description["surfaces"]:
+            for each in surface["topographies"]:
+                if part := _file(each, file.parts):
+                    said = {key: value for key, value in each.items() if value not in _NOTHING}
+                    found.append((str(said.get("name", part)), surface.get("name"), part, said))
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         if described == "index.json":  # many a zip has one
             return {}
         reason = " ".join(str(error).split())[:200]
         raise Refusal(f"its {described!r} is not understood ({reason})") from error
-    uses = Counter(name for name, _, _ in found)
-    full = [f"{name} of {surface}" if uses[name] > 1 else name for name, surface, _ in found]
+    uses = Counter(name for name, *_ in found)
+    full = [f"{name} of {surface}" if uses[name] > 1 else name for name, surface, *_ in found]
     uses = Counter(full)
-    each = [measurement for _, _, measurement in found]
-    return {one.file if uses[name] > 1 else name: one for name, one in zip(full, each, strict=True)}
+    return {
+        part if uses[name] > 1 else name: (part, said)
+        for name, (*_, part, said) in zip(full, found, strict=True)
+    }
 
 
 def _yaml(text: bytes) -> Any:
@@ -104,24 +93,12 @@ def _file(entry: dict[str, Any], names: list[str]) -> str | None:
     return next((name for _, name in ordered if name in names), None)
 
 
-def _measurement(entry: dict[str, Any], file: str) -> Measurement:
-    kept = {key: value for key, value in entry.items() if value not in (None, "", "null", "~")}
-    source, size = str(kept.get("data_source")), kept.get("size")
-    return Measurement(
-        file=file,
-        source=int(source) if source.isdigit() else None,
-        size=None if size is None else np.atleast_1d(np.array(size, float)),
-        unit=None if "unit" not in kept else str(kept["unit"]),
-        scale=float(kept.get("height_scale", 1)),
-        periodic=str(kept.get("is_periodic")).lower() == "true",
-    )
-
-
-def _as_described(scan: Scan, measurement: Measurement) -> Scan:
+def _as_described(scan: Scan, entry: dict[str, Any]) -> Scan:
     """Returns the heights of a file with the size and unit of its container where it lacks them."""
     scan = scan.without_marks()
     notes = list(scan.notes)
-    scale, unit, size = measurement.scale, measurement.unit, measurement.size
+    scale, unit = float(entry.get("height_scale", 1)), entry.get("unit")
+    size = np.atleast_1d(np.array(entry["size"], float)) if "size" in entry else None
     if scan.unit is None:
         scan = scan._replace(heights=scale * scan.heights, unit=unit)
         notes += [f"Heights were multiplied by {scale:g}, as the container says."] * (scale != 1)
@@ -139,5 +116,5 @@ def _as_described(scan: Scan, measurement: Measurement) -> Scan:
         # The length of a line of n points may be n or n - 1 steps.
         if own.shape != said.shape or np.any(np.abs(said / own - 1) > 0.01 + 1 / len(scan.heights)):
             notes.append(f"The container says its size is {said} m; the file's {own} m is used.")
-    periodic = scan.periodic or measurement.periodic
+    periodic = scan.periodic or str(entry.get("is_periodic")).lower() == "true"
     return scan._replace(lateral_unit=lateral, periodic=periodic, notes=tuple(notes))

@@ -6,7 +6,7 @@ could be read in two ways is refused.
 """
 
 import contextlib
-import io
+import math
 import re
 from typing import NamedTuple
 
@@ -73,29 +73,27 @@ def _table(lines: list[str]) -> _Table:
     header = [line.strip() for line in lines[: first - 1] if line.strip()]
     body = {number: line for number, line in body.items() if number >= first}
     width = len(layout.split(body[first]))
-    ends = []
+    mark = layout.separator
+    spare = width > 1 and mark and all(line.rstrip(" ").endswith(mark) for line in body.values())
+    rows: list[list[float]] = []
+    words: dict[str, None] = {}
     for number, line in body.items():
         cells = layout.split(line)
         if len(cells) != width:
             raise Refusal(f"line {number} has {len(cells)} cells, those before it {width}")
-        ends.append(cells[-1])
-    values = _parsed(body, layout)
-    if width > 1 and not any(ends):  # a separator at the end of every line
-        values = values[:, :-1]
+        cells = cells[: width - 1] if spare else cells
+        rows.append(_numbers(line, number, cells, layout))
+        lost = [cell[:20] for cell, value in zip(cells, rows[-1], strict=True) if value != value]
+        words |= dict.fromkeys(lost)
+        if len(words) > _MOST_WORDS:
+            raise Refusal(f"line {number} contains {[*words][-1]!r}, earlier lines other words")
+    values = np.array(rows)
     if values.size < 4:
         raise Refusal("it holds no table of numbers")
     notes = [f"Read as text with {layout}."]
-    words: dict[str, None] = {}
-    lost = ~np.isfinite(values)
-    for number, missing in zip(body, lost, strict=True):
-        if np.any(missing):
-            cells = layout.split(body[number])
-            words |= dict.fromkeys(cells[i][:20] for i in np.flatnonzero(missing))
-        if len(words) > _MOST_WORDS:
-            raise Refusal(f"line {number} contains {[*words][-1]!r}, earlier lines other words")
     if words:
         notes.append(f"Missing points are written {', '.join(map(repr, words))}.")
-    return _Table(np.where(lost, np.nan, values), header, layout, notes)
+    return _Table(values, header, layout, notes)
 
 
 def _layout(lines: list[str]) -> TextLayout:
@@ -121,25 +119,20 @@ def _is_data(cells: list[str]) -> bool:
     return bool(known) and None not in map(_number, known)
 
 
-def _parsed(body: dict[int, str], layout: TextLayout) -> np.ndarray:
-    """The numbers of lines with equally many cells, by line number; NaN for words."""
-    import pandas as pd
-
-    lines = body.values()
-    if layout.separator is None:
-        lines = (" ".join(line.split()) for line in lines)
-    text = io.StringIO("\n".join(lines))
-    with contextlib.suppress(ValueError):  # some cells are words, or have marks between thousands
-        table = pd.read_csv(text, sep=layout.separator or " ", decimal=layout.decimal, header=None,
-                            index_col=False, dtype=float, skipinitialspace=True)  # fmt: skip
-        return np.ascontiguousarray(table.to_numpy())
-    rows = []
-    for number, line in body.items():
-        rows.append([_number(cell) for cell in layout.cells(line)])
-        for cell, value in zip(layout.cells(line), rows[-1], strict=True):
-            if value is None and any(character.isdigit() for character in cell):
-                raise Refusal(f"line {number} holds {cell[:40]!r}, which is no number")
-    return np.array(rows, float)  # None becomes NaN
+def _numbers(line: str, place: int, cells: list[str], layout: TextLayout) -> list[float]:
+    """The numbers in the cells of a line; NaN for words and infinities."""
+    odd = "_." if layout.decimal == "," else "_"
+    with contextlib.suppress(ValueError):  # words, and marks between thousands
+        if not any(character in line for character in odd):
+            values = [float(cell.replace(layout.decimal, ".")) for cell in cells]
+            return [value if math.isfinite(value) else math.nan for value in values]
+    values = []
+    for cell in layout.cells(line)[: len(cells)]:
+        value = _number(cell)
+        if value is None and any(character.isdigit() for character in cell):
+            raise Refusal(f"line {place} holds {cell[:40]!r}, which is no number")
+        values.append(value if value is not None and math.isfinite(value) else math.nan)
+    return values
 
 
 def _number(cell: str) -> float | None:
