@@ -98,7 +98,9 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
             part = part()
         entries = declared[name].metadata.get("entries") if name in declared else None
         if entries is not None and np.shape(part) == (len(entries),):
-            texts = (f"{_text(number)} {words}" for number, words in zip(part, entries, strict=True))
+            texts = (
+                f"{_text(number)} {words}" for number, words in zip(part, entries, strict=True)
+            )
             part = ", ".join(texts)
         if name in declared:  # paths have the names of arguments, see `parameters`
             name = declared[name].metadata.get("argument", name)

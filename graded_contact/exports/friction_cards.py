@@ -105,7 +105,9 @@ def _remarks(table: "Dataset") -> list[str]:
         ratio = table["mean_field.friction"].values / friction
         known = ratio[np.isfinite(ratio)]
         ends = f"{np.min(known):.3g} to {np.max(known):.3g}" if known.size else "not known"
-        failed = f"; it failed at {ratio.size - known.size} points" if known.size < ratio.size else ""
+        failed = (
+            f"; it failed at {ratio.size - known.size} points" if known.size < ratio.size else ""
+        )
         lines.append(f"Friction by the mean field over that of contact: {ends}{failed}")
     told = "\n".join(table.attrs.get(name, "") for name in ("conditions", "caveats"))
     return [*lines, *filter(None, told.split("\n"))]

@@ -131,7 +131,9 @@ def new_lines(waves: tuple[float, float], heated: bool) -> dict[str, Lines]:
         Lines("contact_area", area, v, "A/A₀ [%]", ORANGE, (1, 0.01)),
     )
     for line in lines[:2]:  # two or three decades
-        line.figure.xaxis.ticker = bokeh.FixedTicker(ticks=log_ticks(waves[0] / wave, waves[1] / wave))
+        line.figure.xaxis.ticker = bokeh.FixedTicker(
+            ticks=log_ticks(waves[0] / wave, waves[1] / wave)
+        )
         line.figure.xaxis.formatter = bokeh.BasicTickFormatter()
     return {line.name: line for line in lines}
 

@@ -230,7 +230,7 @@ def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, A
 @eqx.filter_jit
 def _curves(scenery, numbers, waves, speeds):
     stack, _, rough, pressure, velocity, others = _at(scenery, numbers)
-    others = others | {"heating": None}  # it takes many mean fields for each
+    others: dict[str, Any] = others | {"heating": None}  # it takes many mean fields for each
     speed, graded_solver = direction_and_speed(velocity)[1], scenery.numerics.graded_solver
     modulus = effective_modulus(stack, waves, waves * speed, graded_solver=graded_solver)
 

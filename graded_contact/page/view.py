@@ -166,7 +166,7 @@ class Page(pn.viewable.Viewer):
             _heading("Your topography"),
             pn.Row(options["unit"], options["size"], **WIDE), options["periodic"],
             dropper(topography),
-            _heading("Unit, length and edges also act on the last file: drop it once."),
+            _heading("Unit, length and edges also apply to the file that you dropped last."),
             _heading(f"At most {LARGEST_DROP} MB; stored in {self.session.folder.name}"),
         ]  # fmt: skip
         return tab

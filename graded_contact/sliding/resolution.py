@@ -89,9 +89,7 @@ def _halved(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 @eqx.filter_jit
-def _heights(
-    heights: Array, halved: tuple[int, ...], window: bool
-) -> tuple[Array, Array, Array]:
+def _heights(heights: Array, halved: tuple[int, ...], window: bool) -> tuple[Array, Array, Array]:
     """The heights on half the grid, those without the waves it lacks, and their share."""
     if window:
         return _means(heights, halved), heights, jnp.zeros(())

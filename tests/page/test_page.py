@@ -21,8 +21,8 @@ from graded_contact.scenes.scene import read_scene
 
 pytest.importorskip("panel")
 from graded_contact.page import widgets
-from graded_contact.page.figures import log_ticks
 from graded_contact.page.downloads import Shown, to_csv, to_hdf5
+from graded_contact.page.figures import log_ticks
 from graded_contact.page.view import Page
 
 SECONDS = 600  # of a compilation

@@ -41,13 +41,17 @@ def test_the_estimate_solves_the_equations_of_both_directions():
         pairs = ((kx, part), (ky, 1 - part))
         return [np.mean((cube - k) / (k + lk * (cube - k))) for k, lk in pairs]
 
-    wanted = np.exp(fsolve(off, np.log(found.estimate / np.max(gap) ** 3) + [0.2, -0.1], xtol=1e-13))
+    wanted = np.exp(
+        fsolve(off, np.log(found.estimate / np.max(gap) ** 3) + np.array([0.2, -0.1]), xtol=1e-13)
+    )
     np.testing.assert_allclose(found.estimate, wanted * np.max(gap) ** 3, rtol=1e-8)
     assert found.estimate[1] > 1.3 * found.estimate[0]
     assert found.conductance[1] > 1.3 * found.conductance[0]
     printed = " ".join(str(found).split())
     number = f"{float(found.conductance[0]):.6g}"
-    assert f"conductance [m³] {number} along x, " in printed and "True along x, True along" in printed
+    assert (
+        f"conductance [m³] {number} along x, " in printed and "True along x, True along" in printed
+    )
 
 
 def test_checkerboard_conducts_as_the_geometric_mean():
