@@ -236,31 +236,35 @@ def show_first(row, step, *arguments):
 FEATURES = ("slide", "grad", "value_and_grad", "hessian", "checkpoint", "vmap over 4 seeds")
 
 
+WRAPPED = {"open": lambda step: step, "gc.jit": gc.jit, "jax.jit": jax.jit}
+
+
 def features(n=32):
     """Seconds of the first call of features of JAX, in the open, in `gc.jit` and in `jax.jit`."""
-    for _, start in in_processes("features_of", FEATURES, n=n):
+    choices = [f"{feature} in {way}" for feature in FEATURES for way in WRAPPED]
+    for _, start in in_processes("features_of", choices, n=n):
         start()
 
 
-def features_of(feature, n=32):
-    """The same of one feature, in this process; each way compiles afresh."""
-    stack = bodies()["tread+coat"]
+def features_of(choice, n=32):
+    """The same of one feature in one way, in this process."""
+    feature, way = choice.split(" in ")
+    stack, draw = bodies()["tread+coat"], rough_surface.__wrapped__  # seeds may be traced
 
     def friction(thickness, seed=0):
-        surface = rough_surface(n, seed)
+        surface = draw(n, seed)
         block = gc.with_values(stack, {"layers[0].thickness": thickness})
         s = gc.slide(block, surface, pressure=0.1, velocity=SPEED, throw=False)
         return s.friction
 
-    thickness = jnp.asarray(stack.layers[0].thickness)
     step = {
-        "slide": friction, "grad": jax.grad(friction), "value_and_grad": jax.value_and_grad(friction),
+        "slide": friction, "grad": jax.grad(friction),
+        "value_and_grad": jax.value_and_grad(friction),
         "hessian": jax.hessian(friction), "checkpoint": jax.grad(jax.checkpoint(friction)),
         "vmap over 4 seeds": lambda d: jax.vmap(lambda seed: friction(d, seed))(jnp.arange(4)),
     }[feature]  # fmt: skip
-    for way, wrapped in (("open", step), ("gc.jit", gc.jit(step)), ("jax.jit", jax.jit(step))):
-        jax.clear_caches()
-        show_first({"N": n, "feature": feature, "in": way}, wrapped, thickness)
+    thickness = jnp.asarray(stack.layers[0].thickness)
+    show_first({"N": n, "feature": feature, "in": way}, WRAPPED[way](step), thickness)
 
 
 def largest(size=8192, velocity=0.1, loads=(0.1,)):

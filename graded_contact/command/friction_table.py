@@ -13,6 +13,7 @@ from ..core.checks import check_values
 from ..exports.friction_cards import export_friction
 from ..mean_field.diffusion import Correction
 from ..page.document import described
+from ..plot.words import kelvin
 from ..scenes.run_scene import build_surface, run_scene
 from ..scenes.scene import Scene, read_scene, refuse_liquids, refuse_tables
 from ..scenes.schema import parse_toml
@@ -64,16 +65,12 @@ def table(
     """
     given = zip(OPTIONS, (num_wavenumbers, num_angles, correction, rtol), strict=True)
     options: dict[str, Any] = {name: value for name, value in given if value is not None}
-    with terminal.refusing(_with_options), interruptible() as interruption:
-        if method == "contact":
-            for name in options:
-                raise ValueError(f"`{name}` is an option of the mean field: add --method both.")
+    with terminal.refusing(), interruptible() as interruption:
+        if options and method == "contact":
+            name = _with_options(f"`{next(iter(options))}`")
+            raise ValueError(f"{name} is an option of the mean field: add --method both.")
         scene = read_scene(scene_file)
-        refuse_tables(scene, "A table of friction", "motion")
-        for axis in scene.axes:
-            if axis not in ("temperature", "pressure", "velocity"):
-                raise ValueError(f"{scene_file}: a table of friction has no axis `{axis}`.")
-        check_values("velocity", scene.velocity, "a speed [m/s] is not negative", at_least=0)
+        _check(scene)
         folder, name = terminal.place_of(scene, scene_file, output)
         stem = terminal.checked_place(folder, f"{name}-friction")
         files = {form: Path(f"{stem}.{form}") for form in ("inp", "csv", "h5")}
@@ -103,6 +100,15 @@ def table(
             typer.echo(f"wrote {files[form]}")
         if "mean_field.message" in found and np.any(found["mean_field.message"] != ""):
             _say_failures(found, "mean_field", "mean_field.message")
+
+
+def _check(scene: Scene) -> None:
+    """Raises `ValueError` for a scene that is no table."""
+    refuse_tables(scene, "A table of friction", "motion")
+    for axis in scene.axes:
+        if axis not in ("temperature", "pressure", "velocity"):
+            raise ValueError(f"A table of friction has no axis `{axis}`.")
+    check_values("velocity", scene.velocity, "a speed [m/s] is not negative", at_least=0)
 
 
 def _with_options(message: str) -> str:
@@ -135,15 +141,20 @@ def _mean_field(
     names = ("graded_solver", "strain_per_slope", "shear", "heating")
     given = {name: getattr(scene, name) for name in names} | options
     warm = None if scene.temperature is None else np.atleast_1d(scene.temperature)
-    with terminal.progress(interruption) as advance:
-        found = friction_table(
-            scene.stack, roughness_of(scene, surface), pressure=scene.pressure,
-            velocity=scene.velocity, temperature=warm, direction=scene.direction,
-            method="mean_field", mean_field_options=given, errors=errors_of_stack(scene),
-            progress=partial(advance, "mean field"),
-        )  # fmt: skip
+    try:
+        with terminal.progress(interruption) as advance:
+            found = friction_table(
+                scene.stack, roughness_of(scene, surface), pressure=scene.pressure,
+                velocity=scene.velocity, temperature=warm, direction=scene.direction,
+                method="mean_field", mean_field_options=given, errors=errors_of_stack(scene),
+                progress=partial(advance, "mean field"),
+            )  # fmt: skip
+    except ValueError as error:
+        raise ValueError(_with_options(str(error))) from error
     if interruption.signal is not None:
         raise typer.Exit(interruption.exit_code)
+    if np.ndim(scene.temperature) == 0 and "temperature" in found.dims:  # no axis of the scene
+        found = found.isel(temperature=0, drop=True)
     return found.assign_attrs(title=scene.title, scene=scene.text)
 
 
@@ -151,19 +162,29 @@ def _conditions(scene: Scene, surface: Surface) -> str:
     """What a table holds for, in lines."""
     thickness = [float(layer.thickness) for layer in scene.stack.layers]
     points = " x ".join(map(str, surface.grid.shape))
+    warm = [] if np.ndim(scene.temperature) else [f"Temperature: {_temperature(scene)}"]
     return "\n".join([
         f"Block: {described(parse_toml(scene.text), thickness)}",
         f"Surface: {points} points, {size_of(surface)}",
+        *warm,
         conditions(scene.direction, scene.shear, scene.heating),
     ])  # fmt: skip
+
+
+def _temperature(scene: Scene) -> str:
+    if scene.temperature is None:
+        return "that of the materials as they are written"
+    return kelvin(float(scene.temperature))
 
 
 def _say_failures(found: "Dataset", method: Method, messages: str = "message") -> None:
     """Prints that points failed by one method, why, and what the other method offers."""
     by = "mean_field" if method == "mean_field" else "contact"
     reasons = found[messages].values[found[messages].values != ""]
-    count = f"{reasons.size} of {found[messages].size} points failed by {WAYS[by][0]}"
-    text = f"{count}. The first: {_with_options(reasons.flat[0].removeprefix(FAILED))}"
+    reason = reasons.flat[0].removeprefix(FAILED)
+    reason = _with_options(reason) if by == "mean_field" else reason
+    text = f"{reasons.size} of {found[messages].size} points failed by {WAYS[by][0]}. The first: "
+    text += reason
     if messages == "message":
         text += f"\nNo card is written. {WAYS[by][1]}."
     typer.secho(text, fg="red", err=True)

@@ -33,7 +33,7 @@ Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="Folder for the results.", show_default=False)
 ]
 Replace = Annotated[
-    bool, typer.Option("--replace", help="Replace an earlier result, also one of another scene.")
+    bool, typer.Option("--replace", help="Replace earlier results, also those of another scene.")
 ]
 DryRun = Annotated[bool, typer.Option(
     "--dry-run", help="Print block, surface, loads and cost, then exit."
@@ -88,7 +88,7 @@ def checked_place(folder: Path | str, name: str) -> Path:
 def end_if_interrupted(interruption: Interruption) -> None:
     """Ends a command that stores its solves with the exit code of a signal, if one has come."""
     if interruption.signal is not None:
-        typer.echo("Interrupted: the same command continues.", err=True)
+        typer.echo("Interrupted: run the same command again to continue.", err=True)
         raise typer.Exit(interruption.exit_code)
 
 

@@ -96,12 +96,10 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
             continue
         if name not in fields and callable(part):
             part = part()
-        entries = declared[name].metadata.get("entries") if name in declared else None
-        if entries is not None and np.shape(part) == (len(entries),):
-            texts = (
-                f"{_text(number)} {words}" for number, words in zip(part, entries, strict=True)
-            )
-            part = ", ".join(texts)
+        array: Any = part
+        words = declared[name].metadata.get("entries", ()) if name in declared else ()
+        if words and np.shape(array) == (len(words),):
+            part = ", ".join(f"{_text(n)} {of}" for n, of in zip(array, words, strict=True))
         if name in declared:  # paths have the names of arguments, see `parameters`
             name = declared[name].metadata.get("argument", name)
         owner = type(value).__name__

@@ -127,7 +127,7 @@ RULES = (
          "contact."),
     Rule("compression", SQUEEZED,
          "The body moved into the layers by {worst:.0%} of their thickness above the rigid base. "
-         f"The model assumes small strains: from 20% on the neglected terms exceed {LIMIT:.0%}."),
+         f"The model assumes small strains: above 20% the neglected terms exceed {LIMIT:.0%}."),
     Rule("unmeasured_friction", LIMIT, _unmeasured("friction arises")),
     Rule("unmeasured_area", LIMIT, _unmeasured("contact area lies")),
     Rule("rim_load", RIM,

@@ -71,7 +71,7 @@ def open_document(path: Path | None) -> Document:
         name, folder, text = path.name, path.absolute().parent, read_utf8(path, at_most=MOST_BYTES)
     with within(f"{name}:"):
         scene = parse_scene(text, folder)
-        refuse_tables(scene, "The page", "motion", "shear", "heating")
+        refuse_tables(scene, "The page", "motion")
         if not np.any(scene.velocity):
             raise ValueError("[load] `velocity` is 0. The page needs a velocity above 0.")
     moving = np.sort(np.abs(scene.velocity[scene.velocity != 0]))

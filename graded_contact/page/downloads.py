@@ -33,7 +33,9 @@ def to_csv(shown: Shown) -> bytes:
     """Returns the curves, side by side, with their units in the heading."""
     curves = shown.curves
     tables = [curves.drop_dims(other).to_dataframe().reset_index() for other in ("speed", "q")]
-    titles = {name: name + in_brackets(curves[name].attrs["units"]) for name in curves.variables}
+    titles = {
+        name: str(name) + in_brackets(curves[name].attrs["units"]) for name in curves.variables
+    }
     return pd.concat(tables, axis=1).rename(columns=titles).to_csv(index=False).encode()
 
 

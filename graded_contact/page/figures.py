@@ -86,10 +86,13 @@ class Lines:
         self.name, self._scale = name, scale
         ordinate: Any = {"y_axis_type": "log"} if log else {"y_range": bokeh.DataRange1d(start=0)}
         self.figure = _new_figure(title, x, y, x_axis_type="log", **ordinate)
-        self._line, self._pinned, self._point = (_new_source("x", "y") for _ in range(3))
+        self._line, self._pinned = (_new_source("x", "y") for _ in range(2))
+        self._point = _new_source("x", "y", "low", "high")
         self.figure.line("x", "y", source=self._pinned, color=GREY, line_dash=(5, 4), line_width=2)
         self.figure.line("x", "y", source=self._line, color=colour, line_width=2.2)
         style = {"fill_color": colour, "line_color": "white"}
+        bar = {"x0": "x", "x1": "x", "y0": "low", "y1": "high"}
+        self.figure.segment(source=self._point, color=colour, line_width=2, **bar)
         self.figure.scatter("x", "y", source=self._point, size=9, **style)
 
     def show(self, curves: xr.Dataset, pinned: xr.Dataset | None) -> None:
@@ -101,32 +104,54 @@ class Lines:
                 x, y = curve[curve.dims[0]].values, curve.values
             _send(source, x=x / self._scale[0], y=y / self._scale[1])
 
-    def mark(self, x: float, y: float) -> None:
-        """Moves the point to an abscissa and an ordinate [SI]."""
-        _send(self._point, x=[x / self._scale[0]], y=[y / self._scale[1]])
+    def mark(self, x: float, y: float, error: float) -> None:
+        """Moves the point to an abscissa, and an ordinate with a bar of its error [SI]."""
+        ends = {"y": y, "low": y - error, "high": y + error}
+        ends = {name: [end / self._scale[1]] for name, end in ends.items()}
+        _send(self._point, x=[x / self._scale[0]], **ends)
 
 
-def new_lines(highest: float) -> dict[str, Lines]:
-    """Returns the figures of the curves of `Model.curves`, by name, up to a wavenumber [rad/m]."""
+def new_lines(waves: tuple[float, float], heated: bool) -> dict[str, Lines]:
+    """Returns the figures of the curves of `Model.curves`, by name.
+
+    **Arguments:**
+
+    - `waves`: lowest and highest wavenumber [rad/m].
+    - `heated`: whether the contact has the heat of friction, which the curves leave out.
+    """
     units = {1e3: "rad/mm", 1e6: "rad/µm", 1e9: "rad/nm"}
-    wave = max((unit for unit in units if unit <= highest), default=1e3)
+    wave = max((unit for unit in units if unit <= waves[1]), default=1e3)
     q, v = f"wavenumber q [{units[wave]}]", "velocity [m/s]"
-    friction, area = "Friction: mean field, • contact", "Contact area: mean field, • contact"
+    theory = "mean field without heat" if heated else "mean field"
+    friction, area = f"Friction: {theory}, • contact", f"Contact area: {theory}, • contact"
     lines = (
         Lines("modulus", "Composite modulus", q, "|E| [MPa]", GREEN, (wave, 1e6), log=True),
         Lines("loss_tangent", "Composite loss tangent", q, "tan δ", GREEN, (wave, 1)),
         Lines("friction", friction, v, "μ", BLUE, (1, 1)),
         Lines("contact_area", area, v, "A/A₀ [%]", ORANGE, (1, 0.01)),
     )
+    for line in lines[:2]:  # two or three decades
+        line.figure.xaxis.ticker = bokeh.FixedTicker(
+            ticks=log_ticks(waves[0] / wave, waves[1] / wave)
+        )
+        line.figure.xaxis.formatter = bokeh.BasicTickFormatter()
     return {line.name: line for line in lines}
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Returns numbers for the labels of a logarithmic axis: three, two or one for each decade."""
+    decades = np.log10(high / low)
+    each = (1, 2, 5) if decades <= 2.5 else (1, 3) if decades <= 4 else (1,)
+    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    return [float(f"{k}e{power}") for power in powers for k in each]
 
 
 class Bars:
     """The change by a step of each knob."""
 
-    def __init__(self, knobs: Sequence[Knob]):
+    def __init__(self, knobs: Sequence[Knob], heated: bool):
         self._factors = factors = bokeh.FactorRange(range_padding=0.05)
-        title = "Change by a step of each slider"
+        title = "Change by a step of each slider" + (" (not with heat)" if heated else "")
         self.figure = new = _new_figure(title, "change [%]", "", y_range=factors, height=260)
         new.yaxis.axis_label = None
         new.yaxis.major_label_text_font_size = "10px" if len(knobs) < 13 else "9px"

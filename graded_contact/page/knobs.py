@@ -33,6 +33,21 @@ PAGE_UNITS = {
     "thickness": ("µm", 1e6), "modulus": ("MPa", 1e-6), "poisson": ("1", 1.0),
     "pressure": ("kPa", 1e-3), "velocity": ("m/s", 1.0), "temperature": ("K", 1.0),
     "rms_height": ("µm", 1e6), "rms_slope": ("1", 1.0), "hurst": ("1", 1.0),
+    "stress": ("kPa", 1e-3), "steepness": ("1", 1.0),
+    "conductivity": ("W/(m K)", 1.0), "diffusivity": ("mm²/s", 1e6),
+}  # fmt: skip
+# Fields of a law of shear, and of heating: labels and quantities of their knobs.
+PARTS = {
+    "shear": {
+        "stress": ("shear stress", "stress"), "peak": ("largest shear stress", "stress"),
+        "velocity": ("velocity of the peak of shear", "velocity"),
+        "steepness": ("steepness of the peak of shear", "steepness"),
+    },
+    "heating": {
+        "conductivity": ("conductivity of the block", "conductivity"),
+        "diffusivity": ("diffusivity of the block", "diffusivity"),
+        "counterface_conductivity": ("conductivity of the counterface", "conductivity"),
+    },
 }  # fmt: skip
 LINEAR_STEPS = {"poisson": 0.01, "hurst": 0.01, "temperature": 1.0}  # others: 1 %
 
@@ -136,6 +151,7 @@ def knobs_of(document: Document, scene: Scene, surface: Surface) -> tuple[Knob, 
         *thicknesses,
         *_of_materials(document.content, scene.stack),
         *_roughness(scene, surface),
+        *_parts(scene),
     )
 
 
@@ -227,6 +243,22 @@ def _roughness(scene: Scene, surface: Surface) -> Iterator[Knob]:
     yield _wide(Target("amplitude"), label, which, amplitude, ("surface", which))
     low, key = min(0.3, hurst), ("surface", "hurst")
     yield Knob(Target("hurst"), "Hurst exponent", "hurst", hurst, low, 1.0, key)
+
+
+def _parts(scene: Scene) -> Iterator[Knob]:
+    """Numbers of shear and heating that are not 0; a conductivity of each layer has no knob."""
+    for kind, fields in PARTS.items():
+        for name, (label, quantity) in fields.items():
+            value = np.asarray(getattr(getattr(scene, kind), name, 0.0))
+            if value.ndim == 0 and value > 0:
+                yield _wide(Target(kind, (name,)), label, quantity, float(value), (kind, name))
+
+
+def changed_part(part: Any, kind: str, targets: Sequence[Target], numbers: Any) -> Any:
+    """Returns the law of shear, or the heating, with its knobs at other values [SI]."""
+    pairs = zip(targets, numbers, strict=True)
+    values = {target.paths[0]: number for target, number in pairs if target.kind == kind}
+    return with_values(part, values) if values else part
 
 
 def changed_stack(

@@ -27,12 +27,14 @@ from ..scenes.run_scene import build_surface
 from ..scenes.scene import refuse_liquids
 from ..scenes.surface_source import RandomSurface
 from ..sliding.case import Case
+from ..sliding.heating import Heating
 from ..sliding.numerics import Numerics
 from ..sliding.result import Sliding
+from ..sliding.shear import AbstractShear
 from ..surfaces.statistics import radial_spectrum, statistics
 from ..surfaces.surface import Surface
 from .document import Document, described
-from .knobs import Target, changed_document, changed_stack, knobs_of
+from .knobs import PARTS, Target, changed_document, changed_part, changed_stack, knobs_of
 
 PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
 NUM_SPEEDS, NUM_WAVES = 25, 80
@@ -46,6 +48,9 @@ class Scenery(eqx.Module):
     spectrum: tuple[Array, Array] | None
     rms_height: Float[Array, ""]
     random: RandomSurface | None
+    shear: AbstractShear | None
+    heating: Heating | None
+    temperature: Float[Array, ""] | None
     targets: tuple[Target, ...] = eqx.field(static=True)
     direction: float = eqx.field(static=True)
     law: AbstractLaw
@@ -74,7 +79,7 @@ class Model:
 
     - `document`, `scene`, `surface`: as opened.
     - `knobs`: see `knobs_of`.
-    - `highest`: wavenumber of the roughness [rad/m].
+    - `waves`: lowest and highest wavenumber of the roughness [rad/m].
     """
 
     def __init__(self, document: Document):
@@ -90,13 +95,15 @@ class Model:
             stack=self.scene.stack, surface=surface, spectrum=spectrum, random=random,
             rms_height=statistics(surface).rms_height, direction=self.scene.direction,
             targets=tuple(knob.target for knob in self.knobs), law=self.scene.contact_law,
+            shear=self.scene.shear, heating=self.scene.heating,
+            temperature=None if (at := self.scene.temperature) is None else jnp.asarray(at),
             numerics=dataclasses.replace(self.scene.numerics, rtol=PAGE_RTOL),
         )  # fmt: skip
         self._speeds = jnp.geomspace(*document.speeds, NUM_SPEEDS)
         grid = surface.grid
         highest = np.pi / np.max(grid.spacing) if random is None else random.spectrum.q_high
-        self.highest = float(highest)
-        self._waves = jnp.geomspace(2 * np.pi / np.max(grid.size), self.highest, NUM_WAVES)
+        self.waves = float(2 * np.pi / np.max(grid.size)), float(highest)
+        self._waves = jnp.geomspace(*self.waves, NUM_WAVES)
         self._start = jnp.zeros_like(surface.heights) + self.values[0]
         self._last: Any = ((), None)
 
@@ -148,7 +155,13 @@ class Model:
         return self._last[1]
 
     def derivatives(self, values: Sequence[float]) -> Derivatives:
-        """Returns the change by a step of each knob, at `values` [SI]."""
+        """Returns the change by a step of each knob, at `values` [SI].
+
+        NaN with the heat of friction, where they would take minutes.
+        """
+        if self.scene.heating is not None:
+            unknown = np.full(len(values), np.nan)
+            return Derivatives(unknown, unknown)
         last, contact = self._last
         if last != tuple(values):
             contact = self.contact(values)
@@ -188,8 +201,9 @@ class Model:
 
 @derivative_apart
 @jit
-def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, Any]:
-    """Block, surface, its spectrum, pressure and velocity with knobs at `numbers`."""
+def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, Any, dict]:
+    """Block, surface, its spectrum, pressure, velocity, and other fields of the case, with knobs
+    at `numbers`."""
     kinds = (target.kind for target in scenery.targets)
     by_kind = dict(zip(kinds, numbers, strict=True))
     surface, spectrum = scenery.surface, scenery.spectrum
@@ -209,19 +223,23 @@ def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, A
     stack = changed_stack(scenery.stack, scenery.targets, numbers)
     # The spectrum of a profile is not that of a surface: the mean field sums its modes.
     rough = surface if surface.grid.ndim == 1 else spectrum
-    return stack, surface, rough, by_kind["pressure"], velocity
+    others = {"temperature": by_kind.get("temperature", scenery.temperature)}
+    for kind in PARTS:
+        others[kind] = changed_part(getattr(scenery, kind), kind, scenery.targets, numbers)
+    return stack, surface, rough, by_kind["pressure"], velocity, others
 
 
 @eqx.filter_jit
 def _curves(scenery, numbers, waves, speeds):
-    stack, _, rough, pressure, velocity = _at(scenery, numbers)
+    stack, _, rough, pressure, velocity, others = _at(scenery, numbers)
+    others: dict[str, Any] = others | {"heating": None}  # it takes many mean fields for each
     speed, graded_solver = direction_and_speed(velocity)[1], scenery.numerics.graded_solver
     modulus = effective_modulus(stack, waves, waves * speed, graded_solver=graded_solver)
 
     def at(speed):
         field = mean_field_friction(
             stack, rough, pressure=pressure, velocity=speed, graded_solver=graded_solver,
-            throw=False,
+            throw=False, **others,
         )  # fmt: skip
         return field.friction, field.contact_area
 
@@ -231,8 +249,8 @@ def _curves(scenery, numbers, waves, speeds):
 
 # Not in one `jit`: what does not depend on the block is compiled once for all blocks.
 def _slide(scenery, numbers, start, solution=None):
-    stack, surface, _, pressure, velocity = _at(scenery, numbers)
+    stack, surface, _, pressure, velocity, others = _at(scenery, numbers)
     load = {"pressure": pressure, "velocity": velocity, "law": scenery.law}
-    case = Case(stack=stack, surface=surface, **load)
+    case = Case(stack=stack, surface=surface, **load, **others)
     found = case.solve(scenery.numerics, start=start, solution=solution)
     return cast(Sliding, found), surface.heights

@@ -166,7 +166,7 @@ class Page(pn.viewable.Viewer):
             _heading("Your topography"),
             pn.Row(options["unit"], options["size"], **WIDE), options["periodic"],
             dropper(topography),
-            _heading("Unit, length and edges also act on the last file: drop it once."),
+            _heading("Unit, length and edges also apply to the file that you dropped last."),
             _heading(f"At most {LARGEST_DROP} MB; stored in {self.session.folder.name}"),
         ]  # fmt: skip
         return tab
@@ -198,7 +198,8 @@ class Page(pn.viewable.Viewer):
             slider.param.watch(lambda event, set_value=set_value: set_value(event.new), "value")
             slider.param.watch(lambda event: self.session.show_message(event.new), "refusal")
         self._knobs[:] = self.sliders
-        self._lines, self._bars = new_lines(model.highest), Bars(model.knobs)
+        heated = model.scene.heating is not None
+        self._lines, self._bars = new_lines(model.waves, heated), Bars(model.knobs, heated)
         self._block, self._map = BlockPicture(), Map(model.size)
         lines, chart = self._lines, pn.Column(self._field, _drawn(self._map.figure), **WIDE)
         chart.styles = _flex("0 1 480px")
@@ -255,8 +256,9 @@ class Page(pn.viewable.Viewer):
             return
         self._show_map()
         sliding, velocity = contact.sliding, contact.velocity
-        self._lines["friction"].mark(velocity, float(sliding.friction))
-        self._lines["contact_area"].mark(velocity, float(sliding.contact_area))
+        for name in ("friction", "contact_area"):
+            number, error = (float(getattr(sliding, n)) for n in (name, f"{name}_error"))
+            self._lines[name].mark(velocity, number, error)
         content, thickness = shown.model.document.content, shown.model.thickness(shown.values)
         names = [
             f"{tables.layer_name(layer)}, {with_unit(depth, 'm')}"
@@ -306,13 +308,17 @@ def _headline(shown: Shown | None, pinned: Shown | None) -> str:
             "contact area A/A₀ [%]",
             lambda area: with_error(100 * area, 100 * float(now.contact_area_error)),
         ),
-        "mean_gap": ("mean gap", lambda gap: with_unit(gap, "m")),
-        "error": ("error of the pressure", lambda error: f"{error:.0e}"),
+        "mean_gap": (
+            "mean gap",
+            lambda gap: " ± ".join(with_unit(n, "m") for n in (gap, float(now.mean_gap_error))),
+        ),
     }
+    if now.heated is not None:
+        cells["surface_rise"] = ("contact above bulk", lambda rise: f"{rise:.3g} K")
     text = f'<div class="title">{html.escape(shown.model.title(shown.values))}</div>'
     for name, (words, spelt) in cells.items():
         number, change = float(getattr(now, name)), ""
-        if before is not None and name != "error" and (old := float(getattr(before, name))):
+        if before is not None and (old := float(getattr(before, name))):
             change = f"<i>{100 * (number / old - 1):+.3g} % from pinned</i>"
         text += f"<div><span>{words}</span><b>{spelt(number)}</b>{change}</div>"
     return f'<div class="head">{text}</div>'

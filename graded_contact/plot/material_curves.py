@@ -118,5 +118,5 @@ def plot_sensitivity(
             axes.semilogx(curve.omega, values, color=COLOURS[i % len(COLOURS)], label=label)
         axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
         axes.set(xlabel=r"angular frequency $\omega$ [rad/s]", title=title)
-    panels[0].set_ylabel(f"relative change of the {of} per that of\nthe modulus and decade")
+    panels[0].set_ylabel(f"relative change of the {of} over that of\nthe moduli of a decade")
     return figure

@@ -116,8 +116,8 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
         labels += [name] * len(lines.each)
         if (axes := _axes_of(lines)) != expected:
             raise ValueError(
-                f"{name!r} varies {axes}, and {names[0]!r} {expected}: results over the same axes, "
-                "in the same units, can be compared."
+                f"{name!r} varies {axes}, and {names[0]!r} varies {expected}. Compare results over "
+                "the same axes, in the same units."
             )
     # All lines together: dashes stand for the same numbers in every result.
     surfaces = max(lines.surfaces for lines in every)
@@ -239,7 +239,7 @@ def _drawn(
 
 
 def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: Any) -> None:
-    """Draws a line, its error over seeds as a band, that by materials as bars, and the states."""
+    """Draws a line, a band of its error over seeds, bars of that by materials, and the states."""
     x, values, state = (line[name].values for name in ("x", quantity, "state"))
     axes.plot(x, values, color=colour, **options)
     if quantity + SEED_ERROR in line:

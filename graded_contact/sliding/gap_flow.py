@@ -15,9 +15,9 @@ C. Yang, J. Phys.: Condens. Matter 20 (2008) 315011, doi:10.1088/0953-8984/20/31
 medium of an isotropic gap).
 
 The estimate of an anisotropic gap is that of ellipses, each with its own u³, in a medium with Kx
-and Ky. Their axes along x and y have the ratio γ of the rms slopes of the gap along y and along x. In
-coordinates that make the medium isotropic they have the depolarisation factors Lx = s/(γ + s),
-s² = Kx/Ky, and Ly = 1 - Lx. On average they do not disturb the flow:
+and Ky. Their axes along x and y have the ratio γ of the rms slopes of the gap along y and along x.
+In coordinates that make the medium isotropic they have the depolarisation factors
+Lx = s/(γ + s), s² = Kx/Ky, and Ly = 1 - Lx. On average they do not disturb the flow:
 
     ⟨(u³ - Ki)/(Ki + Li (u³ - Ki))⟩ = 0,   i = x, y.
 

@@ -16,7 +16,7 @@ import threading
 from collections.abc import Iterator
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-LATER = "Stopping after this step; what is finished is kept. Once more stops at once.\n"
+LATER = "Stopping after this step. Finished steps are kept; Ctrl-C again stops at once.\n"
 
 
 class Interruption:

@@ -232,7 +232,7 @@ def test_an_interrupted_run_names_what_was_not_started_and_goes_on(
     result = rerun()
     assert result.exit_code == 130, result.output
     assert "1 of 2 solves were not started" in result.stderr and "converge" not in result.output
-    assert "the same command continues" in result.stderr
+    assert "run the same command again" in result.stderr
     told = command("info", tmp_path / "out" / "small.h5")
     for text in (result.stdout, told.stdout):
         assert text.count("not started") == 1

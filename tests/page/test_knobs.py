@@ -174,8 +174,10 @@ def test_the_page_opens_the_scene_of_the_demo():
 def test_a_scene_that_the_page_does_not_take_is_refused(opened):
     with pytest.raises(ValueError, match=r"scene.toml: \[load\] `velocity` is 0"):
         opened(changed("velocity = [0.01, 1.0]", "velocity = 0.0"))
-    with pytest.raises(ValueError, match=r"scene.toml: The page does not take the table \[shear\]"):
-        opened(TEXT + '\n[shear]\nkind = "constant"\nstress = 1e5\n')
+    with pytest.raises(
+        ValueError, match=r"scene.toml: The page does not take the table \[motion\]"
+    ):
+        opened(TEXT + '\n[motion]\nkind = "sinusoidal"\nstroke = 1e-4\nfrequency = 1.0\n')
 
 
 def test_a_topography_needs_its_unit_and_its_size(opened, tmp_path):

@@ -22,6 +22,7 @@ from graded_contact.scenes.scene import read_scene
 pytest.importorskip("panel")
 from graded_contact.page import widgets
 from graded_contact.page.downloads import Shown, to_csv, to_hdf5
+from graded_contact.page.figures import log_ticks
 from graded_contact.page.view import Page
 
 SECONDS = 600  # of a compilation
@@ -61,6 +62,48 @@ def test_the_curves_of_a_page_are_those_of_the_package(model):
     q = curves.q.values
     modulus = gc.effective_modulus(model.scene.stack, q, q * model.values[1])
     np.testing.assert_allclose(curves.modulus, np.abs(modulus), rtol=1e-10)
+
+
+SHEAR = "[shear]\nkind = 'constant'\nstress = 1e5\n"
+HEATING = "[heating]\nconductivity = 0.2\ndiffusivity = 1e-7\n"
+
+
+@pytest.mark.parametrize("heat", ["", pytest.param(HEATING, marks=pytest.mark.slow)])
+def test_shear_and_heat_have_sliders_and_act_as_in_slide(tmp_path, heat):
+    text = TEXT.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4")
+    text = text.replace("velocity =", "temperature = 300.0\nvelocity =")
+    (tmp_path / "hot.toml").write_text(text + SHEAR + heat)
+    model = Model(open_document(tmp_path / "hot.toml"))
+    labels, values = [knob.label for knob in model.knobs], list(model.values)
+    values[labels.index("shear stress")] = 2e5
+    heating = None
+    if heat:
+        values[labels.index("conductivity of the block")] = 0.3
+        heating = gc.sliding.Heating(0.3, 1e-7)
+    found = model.contact(values).sliding
+    wanted = gc.slide(
+        model.scene.stack.at(300.0), model.surface, pressure=values[0], velocity=values[1],
+        temperature=300.0, shear=gc.sliding.ConstantShear(2e5), heating=heating,
+    )  # fmt: skip
+    np.testing.assert_allclose(found.friction, wanted.friction, rtol=1e-3)
+    np.testing.assert_allclose(found.shear_friction, wanted.shear_friction, rtol=1e-3)
+    bars = model.derivatives(values)
+    if heat:
+        np.testing.assert_allclose(found.surface_rise, wanted.surface_rise, rtol=1e-2)
+        assert wanted.surface_rise > 0 and np.all(np.isnan(bars.friction))
+    else:  # +1 % of the shear stress is +1 % of its friction
+        share = float(found.shear_friction / found.friction)
+        found = bars.friction[labels.index("shear stress")]
+        np.testing.assert_allclose(found, share, rtol=1e-6)
+    saved = model.changed(values).scene()
+    assert saved.shear.stress == 2e5 and (not heat or saved.heating.conductivity == 0.3)
+    assert np.all(np.isfinite(model.curves(values).friction))
+
+
+def test_labels_of_wavenumbers_are_enough_and_not_too_many():
+    for low, high in ((6e3, 8e4), (1.0, 100.0), (1.0, 5e3), (1.0, 1e7)):
+        shown = [tick for tick in log_ticks(low, high) if low <= tick <= high]
+        assert 3 <= len(shown) <= 9
 
 
 @pytest.mark.slow
@@ -122,7 +165,7 @@ def test_downloads_have_units_and_everything_that_is_shown(model):
     stages = (model.curves, model.contact, model.derivatives)
     shown = Shown(model, values, *(stage(values) for stage in stages))
     rows = to_csv(shown).decode().splitlines()
-    assert rows[0].startswith("q [rad/m],modulus [Pa],loss_tangent [1],speed [m/s]")
+    assert rows[0].startswith("q [rad/m],modulus [Pa],loss_tangent,speed [m/s]")
     assert float(rows[1].split(",")[1]) == shown.curves.modulus[0]
     with h5py.File(io.BytesIO(to_hdf5(shown))) as file:
         np.testing.assert_array_equal(file["contact/pressure"], shown.contact.sliding.pressure)

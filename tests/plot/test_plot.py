@@ -196,7 +196,7 @@ def test_results_are_compared_by_colour_and_only_over_the_same_axes():
     axes = gc.plot.plot_compare([bare, coated], ["bare", "coated"]).axes[0]
     assert len({line.get_color() for line in straight(axes)}) == 2
     warm = made({**VARIED, "layers[0].thickness": [1e-5]})
-    with pytest.raises(ValueError, match=r"'warm' varies `temperature`.*'bare' `pressure`"):
+    with pytest.raises(ValueError, match=r"'warm' varies `temperature`.*'bare' varies `pressure`"):
         gc.plot.plot_compare([bare, warm], ["bare", "warm"])
     slow = bare.assign_coords(velocity=bare.velocity.assign_attrs(units="mm/s"))
     with pytest.raises(ValueError, match=r"'slow' varies .* `velocity` \[mm/s\], and 'bare'"):

@@ -42,7 +42,7 @@ def test_the_estimate_solves_the_equations_of_both_directions():
         return [np.mean((cube - k) / (k + lk * (cube - k))) for k, lk in pairs]
 
     wanted = np.exp(
-        fsolve(off, np.log(found.estimate / np.max(gap) ** 3) + [0.2, -0.1], xtol=1e-13)
+        fsolve(off, np.log(found.estimate / np.max(gap) ** 3) + np.array([0.2, -0.1]), xtol=1e-13)
     )
     np.testing.assert_allclose(found.estimate, wanted * np.max(gap) ** 3, rtol=1e-8)
     assert found.estimate[1] > 1.3 * found.estimate[0]

@@ -258,11 +258,13 @@ def test_a_point_that_fails_by_one_method_offers_the_other(invoke, tmp_path):
     text = " ".join(failed.stderr.split())
     assert "2 of 2 points failed by the mean field. The first: The mean field did not" in text
     assert "Raise `--num-wavenumbers` and" in text and "`--method contact` writes cards" in text
-    both = invoke("--method", "both", "-o", str(tmp_path), "--rtol", "1e-12", "--replace")
+    both = ("--method", "both", "-o", str(tmp_path), "--rtol", "1e-12", "--replace")
+    both = invoke(*both, replaced=("[0.01, 1.0]", "[0.01, 1.0]\ntemperature = 300.0"))
     assert both.exit_code == 0 and "2 of 2 points failed by the mean field" in both.stderr
     written = read(tmp_path / "small-friction.h5")
     assert np.all(written.friction > 0) and np.all(np.isnan(written["mean_field.friction"]))
-    assert "it failed at 2 points" in (tmp_path / "small-friction.csv").read_text()
+    text = (tmp_path / "small-friction.csv").read_text()
+    assert "it failed at 2 points" in text and "# Temperature: 300 K (26.85 °C)" in text
 
 
 def test_what_a_table_does_not_take_is_refused(invoke):

@@ -33,7 +33,7 @@ def test_a_signal_is_raised_where_the_command_asks_and_not_before(number, code, 
         assert interruption.signal == number and interruption.exit_code == code
         with pytest.raises(KeyboardInterrupt):
             interruption.check()
-    assert "Once more stops at once" in capfd.readouterr().err
+    assert "Ctrl-C again stops at once" in capfd.readouterr().err
     after = signal.getsignal(number), signal.set_wakeup_fd(-1)
     signal.set_wakeup_fd(after[1])
     assert after == before
