@@ -88,7 +88,7 @@ class Model:
             spectrum = (jnp.asarray(q[density > 0]), jnp.asarray(density[density > 0]))
         self._scenery = Scenery(
             stack=self.scene.stack, surface=surface, spectrum=spectrum, random=random,
-            rms_height=statistics(surface).rms_height, direction=self.scene.direction,
+            rms_height=statistics(surface).rms_height, direction=float(self.scene.direction),
             targets=tuple(knob.target for knob in self.knobs), law=self.scene.contact_law,
             numerics=dataclasses.replace(self.scene.numerics, rtol=PAGE_RTOL),
         )  # fmt: skip

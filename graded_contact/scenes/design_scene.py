@@ -176,7 +176,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
         )
     with within("[design]"):
         check_positive("velocity", scene.velocity, "[m/s]")
-        if len(scene.pressure) > 1 or scene.direction != 0:
+        if len(scene.pressure) > 1 or np.any(scene.direction):
             raise ValueError("needs one `pressure`, and `direction` = 0, in [load].")
         if len(scene.axes) > 2:
             raise ValueError(f"needs one {next(iter(scene.axes))!r}, no axis of several.")
