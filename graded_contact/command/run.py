@@ -274,7 +274,8 @@ def _contacts(
         figures = {"film": plot.plot_film(fields, surface)}
         title = title.replace(title_of("velocity"), "highest speed")
     else:
-        velocity = velocity_along(at["velocity"].item(), results.attrs["direction"])
+        direction = float(at.coords.get("direction", results.attrs.get("direction")))
+        velocity = velocity_along(at["velocity"].item(), direction)
         figures = {"contact": plot.plot_sliding(fields, surface, velocity)}
         if whole and surface.periodic:
             theory = mean_field_at(scene, surface, index)

@@ -47,6 +47,7 @@ AXES = _table([
     ("pressure", r"\sigma_0", "Pa", "mean pressure"),
     ("approach", r"\delta", "m", "approach"),
     ("temperature", "T", "K", "temperature"),
+    ("direction", r"\varphi", "rad", "direction of sliding"),
     ("seed", "", "1", "seed of the random surface"),
 ])  # fmt: skip
 

@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from ..core.checks import Numbers, as_float, check_squares, check_values
+from ..core.checks import Numbers, as_float, check_squares, check_values, is_concrete
 from ..core.compilation import jit
 from .grid import Grid, odd_wavevector
 
@@ -34,13 +34,15 @@ def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..
     return velocity
 
 
-def velocity_along(speed: Any, direction: float) -> Any:
+def velocity_along(speed: Any, direction: Any) -> Any:
     """Returns a velocity at an angle from the x axis: one number along x, or two components."""
-    if direction == 0:  # a number, for which kernels need only a column of frequencies
+    known = is_concrete(direction)
+    if known and direction == 0:  # a number, for which kernels need only a column of frequencies
         return speed
-    unit = np.array([np.cos(direction), np.sin(direction)])
+    lib = np if known else jnp
+    unit = lib.stack([lib.cos(direction), lib.sin(direction)])
     # Rounding of a right angle would excite frequencies near zero.
-    return speed * np.where(np.abs(unit) < 1e-12, 0, unit)
+    return speed * lib.where(lib.abs(unit) < 1e-12, 0, unit)
 
 
 @jit

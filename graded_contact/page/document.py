@@ -81,8 +81,8 @@ def open_document(path: Path | None) -> Document:
         speeds = (speeds[0] / 1e3, speeds[1] * 1e3)
     middle = lambda values: float(values[len(values) // 2])  # noqa: E731
     load: dict[str, Any] = {"pressure": middle(scene.pressure), "velocity": middle(moving)}
-    if scene.direction:
-        load["direction"] = scene.direction
+    if direction := middle(np.ravel(scene.direction)):
+        load["direction"] = direction
     if scene.temperature is not None:
         load["temperature"] = middle(np.sort(scene.temperature, axis=None))
     content = parse_toml(text)

@@ -93,7 +93,7 @@ class Model:
             spectrum = (jnp.asarray(q[density > 0]), jnp.asarray(density[density > 0]))
         self._scenery = Scenery(
             stack=self.scene.stack, surface=surface, spectrum=spectrum, random=random,
-            rms_height=statistics(surface).rms_height, direction=self.scene.direction,
+            rms_height=statistics(surface).rms_height, direction=float(self.scene.direction),
             targets=tuple(knob.target for knob in self.knobs), law=self.scene.contact_law,
             shear=self.scene.shear, heating=self.scene.heating,
             temperature=None if (at := self.scene.temperature) is None else jnp.asarray(at),

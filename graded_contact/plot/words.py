@@ -53,8 +53,8 @@ def label_of(number: "DataArray") -> str:
     value, unit = number.item(), number.attrs.get("units", "")
     if unit == "K":
         return kelvin(value)
-    if unit in ("", "1"):
-        return f"{value:.5g}"
+    if unit in ("", "1", "rad"):
+        return f"{value:.5g}" + (" rad" if unit == "rad" else "")
     unit, factor = unit_of(unit, abs(value))
     return f"{factor * value:.3g} {unit}"
 

@@ -263,7 +263,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
         )
     with within("[design]"):
         check_positive("velocity", scene.velocity, "[m/s]")
-        if len(scene.pressure) > 1 or scene.direction != 0:
+        if len(scene.pressure) > 1 or np.any(scene.direction):
             raise ValueError("needs one `pressure`, and `direction` = 0, in [load].")
         for name in scene.axes.keys() - {"seed", "pressure", "velocity"}:
             raise ValueError(f"needs one {name!r}, no axis of several.")

@@ -158,10 +158,11 @@ def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
         "inputs": "\n".join(digests),
         "moduli": "\n".join(scene.notes),
         "dtype": str(surface.heights.dtype),
-        "direction": scene.direction,
         "rtol": scene.rtol,
         **package_versions(),
     }
+    if "direction" not in scene.axes:
+        attributes["direction"] = scene.direction
     if isinstance(scene.surface, RandomSurface):
         attributes["seed"] = scene.surface.seed
     return attributes

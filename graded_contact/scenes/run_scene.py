@@ -137,10 +137,11 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
     rough: Any = (surface.heights, surface.measured)
     if "seed" in scene.axes and isinstance(scene.surface, RandomSurface):
         rough = scene.surface._replace(seed=0, seeds=None)
+    names = ("temperature", "direction")
+    fixed = [None if name in scene.axes else getattr(scene, name) for name in names]
     common = fingerprint(
-        versions, scene.stack, None if "temperature" in scene.axes else scene.temperature,
-        rough, surface.grid, surface.periodic, scene.direction, scene.solver, scene.rtol,
-        scene.graded_solver, scene.motion, scene.pressure_ratio, scene.law, scene.shear,
+        versions, scene.stack, *fixed, rough, surface.grid, surface.periodic, scene.solver,
+        scene.rtol, scene.graded_solver, scene.motion, scene.pressure_ratio, scene.law, scene.shear,
         scene.heating, scene.strain_per_slope, errors_of_stack(scene),
     )  # fmt: skip
     columns = columns_of(scene.axes)
@@ -170,7 +171,8 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         found = dict(zip(names, contact.compute(*names), strict=True))
         if scene.motion is not None:  # along the direction of the motion
             for name in ("friction", "traction"):
-                along = np.ravel(velocity_along(1.0, scene.direction))
+                direction = point.get("direction", scene.direction)
+                along = jnp.atleast_1d(velocity_along(1.0, direction))
                 found[name] = found[name].reshape(scene.num_times, -1) @ along
         found |= {name: getattr(contact.contact, name) for name in fields if name != "heights"}
         found |= {"heights": rough.heights} if "heights" in fields else {}

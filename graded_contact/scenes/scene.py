@@ -147,8 +147,8 @@ class Scene:
     - `step`: of a motion, its largest step from one time to the next, in spacings of the grid.
     - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
       if missing, each material has its own amplitude.
-    - `direction`: of the velocity from the x axis [rad]. (In Python two numbers are one velocity,
-      (vx, vy).)
+    - `direction`: of the velocity from the x axis [rad], one or an axis. (In Python two numbers are
+      one velocity, (vx, vy).)
     - `extrapolate`: true allows friction from frequencies at which a material was not measured.
     - `solver`: algorithm of the contact.
     - `rtol`: relative error of the contact pressure [1]; the default gives friction to 1e-4.
@@ -171,7 +171,7 @@ class Scene:
     velocity: Axis
     approach: Axis | None = None
     temperature: Annotated[Float[np.ndarray, "*temperatures"], LINEAR] | None = None
-    direction: float = 0.0
+    direction: Annotated[Any, LINEAR] = 0.0  # a float, or an array as an axis
     extrapolate: bool = False
     pressure_ratio: list[float] | None = None
     strain_per_slope: float | None = None
@@ -198,6 +198,8 @@ class Scene:
         found = dict(self.sweep)
         if self.temperature is not None and self.temperature.ndim:
             found["temperature"] = self.temperature
+        if isinstance(self.direction, np.ndarray):
+            found["direction"] = self.direction
         if isinstance(self.surface, RandomSurface) and self.surface.seeds is not None:
             found["seed"] = self.surface.seed + np.arange(self.surface.seeds)
         load = "pressure" if self.approach is None else "approach"
@@ -247,10 +249,11 @@ class Scene:
             "strain_per_slope": self.strain_per_slope, "law": self.contact_law,
             **{name: point[name] for name in ("pressure", "approach") if name in point},
         }  # fmt: skip
+        direction = point.get("direction", self.direction)
         if self.motion is None:
-            return Case(velocity=velocity_along(point["velocity"], self.direction), **given)
+            return Case(velocity=velocity_along(point["velocity"], direction), **given)
         # The motion is a path along x; the direction turns it.
-        along, moved = np.ravel(velocity_along(1.0, self.direction)), self.motion.displacement
+        along, moved = jnp.atleast_1d(velocity_along(1.0, direction)), self.motion.displacement
         if self.pressure_ratio is not None:
             # The load is linear between its times, and periodic as the motion.
             times = np.arange(self.num_times) / self.num_times
@@ -326,7 +329,8 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         raise ValueError("[load] lacks the key `velocity`.")
     with within("[load]"):
         turn, allowed = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
-        direction = load.get("direction", 0.0)
+        direction = np.asarray(load.get("direction", 0.0))
+        load["direction"] = direction if direction.ndim else float(direction)
         check_values("direction", direction, allowed, at_least=-turn, at_most=turn)
     solver, accuracy = reader.arguments(
         "[solver]", tables.solver, keys_of(DouglasRachford), KEYS["[solver]"]
@@ -360,14 +364,19 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     return found
 
 
-def _along(source: RandomSurface | SurfaceFile | Sphere, direction: float) -> Grid:
-    """A line of points for a motion along x: a step on it is one of the turned path on the grid."""
+def _along(source: RandomSurface | SurfaceFile | Sphere, direction: np.ndarray) -> Grid:
+    """A line of points for a motion along x: a step on it is one of the turned path on the grid.
+
+    Of several directions it is the one in which a path crosses most points.
+    """
     grid = source.build().grid if isinstance(source, SurfaceFile) else source.grid
-    along = np.abs(np.ravel(velocity_along(1.0, direction)))
-    if len(along) > grid.ndim:
-        return grid  # refused later
-    spacing = 1 / np.sum(along / np.asarray(grid.spacing)[: len(along)])
-    return Grid(grid.shape[:1], spacing * grid.shape[0])
+    crossed = []
+    for angle in np.ravel(direction):
+        along = np.abs(np.ravel(velocity_along(1.0, float(angle))))
+        if len(along) > grid.ndim:
+            return grid  # refused later
+        crossed.append(np.sum(along / np.asarray(grid.spacing)[: len(along)]))
+    return Grid(grid.shape[:1], grid.shape[0] / max(crossed))
 
 
 def _check_numbers(scene: Scene) -> None:

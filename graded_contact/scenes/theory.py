@@ -97,8 +97,15 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
 
 
 def _shares(scene: Scene, surface: Surface, stack: Stack) -> np.ndarray:
-    """The share of the friction from frequencies that were not measured, at each velocity."""
-    return np.array([field.extrapolated_friction for field in mean_fields(scene, surface, stack)])
+    """The share of the friction from frequencies that were not measured, at each velocity.
+
+    Of several directions it is the largest.
+    """
+    shares = []
+    for direction in np.ravel(scene.direction):
+        one = dataclasses.replace(scene, direction=float(direction))
+        shares.append([f.extrapolated_friction for f in mean_fields(one, surface, stack)])
+    return np.max(np.array(shares), axis=0)
 
 
 def mean_fields(scene: Scene, surface: Surface, stack: Stack) -> list[MeanField]:
@@ -169,8 +176,10 @@ def _excited(scene: Scene, grid: Grid) -> np.ndarray:
     if scene.motion is not None:
         periods = scene.period_at(scene.velocity)
         return np.array([period_frequencies(scene.num_times, period) for period in periods])
-    velocities = [velocity_along(v, scene.direction) for v in scene.velocity]
-    return np.abs([np.asarray(wave_frequencies(grid, v)) for v in velocities])
+    directions = map(float, np.ravel(scene.direction))
+    velocities = [velocity_along(v, angle) for angle in directions for v in scene.velocity]
+    # Along x alone a column of frequencies is enough.
+    return np.abs(np.concatenate([np.ravel(wave_frequencies(grid, v)) for v in velocities]))
 
 
 def errors_of_stack(scene: Scene) -> Errors | None:

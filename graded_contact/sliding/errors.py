@@ -138,7 +138,7 @@ def _solver_errors(found: Found) -> Array:
     """The errors of `frictions` that the solver left."""
     pressure, moved = loaded(found)
     change = found.operator.on_cell(found.contact.correction)
-    touches = contact_indicator(found)
+    touches = found.operator.on_cell(contact_indicator(found))
     of = lambda change: frictions(found, pressure + change, touches + change)  # noqa: E731
     steepest = jnp.max(slopes(found, pressure, moved))
     return error_of(of, of(jnp.zeros_like(change)), change, steepest)

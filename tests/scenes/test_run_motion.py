@@ -17,7 +17,9 @@ from graded_contact.scenes.scene import parse_scene
 from graded_contact.studies.dataset import write, write_csv
 
 SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")
-CYCLE = SMALL.replace("[0.01, 1.0]", "[0.1, 1.0]\npressure_ratio = [1.0, 1.5]\ndirection = 0.5") + (
+CYCLE = SMALL.replace(
+    "[0.01, 1.0]", "[0.1, 1.0]\npressure_ratio = [1.0, 1.5]\ndirection = [0.5, 0.0]"
+) + (
     '[motion]\nkind = "sinusoidal"\nstroke = 1e-4\nfrequency = 20.0\nnum_times = 8\n'
     '[shear]\nkind = "peaked"\npeak = 1e5\nvelocity = 0.1\nsteepness = 0.1\n'
 )
@@ -43,7 +45,7 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
         rtol=scene.rtol,
     )
     assert np.all(results.message == "")
-    at = results.isel(pressure=0, velocity=1)
+    at = results.isel(direction=0, pressure=0, velocity=1)
     for name in (
         "mean_friction",
         "mean_shear_friction",
@@ -56,7 +58,11 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
         np.testing.assert_allclose(at[name], getattr(cycle, name), rtol=1e-5, err_msg=name)
     np.testing.assert_allclose(at.friction, cycle.friction @ along, rtol=1e-4, atol=1e-7)
     np.testing.assert_allclose(at.period, cycle.period, rtol=1e-12)
-    assert results.friction.dims == ("pressure", "velocity", "time")
+    assert results.friction.dims == ("direction", "pressure", "velocity", "time")
+    # The surface has no lay, but the other direction is another one.
+    assert (
+        1e-3 < abs(results.isel(direction=1, velocity=1).mean_friction / at.mean_friction - 1) < 0.5
+    )
     assert results.time.values.tolist() == [i / 8 for i in range(8)]
     assert results.work.attrs["units"] == "J/m²" and results.largest_step.attrs["units"] == "1"
     np.testing.assert_allclose(at.friction * at["load"], at["traction"], rtol=1e-12)
@@ -73,15 +79,18 @@ def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(c
     write(tmp_path / "r.h5", results)
     again = read_results(tmp_path / "r.h5")
     assert again.identical(results)
-    assert kept_solves(again) == [(0, 1)]
-    fields, surface = contact_at(again, (0, 1))
+    assert kept_solves(again) == [(1, 0, 1)]
+    fields, surface = contact_at(again, (1, 0, 1))
     assert fields["pressure"].shape == (8, 16, 16) and surface.periodic
-    np.testing.assert_allclose(fields["pressure"].mean(("x", "y")), again["load"][0, 1], rtol=1e-9)
+    np.testing.assert_allclose(
+        fields["pressure"].mean(("x", "y")), again["load"][1, 0, 1], rtol=1e-9
+    )
     write_csv(tmp_path / "r.csv", results)
     head, *rows = (tmp_path / "r.csv").read_text().splitlines()
-    assert len(rows) == 2 and ",mean_friction," in head and "period [s]" in head
+    assert len(rows) == 4 and head.startswith("direction [rad],")
+    assert ",mean_friction," in head and "period [s]" in head
     figure = gc.plot.plot_cycle(again)
-    assert len(figure.axes[0].lines) == 3  # two loops and zero
+    assert len(figure.axes[0].lines) == 5  # four loops and zero
 
 
 def test_a_run_with_shear_adds_the_stress_on_the_contact():
@@ -94,31 +103,25 @@ def test_a_run_with_shear_adds_the_stress_on_the_contact():
     np.testing.assert_allclose(results.friction, both, rtol=1e-12)
 
 
-def test_a_run_with_a_law_is_slide_with_it():
+def test_a_law_and_numbers_that_are_asked_for_are_those_of_python(capsys):
     """The softer body flows: no pressure exceeds its hardness."""
-    text = SMALL.replace("[0.01, 1.0]", "1.0") + '[law]\nkind = "hard_wall"\nhardness = 1e6\n'
-    scene = parse_scene(text)
-    results = run_scene(scene)
-    surface, load = build_surface(scene), {"pressure": 2e5, "velocity": 1.0, "rtol": scene.rtol}
-    flowed = gc.slide(scene.stack, surface, law=gc.HardWall(1e6), **load)
-    for name in ("friction", "contact_area", "mean_gap"):
-        np.testing.assert_allclose(results[name].item(), getattr(flowed, name), rtol=1e-5)
-    assert results.contact_pressure.max() <= 1e6 * (1 + 1e-12)
-    assert results.contact_area_pixels.item() >= 0.2  # the load over the hardness
-
-
-def test_numbers_that_are_asked_for_are_those_of_python(capsys):
     elastic = SMALL.replace('"tyre_tread"', '"elastic"\nmodulus = 2e6\npoisson = 0.5')
-    plain = parse_scene(elastic.replace("[0.01, 1.0]", "0.0"))
+    law = '[law]\nkind = "hard_wall"\nhardness = 1e6\n'
+    plain = parse_scene(elastic.replace("[0.01, 1.0]", "0.0") + law)
     asked = "[observe]\nstiffness = true\nconductance = true\nflow = true\n"
     scene = parse_scene(plain.text + asked)
     surface, results = build_surface(scene), run_scene(scene)
     assert not any("stiffness" in name for name in numbers_of_scene(plain, surface))
     # A store solves points again that lack a number; it is no part of their name.
     np.testing.assert_array_equal(point_names(plain, surface), results.point)
-    sliding = gc.slide(scene.stack, surface, pressure=2e5, velocity=0.0)
+    given = {"pressure": 2e5, "velocity": 0.0, "law": gc.HardWall(1e6)}
+    sliding = gc.slide(scene.stack, surface, **given)
+    assert results.contact_pressure.max() <= 1e6 * (1 + 1e-12)
+    assert results.contact_area_pixels.item() >= 0.2  # the load over the hardness
     flow = gc.sliding.gap_flow(sliding.gap, sliding.grid, contact=sliding.pressure > 0)
     expected = {
+        "contact_area": sliding.contact_area,
+        "mean_gap": sliding.mean_gap,
         "contact_stiffness": gc.sliding.contact_stiffness(sliding),
         "contact_stiffness_error": gc.sliding.contact_stiffness_error(sliding),
         "specific_conductance": gc.sliding.contact_conductance(sliding, 3.0) * 3.0,

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import equinox as eqx
+import jax
 import numpy as np
 import pytest
 from scene_texts import BARE
@@ -167,6 +168,23 @@ def test_an_open_file_is_a_window_with_its_tilt(tmp_path):
     text = '[surface]\nkind = "file"\npath = "h.npz"\nperiodic = "open"\nunit = "m"\n[materials'
     scene = parse_scene(text + BARE.split("[materials", 1)[1], tmp_path)
     np.testing.assert_array_equal(scene.surface.build().heights, surface.heights)
+
+
+def test_directions_are_an_axis():
+    text = BARE.replace("[load]", "[load]\ndirection = {from = 0.0, to = 1.2, points = 3}")
+    scene = parse_scene(text)
+    assert list(scene.axes) == ["direction", "pressure", "velocity"]
+    surface = scene.surface.build()
+    point = {"pressure": 2e5, "velocity": 0.5, "direction": 0.6}
+    expected = 0.5 * np.array([np.cos(0.6), np.sin(0.6)])
+    np.testing.assert_allclose(scene.case(point, surface).velocity, expected, rtol=1e-15)
+    fast = jax.jit(lambda angle: scene.case(point | {"direction": angle}, surface).velocity)
+    np.testing.assert_allclose(fast(0.6), expected, rtol=1e-15)
+    np.testing.assert_array_equal(fast(np.pi / 2), [0.0, 0.5])
+    # One direction along x is one number, for which the kernel needs a column of frequencies.
+    assert parse_scene(BARE).case(point, surface).velocity.shape == (2,)
+    del point["direction"]
+    assert parse_scene(BARE).case(point, surface).velocity.shape == ()
 
 
 @pytest.mark.parametrize(
