@@ -93,8 +93,8 @@ def test_whole_scenes_of_a_page_are_read(page):
 
 
 RUN = [
-    "indenter", "own_law", "own_profile", "own_solver", "precision", "shear_and_heat",
-    "short_answers", "studies",
+    "coat_against_cracks", "indenter", "own_law", "own_profile", "own_solver", "precision",
+    "shear_and_heat", "short_answers", "studies",
 ]  # fmt: skip
 
 

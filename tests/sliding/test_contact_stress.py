@@ -24,7 +24,7 @@ BLOCK = gc.Stack(layers=(COAT,), base=gc.HalfSpace(gc.Elastic(2e6, 0.45)))
 def test_line_contact_has_its_closed_form():
     """Under p0 √(1 - x²/a²) and f times that: σ_xx = -p - 2 f p0 x/a, and 2 f p0 at x = -a.
 
-    K. L. Johnson, Contact Mechanics, Cambridge 1985, section 7.1.
+    The traction alone gives -2 f p0 (x/a ∓ √(x²/a² - 1)), the root outside of contact.
     """
     num, size, a, f = 1024, 1.0, 0.05, 0.5
     x = (np.arange(num) - num // 2) * size / num
