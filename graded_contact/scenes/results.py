@@ -27,6 +27,7 @@ from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of
 from ..fields.grid import Grid
 from ..materials.shift import shifts_in
 from ..readers.paths import read_file
+from ..sliding.shear import is_coupled
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions, read
 from ..studies.store import Point, together
 from ..surfaces.surface import Step, Surface
@@ -51,6 +52,7 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     """The numbers of a solve but those of the axes; a standard error if errors are known."""
     facts = {
         "heated": scene.heating is not None,
+        "coupled": is_coupled(scene.shear),
         "window": not surface.periodic,
         "ground": not surface.periodic and has_ground(scene.stack, surface.grid),
         "given approach": scene.approach is not None,
