@@ -100,8 +100,8 @@ def test_whole_scenes_of_a_page_are_read(page):
 
 
 RUN = [
-    "design", "indenter", "own_law", "own_profile", "own_solver", "precision", "shear_and_heat",
-    "short_answers", "studies",
+    "coat_against_cracks", "design", "indenter", "own_law", "own_profile", "own_solver",
+    "precision", "shear_and_heat", "short_answers", "studies",
 ]  # fmt: skip
 
 

@@ -14,11 +14,12 @@ with E_r = E/(1 - ν²), which hold at ν = 1/2.
 """
 
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..core.checks import (
@@ -272,19 +273,27 @@ def _stress_field(stack, grid, loads, depth, velocity, side, graded_solver, rtol
     qy = qy[0] if qy else jnp.zeros_like(qx)
     zero = (qx == 0) & (qy == 0)
     omega = sliding_frequency(qx, qy, velocity)
-    depth = depth.reshape((1,) * qx.ndim)
     # Any wave in place of the mean, whose response is put in below.
     qx = jnp.where(zero, qx.ravel()[1], qx)
-    spectra: list[Any] = [0] * 9
-    for axis, load in loads.items():
-        unit = [jnp.asarray(axis == i, load.dtype) for i in range(3)]
-        found, lateral = _fields(stack, qx, qy, omega, unit, depth, side, graded_solver, rtol)
-        means = _means(axis, lateral.ravel()[0])
-        spectrum = to_spectrum(load)
-        for i, (response, mean) in enumerate(zip(found, means, strict=True)):
-            response = even_on_nyquist(jnp.where(zero, mean, response), grid.shape)
-            spectra[i] = response * spectrum + spectra[i]
-    return _as_fields([to_field(spectrum, grid.shape) for spectrum in spectra])
+    # A unit load along each axis, on an axis in front: what does not depend on it is found once.
+    one = jnp.ones((), qx.dtype)
+    units = [one * np.reshape([i == j for j in loads], (-1,) + (1,) * qx.ndim) for i in range(3)]
+    qx, qy, omega = (x[None] for x in (qx, qy, omega))
+    depth = depth.reshape((1,) * qx.ndim)
+    found, lateral = _fields(stack, qx, qy, omega, units, depth, side, graded_solver, rtol)
+    means = zip(*(_means(axis, lateral.ravel()[0]) for axis in loads), strict=True)
+    spectra = [to_spectrum(load) for load in loads.values()]
+
+    def field(response, means):
+        response = jnp.broadcast_to(response, (len(loads), *response.shape[1:]))
+        parts = zip(response, means, spectra, strict=True)
+        return sum(
+            even_on_nyquist(jnp.where(zero, mean, part), grid.shape) * spectrum
+            for part, mean, spectrum in parts
+        )
+
+    waves = [field(*pair) for pair in zip(found, means, strict=True)]
+    return _as_fields([to_field(jnp.asarray(one), grid.shape) for one in waves])
 
 
 def _means(axis: int, lateral: Array) -> list:

@@ -28,6 +28,7 @@ from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of
 from ..fields.grid import Grid
 from ..materials.shift import shifts_in
+from ..sliding.shear import is_coupled
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions, read
 from ..studies.store import Point, together
 from ..surfaces.surface import Step, Surface
@@ -53,6 +54,7 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     facts = {
         "heated": scene.heating is not None,
         "sheared": scene.shear is not None,
+        "coupled": is_coupled(scene.shear),
         **dataclasses.asdict(scene.observe),
         "window": not surface.periodic,
         "ground": not surface.periodic and has_ground(scene.stack, surface.grid),

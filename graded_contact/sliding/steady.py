@@ -137,7 +137,7 @@ def kernel_of(case: Any, numerics: Numerics) -> tuple:
         reached = reached & good
     coefficient = case.shear.coefficient if coupling.in_kernel else None
     # Without friction a real kernel stays real.
-    if coefficient is None or (is_concrete(coefficient) and coefficient == 0):
+    if coefficient is None or (is_concrete(coefficient) and np.asarray(coefficient) == 0):
         return kernel, reached, error, coupling, True
     coefficient = coefficient.astype(kernel.real.dtype)
     kernel = kernel + coefficient * coupling.lift[0]

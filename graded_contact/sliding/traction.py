@@ -8,9 +8,12 @@ interface, where the surfaces slip by v - e·u̇. So the friction, the sum of sh
 the part lost in the block, Σ -ω Im(tᴴ C t)/v with t = (τ, σ), plus the heat of the interface. Both
 sides agree to rounding.
 
-Pressure and traction act in the mean plane. Between the true normal and tangent of a slope ∂w/∂x
-the same law gives τ(σ) - σ ∂w/∂x - τ τ' ∂w/∂x up to the second order of the slope: `friction` lacks
-the last term, which `slope_friction` has.
+The law takes the stress σ normal to the mean plane: then the force is right to first order in the
+slope. If the law takes the pressure normal to the slope ∂w/∂x, the force is
+
+    τ(σ) - σ ∂w/∂x - τ τ' ∂w/∂x
+
+to this order; the last term is `slope_friction`.
 """
 
 import math
@@ -67,7 +70,7 @@ def interface_friction(found: Found) -> Array:
     stored=False,
 )  # fmt: skip
 def slope_friction(found: Found) -> Array:
-    """What `friction` lacks in first order of the slope if the law holds on the slopes [1].
+    """What `friction` lacks if the law takes the pressure normal to the slopes [1].
 
     -⟨τ τ' ∂w/∂x⟩ over the load, see `sliding/traction.py`; f² times the hysteresis for `Coulomb`.
     """

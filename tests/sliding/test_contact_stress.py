@@ -24,7 +24,7 @@ BLOCK = gc.Stack(layers=(COAT,), base=gc.HalfSpace(gc.Elastic(2e6, 0.45)))
 def test_line_contact_has_its_closed_form():
     """Under p0 √(1 - x²/a²) and f times that: σ_xx = -p - 2 f p0 x/a, and 2 f p0 at x = -a.
 
-    K. L. Johnson, Contact Mechanics, Cambridge 1985, section 7.1.
+    The traction alone gives -2 f p0 (x/a ∓ √(x²/a² - 1)), the root outside of contact.
     """
     num, size, a, f = 1024, 1.0, 0.05, 0.5
     x = (np.arange(num) - num // 2) * size / num
@@ -95,10 +95,6 @@ def test_largest_values_and_their_places():
     np.testing.assert_allclose(found.shear[0], 0.6 * s.pressure, atol=1e-3 * np.max(s.pressure))
     pushed = found.stress[0][..., 1, 2] / np.minimum(found.stress[0][..., 0, 2], -1e3)
     np.testing.assert_allclose(pushed[s.pressure > 1e5], 2.0, rtol=1e-2)
-    # Without a law of shear the stress is that of the pressure.
-    alone = contact_stress(dataclasses.replace(s, shear=None), BLOCK, [1e-4])
-    expected = stress_field(BLOCK, GRID, s.pressure, 1e-4, s.velocity).stress
-    np.testing.assert_allclose(alone.stress[0], expected, atol=1e-12 * np.max(s.pressure))
     with pytest.raises(ValueError, match="on a window"):
         contact_stress(dataclasses.replace(s, operator=Window(s.kernel)), BLOCK, [0.0])
 
