@@ -153,16 +153,20 @@ def _mean_field(
         raise ValueError(_with_options(str(error))) from error
     if interruption.signal is not None:
         raise typer.Exit(interruption.exit_code)
-    if np.ndim(scene.temperature) == 0 and "temperature" in found.dims:  # no axis of the scene
+    if not _varies(scene) and "temperature" in found.dims:  # no axis of the scene
         found = found.isel(temperature=0, drop=True)
     return found.assign_attrs(title=scene.title, scene=scene.text)
+
+
+def _varies(scene: Scene) -> bool:
+    return scene.temperature is not None and np.ndim(scene.temperature) > 0
 
 
 def _conditions(scene: Scene, surface: Surface) -> str:
     """What a table holds for, in lines."""
     thickness = [float(layer.thickness) for layer in scene.stack.layers]
     points = " x ".join(map(str, surface.grid.shape))
-    warm = [] if np.ndim(scene.temperature) else [f"Temperature: {_temperature(scene)}"]
+    warm = [] if _varies(scene) else [f"Temperature: {_temperature(scene)}"]
     return "\n".join([
         f"Block: {described(parse_toml(scene.text), thickness)}",
         f"Surface: {points} points, {size_of(surface)}",
