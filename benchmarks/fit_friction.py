@@ -146,7 +146,7 @@ def plot_friction(drawn, target):
         above.set_title(title.replace(": ", ":\n"))
         above.legend()
         below.set(xlabel="velocity [m/s]", ylabel=f"change from the {name} [%]", ylim=(-85, 25))
-    axes[0, 0].set_ylabel("friction [1]")
+    axes[0, 0].set_ylabel("friction")
     figure.savefig(target)
     print(f"# {target}; grey: frequencies beyond the table")
 

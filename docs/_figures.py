@@ -31,7 +31,7 @@ def _panels(rows: Rows, by: str, line: str, time: str, error: str, marks: str) -
             panel.loglog(x, y, marks, label=label)
         panel.set(title=f"{by}: {name}", xlabel=time.replace("[us]", "[µs]"))
         few_powers_of_ten(panel.xaxis, *panel.get_xlim())
-    panels[0].set_ylabel(f"{error} [1]")
+    panels[0].set_ylabel(f"{error}")
     panels[-1].legend()
     return figure
 
@@ -82,7 +82,7 @@ def measurement(rows: Rows) -> Any:
     for panel, text in zip(panels, ("hysteresis", "shear", "total", "total"), strict=True):
         panel.set(xlabel="sliding velocity $v$ [m/s]", title=text, ylim=(0, None))
     for panel in panels[::2]:
-        panel.set_ylabel("friction coefficient [1]")
+        panel.set_ylabel("friction coefficient")
     panels[3].set(xlabel="reduced velocity $a_T v$ [m/s]")
     panels[0].legend(title="lines: mean field")
     marks = [
