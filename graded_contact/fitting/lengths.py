@@ -48,52 +48,43 @@ class Length(NamedTuple):
 # The number of terms ----------------------------------------------------------------------------
 
 
-def check_terms(data: Observations, terms: int) -> None:
+def check_terms(data: Observations, terms: int | None) -> None:
     """Raises `ValueError` for a number of terms that the data cannot have."""
-    least = 0 if data.num_extras or data.times is not None else 1
-    check_whole("terms", terms, least)
-    if concrete(data) and data.times is None:
-        count, unknowns = int(np.sum(np.asarray(data.weights) > 0)), data.num_unknowns(terms)
-        if unknowns > count:
-            raise ValueError(
-                f"`terms={terms}` has {unknowns} unknowns, more than the {count} measured values."
-            )
-
-
-def check_choosable(data: Observations) -> None:
-    """Raises `ValueError` under transformations: the number of terms depends on the values."""
-    if not concrete(data):
+    if terms is None and not concrete(data):
         raise ValueError(
             "`terms=None` needs values that are concrete: under `jit`, `grad` or `vmap` give "
-            "`terms`, `times`, or `start` from a fit to similar data."
+            "`terms`, or `start` from a fit to similar data."
+        )
+    if terms is None:
+        return
+    check_whole("terms", terms, int(not data.num_extras))
+    count = int(np.sum(np.asarray(data.weights) > 0)) if concrete(data) else np.inf
+    unknowns = 2 * terms + data.num_extras
+    if unknowns > count:
+        raise ValueError(
+            f"`terms={terms}` has {unknowns} unknowns, more than the {count} measured values."
         )
 
 
-def choose(series: Series, within: float | None) -> tuple[np.ndarray, tuple[Length, ...]]:
-    """Returns the unknowns of the best length, see `fit_prony`, and all lengths tried.
+def choose(series: Series) -> tuple[np.ndarray, tuple[Length, ...]]:
+    """Returns the unknowns of the length with the least criterion, and all lengths tried.
 
     The Bayes information criterion is n ln(mean square) + p ln n of G. Schwarz, Ann. Statist. 6
     (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION` are rounding and no reason
     for a further term.
     """
-    if within is not None and not within > 0:
-        raise ValueError(f"`within={within!r}` must be a positive number [1].")
     count, total = np.sum(series.measured), np.sum(series.weights[series.measured])
     fitted = best_path(series, max(int(count - 1 - len(series.static)) // 2, 1))
     path = []
     for terms, (theta, cost) in fitted.items():
         bic = count * np.log(2 * cost / total + RESOLUTION**2) + len(theta) * np.log(count)
         path.append(Length(terms, series.rms(theta), float(bic)))
-    if within is None:
-        chosen = min(path, key=lambda length: length.bic)
-    else:
-        least = min(length.error for length in path)
-        chosen = next(length for length in path if length.error <= (1 + within) * least)
+    chosen = min(path, key=lambda length: length.bic)
     return fitted[chosen.terms][0], tuple(path)
 
 
 def choose_solid_or_liquid(
-    data: Observations, within: float | None
+    data: Observations,
 ) -> tuple[Observations, np.ndarray, tuple[Length, ...]]:
     """Returns the data, with E_eq = 0 if they need no equilibrium modulus; unknowns; lengths tried.
 
@@ -101,10 +92,10 @@ def choose_solid_or_liquid(
     replace any E_eq.
     """
     series = series_of(data)
-    theta, path = choose(series, within)
+    theta, path = choose(series)
     if may_be_liquid(data):
         liquid = data.as_liquid()
-        other, lengths = choose(dataclasses.replace(series_of(liquid), reach=series.reach), within)
+        other, lengths = choose(dataclasses.replace(series_of(liquid), reach=series.reach))
         if series_of(liquid).rms(other) <= AS_GOOD * series.rms(theta):
             return liquid, other, lengths
     return data, theta, path
@@ -112,7 +103,7 @@ def choose_solid_or_liquid(
 
 def may_be_liquid(data: Observations) -> bool:
     """Returns whether E_eq is unknown and loss exceeds storage at the lowest frequencies."""
-    return data.equilibrium is None and data.times is None and flows(data)
+    return data.equilibrium is None and flows(data)
 
 
 def flows(data: Observations) -> bool:
@@ -257,7 +248,7 @@ def _with_branch(series, theta):
     log_times, model = series.time_grid(PER_DECADE), series.model(theta)
     residual = series.residual(model)
     effect = series.branches(log_times) / model
-    pull = effect @ (series.weights * np.clip(residual, -series.huber, series.huber))
+    pull = effect @ (series.weights * residual)
     stiffness = effect**2 @ series.weights + 1e-300
     gains = np.where(pull < 0, pull**2 / (2 * stiffness), 0)
     best = np.argmax(gains)
