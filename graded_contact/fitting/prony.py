@@ -226,8 +226,8 @@ def refuse_nonsense(fit: PronyFit) -> None:
         raise ValueError(
             f"{jumps_of(series)}Half of the measured values are off by more than "
             f"{np.expm1(off):.0%} from every positive spectrum (moduli grow with frequency and "
-            "fall with time). Check the order and units of the columns, and a given `equilibrium` "
-            "or `glassy`. A weight of 0 leaves a channel out (`loss_weight`), and `throw=False` "
+            "fall with time). Check the order and units of the columns, and a given `equilibrium`. "
+            "In Python `weights=(1, 0)` leaves the loss out, and `fit_prony` with `throw=False` "
             "fits them as they are."
         )
 

@@ -271,7 +271,7 @@ def test_what_lies_beyond_the_ends_is_no_contradiction():
     floor = fit.floor()
     assert floor.total < 0.004 < 3 * floor.total < floor.near and floor.chance > 1e-3
     assert "The ends of the data limit this fit" in fit.verdict()
-    assert "Give `glassy` to let times lie beyond that end" in fit.verdict()
+    assert "beyond an end whose modulus is given" in fit.verdict()
     assert "agree (Kramers-Kronig)" in fit.verdict()
     stated = fit_prony(omega, noisy(exact, 0.002), equilibrium=0, glassy=3.0006e9)
     assert stated.errors().total < 0.004 and "The data limit" in stated.verdict()
