@@ -39,7 +39,7 @@ def covariance(series: Series, theta: np.ndarray) -> np.ndarray:
 
     Neighbours are of one isotherm. What is expected of shifts counts as known.
     """
-    residual, jacobian, _ = series.derivatives(theta)
+    residual, jacobian, *_ = series.derivatives(theta)
     free = series.within_bounds(theta)
     jacobian, penalty = jacobian[free], series.penalty(theta)[free]
     hessian = (jacobian * series.weights) @ jacobian.T + np.diag(penalty)

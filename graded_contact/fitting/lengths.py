@@ -1,11 +1,11 @@
 """The best series of every length, from one branch to the most that the data determine.
 
-Two walks meet: upwards, each new branch put where it lowers the error most; downwards from the best
-positive spectrum of all, each time joining the two branches (or dropping the one) that costs least.
-Either walk alone ends in poor local minima now and then.
-The best spectrum is found by non-negative least squares on a dense grid of times (C. L. Lawson,
-R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours merged, then by
-Newton's method on all unknowns; no added branch lowers its error, which makes it the floor.
+The best positive spectrum of all is found by non-negative least squares on a dense grid of times
+(C. L. Lawson, R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours
+merged, then by Newton's method on all unknowns; no added branch lowers its error, which makes it
+the floor. From it a walk leads down, each time joining the two branches (or dropping the one) that
+costs least, and up again, each new branch put where it lowers the error most. Down alone ends in
+poor local minima now and then.
 """
 
 import dataclasses
@@ -158,31 +158,29 @@ def best_path(series: Series, most: int) -> dict[int, Fitted]:
         if terms <= most and shorter[1] > 1.001 * cost:
             break
         theta, cost = shorter
-    path = {terms: (theta, cost)}
-
-    def keep(terms, fitted):
-        if terms not in path or fitted[1] < path[terms][1]:
-            path[terms] = fitted
-
-    for length, fitted in _upwards(thinned, terms):
-        keep(length, fitted)
-    for length in range(max(path), min(path), -1):
-        for shorter in _one_fewer(thinned, path[length][0]):
-            keep(length - 1, thinned.minimise(shorter, rtol=SEARCH, max_steps=STEPS))
+    path = _walk(thinned, (theta, cost), 0)
     return {terms: _measured_by(series, theta) for terms, (theta, _) in sorted(path.items())}
 
 
-def _upwards(series, longest):
-    """Yields series of each length, from the shortest, and how they fit."""
+def _walk(series, longest, shortest):
+    """The best series found of each length from that of `longest` down to `shortest`."""
     rows = series.weights > 0
     needs_branch = np.any((series.known + np.sum(series.static, axis=0))[rows] <= 0)
-    start = _spaced_start(series, min(int(needs_branch), longest))
-    while True:
-        theta, cost = series.minimise(start, rtol=SEARCH, max_steps=STEPS)
-        yield series.terms(theta), (theta, cost)
-        gain, start = _with_branch(series, theta)
-        if gain <= 0 or series.terms(theta) == longest:
-            return
+    terms = series.terms(longest[0])
+    shortest, path = max(shortest, int(needs_branch)), {terms: longest}
+
+    def keep(start):
+        fitted = series.minimise(start, rtol=SEARCH, max_steps=STEPS)
+        length = series.terms(fitted[0])
+        if length not in path or fitted[1] < path[length][1]:
+            path[length] = fitted
+
+    for length in range(terms, shortest, -1):
+        for shorter in _one_fewer(series, path[length][0]):
+            keep(shorter)
+    for length in range(shortest, terms):
+        keep(_with_branch(series, path[length][0])[1])
+    return path
 
 
 def _measured_by(series, theta):

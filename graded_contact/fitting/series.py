@@ -143,14 +143,26 @@ class Series:
 
     def shifted(self, along: Any, across: Any) -> "Series":
         """Returns the problem with ln a and ln b of the isotherms given."""
-        xp, channels = array_module(self.x), len(self.weights) // len(self.x)
-        along, across = xp.append(along, 0)[self.group], xp.append(across, 0)[self.group]
+        along = self._at_rows(along)[: len(self.x)]
         return dataclasses.replace(
             self,
-            x=self.x * xp.exp(along if self.kind == "frequency" else -along),
-            log_values=self.log_values - xp.tile(across, channels),
+            x=self.x * array_module(self.x).exp(along if self.kind == "frequency" else -along),
+            log_values=self.log_values - self._at_rows(across),
             isotherms=None,
         )
+
+    def _at_rows(self, values):
+        """Values of the isotherms, the last axis, at every row; 0 at a known end value."""
+        xp, channels = array_module(self.x), len(self.weights) // len(self.x)
+        padded = xp.concatenate([values, xp.zeros_like(values[..., :1])], axis=-1)
+        return xp.tile(padded[..., self.group], channels)
+
+    def _by_isotherm(self, rows):
+        """Sums over the rows of each isotherm."""
+        count = len(self.x) - self.num_ends
+        points = np.sum(rows.reshape(*rows.shape[:-1], -1, len(self.x)), axis=-2)
+        starts = np.flatnonzero(np.diff(self.group[:count], prepend=-1))
+        return np.add.reduceat(points[..., :count], starts, axis=-1)
 
     def restricted(self, points: np.ndarray) -> "Series":
         """Returns the problem of some of the points, given as a mask."""
@@ -245,11 +257,12 @@ class Series:
             self.expand, theta, *self.bounds(theta), rtol=rtol, max_steps=max_steps
         )
         s, log_times, _ = self.split(theta)
-        order = np.argsort(-log_times) if not self.isotherms else np.arange(len(s))
+        order = np.argsort(-log_times)
         return np.concatenate([s[order], log_times[order], theta[2 * len(s) :]]), cost
 
-    def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns the residual, its derivatives, and (∂²m/∂(ln τ)²)/m of each branch, by rows."""
+    def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
+        """Returns the residual, its derivatives, (∂²m/∂(ln τ)²)/m of each branch, by rows, and
+        the derivatives of shifts, if there are any."""
         series, (s, log_times, c) = self.at(theta), self.split(theta)
         terms = len(s)
         value, slope, curvature = branches(self.kind, series.x, np.exp(log_times))
@@ -261,13 +274,14 @@ class Series:
         np.multiply(slope, relative, out=jacobian[terms : 2 * terms])
         last = len(theta) - self.num_shifts
         np.multiply(self.static, static[:, None] / model, out=jacobian[2 * terms : last])
-        if self.isotherms:
-            along, _, across = self.isotherms.slopes(theta)
+        shifts = self.isotherms and self.isotherms.slopes(theta)
+        if shifts:
             # A shift moves every branch as a change of its time does.
-            by_shift = np.sum(jacobian[terms : 2 * terms], axis=0) * self._member
-            jacobian[last:] = np.concatenate([along @ by_shift, across @ self._member])
+            by_shift = np.sum(jacobian[terms : 2 * terms], axis=0)
+            along, _, across = map(self._at_rows, shifts)
+            jacobian[last:] = np.concatenate([along * by_shift, across])
         jacobian[:, self.weights == 0] = 0
-        return series.residual(model), jacobian, curvature * relative
+        return series.residual(model), jacobian, curvature * relative, shifts
 
     def expand(self, theta: np.ndarray) -> Expansion:
         """Returns the cost about `theta`.
@@ -275,42 +289,36 @@ class Series:
         Second derivatives are exact at a minimum, where those of a strength alone vanish with the
         gradient. Rows far off take their Gauss-Newton part, which is safe at any distance.
         """
-        residual, jacobian, bend = self.derivatives(theta)
+        residual, jacobian, bend, shifts = self.derivatives(theta)
         pull = self.weights * residual
         near = pull * ((residual > -2) & (residual < 0.5))
         stiffness, penalty = self.weights - near, self.penalty(theta)
         hessian = gram(jacobian, stiffness)
         times = np.arange(len(bend), 2 * len(bend))
         hessian[times, times] += bend @ near
-        if self.isotherms:
-            self._bend_by_shifts(hessian, theta, jacobian, bend, near, pull)
+        if shifts:
+            self._bend_by_shifts(hessian, shifts, jacobian, bend, near, pull)
         hessian[np.diag_indices_from(hessian)] += penalty
         cost = self.cost(residual) + penalty @ theta**2 / 2
         scale = jacobian**2 @ stiffness + penalty
         return Expansion(float(cost), jacobian @ pull + penalty * theta, hessian, scale)
 
-    def _bend_by_shifts(self, hessian, theta, jacobian, bend, near, pull):
+    def _bend_by_shifts(self, hessian, shifts, jacobian, bend, near, pull):
         """Adds second derivatives by the shifts to the Hessian."""
-        along, law_twice, across = self.isotherms.slopes(theta)
-        inner, terms = len(theta) - len(across), len(bend)
+        along, law_twice, across = shifts
+        inner, terms = len(hessian) - len(across), len(bend)
         # Vertical shifts are linear in ln m: their products lack the second derivative of ln m.
         linear = jacobian @ (jacobian[inner:] * self.weights).T
         hessian[:, inner:], hessian[inner:, :] = linear, linear.T
         both, shifting = slice(2 * terms), slice(inner - len(along), inner)
         slopes = jacobian[terms : 2 * terms]
-        by_isotherm = np.concatenate([slopes, bend]) * near @ self._member.T
+        by_isotherm = self._by_isotherm(np.concatenate([slopes, bend]) * near)
         mixed = by_isotherm @ along.T
         hessian[both, shifting] += mixed
         hessian[shifting, both] += mixed.T
         hessian[shifting, shifting] += along * np.sum(by_isotherm[terms:], axis=0) @ along.T
         law = slice(shifting.start, shifting.start + len(law_twice))
-        hessian[law, law] += law_twice @ (self._member @ (np.sum(slopes, axis=0) * pull))
-
-    @functools.cached_property
-    def _member(self) -> np.ndarray:
-        """Which rows belong to which isotherm, shape `(isotherms, rows)`."""
-        rows = np.tile(self.group, len(self.weights) // len(self.x))
-        return (rows == np.arange(np.max(self.group) + 1)[:, None]).astype(float)
+        hessian[law, law] += law_twice @ self._by_isotherm(np.sum(slopes, axis=0) * pull)
 
 
 def series_of(data: Observations, xp: Any = np) -> Series:
