@@ -38,7 +38,8 @@ KINDS = {"kind": ("frequency", "relaxation", "creep"), "deformation": ("tension"
 _FIT_OPTIONS = {
     "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
     "temperature": "--temperature KELVIN", "deformation": "--kind", "size": "--size METRES",
-    "unit": "--height-unit", "shift_std": "--law LAW:STD", "vertical_shift_std": "--law LAW:STD:STD",
+    "unit": "--height-unit", "shift_std": "--law LAW:STD",
+    "vertical_shift_std": "--law LAW:STD:STD",
     **{name: f"--{name}" for name in (
         "kind", "poisson", "sheet", "step", "terms", "law", "equilibrium", "temperatures",
     )},
@@ -127,13 +128,14 @@ def fit(
 
 
 def _typed(given: dict[str, Any]) -> list[str]:
-    """Options of `fit` with another value than by default, but for the folder, as they are typed."""
+    """Options of `fit` that are not the default, as they are typed; without the folder."""
     words = []
     for name, parameter in inspect.signature(fit).parameters.items():
         value = given[name]
-        if name not in ("moduli_files", "output") and value != parameter.default:
-            values = value if isinstance(value, list) else [value]
-            words += [w for v in values for w in ([f"--{name}"] if v is True else [f"--{name}", str(v)])]
+        if name in ("moduli_files", "output") or value == parameter.default:
+            continue
+        values = value if isinstance(value, list) else [value]
+        words += [f"--{name}"] if value is True else [f"--{name}={each}" for each in values]
     return words
 
 

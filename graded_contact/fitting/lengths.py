@@ -21,6 +21,7 @@ from .series import Series, series_of
 
 Fitted = tuple[np.ndarray, float]  # unknowns θ, and their cost
 SEARCH = 1e-5  # relative tolerance of the cost
+MOST_POINTS = 400  # that a search goes through
 MANY = 2000  # rows, from which on an orthogonal reduction of them pays
 PER_DECADE = 10
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
@@ -121,66 +122,88 @@ def flows(data: Observations) -> bool:
 
 def best_spectrum(series: Series) -> Fitted:
     """Returns the positive spectrum nearest to the data: the floor of every series."""
-    thinned = series.thinned()
-    theta, cost = thinned.minimise(_dense_start(thinned, PER_DECADE), rtol=SEARCH)
+    few = thinned(series)
+    theta, cost = few.minimise(_dense_start(few, PER_DECADE), rtol=SEARCH)
     for _ in range(MOST_ADDED):
-        gain, longer = _with_branch(thinned, _without_faint(thinned, theta))
+        gain, longer = _with_branch(few, _without_faint(few, theta))
         if gain < 1e-4 * cost:
             break
-        longer, lower = thinned.minimise(longer, rtol=SEARCH)
+        longer, lower = few.minimise(longer, rtol=SEARCH)
         if lower > (1 - 1e-4) * cost:
             break
         theta, cost = longer, lower
-    return _measured_by(series, _without_faint(thinned, theta))
+    return _measured_by(series, _without_faint(few, theta))
 
 
 def best_of_length(series: Series, terms: int) -> Fitted:
     """Returns the best series of exactly `terms` branches found from two starts."""
-    thinned = series.thinned()
+    few = thinned(series)
     # Each start leads to the lower minimum on about half of the measured sets.
-    starts = [_spaced_start(thinned, terms)]
+    starts = [_spaced_start(few, terms)]
     if terms:
-        dense = _dense_start(thinned, PER_DECADE / 2)
-        if thinned.terms(dense):
-            starts.append(_of_length(thinned, dense, terms))
-    tried = [thinned.minimise(start, rtol=SEARCH) for start in starts]
+        dense = _dense_start(few, PER_DECADE / 2)
+        if few.terms(dense):
+            starts.append(_of_length(few, dense, terms))
+    tried = [few.minimise(start, rtol=SEARCH) for start in starts]
     theta, _ = min(tried, key=lambda fitted: fitted[1])
     return series.minimise(theta, rtol=0)
 
 
 def best_path(series: Series, most: int) -> dict[int, Fitted]:
     """Returns the best series found of each length up to that of the floor, or to `most`."""
-    thinned = series.thinned()
-    theta, cost = best_spectrum(thinned)
+    few = thinned(series)
+    theta, cost = best_spectrum(few)
     # The path ends at the shortest series that is within 0.05 % of the floor: no data show less.
-    while (terms := thinned.terms(theta)) > 1:
-        shorter = thinned.minimise(_one_fewer(thinned, theta)[0], rtol=SEARCH)
+    while (terms := few.terms(theta)) > 1:
+        shorter = few.minimise(_one_fewer(few, theta)[0], rtol=SEARCH)
         if terms <= most and shorter[1] > 1.001 * cost:
             break
         theta, cost = shorter
-    path = _walk(thinned, (theta, cost), 0)
-    return {terms: _measured_by(series, theta) for terms, (theta, _) in sorted(path.items())}
-
-
-def _walk(series, longest, shortest):
-    """The best series found of each length from that of `longest` down to `shortest`."""
-    rows = series.weights > 0
-    needs_branch = np.any((series.known + np.sum(series.static, axis=0))[rows] <= 0)
-    terms = series.terms(longest[0])
-    shortest, path = max(shortest, int(needs_branch)), {terms: longest}
+    path = {terms: (theta, cost)}
 
     def keep(start):
-        fitted = series.minimise(start, rtol=SEARCH, max_steps=STEPS)
-        length = series.terms(fitted[0])
+        fitted = few.minimise(start, rtol=SEARCH, max_steps=STEPS)
+        length = few.terms(fitted[0])
         if length not in path or fitted[1] < path[length][1]:
             path[length] = fitted
 
+    rows = few.weights > 0
+    shortest = int(np.any((few.known + np.sum(few.static, axis=0))[rows] <= 0))
     for length in range(terms, shortest, -1):
-        for shorter in _one_fewer(series, path[length][0]):
+        for shorter in _one_fewer(few, path[length][0]):
             keep(shorter)
     for length in range(shortest, terms):
-        keep(_with_branch(series, path[length][0])[1])
-    return path
+        keep(_with_branch(few, path[length][0])[1])
+    return {terms: _measured_by(series, theta) for terms, (theta, _) in sorted(path.items())}
+
+
+def thinned(series: Series) -> Series:
+    """Returns much the same problem with at most `MOST_POINTS` points, by averaging neighbours.
+
+    A search through it costs no more than one through few data.
+    """
+    count = len(series.x) - series.num_ends
+    if count <= MOST_POINTS:
+        return series
+    log_x = np.log(np.maximum(series.x, 1e-2 * np.min(series.x[series.x > 0])))
+    first, last = np.min(log_x[:count]), np.max(log_x[:count])
+    place = np.floor((log_x - first) / (last - first) * MOST_POINTS)
+    place[count:] = 2 * MOST_POINTS + np.arange(series.num_ends)
+    member = (place[:, None] == np.unique(place)).astype(float)
+
+    def sums(rows):
+        by_channel = rows.reshape(*rows.shape[:-1], -1, len(series.x))
+        return (by_channel @ member).reshape(*rows.shape[:-1], -1)
+
+    sizes, weights = sums(np.ones_like(series.weights)), sums(series.weights)
+    return dataclasses.replace(
+        series,
+        x=np.exp(log_x @ member / np.sum(member, axis=0)),
+        log_values=sums(series.weights * series.log_values) / np.where(weights > 0, weights, 1),
+        weights=weights,
+        known=sums(series.known) / sizes,
+        static=sums(series.static) / sizes,
+    )
 
 
 def _measured_by(series, theta):

@@ -16,7 +16,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_types, check_values, is_concrete
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_scalar,
+    check_poisson,
+    check_types,
+    check_values,
+    is_concrete,
+)
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
@@ -259,7 +267,7 @@ def master_curve(
     data = with_penalty(data, penalty)
     unknowns = attach_derivative(objective, unknowns, free, data)
     fit = PronyFit(
-        theta=unknowns[: len(unknowns) - sum(data.isotherms.counts)],
+        theta=unknowns[: len(unknowns) - data.num_shifts],
         data=at_reference(unknowns, data),
         poisson=poisson,
         path=path,

@@ -1,7 +1,7 @@
 """Measured moduli or compliances prepared for a fit."""
 
 import dataclasses
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import equinox as eqx
 import jax
@@ -20,9 +20,9 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.display import shown
+from .branches import Kind
 from .shifts import Isotherms
 
-Kind = Literal["frequency", "relaxation", "creep"]
 REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow
 Unknowns = Float[Array, " unknowns"]
 
@@ -70,10 +70,14 @@ class Observations(eqx.Module):
         """The number of unknowns of strengths without a time."""
         return int(self.known_start is None) + int(self.flows)
 
+    @property
+    def num_shifts(self) -> int:
+        """The number of unknowns of shifts, the last ones."""
+        return sum(self.isotherms.counts) if self.isotherms else 0
+
     def num_unknowns(self, terms: int) -> int:
         """Returns the number of unknowns of a series of `terms` branches, and of its shifts."""
-        shifts = sum(self.isotherms.counts) if self.isotherms else 0
-        return 2 * terms + self.num_extras + shifts
+        return 2 * terms + self.num_extras + self.num_shifts
 
     def as_liquid(self) -> "Observations":
         """Returns the same data with E_eq = 0."""

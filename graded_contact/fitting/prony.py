@@ -23,6 +23,7 @@ from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_typ
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
+from .branches import branches
 from .covariance import covariance
 from .implicit import attach_derivative, search
 from .lengths import (
@@ -43,7 +44,7 @@ from .quality import (
     report_of,
     verdict_of,
 )
-from .series import NEGLIGIBLE, Series, branches, fixed_columns, objective, series_of
+from .series import NEGLIGIBLE, Series, fixed_columns, objective, series_of
 
 LAST = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli

@@ -21,7 +21,6 @@ measured value: a spectrum there that no added branch improves is the best of al
 """
 
 import dataclasses
-import functools
 from typing import Any
 
 import jax.numpy as jnp
@@ -29,14 +28,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.checks import is_concrete
-from .newton import Expansion, newton_minimum
-from .observations import Kind, Observations, Unknowns
-from .shifts import Isotherms, array_module
+from .branches import Kind, array_module, branches
+from .newton import Expansion, gram, newton_minimum
+from .observations import Observations, Unknowns
+from .shifts import Isotherms
 
 # Where a branch of relative strength one counts fully: infinite frequency, or the end of creep.
 COMPLETE = {"frequency": 1e150, "relaxation": 0.0, "creep": 1e150}
-FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
-MOST_POINTS = 400  # that a search goes through
 NEGLIGIBLE = 1e-9  # of the smallest measured value: a strength that changes nothing
 END_WEIGHT = 1e6  # of an end value that is known, over that of all measured values
 # How far times may lie outside those of the data, before and after. Farther out strengths grow
@@ -164,42 +162,6 @@ class Series:
         starts = np.flatnonzero(np.diff(self.group[:count], prepend=-1))
         return np.add.reduceat(points[..., :count], starts, axis=-1)
 
-    def restricted(self, points: np.ndarray) -> "Series":
-        """Returns the problem of some of the points, given as a mask."""
-        rows = np.tile(points, len(self.weights) // len(self.x))
-        parts = {name: getattr(self, name)[rows] for name in ("log_values", "weights", "known")}
-        return dataclasses.replace(
-            self, x=self.x[points], static=self.static[:, rows], num_ends=0, **parts
-        )
-
-    def thinned(self) -> "Series":
-        """Returns much the same problem with at most `MOST_POINTS` points, by averaging neighbours.
-
-        A search through it costs no more than one through few data.
-        """
-        count = len(self.x) - self.num_ends
-        if count <= MOST_POINTS:
-            return self
-        log_x = np.log(np.maximum(self.x, 1e-2 * np.min(self.x[self.x > 0])))
-        first, last = np.min(log_x[:count]), np.max(log_x[:count])
-        place = np.floor((log_x - first) / (last - first) * MOST_POINTS)
-        place[count:] = 2 * MOST_POINTS + np.arange(self.num_ends)
-        member = (place[:, None] == np.unique(place)).astype(float)
-
-        def sums(rows):
-            by_channel = rows.reshape(*rows.shape[:-1], -1, len(self.x))
-            return (by_channel @ member).reshape(*rows.shape[:-1], -1)
-
-        sizes, weights = sums(np.ones_like(self.weights)), sums(self.weights)
-        return dataclasses.replace(
-            self,
-            x=np.exp(log_x @ member / np.sum(member, axis=0)),
-            log_values=sums(self.weights * self.log_values) / np.where(weights > 0, weights, 1),
-            weights=weights,
-            known=sums(self.known) / sizes,
-            static=sums(self.static) / sizes,
-        )
-
     # The model and the cost ---------------------------------------------------------------------
 
     def branches(self, log_times: Any) -> Any:
@@ -215,11 +177,8 @@ class Series:
     def _sum(self, branches, static):
         """m, above zero also where every decay has underflowed."""
         xp = array_module(self.x)
-        return xp.maximum(self.known + branches + static @ self.static, 1e-12 * self._values)
-
-    @functools.cached_property
-    def _values(self):
-        return array_module(self.x).exp(self.log_values)
+        least = 1e-12 * xp.exp(self.log_values)
+        return xp.maximum(self.known + branches + static @ self.static, least)
 
     def residual(self, model: Any) -> Any:
         """Returns ln m - y; zero where nothing was measured."""
@@ -370,37 +329,3 @@ def fixed_columns(data: Observations, x: Any, xp: Any) -> tuple[Any, Any]:
 def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
     """Returns the cost that a fit minimises, in JAX."""
     return series_of(data, jnp).total_cost(theta)
-
-
-def branches(kind: Kind, x: Any, times: Any) -> tuple[Any, Any, Any]:
-    """Returns φ and its first two derivatives by ln τ, each of shape `(terms, rows)`."""
-    xp = array_module(x)
-    if kind == "frequency":
-        # Beyond these limits a branch is complete or absent, and powers of z overflow.
-        z = xp.clip(times[:, None] * x, 1 / FARTHEST, FARTHEST)
-        inverse = 1 / z
-        loss, storage = 1 / (z + inverse), 1 / (1 + inverse**2)
-        loss2, tilt = loss**2, 1 - 2 * storage
-        return (
-            xp.concatenate([storage, loss], axis=1),
-            xp.concatenate([2 * loss2, loss * tilt], axis=1),
-            xp.concatenate([4 * loss2 * tilt, loss * (1 - 8 * loss2)], axis=1),
-        )
-    z = x / times[:, None]
-    decay = xp.exp(-z)
-    slope = z * decay
-    curvature = (z - 1) * slope
-    if kind == "creep":
-        return -xp.expm1(-z), -slope, -curvature
-    return decay, slope, curvature
-
-
-def gram(matrix: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Returns A W Aᵀ, summed over slices so small that BLAS starts no threads.
-
-    On matrices of this size threads gain nothing, and on a busy machine they cost a hundredfold.
-    """
-    rooted = matrix * np.sqrt(weights)
-    width = max(250_000 // max(len(matrix), 1) ** 2, 1)
-    slices = (rooted[:, i : i + width] for i in range(0, matrix.shape[1], width))
-    return sum((part @ part.T for part in slices), np.zeros(2 * matrix.shape[:1]))

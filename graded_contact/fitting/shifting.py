@@ -113,6 +113,7 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
 
 def with_penalty(data: Observations, penalty: Any) -> Observations:
     """Returns the data with other weights of the squares of departures and of ln b."""
+    assert data.isotherms is not None
     known = dataclasses.replace(data.isotherms, penalty=jnp.asarray(penalty))
     return dataclasses.replace(data, isotherms=known)
 
@@ -174,6 +175,15 @@ def at_reference(unknowns: Unknowns, data: Observations) -> Observations:
     return dataclasses.replace(data, x=x, values=values, isotherms=None)
 
 
+def _restricted(series, points):
+    """The problem of some of the points, given as a mask."""
+    rows = np.tile(points, len(series.weights) // len(series.x))
+    parts = {name: getattr(series, name)[rows] for name in ("log_values", "weights", "known")}
+    return dataclasses.replace(
+        series, x=series.x[points], static=series.static[:, rows], num_ends=0, **parts
+    )
+
+
 def _aligned(series, isotherms):
     """ln a of each isotherm, by fitting a spectrum to every two neighbours at trial distances."""
     distances = LN10 * np.arange(-0.5, 6.0, 0.25)
@@ -183,7 +193,7 @@ def _aligned(series, isotherms):
         for distance in distances:
             shifts = distance * (np.arange(count) == colder)
             pair = np.isin(series.group, (colder, colder + 1))
-            part = series.shifted(shifts, np.zeros(count)).restricted(pair)
+            part = _restricted(series.shifted(shifts, np.zeros(count)), pair)
             shortest, longest = part.time_limits()
             log_times = np.linspace(shortest, longest, int(4 * (longest - shortest) / LN10) + 2)
             strengths = non_negative(part, log_times)

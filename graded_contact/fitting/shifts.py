@@ -20,6 +20,7 @@ from jaxtyping import Array, Float, Int
 
 from ..core.display import shown
 from ..materials.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
+from .branches import array_module
 
 LN10 = float(np.log(10))
 LawKind = Literal["wlf", "arrhenius"]
@@ -101,11 +102,6 @@ class Isotherms(eqx.Module):
         lower, upper = np.log(LAW_LIMITS[self.law]).T
         free = np.full(sum(self.counts[1:]), np.inf)
         return np.append(lower, -free), np.append(upper, free)
-
-
-def array_module(values: Any) -> Any:
-    """Returns `jax.numpy` for JAX's arrays and `numpy` for all others."""
-    return jnp if isinstance(values, jax.Array) else np
 
 
 def _law_of(p, temperatures, reference, law) -> AbstractShift:

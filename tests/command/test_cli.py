@@ -429,7 +429,7 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     assert result.exit_code == 0, result.output
     for text in ("Read 40 rows", "rms log error", "Kramers-Kronig", "BIC"):
         assert text in result.stdout
-    assert f"TOPOGRAPHY '{path}' --poisson 0.49 --kind tension " in result.stdout.replace("\n", " ")
+    assert f"TOPOGRAPHY '{path}' --poisson=0.49 --kind=tension " in result.stdout.replace("\n", " ")
     endings = ("-errors.csv", ".inp", ".mac", ".png", ".toml")
     names = [f"material_1_tread{ending}" for ending in endings]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names

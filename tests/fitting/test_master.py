@@ -279,7 +279,9 @@ def test_a_flat_isotherm_has_large_errors_of_its_shift():
     """Storage moduli far below the transition say nothing of a shift: only the law does."""
     line = np.exp(0.01 * np.random.default_rng(1).standard_normal(12))
     cold = (235.0, OMEGA, modulus(OMEGA, wlf(235)) * line)
-    along, _ = master_curve([cold, *isotherms()[1:]], terms=4, weights=(1.0, 0.0)).shift_deviations()
+    along, _ = master_curve(
+        [cold, *isotherms()[1:]], terms=4, weights=(1.0, 0.0)
+    ).shift_deviations()
     assert along[0] > 0.3 > 10 * max(along[1:])
 
 

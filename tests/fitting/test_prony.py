@@ -196,9 +196,7 @@ def test_missing_values_and_those_of_no_weight_are_left_out(tread):
     omega, values, _ = tread
     bad = (omega > 1e2) & (omega < 1e3)  # a decade
     absent = fit_prony(omega, np.where(bad, np.nan + 1j * np.nan, values), terms=7)
-    ignored = fit_prony(
-        omega, np.where(bad, -1 - 1j, values), terms=7, weights=(~bad, ~bad)
-    )
+    ignored = fit_prony(omega, np.where(bad, -1 - 1j, values), terms=7, weights=(~bad, ~bad))
     removed = fit_prony(omega[~bad], values[~bad], terms=7)
     assert spread(absent, removed.material) < 1e-5
     assert spread(ignored, removed.material) < 1e-5
