@@ -1,5 +1,8 @@
 """Minimum of a smooth function of a few dozen unknowns between bounds, by damped Newton steps.
 
+Second derivatives are needed: by Gauss-Newton steps one of six isotherms of creep ends two decades
+off (`test_moduli_in_time_are_shifted_and_handed_on_with_their_vertical_shifts`).
+
 Libraries take up to 16 times as long (SciPy's trf; dogbox: 70, optimistix: 514) and end a step of
 1e-9 to 1 short of the minimum, not 1e-12, or beyond the bounds: `bench_fit.py solvers`.
 """

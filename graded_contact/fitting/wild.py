@@ -24,7 +24,7 @@ HUBER = 0.1  # log residual from which on a value counts linearly here
 AROUND = 9  # neighbours whose residuals are compared
 FEWEST = 6  # points from which on one can be distinguished from the others
 TURNS = 8  # of finding wild values
-ROUNDS = 3  # of weights by residuals: with 2 some values are called wild that are not
+ROUNDS = 3  # of weights by residuals: with 2, 5 of 83 values off by a factor of 2 are missed
 
 
 class Wild(NamedTuple):
