@@ -116,7 +116,7 @@ class Case:
         self.x, self.generator = np.asarray(fit.data.x), np.random.default_rng(0)
         self.fitted = np.asarray(fit.predict(self.x))
         self.residual = np.log(np.asarray(fit.data.values) / self.fitted)
-        group = np.zeros(len(self.x), int) if known is fit else np.asarray(known.data.group)
+        group = np.zeros(len(self.x), int) if known is fit else np.asarray(known.isotherms.group)
         order = np.lexsort((self.x, group))
         self.neighbours = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
         count = self.residual.size
@@ -162,16 +162,16 @@ class Case:
     def refit(self, values, terms):
         if self.known is self.fit:
             return gc.fit_prony(self.x, values, poisson=POISSON, terms=terms).material
-        data, lifted = self.known.data, np.asarray(self.known.vertical_shifts)
-        x, values = np.asarray(data.observations.x), values * lifted[np.asarray(data.group)]
-        temperatures = np.asarray(data.temperatures)
+        known, lifted = self.known.isotherms, np.asarray(self.known.vertical_shifts)
+        x, values = np.asarray(self.known.data.x), values * lifted[np.asarray(known.group)]
+        temperatures = np.asarray(known.temperatures)
         isotherms = [
             (temperature, x[rows], values[rows])
             for temperature, rows in zip(temperatures, self.neighbours, strict=True)
         ]
         again = master_curve(
             isotherms, vertical_shift_std=0.1, poisson=POISSON, terms=terms,
-            reference=temperatures[data.reference],
+            reference=temperatures[known.reference],
         )  # fmt: skip
         return again.material
 

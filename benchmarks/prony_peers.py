@@ -58,8 +58,7 @@ def read_sets(sets):
 
 def fit_measured(measured, **choices):
     """The package's fit of a master curve over frequency or time."""
-    function = gc.fit_prony if measured.kind == "frequency" else gc.fit_relaxation
-    return function(measured.abscissa, measured.values, **choices)
+    return gc.fit_prony(measured.abscissa, measured.values, kind=measured.kind, **choices)
 
 
 def parts_of(modulus):

@@ -2,18 +2,21 @@
 
 import ast
 import contextlib
+import inspect
 import re
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
 
 import typer
 from typer import Argument, Option
 
 from ..core.checks import nearest
-from ..exports.prony_cards import FORMATS, export_prony
+from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
-from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
+from ..fitting.prony import fit_prony
+from ..fitting.shifts import LawKind
 from ..fitting.wild import wild_values, without
 from ..materials.material import Prony
 from ..materials.measured import Measured
@@ -22,22 +25,23 @@ from ..readers.moduli import read_moduli
 from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import Errors, write_errors
 from ..studies.uncertainty import errors_of
-from .terminal import FigureFormat, Output, checked_place, refusing, save_figure
+from .terminal import Output, checked_place, refusing, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Endings of the files that other programs read.
-_SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
+# Cards of the material: endings of their files, by format.
+CARDS = {"toml": ".toml", "abaqus": ".inp", "ansys": ".mac"}
+# The words of `--kind`, by the argument that they are a value of.
+KINDS = {"kind": ("frequency", "relaxation", "creep"), "deformation": ("tension", "shear")}
 # Options of the command, by the arguments that messages about moduli and their fits name.
 _FIT_OPTIONS = {
     "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
-    "temperature": "--temperature KELVIN", "throw": "--anyway",
-    "size": "--size METRES", "unit": "--height-unit",
-    **{name: f"--{name.replace('_', '-')}" for name in (
-        "kind", "deformation", "poisson", "sheet", "step", "terms", "law", "shift_std",
-        "vertical_shift_std", "equilibrium", "glassy", "storage_weight", "loss_weight",
-        "temperatures",
+    "temperature": "--temperature KELVIN", "deformation": "--kind", "size": "--size METRES",
+    "unit": "--height-unit", "shift_std": "--law LAW:STD",
+    "vertical_shift_std": "--law LAW:STD:STD",
+    **{name: f"--{name}" for name in (
+        "kind", "poisson", "sheet", "step", "terms", "law", "equilibrium", "temperatures",
     )},
 }  # fmt: skip
 
@@ -55,8 +59,10 @@ Terms = Annotated[
     int | None, Option(min=1, help="Number of terms (default: that of the lowest BIC).")
 ]
 Poisson = Annotated[float, Option(help="Poisson's ratio of the material.")]
-DataKind = Annotated[str | None, Option(help="frequency, relaxation or creep.")]
-Deformation = Annotated[str | None, Option(help="tension or shear, if it is not in the file.")]
+DataKind = Annotated[list[str] | None, Option(
+    metavar="WORD", help="What the file does not say: frequency, relaxation or creep; tension or "
+    "shear. May be repeated.",
+)]  # fmt: skip
 Temperatures = Annotated[list[float] | None, Option(
     "--temperature", metavar="KELVIN",
     help="Temperature of the data: one for all, or one for each file or curve.",
@@ -72,7 +78,10 @@ Sheet = Annotated[str | None, Option(help="Name of the sheet of a workbook.")]
 Steps = Annotated[list[str] | None, Option(
     metavar="NAME", help="Number or title of a step to read; may be repeated."
 )]  # fmt: skip
-Law = Annotated[Literal["wlf", "arrhenius"], Option(help="How several isotherms are shifted.")]
+Law = Annotated[str, Option(
+    metavar="LAW[:STD[:STD]]", help="How isotherms are shifted: wlf or arrhenius; the standard "
+    "deviations of log10 a_T from it (default 0.3, 0 for none) and of ln b_T (default 0).",
+)]  # fmt: skip
 Equilibrium = Annotated[float | None, Option(
     metavar="PASCAL", help="E_eq if known; 0 for a liquid."
 )]  # fmt: skip
@@ -87,58 +96,59 @@ def fit(
     terms: Terms = None,
     poisson: Poisson = 0.5,
     kind: DataKind = None,
-    deformation: Deformation = None,
     temperature: Temperatures = None,
     sheet: Sheet = None,
     step: Steps = None,
     law: Law = "wlf",
-    shift_std: Annotated[float, Option(
-        help="Expected standard deviation of log10 a_T from the law; 0 for none."
-    )] = 0.3,
-    vertical_shift_std: Annotated[float, Option(
-        help="Expected standard deviation of ln b_T, the shift of moduli."
-    )] = 0.0,
     equilibrium: Equilibrium = None,
-    glassy: Annotated[float | None, Option(
-        metavar="PASCAL", help="Instantaneous modulus if known."
-    )] = None,
-    storage_weight: Annotated[float, Option(help="Weight of storage moduli.")] = 1.0,
-    loss_weight: Annotated[float, Option(help="Weight of loss moduli.")] = 1.0,
-    anyway: Annotated[bool, Option(
-        "--anyway", help="Fit data that are far from all positive spectra."
-    )] = False,
     robust: Robust = False,
     unit: UnitTexts = None,
     column: ColumnTexts = None,
-    card: Annotated[list[str] | None, Option(
-        help="Also write csv, json, abaqus or ansys; may be repeated."
-    )] = None,
-    form: FigureFormat = "png",
-) -> None:  # fmt: skip
+) -> None:
     """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
 
-    Several isotherms, in one file or several, are shifted into a master curve. With a topography
-    `graded-contact new` fits and writes the whole scene.
+    Writes cards for Abaqus and Ansys too. Several isotherms, in one file or several, are shifted
+    into a master curve. With a topography `graded-contact new` fits and writes the whole scene.
     """
+    given = locals()
     with refusing(with_options):
-        for other in card or []:  # a list takes no `Literal`
-            if other not in FORMATS:
-                raise ValueError(f"`--card {other}` is not known; {nearest(other, FORMATS)}")
+        shifts = law_arguments(law)
         folder = output or f"{moduli_files[0].stem}-fit"
         stem = checked_place(folder, material_name(moduli_files[0]))
         measured = read_measured(
-            moduli_files, column, unit, temperature, kind=kind, deformation=deformation,
-            poisson=poisson, sheet=sheet, step=step,
-        )  # fmt: skip
+            moduli_files, column, unit, temperature, kind, poisson=poisson, sheet=sheet, step=step
+        )
         found = fitted(
             looked_through(measured, robust), terms=terms, poisson=poisson,
-            equilibrium=equilibrium, glassy=glassy, throw=not anyway, law=law, shift_std=shift_std,
-            storage_weight=storage_weight, loss_weight=loss_weight,
-            vertical_shift_std=vertical_shift_std,
+            equilibrium=equilibrium, **shifts,
         )  # fmt: skip
-        write_fit(stem, found, card or [], form)
-    files = " ".join(map(str, moduli_files))
-    typer.echo(f"next: graded-contact new TOPOGRAPHY {files}   (writes a scene that runs)")
+        write_fit(stem, found, tuple(CARDS))
+    words = shlex.join([*map(str, moduli_files), *_typed(given)])
+    typer.echo(f"next: graded-contact new TOPOGRAPHY {words}   (writes a scene that runs)")
+
+
+def _typed(given: dict[str, Any]) -> list[str]:
+    """Options of `fit` that are not the default, as they are typed; without the folder."""
+    words = []
+    for name, parameter in inspect.signature(fit).parameters.items():
+        value = given[name]
+        if name in ("moduli_files", "output") or value == parameter.default:
+            continue
+        values = value if isinstance(value, list) else [value]
+        words += [f"--{name}"] if value is True else [f"--{name}={each}" for each in values]
+    return words
+
+
+def law_arguments(text: str) -> dict[str, Any]:
+    """Returns the arguments of `master_curve` that `--law` stands for."""
+    law, *sizes = text.split(":")
+    if law not in get_args(LawKind):
+        raise ValueError(f"`--law {law}` is not known; {nearest(law, get_args(LawKind))}")
+    try:
+        names = ("shift_std", "vertical_shift_std")[: len(sizes)]
+        return {"law": law} | dict(zip(names, map(float, sizes), strict=True))
+    except ValueError:
+        raise ValueError(f"`--law {text}` is refused: write LAW[:STD[:STD]].") from None
 
 
 def with_options(message: str) -> str:
@@ -154,15 +164,21 @@ def with_options(message: str) -> str:
                 typed = (f"{flag} {shlex.quote(f'{key}={each}')}" for key, each in pairs.items())
                 return f"`{' '.join(typed)}`"
         # An option that shows its form, or takes nothing, is named without the value.
-        if value and spelt and " " not in spelt and name != "throw":
+        if value and spelt and " " not in spelt:
             spelt += " " + shlex.quote(value.strip("'"))
         return f"`{spelt}`" if spelt else found[0]
 
     return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)
 
 
-def read_measured(moduli_files, column, unit, temperature, **options) -> Measured:
+def read_measured(moduli_files, column, unit, temperature, kind, **options) -> Measured:
     """Reads moduli with options as texts, and prints how they were understood."""
+    for word in kind or []:
+        name = next((name for name, words in KINDS.items() if word in words), None)
+        if name is None:
+            allowed = [word for words in KINDS.values() for word in words]
+            raise ValueError(f"`--kind {word}` is not known; {nearest(word, allowed)}")
+        options[name] = word
     columns = _pairs("column", column)  # a number counts the columns from 1
     measured = read_moduli(
         moduli_files, units=_pairs("unit", unit), **options,
@@ -211,31 +227,16 @@ class MaterialFit(NamedTuple):
     figures: "dict[str, Figure]"
 
 
-def fitted(
-    measured: Measured,
-    *,
-    storage_weight: float = 1.0,
-    loss_weight: float = 1.0,
-    law: str = "wlf",
-    shift_std: float = 0.3,
-    vertical_shift_std: float = 0.0,
-    **arguments: Any,
-) -> MaterialFit:
+def fitted(measured: Measured, law: str, **arguments: Any) -> MaterialFit:
     """Fits one isotherm by a series, and several by a master curve; these take `arguments`."""
     isotherms, kind = measured.isotherms(), measured.kind
-    weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
-    if kind != "frequency" and {storage_weight, loss_weight} != {1.0}:
-        raise ValueError(f"`storage_weight`, `loss_weight`: {kind} has one channel only.")
     if len(isotherms) == 1:
-        function = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}[kind]
-        arguments |= weights if kind == "frequency" else {}
-        found = function(measured.abscissa, measured.values, **arguments)
+        for name in ("shift_std", "vertical_shift_std"):
+            arguments.pop(name, None)
+        found = fit_prony(measured.abscissa, measured.values, kind=kind, **arguments)
         errors = errors_of(found, found.material)
         return MaterialFit(found.material, errors, found.report(), {"": plot_fit(found)})
-    curve = master_curve(
-        isotherms, law=law, shift_std=shift_std, vertical_shift_std=vertical_shift_std,
-        weight=storage_weight, loss_weight=loss_weight, **arguments,
-    )  # fmt: skip
+    curve = master_curve(isotherms, law=law, **arguments)
     figures = {"": plot_master_curve(curve)}
     if kind == "frequency":
         figures["-van-gurp-palmen"] = plot_van_gurp_palmen(curve)
@@ -243,16 +244,18 @@ def fitted(
     return MaterialFit(material, errors_of(curve, material), curve.report(), figures)
 
 
-def write_fit(stem: Path, found: MaterialFit, cards: list[str], form: str) -> None:
+def write_fit(stem: Path, found: MaterialFit, cards: Sequence[str]) -> None:
     """Prints the report and the table for a scene, and writes files that begin with `stem`."""
     stem.parent.mkdir(parents=True, exist_ok=True)
-    texts = {card: export_prony(found.material, card, name=stem.name) for card in ("toml", *cards)}
-    typer.echo(f"\n{found.report}\n\n{texts['toml']}")
-    for card, text in texts.items():
-        path = f"{stem}{_SUFFIXES.get(card, f'.{card}')}"
-        write_whole(path, text)
-        typer.echo(f"wrote {path}")
+    typer.echo(f"\n{found.report}\n\n{export_prony(found.material, 'toml', name=stem.name)}")
+    for card in cards:
+        path = f"{stem}{CARDS[card]}"
+        try:
+            write_whole(path, export_prony(found.material, card, name=stem.name))
+            typer.echo(f"wrote {path}")
+        except ValueError as error:
+            typer.echo(f"no {path}: {error}")
     write_errors(f"{stem}-errors.csv", found.errors)
     typer.echo(f"wrote {stem}-errors.csv")
     for ending, figure in found.figures.items():
-        save_figure(figure, Path(f"{stem}{ending}.{form}"), form)
+        save_figure(figure, Path(f"{stem}{ending}.png"), "png")

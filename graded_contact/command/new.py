@@ -23,7 +23,7 @@ from ..scenes.theory import excites_unknown, mean_fields
 from ..studies.dataset import write_whole
 from . import fit
 from .result_tables import print_steps
-from .terminal import FigureFormat, Output, Replace, checked_place, refusing
+from .terminal import Output, Replace, checked_place, refusing
 
 FINEST_EDGE = 512  # points along an edge, for results within minutes
 NUM_VELOCITIES = 7
@@ -47,7 +47,6 @@ def new(
     terms: fit.Terms = None,
     poisson: fit.Poisson = 0.5,
     kind: fit.DataKind = None,
-    deformation: fit.Deformation = None,
     temperature: fit.Temperatures = None,
     temperatures: Annotated[list[float] | None, Option(
         metavar="KELVIN",
@@ -61,7 +60,6 @@ def new(
     unit: fit.UnitTexts = None,
     column: fit.ColumnTexts = None,
     replace: Replace = False,
-    form: FigureFormat = "png",
 ) -> None:  # fmt: skip
     """Writes a scene that runs, from a topography and moduli of one material.
 
@@ -69,7 +67,7 @@ def new(
     and temperatures. Several isotherms give a friction master curve.
     """
     with refusing(fit.with_options):
-        name = fit.material_name(moduli_files[0])
+        shifts, name = fit.law_arguments(law), fit.material_name(moduli_files[0])
         stem = checked_place(output or f"{name}-on-{surface_file.stem}", name)
         scene = stem.with_name("scene.toml")
         if scene.exists() and not replace:
@@ -85,14 +83,15 @@ def new(
             typer.echo(sentence)
         print_steps(surface)
         measured = fit.read_measured(
-            moduli_files, column, unit, temperature, kind=kind, deformation=deformation,
-            poisson=poisson, sheet=sheet, step=step,
-        )  # fmt: skip
+            moduli_files, column, unit, temperature, kind, poisson=poisson, sheet=sheet, step=step
+        )
         measured = fit.looked_through(measured, robust)
-        found = fit.fitted(measured, terms=terms, poisson=poisson, equilibrium=equilibrium, law=law)
+        found = fit.fitted(
+            measured, terms=terms, poisson=poisson, equilibrium=equilibrium, **shifts
+        )
         material = found.material
         _check_temperatures(material, temperatures or [])
-        fit.write_fit(stem, found, [], form)
+        fit.write_fit(stem, found, ("toml",))
         if surface.grid.ndim == 2 and material.equilibrium == 0:
             raise ValueError(f"[materials.{name}] {LIQUID}")
         parts = [part.temperature for part in measured.isotherms()]

@@ -1,6 +1,7 @@
 """From measured moduli to laws: Prony series and master curves."""
 
 from .master import MasterCurve, master_curve
-from .prony import PronyFit, fit_creep, fit_prony, fit_relaxation
+from .prony import PronyFit, fit_prony
+from .wild import wild_values, without
 
-__all__ = ["MasterCurve", "PronyFit", "fit_creep", "fit_prony", "fit_relaxation", "master_curve"]
+__all__ = ["MasterCurve", "PronyFit", "fit_prony", "master_curve", "wild_values", "without"]

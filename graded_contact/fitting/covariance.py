@@ -34,29 +34,17 @@ FLATTEST = 2.0  # curvature of -ln L: what the data do not determine has the var
 STEP = 0.05  # of (atanh ρ, ln σ²) in differences of the likelihood
 
 
-def covariance(
-    series: Series,
-    residual: np.ndarray,
-    jacobian: np.ndarray,
-    free: np.ndarray,
-    penalty: np.ndarray | float = 0.0,
-    group: np.ndarray | None = None,
-) -> np.ndarray:
-    """Returns the covariance of the unknowns; those not `free` have none.
+def covariance(series: Series, theta: np.ndarray) -> np.ndarray:
+    """Returns the covariance of the unknowns; those at a bound have none.
 
-    **Arguments:**
-
-    - `residual`, `jacobian`: log residuals, shape `(rows,)`, and their derivatives by the
-      unknowns, shape `(unknowns, rows)`.
-    - `free`: which unknowns are at no bound.
-    - `penalty`: weights of their squares in the cost, from what is expected beforehand.
-    - `group`: of each point; neighbours are of the same one. Shape `(points,)`.
+    Neighbours are of one isotherm. What is expected of shifts counts as known.
     """
-    jacobian, penalty = jacobian[free], np.broadcast_to(penalty, len(free))[free]
-    inside = np.abs(residual) <= series.huber
-    hessian = (jacobian * (series.weights * inside)) @ jacobian.T + np.diag(penalty)
+    residual, jacobian, *_ = series.derivatives(theta)
+    free = series.within_bounds(theta)
+    jacobian, penalty = jacobian[free], series.penalty(theta)[free]
+    hessian = (jacobian * series.weights) @ jacobian.T + np.diag(penalty)
     points = len(series.x)
-    group = np.zeros(points, int) if group is None else group
+    group = np.zeros(points, int) if series.group is None else series.group
     order = np.lexsort((series.x, group))
     rows = (np.arange(0, len(residual), points)[:, None] + order).ravel()
     rows = rows[series.measured[rows]]
@@ -67,7 +55,7 @@ def covariance(
     errors = _Errors(
         channel=channel,
         first=np.append(True, starts),
-        errors=root_weights * np.clip(residual[rows], -series.huber, series.huber),
+        errors=root_weights * residual[rows],
         design=design,
         penalty=penalty,
     )
@@ -97,7 +85,7 @@ class _Errors:
     - `channel`: of each row, counted from 0.
     - `first`: which of them have no neighbour before them.
     - `errors`, `design`: residuals, and derivatives of the model, shape `(rows, unknowns)`.
-    - `penalty`: as in `covariance`.
+    - `penalty`: weights of the squares of the unknowns in the cost.
     """
 
     channel: np.ndarray

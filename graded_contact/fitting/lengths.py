@@ -1,11 +1,11 @@
 """The best series of every length, from one branch to the most that the data determine.
 
-Two walks meet: upwards, each new branch put where it lowers the error most; downwards from the best
-positive spectrum of all, each time joining the two branches (or dropping the one) that costs least.
-Either walk alone ends in poor local minima now and then.
-The best spectrum is found by non-negative least squares on a dense grid of times (C. L. Lawson,
-R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours merged, then by
-Newton's method on all unknowns; no added branch lowers its error, which makes it the floor.
+The best positive spectrum of all is found by non-negative least squares on a dense grid of times
+(C. L. Lawson, R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours
+merged, then by Newton's method on all unknowns; no added branch lowers its error, which makes it
+the floor. From it a walk leads down, each time joining the two branches (or dropping the one) that
+costs least, and up again, each new branch put where it lowers the error most. Down alone ends in
+poor local minima now and then.
 """
 
 import dataclasses
@@ -21,6 +21,7 @@ from .series import Series, series_of
 
 Fitted = tuple[np.ndarray, float]  # unknowns θ, and their cost
 SEARCH = 1e-5  # relative tolerance of the cost
+MOST_POINTS = 400  # that a search goes through
 MANY = 2000  # rows, from which on an orthogonal reduction of them pays
 PER_DECADE = 10
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
@@ -48,52 +49,43 @@ class Length(NamedTuple):
 # The number of terms ----------------------------------------------------------------------------
 
 
-def check_terms(data: Observations, terms: int) -> None:
+def check_terms(data: Observations, terms: int | None) -> None:
     """Raises `ValueError` for a number of terms that the data cannot have."""
-    least = 0 if data.num_extras or data.times is not None else 1
-    check_whole("terms", terms, least)
-    if concrete(data) and data.times is None:
-        count, unknowns = int(np.sum(np.asarray(data.weights) > 0)), data.num_unknowns(terms)
-        if unknowns > count:
-            raise ValueError(
-                f"`terms={terms}` has {unknowns} unknowns, more than the {count} measured values."
-            )
-
-
-def check_choosable(data: Observations) -> None:
-    """Raises `ValueError` under transformations: the number of terms depends on the values."""
-    if not concrete(data):
+    if terms is None and not concrete(data):
         raise ValueError(
             "`terms=None` needs values that are concrete: under `jit`, `grad` or `vmap` give "
-            "`terms`, `times`, or `start` from a fit to similar data."
+            "`terms`, or `start` from a fit to similar data."
+        )
+    if terms is None:
+        return
+    check_whole("terms", terms, int(not data.num_extras))
+    count = int(np.sum(np.asarray(data.weights) > 0)) if concrete(data) else np.inf
+    unknowns = 2 * terms + data.num_extras
+    if unknowns > count:
+        raise ValueError(
+            f"`terms={terms}` has {unknowns} unknowns, more than the {count} measured values."
         )
 
 
-def choose(series: Series, within: float | None) -> tuple[np.ndarray, tuple[Length, ...]]:
-    """Returns the unknowns of the best length, see `fit_prony`, and all lengths tried.
+def choose(series: Series) -> tuple[np.ndarray, tuple[Length, ...]]:
+    """Returns the unknowns of the length with the least criterion, and all lengths tried.
 
     The Bayes information criterion is n ln(mean square) + p ln n of G. Schwarz, Ann. Statist. 6
     (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION` are rounding and no reason
     for a further term.
     """
-    if within is not None and not within > 0:
-        raise ValueError(f"`within={within!r}` must be a positive number [1].")
     count, total = np.sum(series.measured), np.sum(series.weights[series.measured])
     fitted = best_path(series, max(int(count - 1 - len(series.static)) // 2, 1))
     path = []
     for terms, (theta, cost) in fitted.items():
         bic = count * np.log(2 * cost / total + RESOLUTION**2) + len(theta) * np.log(count)
         path.append(Length(terms, series.rms(theta), float(bic)))
-    if within is None:
-        chosen = min(path, key=lambda length: length.bic)
-    else:
-        least = min(length.error for length in path)
-        chosen = next(length for length in path if length.error <= (1 + within) * least)
+    chosen = min(path, key=lambda length: length.bic)
     return fitted[chosen.terms][0], tuple(path)
 
 
 def choose_solid_or_liquid(
-    data: Observations, within: float | None
+    data: Observations,
 ) -> tuple[Observations, np.ndarray, tuple[Length, ...]]:
     """Returns the data, with E_eq = 0 if they need no equilibrium modulus; unknowns; lengths tried.
 
@@ -101,10 +93,10 @@ def choose_solid_or_liquid(
     replace any E_eq.
     """
     series = series_of(data)
-    theta, path = choose(series, within)
+    theta, path = choose(series)
     if may_be_liquid(data):
         liquid = data.as_liquid()
-        other, lengths = choose(dataclasses.replace(series_of(liquid), reach=series.reach), within)
+        other, lengths = choose(dataclasses.replace(series_of(liquid), reach=series.reach))
         if series_of(liquid).rms(other) <= AS_GOOD * series.rms(theta):
             return liquid, other, lengths
     return data, theta, path
@@ -112,7 +104,7 @@ def choose_solid_or_liquid(
 
 def may_be_liquid(data: Observations) -> bool:
     """Returns whether E_eq is unknown and loss exceeds storage at the lowest frequencies."""
-    return data.equilibrium is None and data.times is None and flows(data)
+    return data.equilibrium is None and flows(data)
 
 
 def flows(data: Observations) -> bool:
@@ -130,68 +122,88 @@ def flows(data: Observations) -> bool:
 
 def best_spectrum(series: Series) -> Fitted:
     """Returns the positive spectrum nearest to the data: the floor of every series."""
-    thinned = series.thinned()
-    theta, cost = thinned.minimise(_dense_start(thinned, PER_DECADE), rtol=SEARCH)
+    few = thinned(series)
+    theta, cost = few.minimise(_dense_start(few, PER_DECADE), rtol=SEARCH)
     for _ in range(MOST_ADDED):
-        gain, longer = _with_branch(thinned, _without_faint(thinned, theta))
+        gain, longer = _with_branch(few, _without_faint(few, theta))
         if gain < 1e-4 * cost:
             break
-        longer, lower = thinned.minimise(longer, rtol=SEARCH)
+        longer, lower = few.minimise(longer, rtol=SEARCH)
         if lower > (1 - 1e-4) * cost:
             break
         theta, cost = longer, lower
-    return _measured_by(series, _without_faint(thinned, theta))
+    return _measured_by(series, _without_faint(few, theta))
 
 
 def best_of_length(series: Series, terms: int) -> Fitted:
     """Returns the best series of exactly `terms` branches found from two starts."""
-    thinned = series.thinned()
+    few = thinned(series)
     # Each start leads to the lower minimum on about half of the measured sets.
-    starts = [_spaced_start(thinned, terms)]
+    starts = [_spaced_start(few, terms)]
     if terms:
-        dense = _dense_start(thinned, PER_DECADE / 2)
-        if thinned.terms(dense):
-            starts.append(_of_length(thinned, dense, terms))
-    tried = [thinned.minimise(start, rtol=SEARCH) for start in starts]
+        dense = _dense_start(few, PER_DECADE / 2)
+        if few.terms(dense):
+            starts.append(_of_length(few, dense, terms))
+    tried = [few.minimise(start, rtol=SEARCH) for start in starts]
     theta, _ = min(tried, key=lambda fitted: fitted[1])
     return series.minimise(theta, rtol=0)
 
 
 def best_path(series: Series, most: int) -> dict[int, Fitted]:
     """Returns the best series found of each length up to that of the floor, or to `most`."""
-    thinned = series.thinned()
-    theta, cost = best_spectrum(thinned)
+    few = thinned(series)
+    theta, cost = best_spectrum(few)
     # The path ends at the shortest series that is within 0.05 % of the floor: no data show less.
-    while (terms := thinned.terms(theta)) > 1:
-        shorter = thinned.minimise(_one_fewer(thinned, theta)[0], rtol=SEARCH)
+    while (terms := few.terms(theta)) > 1:
+        shorter = few.minimise(_one_fewer(few, theta)[0], rtol=SEARCH)
         if terms <= most and shorter[1] > 1.001 * cost:
             break
         theta, cost = shorter
     path = {terms: (theta, cost)}
 
-    def keep(terms, fitted):
-        if terms not in path or fitted[1] < path[terms][1]:
-            path[terms] = fitted
+    def keep(start):
+        fitted = few.minimise(start, rtol=SEARCH, max_steps=STEPS)
+        length = few.terms(fitted[0])
+        if length not in path or fitted[1] < path[length][1]:
+            path[length] = fitted
 
-    for length, fitted in _upwards(thinned, terms):
-        keep(length, fitted)
-    for length in range(max(path), min(path), -1):
-        for shorter in _one_fewer(thinned, path[length][0]):
-            keep(length - 1, thinned.minimise(shorter, rtol=SEARCH, max_steps=STEPS))
+    rows = few.weights > 0
+    shortest = int(np.any((few.known + np.sum(few.static, axis=0))[rows] <= 0))
+    for length in range(terms, shortest, -1):
+        for shorter in _one_fewer(few, path[length][0]):
+            keep(shorter)
+    for length in range(shortest, terms):
+        keep(_with_branch(few, path[length][0])[1])
     return {terms: _measured_by(series, theta) for terms, (theta, _) in sorted(path.items())}
 
 
-def _upwards(series, longest):
-    """Yields series of each length, from the shortest, and how they fit."""
-    rows = series.weights > 0
-    needs_branch = np.any((series.known + np.sum(series.static, axis=0))[rows] <= 0)
-    start = _spaced_start(series, min(int(needs_branch), longest))
-    while True:
-        theta, cost = series.minimise(start, rtol=SEARCH, max_steps=STEPS)
-        yield series.terms(theta), (theta, cost)
-        gain, start = _with_branch(series, theta)
-        if gain <= 0 or series.terms(theta) == longest:
-            return
+def thinned(series: Series) -> Series:
+    """Returns much the same problem with at most `MOST_POINTS` points, by averaging neighbours.
+
+    A search through it costs no more than one through few data.
+    """
+    count = len(series.x) - series.num_ends
+    if count <= MOST_POINTS:
+        return series
+    log_x = np.log(np.maximum(series.x, 1e-2 * np.min(series.x[series.x > 0])))
+    first, last = np.min(log_x[:count]), np.max(log_x[:count])
+    place = np.floor((log_x - first) / (last - first) * MOST_POINTS)
+    place[count:] = 2 * MOST_POINTS + np.arange(series.num_ends)
+    member = (place[:, None] == np.unique(place)).astype(float)
+
+    def sums(rows):
+        by_channel = rows.reshape(*rows.shape[:-1], -1, len(series.x))
+        return (by_channel @ member).reshape(*rows.shape[:-1], -1)
+
+    sizes, weights = sums(np.ones_like(series.weights)), sums(series.weights)
+    return dataclasses.replace(
+        series,
+        x=np.exp(log_x @ member / np.sum(member, axis=0)),
+        log_values=sums(series.weights * series.log_values) / np.where(weights > 0, weights, 1),
+        weights=weights,
+        known=sums(series.known) / sizes,
+        static=sums(series.static) / sizes,
+    )
 
 
 def _measured_by(series, theta):
@@ -257,7 +269,7 @@ def _with_branch(series, theta):
     log_times, model = series.time_grid(PER_DECADE), series.model(theta)
     residual = series.residual(model)
     effect = series.branches(log_times) / model
-    pull = effect @ (series.weights * np.clip(residual, -series.huber, series.huber))
+    pull = effect @ (series.weights * residual)
     stiffness = effect**2 @ series.weights + 1e-300
     gains = np.where(pull < 0, pull**2 / (2 * stiffness), 0)
     best = np.argmax(gains)

@@ -16,7 +16,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..core.checks import Numbers, as_float, check_poisson, check_types, check_values, is_concrete
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_scalar,
+    check_poisson,
+    check_types,
+    check_values,
+    is_concrete,
+)
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
@@ -24,21 +32,20 @@ from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
 from .covariance import covariance
 from .implicit import attach_derivative, search
-from .lengths import best_of_length, check_choosable, check_terms
-from .observations import concrete
-from .prony import PronyFit, refuse_nonsense
+from .lengths import best_of_length, check_terms
+from .observations import Observations
+from .prony import PronyFit, problem, refuse_nonsense
 from .quality import deviation, limits_of, percent
-from .shifted_series import (
-    LAW_LIMITS,
-    LN10,
-    Isotherms,
+from .series import objective
+from .shifting import (
+    Isotherm,
     at_reference,
-    law_of,
-    shifted_objective,
-    shifted_series_of,
-    shifts_of,
+    joined,
+    shifted_solid_or_liquid,
+    shifts_and_series,
+    with_penalty,
 )
-from .shifting import Isotherm, isotherms_of, shifted_solid_or_liquid, shifts_and_series
+from .shifts import LAW_LIMITS, LN10, Isotherms
 
 SERVES = 1.05  # times the error with the fitted shifts: a law that does no worse replaces them
 STEEP = 0.4  # decades per kelvin, two within 5 K
@@ -52,33 +59,38 @@ class MasterCurve(eqx.Module):
 
     - `fit`: the series, fitted to all data shifted to the reference temperature. Its errors and
       floor are those of the master curve; its `confidence` takes the shifts as known.
-    - `unknowns`: of series and shifts together, see `shifted_series`.
-    - `data`: the fitted isotherms.
+    - `unknowns`: of the series, then of the shifts, see `shifts`.
+    - `data`: the fitted isotherms, as measured.
     """
 
     fit: PronyFit
     unknowns: Float[Array, " unknowns"]
-    data: Isotherms
+    data: Observations
+
+    @property
+    def isotherms(self) -> Isotherms:
+        """The temperatures, and what was expected of the shifts."""
+        assert self.data.isotherms is not None
+        return self.data.isotherms
 
     @property
     def law(self) -> AbstractShift:
         """The fitted law about the reference temperature, without departures from it."""
-        p = shifted_series_of(self.data, jnp).split(self.unknowns).law
-        return law_of(p, self.data.temperatures, self.data.reference, self.data.law)
+        return self.isotherms.law_of(self.isotherms.split(self.unknowns)[0])
 
     @property
     def shift(self) -> AbstractShift:
         """The fitted shifts: a table, or the law if both standard deviations of shifts are 0."""
-        if not (self.data.departs or self.data.lifts):
+        if not (self.isotherms.departs or self.isotherms.lifts):
             return self.law
         across = self.vertical_shifts
         # Moduli change by the reciprocal of the factor of a compliance.
-        across = 1 / across if self.data.observations.kind == "creep" else across
+        across = 1 / across if self.data.kind == "creep" else across
         return TabulatedShift(
             temperatures=self.temperatures,
             log10_factors=self.log10_shifts,
-            reference=self.temperatures[self.data.reference],
-            vertical_factors=across if self.data.lifts else None,
+            reference=self.temperatures[self.isotherms.reference],
+            vertical_factors=across if self.isotherms.lifts else None,
         )
 
     @property
@@ -99,9 +111,9 @@ class MasterCurve(eqx.Module):
 
     def law_error(self) -> float:
         """Returns the rms log error on all isotherms of the series shifted by the law alone."""
-        shared, unknowns = self._problem()
-        by_law = shared.law_shifts(shared.split(unknowns).law)
-        return shared.shifted(by_law, np.zeros_like(by_law)).rms(np.asarray(self.fit.theta))
+        series, unknowns = problem(self.data, self.unknowns)
+        by_law = self.isotherms.law_shifts(self.isotherms.split(unknowns)[0])
+        return series.shifted(by_law, np.zeros_like(by_law)).rms(np.asarray(self.fit.theta))
 
     def exported(self) -> Prony:
         """Returns the material for export: with the law if it fits as well as the fitted shifts.
@@ -114,17 +126,17 @@ class MasterCurve(eqx.Module):
     @property
     def temperatures(self) -> Float[Array, " isotherms"]:
         """Temperatures of the isotherms [K], increasing."""
-        return self.data.temperatures
+        return self.isotherms.temperatures
 
     @property
     def log10_shifts(self) -> Float[Array, " isotherms"]:
         """log10 a_T of the isotherms; 0 at the reference."""
-        return shifts_of(self.unknowns, self.data)[0] / LN10
+        return self.isotherms.shifts(self.unknowns)[0] / LN10
 
     @property
     def vertical_shifts(self) -> Float[Array, " isotherms"]:
         """b_T of the isotherms: moduli there are b_T (creep: compliances) times the master's."""
-        return jnp.exp(shifts_of(self.unknowns, self.data)[1])
+        return jnp.exp(self.isotherms.shifts(self.unknowns)[1])
 
     def shift_deviations(
         self,
@@ -134,7 +146,7 @@ class MasterCurve(eqx.Module):
         They are large for isotherms too flat to be placed by anything but the law.
         """
         spread = self.covariance()
-        along, across = jax.jacfwd(shifts_of)(self.unknowns, self.data)
+        along, across = jax.jacfwd(self.isotherms.shifts)(self.unknowns)
         return deviation(along / LN10, spread), deviation(across, spread)
 
     def confidence(
@@ -164,10 +176,7 @@ class MasterCurve(eqx.Module):
     def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
         """Returns the covariance of `unknowns`; errors of neighbours on an isotherm may be
         correlated."""
-        shared, unknowns = self._problem()
-        series, residual, jacobian, _ = shared.derivatives(unknowns)
-        free, penalty = shared.within_bounds(unknowns), shared.penalty(unknowns)
-        return covariance(series, residual, jacobian, free, penalty, shared.group)
+        return covariance(*problem(self.data, self.unknowns))
 
     def report(self) -> str:
         """Returns shifts with their uncertainty, then the report of the fit, as text."""
@@ -188,8 +197,8 @@ class MasterCurve(eqx.Module):
 
     def _constants_at_bounds(self):
         """Whether unknowns of the law are no result but the end of the search."""
-        shared, unknowns = self._problem()
-        found, (lower, upper) = shared.split(unknowns).law, np.log(LAW_LIMITS[self.data.law]).T
+        found = np.asarray(self.isotherms.split(self.unknowns)[0])
+        lower, upper = np.log(LAW_LIMITS[self.isotherms.law]).T
         return bool(np.any((found < lower + 1e-3) | (found > upper - 1e-3)))
 
     def _material(self, shift):
@@ -197,11 +206,6 @@ class MasterCurve(eqx.Module):
         assert material.measured is not None
         measured = MeasuredRange(material.measured.omega, self.temperatures[np.array([0, -1])])
         return dataclasses.replace(material, shift=shift, measured=measured)
-
-    def _problem(self):
-        if not concrete(self.data.observations):
-            raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
-        return shifted_series_of(self.data), np.asarray(self.unknowns)
 
 
 @check_types
@@ -214,22 +218,16 @@ def master_curve(
     vertical_shift_std: Numbers = 0.0,
     reference: Numbers | None = None,
     terms: int | None = None,
-    within: float | None = None,
     equilibrium: Numbers | None = None,
-    glassy: Numbers | None = None,
-    weight: Numbers = 1.0,
-    loss_weight: Numbers | None = None,
-    huber: Numbers | None = None,
+    weights: tuple[Numbers, Numbers] = (1.0, 1.0),
     poisson: Numbers = 0.5,
-    throw: bool = True,
 ) -> MasterCurve:
     """Returns the Prony series and the shifts that together are nearest to all isotherms.
 
     **Arguments:**
 
     - `isotherms`: at least two, each `(temperature [K], x, values)` with frequencies or times `x`
-      and moduli or compliances `values` as in `fit_prony`, `fit_relaxation` and `fit_creep`; or
-      what `read_moduli(path)` returned.
+      and moduli or compliances `values` as in `fit_prony`; or what `read_moduli(path)` returned.
     - `kind`: "frequency", "relaxation" or "creep"; files know their own.
     - `law`: "wlf" or "arrhenius".
     - `shift_std`: expected standard deviation of log10 a_T from the law [decades]; with 0 the
@@ -238,49 +236,43 @@ def master_curve(
       vertical shifts.
     - `reference`: the isotherm nearest to this temperature [K] stays in place; by default the
       middle one.
-    - `weight`, `loss_weight`: of the squared residuals [1]; the latter, of loss moduli, is by
-      default the same.
+    - `terms`, `equilibrium`, `weights`, `poisson`: as in `fit_prony`; the first weight is that of
+      all values in time.
 
-    The others: as `fit_prony`. Differentiable if `terms` is given; the weight of `shift_std` and
-    `vertical_shift_std` relative to the error of the fit is then a fixed number.
+    Differentiable if `terms` is given; the weight of `shift_std` and `vertical_shift_std` relative
+    to the error of the fit is then a fixed number.
 
     **Returns:** shifts, their law, and the fit of the shifted isotherms.
 
     **Raises:** `ValueError` as `fit_prony`, and for fewer than two isotherms or not in kelvin.
     """
-    poisson = as_float(poisson, "poisson")
+    poisson = as_scalar(poisson, "poisson")
     check_poisson("poisson", poisson)
-    along = _std_of("shift_std", shift_std) * LN10
-    sizes = along, _std_of("vertical_shift_std", vertical_shift_std)
-    weights = (weight, weight if loss_weight is None else loss_weight)
-    known = (equilibrium, glassy, huber)
-    data = isotherms_of(isotherms, kind, law, sizes, reference, weights, *known)
-    if terms is not None and within is not None:
-        raise ValueError("`terms` and `within` both set the number of terms: give one.")
+    sizes = (
+        _std_of("shift_std", shift_std) * LN10,
+        _std_of("vertical_shift_std", vertical_shift_std),
+    )
+    data = joined(isotherms, kind, law, sizes, reference, weights, equilibrium)
+    check_terms(data, terms)
+    path = ()
     if terms is None:
-        check_choosable(data.observations)
-        data, found, path = shifted_solid_or_liquid(data, sizes, within)
+        data, found, path = shifted_solid_or_liquid(data, sizes)
         unknowns, free, penalty = map(jnp.asarray, found)
     else:
-        check_terms(data.observations, terms)
-        count = data.observations.num_unknowns(terms) + sum(data.shift_counts)
 
         def find(data):
-            found, _ = shifts_and_series(data, sizes, lambda series: best_of_length(series, terms))
-            return found
+            return shifts_and_series(data, sizes, lambda series: best_of_length(series, terms))[0]
 
-        unknowns, free, penalty = search(find, (count, 2), data)
-        path = ()
-    data = dataclasses.replace(data, penalty=penalty)
-    unknowns = attach_derivative(shifted_objective, unknowns, free, data)
+        unknowns, free, penalty = search(find, (data.num_unknowns(terms), 2), data)
+    data = with_penalty(data, penalty)
+    unknowns = attach_derivative(objective, unknowns, free, data)
     fit = PronyFit(
-        theta=unknowns[: len(unknowns) - sum(data.shift_counts)],
+        theta=unknowns[: len(unknowns) - data.num_shifts],
         data=at_reference(unknowns, data),
         poisson=poisson,
         path=path,
     )
-    if throw:
-        refuse_nonsense(fit)
+    refuse_nonsense(fit)
     return MasterCurve(fit=fit, unknowns=unknowns, data=data)
 
 
@@ -295,12 +287,12 @@ def _std_of(name: str, value: Any) -> float:
 def _law_words(curve):
     """The law, how well it represents the fitted shifts, and which of both is exported."""
     law = curve.law
-    if curve.data.law == "wlf":
+    if curve.isotherms.law == "wlf":
         words = f"WLF with c1 = {float(law.c1):.4g}, c2 = {float(law.c2):.4g} K"
     else:
         words = f"Arrhenius with Q = {float(law.activation_energy) / 1e3:.4g} kJ/mol"
     lines = [f"{words} about {float(law.reference):.2f} K."]
-    if not (curve.data.departs or curve.data.lifts):
+    if not (curve.isotherms.departs or curve.isotherms.lifts):
         return lines
     if curve._constants_at_bounds():
         lines.append(

@@ -1,5 +1,8 @@
 """Minimum of a smooth function of a few dozen unknowns between bounds, by damped Newton steps.
 
+Second derivatives are needed: by Gauss-Newton steps one of six isotherms of creep ends two decades
+off (`test_moduli_in_time_are_shifted_and_handed_on_with_their_vertical_shifts`).
+
 Libraries take up to 16 times as long (SciPy's trf; dogbox: 70, optimistix: 514) and end a step of
 1e-9 to 1 short of the minimum, not 1e-12, or beyond the bounds: `bench_fit.py solvers`.
 """
@@ -127,3 +130,14 @@ def _damped_step(here: Expansion, free: np.ndarray, damping: float) -> np.ndarra
         if not indefinite:
             return np.clip(step, -LONGEST, LONGEST)
         damping = max(8 * damping, 1e-8)
+
+
+def gram(matrix: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Returns A W Aᵀ, summed over slices so small that BLAS starts no threads.
+
+    On matrices of this size threads gain nothing, and on a busy machine they cost a hundredfold.
+    """
+    rooted = matrix * np.sqrt(weights)
+    width = max(250_000 // max(len(matrix), 1) ** 2, 1)
+    slices = (rooted[:, i : i + width] for i in range(0, matrix.shape[1], width))
+    return sum((part @ part.T for part in slices), np.zeros(2 * matrix.shape[:1]))

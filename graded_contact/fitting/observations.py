@@ -1,7 +1,7 @@
 """Measured moduli or compliances prepared for a fit."""
 
 import dataclasses
-from typing import Any, Literal
+from typing import Any, get_args
 
 import equinox as eqx
 import jax
@@ -20,16 +20,10 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.display import shown
+from .branches import Kind
+from .shifts import Isotherms
 
-Kind = Literal["frequency", "relaxation", "creep"]
 REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow
-# The arguments that hold the measured values of each channel.
-CHANNELS = {
-    "frequency": ("modulus.real", "modulus.imag"),
-    "relaxation": ("modulus",),
-    "creep": ("compliance",),
-}
-
 Unknowns = Float[Array, " unknowns"]
 
 
@@ -44,9 +38,8 @@ class Observations(eqx.Module):
       [1/Pa]; shape `(channels, points)`; 1 where nothing was measured.
     - `weights`: of the squared log residuals [1], shape `(channels, points)`.
     - `equilibrium`, `glassy`: E_eq and E_inf [Pa] where they are known.
-    - `times`: given relaxation or retardation times [s], or None to find them.
-    - `huber`: log residual from which on a point counts linearly, or None.
     - `kind`, `flows`: the measurement; whether a compliance is that of a liquid. Static.
+    - `isotherms`: the temperatures, if shifts are unknown.
     """
 
     x: Float[Array, " points"]
@@ -54,10 +47,9 @@ class Observations(eqx.Module):
     weights: Float[Array, "channels points"]
     equilibrium: Float[Array, ""] | None
     glassy: Float[Array, ""] | None
-    times: Float[Array, " times"] | None
-    huber: Float[Array, ""] | None
     kind: Kind = eqx.field(static=True)
     flows: bool = eqx.field(static=True)
+    isotherms: Isotherms | None = None
 
     @property
     def known_start(self) -> Float[Array, ""] | None:
@@ -75,16 +67,17 @@ class Observations(eqx.Module):
 
     @property
     def num_extras(self) -> int:
-        """The number of unknowns that belong to no branch."""
+        """The number of unknowns of strengths without a time."""
         return int(self.known_start is None) + int(self.flows)
 
-    def num_unknowns(self, terms: int) -> int:
-        """Returns the length of θ of a series of `terms` branches."""
-        return terms * (2 if self.times is None else 1) + self.num_extras
+    @property
+    def num_shifts(self) -> int:
+        """The number of unknowns of shifts, the last ones."""
+        return sum(self.isotherms.counts) if self.isotherms else 0
 
-    def num_terms(self, theta: Any) -> int:
-        """Returns the number of branches of a series with the unknowns `theta`."""
-        return (len(theta) - self.num_extras) // (2 if self.times is None else 1)
+    def num_unknowns(self, terms: int) -> int:
+        """Returns the number of unknowns of a series of `terms` branches, and of its shifts."""
+        return 2 * terms + self.num_extras + self.num_shifts
 
     def as_liquid(self) -> "Observations":
         """Returns the same data with E_eq = 0."""
@@ -92,51 +85,49 @@ class Observations(eqx.Module):
 
 
 def observe(
-    kind: Kind,
+    kind: Any,
     x: Numbers,
     values: Numbers,
-    weights: tuple[Numbers, ...],
+    weights: tuple[Numbers, Numbers],
     equilibrium: Numbers | None = None,
     glassy: Numbers | None = None,
-    times: Numbers | None = None,
-    huber: Numbers | None = None,
 ) -> Observations:
     """Returns the observations, checked. Values that are NaN count as not measured.
 
-    `weights` has an entry for each channel, see `CHANNELS`.
+    Arguments as in `fit_prony`.
     """
-    x_name, unit = ("omega", "[rad/s]") if kind == "frequency" else ("time", "[s]")
-    x = as_float(x, x_name)
+    if kind not in get_args(Kind):
+        raise ValueError(f"`kind={kind!r}` is refused: use one of {get_args(Kind)}.")
+    x = as_float(x, "x")
     if x.dtype != jnp.float64:
         raise ValueError(
-            f"`{x_name}` is {x.dtype}: series over many decades are fitted in double precision. "
+            f"`x` is {x.dtype}: series over many decades are fitted in double precision. "
             "Call `jax.config.update('jax_enable_x64', True)` before creating arrays."
         )
-    check_rows(1, **{x_name: x})
+    check_rows(1, x=x)
     if kind == "frequency":
-        check_positive(x_name, x, unit)
+        check_positive("x", x, "[rad/s]")
+        modulus = as_numbers(values, "values")
+        parts = {"values.real": modulus.real, "values.imag": modulus.imag}
     else:
-        check_values(x_name, x, f"it must be zero or a positive number {unit}", at_least=0)
+        check_values("x", x, "it must be zero or a positive number [s]", at_least=0)
+        parts = {"values": values}
     # Of the number as given: inside `jit` a converted one is not concrete.
     stated = equilibrium is not None and is_concrete(equilibrium)
     flows = kind == "creep" and stated and not np.any(np.asarray(equilibrium))
-    known = {"equilibrium": equilibrium, "glassy": glassy, "times": times, "huber": huber}
-    known = {name: None if v is None else as_float(v, name) for name, v in known.items()}
-    for name, value in known.items():
-        if name == "equilibrium" and value is not None:
-            check_values(name, value, "it must be zero or a positive number [Pa]", at_least=0)
-        elif value is not None:
-            check_positive(name, value, {"glassy": "[Pa]", "times": "[s]", "huber": "[1]"}[name])
-    parts = [values]
-    if kind == "frequency":
-        modulus = as_numbers(values, "modulus")
-        parts = [modulus.real, modulus.imag]
-    channels = zip(CHANNELS[kind], parts, weights, strict=True)
-    measured = [_channel(name, part, weight, x) for name, part, weight in channels]
+    if equilibrium is not None:
+        equilibrium = as_float(equilibrium, "equilibrium")
+        allowed = "it must be zero or a positive number [Pa]"
+        check_values("equilibrium", equilibrium, allowed, at_least=0)
+    if glassy is not None:
+        glassy = as_float(glassy, "glassy")
+        check_positive("glassy", glassy, "[Pa]")
+    channels = zip(parts.items(), weights, strict=False)
+    measured = [_channel(*part, weight, x) for part, weight in channels]
     rows, sizes = (jnp.stack(parts) for parts in zip(*measured, strict=True))
-    data = Observations(x=x, values=rows, weights=sizes, kind=kind, flows=flows, **known)
+    data = Observations(x, rows, sizes, equilibrium, glassy, kind, flows)
     if concrete(data):
-        _check_content(data, x_name)
+        _check_content(data)
     return data
 
 
@@ -159,13 +150,12 @@ def _channel(name, values, weight, x):
     return values, weights
 
 
-def _check_content(data, x_name):
-    name = CHANNELS[data.kind][0]
+def _check_content(data):
     counts = np.sum(np.asarray(data.weights) > 0, axis=1)
     if np.sum(counts) < 2:
         raise ValueError(
-            f"`{name.split('.')[0]}` holds {np.sum(counts)} measured value(s) of a weight above 0; "
-            "at least 2 are needed."
+            f"`values` holds {np.sum(counts)} measured value(s) of a weight above 0; at least 2 "
+            "are needed."
         )
     if counts[0] == 0 and data.equilibrium is None:
         raise ValueError(
@@ -174,14 +164,12 @@ def _check_content(data, x_name):
         )
     x = np.asarray(data.x)
     if not np.any(x > 0):
-        raise ValueError(f"`{x_name}` has no time above 0.")
+        raise ValueError("`x` has no time above 0.")
     allowed = f"a measured value lies between {1 / REPRESENTABLE:g} and {REPRESENTABLE:g}"
-    for which, measured in ((x_name, x[x > 0]), (name, np.asarray(data.values))):
-        check_values(which, measured, allowed, at_least=1 / REPRESENTABLE, at_most=REPRESENTABLE)
+    for name, measured in (("x", x[x > 0]), ("values", np.asarray(data.values))):
+        check_values(name, measured, allowed, at_least=1 / REPRESENTABLE, at_most=REPRESENTABLE)
     glassy, equilibrium = data.glassy, data.equilibrium
     if glassy is not None and equilibrium is not None and float(glassy) <= float(equilibrium):
         raise ValueError(
             f"`glassy={float(glassy):g}` must exceed `equilibrium={float(equilibrium):g}`."
         )
-    if data.times is not None and len(np.unique(np.asarray(data.times))) < data.times.size:
-        raise ValueError("`times` holds a value twice.")

@@ -13,8 +13,6 @@ The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are
 the best of one kind is the best of the other, and `fit.material.creep()` is exact.
 """
 
-import dataclasses
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -25,13 +23,13 @@ from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_typ
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
+from .branches import branches
 from .covariance import covariance
 from .implicit import attach_derivative, search
 from .lengths import (
     Length,
     best_of_length,
     best_spectrum,
-    check_choosable,
     check_terms,
     choose_solid_or_liquid,
 )
@@ -46,7 +44,7 @@ from .quality import (
     report_of,
     verdict_of,
 )
-from .series import NEGLIGIBLE, Series, branches, fixed_columns, series_of
+from .series import NEGLIGIBLE, Series, fixed_columns, objective, series_of
 
 LAST = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
@@ -72,7 +70,7 @@ class PronyFit(eqx.Module):
     @property
     def terms(self) -> int:
         """The number of terms that were fitted."""
-        return self.data.num_terms(self.theta)
+        return (len(self.theta) - self.data.num_extras) // 2
 
     @property
     def material(self) -> Prony:
@@ -89,11 +87,11 @@ class PronyFit(eqx.Module):
 
     def errors(self) -> FitErrors:
         """Returns the errors of the fit."""
-        return errors_of(*self._problem())
+        return errors_of(*problem(self.data, self.theta))
 
     def floor(self) -> Floor:
         """Returns the errors of the best positive spectra, and whether the channels agree."""
-        return floor_of(*self._problem())
+        return floor_of(*problem(self.data, self.theta))
 
     def verdict(self) -> str:
         """Returns in plain words whether the data or the number of terms limit the fit."""
@@ -105,9 +103,7 @@ class PronyFit(eqx.Module):
 
     def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
         """Returns the covariance of `theta`; errors of neighbours may be correlated."""
-        series, theta = self._problem()
-        residual, jacobian, _ = series.derivatives(theta)
-        return covariance(series, residual, jacobian, series.within_bounds(theta))
+        return covariance(*problem(self.data, self.theta))
 
     def with_unknowns(self, unknowns: Float[Array, " unknowns"]) -> "PronyFit":
         """Returns the fit with another `theta`."""
@@ -134,49 +130,43 @@ class PronyFit(eqx.Module):
 
         return limits_of(material, self.theta, self.covariance(), omega, level)
 
-    def _problem(self) -> tuple[Series, np.ndarray]:
-        if not concrete(self.data):
-            raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
-        return series_of(self.data), np.asarray(self.theta)
-
 
 @check_types
 def fit_prony(
-    omega: Numbers,
-    modulus: Numbers,
+    x: Numbers,
+    values: Numbers,
     *,
+    kind: str = "frequency",
     terms: int | None = None,
-    within: float | None = None,
-    times: Numbers | None = None,
     start: PronyFit | None = None,
     equilibrium: Numbers | None = None,
     glassy: Numbers | None = None,
-    storage_weight: Numbers = 1.0,
-    loss_weight: Numbers = 1.0,
-    huber: Numbers | None = None,
+    weights: tuple[Numbers, Numbers] = (1.0, 1.0),
     poisson: Numbers = 0.5,
     throw: bool = True,
 ) -> PronyFit:
-    """Returns the Prony series nearest to a measured complex modulus, in logarithms.
+    """Returns the Prony series nearest to measured moduli or compliances, in logarithms.
 
-    Differentiable by every number given, if the number of terms does not depend on them (`terms`,
-    `times` or `start`); derivatives are those of the optimum (implicit).
+    Differentiable by every number given, if the number of terms does not depend on them (`terms` or
+    `start`); derivatives are those of the optimum (implicit).
 
     **Arguments:**
 
-    - `omega`: angular frequencies [rad/s], shape `(points,)`, in any order.
-    - `modulus`: E' + iE'' [Pa], shape `(points,)`; NaN in either part is a missing value.
+    - `x`: angular frequencies [rad/s], or times after the step of strain or stress [s], shape
+      `(points,)`, in any order.
+    - `values`: what was measured, shape `(points,)`, see `kind`; NaN is a missing value, also in
+      one part of a complex modulus.
+    - `kind`: "frequency" for E' + iE'' [Pa]; "relaxation" for E(t) [Pa]; or "creep" for the
+      compliance J(t) = 1/E_inf + Σ_j H_j (1 - exp(-t/t_j)) [1/Pa], with + t/η for a liquid
+      (`equilibrium=0`), whose exact relaxation form is the material.
     - `terms`: number of terms. By default that of the least Bayes information criterion.
-    - `within`: instead, the smallest number whose error is within this fraction of the least.
-    - `times`: instead, given relaxation times [s], shape `(terms,)`.
     - `start`: instead, an earlier fit to similar data to begin from, whose length is kept.
     - `equilibrium`: E_eq [Pa] if known, 0 for a liquid. By default fitted; with the number of
       terms free it is 0 where loss exceeds storage at the lowest frequencies and the error is no
       larger for it, as for melts.
     - `glassy`: E_inf [Pa] if known; by default it follows from the branches.
-    - `storage_weight`, `loss_weight`: weights of the squared residuals [1], shape `()` or
-      `(points,)`; a weight of 0 leaves a value out.
-    - `huber`: log residual [1] from which on a value counts linearly (outliers); by default none.
+    - `weights`: of the squared residuals of storage and of loss [1], each of shape `()` or
+      `(points,)`; the first is that of all values in time. A weight of 0 leaves a value out.
     - `poisson`: Poisson's ratio of the material [1].
     - `throw`: whether to raise for data that are far from all positive spectra.
 
@@ -185,107 +175,27 @@ def fit_prony(
 
     **Returns:** the material, and how well it is known.
     """
-    weights = (storage_weight, loss_weight)
-    data = observe("frequency", omega, modulus, weights, equilibrium, glassy, times, huber)
-    return _fit(data, terms, within, start, poisson, throw)
-
-
-@check_types
-def fit_relaxation(
-    time: Numbers,
-    modulus: Numbers,
-    *,
-    terms: int | None = None,
-    within: float | None = None,
-    times: Numbers | None = None,
-    start: PronyFit | None = None,
-    equilibrium: Numbers | None = None,
-    glassy: Numbers | None = None,
-    weight: Numbers = 1.0,
-    huber: Numbers | None = None,
-    poisson: Numbers = 0.5,
-    throw: bool = True,
-) -> PronyFit:
-    """Returns the Prony series nearest to a measured relaxation modulus E(t), in logarithms.
-
-    **Arguments:**
-
-    - `time`: times after the step of strain [s], shape `(points,)`.
-    - `modulus`: E(t) [Pa], shape `(points,)`; NaN is a missing value.
-    - `weight`: weights of the squared residuals [1], shape `()` or `(points,)`.
-
-    Other arguments and errors: as `fit_prony`.
-
-    **Returns:** as `fit_prony`.
-    """
-    data = observe("relaxation", time, modulus, (weight,), equilibrium, glassy, times, huber)
-    return _fit(data, terms, within, start, poisson, throw)
-
-
-@check_types
-def fit_creep(
-    time: Numbers,
-    compliance: Numbers,
-    *,
-    terms: int | None = None,
-    within: float | None = None,
-    times: Numbers | None = None,
-    start: PronyFit | None = None,
-    equilibrium: Numbers | None = None,
-    glassy: Numbers | None = None,
-    weight: Numbers = 1.0,
-    huber: Numbers | None = None,
-    poisson: Numbers = 0.5,
-    throw: bool = True,
-) -> PronyFit:
-    """Returns the series nearest to a measured creep compliance, in logarithms.
-
-    Fitted is J(t) = 1/E_inf + Σ_j H_j (1 - exp(-t/t_j)), with + t/η for a liquid
-    (`equilibrium=0`); the material is its exact relaxation form.
-
-    **Arguments:**
-
-    - `time`: times after the step of stress [s], shape `(points,)`.
-    - `compliance`: strain over stress [1/Pa], shape `(points,)`; NaN is a missing value.
-    - `times`: given retardation times t_j [s].
-    - `weight`: weights of the squared residuals [1], shape `()` or `(points,)`.
-
-    Other arguments and errors: as `fit_prony`.
-
-    **Returns:** as `fit_prony`.
-    """
-    data = observe("creep", time, compliance, (weight,), equilibrium, glassy, times, huber)
-    return _fit(data, terms, within, start, poisson, throw)
-
-
-def _fit(data, terms, within, start, poisson, throw):
-    poisson = as_scalar(poisson, "poisson")
+    data = observe(kind, x, values, weights, equilibrium, glassy)
+    poisson, path, begin = as_scalar(poisson, "poisson"), (), None
     check_poisson("poisson", poisson)
-    choices = {"terms": terms, "within": within, "times": data.times, "start": start}
-    given = [name for name, choice in choices.items() if choice is not None]
-    if len(given) > 1:
-        raise ValueError(f"`{given[0]}` and `{given[1]}` both set the number of terms: give one.")
-    path, begin = (), None
-    if data.times is not None:
-        terms = data.times.size
-    elif start is not None:
-        alike = (start.data.kind, start.data.num_extras) == (data.kind, data.num_extras)
-        if not alike or start.data.times is not None:
+    if start is not None:
+        if terms is not None:
+            raise ValueError("`terms` and `start` both set the number of terms: give one.")
+        if (start.data.kind, start.data.num_extras) != (data.kind, data.num_extras):
             raise ValueError(
-                f"`start` is a fit of kind {start.data.kind!r} with other known end values, or "
-                "with given times; it must be of the same form as this fit."
+                f"`start` is a fit of kind {start.data.kind!r} with other known end values; it "
+                "must be of the same form as this fit."
             )
         begin, terms = start.theta, start.terms
-    elif terms is None:
-        check_choosable(data)
-        data, begin, path = choose_solid_or_liquid(data, within)
-        terms = data.num_terms(begin)
     check_terms(data, terms)
+    if terms is None:
+        data, begin, path = choose_solid_or_liquid(data)
+        terms = series_of(data).terms(begin)
 
     def find(data, begin):
         series = series_of(data)
         if begin is None:
-            theta, _ = best_of_length(series, 0 if data.times is not None else terms)
+            theta, _ = best_of_length(series, terms)
         else:
             theta, _ = series.minimise(np.asarray(begin), rtol=0)
         return theta, series.within_bounds(theta)
@@ -296,6 +206,13 @@ def _fit(data, terms, within, start, poisson, throw):
     if throw:
         refuse_nonsense(fit)
     return fit
+
+
+def problem(data: Observations, theta: Unknowns) -> tuple[Series, np.ndarray]:
+    """Returns the least-squares problem of a fit, and its unknowns, in NumPy."""
+    if not concrete(data):
+        raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
+    return series_of(data), np.asarray(theta)
 
 
 def refuse_nonsense(fit: PronyFit) -> None:
@@ -310,8 +227,8 @@ def refuse_nonsense(fit: PronyFit) -> None:
         raise ValueError(
             f"{jumps_of(series)}Half of the measured values are off by more than "
             f"{np.expm1(off):.0%} from every positive spectrum (moduli grow with frequency and "
-            "fall with time). Check the order and units of the columns, and a given `equilibrium` "
-            "or `glassy`. A weight of 0 leaves a channel out (`loss_weight`), and `throw=False` "
+            "fall with time). Check the order and units of the columns, and a given `equilibrium`. "
+            "In Python `weights=(1, 0)` leaves the loss out, and `fit_prony` with `throw=False` "
             "fits them as they are."
         )
 
@@ -331,19 +248,13 @@ def _typical_residual(series, theta):
 # The series and its material --------------------------------------------------------------------
 
 
-def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
-    """Returns Σ w ρ(ln model - ln measured), in JAX."""
-    series = series_of(data, jnp)
-    return series.cost(series.residual(series.model(theta)))
-
-
 @eqx.filter_jit
 def model(
     theta: Unknowns, data: Observations, x: Float[Array, " any"]
 ) -> Float[Array, "channels any"]:
     """Returns the result of a measurement of this kind at frequencies or times `x`."""
     strengths, times, extras = _unpack(theta, data)
-    known, static = fixed_columns(dataclasses.replace(data, times=None), x, jnp)
+    known, static = fixed_columns(data, x, jnp)
     rows = known + strengths @ branches(data.kind, x, times)[0] + extras @ static
     return rows.reshape(-1, len(x))
 
@@ -381,7 +292,5 @@ def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
 
 def _unpack(theta, data):
     """Strengths, times and extras, each possibly empty."""
-    terms = data.num_terms(theta)
-    extras = jnp.exp(theta[len(theta) - data.num_extras :])
-    times = jnp.exp(theta[terms : 2 * terms]) if data.times is None else data.times
-    return jnp.exp(theta[:terms]), times, extras
+    terms = (len(theta) - data.num_extras) // 2
+    return jnp.split(jnp.exp(theta), [terms, 2 * terms])

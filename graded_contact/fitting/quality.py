@@ -189,11 +189,9 @@ def verdict_of(fit: Any, error: FitErrors, floor: Floor) -> str:
     elif error.total <= 1.1 * floor.near:
         words = (
             f"The ends of the data limit this fit: {off}; {best}, but with relaxation times far "
-            "outside the data, which cannot place them."
+            "outside the data, which cannot place them. Times may lie beyond an end whose modulus "
+            "is given: `equilibrium` (0 for a liquid) or, of `fit_prony`, `glassy`."
         )
-        advice = {"glassy": "`glassy`", "equilibrium": "`equilibrium` (0 for a liquid)"}
-        given = [text for name, text in advice.items() if getattr(fit.data, name) is None]
-        words += f" Give {' or '.join(given)} to let times lie beyond that end." if given else ""
     else:
         words = f"{fit.terms} terms limit this fit: {off}, but {best}."
     words = jumps_of(series_of(fit.data)) + words

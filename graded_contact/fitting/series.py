@@ -5,38 +5,36 @@ strengths,
 
     m = known + Σ_k exp(s_k) φ(x, τ_k) + Σ_j exp(c_j) B_j,
 
-with a basis φ for each kind of measurement and `static` columns B for strengths whose time is not
-fitted: E_eq of moduli; 1/E_inf and, for a liquid, the fluidity 1/η of compliances; or a whole grid
-of given times. The unknowns are logarithms, θ = (s, ln τ, c), so that strengths are positive by
-construction. Known values are not part of θ; a known end value that is a sum of unknowns (E_inf of
-moduli, 1/E_eq of compliances) is a row of great weight.
+with a basis φ for each kind of measurement and `static` columns B for strengths without a time:
+E_eq of moduli; 1/E_inf and, for a liquid, the fluidity 1/η of compliances. The unknowns are
+logarithms, θ = (s, ln τ, c), so that strengths are positive by construction; those of the shifts of
+isotherms follow (`shifts`). Known values are not part of θ; a known end value that is a sum of
+unknowns (E_inf of moduli, 1/E_eq of compliances) is a row of great weight.
 
 The model takes NumPy arrays in the search and JAX arrays where the optimum is differentiated by the
-data (`model`). A search expands the model hundreds of times at every length. With derivatives by
-JAX each length takes 1 to 4 s to compile, and an expansion takes 5 times as long
-(`bench_fit.py solvers`). The search therefore has closed-form derivatives in NumPy.
+data. A search expands the model hundreds of times at every length. With derivatives by JAX each
+length takes 1 to 4 s to compile, and an expansion takes 5 times as long (`bench_fit.py solvers`).
+The search therefore has closed-form derivatives in NumPy.
 
 The squared logarithm (ln m - y)² is convex in m, hence in the strengths, wherever m < e times the
 measured value: a spectrum there that no added branch improves is the best of all.
 """
 
 import dataclasses
-import functools
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..core.checks import is_concrete
-from .newton import Expansion, newton_minimum
-from .observations import Kind, Observations
+from .branches import Kind, array_module, branches
+from .newton import Expansion, gram, newton_minimum
+from .observations import Observations, Unknowns
+from .shifts import Isotherms
 
 # Where a branch of relative strength one counts fully: infinite frequency, or the end of creep.
 COMPLETE = {"frequency": 1e150, "relaxation": 0.0, "creep": 1e150}
-NO_OUTLIER = 1e100  # log residual; infinity would leave NaN in derivatives
-FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
-MOST_POINTS = 400  # that a search goes through
 NEGLIGIBLE = 1e-9  # of the smallest measured value: a strength that changes nothing
 END_WEIGHT = 1e6  # of an end value that is known, over that of all measured values
 # How far times may lie outside those of the data, before and after. Farther out strengths grow
@@ -59,7 +57,8 @@ class Series:
     - `least`: logarithms of the least strengths of the static columns.
     - `reach`: factors by which times may lie outside those of the data, before and after.
     - `num_ends`: how many of the last points are known end values instead of measurements.
-    - `huber`: log residual from which on a row counts linearly instead of squared.
+    - `isotherms`: whose shifts are unknowns, or None; `group`: the isotherm of each point, -1 for
+      a known end value.
     """
 
     kind: Kind
@@ -71,7 +70,8 @@ class Series:
     least: np.ndarray
     reach: tuple[float, float]
     num_ends: int
-    huber: Any
+    isotherms: Isotherms | None = None
+    group: Any = None
 
     @property
     def measured(self) -> np.ndarray:
@@ -79,21 +79,34 @@ class Series:
         last = len(self.x) - self.num_ends
         return (self.weights > 0) & (np.arange(len(self.weights)) % len(self.x) < last)
 
+    # The unknowns -------------------------------------------------------------------------------
+
+    @property
+    def num_shifts(self) -> int:
+        """The number of unknowns of shifts, the last of θ."""
+        return sum(self.isotherms.counts) if self.isotherms else 0
+
     def terms(self, theta: Any) -> int:
-        """Returns the number of branches with a separate time."""
-        return (len(theta) - len(self.static)) // 2
+        """Returns the number of branches."""
+        return (len(theta) - len(self.static) - self.num_shifts) // 2
 
     def split(self, theta: Any) -> tuple[Any, Any, Any]:
         """Returns `(s, ln τ, c)` of the unknowns."""
-        terms = self.terms(theta)
-        return theta[:terms], theta[terms : 2 * terms], theta[2 * terms :]
+        terms, last = self.terms(theta), len(theta) - self.num_shifts
+        return theta[:terms], theta[terms : 2 * terms], theta[2 * terms : last]
 
     def bounds(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the limits of the unknowns: strengths that matter, times that data cover."""
+        """Returns the limits of the unknowns: strengths that matter, times that data cover.
+
+        Those of times move with the shifts.
+        """
         times = slice(self.terms(theta), 2 * self.terms(theta))
+        last = len(theta) - self.num_shifts
         lower, upper = np.full(len(theta), self.faintest()), np.full(len(theta), np.inf)
-        lower[times], upper[times] = self.time_limits()
-        lower[times.stop :] = np.maximum(lower[times.stop :], self.least)
+        lower[times], upper[times] = self.at(theta).time_limits()
+        lower[times.stop : last] = np.maximum(lower[times.stop : last], self.least)
+        if self.isotherms:
+            lower[last:], upper[last:] = self.isotherms.bounds()
         return lower, upper
 
     def within_bounds(self, theta: np.ndarray) -> np.ndarray:
@@ -120,62 +133,52 @@ class Series:
         count = int(np.ceil((longest - shortest) / np.log(10) * per_decade)) + 1
         return np.linspace(shortest, longest, count)
 
-    def restricted(self, points: np.ndarray) -> "Series":
-        """Returns the problem of some of the points, given as a mask."""
-        rows = np.tile(points, len(self.weights) // len(self.x))
-        parts = {name: getattr(self, name)[rows] for name in ("log_values", "weights", "known")}
-        return dataclasses.replace(
-            self, x=self.x[points], static=self.static[:, rows], num_ends=0, **parts
-        )
+    # Other problems -----------------------------------------------------------------------------
 
-    def thinned(self) -> "Series":
-        """Returns much the same problem with at most `MOST_POINTS` points, by averaging neighbours.
+    def at(self, theta: Any) -> "Series":
+        """Returns the problem of a single isotherm that remains once the shifts are known."""
+        return self.shifted(*self.isotherms.shifts(theta)) if self.isotherms else self
 
-        A search through it costs no more than one through few data.
-        """
-        count = len(self.x) - self.num_ends
-        if count <= MOST_POINTS:
-            return self
-        log_x = np.log(np.maximum(self.x, 1e-2 * np.min(self.x[self.x > 0])))
-        order = np.append(np.argsort(log_x[:count]), np.arange(count, len(self.x)))
-        log_x = log_x[order]
-        place = (log_x - log_x[0]) / (log_x[count - 1] - log_x[0]) * MOST_POINTS
-        place[count:] = 2 * MOST_POINTS + np.arange(self.num_ends)
-        starts = np.flatnonzero(np.diff(np.floor(place), prepend=-1))
-
-        def sums(rows):
-            by_channel = rows.reshape(*rows.shape[:-1], -1, len(self.x))[..., order]
-            summed = np.add.reduceat(by_channel, starts, axis=-1)
-            return summed.reshape(*rows.shape[:-1], -1)
-
-        sizes, weights = sums(np.ones_like(self.weights)), sums(self.weights)
+    def shifted(self, along: Any, across: Any) -> "Series":
+        """Returns the problem with ln a and ln b of the isotherms given."""
+        along = self._at_rows(along)[: len(self.x)]
         return dataclasses.replace(
             self,
-            x=np.exp(np.add.reduceat(log_x, starts) / sizes[: len(starts)]),
-            log_values=sums(self.weights * self.log_values) / np.where(weights > 0, weights, 1),
-            weights=weights,
-            known=sums(self.known) / sizes,
-            static=sums(self.static) / sizes,
+            x=self.x * array_module(self.x).exp(along if self.kind == "frequency" else -along),
+            log_values=self.log_values - self._at_rows(across),
+            isotherms=None,
         )
+
+    def _at_rows(self, values):
+        """Values of the isotherms, the last axis, at every row; 0 at a known end value."""
+        xp, channels = array_module(self.x), len(self.weights) // len(self.x)
+        padded = xp.concatenate([values, xp.zeros_like(values[..., :1])], axis=-1)
+        return xp.tile(padded[..., self.group], channels)
+
+    def _by_isotherm(self, rows):
+        """Sums over the rows of each isotherm."""
+        count = len(self.x) - self.num_ends
+        points = np.sum(rows.reshape(*rows.shape[:-1], -1, len(self.x)), axis=-2)
+        starts = np.flatnonzero(np.diff(self.group[:count], prepend=-1))
+        return np.add.reduceat(points[..., :count], starts, axis=-1)
+
+    # The model and the cost ---------------------------------------------------------------------
 
     def branches(self, log_times: Any) -> Any:
         """Returns φ at every row, shape `(terms, rows)`."""
         return branches(self.kind, self.x, array_module(self.x).exp(log_times))[0]
 
     def model(self, theta: Any) -> Any:
-        """Returns m at every row."""
+        """Returns m at every row, at the shifts in `theta` if there are isotherms."""
         s, log_times, c = self.split(theta)
         xp = array_module(self.x)
-        return self._sum(xp.exp(s) @ self.branches(log_times), xp.exp(c))
+        return self._sum(xp.exp(s) @ self.at(theta).branches(log_times), xp.exp(c))
 
     def _sum(self, branches, static):
         """m, above zero also where every decay has underflowed."""
         xp = array_module(self.x)
-        return xp.maximum(self.known + branches + static @ self.static, 1e-12 * self._values)
-
-    @functools.cached_property
-    def _values(self):
-        return array_module(self.x).exp(self.log_values)
+        least = 1e-12 * xp.exp(self.log_values)
+        return xp.maximum(self.known + branches + static @ self.static, least)
 
     def residual(self, model: Any) -> Any:
         """Returns ln m - y; zero where nothing was measured."""
@@ -183,11 +186,19 @@ class Series:
         return xp.where(self.weights > 0, xp.log(model) - self.log_values, 0)
 
     def cost(self, residual: Any) -> Any:
-        """Returns Σ w ρ(residual) with ρ(r) = r²/2, or Huber's, along the last axis."""
-        size = abs(residual)
-        linear = self.huber * (size - self.huber / 2)
-        squares = array_module(self.x).where(size <= self.huber, residual**2 / 2, linear)
-        return squares @ self.weights
+        """Returns half the weighted sum of squares along the last axis."""
+        return residual**2 @ self.weights / 2
+
+    def total_cost(self, theta: Any) -> Any:
+        """Returns the cost of the series and that of its shifts."""
+        residual = self.at(theta).residual(self.model(theta))
+        return self.cost(residual) + self.penalty(theta) @ theta**2 / 2
+
+    def penalty(self, theta: Any) -> Any:
+        """Returns the weight of the square of each unknown in the cost."""
+        xp = array_module(self.x)
+        none = xp.zeros(len(theta) - self.num_shifts)
+        return xp.append(none, self.isotherms.weights(xp)) if self.isotherms else none
 
     def rms(self, theta: np.ndarray, rows: np.ndarray | bool = True) -> float:
         """Returns the root mean square of the log residuals in `rows`, one of which is measured."""
@@ -195,33 +206,7 @@ class Series:
         residual = self.residual(self.model(theta))[counted]
         return float(np.sqrt(np.average(residual**2, weights=self.weights[counted])))
 
-    def expand(self, theta: np.ndarray) -> Expansion:
-        """Returns the cost about `theta`.
-
-        Second derivatives are exact at a minimum, where those of a strength alone vanish with the
-        gradient. Rows far off take their Gauss-Newton part, which is safe at any distance.
-        """
-        residual, jacobian, bend = self.derivatives(theta)
-        pull, stiffness, near = self.forces(residual)
-        hessian = gram(jacobian, stiffness)
-        scale = gram_diagonal(jacobian, stiffness)
-        terms = len(bend)
-        diagonal = np.arange(terms, 2 * terms)
-        hessian[diagonal, diagonal] += bend @ (near * pull)
-        return Expansion(float(self.cost(residual)), jacobian @ pull, hessian, scale)
-
-    def forces(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns `(pull, stiffness, near)` of the rows.
-
-        `pull` is the first derivative of the cost by ln m; `stiffness` multiplies products of
-        first derivatives of ln m in the Hessian, which where `near` also holds second ones of m.
-        """
-        size = np.abs(residual)
-        clipped = np.clip(residual, -self.huber, self.huber)
-        near = (residual > -2) & (residual < 0.5)
-        exact = (size <= self.huber) - clipped
-        safe = np.minimum(1, self.huber / np.maximum(size, 1e-100))
-        return self.weights * clipped, self.weights * np.where(near, exact, safe), near
+    # The search ---------------------------------------------------------------------------------
 
     def minimise(
         self, theta: np.ndarray, *, rtol: float, max_steps: int = 100
@@ -230,30 +215,76 @@ class Series:
         theta, cost = newton_minimum(
             self.expand, theta, *self.bounds(theta), rtol=rtol, max_steps=max_steps
         )
-        s, log_times, c = self.split(theta)
+        s, log_times, _ = self.split(theta)
         order = np.argsort(-log_times)
-        return np.concatenate([s[order], log_times[order], c]), cost
+        return np.concatenate([s[order], log_times[order], theta[2 * len(s) :]]), cost
 
-    def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns the residual, ∂ ln m/∂θ, and (∂²m/∂(ln τ)²)/m of each branch, by rows."""
-        s, log_times, c = self.split(theta)
+    def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
+        """Returns the residual, its derivatives, (∂²m/∂(ln τ)²)/m of each branch, by rows, and
+        the derivatives of shifts, if there are any."""
+        series, (s, log_times, c) = self.at(theta), self.split(theta)
         terms = len(s)
-        value, slope, curvature = branches(self.kind, self.x, np.exp(log_times))
+        value, slope, curvature = branches(self.kind, series.x, np.exp(log_times))
         strengths, static = np.exp(s), np.exp(c)
-        model = self._sum(strengths @ value, static)
+        model = series._sum(strengths @ value, static)
         relative = strengths[:, None] / model
         jacobian = np.empty((len(theta), len(model)))
         np.multiply(value, relative, out=jacobian[:terms])
         np.multiply(slope, relative, out=jacobian[terms : 2 * terms])
-        np.multiply(self.static, static[:, None] / model, out=jacobian[2 * terms :])
+        last = len(theta) - self.num_shifts
+        np.multiply(self.static, static[:, None] / model, out=jacobian[2 * terms : last])
+        shifts = self.isotherms and self.isotherms.slopes(theta)
+        if shifts:
+            # A shift moves every branch as a change of its time does.
+            by_shift = np.sum(jacobian[terms : 2 * terms], axis=0)
+            along, _, across = map(self._at_rows, shifts)
+            jacobian[last:] = np.concatenate([along * by_shift, across])
         jacobian[:, self.weights == 0] = 0
-        return self.residual(model), jacobian, curvature * relative
+        return series.residual(model), jacobian, curvature * relative, shifts
+
+    def expand(self, theta: np.ndarray) -> Expansion:
+        """Returns the cost about `theta`.
+
+        Second derivatives are exact at a minimum, where those of a strength alone vanish with the
+        gradient. Rows far off take their Gauss-Newton part, which is safe at any distance.
+        """
+        residual, jacobian, bend, shifts = self.derivatives(theta)
+        pull = self.weights * residual
+        near = pull * ((residual > -2) & (residual < 0.5))
+        stiffness, penalty = self.weights - near, self.penalty(theta)
+        hessian = gram(jacobian, stiffness)
+        times = np.arange(len(bend), 2 * len(bend))
+        hessian[times, times] += bend @ near
+        if shifts:
+            self._bend_by_shifts(hessian, shifts, jacobian, bend, near, pull)
+        hessian[np.diag_indices_from(hessian)] += penalty
+        cost = self.cost(residual) + penalty @ theta**2 / 2
+        scale = jacobian**2 @ stiffness + penalty
+        return Expansion(float(cost), jacobian @ pull + penalty * theta, hessian, scale)
+
+    def _bend_by_shifts(self, hessian, shifts, jacobian, bend, near, pull):
+        """Adds second derivatives by the shifts to the Hessian."""
+        along, law_twice, across = shifts
+        inner, terms = len(hessian) - len(across), len(bend)
+        # Vertical shifts are linear in ln m: their products lack the second derivative of ln m.
+        linear = jacobian @ (jacobian[inner:] * self.weights).T
+        hessian[:, inner:], hessian[inner:, :] = linear, linear.T
+        both, shifting = slice(2 * terms), slice(inner - len(along), inner)
+        slopes = jacobian[terms : 2 * terms]
+        by_isotherm = self._by_isotherm(np.concatenate([slopes, bend]) * near)
+        mixed = by_isotherm @ along.T
+        hessian[both, shifting] += mixed
+        hessian[shifting, both] += mixed.T
+        hessian[shifting, shifting] += along * np.sum(by_isotherm[terms:], axis=0) @ along.T
+        law = slice(shifting.start, shifting.start + len(law_twice))
+        hessian[law, law] += law_twice @ self._by_isotherm(np.sum(slopes, axis=0) * pull)
 
 
 def series_of(data: Observations, xp: Any = np) -> Series:
     """Returns the least-squares problem of the observations, in arrays of the module `xp`."""
     x, values, weights = (xp.asarray(part) for part in (data.x, data.values, data.weights))
-    if data.known_end is not None:
+    isotherms, num_ends = data.isotherms, int(data.known_end is not None)
+    if num_ends:
         x = xp.append(x, COMPLETE[data.kind])
         end = xp.stack([xp.asarray(data.known_end)] * len(values))[:, None]
         values = xp.concatenate([values, end], axis=1)
@@ -263,12 +294,13 @@ def series_of(data: Observations, xp: Any = np) -> Series:
     known, static = fixed_columns(data, x, xp)
     least = np.full(len(static), -np.inf)
     if data.known_start is None:
-        first = len(static) - data.num_extras
-        least[first] = np.log(1e-300)
+        least[0] = np.log(1e-300)
         if data.kind == "creep" and is_concrete(data.values):
             smallest = np.min(np.asarray(data.values)[np.asarray(data.weights) > 0])
-            least[first] = np.log(smallest / STIFFEST)
+            least[0] = np.log(smallest / STIFFEST)
     before, after = REACH[data.kind]
+    before = before if data.glassy is None else REACH_TO_KNOWN
+    after = after if data.equilibrium is None else REACH_TO_KNOWN
     return Series(
         kind=data.kind,
         x=x,
@@ -277,12 +309,10 @@ def series_of(data: Observations, xp: Any = np) -> Series:
         known=known,
         static=static,
         least=least,
-        reach=(
-            before if data.glassy is None else REACH_TO_KNOWN,
-            after if data.equilibrium is None else REACH_TO_KNOWN,
-        ),
-        num_ends=int(data.known_end is not None),
-        huber=NO_OUTLIER if data.huber is None else xp.asarray(data.huber),
+        reach=(before, after),
+        num_ends=num_ends,
+        isotherms=isotherms,
+        group=isotherms and xp.append(xp.asarray(isotherms.group), xp.full(num_ends, -1)),
     )
 
 
@@ -291,62 +321,11 @@ def fixed_columns(data: Observations, x: Any, xp: Any) -> tuple[Any, Any]:
     rows = len(data.values) * len(x)
     constant = xp.asarray(np.arange(rows) < len(x), float)  # the first channel alone has it
     known = constant * (0.0 if data.known_start is None else xp.asarray(data.known_start))
-    static = [xp.zeros((0, rows))]
-    if data.times is not None:
-        static.append(branches(data.kind, x, xp.asarray(data.times))[0])
-    if data.known_start is None:
-        static.append(constant[None])
-    if data.flows:
-        static.append(x[None] / xp.max(xp.asarray(data.x)))
-    return known, xp.concatenate(static)
+    static = [constant] if data.known_start is None else []
+    static += [x / xp.max(xp.asarray(data.x))] if data.flows else []
+    return known, xp.stack(static) if static else xp.zeros((0, rows))
 
 
-def array_module(values: Any) -> Any:
-    """Returns `jax.numpy` for JAX's arrays and `numpy` for all others."""
-    return jnp if isinstance(values, jax.Array) else np
-
-
-def branches(kind: Kind, x: Any, times: Any) -> tuple[Any, Any, Any]:
-    """Returns φ and its first two derivatives by ln τ, each of shape `(terms, rows)`."""
-    xp = array_module(x)
-    if kind == "frequency":
-        # Beyond these limits a branch is complete or absent, and powers of z overflow.
-        z = xp.clip(times[:, None] * x, 1 / FARTHEST, FARTHEST)
-        inverse = 1 / z
-        loss, storage = 1 / (z + inverse), 1 / (1 + inverse**2)
-        loss2, tilt = loss**2, 1 - 2 * storage
-        return (
-            xp.concatenate([storage, loss], axis=1),
-            xp.concatenate([2 * loss2, loss * tilt], axis=1),
-            xp.concatenate([4 * loss2 * tilt, loss * (1 - 8 * loss2)], axis=1),
-        )
-    z = x / times[:, None]
-    decay = xp.exp(-z)
-    slope = z * decay
-    curvature = (z - 1) * slope
-    if kind == "creep":
-        return -xp.expm1(-z), -slope, -curvature
-    return decay, slope, curvature
-
-
-def gram(matrix: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Returns A W Aᵀ, summed over slices so small that BLAS starts no threads.
-
-    On matrices of this size threads gain nothing, and on a busy machine they cost a hundredfold.
-    """
-    rooted = matrix * np.sqrt(np.abs(weights))
-    product = _square(rooted)
-    if np.any(weights < 0):
-        product -= 2 * _square(rooted[:, weights < 0])
-    return product
-
-
-def gram_diagonal(matrix: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Returns the diagonal of A |W| Aᵀ."""
-    return matrix**2 @ np.abs(weights)
-
-
-def _square(matrix):
-    width = max(250_000 // max(len(matrix), 1) ** 2, 1)
-    slices = (matrix[:, i : i + width] for i in range(0, matrix.shape[1], width))
-    return sum((part @ part.T for part in slices), np.zeros(2 * matrix.shape[:1]))
+def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
+    """Returns the cost that a fit minimises, in JAX."""
+    return series_of(data, jnp).total_cost(theta)

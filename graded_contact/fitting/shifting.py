@@ -1,12 +1,13 @@
-"""Isotherms checked and joined, and the search for their shifts and series together.
+"""Isotherms checked and joined, and the search for their shifts and series together (NumPy).
 
-The search aligns neighbours, then fits law, departures and series at once (NumPy).
+The search aligns neighbours, then fits law, departures and series at once.
 """
 
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any, get_args
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import least_squares
@@ -22,17 +23,9 @@ from .lengths import (
     may_be_liquid,
     non_negative,
 )
-from .observations import Kind, observe
-from .series import Series
-from .shifted_series import (
-    LAW_LIMITS,
-    LAW_TYPICAL,
-    LN10,
-    Isotherms,
-    LawKind,
-    at_reference,
-    shifted_series_of,
-)
+from .observations import Observations, Unknowns, observe
+from .series import Series, series_of
+from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, LawKind
 
 COLDEST = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
 Isotherm = tuple[Numbers, Numbers, Numbers]
@@ -41,25 +34,18 @@ Isotherm = tuple[Numbers, Numbers, Numbers]
 # Isotherms as given -----------------------------------------------------------------------------
 
 
-def check_law(law: str) -> None:
-    """Raises `ValueError` unless `law` names one of the laws that isotherms are shifted by."""
-    if law not in get_args(LawKind):
-        raise ValueError(f"`law={law!r}` is refused: use one of {get_args(LawKind)}.")
-
-
-def isotherms_of(
+def joined(
     isotherms: Measured | Sequence[Measured | Isotherm],
     kind: Any,
     law: Any,
     sizes: tuple[float, float],
     reference: Any,
     weights: tuple[Numbers, Numbers],
-    *known: Numbers | None,
-) -> Isotherms:
+    equilibrium: Numbers | None,
+) -> Observations:
     """Returns the data, checked and sorted by temperature; arguments as in `master_curve`."""
-    check_law(law)
-    if kind not in get_args(Kind):
-        raise ValueError(f"`kind={kind!r}` is refused: use one of {get_args(Kind)}.")
+    if law not in get_args(LawKind):
+        raise ValueError(f"`law={law!r}` is refused: use one of {get_args(LawKind)}.")
     if isinstance(isotherms, Measured):
         isotherms = isotherms.isotherms()
     curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
@@ -71,26 +57,22 @@ def isotherms_of(
     curves.sort(key=lambda curve: curve[1])
     temperatures = np.array([temperature for _, temperature, _, _ in curves])
     check_positive("temperature", temperatures, "[K]")
-    if float(temperatures[-1]) < COLDEST:
-        raise ValueError(
-            f"`isotherms` has temperatures up to {float(temperatures[-1]):g}; they are in kelvin."
-        )
+    hottest = float(temperatures[-1])
+    if hottest < COLDEST:
+        raise ValueError(f"`isotherms` has temperatures up to {hottest:g}; they are in kelvin.")
     for temperature in temperatures[1:][np.diff(temperatures) <= 0]:
         raise ValueError(f"`isotherms` has {temperature:g} K twice: join these first.")
     middle = len(curves) // 2
     if reference is not None:
-        coldest, hottest = temperatures[[0, -1]]
+        coldest = float(temperatures[0])
         allowed = f"isotherms are from {coldest:g} to {hottest:g} K"
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
     x, values = (jnp.concatenate([curve[i] for curve in curves]) for i in (2, 3))
-    used = weights if kind == "frequency" else weights[:1]
-    equilibrium, glassy, huber = known
-    observations = observe(kind, x, values, used, equilibrium, glassy, None, huber)
-    if observations.flows:
+    data = observe(kind, x, values, weights, equilibrium)
+    if data.flows:
         raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
-    return Isotherms(
-        observations=observations,
+    known = Isotherms(
         group=jnp.repeat(jnp.arange(len(curves)), np.array([len(x) for *_, x, _ in curves])),
         temperatures=jnp.asarray(temperatures),
         penalty=jnp.zeros(2),
@@ -99,6 +81,7 @@ def isotherms_of(
         departs=sizes[0] > 0,
         lifts=sizes[1] > 0,
     )
+    return dataclasses.replace(data, isotherms=known)
 
 
 def _curve(number, isotherm, kind) -> tuple[Any, ...]:
@@ -128,70 +111,89 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
 # Shifts and series ------------------------------------------------------------------------------
 
 
+def with_penalty(data: Observations, penalty: Any) -> Observations:
+    """Returns the data with other weights of the squares of departures and of ln b."""
+    assert data.isotherms is not None
+    known = dataclasses.replace(data.isotherms, penalty=jnp.asarray(penalty))
+    return dataclasses.replace(data, isotherms=known)
+
+
 def shifts_and_series(
-    data: Isotherms, sizes: tuple[float, float], choose_series: Callable[[Series], tuple]
+    data: Observations, sizes: tuple[float, float], choose_series: Callable[[Series], tuple]
 ) -> tuple[tuple, Any]:
     """Returns unknowns, which of them are free, and the penalty; and the second of what
     `choose_series` returns."""
-
-    def expecting(variance):
-        """The problem with squares of departures weighed against residuals of this variance."""
-        penalty = np.array([variance / size**2 if size > 0 else 0.0 for size in sizes])
-        return shifted_series_of(dataclasses.replace(data, penalty=jnp.asarray(penalty))), penalty
-
-    shared, _ = expecting(0.0)
-    log_shift = _aligned(shared)
+    series, isotherms = series_of(data), data.isotherms
+    assert isotherms is not None
+    log_shift = _aligned(series, isotherms)
     law = least_squares(
-        lambda p: shared.law_shifts(p) - log_shift,
-        np.log(LAW_TYPICAL[data.law]),
-        bounds=np.log(LAW_LIMITS[data.law]).T,
+        lambda p: isotherms.law_shifts(p) - log_shift,
+        np.log(LAW_TYPICAL[isotherms.law]),
+        bounds=np.log(LAW_LIMITS[isotherms.law]).T,
         loss="soft_l1",
     ).x
-    if not data.departs:
-        log_shift = shared.law_shifts(law)
-    series = shared.shifted(log_shift, np.zeros(len(log_shift)))
-    shortest, longest = series.time_limits()
-    theta, _ = best_of_length(series, max(int(np.ceil((longest - shortest) / LN10)), 1))
-    unknowns, penalty = shared.join(theta, law, log_shift), None
+    by_law, (_, departures, lifts) = isotherms.law_shifts(law), isotherms.counts
+    steps = isotherms.others[:departures] @ (log_shift - by_law)
+    shifts = np.concatenate([law, steps, np.zeros(lifts)])
+    alone = series.at(shifts)
+    shortest, longest = alone.time_limits()
+    theta, _ = best_of_length(alone, max(int(np.ceil((longest - shortest) / LN10)), 1))
+    unknowns, penalty = np.concatenate([theta, shifts]), np.zeros(2)
     # The residuals' variance is known only once the shifts are.
     for _ in range(2):
-        series, residual, _, _ = shared.derivatives(unknowns)
-        rows = series.measured
-        shared, penalty = expecting(np.average(residual[rows] ** 2, weights=series.weights[rows]))
-        unknowns = shared.minimise(unknowns, rtol=SEARCH)
-    theta, path = choose_series(shared.shifted(*shared.shifts(unknowns)))
-    start = np.concatenate([theta, *shared.split(unknowns)[1:]])
-    unknowns = shared.minimise(start, rtol=0)
-    lower, upper = shared.bounds(start)
+        variance = series.at(unknowns).rms(unknowns[: len(unknowns) - len(shifts)]) ** 2
+        penalty = np.array([variance / size**2 if size > 0 else 0.0 for size in sizes])
+        series = series_of(with_penalty(data, penalty))
+        unknowns, _ = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
+    theta, path = choose_series(series.at(unknowns))
+    start = np.concatenate([theta, unknowns[len(unknowns) - len(shifts) :]])
+    lower, upper = series.bounds(start)
+    unknowns, _ = series.minimise(start, rtol=0, max_steps=150)
     return (unknowns, (unknowns > lower) & (unknowns < upper), penalty), path
 
 
 def shifted_solid_or_liquid(
-    data: Isotherms, sizes: tuple[float, float], within: float | None
-) -> tuple[Isotherms, tuple, tuple[Length, ...]]:
+    data: Observations, sizes: tuple[float, float]
+) -> tuple[Observations, tuple, tuple[Length, ...]]:
     """Returns the data, with E_eq = 0 if once shifted they need none; what was found; lengths."""
-
-    def search_in(data):
-        return shifts_and_series(data, sizes, lambda series: choose(series, within))
-
-    found, path = search_in(data)
+    found, path = shifts_and_series(data, sizes, choose)
     shifted = at_reference(jnp.asarray(found[0]), data)
-    if not may_be_liquid(shifted) or choose_solid_or_liquid(shifted, within)[0] is shifted:
+    if not may_be_liquid(shifted) or choose_solid_or_liquid(shifted)[0] is shifted:
         return data, found, path
-    liquid = dataclasses.replace(data, observations=data.observations.as_liquid())
-    return liquid, *search_in(liquid)
+    liquid = data.as_liquid()
+    return liquid, *shifts_and_series(liquid, sizes, choose)
 
 
-def _aligned(shared):
+@eqx.filter_jit
+def at_reference(unknowns: Unknowns, data: Observations) -> Observations:
+    """Returns all measurements as if made at the reference temperature."""
+    isotherms = data.isotherms
+    assert isotherms is not None
+    along, across = (jnp.exp(part)[isotherms.group] for part in isotherms.shifts(unknowns))
+    x = data.x * along if data.kind == "frequency" else data.x / along
+    values = jnp.where(data.weights > 0, data.values / across, 1)
+    return dataclasses.replace(data, x=x, values=values, isotherms=None)
+
+
+def _restricted(series, points):
+    """The problem of some of the points, given as a mask."""
+    rows = np.tile(points, len(series.weights) // len(series.x))
+    parts = {name: getattr(series, name)[rows] for name in ("log_values", "weights", "known")}
+    return dataclasses.replace(
+        series, x=series.x[points], static=series.static[:, rows], num_ends=0, **parts
+    )
+
+
+def _aligned(series, isotherms):
     """ln a of each isotherm, by fitting a spectrum to every two neighbours at trial distances."""
     distances = LN10 * np.arange(-0.5, 6.0, 0.25)
-    count, steps = len(shared.data.temperatures), []
+    count, steps = len(isotherms.temperatures), []
     for colder in range(count - 1):
         costs = []
         for distance in distances:
             shifts = distance * (np.arange(count) == colder)
-            pair = np.isin(shared.group, (colder, colder + 1))
-            part = shared.shifted(shifts, np.zeros(count)).restricted(pair)
+            pair = np.isin(series.group, (colder, colder + 1))
+            part = _restricted(series.shifted(shifts, np.zeros(count)), pair)
             shortest, longest = part.time_limits()
             log_times = np.linspace(shortest, longest, int(4 * (longest - shortest) / LN10) + 2)
             strengths = non_negative(part, log_times)
@@ -200,4 +202,4 @@ def _aligned(shared):
             costs.append(part.weights @ relative**2)
         steps.append(distances[np.argmin(costs)])
     log_shift = -np.cumsum([0.0, *steps])
-    return log_shift - log_shift[shared.data.reference]
+    return log_shift - log_shift[isotherms.reference]

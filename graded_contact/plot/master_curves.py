@@ -27,14 +27,14 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
 
     - `curve`: the result of `master_curve`.
     """
-    measured, shifted = curve.data.observations, curve.fit.data
+    measured, shifted = curve.data, curve.fit.data
     frequency = shifted.kind == "frequency"
     figure = new_figure(PAGE, 2.9)
     # b_T has a panel only where moduli were also shifted vertically.
-    mosaic = "bma;bmc" if curve.data.lifts else "bma"
+    mosaic = "bma;bmc" if curve.isotherms.lifts else "bma"
     before, after, *panels = figure.subplot_mosaic(mosaic, width_ratios=(1, 1, 0.9)).values()
     colours = ordered(len(curve.temperatures), TEMPERATURES)
-    group, weights = np.asarray(curve.data.group), np.asarray(measured.weights)
+    group, weights = np.asarray(curve.isotherms.group), np.asarray(measured.weights)
     for axes, data in ((before, measured), (after, shifted)):
         x, channels = np.asarray(data.x), np.asarray(data.values)
         for channel, weight, mark in zip(channels, weights, "os", strict=False):
@@ -47,7 +47,7 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
     series = np.asarray(curve.fit.predict(fine))
     for line, name, dash in zip(series, CHANNEL_NAMES[shifted.kind], ("-", "--"), strict=False):
         after.plot(fine, line, color="black", linewidth=0.8, linestyle=dash, label=name)
-    reference = float(curve.temperatures[curve.data.reference])
+    reference = float(curve.temperatures[curve.isotherms.reference])
     before.set(xlabel=r"$\omega$ [rad/s]" if frequency else "$t$ [s]", title="as measured")
     before.set_ylabel(ORDINATES[shifted.kind])
     after.set(
@@ -121,11 +121,11 @@ def _complex_moduli(isotherms: MasterCurve | Measured) -> tuple[np.ndarray | Non
         moduli = [part.values[np.isfinite(part.values)] for part in parts]
         known = [np.mean(part.temperature) for part in parts if part.temperature is not None]
         return (np.array(known) if known else None), moduli
-    points = isotherms.data.observations
+    points = isotherms.data
     # What was not measured has the weight 0.
     known = np.all(np.asarray(points.weights) > 0, axis=0)
     storage, loss = np.asarray(points.values)
-    group = np.asarray(isotherms.data.group)
+    group = np.asarray(isotherms.isotherms.group)
     temperatures = np.asarray(isotherms.temperatures)
     chosen = [known & (group == i) for i in range(len(temperatures))]
     return temperatures, [storage[where] + 1j * loss[where] for where in chosen]

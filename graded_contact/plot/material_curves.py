@@ -64,7 +64,7 @@ def plot_fit(fit: PronyFit) -> "Figure":
 
     **Arguments:**
 
-    - `fit`: the result of `fit_prony`, `fit_relaxation` or `fit_creep`.
+    - `fit`: the result of `fit_prony`.
     """
     figure = new_figure(PAGE, 3.8)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))

@@ -84,7 +84,7 @@ def propagate(
 
     - `function`: called as function(material), or as function(tree), differentiable, such as
       `lambda rubber: slide(...).friction`; returns a number or an array.
-    - `known`: the result of `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve`; or
+    - `known`: the result of `fit_prony` or `master_curve`; or
       standard deviations of independent errors by the path of the number in `tree`, in its units,
       such as `{"layers[0].thickness": 5e-6}`, see `with_values`; or `Errors`, which may be shared.
     - `tree`: with `known` by path, such as a `Stack`.
@@ -131,7 +131,7 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
 
     **Arguments:**
 
-    - `fit`: the result of `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve`.
+    - `fit`: the result of `fit_prony` or `master_curve`.
     - `material`: its `material`, or of a master curve what it has `exported`.
 
     **Returns:** errors of those numbers of the material that were fitted.

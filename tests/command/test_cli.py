@@ -430,12 +430,12 @@ def moduli_file(path, temperatures, off=0.0):
 
 def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     path = moduli_file(tmp_path / "1 tread.csv", [20.0])
-    result = command("fit", path, "-o", tmp_path / "out", "--card", "abaqus", "--poisson", "0.49",
-                     "--format", "svg")  # fmt: skip
+    result = command("fit", path, "-o", tmp_path / "out", "--poisson", "0.49", "--kind", "tension")
     assert result.exit_code == 0, result.output
     for text in ("Read 40 rows", "rms log error", "Kramers-Kronig", "BIC"):
         assert text in result.stdout
-    endings = ("-errors.csv", ".inp", ".svg", ".toml")
+    assert f"TOPOGRAPHY '{path}' --poisson=0.49 --kind=tension " in result.stdout.replace("\n", " ")
+    endings = ("-errors.csv", ".inp", ".mac", ".png", ".toml")
     names = [f"material_1_tread{ending}" for ending in endings]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
     assert all(f"wrote {tmp_path / 'out' / name}" in result.stdout for name in names)
@@ -480,7 +480,7 @@ def test_what_an_output_cannot_show_is_spelt(folder, tmp_path, line):
     assert (b"+/-" in table) == table.isascii() == ("LC_ALL" in line)
 
 
-LAW, TABLE = ("wlf", 0.0, ("--shift-std", 0)), ("tabulated", 4.0, ())
+LAW, TABLE = ("wlf", 0.0, ("--law", "wlf:0")), ("tabulated", 4.0, ())
 
 
 def fitted_isotherms(folder, off, options):
@@ -513,7 +513,7 @@ def test_new_takes_the_options_of_fit_and_temperatures(tmp_path):
     assert "(`--equilibrium` of the commands `fit` and `new`)" in melt.stderr
     assert (tmp_path / "out" / "tread.toml").exists()
     assert not (tmp_path / "out" / "scene.toml").exists()
-    options = ("--equilibrium", 3e6, "--law", "arrhenius", "--robust")
+    options = ("--equilibrium", 3e6, "--law", "arrhenius:0.2:0.05", "--robust")
     result = command(*words, *options, "--temperatures", 280, "--temperatures", 270)
     assert result.exit_code == 0, result.output
     assert "--robust leaves out no row" in result.stdout and "Arrhenius with Q" in result.stdout
@@ -647,15 +647,13 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     assert bare.exit_code == 2
     assert "pass `--temperature KELVIN` [K]" in bare.stderr
     kelvin = [f"--temperature={celsius + 273.15}" for celsius in (-20.0, -5.0, 10.0)]
-    options = ("--terms", 5, "--shift-std", 0, "--equilibrium", 5e6, "--glassy", 3e9)
+    options = ("--terms", 5, "--law", "wlf:0", "--equilibrium", 5e6)
     result = command("fit", *paths, *kelvin, *options, "-o", tmp_path)
     assert result.exit_code == 0, result.output
     assert "Together 3 isotherm(s), 253.15 to 283.15 K, of 120 points." in result.stdout
     table = tomllib.loads((tmp_path / "material__20.toml").read_text())["materials"]["material__20"]
     assert table["equilibrium"] == 5e6 and len(table["times"]) == 5
-    np.testing.assert_allclose(sum(table["strengths"]), 3e9 - 5e6, rtol=1e-6)
-    options = ("--loss-weight", 0, "--anyway", "--sheet", "x")
-    refused = command("fit", paths[0], *options, "-o", tmp_path)
+    refused = command("fit", paths[0], "--sheet", "x", "-o", tmp_path)
     assert refused.exit_code == 2 and "no `--sheet x`" in refused.stderr
 
 
@@ -663,14 +661,14 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     "text, arguments, expected",
     [
         ("nothing here", (), "bad.csv"),
-        ("never read", ("--card", "abacus"), "`--card abacus` is not known; did you mean `abaqus`"),
+        ("never read", ("--kind", "sheer"), "`--kind sheer` is not known; did you mean `shear`"),
         ("f [Hz],E' [Pa],E'' [Pa],T\n1,2e6,1e5,20\n2,2e6,1e5,20\n", (), "--unit temperature=K"),
         ("never read", ("--unit", "modulus=N"), "`--unit modulus=N` is refused: use one of"),
-        ("t [s],E(t) [Pa]\n1,2e6\n2,1e6\n", ("--loss-weight", 0), "relaxation has one channel"),
+        ("never read", ("--law", "wlf:x"), "`--law wlf:x` is refused: write LAW[:STD[:STD]]"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n", (),
-         "(`--loss-weight`), and `--anyway` fits them as they are."),
+         "and a given `--equilibrium`. In Python `weights=(1, 0)` leaves the loss out"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
-        ("never read", ("--law", "foo"), "'foo' is not one of 'wlf'"),
+        ("never read", ("--law", "wlv"), "`--law wlv` is not known; did you mean `wlf`"),
     ],
 )  # fmt: skip
 def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
@@ -679,8 +677,7 @@ def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
     (tmp_path / "bad.csv").write_text(text)
     result = command("fit", tmp_path / "bad.csv", "-o", tmp_path / "out", *arguments)
     assert result.exit_code == 2
-    # A choice that the parser refuses stands in a box, whose lines wrap.
-    text = " ".join(result.stderr.replace("│", " ").split())
+    text = " ".join(result.stderr.split())
     assert expected in text and "Traceback" not in result.output
     assert not (tmp_path / "out").exists()
 

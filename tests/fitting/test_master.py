@@ -279,7 +279,9 @@ def test_a_flat_isotherm_has_large_errors_of_its_shift():
     """Storage moduli far below the transition say nothing of a shift: only the law does."""
     line = np.exp(0.01 * np.random.default_rng(1).standard_normal(12))
     cold = (235.0, OMEGA, modulus(OMEGA, wlf(235)) * line)
-    along, _ = master_curve([cold, *isotherms()[1:]], terms=4, loss_weight=0).shift_deviations()
+    along, _ = master_curve(
+        [cold, *isotherms()[1:]], terms=4, weights=(1.0, 0.0)
+    ).shift_deviations()
     assert along[0] > 0.3 > 10 * max(along[1:])
 
 
@@ -355,10 +357,8 @@ def test_what_cannot_be_shifted_is_refused(change, arguments, message):
         master_curve(change(isotherms()), **arguments)
 
 
-def test_an_isotherm_in_another_unit_is_refused_or_shows_in_the_error():
+def test_an_isotherm_in_another_unit_is_refused():
     curves = isotherms()
     curves[2] = (*curves[2][:2], 1e-6 * curves[2][2])
     with pytest.raises(ValueError, match="every positive spectrum"):
         master_curve(curves, terms=4)
-    curve = master_curve(curves, terms=4, throw=False)
-    assert curve.fit.floor().total > 1

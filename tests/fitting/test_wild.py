@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.fitting.wild import wild_values, without
+from graded_contact.fitting import wild_values, without
 from graded_contact.materials.measured import Measured
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"

@@ -287,12 +287,14 @@ def test_a_fit_shows_points_series_limits_and_residuals():
 def test_a_fit_in_time_shows_what_was_measured():
     time = np.append(0.0, np.geomspace(1e-2, 1e2, 20))
     modulus = 1e6 + 4e6 * np.exp(-time)
-    relaxation = gc.plot.plot_fit(gc.fit_relaxation(time, modulus, terms=1)).axes[0]
+    relaxation = gc.plot.plot_fit(gc.fit_prony(time, modulus, kind="relaxation", terms=1)).axes[0]
     x, y = relaxation.lines[1].get_data()
     np.testing.assert_allclose(y, 1e6 + 4e6 * np.exp(-x))
     for known in ({}, {"equilibrium": 0}):
         compliance = 1e-6 - 8e-7 * np.exp(-time / 5) + (2e-8 * time if known else 0)
-        creep = gc.plot.plot_fit(gc.fit_creep(time, compliance, terms=1, **known)).axes[0]
+        creep = gc.plot.plot_fit(
+            gc.fit_prony(time, compliance, kind="creep", terms=1, **known)
+        ).axes[0]
         assert creep.get_ylabel() == "compliance [1/Pa]"
         x, y = creep.lines[1].get_data()
         exact = 1e-6 - 8e-7 * np.exp(-x / 5) + (2e-8 * x if known else 0)

@@ -1,0 +1,125 @@
+"""The shifts of isotherms, as unknowns.
+
+An isotherm g measures b_g m(x a_g) at frequencies x (or times x/a_g). Its shift is a law plus a
+departure, ln a_g = L_g(p) + e_g. The unknowns are (p, e, ln b): those of the law, and departures
+and vertical shifts of all isotherms but the reference. Departures and ln b may be expected to be
+small; those squares are then part of the cost.
+
+The unknowns p of WLF are the logarithms of its slope c1/c2 [1/K] at the reference and of the
+distance [K] of the coldest isotherm from the Vogel temperature; that of Arrhenius is ln Q/R [K].
+"""
+
+import functools
+from typing import Any, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..core.display import shown
+from ..materials.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
+from .branches import array_module
+
+LN10 = float(np.log(10))
+LawKind = Literal["wlf", "arrhenius"]
+# Limits of exp(p), far beyond those of any material, and values of a usual polymer.
+LAW_LIMITS = {"wlf": [(1e-4, 10), (1, 1e4)], "arrhenius": [(1e2, 1e6)]}
+LAW_TYPICAL = {"wlf": [0.1, 60.0], "arrhenius": [1e4]}
+
+
+@shown()
+class Isotherms(eqx.Module):
+    """The temperatures of measurements, and what is expected of the shifts.
+
+    **Fields:**
+
+    - `group`: number of the isotherm of each point, shape `(points,)`.
+    - `temperatures`: [K], shape `(isotherms,)`, increasing.
+    - `penalty`: weights of the squares of departures and of ln b in the objective [1].
+    - `reference`: the isotherm that is not shifted. Static.
+    - `law`: the shift law. Static.
+    - `departs`, `lifts`: whether there are departures, and vertical shifts. Static.
+    """
+
+    group: Int[Array, " points"]
+    temperatures: Float[Array, " isotherms"]
+    penalty: Float[Array, " 2"]
+    reference: int = eqx.field(static=True)
+    law: LawKind = eqx.field(static=True)
+    departs: bool = eqx.field(static=True)
+    lifts: bool = eqx.field(static=True)
+
+    @property
+    def counts(self) -> list[int]:
+        """The numbers of unknowns of the law, of departures, and of vertical shifts."""
+        others = len(self.temperatures) - 1
+        return [len(LAW_LIMITS[self.law]), others * self.departs, others * self.lifts]
+
+    @property
+    def others(self) -> np.ndarray:
+        """Which isotherm each unknown shift belongs to: all but the reference."""
+        return np.delete(np.eye(len(self.temperatures)), self.reference, axis=0)
+
+    def split(self, unknowns: Any) -> Any:
+        """Returns `(p, e, ln b)`: the last of the unknowns, by what they belong to."""
+        first = len(unknowns) - sum(self.counts)
+        return array_module(unknowns).split(unknowns[first:], np.cumsum(self.counts[:-1]))
+
+    def law_of(self, p: Any) -> AbstractShift:
+        """Returns the law with the unknowns `p`, about the reference temperature."""
+        return _law_of(p, self.temperatures, self.reference, self.law)
+
+    def law_shifts(self, p: Any) -> Any:
+        """Returns ln a of each isotherm by the law."""
+        shifts = _law_shifts(p, self.temperatures, self.reference, self.law)
+        return array_module(p).asarray(shifts)
+
+    def shifts(self, unknowns: Any) -> tuple[Any, Any]:
+        """Returns ln a and ln b of every isotherm."""
+        p, departures, lifts = self.split(unknowns)
+        along = self.law_shifts(p) + departures @ self.others[: len(departures)]
+        return along, lifts @ self.others[: len(lifts)]
+
+    def slopes(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns the derivatives of ln a by (p, e), its second ones by p, and those of ln b.
+
+        The isotherms are the last axis.
+        """
+        p, departures, lifts = self.split(unknowns)
+        law = _law_slopes(p, self.temperatures, self.reference, self.law)
+        first, second = (np.moveaxis(np.asarray(part), 0, -1) for part in law)
+        along = np.concatenate([first, self.others[: len(departures)]])
+        return along, second, self.others[: len(lifts)]
+
+    def weights(self, xp: Any) -> Any:
+        """Returns the weight of the square of each unknown in the cost."""
+        return xp.repeat(xp.append(0.0, xp.asarray(self.penalty)), np.array(self.counts))
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the limits of the unknowns."""
+        lower, upper = np.log(LAW_LIMITS[self.law]).T
+        free = np.full(sum(self.counts[1:]), np.inf)
+        return np.append(lower, -free), np.append(upper, free)
+
+
+def _law_of(p, temperatures, reference, law) -> AbstractShift:
+    base = temperatures[reference]
+    if law == "arrhenius":
+        return Arrhenius(activation_energy=GAS_CONSTANT * jnp.exp(p[0]), reference=base)
+    slope, distance = jnp.exp(p)
+    c2 = base - temperatures[0] + distance
+    return WLF(c1=slope * c2, c2=c2, reference=base)
+
+
+@functools.partial(jax.jit, static_argnums=(2, 3))
+def _law_shifts(p, temperatures, reference, law):
+    return jax.vmap(_law_of(p, temperatures, reference, law).log_factor)(temperatures)
+
+
+@functools.partial(jax.jit, static_argnums=(2, 3))
+def _law_slopes(p, temperatures, reference, law):
+    slope = jax.jacfwd(_law_shifts)
+    arguments = p, temperatures, reference, law
+    return slope(*arguments), jax.jacfwd(slope)(*arguments)
