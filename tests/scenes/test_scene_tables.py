@@ -9,6 +9,7 @@ from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.readers.recorded_motion import read_motion
+from graded_contact.scenes.results import numbers_of_scene
 from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at
 
@@ -72,6 +73,14 @@ def test_shear_and_heating_are_those_of_the_constructors():
     assert parse_scene(text + PEAKED + SHIFT + parts).heating.conductivity.tolist() == [0.2, 0.4]
     constant = parse_scene(BARE + '[shear]\nkind = "constant"\nstress = 1e5\n').shear
     assert float(constant.stress) == 1e5
+
+
+def test_coulomb_friction_is_a_kind_of_shear():
+    for key, coupled in (("", True), ("coupled = false\n", False)):
+        scene = parse_scene(BARE + f"[shear]\nkind = 'coulomb'\ncoefficient = 0.5\n{key}")
+        assert scene.shear.coupled is coupled and float(scene.shear.coefficient) == 0.5
+        numbers = numbers_of_scene(scene, scene.surface.build())
+        assert ("block_friction" in numbers) is coupled
 
 
 def test_anisotropy_and_softening_are_keys():
