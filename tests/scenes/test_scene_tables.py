@@ -12,6 +12,7 @@ from scene_texts import BARE
 import graded_contact as gc
 from graded_contact.contacts import AdhesiveLJ, ExponentialAdhesion, RepulsiveLJ
 from graded_contact.readers.recorded_motion import read_motion
+from graded_contact.scenes.results import numbers_of_scene
 from graded_contact.scenes.run_scene import point_names
 from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at, roughness_of
@@ -100,6 +101,14 @@ def test_a_law_of_contact_is_that_of_the_constructor_and_has_no_mean_field(lines
     plain = parse_scene(BARE)
     assert isinstance(plain.case({"pressure": 2e5, "velocity": 1.0}, surface).law, gc.HardWall)
     assert not np.any(np.isin(point_names(scene, surface), point_names(plain, surface)))
+
+
+def test_coulomb_friction_is_a_kind_of_shear():
+    for key, coupled in (("", True), ("coupled = false\n", False)):
+        scene = parse_scene(BARE + f"[shear]\nkind = 'coulomb'\ncoefficient = 0.5\n{key}")
+        assert scene.shear.coupled is coupled and float(scene.shear.coefficient) == 0.5
+        numbers = numbers_of_scene(scene, scene.surface.build())
+        assert ("block_friction" in numbers) is coupled
 
 
 def test_anisotropy_and_softening_are_keys():
