@@ -80,7 +80,7 @@ class PowerGradient(eqx.Module):
         return depth**self.exponent, self.poisson
 
 
-def power_gradient(exponent: float, poisson: float, bottom: float, top: float = 1e-8) -> gc.Stack:
+def power_gradient(exponent: float, poisson: float, bottom: float, top: float = 1e-6) -> gc.Stack:
     """A block with E = (z/c0)^k, homogeneous above the depth `top` and below `bottom` [m].
 
     At the surface E is 0: the skin above `top` has the harmonic mean there, so that it is squeezed
