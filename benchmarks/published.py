@@ -121,14 +121,14 @@ def gradient_paraboloid(exponent: float, poisson: float, radius: float) -> tuple
 
 
 def gradient_contact(
-    exponent: float, poisson: float, points: int = 128, solver=None
+    exponent: float, poisson: float, points: int = 128
 ) -> tuple[float, float, float]:
     """Load, highest pressure and radius on E = (z/c0)^k over those of `gradient_paraboloid`."""
     approach, load, peak = gradient_paraboloid(exponent, poisson, 1.0)
     stack = power_gradient(exponent, poisson, 1e3, 1e-5)
     found = press(
         stack, ball(points, 4.0, 1.0), approach=approach,
-        graded_solver=gc.blocks.Layering(rtol=1e-6) if solver is None else solver,
+        graded_solver=gc.blocks.Layering(rtol=1e-6),
     )  # fmt: skip
     return load_of(found) / load, float(jnp.max(found.pressure)) / peak, radius_of(found)
 

@@ -131,7 +131,7 @@ def coats(rows: Rows) -> Any:
         axes.loglog(ratios, values, marks, mfc="none", label=label)
     axes.set(
         xlabel="modulus of the coat over that of the base [1]",
-        ylabel="peak pressure over that of Hertz [1]",
+        ylabel="peak over that of Hertz [1]",
     )
     few_powers_of_ten(axes.xaxis, *axes.get_xlim())
     few_powers_of_ten(axes.yaxis, *axes.get_ylim())
@@ -145,8 +145,9 @@ def adhesion(rows: Rows) -> Any:
     figure = new_figure(COLUMN, 2.4)
     axes = figure.subplots()
     for name, marks, label in (
-        ("pull-off", "o", "here, Lennard-Jones"),
-        ("constant tension", "-", "Maugis, constant tension"),
+        ("pull-off", "o", "here"),
+        ("rings", "-", "rings, same law"),
+        ("constant tension", "--", "Maugis, constant tension"),
     ):
         tabor, force = ([float(row[c]) for row in rows] for c in ("Tabor parameter", name))
         axes.semilogx(tabor, force, marks, label=label)
@@ -154,8 +155,8 @@ def adhesion(rows: Rows) -> Any:
         axes.axhline(limit, color="k", lw=0.8, ls=":")
         axes.annotate(label, (float(rows[0]["Tabor parameter"]), limit), va="bottom")
     axes.set(xlabel="Tabor parameter [1]", ylabel="pull-off force over $\\pi wR$ [1]")
-    axes.set_ylim(1.4, 2.15)
-    axes.legend(loc="lower left")
+    axes.set_ylim(1.4, 2.35)
+    axes.legend(loc="upper right")
     return figure
 
 
