@@ -6,6 +6,7 @@ import numpy as np
 
 from graded_contact.materials.library import tyre_tread
 from graded_contact.plot.style import (
+    COLUMN,
     PAGE,
     TEMPERATURES,
     few_powers_of_ten,
@@ -112,7 +113,76 @@ def neural_profile(found: dict[str, Any]) -> Any:
     return figure
 
 
+@styled
+def rubber(rows: Rows) -> Any:
+    """The friction of a sphere over velocity, beside numbers that were read from a figure."""
+    figure = new_figure(COLUMN, 2.4)
+    axes = figure.subplots()
+
+    def column(name, of):
+        return [float(row[name]) for row in of]
+
+    axes.loglog(column("velocity [m/s]", rows), column("friction", rows), label="here")
+    known = [row for row in rows if row["published"]]
+    read = np.array(column("published", known))
+    axes.errorbar(
+        column("velocity [m/s]", known), read, 0.08 * read, fmt="o", capsize=2,
+        label="Carbone & Putignano, ± 8 %",
+    )  # fmt: skip
+    axes.set(xlabel="sliding velocity [m/s]", ylabel="friction coefficient [1]")
+    axes.legend()
+    return figure
+
+
+@styled
+def coats(rows: Rows) -> Any:
+    """The highest pressure under a sphere on one coat, by three sources."""
+    figure = new_figure(COLUMN, 2.4)
+    axes = figure.subplots()
+    found = [row for row in rows if row["scene"].startswith("one coat")]
+    ratios = [float(row["scene"].partition("= ")[2]) for row in found]
+    for name, marks, label in (
+        ("integral", "-", "axisymmetric integral"),
+        ("here", "o", "here"),
+        ("published", "s", "read from a figure"),
+    ):
+        values = [float(row[name]) for row in found]
+        axes.loglog(ratios, values, marks, mfc="none", label=label)
+    axes.set(
+        xlabel="modulus of the coat over that of the base [1]",
+        ylabel="peak over that of Hertz [1]",
+    )
+    few_powers_of_ten(axes.xaxis, *axes.get_xlim())
+    few_powers_of_ten(axes.yaxis, *axes.get_ylim())
+    axes.legend()
+    return figure
+
+
+@styled
+def adhesion(rows: Rows) -> Any:
+    """Pull-off forces of an adhesive sphere between both limits."""
+    figure = new_figure(COLUMN, 2.4)
+    axes = figure.subplots()
+    for name, marks, label in (
+        ("pull-off", "o", "here"),
+        ("rings", "-", "rings, same law"),
+        ("constant tension", "--", "Maugis, constant tension"),
+    ):
+        tabor, force = ([float(row[c]) for row in rows] for c in ("Tabor parameter", name))
+        axes.semilogx(tabor, force, marks, label=label)
+    for limit, label in ((2, "Bradley, DMT"), (1.5, "JKR")):
+        axes.axhline(limit, color="k", lw=0.8, ls=":")
+        axes.annotate(label, (float(rows[0]["Tabor parameter"]), limit), va="bottom")
+    axes.set(xlabel="Tabor parameter [1]", ylabel="pull-off force over $\\pi wR$ [1]")
+    axes.set_ylim(1.4, 2.35)
+    axes.legend(loc="upper right")
+    return figure
+
+
 FIGURES = {
+    "bench_published-rubber": rubber,
+    "bench_published-layers": coats,
+    "bench_published-adhesion": adhesion,
     "bench_grading": grading,
     "bench_contact-elastic": elastic,
     "bench_contact-total": total,

@@ -1,0 +1,132 @@
+"""Results that others published; the page `docs/published.md` has the sources and all numbers."""
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact import reference
+
+with pytest.MonkeyPatch.context() as patch:
+    patch.syspath_prepend(Path(__file__).parents[1] / "benchmarks")
+    published = importlib.import_module("published")
+    axisymmetric = importlib.import_module("axisymmetric")
+
+NU, REDUCED = published.POISSON, published.REDUCED
+ONE_COAT = [([(ratio, NU, 1.0)], 10.0) for ratio in (0.25, 0.5, 1.0, 2.0, 4.0)]
+TWO_LAYERS = [([(e, NU, 0.5) for e in moduli], 200.0) for moduli in ((0.25, 0.5), (4.0, 2.0))]
+
+
+def integral(layers, curvature):
+    """Peak over that of Hertz, and radius, by the axisymmetric integral."""
+    load, peak = 4 / 3 * REDUCED / curvature, 2 * REDUCED / (np.pi * curvature)
+    found = axisymmetric.paraboloid(layers, (1.0, NU), curvature, load=load)
+    return found.peak / peak, found.radius
+
+
+def test_the_integral_has_the_closed_forms():
+    """Of Hertz, of one coat (M), of a bonded slab (M), also cut into two."""
+    found = axisymmetric.paraboloid([(2.0, 0.4, 1.0)], (2.0, 0.4), 3.0, load=0.1)
+    radius, peak, approach = reference.hertz_sphere(0.1, 3.0, 2 / (1 - 0.4**2))
+    np.testing.assert_allclose(found, (radius, approach, 0.1, peak), rtol=1e-9)
+    q, unit = np.array([0.1, 1.0, 5.0]), 0.1 / (1 - 0.3**2)
+    coat, slab = axisymmetric.relative_compliance(q, [(0.1, 0.3, 1.0)], (1.0, 0.45)), [0.1, 0.3]
+    exact = reference.coated_half_space_compliance(q, 1.0, *slab, 1.0, 0.45) * q * unit / 2
+    np.testing.assert_allclose(coat, exact, rtol=1e-12)
+    exact = reference.slab_on_rigid_compliance(q, 1.0, *slab) * q * unit / 2
+    for thicknesses in ((1.0,), (0.4, 0.6)):
+        parts = [(*slab, thickness) for thickness in thicknesses]
+        found = axisymmetric.relative_compliance(q, parts, None)
+        np.testing.assert_allclose(found, exact, rtol=1e-12)
+
+
+def check_errors(found, exact, most):
+    """Each number has its own limit of the relative error."""
+    assert np.all(np.abs(np.divide(found, exact) - 1) < most), (found, exact)
+
+
+def test_a_sphere_on_a_coat_is_that_of_the_integral():
+    found = published.layers_under_hertz(*ONE_COAT[0], 64)
+    check_errors(found, integral(*ONE_COAT[0]), (5e-4, 1e-2))
+
+
+def test_adhesion_with_a_constant_tension_has_both_limits():
+    pull_off = [published.dugdale_pull_off(transition) for transition in (1e-3, 100.0)]
+    np.testing.assert_allclose(pull_off, (2.0, 1.5), rtol=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("layers", "curvature"), ONE_COAT + TWO_LAYERS)
+def test_spheres_on_coats_are_those_of_the_integral(layers, curvature):
+    found = published.layers_under_hertz(layers, curvature, 128)
+    check_errors(found, integral(layers, curvature), (1e-4, 3e-3))
+
+
+@pytest.mark.slow
+def test_a_sphere_on_two_layers_is_that_of_yu_wang_and_wang():
+    """Mech. Mater. 76 (2014) 102, fig. 6, of which three digits were read."""
+    soft, stiff = (published.layers_under_hertz(*scene, 128) for scene in TWO_LAYERS)
+    np.testing.assert_allclose((*soft, stiff[1]), (0.582, 1.373, 0.695), rtol=3e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("poisson", "series"), [(0.3, 7.464), (0.45, 9.263), (0.49, 10.130)])
+def test_a_bonded_layer_is_that_of_the_integral_and_of_a_series(poisson, series):
+    """The series of arXiv:1807.01885, cut off, is 0.3 to 0.5 % below the integral."""
+    layer = [(1e10, poisson, 2e-3)]
+    exact = axisymmetric.paraboloid(layer, None, 1.0, approach=0.5e-6).load
+    found = published.bonded_layer(poisson, 128)
+    np.testing.assert_allclose(found, exact, rtol=1e-4)
+    np.testing.assert_allclose(found, series, rtol=6e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("velocity", "friction"), [(0.0107135, 0.00851), (0.117818, 0.04028), (0.800539, 0.01587)]
+)
+def test_a_sphere_slides_as_that_of_carbone_and_putignano(velocity, friction):
+    """J. Mech. Phys. Solids 61 (2013) 1822, fig. 12, read to 5 to 8 %."""
+    found = published.sliding_sphere(velocity, 128)
+    np.testing.assert_allclose(found.friction, friction, rtol=0.08)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("k", "poisson"), [(0.2, 0.3), (0.5, 0.3), (0.5, 0.49), (0.8, 0.2)])
+def test_a_power_law_gradient_is_that_of_booker(k, poisson):
+    """As given by arXiv:2207.13166: a wave, by both solvers, and a paraboloid."""
+    exact, stack = published.gradient_compliance(k, poisson)[0], published.power_gradient
+    for solver in (gc.blocks.Layering(), gc.blocks.Riccati()):
+        found = gc.surface_compliance(stack(k, poisson, 40.0), 1.0, 0.0, graded_solver=solver)
+        np.testing.assert_allclose(found, exact, rtol=1e-9)
+    found = published.gradient_contact(k, poisson, 128)
+    check_errors(found, 1, (2e-3, 1e-3, 5e-3))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("tabor", "points", "limit"), [(0.1, 64, 2.0), (2.0, 128, 1.5)])
+def test_an_adhesive_sphere_is_that_of_rings_between_dmt_and_jkr(tabor, points, limit):
+    pull_off, radius = published.adhesive_sphere(tabor, points)
+    np.testing.assert_allclose(pull_off, axisymmetric.adhesive_pull_off(tabor), rtol=5e-3)
+    assert 1.5 < pull_off < 2
+    np.testing.assert_allclose(pull_off, limit, rtol=0.06)
+    if limit == 1.5:
+        np.testing.assert_allclose(radius, 1, rtol=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("peclet", [0.01, 1.0, 100.0])
+def test_a_moving_band_is_that_of_jaeger(peclet):
+    exact = published.jaeger_band(peclet)
+    np.testing.assert_allclose(published.moving_band(peclet), exact, rtol=4e-3)
+    slow = 2 / np.pi * (1 - np.euler_gamma - np.log(peclet / 2))
+    limit = {0.01: slow, 100.0: 2 / np.sqrt(np.pi * peclet)}.get(peclet, exact)
+    np.testing.assert_allclose(limit, exact, rtol=5e-3)
+
+
+@pytest.mark.slow
+def test_gaps_close_at_the_area_of_wang_and_mueser():
+    """Tribol. Lett. 69 (2021) 1: near 0.415; one surface scatters by 0.02."""
+    areas = [published.closing_area(seed) for seed in range(4)]
+    np.testing.assert_allclose(np.mean(areas), 0.415, atol=0.03)
