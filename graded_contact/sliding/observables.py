@@ -37,11 +37,8 @@ from ..fields.grid import (
     derivative,
     multiplicity,
     odd_wavevector,
-    to_field,
-    to_spectrum,
 )
-from ..materials.coverage import is_unknown
-from .motion import Motion, odd_frequencies, rate_of, refined
+from .motion import odd_frequencies, refined
 from .shear import shear_field, shear_over_load, shear_parts
 
 Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
@@ -93,7 +90,7 @@ def lift(found: Found) -> Array:
     return found.coupling.lifted(found.operator, tractions_on(found))
 
 
-def _displaced(found: Found) -> tuple[Array, Array]:
+def displaced(found: Found) -> tuple[Array, Array]:
     """Pressure and displacement on the cell; the solution's own where it has one everywhere."""
     if "window" in found.facts:
         return loaded(found)
@@ -120,7 +117,7 @@ def _own_tractions(found: Found) -> Array:
 
 
 @shared
-def _all_tractions(found: Found) -> Array:
+def all_tractions(found: Found) -> Array:
     """The traction against the motion in a cycle, of slopes and of shear [Pa]."""
     return _own_tractions(found) + _sheared(found)[0]
 
@@ -173,7 +170,7 @@ def shear_of_cycle(
 
     The law holds at the pressure and the speed of each time. At rest it has no direction and is 0.
     """
-    rate, rests = found.motion_of_surface[0], _rests(found)
+    rate, at_rest = found.motion_of_surface[0], rests(found)
     fastest = jnp.max(lengths(rate))
     times = refined if fine else (lambda over_time: over_time)
 
@@ -192,8 +189,8 @@ def shear_of_cycle(
     least = jax.vmap(lambda speed: law(speed)(jnp.zeros((), pressure.dtype)))(speed)
     stress = least * touches + added
     # The Fourier series of a stop ripples.
-    still = rests & jnp.roll(rests, 1)
-    still = jnp.repeat(rests, len(speed) // len(rests)) if fine else still
+    still = at_rest & jnp.roll(at_rest, 1)
+    still = jnp.repeat(at_rest, len(speed) // len(at_rest)) if fine else still
     moves = ~still & (speed > 1e-9 * fastest)
     along = jnp.where(moves, stress / jnp.where(moves, speed, 1), 0)
     return along[:, None] * rate, jnp.mean(stress * speed)
@@ -221,7 +218,7 @@ def lengths(vectors: Array) -> Array:
     return _root(jnp.sum(vectors**2, axis=1))
 
 
-def _rests(found: Found) -> Array:
+def rests(found: Found) -> Array:
     """Whether the surface rests from each time of a cycle to the next one."""
     moved, size = found.moved, found.grid.size[: found.moved.shape[1]]
     steps = jnp.roll(moved, -1, axis=0) - moved
@@ -263,7 +260,7 @@ def waves_of(found: Found) -> tuple[list[Array], list[Array]]:
 
 
 @shared
-def _exchange(found: Found) -> tuple[Array, Array]:
+def exchange(found: Found) -> tuple[Array, Array]:
     """Power that the pressure exchanges with the block, and the sum of its sizes [W/m²]."""
     pressure, operator, omega = loaded(found)[0], found.operator, frequencies(found)
     if found.coupling is None:
@@ -290,13 +287,6 @@ def touching(found: Found) -> Array:
 def _share_of(found: Found, formula: Callable[[Array], Array], field: Array) -> Array:
     """An area at each time, in the dtype of the pressure."""
     return found.operator.at_each_time(formula, field).astype(found.pressure.dtype)
-
-
-def _share_unmeasured(found: Found, weight: Array) -> Array:
-    """The share of a weight on points that were not measured."""
-    if found.measured is None:
-        return jnp.zeros((), found.pressure.dtype)
-    return jnp.sum(weight * (1 - found.measured)) / nonzero(jnp.sum(weight))
 
 
 def moved_where_loaded(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
@@ -392,7 +382,7 @@ def load_work(found: Found) -> Array:
 
     The sum of both, less the work of shear, is dissipated in the block.
     """
-    return (_exchange(found)[0] - _power(found, _own_tractions(found))) * found.period
+    return (exchange(found)[0] - _power(found, _own_tractions(found))) * found.period
 
 
 @of_cycle("P", "W/m²", "mean power that the block dissipates", column=("power\n[W/m²]", FOUR))
@@ -420,7 +410,7 @@ def phase(found: Found) -> Array:
 
     0 for a spring, π/2 for a dashpot; 0 without motion.
     """
-    fields = _all_tractions(found), found.motion_of_surface[1]
+    fields = all_tractions(found), found.motion_of_surface[1]
     force, moved = (jnp.fft.rfft(a, axis=0)[1] for a in fields)
     lead = jnp.sum(force * jnp.conj(moved))
     # The angle of 0 has no derivative.
@@ -435,7 +425,7 @@ def friction(found: Found) -> Array:
     positive where it opposes a motion along +x; over the displacement it draws the hysteresis loop.
     """
     if found.is_cycle:
-        return _over_load(found, _all_tractions(found))
+        return _over_load(found, all_tractions(found))
     return hysteresis_friction(found) + shear_friction(found)
 
 
@@ -487,7 +477,7 @@ def geometric_friction(found: Found) -> Array:
 @of_cycle(r"\tau", "Pa", "shear stress that opposes the motion", over_time=True)
 def traction(found: Found) -> Array:
     """τ [Pa], the shear stress on the whole area, of hysteresis and shear together."""
-    return _all_tractions(found).reshape(found.displacement.shape)
+    return all_tractions(found).reshape(found.displacement.shape)
 
 
 @of_cycle(r"\sigma_0", "Pa", "mean pressure at each time", over_time=True)
@@ -524,146 +514,6 @@ def mean_gap(found: Found) -> Array:
     """Mean of the gap [m]."""
     gap = found.contact.mean_gap
     return gap.reshape(gap.shape[: -found.grid.ndim]) if found.is_cycle else gap
-
-
-# What shows whether the numbers can be trusted.
-
-
-@observable("", "1", "relative difference of friction work and dissipation")
-def energy_imbalance(found: Found) -> Array:
-    """Work of hysteresis, and of the load, against dissipation in the block, relative [1].
-
-    With coupling also the work of the shear on the block.
-    """
-    exchanged, size = _exchange(found)
-    if found.coupling is not None:
-        for traction_, rate in zip(tractions_on(found), rates_of(found)[1:], strict=True):
-            exchanged += jnp.mean(traction_ * rate)
-            size += jnp.mean(jnp.abs(traction_ * rate))
-    imbalance = jnp.abs(exchanged - jnp.sum(dissipation_of_waves(found))) / nonzero(size)
-    return jax.lax.stop_gradient(imbalance)  # of rounding
-
-
-@observable("", "1", "rms slope of the block, weighted by the pressure")
-def slope_in_contact(found: Found) -> Array:
-    """Rms slope of the block where it carries the load [1], the largest of all times.
-
-    It is the size of the strains there. The friction of a hard wall never exceeds it.
-    """
-    return largest(slopes(found, *_displaced(found)))
-
-
-@of_steady("", "1", "share of the contact area on filled or tapered points")
-def unmeasured_area(found: Found) -> Array:
-    """Share of the contact area on points that were filled or tapered, not measured [1].
-
-    0 where `Surface.measured` is None.
-    """
-    return _share_unmeasured(found, touching(found).astype(found.pressure.dtype))
-
-
-@of_steady(
-    "", "1", "share of the hysteresis on filled or tapered points",
-    column=("on points not\nmeasured", ".1%"),
-)  # fmt: skip
-def unmeasured_friction(found: Found) -> Array:
-    """The same share of the tangential traction |σ ∂w/∂x_v| [1].
-
-    Tractions up and down the slopes nearly cancel in friction.
-    """
-    pressure, displacement = _displaced(found)
-    (q,) = along_motion(found)
-    slope = to_field(1j * q * to_spectrum(displacement), pressure.shape)
-    return _share_unmeasured(found, found.operator.on_surface(jnp.abs(pressure * slope)))
-
-
-@observable("", "1", "share of the friction where no modulus was measured")
-def extrapolated_friction(found: Found) -> Array:
-    """Share of the dissipation at frequencies at which a material was not measured [1].
-
-    Its modulus there is an extrapolation. See `coverage`.
-    """
-    if found.measured_range is None:
-        return jnp.zeros((), found.pressure.dtype)
-    lost = jnp.abs(dissipation_of_waves(found))
-    outside = is_unknown(frequencies(found), found.measured_range)
-    return jnp.sum(jnp.where(outside, lost, 0)) / nonzero(jnp.sum(lost))
-
-
-@of_steady("", "1", "approach over the thickness of layers on a rigid base", needs=["window"])
-def compression(found: Found) -> Array:
-    """How far a body on a window moved into layers on a rigid base, over their thickness [1].
-
-    0 on another base.
-    """
-    if found.thickness is None:
-        return jnp.zeros((), found.pressure.dtype)
-    return approach(found) / found.thickness
-
-
-@of_cycle("", "1", "difference of two forms of the load's work, over the dissipation")
-def load_mismatch(found: Found) -> Array:
-    """Difference of `load_work` from -∮ σ0 dū, its other form, over the energy dissipated [1].
-
-    It is the error of grid and times; 0 without dissipation.
-    """
-    by_gap = -jnp.mean(load(found) * rate_of(mean_gap(found), found.period))
-    lost = jnp.sum(dissipation_of_waves(found))
-    return jnp.abs(load_work(found) / found.period - by_gap) / nonzero(lost)
-
-
-@of_cycle("", "1", "largest step from one time to the next, in spacings of the grid")
-def largest_step(found: Found) -> Array:
-    """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
-    return Motion(found.displacement, found.period).largest_step(found.grid)
-
-
-@of_cycle("", "1", "extent of the motion that comes back, over the cell")
-def stroke_over_cell(found: Found) -> Array:
-    """Extent of the motion along an axis over the edge of the cell [1], the larger one.
-
-    Of the part that comes back: 0 under steady sliding.
-    """
-    back = found.motion_of_surface[1]
-    return jnp.max(jnp.ptp(back, axis=0) / found.grid.size[: back.shape[1]])
-
-
-@of_cycle("", "1", "ripple of the traction before a start, over its peak")
-def ripple_at_rest(found: Found) -> Array:
-    """Ripple of the traction at rest, before a start, over the largest traction [1].
-
-    From time to time it changes its sign, unlike what decays. 0 for a motion without a rest.
-    """
-    rests = _rests(found)
-    soon = ~(jnp.roll(rests, -1) & jnp.roll(rests, -2) & jnp.roll(rests, -3))
-    tractions = _all_tractions(found)
-    neighbours = (jnp.roll(tractions, 1, axis=0) + jnp.roll(tractions, -1, axis=0)) / 2
-    ripple = lengths(tractions - neighbours) / 2
-    before = jnp.where(jnp.roll(rests, 1) & rests & soon, ripple, 0)
-    return jnp.max(before) / nonzero(jnp.max(lengths(tractions)))
-
-
-@of_cycle("", "1", "share of the velocity at the upper half of the frequencies")
-def unresolved_motion(found: Found) -> Array:
-    """Share of the velocity at the upper half of the frequencies [1]."""
-    waves = jnp.abs(jnp.fft.rfft(found.motion_of_surface[0], axis=0)) ** 2
-    upper = jnp.sum(waves[len(found.moved) // 4 + 1 :]) / nonzero(jnp.sum(waves))
-    return jnp.sqrt(upper)
-
-
-@observable(
-    "", "1", "estimated relative error of the contact pressure",
-    column=("error of\npressure", ".1e"),
-)  # fmt: skip
-def error(found: Found) -> Array:
-    """Estimated relative error of the pressure [1]."""
-    return found.contact.error
-
-
-@observable("", "1", "FFT pairs of the solve", column=("FFT\npairs", ".0f"))
-def num_fft_pairs(found: Found) -> Array:
-    """FFT pairs of the solve [1]."""
-    return found.contact.num_fft_pairs
 
 
 @observable("", "Pa", "how far points are inside contact or outside", stored=False)

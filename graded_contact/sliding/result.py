@@ -22,7 +22,7 @@ from ..core.quantities import OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, caveats_of
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid
-from . import errors, traction  # noqa: F401 (they register the observables and their errors)
+from . import caveats, errors, traction  # noqa: F401 (they register observables, in this order)
 from .coupling import Coupling
 from .motion import components, rate_of
 from .resolution import Neighbours, grid_estimate, neighbours_of

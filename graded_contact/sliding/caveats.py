@@ -1,0 +1,180 @@
+"""Observables that show whether the numbers of a contact can be trusted.
+
+`core/warnings.py` has the limits above which they are caveats.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..contacts.operator import nonzero
+from ..core.derivative import largest
+from ..core.quantities import observable
+from ..fields.grid import to_field, to_spectrum
+from ..materials.coverage import is_unknown
+from .motion import Motion, rate_of
+from .observables import (
+    Found,
+    all_tractions,
+    along_motion,
+    approach,
+    displaced,
+    dissipation_of_waves,
+    exchange,
+    frequencies,
+    lengths,
+    load,
+    load_work,
+    mean_gap,
+    of_cycle,
+    of_steady,
+    rates_of,
+    rests,
+    slopes,
+    touching,
+    tractions_on,
+)
+
+
+def _share_unmeasured(found: Found, weight: Array) -> Array:
+    """The share of a weight on points that were not measured."""
+    if found.measured is None:
+        return jnp.zeros((), found.pressure.dtype)
+    return jnp.sum(weight * (1 - found.measured)) / nonzero(jnp.sum(weight))
+
+
+@observable("", "1", "relative difference of friction work and dissipation")
+def energy_imbalance(found: Found) -> Array:
+    """Work of hysteresis, and of the load, against dissipation in the block, relative [1].
+
+    With coupling also the work of the shear on the block.
+    """
+    exchanged, size = exchange(found)
+    if found.coupling is not None:
+        for traction_, rate in zip(tractions_on(found), rates_of(found)[1:], strict=True):
+            exchanged += jnp.mean(traction_ * rate)
+            size += jnp.mean(jnp.abs(traction_ * rate))
+    imbalance = jnp.abs(exchanged - jnp.sum(dissipation_of_waves(found))) / nonzero(size)
+    return jax.lax.stop_gradient(imbalance)  # of rounding
+
+
+@observable("", "1", "rms slope of the block, weighted by the pressure")
+def slope_in_contact(found: Found) -> Array:
+    """Rms slope of the block where it carries the load [1], the largest of all times.
+
+    It is the size of the strains there. The friction of a hard wall never exceeds it.
+    """
+    return largest(slopes(found, *displaced(found)))
+
+
+@of_steady("", "1", "share of the contact area on filled or tapered points")
+def unmeasured_area(found: Found) -> Array:
+    """Share of the contact area on points that were filled or tapered, not measured [1].
+
+    0 where `Surface.measured` is None.
+    """
+    return _share_unmeasured(found, touching(found).astype(found.pressure.dtype))
+
+
+@of_steady(
+    "", "1", "share of the hysteresis on filled or tapered points",
+    column=("on points not\nmeasured", ".1%"),
+)  # fmt: skip
+def unmeasured_friction(found: Found) -> Array:
+    """The same share of the tangential traction |σ ∂w/∂x_v| [1].
+
+    Tractions up and down the slopes nearly cancel in friction.
+    """
+    pressure, displacement = displaced(found)
+    (q,) = along_motion(found)
+    slope = to_field(1j * q * to_spectrum(displacement), pressure.shape)
+    return _share_unmeasured(found, found.operator.on_surface(jnp.abs(pressure * slope)))
+
+
+@observable("", "1", "share of the friction where no modulus was measured")
+def extrapolated_friction(found: Found) -> Array:
+    """Share of the dissipation at frequencies at which a material was not measured [1].
+
+    Its modulus there is an extrapolation. See `coverage`.
+    """
+    if found.measured_range is None:
+        return jnp.zeros((), found.pressure.dtype)
+    lost = jnp.abs(dissipation_of_waves(found))
+    outside = is_unknown(frequencies(found), found.measured_range)
+    return jnp.sum(jnp.where(outside, lost, 0)) / nonzero(jnp.sum(lost))
+
+
+@of_steady("", "1", "approach over the thickness of layers on a rigid base", needs=["window"])
+def compression(found: Found) -> Array:
+    """How far a body on a window moved into layers on a rigid base, over their thickness [1].
+
+    0 on another base.
+    """
+    if found.thickness is None:
+        return jnp.zeros((), found.pressure.dtype)
+    return approach(found) / found.thickness
+
+
+@of_cycle("", "1", "difference of two forms of the load's work, over the dissipation")
+def load_mismatch(found: Found) -> Array:
+    """Difference of `load_work` from -∮ σ0 dū, its other form, over the energy dissipated [1].
+
+    It is the error of grid and times; 0 without dissipation.
+    """
+    by_gap = -jnp.mean(load(found) * rate_of(mean_gap(found), found.period))
+    lost = jnp.sum(dissipation_of_waves(found))
+    return jnp.abs(load_work(found) / found.period - by_gap) / nonzero(lost)
+
+
+@of_cycle("", "1", "largest step from one time to the next, in spacings of the grid")
+def largest_step(found: Found) -> Array:
+    """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
+    return Motion(found.displacement, found.period).largest_step(found.grid)
+
+
+@of_cycle("", "1", "extent of the motion that comes back, over the cell")
+def stroke_over_cell(found: Found) -> Array:
+    """Extent of the motion along an axis over the edge of the cell [1], the larger one.
+
+    Of the part that comes back: 0 under steady sliding.
+    """
+    back = found.motion_of_surface[1]
+    return jnp.max(jnp.ptp(back, axis=0) / found.grid.size[: back.shape[1]])
+
+
+@of_cycle("", "1", "ripple of the traction before a start, over its peak")
+def ripple_at_rest(found: Found) -> Array:
+    """Ripple of the traction at rest, before a start, over the largest traction [1].
+
+    From time to time it changes its sign, unlike what decays. 0 for a motion without a rest.
+    """
+    still = rests(found)
+    soon = ~(jnp.roll(still, -1) & jnp.roll(still, -2) & jnp.roll(still, -3))
+    tractions = all_tractions(found)
+    neighbours = (jnp.roll(tractions, 1, axis=0) + jnp.roll(tractions, -1, axis=0)) / 2
+    ripple = lengths(tractions - neighbours) / 2
+    before = jnp.where(jnp.roll(still, 1) & still & soon, ripple, 0)
+    return jnp.max(before) / nonzero(jnp.max(lengths(tractions)))
+
+
+@of_cycle("", "1", "share of the velocity at the upper half of the frequencies")
+def unresolved_motion(found: Found) -> Array:
+    """Share of the velocity at the upper half of the frequencies [1]."""
+    waves = jnp.abs(jnp.fft.rfft(found.motion_of_surface[0], axis=0)) ** 2
+    upper = jnp.sum(waves[len(found.moved) // 4 + 1 :]) / nonzero(jnp.sum(waves))
+    return jnp.sqrt(upper)
+
+
+@observable(
+    "", "1", "estimated relative error of the contact pressure",
+    column=("error of\npressure", ".1e"),
+)  # fmt: skip
+def error(found: Found) -> Array:
+    """Estimated relative error of the pressure [1]."""
+    return found.contact.error
+
+
+@observable("", "1", "FFT pairs of the solve", column=("FFT\npairs", ".0f"))
+def num_fft_pairs(found: Found) -> Array:
+    """FFT pairs of the solve [1]."""
+    return found.contact.num_fft_pairs
