@@ -40,7 +40,8 @@ def _as_profile(profile: Any) -> Any:
     if not isinstance(profile, eqx.Module):
         return _as_part(profile)
     # JAX traces every leaf: activation functions in the layers of a network are leaves.
-    return jax.tree.map(_as_part, profile)
+    traced = all(map(eqx.is_array_like, jax.tree.leaves(profile)))
+    return profile if traced else jax.tree.map(_as_part, profile)  # a scene finds its own objects
 
 
 def _as_part(leaf: Any) -> Any:

@@ -49,7 +49,15 @@ class Wild(NamedTuple):
 
 
 def wild_values(measured: Measured) -> list[Wild]:
-    """Returns the values that no smooth positive spectrum of their isotherm explains."""
+    """Returns the values that no smooth positive spectrum of their isotherm explains.
+
+    **Arguments:**
+
+    - `measured`: moduli, relaxation or creep, see `read_moduli`.
+
+    **Returns:** the values, by row, each with its place in the file. Isotherms with fewer than
+    six points are not searched.
+    """
     found = []
     for i in range(np.max(measured.isotherm) + 1):
         rows = np.flatnonzero(measured.isotherm == i)
@@ -70,7 +78,15 @@ def wild_values(measured: Measured) -> list[Wild]:
 
 
 def without(measured: Measured, wild: list[Wild]) -> Measured:
-    """Returns what was measured without the rows of wild values."""
+    """Returns what was measured without the rows of wild values.
+
+    **Arguments:**
+
+    - `measured`: moduli, relaxation or creep, see `read_moduli`.
+    - `wild`: of `wild_values`.
+
+    **Returns:** the other rows.
+    """
     rows = np.arange(len(measured.lines))
     return measured.part(np.delete(rows, [value.row for value in wild]))
 
