@@ -2,6 +2,7 @@
 
 python benchmarks/bench_measurement.py friction   the parts over velocity and temperature
 python benchmarks/bench_measurement.py cost       what each part adds to friction and to a solve
+python benchmarks/bench_measurement.py traction   what changes if the shear moves the surface
 
 The built-in tread slides on a self-affine road. The road has the waves that a grid of 128² points
 resolves, so that mean field and contact see the same one. The shear law and the thermal numbers are
@@ -28,6 +29,11 @@ TEMPERATURES = (-20, 0, 20, 40, 60, 80)  # °C
 VELOCITIES = np.geomspace(1e-6, 30, 31)  # m/s
 SOLVED = ((-20, 20, 80), (1e-6, 1e-4, 1e-2, 1e-1, 1.0, 5.0, 30.0))  # by contact, °C and m/s
 MEASURED = (20, 1.0)  # of the table of costs
+
+
+def under(material, thickness):
+    """The tread under a coat."""
+    return gc.Stack(layers=(gc.Layer(material, thickness),), base=BLOCK.base)
 
 
 def road():
@@ -112,5 +118,35 @@ def cost():
         )
 
 
+def traction():
+    """The parts at 20 °C with and without the coupling of traction and pressure."""
+    surface = road()
+    blocks = {
+        "tread": BLOCK,
+        "soft coat, ν 0.40": under(gc.Elastic(6e6, 0.40), 2e-5),
+        "stiff coat, ν 0.35": under(gc.Elastic(1e8, 0.35), 1e-5),
+    }
+    for name, block in blocks.items():
+        for velocity in (1e-3, 1e-1, 10.0):
+            for coupled in (False, True):
+                law = gc.sliding.PeakedShear(
+                    peak=2e6, velocity=1e-2, steepness=0.1, shift=TREAD.shift, coupled=coupled
+                )
+                found = gc.slide(
+                    block.at(293.15), surface, pressure=PRESSURE, velocity=velocity,
+                    shear=law, temperature=293.15,
+                )  # fmt: skip
+                lost = found.block_friction if coupled else found.hysteresis_friction
+                report("bench_measurement-traction", {
+                    "block": name, "velocity [m/s]": velocity,
+                    "coupled": "yes" if coupled else "no",
+                    "slopes [1]": float(found.hysteresis_friction),
+                    "shear [1]": float(found.shear_friction), "friction [1]": float(found.friction),
+                    "lost in the block [1]": float(lost),
+                    "contact area [1]": float(found.contact_area),
+                    "FFT pairs": float(found.num_fft_pairs),
+                })  # fmt: skip
+
+
 if __name__ == "__main__":
-    run(__doc__, friction, cost)
+    run(__doc__, friction, cost, traction)
