@@ -94,9 +94,10 @@ def change_by_grid(name: str) -> Callable[[Found], Array]:
         own, same, half = map(formula, (found, near.same, near.half))
         # Without its shortest waves a surface has less friction, of about the same relative error.
         less = jnp.maximum(jnp.abs(own) / nonzero(jnp.abs(same)), 1)
+        moved = jnp.abs(same - half) * less
         # Half the grid may lose a contact of few points, and with it the friction.
-        moved = jnp.where(jnp.isnan(half), jnp.abs(same), jnp.abs(same - half))
-        return near.factor * moved * less
+        lost = jnp.isnan(moved) & ~jnp.isnan(near.factor)
+        return near.factor * jnp.where(lost, jnp.abs(own), moved)
 
     return change
 
@@ -204,7 +205,8 @@ def _friction_by_grid(found: Found) -> Array:
 
 def _area_by_grid(found: Found) -> Array:
     edges = jnp.abs(contact_area_pixels(found) - contact_area(found))
-    return change_by_grid("contact_area")(found) + 0.4 * found.neighbours.factor * edges
+    error = change_by_grid("contact_area")(found) + 0.4 * found.neighbours.factor * edges
+    return jnp.minimum(error, jnp.maximum(contact_area(found), 1 - contact_area(found)))
 
 
 def _gap_by_grid(found: Found) -> Array:

@@ -284,9 +284,9 @@ def touching(found: Found) -> Array:
     return contact_indicator(found) > 0
 
 
-def _share_of(found: Found, formula: Callable[[Array], Array], field: Array) -> Array:
+def _share_of(found: Found, formula: Callable[..., Array], *fields: Array) -> Array:
     """An area at each time, in the dtype of the pressure."""
-    return found.operator.at_each_time(formula, field).astype(found.pressure.dtype)
+    return found.operator.at_each_time(formula, *fields).astype(found.pressure.dtype)
 
 
 def moved_where_loaded(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
@@ -494,7 +494,12 @@ def load(found: Found, pressure: Array | None = None) -> Array:
 @observable("A/A_0", "1", "contact area fraction", over_time=True, column=("contact\narea", ".5f"))
 def contact_area(found: Found) -> Array:
     """Fraction of the surface in contact [1], with edges between the points."""
-    return _share_of(found, area.sub_pixel_area, contact_indicator(found))
+
+    def share(indicator, pressure):
+        # Where the body flows, the pressure ends at its edge at once: its load needs this area.
+        return jnp.maximum(area.sub_pixel_area(indicator), jnp.mean(pressure) / found.law.bounds[1])
+
+    return _share_of(found, share, contact_indicator(found), found.pressure)
 
 
 @observable("A/A_0", "1", "share of points in contact", over_time=True)

@@ -118,6 +118,14 @@ def test_an_elastic_block_has_no_friction_on_any_grid_and_a_load_at_its_mean_gap
     assert "mean_pressure_error" in found.numbers
 
 
+def test_a_body_that_flows_touches_at_least_as_much_as_its_load_needs():
+    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.49)))
+    given = dict(pressure=2e5, velocity=0.0, law=gc.HardWall(1e6))
+    found, fine = (gc.slide(block, s, **given) for s in (rough(32, 8), finer(rough(32, 8), 4)))
+    assert found.contact_area >= 0.2 * (1 - 1e-9)
+    assert abs(found.contact_area - fine.contact_area) <= found.contact_area_error < 1
+
+
 def test_an_area_of_few_points_is_in_doubt_without_friction_too():
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.49)))
     found = gc.slide(block, rough(32, 16), pressure=1e3, velocity=0.0)
