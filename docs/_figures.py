@@ -1,5 +1,6 @@
 """Figures of the site that are drawn from rows of benchmarks, or from the program of a page."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -188,5 +189,13 @@ FIGURES = {
     "bench_contact-total": total,
     "bench_measurement-friction": measurement,
 }
-# By the name of a page of docs/howto: drawn from the names that its program defines.
+# By the name of a page of docs/howto: drawn from the names that its program defines, which takes a
+# minute. So `python docs/_figures.py` draws them, and the repository has them.
 OF_PAGES = {"neural_profile": neural_profile}
+
+if __name__ == "__main__":
+    from _generated import run_program
+
+    for page, draw in OF_PAGES.items():
+        place = Path(__file__).parent / "figures" / f"{page}.png"
+        draw(run_program(Path(__file__).parent / "howto" / f"{page}.md")).savefig(place)

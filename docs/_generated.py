@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from _examples import EXAMPLES
-from _figures import FIGURES, OF_PAGES
+from _figures import FIGURES
 from jaxtyping import ScalarLike
 from numpy.typing import ArrayLike
 from typer.testing import CliRunner
@@ -116,9 +116,6 @@ def write_all(docs: Path) -> None:
         draw(last_run(ROOT / "benchmarks" / "results" / f"{name}.csv")).savefig(
             docs / "_measured" / f"{name}.svg"
         )
-    for name, draw_program in OF_PAGES.items():
-        found = run_program(docs / "howto" / f"{name}.md")
-        draw_program(found).savefig(docs / "_measured" / f"{name}.svg")
     for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
         shutil.copy(notebook, docs / "tutorials")
 

@@ -88,7 +88,7 @@ def table(
             theory = _mean_field(scene, surface, interruption, options)
             found = theory if found is None else beside(found, theory)
         assert found is not None
-        found.attrs |= {"method": method, "conditions": _conditions(scene, surface)}
+        found.attrs |= {"method": method, "conditions": _conditions(scene, surface, method)}
         stem.parent.mkdir(parents=True, exist_ok=True)
         write(files["h5"], found)  # first: it also takes points that failed
         typer.echo(f"wrote {files['h5']}")
@@ -162,7 +162,7 @@ def _varies(scene: Scene) -> bool:
     return scene.temperature is not None and np.ndim(scene.temperature) > 0
 
 
-def _conditions(scene: Scene, surface: Surface) -> str:
+def _conditions(scene: Scene, surface: Surface, method: Method) -> str:
     """What a table holds for, in lines."""
     thickness = [float(layer.thickness) for layer in scene.stack.layers]
     points = " x ".join(map(str, surface.grid.shape))
@@ -171,7 +171,7 @@ def _conditions(scene: Scene, surface: Surface) -> str:
         f"Block: {described(parse_toml(scene.text), thickness)}",
         f"Surface: {points} points, {size_of(surface)}",
         *warm,
-        conditions(scene.direction, scene.shear, scene.heating),
+        conditions(scene.direction, scene.shear, scene.heating, method),
     ])  # fmt: skip
 
 

@@ -76,7 +76,7 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
         table.add_row(*numbers, *cells, mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.
-    console.width = max(console.width, 180 + 24 * (len(axes) - 2))
+    console.width = max(console.width, 24 * (len(table.columns) + 1))
     console.print(table)
     for number, caveat in numbered:
         mark = "each solve" if _of_each(caveat) else number

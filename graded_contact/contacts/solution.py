@@ -40,8 +40,9 @@ class RESULTS(eqx.Enumeration):
     )
     not_settled = (
         "The temperatures of the contact, or the traction that moves its surface, did not converge "
-        "to the tolerance. Loosen `rtol`; a block whose losses change fast with temperature may "
-        "have several temperatures."
+        "to the tolerance. Loosen `rtol`. A block whose losses change fast with temperature may "
+        "have several temperatures, and one whose stiffness a traction outweighs has no steady "
+        "state: lower the shear."
     )
     no_steady_sliding = (
         "The traction of friction outweighs the stiffness of the block at some wavelength: sliding "

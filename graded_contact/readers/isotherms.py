@@ -7,6 +7,7 @@ import numpy as np
 
 from ..core.checks import Numbers
 from ..materials.measured import ISOTHERM_GAP, grouped
+from ..materials.shift import check_kelvin
 from .cells import Row
 from .columns import MeasuredTable
 from .tables import temperature_above
@@ -21,7 +22,8 @@ def one_each(temperature: Numbers | None, count: int, what: str) -> Any:
     """Returns a temperature for each of so many files, sheets or curves; None if it is unknown."""
     if temperature is None:
         return [None] * count
-    kelvin = np.asarray(temperature)
+    kelvin = np.asarray(temperature, float)
+    check_kelvin("temperature", kelvin)
     if kelvin.shape not in ((), (count,)):
         needed = f"one number is needed, or one for each of the {count} {what}"
         raise ValueError(f"`temperature` has shape {kelvin.shape}; {needed}.")

@@ -88,6 +88,8 @@ class Limits:
     def __post_init__(self):
         for quantity, end, value in self:
             check_positive(f"{end}_{quantity}", value, LIMITED[quantity])
+            if quantity == "contact_area":
+                check_values(f"{end}_contact_area", value, "a fraction is at most 1", at_most=1)
         for (name, *_, low), (other, *_, high) in itertools.pairwise(self):
             if name == other and low > high:
                 raise ValueError(f"`min_{name}` = {low:g} is larger than `max_{name}` = {high:g}.")

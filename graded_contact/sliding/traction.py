@@ -32,6 +32,7 @@ from .observables import (
     of_cycle,
     of_steady,
     rates_of,
+    shear_friction,
     shear_power,
     tractions_of,
     tractions_on,
@@ -60,7 +61,9 @@ def block_friction(found: Found) -> Array:
     column=("heat of the\ninterface", FOUR),
 )  # fmt: skip
 def interface_friction(found: Found) -> Array:
-    """The part of the friction that heats the interface [1]."""
+    """The part of the friction that heats the interface [1]; without coupling that of shear."""
+    if found.coupling is None:
+        return shear_friction(found)
     (stress,) = tractions_on(found)
     return jnp.mean(stress * slip(found)) / load(found)
 
@@ -74,6 +77,8 @@ def slope_friction(found: Found) -> Array:
 
     -⟨τ τ' ∂w/∂x⟩ over the load, see `sliding/traction.py`; f² times the hysteresis for `Coulomb`.
     """
+    if found.shear is None:
+        return jnp.zeros((), found.pressure.dtype)
     pressure, moved = loaded(found)
     rise = jax.jvp(found.shear, (pressure,), (jnp.ones_like(pressure),))[1]
     (stress,) = tractions_on(found)
@@ -86,5 +91,7 @@ def interface_power(found: Found) -> Array:
 
     The work of friction and of the load is this and `dissipated_power`.
     """
+    if found.coupling is None:
+        return shear_power(found)
     on_block = zip(tractions_on(found), rates_of(found)[1:], strict=True)
     return shear_power(found) - sum(jnp.mean(stress * rate) for stress, rate in on_block)

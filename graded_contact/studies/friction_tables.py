@@ -6,6 +6,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -16,6 +17,7 @@ from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import mean_field_of
 from ..sliding.case import Case
 from ..sliding.numerics import numerics_of
+from ..sliding.shear import is_coupled
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .dataset import package_versions
@@ -121,7 +123,7 @@ def friction_table(
     shear, heating = (slide_options.get(name) for name in ("shear", "heating"))
     table.attrs |= {
         "method": method,
-        "conditions": conditions(direction, shear, heating),
+        "conditions": conditions(direction, shear, heating, method),
         "direction": float(direction),
         **package_versions(),
     }
@@ -133,11 +135,22 @@ def beside(contacts: "Dataset", theory: "Dataset") -> "Dataset":
     return contacts.assign({f"mean_field.{name}": theory[name] for name in theory.data_vars})
 
 
-def conditions(direction: float, shear: Any, heating: Any) -> str:
+def conditions(direction: float, shear: Any, heating: Any, method: str) -> str:
     """Returns in a sentence what a table of friction holds for."""
     parts = [
         f"Steady sliding at {direction:g} rad from the x axis",
-        "no shear in the contact" if shear is None else f"shear in the contact: {short(shear)}",
+        "no shear in the contact" if shear is None else f"shear in the contact: {_spelt(shear)}",
         "no heat of friction" if heating is None else "with the heat of friction",
     ]
+    if is_coupled(shear) and method != "contact":
+        parts.append("the mean field leaves out that the traction moves the surface")
     return "; ".join(parts)
+
+
+def _spelt(shear: Any) -> str:
+    """A law of shear with its numbers."""
+    if not dataclasses.is_dataclass(shear):
+        return short(shear)
+    values = [(f.name, getattr(shear, f.name)) for f in dataclasses.fields(shear)]
+    plain = [(n, f"{float(v):g}" if eqx.is_array_like(v) else short(v)) for n, v in values]
+    return f"{type(shear).__name__}({', '.join(f'{name}={text}' for name, text in plain)})"
