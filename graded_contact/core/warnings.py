@@ -17,6 +17,7 @@ from jaxtyping import ArrayLike, Bool
 from .display import shown, with_unit
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
+MOST = 10.0  # share of an error above which a number means nothing
 LIMIT = 0.1  # the part of a result above which there is a warning
 # Small strains neglect slope²/2, the excess of an arc over its chord. Above STEEP it is > LIMIT.
 STEEP = (2 * LIMIT) ** 0.5
@@ -84,7 +85,7 @@ def _of_friction(error: str) -> Callable[[Any], ArrayLike]:
         friction, wrong, slope = (_number(found, name) for name in names)
         scale = np.maximum(np.abs(friction), IDLE * slope)
         idle = np.abs(friction) <= ROUNDING * slope
-        return np.where(idle, 0.0, np.minimum(wrong / np.where(scale == 0, 1, scale), 1.0))
+        return np.where(idle, 0.0, np.minimum(wrong / np.where(scale == 0, 1, scale), MOST))
 
     return share
 
@@ -92,7 +93,7 @@ def _of_friction(error: str) -> Callable[[Any], ArrayLike]:
 def _of_area(found: Any) -> ArrayLike:
     """The error of the contact area by the grid over the area [1]; 0 without contact."""
     area, wrong = (_number(found, name) for name in ("contact_area", "contact_area_grid_error"))
-    return np.where(area > 0, np.minimum(wrong / np.where(area > 0, area, 1), 1.0), 0.0)
+    return np.where(area > 0, np.minimum(wrong / np.where(area > 0, area, 1), MOST), 0.0)
 
 
 def _unmeasured(what: str) -> str:
@@ -113,10 +114,10 @@ SLIDING_RULES = (
 )  # fmt: skip
 RULES = (
     Rule(_of_friction("friction_grid_error"), LIMIT,
-         "The grid does not resolve the contact: the friction has an error of up to {worst:.0%}. "
+         "The grid does not resolve the contact: the friction has an error of about {worst:.0%}. "
          "Take more points, or a smoother surface."),
     Rule(_of_area, LIMIT,
-         "The grid does not resolve the contact: the contact area has an error of up to "
+         "The grid does not resolve the contact: the contact area has an error of about "
          "{worst:.0%}. Take more points, or a smoother surface."),
     *SLIDING_RULES,
     Rule(lambda found: np.isnan(found.friction) & (_number(found, "slope_in_contact") == 0), 0,

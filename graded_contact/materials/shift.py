@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import Array, ArrayLike, Float, ScalarLike
 
 from ..core.checks import (
     as_scalar,
@@ -137,8 +137,8 @@ def as_temperature(value: ScalarLike) -> Float[Array, ""]:
     return temperature
 
 
-def check_kelvin(name: str, temperature: Float[Array, ""]) -> None:
-    """Raises `ValueError` for a temperature that is hardly in kelvin."""
+def check_kelvin(name: str, temperature: ArrayLike) -> None:
+    """Raises `ValueError` for temperatures that are hardly in kelvin."""
     allowed = f"temperatures are in kelvin, {COLDEST:g} to {HOTTEST:g} K (20 °C are 293.15 K)"
     check_values(name, temperature, allowed, at_least=COLDEST, at_most=HOTTEST)
 
