@@ -120,7 +120,8 @@ def friction_table(
     table = table_by("mean_field" if method == "mean_field" else "contact")
     if method == "both":
         table = beside(table, table_by("mean_field"))
-    shear, heating = (slide_options.get(name) for name in ("shear", "heating"))
+    given = mean_field_options if method == "mean_field" else slide_options
+    shear, heating = (given.get(name) for name in ("shear", "heating"))
     table.attrs |= {
         "method": method,
         "conditions": conditions(direction, shear, heating, method),
