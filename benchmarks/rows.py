@@ -21,7 +21,10 @@ from typing import Any
 
 import jax
 
+import graded_contact as gc
+
 jax.config.update("jax_enable_x64", True)
+gc.core.keep_freed_memory()
 
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"

@@ -20,6 +20,7 @@ from .command.new import new
 from .command.run import demo, info, run
 from .command.spelling import spell_missing_characters
 from .command.terminal import prepare
+from .core.memory import keep_freed_memory
 
 app = typer.Typer(
     help="Friction and contact area of layered viscoelastic blocks on rough surfaces.",
@@ -54,5 +55,6 @@ app.command("explore")(show_page)
 
 def start() -> None:
     """Runs the command in its own process."""
+    keep_freed_memory()
     spell_missing_characters()
     app(prog_name="graded-contact")

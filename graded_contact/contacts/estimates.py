@@ -172,7 +172,10 @@ def _changed_gap(inputs: Inputs, found: SolverOutput, change: Field):
     bent = jnp.mean(operator.bending_energy(law_gap))
     fixed = jnp.mean(s) * bent / nonzero(jnp.mean(law_gap**2))
     free = jnp.where(operator.is_mean, 0, 1 / (1 + fixed * jnp.abs(operator.kernel)))
-    moved = operator.filtered(free, operator.displace(pressure) - before)
+    # The waves of the pressure before the change are those of its displacement, computed above.
+    waves = operator.to_waves(found.pressure) + operator.to_waves(change)
+    waves = operator.compliance * waves - operator.to_waves(before)
+    moved = operator.to_field(free * waves, before.shape)
     solid_gap = before - operator.mean(before) + moved
     solid_gap = solid_gap - penalty * (inputs.heights - jnp.mean(inputs.heights))
     gap = inputs.loading.gap

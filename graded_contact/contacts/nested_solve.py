@@ -98,9 +98,9 @@ class DouglasRachford(AbstractContactSolver):
             while (points := min(shapes[0])) >= 2 * self.coarsest:
                 factor = min(_COARSENING, points // self.coarsest)
                 shapes.insert(0, tuple(-(-n // factor) for n in shapes[0]))
-        coarse, unit = _coarser(operator, heights, loading, shapes[:-1])
+        coarse = _coarser(operator, heights, loading, shapes[:-1]) if shapes[:-1] else []
         before = start
-        for grid in [*coarse, OneGrid(operator, heights, loading, unit)]:
+        for grid in [*coarse, OneGrid(operator, heights, loading)]:
             settings = self._settings(grid.heights.shape, heights.shape, law, loading, rtol)
             # Python stops where Newton steps are needed, if it can see the state.
             looks = settings.newton and is_concrete(heights)
@@ -139,12 +139,11 @@ class GridSettings(NamedTuple):
 
 
 class OneGrid(NamedTuple):
-    """What is given on one grid, and the unit of pressure there."""
+    """What is given on one grid."""
 
     operator: AbstractOperator
     heights: Field
     loading: Loading
-    unit: Scalar
 
 
 class GridProblem(eqx.Module):
@@ -154,6 +153,7 @@ class GridProblem(eqx.Module):
     """
 
     grid: OneGrid
+    unit: Scalar  # of pressure [Pa]
     penalty: Scalar  # [Pa/m] over the unit
     law: AbstractLaw
     mean: Float[Array, "..."]  # prescribed, of the pressure, or if that is free of the gap
@@ -165,7 +165,7 @@ class GridProblem(eqx.Module):
     @property
     def length(self) -> Scalar:
         """The unit of length [m]."""
-        return self.grid.unit / self.penalty
+        return self.unit / self.penalty
 
     def scaled_heights(self, factor: Factor = 1.0) -> Field:
         """Returns the dimensionless heights, of zero mean."""
@@ -225,9 +225,9 @@ class SolveState(NamedTuple):
 
 @jit
 def _coarser(operator, heights, loading: Loading, shapes):
-    """What is given on coarser grids of these shapes, and the unit of pressure on the finest."""
-    shape, flat, coarse = heights.shape, heights - jnp.mean(heights), []
-    spectrum = to_spectrum(flat)
+    """What is given on coarser grids of these shapes."""
+    shape, coarse = heights.shape, []
+    spectrum = to_spectrum(heights - jnp.mean(heights))
     for level in shapes:
         share = float(np.prod(level) / np.prod(shape))
         rough = to_field(resample_spectrum(spectrum, shape, level) * share, level)
@@ -237,9 +237,9 @@ def _coarser(operator, heights, loading: Loading, shapes):
                 return a
             return interpolate(a, tuple(map(min, a.shape, level)))
 
-        near, less = operator.coarser(shape, level), Loading(*map(sample, loading))
-        coarse.append(OneGrid(near, rough, less, pressure_unit(near, rough, less)))
-    return coarse, pressure_unit(operator, flat, loading)
+        less = Loading(*map(sample, loading))
+        coarse.append(OneGrid(operator.coarser(shape, level), rough, less))
+    return coarse
 
 
 @jit
@@ -249,17 +249,17 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     `before` is a pressure [Pa], what was found on the grid before, or None. With `looks` the solve
     stops where Newton steps are needed, otherwise at its end.
     """
-    operator, rough, loading, unit = grid
-    share = settings.share
+    operator, rough, loading = grid
+    share, unit = settings.share, pressure_unit(operator, rough - jnp.mean(rough), loading)
     own = 0.5 * share if share < 1 else 0.0  # of the grid's heights
     guess, touching, pairs = None, 0.0, 0.5 + own if share < 1 else own
     if before is not None:
         if isinstance(before, tuple):
             coarse, last = before
             pairs = last.pairs + share * coarse.grid.heights.size / rough.size + own
-            before = coarse.at_load(coarse.meet(last)[1]) * coarse.grid.unit
+            before = coarse.at_load(coarse.meet(last)[1]) * coarse.unit
         touching = jnp.mean(before > 0, dtype=rough.dtype)
-        guess = _as_guess(grid, law, interpolate(before, rough.shape))
+        guess = _as_guess(grid, law, unit, interpolate(before, rough.shape))
         pairs = pairs + share
     cold = jnp.asarray(_COLD_PARTICIPATION, rough.dtype)
     penalty = penalty_for(operator, cold if guess is None else participation(guess), law)
@@ -267,7 +267,7 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     free_mean = loading.pressure is None
     mean = jnp.asarray(loading.gap if free_mean else loading.pressure)
     mean = mean / (length if free_mean else unit)
-    numbers = penalty, law.in_units(unit, length), mean
+    numbers = unit, penalty, law.in_units(unit, length), mean
     problem = GridProblem(grid, *numbers)
     if guess is not None and takes_newton_steps(law) and not problem.free_mean:
         guess, taken = _full_contact_or(problem, guess, touching)
@@ -286,9 +286,9 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     return numbers, _epochs(problem, state, settings)
 
 
-def _as_guess(grid: OneGrid, law, pressure):
+def _as_guess(grid: OneGrid, law, unit, pressure):
     """A pressure to begin from, in its unit, made possible for the law and the load."""
-    operator, _, loading, unit = grid
+    operator, _, loading = grid
     guess = pressure / unit
     low, high = law.in_units(unit, 1.0).bounds
     # A guess of another scale would dominate everything else.
@@ -423,7 +423,7 @@ def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
     pressure = problem.at_load(y)
     stiff = problem.solid_at(factor).resolve(pressure - x)
     solid_gap = (state.z - x + (pressure - x) - stiff) / factor
-    unit, length = problem.grid.unit, problem.length
+    unit, length = problem.unit, problem.length
     without_mean = problem.scaled_heights() - (problem.mean if problem.free_mean else 0)
     return SolverOutput(
         pressure=pressure * unit, gap=gap * (length / factor), mismatch=(x - y) * unit,

@@ -124,8 +124,10 @@ def solve_contact(
     _check_heights(heights)
     operator = operator_of(as_numbers(kernel, "kernel"), heights.shape)
     on_window = isinstance(operator, Window)
-    shape, itemsize = jax.eval_shape(operator.on_cell, heights).shape, heights.dtype.itemsize
-    check_memory("heights", "a contact", CONTACT, shape, itemsize, num_devices(heights))
+    cell = tuple((2 if on_window else 1) * n for n in heights.shape)
+    check_memory(
+        "heights", "a contact", CONTACT, cell, heights.dtype.itemsize, num_devices(heights)
+    )
     _check_kernel(operator.kernel, heights.shape, on_window, throw)
     check_one_law(law)
     gaps = {"mean_gap": mean_gap, "approach": approach}

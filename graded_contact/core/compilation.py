@@ -46,9 +46,10 @@ def jit(function: F) -> F:
 
     @functools.wraps(function)
     def run(*args, **kwargs):
-        if not alone((args, kwargs)):
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        if not _alone(leaves):
             return within(*args, **kwargs)
-        found, rest = outside()(*_parted((args, kwargs)))
+        found, rest = outside()(*_parted(leaves, structure))
         return rest.joined(found)
 
     return cast(F, run)
@@ -56,8 +57,12 @@ def jit(function: F) -> F:
 
 def alone(arguments: Any) -> bool:
     """Returns whether a function of these arguments runs outside `jit` and all transformations."""
+    return _alone(jax.tree.leaves(arguments))
+
+
+def _alone(leaves):
     # Inside `jit` known arguments are traced, too, as a number that depends on none.
-    return all(map(is_concrete, jax.tree.leaves(arguments))) and is_concrete(_probe())
+    return all(map(is_concrete, leaves)) and is_concrete(_probe())
 
 
 _probe = jax.jit(lambda: 0)
@@ -66,7 +71,7 @@ _probe = jax.jit(lambda: 0)
 def _program(function):
     def program(numbers, rest):
         args, kwargs = rest.joined(numbers)
-        return _parted(function(*args, **kwargs))
+        return _parted(*jax.tree.flatten(function(*args, **kwargs)))
 
     program.__name__ = getattr(function, "__name__", "program")
     return jax.jit(program, compiler_options=_options())
@@ -86,9 +91,8 @@ class _Rest:
         return self.structure.unflatten(leaves)
 
 
-def _parted(tree):
-    """The arrays of a tree, with None for other leaves, and the rest of it."""
-    leaves, structure = jax.tree.flatten(tree)
+def _parted(leaves, structure):
+    """The arrays of a flattened tree, with None for other leaves, and the rest of it."""
     numbers = tuple(leaf if eqx.is_array(leaf) else None for leaf in leaves)
     others = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
     return numbers, _Rest(others, structure)

@@ -1,12 +1,14 @@
-"""Estimates of the memory of a computation, before anything is allocated.
+"""Memory: estimates before anything is allocated, and what a process keeps for its next fields.
 
 Each kind of solve takes a number of fields as large as the heights, and the compiler the same
 amount for every grid. The numbers are upper limits of what was measured in double and single
 precision: `benchmarks/bench_memory.py` compares them with the peaks of whole processes.
 """
 
+import ctypes
 import math
 import os
+import platform
 from pathlib import Path
 
 import jax
@@ -20,11 +22,36 @@ DERIVATIVE = 20.0  # more for a derivative
 COMPILER = 8e8  # bytes of compiling, which are not freed
 POINT = 8000  # bytes of a sweep's point, most of it in the printed table
 SMALL = 2**30  # bytes below which nothing is checked
+KEPT = 1.5  # times the fields of a solve, in a process that keeps freed memory
+# Numbers of `mallopt` in glibc: M_TRIM_THRESHOLD, M_MMAP_THRESHOLD and M_ARENA_MAX.
+_TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8
+_process = {"keeps": False}
+
+
+def keep_freed_memory() -> bool:
+    """Lets this process keep freed fields of up to 1 GiB for the next ones; faster on large grids.
+
+    The C library of Linux (glibc) returns large blocks to the system, and gets each page of the
+    next one anew. On a CPU a solve of 1024² to 4096² points takes 15 to 25 % less time with blocks
+    that are kept, and up to 1.5 times the memory; small grids gain nothing, and one large `jit`
+    compiles 15 % slower. Call it at the start of a program, before JAX computes anything: threads
+    that have memory of their own do not give it up. `graded-contact` calls it.
+
+    **Returns:** whether the C library is glibc; elsewhere nothing changes.
+    """
+    if platform.libc_ver()[0] != "glibc":
+        return False
+    library = ctypes.CDLL(None)
+    for option, value in ((_TRIM_THRESHOLD, 2**30), (_MMAP_THRESHOLD, 2**30), (_ARENA_MAX, 1)):
+        library.mallopt(option, value)
+    _process["keeps"] = True
+    return True
 
 
 def memory_of(fields: float, shape: tuple[int, ...], itemsize: int = 8) -> float:
     """Returns the bytes of a solve that takes so many fields of a shape."""
-    return COMPILER + fields * math.prod(shape) * itemsize
+    kept = KEPT if _process["keeps"] else 1
+    return COMPILER + kept * fields * math.prod(shape) * itemsize
 
 
 def check_memory(name: str, purpose: str, fields: float, shape, itemsize=8, devices=1) -> None:

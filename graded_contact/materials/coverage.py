@@ -1,7 +1,8 @@
 """Where a material was measured, and what is outside this range.
 
 A fitted series has a modulus at every frequency, but only where there were data is it more than an
-extrapolation. A limited material, of the package or of a user, has two methods:
+extrapolation. A limited material, of the package or of a user, has the first of two methods; one
+that has no modulus at some frequencies has both:
 
 - `coverage()` returns the lowest and highest measured ω [rad/s]; an infinite lowest means none.
 - `check(omega)` raises `ValueError` if there is no modulus at some of the frequencies [rad/s].
@@ -105,12 +106,21 @@ def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
 
 def check_frequencies(tree: Any, omega: Float[Array | np.ndarray, "..."]) -> None:
     """Raises `ValueError` if a material in `tree` has no modulus at some ω [rad/s]."""
-    for part in _limited(tree):
+    for part in filter(_may_refuse, _limited(tree)):
         part.check(omega)
+
+
+def may_refuse(tree: Any) -> bool:
+    """Returns whether a material in `tree` may have no modulus at some ω."""
+    return any(map(_may_refuse, _limited(tree)))
+
+
+def _may_refuse(part):
+    return hasattr(type(part), "check")
 
 
 def _limited(tree):
     def is_limited(node):
-        return hasattr(node, "coverage") and hasattr(node, "check")
+        return hasattr(type(node), "coverage")
 
     return [node for node in jax.tree.leaves(tree, is_leaf=is_limited) if is_limited(node)]

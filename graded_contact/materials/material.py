@@ -204,9 +204,6 @@ class Prony(AbstractMaterial):
             return jnp.zeros_like(self.equilibrium), jnp.full_like(self.equilibrium, jnp.inf)
         return self.measured.coverage(getattr(self.shift, "reference", None))
 
-    def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
-        """Refuses nothing: a series has a modulus at every frequency."""
-
 
 class BulkShear(AbstractMaterial):
     """A solid given by its bulk modulus K(ω) and shear modulus G(ω), both passive.

@@ -1,6 +1,7 @@
 """Memory is told before it is allocated: grids that do not fit are refused, others are not."""
 
 import re
+import types
 
 import jax
 import jax.numpy as jnp
@@ -100,3 +101,19 @@ def test_free_memory_is_the_least_of_machine_and_group(monkeypatch):
     monkeypatch.setattr(_memory, "_lines", lambda path: files.get(str(path), []))
     assert _memory._of_machine() == [1024000]
     assert _memory._of_groups() == [500000]
+
+
+def test_a_process_that_keeps_freed_memory_needs_more(ten_gigabytes, monkeypatch):
+    """Where the C library is glibc; the calls themselves are recorded, not made."""
+    called = {}
+    library = types.SimpleNamespace(mallopt=called.__setitem__)
+    monkeypatch.setattr(_memory.ctypes, "CDLL", lambda _: library)
+    monkeypatch.setattr(_memory, "_process", {"keeps": False})
+    monkeypatch.setattr(_memory.platform, "libc_ver", lambda: ("", ""))
+    assert not gc.core.keep_freed_memory() and not called
+    before = _memory.memory_of(_memory.CONTACT, (4096, 4096))
+    monkeypatch.setattr(_memory.platform, "libc_ver", lambda: ("glibc", "2.36"))
+    assert gc.core.keep_freed_memory()
+    assert called == {-1: 2**30, -3: 2**30, -8: 1}  # malloc.h: trim, mmap, arenas
+    after = _memory.memory_of(_memory.CONTACT, (4096, 4096))
+    assert after - _memory.COMPILER == pytest.approx(1.5 * (before - _memory.COMPILER))
