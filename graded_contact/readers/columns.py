@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.display import short
 from .registry import Options
-from .tables import Column, Table, stress_above, tension_above
+from .tables import Column, Table, tension_above, value_above
 from .units import DIMENSIONS, OF_SHEAR, PER_SECOND, UNITS
 
 # The quantities that make a measurement of each kind, the most direct ones first; in the order of
@@ -38,14 +38,7 @@ SAME = 1e-3  # relative, between frequencies that are meant to be equal
 
 
 class Unclear(ValueError):
-    """Columns of a measurement are there, but some must be chosen, or need a unit.
-
-    `swept`: whether the frequency or time varies.
-    """
-
-    def __init__(self, reason: str, swept: bool):
-        super().__init__(reason)
-        self.swept = swept
+    """A sweep is there, but some of its columns must be chosen, or need a unit."""
 
 
 class MeasuredTable(NamedTuple):
@@ -89,14 +82,13 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     notes: list[str] = []
     width, numbers = len(table.names), [n for n in options.columns.values() if isinstance(n, int)]
     if table.blocks > 1 and max(numbers, default=0) > width:  # one of the curves side by side
-        table = table._replace(
-            names=table.names * table.blocks, units=table.units * table.blocks, blocks=1
-        )
+        names, units = table.names * table.blocks, table.units * table.blocks
+        table = table._replace(names=names, units=units, blocks=1)
     places = _places(table, options)
     if options.temperature is not None:
         places.pop("temperature", None)
     titles = [row for segment in table.segments for row in segment.titles]
-    stress = None if options.kind == "relaxation" else stress_above(titles)
+    stress = None if options.kind == "relaxation" else value_above(titles, "stress")
     load = stress if options.load is None else options.load
     kind, names = _way(table, places, load is not None, options)
     beside = {"frequency"} if kind == "strain" else {"temperature"}
@@ -106,18 +98,13 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     lacking = []
     several = {name: needed[name] for name, each in found.items() if len(each) > 1}
     for name, where in several.items():
-        if len({table.names[place] for place in where}) == 1:
-            numbered = ", ".join(str(place + 1) for place in where)
-            lacking.append(f"columns {numbered} are all {table.names[where[0]]!r}, the {name}")
-        else:
-            lacking.append(f"{' and '.join(map(table.label, where))} may be the {name}")
+        lacking.append(f"{' and '.join(map(table.label, where))} may be the {name}")
     if several:
         lacking.append(_choice(table, several))
     for name in (name for name in needed if name not in columns):
-        place, dimension = needed[name][0], DIMENSIONS[name]
+        place, (first, *rest) = needed[name][0], UNITS[DIMENSIONS[name]]
         unit = table.unit(place) or table.units[place]
-        first, *rest = UNITS[dimension]
-        allowed = f"pass for instance `units={ {dimension: first} }`; others are {rest}"
+        allowed = f"pass for instance `units={ {DIMENSIONS[name]: first} }`; others are {rest}"
         lacking.append(f"{table.label(place)}, the {name}, has {unit!r} as unit; {allowed}")
     used = {column.place for column in columns.values()}
     others = [name for i, name in enumerate(table.names) if name and i not in used]
@@ -127,9 +114,8 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
         lacking.append(f"lines above name tension or bending, but {reason}: pass `deformation`")
     if lacking:
         abscissa = next(name for name in ("strain", "frequency", "time") if name in needed)
-        values = Column(abscissa, needed[abscissa][0]).known(table.rows)
-        swept = len(values) > 0 and np.ptp(values) > 0
-        raise Unclear(f"{table.place}: {'; '.join(lacking)}", bool(swept))
+        swept = len(np.unique(Column(abscissa, needed[abscissa][0]).known(table.rows))) > 1
+        raise (Unclear if swept else ValueError)(f"{table.place}: {'; '.join(lacking)}")
     tangents = places.get("tan_delta", []) if names[1:] == WAYS[0][1][1:] else []
     check = _column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None
     load = load if len(names) == 2 else None
@@ -140,13 +126,11 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
 def _choice(table: Table, several: dict[str, list[int]]) -> str:
     """How to choose between columns that may be the same quantity."""
     first = {name: where[0] + 1 for name, where in several.items()}
-    kinds = ({table.headings[place].deformation for place in where} for where in several.values())
-    by = " or by `deformation`" * any(len(kind) > 1 for kind in kinds)
-    repeated = ""
-    if table.blocks > 1:
-        last = table.blocks * len(table.names)
-        repeated = f" (they repeat {table.blocks} times; numbers up to {last} choose one of these)"
-    return f"choose, for instance by `columns={first}`{by}{repeated}"
+    kinds = {table.headings[place].deformation for where in several.values() for place in where}
+    by = " or by `deformation`" * (len(kinds) > 1)
+    last = table.blocks * len(table.names)
+    curves = f"; numbers up to {last} choose one of {table.blocks} curves" * (table.blocks > 1)
+    return f"choose, for instance by `columns={first}`{by}{curves}"
 
 
 def _places(table: Table, options: Options) -> dict[str, list[int]]:

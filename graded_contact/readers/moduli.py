@@ -21,8 +21,7 @@ from ..core.files import Refusal, read_file
 from ..materials.measured import Measured, distinct, joined
 from .cells import LARGEST, Sheet
 from .columns import WAYS, MeasuredTable, Unclear
-from .isotherms import one_each
-from .points import measured_points
+from .points import measured_points, one_each
 from .registry import File, Options, read
 from .steps import rank, understand
 from .units import DIMENSIONS, UNITS
@@ -161,7 +160,8 @@ def _options(columns, units, step, kind=None, deformation=None) -> Options:
     steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
-    return Options(kind, columns, units, deformation, step=tuple(steps))
+    source = "as given in `units`" if units else ""
+    return Options(kind, columns, units, deformation, step=tuple(steps), source=source)
 
 
 def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
@@ -176,7 +176,7 @@ def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
             sheets = [sheets[names.index(name)]]
         if fixed.columns and not options.columns:  # others may follow, without a name
             sheets = [sheet.numbers_only(len(fixed.columns)) for sheet in sheets]
-        options = _completed(options, fixed)
+        options = options.completed(fixed)
         understood = _understood(sheets, options)
         kelvins = [options.temperature]
         if len(understood) > 1:  # otherwise there may be one temperature for each curve
@@ -194,39 +194,25 @@ def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
         refused = " is refused" * isinstance(error, Refusal)
         raise ValueError(f"`path={path}`{refused}: {str(error).rstrip('.')}.") from None
     whole = joined(parts) if len(parts) > 1 else parts[0]
-    left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]
-    notes = [f"Left out the sheets {', '.join(left)}."] if left else []
+    left = ", ".join(repr(sheet.name) for sheet in sheets if sheet.name not in names)
+    notes = [f"Left out the sheets {left}."] * bool(left)
     return dataclasses.replace(whole, history=(*whole.history, *notes))
-
-
-def _completed(options: Options, fixed: Options) -> Options:
-    """The options of the caller, and what the format fixes where they are silent."""
-    return dataclasses.replace(
-        options,
-        kind=options.kind or fixed.kind,
-        columns=options.columns or fixed.columns,
-        units={**fixed.units, **options.units},
-        deformation=options.deformation or fixed.deformation,
-        temperature=fixed.temperature if options.temperature is None else options.temperature,
-        load=fixed.load,
-        source="as given in `units`" if options.units else fixed.source,
-    )
 
 
 def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, MeasuredTable]]:
     """The sheet that ranks first of those understood, and those of the same columns, in order."""
-    found, refusals = [], []
+    found, refusals = [], {}
     for sheet in sheets:
         try:
             found.append((sheet, understand(sheet, options)))
         except ValueError as error:
-            refusals.append((sheet.name, error))
+            refusals[sheet.name] = error
+    swept = [name for name, error in refusals.items() if isinstance(error, Unclear)]
+    if not found and swept and len(sheets) > 1:
+        names = " or ".join(f"`sheet={name!r}`" for name in swept)
+        raise ValueError(f"pass {names}, which holds a sweep; {refusals[swept[0]]}")
     if not found:
-        swept = [(name, e) for name, e in refusals if isinstance(e, Unclear) and e.swept]
-        if swept and len(sheets) > 1:
-            names = " or ".join(f"`sheet={name!r}`" for name, _ in swept)
-            raise ValueError(f"pass {names}, which holds a sweep; {swept[0][1]}")
-        words = (f"sheet {name!r}: {error}" if name else str(error) for name, error in refusals)
+        words = (f"sheet {name!r}: " * bool(name) + str(refusals[name]) for name in refusals)
         raise ValueError("; ".join(words))
 
     def key(measured: MeasuredTable) -> tuple:

@@ -1,6 +1,7 @@
 """A recorded motion from a table of times and displacements."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import ScalarLike
@@ -8,7 +9,8 @@ from jaxtyping import ScalarLike
 from ..core.files import Refusal, read_file
 from ..fields.grid import Grid
 from ..sliding.motion import Motion, recorded
-from .cells import LARGEST, holds_data, sheets_of
+from .cells import LARGEST, holds_data
+from .registry import File, read
 from .units import UNITS, length_unit, metres, parse_heading
 
 
@@ -31,7 +33,7 @@ def read_motion(
     """
     content = read_file(path, LARGEST)
     try:
-        rows = sheets_of(content, len(content))[0].rows
+        rows = read(File(Path(path), content, len(content)), "moduli").sheets[0].rows
     except Refusal as error:
         raise ValueError(f"`path={path}` is refused: {error}.") from error
     data = [row.cells[:2] for row in rows if holds_data(row)]

@@ -4,13 +4,18 @@ A module in `instruments/` is found without being named anywhere. Its functions 
 return a `Scan` (heights) or `Tables` (moduli), or raise `Refusal`.
 """
 
+import codecs
+import contextlib
 import dataclasses
 import functools
 import importlib
 import pkgutil
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import PurePath
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from ..core.files import (
     UNPACKED_TEXT,
@@ -21,7 +26,6 @@ from ..core.files import (
     may_unpack,
     names_in,
 )
-from .cells import Sheet, decoded
 from .scan import Scan
 
 DEEPEST = 3  # containers in one another
@@ -52,11 +56,29 @@ class File:
         return may_unpack(self.packed)
 
     @functools.cached_property
+    def decoded(self) -> tuple[str, str] | None:
+        """Characters of the file and their encoding, None if it has none."""
+        # Without a mark, UTF-16 of western text has a zero in every second byte.
+        codes = ["utf-16"] * self.content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        for start, code in ((1, "utf-16-le"), (0, "utf-16-be")):
+            half = self.content[start:1000:2]
+            codes += [code] * (half.count(0) > 0.9 * max(len(half), 1))
+        if codes:
+            text = self.content.decode(codes[0], errors="replace")
+            return None if "\0" in text else (text, "UTF-16")
+        if b"\0" in self.content:
+            return None
+        with contextlib.suppress(UnicodeDecodeError):
+            return self.content.decode("utf-8-sig"), "UTF-8"
+        return self.content.decode("cp1252", errors="replace"), "Latin-1"
+
+    @functools.cached_property
     def text(self) -> str | None:
         """The text of the file, None if it is no text."""
-        text, encoding = decoded(self.content) or ("", None)
+        text, encoding = self.decoded or ("", None)
         # Latin-1 can hold any bytes: a file of instruments has other characters than text.
         odd = sum(not (char.isprintable() or char.isspace()) for char in text[:10_000])
+        odd += text.count("\ufffd", 0, 10_000)
         binary = encoding is None or (encoding == "Latin-1" and odd > 0.01 * len(text[:10_000]))
         return None if binary else text
 
@@ -96,12 +118,10 @@ class Options:
     load: float | None = None
     source: str = ""
 
-
-class Tables(NamedTuple):
-    """Rows of cells with lines of names, on sheets, and what their format fixes."""
-
-    sheets: list[Sheet]
-    fixed: Options = Options()
+    def completed(self, fixed: "Options") -> "Options":
+        """Returns these options, and where they are silent those that the format fixes."""
+        own = {name: value for name, value in vars(self).items() if np.ndim(value) or value}
+        return dataclasses.replace(fixed, **{**own, "units": {**fixed.units, **self.units}})
 
 
 class Reader(NamedTuple):
@@ -114,6 +134,17 @@ class Reader(NamedTuple):
 
 
 READERS: dict[str, list[Reader]] = {"heights": [], "moduli": []}
+
+
+def extra(package: str) -> Any:
+    """Returns a package of the extra `io`."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return importlib.import_module(package)
+    except ImportError as error:
+        reason = f"This file needs the package {package}: pip install graded_contact[io]"
+        raise ImportError(reason) from error
 
 
 def reader(name: str, gives: str, *, knows: Callable[[File], bool], rank: int = 0):

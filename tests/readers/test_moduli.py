@@ -534,7 +534,7 @@ def test_what_is_not_understood_is_refused_by_line(tmp_path, old, new, options, 
         ("f, E*, delta\nHz, Pa, deg\n1, 2, 90\n2, 3, 4\n", "below 90°: .* line 3 .'90'."),
         ("", "it is empty"),
         ("f, E', E''\0\n", "neither a table of text nor an Excel"),
-        ("7" * 200_000, "neither a table of text nor an Excel"),
+        ("7" * 200_000, "its lines are too long for a table"),
     ],
 )  # fmt: skip
 def test_ambiguous_or_broken_files_are_refused(tmp_path, text, expected):
@@ -553,7 +553,7 @@ def test_a_missing_file_a_folder_and_a_damaged_workbook_are_refused(tmp_path, mo
         archive.writestr("xl/workbook.xml", "<workbook/>")
     for content, library in ((b"\xd0\xcf\x11\xe0", "xlrd"), (stream.getvalue(), "openpyxl")):
         pytest.importorskip(library)
-        with pytest.raises(ValueError, match=r"a.xls` is refused: it cannot be read as an Ex"):
+        with pytest.raises(ValueError, match=r"a.xls` is refused: its .* the file is damaged"):
             read(tmp_path, content, "a.xls")
         with pytest.raises(ValueError, match=r"a.xls` is refused: .*damaged|cannot be read"):
             read(tmp_path, content[:4] + bytes(range(256)), "a.xls")

@@ -1,5 +1,6 @@
 """Heights in NumPy's `.npy` and `.npz`, `[x, y]` as in `Surface.heights`."""
 
+import contextlib
 import io
 import re
 
@@ -35,11 +36,8 @@ def read_arrays(file: File) -> Scan:
         return Scan(_real(loaded, file.at_most), "an array")
     arrays: dict[str, np.ndarray] = {}
     for name in loaded.files:
-        try:
+        with contextlib.suppress(ValueError):  # other arrays are read without the objects
             arrays[name] = loaded[name]
-        except ValueError as error:
-            if "allow_pickle" not in str(error):  # other arrays are read without the objects
-                raise
     wide = [name for name, a in arrays.items() if a.ndim == 2 and min(a.shape) >= 4]
     lines = [name for name, a in arrays.items() if a.ndim == 1 and len(a) >= 4]
     names = wide or lines

@@ -5,23 +5,23 @@ header. Words between the numbers ("nan", "---", "BAD") are missing points, and 
 could be read in two ways is refused.
 """
 
-import contextlib
-import math
+import itertools
 import re
 from typing import NamedTuple
 
 import numpy as np
 
 from ...core.files import Refusal
-from ..cells import COMMENT, LONGEST, TextLayout, is_missing, lines_of, text_layout
+from .. import cells
+from ..cells import Row, Sheet, TextLayout, is_float, is_missing, is_number
 from ..registry import File, reader
-from ..scan import Scan, equally_spaced, from_lines
+from ..scan import MOST_POINTS, Scan, equally_spaced, from_lines
 from ..units import length_unit
 
+_LONGEST = 10_000_000  # characters of a line
 _BARE_UNIT = re.compile(r"^\W*(unit|einheit)", re.IGNORECASE)
 _OF_HEIGHTS = re.compile(r"unit|einheit|height|höhe|\bz\b|value|wert|topograph|depth", re.I)
 _OF_LENGTHS = re.compile(r"width|length|size|pixel|step|spacing|lateral|area|range|\b[xy]\b", re.I)
-_QUOTED = re.compile(r'(?:^|[\t;, ])"[^"]*[\t;, ][^"]*"')  # a cell with a separator
 _EQUAL = 1e-3  # of a step: how far points may lie from equal spacing
 _BESIDE = 0.05  # of a step: how far points may lie beside a grid
 _SAID = 0.002  # of a step: from where on the history says so
@@ -30,80 +30,29 @@ _MOST_WORDS = 8  # different ones that can all mean a missing point
 
 
 class _Table(NamedTuple):
-    """Numbers of a text, NaN where missing; the header's lines, and the layout."""
+    """Numbers of a sheet, NaN where missing, and the rows above."""
 
     values: np.ndarray
-    header: list[str]
-    layout: TextLayout
-    notes: list[str]
+    header: list[Row]
 
 
 @reader("text", "heights", knows=lambda file: file.text is not None, rank=2)
-def read_text_file(file: File) -> Scan:
+def read_text(file: File) -> Scan:
     """Returns the heights in a text without a header that SurfaceTopography knows."""
-    return read_text(file.text or "")
-
-
-def read_text(text: str) -> Scan:
-    """Returns the heights in a text, or raises `Refusal`."""
-    table = _table(lines_of(text))
-    if len(table.values) == 1:
-        table = table._replace(values=table.values.T)
-    if table.values.shape[1] == 1:
-        scan = Scan(table.values[:, 0], "one line of heights", unit=_matrix_unit(table.header))
-    else:
-        scan = {2: _line_scan, 3: _grid_points}.get(table.values.shape[1], _matrix_scan)(table)
-    return scan._replace(notes=(*table.notes, *scan.notes))
-
-
-def _table(lines: list[str]) -> _Table:
-    if max(map(len, lines), default=0) > LONGEST:
-        raise Refusal("its lines are too long for a table")
-    body = {
-        number: line
-        for number, line in enumerate(lines, start=1)
-        if line.strip() and not COMMENT.match(line) and not line.lstrip().startswith("*")
-    }
-    if not any(map(_QUOTED.search, body.values())):
-        body = {number: line.replace('"', "") for number, line in body.items()}
-    layout = _layout(list(body.values()))
-    first = next((number for number, line in body.items() if _is_data(layout.cells(line))), None)
-    if first is None:
-        raise Refusal("it holds no table of numbers")
-    header = [line.strip() for line in lines[: first - 1] if line.strip()]
-    body = {number: line for number, line in body.items() if number >= first}
-    width = len(layout.split(body[first]))
-    mark = layout.separator
-    spare = width > 1 and mark and all(line.rstrip(" ").endswith(mark) for line in body.values())
-    rows: list[list[float]] = []
-    words: dict[str, None] = {}
-    for number, line in body.items():
-        cells = layout.split(line)
-        if len(cells) != width:
-            raise Refusal(f"line {number} has {len(cells)} cells, those before it {width}")
-        cells = cells[: width - 1] if spare else cells
-        rows.append(_numbers(line, number, cells, layout))
-        lost = [cell[:20] for cell, value in zip(cells, rows[-1], strict=True) if value != value]
-        words |= dict.fromkeys(lost)
-        if len(words) > _MOST_WORDS:
-            raise Refusal(f"line {number} contains {[*words][-1]!r}, earlier lines other words")
-    values = np.array(rows)
-    if values.size < 4:
-        raise Refusal("it holds no table of numbers")
-    notes = [f"Read as text with {layout}."]
-    if words:
-        notes.append(f"Missing points are written {', '.join(map(repr, words))}.")
-    return _Table(values, header, layout, notes)
+    text, encoding = file.decoded or ("", "")
+    lines = cells.lines_of(text, _LONGEST)
+    return heights_in(cells.text_sheet(lines, _layout(lines), encoding, MOST_POINTS))
 
 
 def _layout(lines: list[str]) -> TextLayout:
     """The layout in which most cells are numbers, unless commas have two meanings."""
-    layout = text_layout(lines, 1)
-    if layout != (",", "."):
+    lines = [line for line in lines if line.strip() and not cells.COMMENT.match(line)]
+    layout = cells.text_layout(lines, 1)
+    if layout[:2] != (",", "."):
         return layout
     parts = [line.split(",") for line in lines[-60:]]
     remedy = "write decimal points, or separate the columns by semicolons"
-    if any(re.fullmatch(r"\s*0\d+\s*", cell) for cells in parts for cell in cells):
+    if any(re.fullmatch(r"\s*0\d+\s*", part) for line in parts for part in line):
         raise Refusal(f"its commas seem to be decimal marks and to separate columns too; {remedy}")
     whole = re.compile(r"\s*[-+]?\d+,\d+\s*")
     if all(map(whole.fullmatch, lines[-60:])):
@@ -113,50 +62,72 @@ def _layout(lines: list[str]) -> TextLayout:
     return layout
 
 
+def heights_in(sheet: Sheet) -> Scan:
+    """Returns the heights in the rows of a sheet, or raises `Refusal`."""
+    known = (row for row in sheet.rows if not row.comment)
+    body = list(itertools.dropwhile(lambda row: not _is_data(row.cells), known))
+    if not body:
+        raise Refusal("it holds no table of numbers")
+    table = _Table(_values(body, notes := []), [r for r in sheet.rows if r.line < body[0].line])
+    width = table.values.shape[1]
+    if width == 1:
+        unit = _matrix_unit(table.header)
+        scan = Scan(table.values[:, 0], "one line of heights", unit=unit)
+    else:
+        scan = {2: _line_scan, 3: _grid_points}.get(width, _matrix_scan)(table)
+    if sheet.name:
+        return scan._replace(source=sheet.layout, notes=(*notes, *scan.notes))
+    return scan._replace(notes=(f"Read as {sheet.layout}.", *notes, *scan.notes))
+
+
 def _is_data(cells: list[str]) -> bool:
     """Whether cells hold numbers, and otherwise only marks of missing points."""
     known = [cell for cell in cells if not is_missing(cell)]
-    return bool(known) and None not in map(_number, known)
+    return bool(known) and all(map(is_number, known))
 
 
-def _numbers(line: str, place: int, cells: list[str], layout: TextLayout) -> list[float]:
-    """The numbers in the cells of a line; NaN for words and infinities."""
-    odd = "_." if layout.decimal == "," else "_"
-    with contextlib.suppress(ValueError):  # words, and marks between thousands
-        if not any(character in line for character in odd):
-            values = [float(cell.replace(layout.decimal, ".")) for cell in cells]
-            return [value if math.isfinite(value) else math.nan for value in values]
-    values = []
-    for cell in layout.cells(line)[: len(cells)]:
-        value = _number(cell)
-        if value is None and any(character.isdigit() for character in cell):
-            raise Refusal(f"line {place} holds {cell[:40]!r}, which is no number")
-        values.append(value if value is not None and math.isfinite(value) else math.nan)
-    return values
-
-
-def _number(cell: str) -> float | None:
-    try:
-        return None if "_" in cell else float(cell)
-    except ValueError:
-        return None
+def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
+    """The numbers in rows of equal width, NaN for words; a single row becomes a column."""
+    width = len(rows[0].cells)
+    ragged = next((row for row in rows if len(row.cells) != width), None)
+    if ragged is not None:
+        cells = f"{len(ragged.cells)} cells, those before it {width}"
+        raise Refusal(f"line {ragged.line} has {cells}")
+    full = [place for place in range(width) if any(row.cells[place] for row in rows)]
+    values = np.full((len(rows), full[-1] + 1 - full[0]), np.nan)
+    words: dict[str, None] = {}
+    for row, numbers in zip(rows, values, strict=True):
+        cells = row.cells[full[0] : full[-1] + 1]
+        good = [is_float(cell) for cell in cells]
+        numbers[good] = [float(cell) for cell, known in zip(cells, good, strict=True) if known]
+        lost = [cell[:40] for cell, known in zip(cells, good, strict=True) if not known]
+        odd = next((cell for cell in lost if any(map(str.isdigit, cell))), None)
+        if odd:
+            raise Refusal(f"line {row.line} holds {odd!r}, which is no number")
+        words |= dict.fromkeys(lost)
+        if len(words) > _MOST_WORDS:
+            raise Refusal(f"line {row.line} contains {lost[-1]!r}, earlier lines other words")
+    if values.size < 4:
+        raise Refusal("it holds no table of numbers")
+    if words:
+        notes.append(f"Missing points are written {', '.join(map(repr, words))}.")
+    return values.T if len(values) == 1 else values
 
 
 def _column_units(table: _Table) -> list[str | None]:
-    """The unit in the heading of each column, from the header's last two lines."""
-    width = table.values.shape[1]
-    units: list[str | None] = [None] * width
-    for line in table.header[-2:]:
-        cells = table.layout.split(COMMENT.sub("", line, count=1))
-        cells = cells if len(cells) == width else re.split(r"[\t;,]|\s{2,}", line)
-        if len(cells) == width:
-            units = [length_unit(cell) or old for cell, old in zip(cells, units, strict=True)]
+    """The unit in the heading of each column, from the last two rows above."""
+    units: list[str | None] = [None] * table.values.shape[1]
+    for row in table.header[-2:]:
+        if len(row.cells) == len(units):
+            found = map(length_unit, row.cells)
+            units = [unit or old for unit, old in zip(found, units, strict=True)]
     return units
 
 
-def _matrix_unit(header: list[str]) -> str | None:
+def _matrix_unit(header: list[Row]) -> str | None:
     """The unit of heights that the header names, if it names one only."""
-    lines = [line for line in header if _OF_HEIGHTS.search(line) or _BARE_UNIT.search(line)]
+    lines = [row.text for row in header]
+    lines = [line for line in lines if _OF_HEIGHTS.search(line) or _BARE_UNIT.search(line)]
     units = {length_unit(line) for line in lines if not _OF_LENGTHS.search(line)} - {None}
     return units.pop() if len(units) == 1 else None
 
@@ -245,8 +216,8 @@ def _matrix_scan(table: _Table) -> Scan:
     lateral, corner = None, None
     labels = [_axis_step(values[0, 1:]), _axis_step(values[1:, 0])]
     if labels[0] is None and table.header:  # the labels of columns may be in the header
-        cells = table.layout.cells(table.header[-1])
-        if len(cells) == values.shape[1] and None not in map(_number, cells[1:]):
+        cells = table.header[-1].cells
+        if len(cells) == values.shape[1] and all(map(is_number, cells[1:])):
             labels = [_axis_step(np.array(cells[1:], float)), _axis_step(values[:, 0])]
             values = np.concatenate([np.full((1, values.shape[1]), np.nan), values])
             corner = length_unit(cells[0])
