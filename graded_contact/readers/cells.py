@@ -9,6 +9,7 @@ import csv
 import io
 import itertools
 import math
+import operator
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,7 +23,6 @@ MOST_CELLS = 5_000_000  # of a sheet of moduli; lines of any text
 MOST_ROWS = 2**20  # of a sheet, as in Excel
 LONGEST = 100_000  # characters of a line of moduli
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 # By the decimal mark: numbers, and those with marks between thousands.
 _PLAIN = {
     mark: re.compile(rf"[-+−]?(\d+[{mark}]?\d*|[{mark}]\d+)([eEdD][-+]?\d+)?") for mark in ".,"
@@ -103,10 +103,6 @@ class TextLayout(NamedTuple):
 
 
 def is_number(cell: str) -> bool:
-    return _NUMBER.fullmatch(cell) is not None
-
-
-def is_float(cell: str) -> bool:
     try:
         return "_" not in cell and math.isfinite(float(cell))
     except ValueError:
@@ -188,7 +184,7 @@ def text_sheet(
 
     def cells(line: str) -> list[str]:
         found = layout.split(line)
-        if layout.decimal == "." and all(map(is_float, found)):  # as most lines
+        if layout.decimal == "." and all(map(is_number, found)):  # as most lines
             return found
         return [_with_point(cell, layout.decimal) for cell in found]
 
@@ -206,12 +202,12 @@ def text_sheet(
         if count > most_cells:
             raise Refusal(f"it has more than {most_cells:g} cells")
     if layout.separator is None:  # names such as "Storage modulus" hold single spaces
-        width = max((len(row.cells) for row in rows if holds_data(row)), default=0)
-        for i, row in enumerate(rows):
-            line = COMMENT.sub("", lines[row.line - 1], count=1).strip()
+        data = list(map(holds_data, rows))
+        width = max((len(row.cells) for row in itertools.compress(rows, data)), default=0)
+        for i in itertools.compress(range(len(rows)), map(operator.not_, data)):
+            line = COMMENT.sub("", lines[rows[i].line - 1], count=1).strip()
             names = re.split(r"\t|\s{2,}", line)
-            if len(names) == width and not holds_data(row):
-                rows[i] = row._replace(cells=names)
+            rows[i] = rows[i]._replace(cells=names if len(names) == width else rows[i].cells)
     return Sheet("", rows, f"{encoding} text with {layout}", layout.separator is None)
 
 

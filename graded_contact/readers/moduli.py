@@ -148,7 +148,7 @@ def _options(columns, units, step, kind=None, deformation=None) -> Options:
     """The arguments of `read_moduli`, checked."""
     columns, units = columns or {}, units or {}
     checks: list[tuple[str, Any, Any, Any]] = [  # name, value, the part to check, what is allowed
-        ("kind", kind, kind, tuple(dict.fromkeys(kind for kind, _ in WAYS))),
+        ("kind", kind, kind, tuple(dict.fromkeys(way.kind for way in WAYS))),
         ("deformation", deformation, deformation, ("tension", "shear")),
         *(("columns", {key: name}, key, DIMENSIONS) for key, name in columns.items()),
         *(("units", {key: unit}, key, UNITS) for key, unit in units.items()),

@@ -5,7 +5,7 @@ reported, with the reason.
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,8 @@ def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -
     points = _at_constant_load(measured, points)
     if len(points) < (total := len(table.rows) * table.blocks):
         notes.append(f"{len(points)} of {total} points are used.")
-    values = _moduli(measured, {name: points[name].to_numpy() for name in measured.columns})
+    numbers = [points[name].to_numpy() for name in measured.way.names[1:]]
+    values = measured.way.value(*numbers, *[measured.load] * (measured.load is not None))
     _note_unusual(measured, points, 1 / values if kind == "creep" else values)
     deformation, factor = _deformation(measured, poisson)
     points["values"] = values / factor if kind == "creep" else factor * values
@@ -64,51 +65,49 @@ def _points(measured: MeasuredTable):
     """The line, curve, abscissa and numbers in SI units of each point that can be used."""
     import pandas as pd
 
-    table, columns = measured.table, measured.columns
-    curve, rows, cells = zip(*table.curves(), strict=True)
-    points = pd.DataFrame({"curve": curve, "line": [row.line for row in rows], "cell": ""})
-    points["reason"], points["wrong"] = "", False
-    width = table.blocks * len(table.names)
-
-    def leave_out(bad: np.ndarray, reason: str, wrong: bool = False, place: int | None = None):
-        """Gives points a reason, if they have none, and shows their cells."""
-        new = bad & (points["reason"] == "")
-        points.loc[new, ["reason", "wrong"]] = reason, wrong
-        if place is not None:
-            points.loc[new, "cell"] = [repr(cells[i][place]) for i in np.flatnonzero(new)]
-
-    entries = np.array([table.misfit(row) for row in rows])
-    for count in np.unique(entries[entries > 0]):
-        leave_out(entries == count, f"{count} entries in {width} columns", wrong=True)
-    empty = np.array([[is_missing(each[column.place]) for column in columns.values()]
-                      for each in cells])  # fmt: skip
-    for block in range(table.blocks) if table.blocks > 1 else ():  # one may end above the others
-        ended = empty.all(axis=1) & (points["curve"].to_numpy() % table.blocks == block)
-        leave_out(ended, f"an empty curve {block + 1} of {table.blocks}")
-    leave_out(empty.any(axis=1), "a missing value")
-    for name, column in columns.items():
+    curve, rows, cells = zip(*measured.table.curves(), strict=True)
+    points = pd.DataFrame({"curve": curve, "line": [row.line for row in rows]})
+    for name, column in measured.columns.items():
         points[name] = column.si(each[column.place] for each in cells)
-        wrong = name not in ("stress", "strain")  # there is none before and after a test
-        for reason, bad in _refused(column, points[name].to_numpy()):
-            leave_out(bad, f"{column.label}, where the {name} {reason}", wrong, column.place)
-    if "time" in columns:
-        leave_out(points["time"].to_numpy() == 0, "the time 0")
+    points["abscissa"] = points[measured.abscissa]
     if measured.check is not None:
         points["check"] = measured.check.si(each[measured.check.place] for each in cells)
-    good = points["reason"] == ""
-    left_out = [_left_out(str(reason), list(zip(part["line"], part["cell"], strict=True)))
-                for reason, part in points[~good].groupby("reason", sort=False)]  # fmt: skip
-    if np.sum(good) < 2 or np.sum(points["wrong"]) > np.sum(good):
+    left_out, unusable, good = [], 0, np.ones(len(points), bool)
+    for reason, bad, wrong, place in _reasons(measured, points, rows, cells):
+        out = np.flatnonzero(good & bad)
+        good &= ~bad
+        unusable += wrong * len(out)
+        shown = [(rows[i].line, "" if place is None else repr(cells[i][place])) for i in out]
+        left_out += [_left_out(reason, shown)] * (len(out) > 0)
+    if np.sum(good) < 2 or unusable > np.sum(good):
         reason = f"{np.sum(good)} complete rows are left; at least 2 and half of all are needed"
         raise ValueError(f"{reason}. {' '.join(left_out)} Check `columns` and `units`")
-    words = [(row.line, "") for segment in table.segments for row in segment.words]
+    words = [(row.line, "") for segment in measured.table.segments for row in segment.words]
     measured.notes.extend(left_out + [_left_out("having no numbers", words)] * bool(words))
-    points = points[good].drop(columns=["reason", "wrong", "cell"]).reset_index(drop=True)
-    points["abscissa"] = points[measured.abscissa]
-    return points
+    return points[good].reset_index(drop=True)
 
 
-def _refused(column: Column, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+def _reasons(measured: MeasuredTable, points, rows: Sequence[Row], cells: Sequence) -> Iterator:
+    """Reasons to leave out points, the first counts: which, if these are wrong, by which cell."""
+    columns, blocks, curve = measured.columns, measured.table.blocks, points["curve"].to_numpy()
+    entries = np.array([measured.table.misfit(row) for row in rows])
+    for count in np.unique(entries[entries > 0]):
+        width = blocks * len(measured.table.names)
+        yield f"{count} entries in {width} columns", entries == count, True, None
+    places = [column.place for column in columns.values()]
+    empty = np.array([[is_missing(each[place]) for place in places] for each in cells])
+    for block in range(blocks) if blocks > 1 else ():  # a curve may end above the others
+        ended = empty.all(axis=1) & (curve % blocks == block)
+        yield f"an empty curve {block + 1} of {blocks}", ended, False, None
+    yield "a missing value", empty.any(axis=1), False, None
+    for name, column in columns.items():
+        wrong = name not in ("stress", "strain")  # there is none before and after a test
+        for condition, bad in _conditions(column, points[name].to_numpy()):
+            yield f"{column.label}, where the {name} {condition}", bad, wrong, column.place
+    yield "the time 0", (points["abscissa"] == 0).to_numpy(), False, None
+
+
+def _conditions(column: Column, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Conditions, and which numbers in SI units do not meet them."""
     yield "must be a number", np.isnan(values)
     if column.quantity == "temperature":
@@ -158,24 +157,6 @@ def _at_constant_load(measured: MeasuredTable, points):
     points = points.loc[good].copy()
     points["isotherm"] = np.unique(points["isotherm"], return_inverse=True)[1]
     return points
-
-
-def _moduli(measured: MeasuredTable, si: dict[str, np.ndarray]) -> Any:
-    """Complex moduli, relaxation moduli or compliances, from the quantities that there are."""
-    for direct in ("modulus", "compliance"):
-        if direct in si:
-            return si[direct]
-    if measured.kind == "creep":
-        return si["strain"] / si.get("stress", measured.load)
-    if measured.kind == "relaxation":
-        return si["stress"] / si.get("strain", measured.load)
-    if "storage" in si and "loss" in si:
-        return si["storage"] + 1j * si["loss"]
-    ratio = si["tan_delta"] if "tan_delta" in si else np.tan(si["phase"])
-    if "loss" in si:
-        return si["loss"] * (1 / ratio + 1j)
-    storage = si["storage"] if "storage" in si else si["magnitude"] / np.hypot(1, ratio)
-    return storage * (1 + 1j * ratio)
 
 
 def _deformation(measured: MeasuredTable, poisson: float | None) -> tuple[str, float]:

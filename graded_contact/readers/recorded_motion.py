@@ -34,15 +34,14 @@ def read_motion(
     content = read_file(path, LARGEST)
     try:
         rows = read(File(Path(path), content, len(content)), "moduli").sheets[0].rows
-    except Refusal as error:
-        raise ValueError(f"`path={path}` is refused: {error}.") from error
-    data = [row.cells[:2] for row in rows if holds_data(row)]
-    head = next((row.cells for row in rows if len(row.cells) > 1 and not holds_data(row)), ["", ""])
-    try:
+        data = [row.cells[:2] for row in rows if holds_data(row)]
         time, displacement = np.array(data, float).T
-    except ValueError:
+    except ValueError as error:
         needed = "two columns of numbers are needed, times [s] and displacements [m]"
-        raise ValueError(f"`path={path}` is refused: {needed}.") from None
+        reason = error if isinstance(error, Refusal) else needed
+        raise ValueError(f"`path={path}` is refused: {reason}.") from error
+    words = (row.cells for row in rows if len(row.cells) > 1 and not holds_data(row))
+    head = next(words, ["", ""])
     time = time * UNITS["time"].get(parse_heading(head[0]).unit or "s", 1.0)
     displacement = displacement * (metres(length_unit(head[1]) or "m") or 1.0)
     return recorded(time, displacement, period, num_times, grid)

@@ -7,13 +7,12 @@ could be read in two ways is refused.
 
 import itertools
 import re
-from typing import NamedTuple
 
 import numpy as np
 
 from ...core.files import Refusal
 from .. import cells
-from ..cells import Row, Sheet, TextLayout, is_float, is_missing, is_number
+from ..cells import Row, Sheet, TextLayout, is_missing, is_number
 from ..registry import File, reader
 from ..scan import MOST_POINTS, Scan, equally_spaced, from_lines
 from ..units import length_unit
@@ -27,13 +26,6 @@ _BESIDE = 0.05  # of a step: how far points may lie beside a grid
 _SAID = 0.002  # of a step: from where on the history says so
 _BETWEEN = 0.25  # of the largest gap: gaps between lines of scattered points
 _MOST_WORDS = 8  # different ones that can all mean a missing point
-
-
-class _Table(NamedTuple):
-    """Numbers of a sheet, NaN where missing, and the rows above."""
-
-    values: np.ndarray
-    header: list[Row]
 
 
 @reader("text", "heights", knows=lambda file: file.text is not None, rank=2)
@@ -68,13 +60,12 @@ def heights_in(sheet: Sheet) -> Scan:
     body = list(itertools.dropwhile(lambda row: not _is_data(row.cells), known))
     if not body:
         raise Refusal("it holds no table of numbers")
-    table = _Table(_values(body, notes := []), [r for r in sheet.rows if r.line < body[0].line])
-    width = table.values.shape[1]
-    if width == 1:
-        unit = _matrix_unit(table.header)
-        scan = Scan(table.values[:, 0], "one line of heights", unit=unit)
+    values, header = _values(body, notes := []), [r for r in sheet.rows if r.line < body[0].line]
+    if values.shape[1] == 1:
+        scan = Scan(values[:, 0], "one line of heights", unit=_matrix_unit(header))
     else:
-        scan = {2: _line_scan, 3: _grid_points}.get(width, _matrix_scan)(table)
+        read = {2: _line_scan, 3: _grid_points}.get(values.shape[1], _matrix_scan)
+        scan = read(values, header)
     if sheet.name:
         return scan._replace(source=sheet.layout, notes=(*notes, *scan.notes))
     return scan._replace(notes=(f"Read as {sheet.layout}.", *notes, *scan.notes))
@@ -98,7 +89,7 @@ def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
     words: dict[str, None] = {}
     for row, numbers in zip(rows, values, strict=True):
         cells = row.cells[full[0] : full[-1] + 1]
-        good = [is_float(cell) for cell in cells]
+        good = [is_number(cell) for cell in cells]
         numbers[good] = [float(cell) for cell, known in zip(cells, good, strict=True) if known]
         lost = [cell[:40] for cell, known in zip(cells, good, strict=True) if not known]
         odd = next((cell for cell in lost if any(map(str.isdigit, cell))), None)
@@ -114,10 +105,10 @@ def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
     return values.T if len(values) == 1 else values
 
 
-def _column_units(table: _Table) -> list[str | None]:
+def _column_units(header: list[Row], width: int) -> list[str | None]:
     """The unit in the heading of each column, from the last two rows above."""
-    units: list[str | None] = [None] * table.values.shape[1]
-    for row in table.header[-2:]:
+    units: list[str | None] = [None] * width
+    for row in header[-2:]:
         if len(row.cells) == len(units):
             found = map(length_unit, row.cells)
             units = [unit or old for unit, old in zip(found, units, strict=True)]
@@ -132,8 +123,8 @@ def _matrix_unit(header: list[Row]) -> str | None:
     return units.pop() if len(units) == 1 else None
 
 
-def _line_scan(table: _Table) -> Scan:
-    x, z = table.values.T
+def _line_scan(values: np.ndarray, header: list[Row]) -> Scan:
+    x, z = values.T
     notes = []
     known = np.isfinite(x)
     if not np.all(known):
@@ -152,7 +143,7 @@ def _line_scan(table: _Table) -> Scan:
     num = len(x)
     if num < 4:
         raise Refusal("it has fewer than 4 points")
-    lateral, unit = _column_units(table)
+    lateral, unit = _column_units(header, 2)
     if lateral is None and np.array_equal(x - x[0], np.arange(num)) and x[0] in (0, 1):
         notes.append("The first column counts the points; it is no position.")
         return Scan(z, "a column of heights", unit=unit, notes=tuple(notes))
@@ -161,9 +152,9 @@ def _line_scan(table: _Table) -> Scan:
     return Scan(z, "a line scan", size, unit, lateral, positions, notes=tuple(notes))
 
 
-def _grid_points(table: _Table) -> Scan:
+def _grid_points(values: np.ndarray, header: list[Row]) -> Scan:
     """Points x y z of a grid, in any order; those that the file leaves out are missing."""
-    x, y, z = table.values.T
+    x, y, z = values.T
     if not np.all(np.isfinite(x) & np.isfinite(y)):
         raise Refusal("some of its points lack a position")
     (i, step_x, off_x), (j, step_y, off_y) = _grid_lines(x, "x"), _grid_lines(y, "y")
@@ -175,7 +166,7 @@ def _grid_points(table: _Table) -> Scan:
     if len(np.unique(np.ravel_multi_index(places, shape))) < len(z):
         raise Refusal("two of its points x y z have the same place")
     heights[places] = z
-    lateral, across, unit = _column_units(table)
+    lateral, across, unit = _column_units(header, 3)
     if lateral != across:
         raise Refusal(f"its x is in {lateral!r} and its y in {across!r}")
     size = np.array(shape) * np.array(steps)
@@ -206,17 +197,15 @@ def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float, float]:
     off = float(np.max(np.abs(axis - low - place * step)) / step)
     if len(gaps) < 3 or off > _BESIDE:
         remedy = "interpolate them onto one, for instance by `scipy.interpolate.griddata`"
-        uneven = f"their {name} is not equally spaced"
-        raise Refusal(f"its points x y z form no grid, as {uneven}: {remedy}")
+        raise Refusal(f"its points x y z form no grid along {name}: {remedy}")
     return place.astype(int), float(step), off
 
 
-def _matrix_scan(table: _Table) -> Scan:
-    values, unit = table.values, _matrix_unit(table.header)
-    lateral, corner = None, None
+def _matrix_scan(values: np.ndarray, header: list[Row]) -> Scan:
+    unit, lateral, corner = _matrix_unit(header), None, None
     labels = [_axis_step(values[0, 1:]), _axis_step(values[1:, 0])]
-    if labels[0] is None and table.header:  # the labels of columns may be in the header
-        cells = table.header[-1].cells
+    if labels[0] is None and header:  # the labels of columns may be in the header
+        cells = header[-1].cells
         if len(cells) == values.shape[1] and all(map(is_number, cells[1:])):
             labels = [_axis_step(np.array(cells[1:], float)), _axis_step(values[:, 0])]
             values = np.concatenate([np.full((1, values.shape[1]), np.nan), values])
@@ -229,8 +218,8 @@ def _matrix_scan(table: _Table) -> Scan:
     notes = ["Its first row and first column were taken as x and y."]
     if corner is not None:
         unit, lateral = unit or corner, corner
-        notes.append(f"The unit {corner!r} in its corner is that of x and y, and of the heights "
-                     f"unless the header names another.")  # fmt: skip
+        of = "of x and y, and of the heights unless the header names another"
+        notes.append(f"The unit {corner!r} in its corner is that {of}.")
     steps = np.array([label for label in labels if label])
     along_x, along_y = np.sign(steps).astype(int)
     heights = values[1:, 1:].T[::along_x, ::along_y]
