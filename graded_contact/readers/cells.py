@@ -99,7 +99,8 @@ class TextLayout(NamedTuple):
         """Returns the cells of a line unchanged."""
         if self.separator is None:
             return line.replace('"', "").split()
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=self.separator), [])]
+        rows = csv.reader([line], delimiter=self.separator, skipinitialspace=True)
+        return [cell.strip() for cell in next(rows, [])]
 
 
 def is_number(cell: str) -> bool:

@@ -17,12 +17,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
-from ..core.files import Refusal, read_file
 from ..materials.measured import Measured, distinct, joined
 from .cells import LARGEST, Sheet
 from .columns import WAYS, MeasuredTable, Unclear
 from .points import measured_points, one_each
-from .registry import File, Options, read
+from .registry import Options, opened, read
 from .steps import rank, understand
 from .units import DIMENSIONS, UNITS
 
@@ -166,9 +165,9 @@ def _options(columns, units, step, kind=None, deformation=None) -> Options:
 
 def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
     """The measurements in one file."""
-    content = read_file(path, LARGEST)
+    with opened(path, LARGEST) as file:
+        sheets, fixed = read(file, "moduli")
     try:
-        sheets, fixed = read(File(path, content, len(content)), "moduli")
         names = [sheet.name for sheet in sheets]
         if name is not None:
             if name not in names:
@@ -191,8 +190,7 @@ def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
             same = "have similar tables at one temperature"
             raise ValueError(f"the sheets {names} {same}; pass `sheet`")
     except ValueError as error:
-        refused = " is refused" * isinstance(error, Refusal)
-        raise ValueError(f"`path={path}`{refused}: {str(error).rstrip('.')}.") from None
+        raise ValueError(f"`path={path}`: {str(error).rstrip('.')}.") from None
     whole = joined(parts) if len(parts) > 1 else parts[0]
     left = ", ".join(repr(sheet.name) for sheet in sheets if sheet.name not in names)
     notes = [f"Left out the sheets {left}."] * bool(left)

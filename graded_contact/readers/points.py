@@ -61,7 +61,7 @@ def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -
 # Rows to numbers.
 
 
-def _points(measured: MeasuredTable):
+def _points(measured: MeasuredTable) -> Any:
     """The line, curve, abscissa and numbers in SI units of each point that can be used."""
     import pandas as pd
 
@@ -138,7 +138,7 @@ def _ranges(lines: list[int]) -> list[str]:
     return [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in ends]
 
 
-def _at_constant_load(measured: MeasuredTable, points):
+def _at_constant_load(measured: MeasuredTable, points) -> Any:
     """The points at the load that the test holds constant: not of loading, nor of recovery."""
     if not {"stress", "strain"} <= set(measured.columns):
         return points
@@ -275,7 +275,7 @@ def _note_isotherms(measured: MeasuredTable, points) -> None:
         notes.append(f"Warning: {drifts}; these may not be isotherms.")
 
 
-def _note_unusual(measured: MeasuredTable, points, values: np.ndarray) -> None:
+def _note_unusual(measured: MeasuredTable, points, values: Any) -> None:
     """Reports moduli of unusual size, and compares a column of tan delta with them."""
     stiffness, notes, lines = values.real, measured.notes, points["line"].to_numpy()
     odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])

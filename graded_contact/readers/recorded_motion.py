@@ -1,16 +1,15 @@
 """A recorded motion from a table of times and displacements."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import ScalarLike
 
-from ..core.files import Refusal, read_file
+from ..core.files import Refusal
 from ..fields.grid import Grid
 from ..sliding.motion import Motion, recorded
 from .cells import LARGEST, holds_data
-from .registry import File, read
+from .registry import opened, read
 from .units import UNITS, length_unit, metres, parse_heading
 
 
@@ -31,15 +30,14 @@ def read_motion(
 
     **Raises:** `FileNotFoundError`; `ValueError` for a file that is no such table.
     """
-    content = read_file(path, LARGEST)
-    try:
-        rows = read(File(Path(path), content, len(content)), "moduli").sheets[0].rows
+    with opened(path, LARGEST) as file:
+        rows = read(file, "moduli").sheets[0].rows
         data = [row.cells[:2] for row in rows if holds_data(row)]
-        time, displacement = np.array(data, float).T
-    except ValueError as error:
-        needed = "two columns of numbers are needed, times [s] and displacements [m]"
-        reason = error if isinstance(error, Refusal) else needed
-        raise ValueError(f"`path={path}` is refused: {reason}.") from error
+        try:
+            time, displacement = np.array(data, float).T
+        except ValueError:
+            needed = "two columns of numbers are needed, times [s] and displacements [m]"
+            raise Refusal(needed) from None
     words = (row.cells for row in rows if len(row.cells) > 1 and not holds_data(row))
     head = next(words, ["", ""])
     time = time * UNITS["time"].get(parse_heading(head[0]).unit or "s", 1.0)

@@ -9,15 +9,17 @@ import contextlib
 import dataclasses
 import functools
 import importlib
+import os
 import pkgutil
 import warnings
-from collections.abc import Callable, Mapping
-from pathlib import PurePath
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..core.files import (
+    LARGEST_FILE,
     UNPACKED_TEXT,
     Refusal,
     check_archive,
@@ -25,6 +27,7 @@ from ..core.files import (
     check_unpacked,
     may_unpack,
     names_in,
+    read_file,
 )
 from .scan import Scan
 
@@ -93,6 +96,16 @@ class File:
             raise Refusal("it has too many zips in one another")
         changes = {"name": PurePath(name), "content": content, "channel": channel}
         return read(dataclasses.replace(self, **changes, depth=self.depth + 1), "heights")
+
+
+@contextlib.contextmanager
+def opened(path: str | os.PathLike, at_most: float = LARGEST_FILE, **known: Any) -> Iterator[File]:
+    """Gives the file at a path; a `Refusal` becomes a `ValueError` that names the path."""
+    content = read_file(path, at_most)
+    try:
+        yield File(Path(path), content, len(content), **known)
+    except Refusal as error:
+        raise ValueError(f"`path={path}` is refused: {str(error).rstrip('.')}.") from error
 
 
 @dataclasses.dataclass(frozen=True)

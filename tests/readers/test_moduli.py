@@ -341,7 +341,7 @@ def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
         ("1, -2, 0.3", r"column 2 .E'., where the storage must be a positive .* line 7 .'-2'."),
         (
             "1e999, 2, 0.3",
-            r"column 1 .f., where the frequency must lie between .* line 7 .'1e999'.",
+            r"column 1 .f., where the frequency must be a number: .* line 7 .'1e999'.",
         ),
         ("1,5, 2, 0,3", "5 entries in 3 columns: 1 row.s., line 7."),
         ("1, --, 0.3", "a missing value: 1 row.s., line 7."),

@@ -1,6 +1,5 @@
 """Heights in NumPy's `.npy` and `.npz`, `[x, y]` as in `Surface.heights`."""
 
-import contextlib
 import io
 import re
 
@@ -36,8 +35,11 @@ def read_arrays(file: File) -> Scan:
         return Scan(_real(loaded, file.at_most), "an array")
     arrays: dict[str, np.ndarray] = {}
     for name in loaded.files:
-        with contextlib.suppress(ValueError):  # other arrays are read without the objects
+        try:
             arrays[name] = loaded[name]
+        except ValueError as error:
+            if "allow_pickle" not in str(error):  # other arrays are read without the objects
+                raise
     wide = [name for name, a in arrays.items() if a.ndim == 2 and min(a.shape) >= 4]
     lines = [name for name, a in arrays.items() if a.ndim == 1 and len(a) >= 4]
     names = wide or lines
@@ -65,7 +67,9 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
         size = np.broadcast_to(np.ravel(array) * (1 if whole else shape), shape.shape).astype(float)
         lateral = suffix or _lateral_unit(name, scan, size, unit or scan.unit)
         found[name] = scan._replace(size=size, lateral_unit=lateral)
-    edges = [(metres(str(each.lateral_unit)) or 1.0) * each.size for each in found.values()]
+    edges = [
+        (metres(str(each.lateral_unit)) or 1.0) * np.array(each.size) for each in found.values()
+    ]
     if not all(np.allclose(edge, edges[0], rtol=0.01) for edge in edges):
         names = " and ".join(map(repr, found))
         raise Refusal(f"its {names} contradict each other; pass `size` [m]")
