@@ -105,7 +105,7 @@ def opened(path: str | os.PathLike, at_most: float = LARGEST_FILE, **known: Any)
     try:
         yield File(Path(path), content, len(content), **known)
     except Refusal as error:
-        raise ValueError(f"`path={path}` is refused: {str(error).rstrip('.')}.") from error
+        raise ValueError(f"`path={path}` is refused: {str(error).rstrip('.')}.") from None
 
 
 @dataclasses.dataclass(frozen=True)
