@@ -4,23 +4,25 @@ Cells that are numbers become text with a decimal point and without marks betwee
 whatever marks the file has; all other cells are unchanged.
 """
 
-import codecs
 import contextlib
 import csv
 import io
+import itertools
+import math
+import operator
 import re
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from ..core.files import UNPACKED_TEXT, Refusal, check_archive, may_unpack
+from .registry import File, Options, extra
 
 LARGEST = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
-MOST_CELLS = 5_000_000  # of a sheet; lines of a text
+MOST_CELLS = 5_000_000  # of a sheet of moduli; lines of any text
 MOST_ROWS = 2**20  # of a sheet, as in Excel
-LONGEST = 10_000_000  # characters of a line
+LONGEST = 100_000  # characters of a line of moduli
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 # By the decimal mark: numbers, and those with marks between thousands.
 _PLAIN = {
     mark: re.compile(rf"[-+−]?(\d+[{mark}]?\d*|[{mark}]\d+)([eEdD][-+]?\d+)?") for mark in ".,"
@@ -33,16 +35,17 @@ _MISSING = {
     "", "-", "--", "---", "n/a", "n.a.", "na", "#n/a", "#nv", "nan", "-nan", "+nan", "null", "none",
     "inf", "-inf", "+inf", "infinity", "-infinity", "#num!", "#div/0!", "#value!", "#ref!",
 }  # fmt: skip
-COMMENT = re.compile(r"^\s*(#+|%+(?![\t;,])|//|!)\s*")  # a "%" in its own cell is a unit
-_REMARK = re.compile(r"(?<=[\d\s])\s*(#|//|!).*$")  # behind numbers
+COMMENT = re.compile(r"^\s*(#+|%+(?![\t;,])|//|!|\*+)\s*")  # a "%" in its own cell is a unit
+_REMARK = re.compile(r"(?<=[\d\s])(#|//|!).*$")  # behind numbers
 _SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", None: "spaces"}
 
 
 class Row(NamedTuple):
-    """One line of a file: its number, counted from 1, and its cells."""
+    """One line of a file: its number, counted from 1, its cells, and whether it is a comment."""
 
     line: int
     cells: list[str]
+    comment: bool = False
 
     @property
     def num_numbers(self) -> int:
@@ -64,7 +67,7 @@ class Sheet(NamedTuple):
     name: str
     rows: list[Row]
     layout: str
-    spaced: bool
+    spaced: bool = False
 
     def numbers_only(self, width: int) -> "Sheet":
         """Returns the first cells of the rows of numbers."""
@@ -72,28 +75,39 @@ class Sheet(NamedTuple):
         return self._replace(rows=rows)
 
 
+class Tables(NamedTuple):
+    """Rows of cells with lines of names, on sheets, and what their format fixes."""
+
+    sheets: list[Sheet]
+    fixed: Options = Options()
+
+
 class TextLayout(NamedTuple):
-    """The separator of the cells of a text, None for spaces, and its decimal mark."""
+    """The separator of the cells of a text, None for spaces, its decimal mark, and others."""
 
     separator: str | None
     decimal: str
+    grouped: bool = False
 
     def __str__(self) -> str:
-        return _SEPARATORS[self.separator] + " and decimal commas" * (self.decimal == ",")
+        commas = " and decimal commas" * (self.decimal == ",")
+        return (
+            _SEPARATORS[self.separator] + commas + ", with marks between thousands" * self.grouped
+        )
 
     def split(self, line: str) -> list[str]:
         """Returns the cells of a line unchanged."""
         if self.separator is None:
-            return line.split()
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=self.separator), [])]
-
-    def cells(self, line: str) -> list[str]:
-        """Returns the cells of a line, numbers with a decimal point."""
-        return [_with_point(cell, self.decimal) for cell in self.split(line)]
+            return line.replace('"', "").split()
+        rows = csv.reader([line], delimiter=self.separator, skipinitialspace=True)
+        return [cell.strip() for cell in next(rows, [])]
 
 
 def is_number(cell: str) -> bool:
-    return _NUMBER.fullmatch(cell) is not None
+    try:
+        return "_" not in cell and math.isfinite(float(cell))
+    except ValueError:
+        return False
 
 
 def is_missing(cell: str) -> bool:
@@ -109,38 +123,23 @@ def holds_data(row: Row) -> bool:
     return 2 * numbers > words and (numbers >= 2 or words == 0)
 
 
-def stripped(cells: list[Any]) -> list[Any]:
+def stripped(cells: Sequence[Any]) -> list[Any]:
     """Returns the cells without the empty ones at the end."""
     count = max((i + 1 for i, cell in enumerate(cells) if cell != ""), default=0)
-    return cells[:count]
+    return list(cells[:count])
 
 
 # Text.
 
 
-def decoded(content: bytes) -> tuple[str, str] | None:
-    """Returns the text of a file and its encoding, or None for a file that is no text."""
-    # Without a mark, UTF-16 of western text has a zero in every second byte.
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16", errors="replace"), "UTF-16"
-    for start, code in ((1, "utf-16-le"), (0, "utf-16-be")):
-        half = content[start:1000:2]
-        if half.count(0) > 0.9 * max(len(half), 1):
-            text = content.decode(code, errors="replace")
-            return None if "\0" in text else (text, "UTF-16")
-    if b"\0" in content:
-        return None
-    for code, name in (("utf-8-sig", "UTF-8"), ("cp1252", "Latin-1")):
-        with contextlib.suppress(UnicodeDecodeError):
-            return content.decode(code), name
-    return content.decode("latin-1"), "Latin-1"
-
-
-def lines_of(text: str) -> list[str]:
-    """Returns the lines of a text; raises `Refusal` for too many."""
+def lines_of(text: str, longest: int) -> list[str]:
+    """Returns the lines of a text; raises `Refusal` for too many, or one that is too long."""
     if max(text.count("\n"), text.count("\r")) > MOST_CELLS:
         raise Refusal(f"it has more than {MOST_CELLS:g} lines")
-    return re.split(r"\r\n|\r|\n", text)
+    lines = re.split(r"\r\n|\r|\n", text)
+    if max(map(len, lines)) > longest:
+        raise Refusal("its lines are too long for a table")
+    return lines
 
 
 def text_layout(lines: Iterable[str], least: int) -> TextLayout:
@@ -148,7 +147,9 @@ def text_layout(lines: Iterable[str], least: int) -> TextLayout:
     # The end of a file holds its numbers, the start may be all words.
     sample = [line[:5000] for line in lines if line.strip()][-200:]
     layouts = [TextLayout(separator, decimal) for decimal in ".," for separator in _SEPARATORS]
-    return max(layouts, key=lambda each: _score(map(each.split, sample), each.decimal, least))
+    best = max(layouts, key=lambda each: _score(map(each.split, sample), each.decimal, least))
+    cells = itertools.chain.from_iterable(map(best.split, sample))
+    return best._replace(grouped=any(map(_GROUPED[best.decimal].fullmatch, cells)))
 
 
 def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, int]:
@@ -177,90 +178,79 @@ def _with_point(cell: str, decimal: str) -> str:
     return cell.replace("−", "-").replace(",", ".").replace("d", "e").replace("D", "e")
 
 
-def _text_sheet(content: bytes) -> Sheet:
-    text, encoding = decoded(content) or ("\0", "")
-    lines = lines_of(text)
-    if "\0" in text or max(map(len, lines)) > 100_000:
-        raise Refusal("it is neither a table of text nor an Excel workbook")
-    layout = text_layout(lines, 2)
-    grouped = _GROUPED[layout.decimal]
+def text_sheet(
+    lines: list[str], layout: TextLayout, encoding: str, most_cells: float = MOST_CELLS
+) -> Sheet:
+    """Returns the rows of a text, numbers with a decimal point; raises `Refusal` for too many."""
+
+    def cells(line: str) -> list[str]:
+        found = layout.split(line)
+        if layout.decimal == "." and all(map(is_number, found)):  # as most lines
+            return found
+        return [_with_point(cell, layout.decimal) for cell in found]
+
     rows, count = [], 0
     for number, line in enumerate(lines, start=1):
-        row = Row(number, layout.cells(COMMENT.sub("", line, count=1)))
-        if COMMENT.match(line):
-            if holds_data(row):  # numbers that were commented out
-                continue
-        elif _REMARK.search(line):
-            without = Row(number, layout.cells(_REMARK.sub("", line)))
+        bare = COMMENT.sub("", line, count=1)
+        row = Row(number, cells(bare), comment=bare != line)
+        if _REMARK.search(bare):
+            without = row._replace(cells=cells(_REMARK.sub("", bare)))
             if holds_data(without) and without.num_numbers >= row.num_numbers:
                 row = without
-        rows.append(row)
-        count += len(row.cells)
-        if count > MOST_CELLS:
-            raise Refusal(f"it has more than {MOST_CELLS:g} cells")
-    marked = any(grouped.fullmatch(cell) for line in lines for cell in layout.split(line))
-    marks = ", with marks between thousands" * marked
-    spaced = layout.separator is None
-    if spaced:  # names such as "Storage modulus" hold single spaces
-        width = max((len(row.cells) for row in rows if holds_data(row)), default=0)
-        for i, row in enumerate(rows):
-            if not holds_data(row):
-                text = COMMENT.sub("", lines[row.line - 1], count=1).strip()
-                names = re.split(r"\s{2,}|\t", text)
-                rows[i] = Row(row.line, names) if len(names) == width else row
-    return Sheet("", rows, f"{encoding} text with {layout}{marks}", spaced)
+        if row.cells:
+            rows.append(row)
+            count += len(row.cells)
+        if count > most_cells:
+            raise Refusal(f"it has more than {most_cells:g} cells")
+    if layout.separator is None:  # names such as "Storage modulus" hold single spaces
+        data = list(map(holds_data, rows))
+        width = max((len(row.cells) for row in itertools.compress(rows, data)), default=0)
+        for i in itertools.compress(range(len(rows)), map(operator.not_, data)):
+            line = COMMENT.sub("", lines[rows[i].line - 1], count=1).strip()
+            names = re.split(r"\t|\s{2,}", line)
+            rows[i] = rows[i]._replace(cells=names if len(names) == width else rows[i].cells)
+    return Sheet("", rows, f"{encoding} text with {layout}", layout.separator is None)
 
 
 # Files and workbooks.
 
 
-def sheets_of(content: bytes, packed: int) -> list[Sheet]:
+def sheets_of(file: File) -> list[Sheet]:
     """Returns the sheets of a workbook, or a text as the only sheet, without empty rows.
 
-    The first bytes decide what it is. Raises `Refusal` for what is no table, and `ImportError` if
-    the reader of a workbook is not installed. `packed`: bytes of the file that it lies in.
+    Workbooks are read without pandas, which pads every row to the widest one: a few far cells would
+    fill memory. Raises `Refusal` for what is no table; damaged workbooks raise any error.
     """
-    if content.startswith(b"\xd0\xcf\x11\xe0"):
-        sheets = _workbook("xlrd", _xls(content))
-    elif content.startswith(b"PK\x03\x04"):
-        sheets = _workbook("openpyxl", _xlsx(content, packed))
-    else:
-        sheets = [_text_sheet(content)]
-    return [sheet._replace(rows=[row for row in sheet.rows if any(row.cells)]) for sheet in sheets]
-
-
-def _workbook(library: str, tables: Iterable[tuple[str, Iterable]]) -> list[Sheet]:
-    """Without pandas, which pads every row to the widest one: a few far cells would fill memory."""
-    try:
+    workbooks = {b"\xd0\xcf\x11\xe0": _xls, b"PK\x03\x04": _xlsx}
+    if read := workbooks.get(file.content[:4]):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions, not of cells
-            return [_sheet(name, table) for name, table in tables]
-    except ImportError as error:
-        reason = f"This workbook needs the package {library}: pip install graded_contact[io]"
-        raise ImportError(reason) from error
-    except Refusal:
-        raise
-    except Exception as error:  # the libraries raise many kinds on a damaged file
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-        raise Refusal(f"it cannot be read as an Excel workbook: {reason}") from error
+            return [_sheet(*each) for each in read(file)]
+    if file.decoded is None:
+        raise Refusal("it is neither a table of text nor an Excel workbook")
+    text, encoding = file.decoded
+    lines = lines_of(text, LONGEST)
+    sheet = text_sheet(lines, text_layout(lines, 2), encoding)
+    # Numbers may be commented out.
+    rows = [row for row in sheet.rows if any(row.cells) and not (row.comment and holds_data(row))]
+    return [sheet._replace(rows=rows)]
 
 
-def _xls(content: bytes) -> Iterator[tuple[str, Iterable]]:
-    import xlrd
-
+def _xls(file: File) -> Iterator[tuple[str, Iterable]]:
+    xlrd = extra("xlrd")
     values = (xlrd.XL_CELL_TEXT, xlrd.XL_CELL_NUMBER)  # those of other cells are codes
     # Rows that are not ragged are padded to the widest.
-    with xlrd.open_workbook(file_contents=content, logfile=io.StringIO(), ragged_rows=True) as book:
+    options = {"logfile": io.StringIO(), "ragged_rows": True}
+    with xlrd.open_workbook(file_contents=file.content, **options) as book:
         for sheet in book.sheets():
             rows = sheet.get_rows()
             yield sheet.name, ([c.value if c.ctype in values else "" for c in row] for row in rows)
 
 
-def _xlsx(content: bytes, packed: int) -> Iterator[tuple[str, Iterable]]:
-    import openpyxl
-
-    check_archive(content, may_unpack(packed, UNPACKED_TEXT))
-    book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
+def _xlsx(file: File) -> Iterator[tuple[str, Iterable]]:
+    openpyxl = extra("openpyxl")
+    check_archive(file.content, may_unpack(file.packed, UNPACKED_TEXT))
+    book = openpyxl.load_workbook(io.BytesIO(file.content), read_only=True, data_only=True)
     with contextlib.closing(book):
         for sheet in book.worksheets:
             sheet.reset_dimensions()  # which may reach far beyond the cells
@@ -271,8 +261,7 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     rows: list[tuple[int, list[Any]]] = []
     width = 0
     for line, values in enumerate(table, start=1):
-        row = stripped(["" if value is None else value for value in values]) if values else []
-        if row:
+        if row := stripped(["" if value is None else value for value in values or ()]):
             rows.append((line, row))
             width = max(width, len(row))
         if line > MOST_ROWS or width * len(rows) > MOST_CELLS:
@@ -287,4 +276,4 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     for line, row in rows:
         cells = [_with_point(str(cell).strip(), decimal) for cell in row]
         padded.append(Row(line, cells + [""] * (width - len(row))))
-    return Sheet(name, padded, f"sheet {name!r} of a workbook", spaced=False)
+    return Sheet(name, padded, f"sheet {name!r} of a workbook")

@@ -1,34 +1,53 @@
 """Which column of a table of measurements is which quantity, in which unit."""
 
 import re
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..core.display import short
 from .registry import Options
-from .tables import Column, Table, stress_above, tension_above
+from .tables import Column, Table, tension_above, value_above
 from .units import DIMENSIONS, OF_SHEAR, PER_SECOND, UNITS
 
-# The quantities that make a measurement of each kind, the most direct ones first; in the order of
-# the first of a kind the columns of a file without names are read.
+
+class Way(NamedTuple):
+    """A way to measure: its kind, quantities beside the abscissa, and the value at each point.
+
+    `value` takes the numbers of the quantities in SI units, and behind them the constant load.
+    """
+
+    kind: str
+    quantities: str
+    value: Callable[..., Any]
+
+    @property
+    def names(self) -> list[str]:
+        """The abscissa and the other quantities."""
+        abscissa = "time" if self.kind in ("relaxation", "creep") else self.kind
+        return [abscissa, *self.quantities.split()]
+
+
+# The most direct ones first; in the order of the first of a kind the columns of a file without
+# names are read.
 WAYS = (
-    ("frequency", ("frequency", "storage", "loss")),
-    ("frequency", ("frequency", "storage", "tan_delta")),
-    ("frequency", ("frequency", "storage", "phase")),
-    ("frequency", ("frequency", "magnitude", "tan_delta")),
-    ("frequency", ("frequency", "magnitude", "phase")),
-    ("frequency", ("frequency", "loss", "tan_delta")),
-    ("frequency", ("frequency", "loss", "phase")),
-    ("relaxation", ("time", "modulus")),
-    ("creep", ("time", "compliance")),
-    ("relaxation", ("time", "stress", "strain")),
-    ("creep", ("time", "strain", "stress")),
-    ("relaxation", ("time", "stress")),  # these two if the constant load is known
-    ("creep", ("time", "strain")),
+    Way("frequency", "storage loss", lambda storage, loss: storage + 1j * loss),
+    Way("frequency", "storage tan_delta", lambda storage, tan: storage * (1 + 1j * tan)),
+    Way("frequency", "storage phase", lambda storage, phase: storage * (1 + 1j * np.tan(phase))),
+    Way("frequency", "magnitude tan_delta", lambda size, tan: size * np.exp(1j * np.arctan(tan))),
+    Way("frequency", "magnitude phase", lambda size, phase: size * np.exp(1j * phase)),
+    Way("frequency", "loss tan_delta", lambda loss, tan: loss * (1 / tan + 1j)),
+    Way("frequency", "loss phase", lambda loss, phase: loss * (1 / np.tan(phase) + 1j)),
+    Way("relaxation", "modulus", lambda modulus: modulus),
+    Way("creep", "compliance", lambda compliance: compliance),
+    Way("relaxation", "stress strain", lambda stress, strain: stress / strain),
+    Way("creep", "strain stress", lambda strain, stress: strain / stress),
+    Way("relaxation", "stress", lambda stress, strain: stress / strain),
+    Way("creep", "strain", lambda strain, stress: strain / stress),
 )
-SWEEPS = tuple(("strain", ("strain", *way[1:])) for kind, way in WAYS if kind == "frequency")
+AT_LOAD = WAYS[-2:]  # if the constant load is known
+SWEEPS = tuple(way._replace(kind="strain") for way in WAYS if way.kind == "frequency")
 # In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
 _STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formation|dehnung)")
 _NO_AMPLITUDE = re.compile(r"(?i)\bcmd\b|command|ratio|constant")  # as TRIOS has beside the strain
@@ -38,20 +57,13 @@ SAME = 1e-3  # relative, between frequencies that are meant to be equal
 
 
 class Unclear(ValueError):
-    """Columns of a measurement are there, but some must be chosen, or need a unit.
-
-    `swept`: whether the frequency or time varies.
-    """
-
-    def __init__(self, reason: str, swept: bool):
-        super().__init__(reason)
-        self.swept = swept
+    """A sweep is there, but some of its columns must be chosen, or need a unit."""
 
 
 class MeasuredTable(NamedTuple):
     """A table whose columns are understood.
 
-    - `kind`: a kind of `WAYS`.
+    - `way`: of `WAYS` or `SWEEPS`.
     - `columns`: those needed, by quantity.
     - `check`: the column of tan delta, if the moduli do without it.
     - `load`: the constant stress of a creep test [Pa], or strain of a relaxation test [1], if no
@@ -62,7 +74,7 @@ class MeasuredTable(NamedTuple):
     - `notes`: what was understood, decided and left out, in sentences; the reading adds to them.
     """
 
-    kind: str
+    way: Way
     columns: dict[str, Column]
     check: Column | None
     load: float | None
@@ -72,9 +84,13 @@ class MeasuredTable(NamedTuple):
     notes: list[str]
 
     @property
+    def kind(self) -> str:
+        return self.way.kind
+
+    @property
     def abscissa(self) -> str:
         """The quantity that was swept."""
-        return self.kind if self.kind in ("frequency", "strain") else "time"
+        return self.way.names[0]
 
 
 def measured_table(table: Table, options: Options) -> MeasuredTable:
@@ -89,35 +105,29 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     notes: list[str] = []
     width, numbers = len(table.names), [n for n in options.columns.values() if isinstance(n, int)]
     if table.blocks > 1 and max(numbers, default=0) > width:  # one of the curves side by side
-        table = table._replace(
-            names=table.names * table.blocks, units=table.units * table.blocks, blocks=1
-        )
+        names, units = table.names * table.blocks, table.units * table.blocks
+        table = table._replace(names=names, units=units, blocks=1)
     places = _places(table, options)
     if options.temperature is not None:
         places.pop("temperature", None)
     titles = [row for segment in table.segments for row in segment.titles]
-    stress = None if options.kind == "relaxation" else stress_above(titles)
+    stress = None if options.kind == "relaxation" else value_above(titles, "stress")
     load = stress if options.load is None else options.load
-    kind, names = _way(table, places, load is not None, options)
-    beside = {"frequency"} if kind == "strain" else {"temperature"}
-    needed = {name: places[name] for name in (*names, *sorted(beside & set(places)))}
+    way = _way(table, places, load is not None, options)
+    beside = {"frequency" if way.kind == "strain" else "temperature"} & set(places)
+    needed = {name: places[name] for name in (*way.names, *beside)}
     found = {name: _distinct(table, name, needed[name], options, notes) for name in needed}
     columns = {name: each[0] for name, each in found.items() if each[0] is not None}
     lacking = []
     several = {name: needed[name] for name, each in found.items() if len(each) > 1}
     for name, where in several.items():
-        if len({table.names[place] for place in where}) == 1:
-            numbered = ", ".join(str(place + 1) for place in where)
-            lacking.append(f"columns {numbered} are all {table.names[where[0]]!r}, the {name}")
-        else:
-            lacking.append(f"{' and '.join(map(table.label, where))} may be the {name}")
+        lacking.append(f"{' and '.join(map(table.label, where))} may be the {name}")
     if several:
         lacking.append(_choice(table, several))
     for name in (name for name in needed if name not in columns):
-        place, dimension = needed[name][0], DIMENSIONS[name]
+        place, (first, *rest) = needed[name][0], UNITS[DIMENSIONS[name]]
         unit = table.unit(place) or table.units[place]
-        first, *rest = UNITS[dimension]
-        allowed = f"pass for instance `units={ {dimension: first} }`; others are {rest}"
+        allowed = f"pass for instance `units={ {DIMENSIONS[name]: first} }`; others are {rest}"
         lacking.append(f"{table.label(place)}, the {name}, has {unit!r} as unit; {allowed}")
     used = {column.place for column in columns.values()}
     others = [name for i, name in enumerate(table.names) if name and i not in used]
@@ -126,27 +136,24 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
         reason = f"only a test in shear has a column {shear!r}"
         lacking.append(f"lines above name tension or bending, but {reason}: pass `deformation`")
     if lacking:
-        abscissa = next(name for name in ("strain", "frequency", "time") if name in needed)
-        values = Column(abscissa, needed[abscissa][0]).known(table.rows)
-        swept = len(values) > 0 and np.ptp(values) > 0
-        raise Unclear(f"{table.place}: {'; '.join(lacking)}", bool(swept))
-    tangents = places.get("tan_delta", []) if names[1:] == WAYS[0][1][1:] else []
+        abscissa = Column(way.names[0], needed[way.names[0]][0])
+        swept = len(np.unique(abscissa.known(table.rows))) > 1
+        raise (Unclear if swept else ValueError)(f"{table.place}: {'; '.join(lacking)}")
+    tangents = places.get("tan_delta", []) if way.quantities == "storage loss" else []
     check = _column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None
-    load = load if len(names) == 2 else None
+    load = load if way in AT_LOAD else None
     notes = [*(column.sentence for column in columns.values()), *notes]
-    return MeasuredTable(kind, columns, check, load, table, shear, others, notes)
+    return MeasuredTable(way, columns, check, load, table, shear, others, notes)
 
 
 def _choice(table: Table, several: dict[str, list[int]]) -> str:
     """How to choose between columns that may be the same quantity."""
     first = {name: where[0] + 1 for name, where in several.items()}
-    kinds = ({table.headings[place].deformation for place in where} for where in several.values())
-    by = " or by `deformation`" * any(len(kind) > 1 for kind in kinds)
-    repeated = ""
-    if table.blocks > 1:
-        last = table.blocks * len(table.names)
-        repeated = f" (they repeat {table.blocks} times; numbers up to {last} choose one of these)"
-    return f"choose, for instance by `columns={first}`{by}{repeated}"
+    kinds = {table.headings[place].deformation for where in several.values() for place in where}
+    by = " or by `deformation`" * (len(kinds) > 1)
+    last = table.blocks * len(table.names)
+    curves = f"; numbers up to {last} choose one of {table.blocks} curves" * (table.blocks > 1)
+    return f"choose, for instance by `columns={first}`{by}{curves}"
 
 
 def _places(table: Table, options: Options) -> dict[str, list[int]]:
@@ -164,7 +171,7 @@ def _places(table: Table, options: Options) -> dict[str, list[int]]:
         measured = [i for i in named if not _NO_AMPLITUDE.search(table.names[i])]
         places |= {"strain": measured or named} if named else {}
     if not places and not options.columns and options.kind is not None:
-        names = _ways(options.kind)[0][1]
+        names = _ways(options.kind)[0].names
         if len(table.names) == len(names):
             places = {quantity: [i] for i, quantity in enumerate(names)}
     for quantity, name in options.columns.items():
@@ -177,16 +184,17 @@ def _places(table: Table, options: Options) -> dict[str, list[int]]:
     return places
 
 
-def _ways(kind: str | None) -> Sequence[tuple[str, tuple[str, ...]]]:
-    return SWEEPS if kind == "strain" else [way for way in WAYS if kind in (None, way[0])]
+def _ways(kind: str | None) -> list[Way]:
+    return [way for way in (*WAYS, *SWEEPS) if way.kind == kind or (kind is None and way in WAYS)]
 
 
-def _way(table: Table, places: dict, loaded: bool, options: Options) -> tuple[str, tuple[str, ...]]:
+def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
     """The kind of measurement and the quantities to take it from."""
     ways = _ways(options.kind)
-    possible = [way for way in ways if {*way[1]} <= {*places} and (loaded or way not in WAYS[-2:])]
+    possible = [way for way in ways if loaded or way not in AT_LOAD]
+    possible = [way for way in possible if set(way.names) <= set(places)]
     if not possible:
-        shortest = {kind: ", ".join(names) for kind, names in reversed(ways)}
+        shortest = {way.kind: ", ".join(way.names) for way in reversed(ways)}
         known = f" (understood: {', '.join(sorted(places))})" if places else ""
         order = "" if places or options.kind else ", or pass `kind` if they are in this order"
         there = f"{table.place}: there are" if any(table.names) else "it has"
@@ -194,10 +202,10 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> tuple[st
             f"{there} {table.listed()}{known}. Name them with `columns`: "
             f"{'; or '.join(reversed(shortest.values()))}{order}"
         )
-    if [kind for kind, _ in possible[:2]] != ["relaxation", "creep"]:
+    if [way.kind for way in possible[:2]] != ["relaxation", "creep"]:
         return possible[0]
-    if "modulus" in possible[0][1]:
-        if "compliance" in possible[1][1]:
+    if possible[0].quantities == "modulus":
+        if possible[1].quantities == "compliance":
             raise ValueError(f"{table.place}: it has a modulus and a compliance; pass `kind`")
         return possible[0]
     # Creep is at constant stress, relaxation at constant strain.

@@ -17,13 +17,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
-from ..core.files import Refusal, read_file
 from ..materials.measured import Measured, distinct, joined
 from .cells import LARGEST, Sheet
 from .columns import WAYS, MeasuredTable, Unclear
-from .isotherms import one_each
-from .points import measured_points
-from .registry import File, Options, read
+from .points import measured_points, one_each
+from .registry import Options, opened, read
 from .steps import rank, understand
 from .units import DIMENSIONS, UNITS
 
@@ -149,7 +147,7 @@ def _options(columns, units, step, kind=None, deformation=None) -> Options:
     """The arguments of `read_moduli`, checked."""
     columns, units = columns or {}, units or {}
     checks: list[tuple[str, Any, Any, Any]] = [  # name, value, the part to check, what is allowed
-        ("kind", kind, kind, tuple(dict.fromkeys(kind for kind, _ in WAYS))),
+        ("kind", kind, kind, tuple(dict.fromkeys(way.kind for way in WAYS))),
         ("deformation", deformation, deformation, ("tension", "shear")),
         *(("columns", {key: name}, key, DIMENSIONS) for key, name in columns.items()),
         *(("units", {key: unit}, key, UNITS) for key, unit in units.items()),
@@ -161,14 +159,15 @@ def _options(columns, units, step, kind=None, deformation=None) -> Options:
     steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
-    return Options(kind, columns, units, deformation, step=tuple(steps))
+    source = "as given in `units`" if units else ""
+    return Options(kind, columns, units, deformation, step=tuple(steps), source=source)
 
 
 def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
     """The measurements in one file."""
-    content = read_file(path, LARGEST)
+    with opened(path, LARGEST) as file:
+        sheets, fixed = read(file, "moduli")
     try:
-        sheets, fixed = read(File(path, content, len(content)), "moduli")
         names = [sheet.name for sheet in sheets]
         if name is not None:
             if name not in names:
@@ -176,7 +175,7 @@ def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
             sheets = [sheets[names.index(name)]]
         if fixed.columns and not options.columns:  # others may follow, without a name
             sheets = [sheet.numbers_only(len(fixed.columns)) for sheet in sheets]
-        options = _completed(options, fixed)
+        options = options.completed(fixed)
         understood = _understood(sheets, options)
         kelvins = [options.temperature]
         if len(understood) > 1:  # otherwise there may be one temperature for each curve
@@ -191,42 +190,27 @@ def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
             same = "have similar tables at one temperature"
             raise ValueError(f"the sheets {names} {same}; pass `sheet`")
     except ValueError as error:
-        refused = " is refused" * isinstance(error, Refusal)
-        raise ValueError(f"`path={path}`{refused}: {str(error).rstrip('.')}.") from None
+        raise ValueError(f"`path={path}`: {str(error).rstrip('.')}.") from None
     whole = joined(parts) if len(parts) > 1 else parts[0]
-    left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]
-    notes = [f"Left out the sheets {', '.join(left)}."] if left else []
+    left = ", ".join(repr(sheet.name) for sheet in sheets if sheet.name not in names)
+    notes = [f"Left out the sheets {left}."] * bool(left)
     return dataclasses.replace(whole, history=(*whole.history, *notes))
-
-
-def _completed(options: Options, fixed: Options) -> Options:
-    """The options of the caller, and what the format fixes where they are silent."""
-    return dataclasses.replace(
-        options,
-        kind=options.kind or fixed.kind,
-        columns=options.columns or fixed.columns,
-        units={**fixed.units, **options.units},
-        deformation=options.deformation or fixed.deformation,
-        temperature=fixed.temperature if options.temperature is None else options.temperature,
-        load=fixed.load,
-        source="as given in `units`" if options.units else fixed.source,
-    )
 
 
 def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, MeasuredTable]]:
     """The sheet that ranks first of those understood, and those of the same columns, in order."""
-    found, refusals = [], []
+    found, refusals = [], {}
     for sheet in sheets:
         try:
             found.append((sheet, understand(sheet, options)))
         except ValueError as error:
-            refusals.append((sheet.name, error))
+            refusals[sheet.name] = error
+    swept = [name for name, error in refusals.items() if isinstance(error, Unclear)]
+    if not found and swept and len(sheets) > 1:
+        names = " or ".join(f"`sheet={name!r}`" for name in swept)
+        raise ValueError(f"pass {names}, which holds a sweep; {refusals[swept[0]]}")
     if not found:
-        swept = [(name, e) for name, e in refusals if isinstance(e, Unclear) and e.swept]
-        if swept and len(sheets) > 1:
-            names = " or ".join(f"`sheet={name!r}`" for name, _ in swept)
-            raise ValueError(f"pass {names}, which holds a sweep; {swept[0][1]}")
-        words = (f"sheet {name!r}: {error}" if name else str(error) for name, error in refusals)
+        words = (f"sheet {name!r}: " * bool(name) + str(refusals[name]) for name in refusals)
         raise ValueError("; ".join(words))
 
     def key(measured: MeasuredTable) -> tuple:

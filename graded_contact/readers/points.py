@@ -4,61 +4,55 @@ Each function adds to `notes` what it understood or did, in sentences; every row
 reported, with the reason.
 """
 
+import itertools
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..materials.measured import Measured
-from .cells import is_missing
+from ..core.checks import Numbers
+from ..materials.measured import ISOTHERM_GAP, Measured, grouped
+from ..materials.shift import check_kelvin
+from .cells import Row, is_missing
 from .columns import CONSTANT, SAME, MeasuredTable
-from .isotherms import curve_temperatures, note_isotherms, numbered
-from .tables import LIMIT, Column
+from .tables import LIMIT, Column, value_above
 from .units import DIMENSIONS, SI
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.
 LIMITS = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
 HOTTEST = 1e4  # K
+RAMP = 5.0  # K over which no isotherm drifts
 
 
 def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -> Measured:
     """Returns the points of a table; `poisson` and `temperature` as in `read_moduli`."""
-    kind, notes = measured.kind, measured.notes
-    entries = _entries(measured)
-    kelvin = curve_temperatures(measured, entries, temperature)
+    table, kind, notes = measured.table, measured.kind, measured.notes
+    points = _points(measured)
+    kelvin = _temperatures(measured, points, temperature)
     if kelvin is not None:
-        entries["temperature"] = kelvin
-    entries["isotherm"] = numbered(entries, separate=measured.table.blocks > 1)
-    entries = _at_constant_load(measured, entries)
-    if len(entries) < (total := len(measured.table.rows) * measured.table.blocks):
-        notes.append(f"{len(entries)} of {total} points are used.")
-    values = _moduli(measured, {name: entries[name].to_numpy() for name in measured.columns})
-    stiffness = 1 / values if kind == "creep" else values.real
-    odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
-    if np.any(odd):
-        where = _listed([(line, "") for line in np.unique(entries["line"][odd]).tolist()])
-        span = f"moduli from {np.min(stiffness):.3g} to {np.max(stiffness):.3g} Pa"
-        notes.append(f"Warning: {span} are unusual in line {where}: is the unit right?")
-    if measured.check is not None:
-        notes.append(_tan_delta_note(measured.check.label, entries, values))
+        points["temperature"] = kelvin
+    points["isotherm"] = _isotherms(points, separate=table.blocks > 1)
+    points = _at_constant_load(measured, points)
+    if len(points) < (total := len(table.rows) * table.blocks):
+        notes.append(f"{len(points)} of {total} points are used.")
+    numbers = [points[name].to_numpy() for name in measured.way.names[1:]]
+    values = measured.way.value(*numbers, *[measured.load] * (measured.load is not None))
+    _note_unusual(measured, points, 1 / values if kind == "creep" else values)
     deformation, factor = _deformation(measured, poisson)
-    values = values / factor if kind == "creep" else factor * values
+    points["values"] = values / factor if kind == "creep" else factor * values
     # Stable: points that repeat a frequency keep the order of the file.
-    order = np.lexsort((entries["abscissa"], entries["isotherm"]))
-    entries, values = entries.iloc[order], values[order]
-    note_isotherms(measured, entries)
-    if measured.table.blocks == 1 and np.any(np.diff(entries["line"]) < 0):
+    points = points.sort_values(["isotherm", "abscissa"])
+    _note_isotherms(measured, points)
+    if table.blocks == 1 and not points["line"].is_monotonic_increasing:
         notes.append("Sorted the rows.")
-    _check_abscissa(measured, entries, values)
+    _check_abscissa(measured, points)
     if measured.unused:
         notes.append(f"Not used: {', '.join(map(repr, dict.fromkeys(measured.unused)))}.")
-    names = ("abscissa", "isotherm", "line")
-    abscissa, isotherm, lines = (np.array(entries[name]) for name in names)
-    kelvin = None if kelvin is None else np.array(entries["temperature"])
+    names = ("abscissa", "values", "isotherm", "line")
+    abscissa, values, isotherm, lines = (np.array(points[name]) for name in names)
+    kelvin = None if kelvin is None else np.array(points["temperature"])
     return Measured(
         kind, deformation, abscissa, values, kelvin, isotherm, lines, path, tuple(notes)
     )
@@ -67,132 +61,102 @@ def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -
 # Rows to numbers.
 
 
-def _entries(measured: MeasuredTable) -> "pd.DataFrame":
-    """The numbers in SI units by quantity, with the abscissa, curve and line of each point."""
+def _points(measured: MeasuredTable) -> Any:
+    """The line, curve, abscissa and numbers in SI units of each point that can be used."""
     import pandas as pd
 
-    table, check = measured.table, measured.check
-    found, unusable = [], 0
-    left: dict[str, list[tuple[int, str]]] = {}  # reason: lines, each with its cell
-    for curve, row, cells in table.curves():
-        if entries := table.misfit(row):
-            numbers, cell, wrong = {}, "", True
-            reason = f"{entries} entries in {table.blocks * len(table.names)} columns"
-        else:
-            numbers, reason, cell, wrong = _numbers(measured, curve % table.blocks + 1, cells)
-        if reason:
-            left.setdefault(reason, []).append((row.line, cell))
-            unusable += wrong
-        else:
-            tangent = check.si(cells[check.place]) if check else 0
-            found.append({**numbers, "curve": curve, "line": row.line, "check": tangent})
-    left_out = [_left_out(reason, lines) for reason, lines in left.items()]
-    if len(found) < 2 or unusable > len(found):
-        reason = f"{len(found)} complete rows are left; at least 2 and half of all are needed"
+    curve, rows, cells = zip(*measured.table.curves(), strict=True)
+    points = pd.DataFrame({"curve": curve, "line": [row.line for row in rows]})
+    for name, column in measured.columns.items():
+        points[name] = column.si(each[column.place] for each in cells)
+    points["abscissa"] = points[measured.abscissa]
+    if measured.check is not None:
+        points["check"] = measured.check.si(each[measured.check.place] for each in cells)
+    left_out, unusable, good = [], 0, np.ones(len(points), bool)
+    for reason, bad, wrong, place in _reasons(measured, points, rows, cells):
+        out = np.flatnonzero(good & bad)
+        good &= ~bad
+        unusable += wrong * len(out)
+        shown = [(rows[i].line, "" if place is None else repr(cells[i][place])) for i in out]
+        left_out += [_left_out(reason, shown)] * (len(out) > 0)
+    if np.sum(good) < 2 or unusable > np.sum(good):
+        reason = f"{np.sum(good)} complete rows are left; at least 2 and half of all are needed"
         raise ValueError(f"{reason}. {' '.join(left_out)} Check `columns` and `units`")
-    words = [(row.line, "") for segment in table.segments for row in segment.words]
+    words = [(row.line, "") for segment in measured.table.segments for row in segment.words]
     measured.notes.extend(left_out + [_left_out("having no numbers", words)] * bool(words))
-    entries = pd.DataFrame(found)
-    entries["abscissa"] = entries[measured.abscissa]
-    if measured.kind == "strain" and "frequency" in entries:
-        low, high = np.min(entries["frequency"]), np.max(entries["frequency"])
-        if high > (1 + CONSTANT) * low:
-            varied = f"the frequency varies from {low:.4g} to {high:.4g} rad/s"
-            raise ValueError(f"{varied}: choose the sweep of strain by `step`")
-    return entries
+    return points[good].reset_index(drop=True)
 
 
-def _numbers(measured: MeasuredTable, block: int, cells: list[str]) -> tuple:
-    """The numbers of a point in SI units; why it is left out; by which cell; if that is wrong."""
-    columns, blocks = measured.columns, measured.table.blocks
-    empty = sum(is_missing(cells[column.place]) for column in columns.values())
-    if empty:
-        ended = blocks > 1 and empty == len(columns)  # a curve may end above the others
-        return {}, f"an empty curve {block} of {blocks}" if ended else "a missing value", "", False
-    numbers = {name: column.si(cells[column.place]) for name, column in columns.items()}
+def _reasons(measured: MeasuredTable, points, rows: Sequence[Row], cells: Sequence) -> Iterator:
+    """Reasons to leave out points, the first counts: which, if these are wrong, by which cell."""
+    columns, blocks, curve = measured.columns, measured.table.blocks, points["curve"].to_numpy()
+    entries = np.array([measured.table.misfit(row) for row in rows])
+    for count in np.unique(entries[entries > 0]):
+        width = blocks * len(measured.table.names)
+        yield f"{count} entries in {width} columns", entries == count, True, None
+    places = [column.place for column in columns.values()]
+    empty = np.array([[is_missing(each[place]) for place in places] for each in cells])
+    for block in range(blocks) if blocks > 1 else ():  # a curve may end above the others
+        ended = empty.all(axis=1) & (curve % blocks == block)
+        yield f"an empty curve {block + 1} of {blocks}", ended, False, None
+    yield "a missing value", empty.any(axis=1), False, None
     for name, column in columns.items():
-        if reason := _refused(column, numbers[name]):
-            wrong = name not in ("stress", "strain")  # there is none before and after a test
-            cell = repr(cells[column.place])
-            return {}, f"{column.label}, where the {name} {reason}", cell, wrong
-    return numbers, "the time 0" * (numbers.get("time") == 0), "", False
+        wrong = name not in ("stress", "strain")  # there is none before and after a test
+        for condition, bad in _conditions(column, points[name].to_numpy()):
+            yield f"{column.label}, where the {name} {condition}", bad, wrong, column.place
+    yield "the time 0", (points["abscissa"] == 0).to_numpy(), False, None
 
 
-def _refused(column: Column, value: float) -> str | None:
-    """The condition that a number in SI units does not meet."""
-    if np.isnan(value):
-        return "must be a number"
+def _conditions(column: Column, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Conditions, and which numbers in SI units do not meet them."""
+    yield "must be a number", np.isnan(values)
     if column.quantity == "temperature":
-        return None if 0 < value < HOTTEST else f"must lie between absolute zero and {HOTTEST:g} K"
-    if column.quantity == "time" and value == 0:
-        return None
-    if value <= 0 and column.base is None:
-        return "must be a positive number"
-    if column.quantity == "phase" and not value < np.pi / 2:
-        return "must be an angle below 90°"
-    limit = LIMITS.get(DIMENSIONS[column.quantity], LIMIT)
-    if not 1 / limit <= value <= limit:
-        return f"must lie between {1 / limit:g} and {limit:g} {SI[DIMENSIONS[column.quantity]]}"
-    return None
+        bad = ~((values > 0) & (values < HOTTEST))
+        yield f"must lie between absolute zero and {HOTTEST:g} K", bad
+        return
+    begins = (column.quantity == "time") & (values == 0)
+    if column.base is None:
+        yield "must be a positive number", (values <= 0) & ~begins
+    if column.quantity == "phase":
+        yield "must be an angle below 90°", values >= np.pi / 2
+    limit, unit = LIMITS.get(DIMENSIONS[column.quantity], LIMIT), SI[DIMENSIONS[column.quantity]]
+    bad = ~((values >= 1 / limit) & (values <= limit)) & ~begins
+    yield f"must lie between {1 / limit:g} and {limit:g} {unit}", bad
 
 
-def _left_out(reason: str, lines: list[tuple[int, str]]) -> str:
-    rows = list(dict.fromkeys(lines))  # side by side, a row has several points
-    what = "row" if len(rows) == len(lines) else "point"
-    return f"Left out for {reason}: {len(lines)} {what}(s), line {_listed(rows)}."
+def _left_out(reason: str, points: list[tuple[int, str]]) -> str:
+    """Why points were left out, and all their lines, with cells; neighbours without as "4-9"."""
+    rows = list(dict.fromkeys(points))  # side by side, a row has several points
+    what = "row" if len(rows) == len(points) else "point"
+    parts = [f"{line} ({cell})" for line, cell in rows if cell] or _ranges([r[0] for r in rows])
+    return f"Left out for {reason}: {len(points)} {what}(s), line {', '.join(parts)}."
 
 
-def _listed(rows: list[tuple[int, str]]) -> str:
-    """All lines with their cells; neighbours without a cell as "4-9"."""
-    parts: list[list[Any]] = []
-    for line, cell in rows:
-        if parts and not cell and not parts[-1][2] and line == parts[-1][1] + 1:
-            parts[-1][1] = line
-        else:
-            parts.append([line, line, cell])
-    return ", ".join(
-        (f"{first}" if first == last else f"{first}-{last}") + (f" ({cell})" if cell else "")
-        for first, last, cell in parts
-    )
+def _ranges(lines: list[int]) -> list[str]:
+    runs = itertools.groupby(enumerate(lines), key=lambda pair: pair[1] - pair[0])
+    ends = [[line for _, line in run] for _, run in runs]
+    return [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in ends]
 
 
-def _at_constant_load(measured: MeasuredTable, entries: "pd.DataFrame") -> "pd.DataFrame":
-    """The rows at the load that the test holds constant: not of loading, nor of recovery."""
+def _at_constant_load(measured: MeasuredTable, points) -> Any:
+    """The points at the load that the test holds constant: not of loading, nor of recovery."""
     if not {"stress", "strain"} <= set(measured.columns):
-        return entries
+        return points
     quantity = "stress" if measured.kind == "creep" else "strain"
-    notes, good = measured.notes, np.ones(len(entries), bool)
-    for _, load in entries[quantity].groupby(entries["isotherm"]):
+    notes, good = measured.notes, np.ones(len(points), bool)
+    for _, load in points[quantity].groupby(points["isotherm"]):
         typical = np.median(load[load > 0.5 * np.max(load)])  # neither rest nor recovery
         good[load.index] = np.abs(load / typical - 1) < 2 * CONSTANT
         notes.append(f"Constant {quantity}: {typical:.4g} {SI[quantity]}.")
     if not np.all(good):
-        rows = [(line, "") for line in entries["line"][~good].tolist()]
-        notes.append(_left_out(f"a {quantity} that differs from it by {2 * CONSTANT:.0%}", rows))
+        lines = [(line, "") for line in points["line"][~good].tolist()]
+        notes.append(_left_out(f"a {quantity} that differs from it by {2 * CONSTANT:.0%}", lines))
     if np.sum(good) < max(2, 0.5 * len(good)):
         needs = f"the {quantity} is not constant, as {measured.kind} needs"
         raise ValueError(f"{needs}. {' '.join(notes[-2:])}")
-    entries = entries.loc[good].copy()
-    entries["isotherm"] = np.unique(entries["isotherm"], return_inverse=True)[1]
-    return entries
-
-
-def _moduli(measured: MeasuredTable, si: dict[str, np.ndarray]) -> Any:
-    """Complex moduli, relaxation moduli or compliances, from the quantities that there are."""
-    for direct in ("modulus", "compliance"):
-        if direct in si:
-            return si[direct]
-    if measured.kind == "creep":
-        return si["strain"] / si.get("stress", measured.load)
-    if measured.kind == "relaxation":
-        return si["stress"] / si.get("strain", measured.load)
-    if "storage" in si and "loss" in si:
-        return si["storage"] + 1j * si["loss"]
-    ratio = si["tan_delta"] if "tan_delta" in si else np.tan(si["phase"])
-    if "loss" in si:
-        return si["loss"] * (1 / ratio + 1j)
-    storage = si["storage"] if "storage" in si else si["magnitude"] / np.hypot(1, ratio)
-    return storage * (1 + 1j * ratio)
+    points = points.loc[good].copy()
+    points["isotherm"] = np.unique(points["isotherm"], return_inverse=True)[1]
+    return points
 
 
 def _deformation(measured: MeasuredTable, poisson: float | None) -> tuple[str, float]:
@@ -220,27 +184,129 @@ def _deformation(measured: MeasuredTable, poisson: float | None) -> tuple[str, f
     return "tension", factor
 
 
-# What looks wrong.
+# Isotherms.
 
 
-def _tan_delta_note(label: str, entries: "pd.DataFrame", values: Any) -> str:
-    """Compares a column of tan delta, not needed otherwise, with the moduli."""
-    tangent = entries["check"].to_numpy()
+def one_each(temperature: Numbers | None, count: int, what: str) -> Any:
+    """Returns a temperature for each of so many files, sheets or curves; None if it is unknown."""
+    if temperature is None:
+        return [None] * count
+    kelvin = np.asarray(temperature, float)
+    check_kelvin("temperature", kelvin)
+    if kelvin.shape not in ((), (count,)):
+        needed = f"one number is needed, or one for each of the {count} {what}"
+        raise ValueError(f"`temperature` has shape {kelvin.shape}; {needed}.")
+    return np.broadcast_to(kelvin, (count,))
+
+
+def _temperatures(measured: MeasuredTable, points, given) -> Any:
+    """The temperatures [K]: as given, of a column, or of titles above curves ("25 °C")."""
+    table, curve = measured.table, points["curve"].to_numpy()
+    if given is not None:
+        return one_each(given, table.blocks * len(table.segments), "curve(s)")[curve]
+    if "temperature" in points:
+        return points["temperature"]
+    found, width = [], len(table.names)
+    for segment, block in itertools.product(table.segments, range(table.blocks)):
+        rows = segment.titles
+        if table.blocks > 1:  # the last line above has a title over each block
+            cells = [row.cells[block * width : (block + 1) * width] for row in rows[-1:]]
+            rows = [Row(rows[-1].line, part) for part in cells if part]
+        found.append(value_above(rows, "temperature"))
+    if None in found:
+        return None
+    listed = ", ".join(f"{value:.2f}" for value in found)
+    measured.notes.append(f"Took the temperature from the lines above the numbers: {listed} K.")
+    return np.array(found)[curve]
+
+
+def _isotherms(points, separate: bool) -> np.ndarray:
+    """Numbers of isotherms from 0, the coldest first.
+
+    An isotherm is a group of temperatures; or a curve, if these are `separate`. Without
+    temperatures the curves are isotherms if they overlap.
+    """
+    curve, abscissa = points["curve"].to_numpy(), points["abscissa"].to_numpy()
+    if "temperature" not in points:
+        ends = sorted((part.min(), part.max()) for _, part in points.groupby("curve")["abscissa"])
+        over = any(low < high for (_, high), (low, _) in itertools.pairwise(ends))
+        return np.unique(curve, return_inverse=True)[1] if separate or over else 0 * curve
+    kelvin = points["temperature"].to_numpy()
+    if not separate:
+        isotherm = grouped(kelvin)
+        if _drift(kelvin, isotherm) <= RAMP:
+            return isotherm
+        # A slow ramp, on which each sweep is a separate isotherm.
+        steps = np.diff(np.log(abscissa), prepend=np.log(abscissa[0]))
+        curve = np.cumsum(steps * np.sign(np.median(steps)) < 0)
+    names, curve = np.unique(curve, return_inverse=True)
+    means = np.array([np.mean(kelvin[curve == i]) for i in range(len(names))])
+    if separate:  # replicates side by side, of one temperature, are one isotherm
+        return grouped(means)[curve]
+    return np.argsort(np.argsort(means, kind="stable"))[curve]
+
+
+def _drift(kelvin: np.ndarray, isotherm: np.ndarray) -> float:
+    return max(float(np.ptp(kelvin[isotherm == i])) for i in np.unique(isotherm))
+
+
+# What is reported, and what looks wrong.
+
+
+def _note_isotherms(measured: MeasuredTable, points) -> None:
+    """Reports the number of isotherms; refuses temperatures that change during a sweep."""
+    notes, table = measured.notes, measured.table
+    isotherm = points["isotherm"].to_numpy()
+    count = np.max(isotherm) + 1
+    if "temperature" not in points:
+        if count > 1:
+            notes.append(f"{count} curves of unknown temperature; pass their `temperature`s [K].")
+        return
+    kelvin = points["temperature"].to_numpy()
+    drift = _drift(kelvin, isotherm)
+    if drift > RAMP:
+        changes = f"the temperature changes by {drift:.3g} K within a sweep: isotherms are needed"
+        beyond = f"numbers above {len(table.names)} in `columns` choose one curve"
+        raise ValueError(changes + f"; of those side by side, {beyond}" * (table.blocks > 1))
+    ends = f"{np.min(kelvin):.2f} to {np.max(kelvin):.2f} K"
+    notes.append(f"{count} isotherm(s), {ends}, each constant within {drift:.2g} K.")
+    if drift > 2 * ISOTHERM_GAP:
+        drifts = f"a temperature drifts by {drift:.3g} K without a step above {ISOTHERM_GAP:g} K"
+        notes.append(f"Warning: {drifts}; these may not be isotherms.")
+
+
+def _note_unusual(measured: MeasuredTable, points, values: Any) -> None:
+    """Reports moduli of unusual size, and compares a column of tan delta with them."""
+    stiffness, notes, lines = values.real, measured.notes, points["line"].to_numpy()
+    odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
+    if np.any(odd):
+        where = ", ".join(_ranges(np.unique(lines[odd]).tolist()))
+        span = f"moduli from {np.min(stiffness):.3g} to {np.max(stiffness):.3g} Pa"
+        notes.append(f"Warning: {span} are unusual in line {where}: is the unit right?")
+    if measured.check is None:
+        return
+    tangent, label = points["check"].to_numpy(), measured.check.label
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        error = np.where(tangent > 0, np.abs(values.imag / values.real / tangent - 1), 0)
+        error = np.where(tangent > 0, np.abs(values.imag / stiffness / tangent - 1), 0)
     worst = int(np.argmax(error))
     if error[worst] < 0.02:
-        return f"The tan delta of {label} agrees with loss over storage modulus."
-    where = f"{100 * error[worst]:.2g} % in line {entries['line'].iloc[worst]}"
+        notes.append(f"The tan delta of {label} agrees with loss over storage modulus.")
+        return
+    where = f"{100 * error[worst]:.2g} % in line {lines[worst]}"
     words = f"tan delta of {label} differs from loss over storage modulus by {where}"
-    return f"Warning: the {words}: are the columns right?"
+    notes.append(f"Warning: the {words}: are the columns right?")
 
 
-def _check_abscissa(measured: MeasuredTable, entries: "pd.DataFrame", values: Any) -> None:
+def _check_abscissa(measured: MeasuredTable, points) -> None:
     """Refuses points without a sweep; reports points that repeat others."""
     name, notes = measured.abscissa, measured.notes
-    parts = ("abscissa", "line", "isotherm")
-    abscissa, lines, isotherm = (entries[part].to_numpy() for part in parts)
+    parts = ("abscissa", "values", "line", "isotherm")
+    abscissa, values, lines, isotherm = (points[part].to_numpy() for part in parts)
+    if name == "strain" and "frequency" in points:
+        low, high = points["frequency"].min(), points["frequency"].max()
+        if high > (1 + CONSTANT) * low:
+            varied = f"the frequency varies from {low:.4g} to {high:.4g} rad/s"
+            raise ValueError(f"{varied}: choose the sweep of strain by `step`")
     least, most = np.min(abscissa), np.max(abscissa)
     single = name == "frequency" and np.max(isotherm) == 0
     if least == most or (single and most < (1 + CONSTANT) * least):
@@ -255,8 +321,6 @@ def _check_abscissa(measured: MeasuredTable, entries: "pd.DataFrame", values: An
     notes.append(f"{len(twice)} points repeat the {name} of another ({where}); all are used.")
     difference = np.median(np.abs(values[twice + 1] / values[twice] - 1))
     if len(twice) >= 0.25 * len(lines) and difference > 0.1:
-        remedy = "`step`" if "temperature" in entries else "a column of temperature"
-        differ = (
-            f"repeated points differ by {difference:.0%}: are these several isotherms or tests?"
-        )
+        remedy = "`step`" if "temperature" in points else "a column of temperature"
+        differ = f"repeated points differ by {difference:.0%}: several isotherms or tests?"
         notes.append(f"Warning: {differ} Then {remedy} is needed.")

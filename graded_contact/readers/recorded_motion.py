@@ -5,10 +5,11 @@ import os
 import numpy as np
 from jaxtyping import ScalarLike
 
-from ..core.files import Refusal, read_file
+from ..core.files import Refusal
 from ..fields.grid import Grid
 from ..sliding.motion import Motion, recorded
-from .cells import LARGEST, holds_data, sheets_of
+from .cells import LARGEST, holds_data
+from .registry import opened, read
 from .units import UNITS, length_unit, metres, parse_heading
 
 
@@ -29,18 +30,16 @@ def read_motion(
 
     **Raises:** `FileNotFoundError`; `ValueError` for a file that is no such table.
     """
-    content = read_file(path, LARGEST)
-    try:
-        rows = sheets_of(content, len(content))[0].rows
-    except Refusal as error:
-        raise ValueError(f"`path={path}` is refused: {error}.") from error
-    data = [row.cells[:2] for row in rows if holds_data(row)]
-    head = next((row.cells for row in rows if len(row.cells) > 1 and not holds_data(row)), ["", ""])
-    try:
-        time, displacement = np.array(data, float).T
-    except ValueError:
-        needed = "two columns of numbers are needed, times [s] and displacements [m]"
-        raise ValueError(f"`path={path}` is refused: {needed}.") from None
+    with opened(path, LARGEST) as file:
+        rows = read(file, "moduli").sheets[0].rows
+        data = [row.cells[:2] for row in rows if holds_data(row)]
+        try:
+            time, displacement = np.array(data, float).T
+        except ValueError:
+            needed = "two columns of numbers are needed, times [s] and displacements [m]"
+            raise Refusal(needed) from None
+    words = (row.cells for row in rows if len(row.cells) > 1 and not holds_data(row))
+    head = next(words, ["", ""])
     time = time * UNITS["time"].get(parse_heading(head[0]).unit or "s", 1.0)
     displacement = displacement * (metres(length_unit(head[1]) or "m") or 1.0)
     return recorded(time, displacement, period, num_times, grid)

@@ -4,15 +4,22 @@ A module in `instruments/` is found without being named anywhere. Its functions 
 return a `Scan` (heights) or `Tables` (moduli), or raise `Refusal`.
 """
 
+import codecs
+import contextlib
 import dataclasses
 import functools
 import importlib
+import os
 import pkgutil
-from collections.abc import Callable, Mapping
-from pathlib import PurePath
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..core.files import (
+    LARGEST_FILE,
     UNPACKED_TEXT,
     Refusal,
     check_archive,
@@ -20,8 +27,8 @@ from ..core.files import (
     check_unpacked,
     may_unpack,
     names_in,
+    read_file,
 )
-from .cells import Sheet, decoded
 from .scan import Scan
 
 DEEPEST = 3  # containers in one another
@@ -52,11 +59,29 @@ class File:
         return may_unpack(self.packed)
 
     @functools.cached_property
+    def decoded(self) -> tuple[str, str] | None:
+        """Characters of the file and their encoding, None if it has none."""
+        # Without a mark, UTF-16 of western text has a zero in every second byte.
+        codes = ["utf-16"] * self.content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        for start, code in ((1, "utf-16-le"), (0, "utf-16-be")):
+            half = self.content[start:1000:2]
+            codes += [code] * (half.count(0) > 0.9 * max(len(half), 1))
+        if codes:
+            text = self.content.decode(codes[0], errors="replace")
+            return None if "\0" in text else (text, "UTF-16")
+        if b"\0" in self.content:
+            return None
+        with contextlib.suppress(UnicodeDecodeError):
+            return self.content.decode("utf-8-sig"), "UTF-8"
+        return self.content.decode("cp1252", errors="replace"), "Latin-1"
+
+    @functools.cached_property
     def text(self) -> str | None:
         """The text of the file, None if it is no text."""
-        text, encoding = decoded(self.content) or ("", None)
+        text, encoding = self.decoded or ("", None)
         # Latin-1 can hold any bytes: a file of instruments has other characters than text.
         odd = sum(not (char.isprintable() or char.isspace()) for char in text[:10_000])
+        odd += text.count("\ufffd", 0, 10_000)
         binary = encoding is None or (encoding == "Latin-1" and odd > 0.01 * len(text[:10_000]))
         return None if binary else text
 
@@ -71,6 +96,16 @@ class File:
             raise Refusal("it has too many zips in one another")
         changes = {"name": PurePath(name), "content": content, "channel": channel}
         return read(dataclasses.replace(self, **changes, depth=self.depth + 1), "heights")
+
+
+@contextlib.contextmanager
+def opened(path: str | os.PathLike, at_most: float = LARGEST_FILE, **known: Any) -> Iterator[File]:
+    """Gives the file at a path; a `Refusal` becomes a `ValueError` that names the path."""
+    content = read_file(path, at_most)
+    try:
+        yield File(Path(path), content, len(content), **known)
+    except Refusal as error:
+        raise ValueError(f"`path={path}` is refused: {str(error).rstrip('.')}.") from None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,12 +131,10 @@ class Options:
     load: float | None = None
     source: str = ""
 
-
-class Tables(NamedTuple):
-    """Rows of cells with lines of names, on sheets, and what their format fixes."""
-
-    sheets: list[Sheet]
-    fixed: Options = Options()
+    def completed(self, fixed: "Options") -> "Options":
+        """Returns these options, and where they are silent those that the format fixes."""
+        own = {name: value for name, value in vars(self).items() if np.ndim(value) or value}
+        return dataclasses.replace(fixed, **{**own, "units": {**fixed.units, **self.units}})
 
 
 class Reader(NamedTuple):
@@ -114,6 +147,17 @@ class Reader(NamedTuple):
 
 
 READERS: dict[str, list[Reader]] = {"heights": [], "moduli": []}
+
+
+def extra(package: str) -> Any:
+    """Returns a package of the extra `io`."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return importlib.import_module(package)
+    except ImportError as error:
+        reason = f"This file needs the package {package}: pip install graded_contact[io]"
+        raise ImportError(reason) from error
 
 
 def reader(name: str, gives: str, *, knows: Callable[[File], bool], rank: int = 0):

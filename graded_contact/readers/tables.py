@@ -53,23 +53,20 @@ class Column(NamedTuple):
         times = factor != 1 and dimension != "temperature"  # whose zero moves too
         return f"{start}, {self.source}" + times * f"; times {factor:.6g} in {SI[dimension]}" + "."
 
-    def si(self, cell: str) -> float:
-        """Returns a cell's number in SI units; NaN if it is none, infinity if it is too large."""
-        if not is_number(cell):
-            return np.nan
+    def si(self, cells: Iterable[str]) -> np.ndarray:
+        """Returns numbers in SI units; NaN for words, infinity for what is too large."""
+        values = np.array([float(cell) if is_number(cell) else np.nan for cell in cells])
         with np.errstate(over="ignore"):
-            value = np.float64(cell)
             if self.base is not None:
-                value = np.exp(value * (np.log(10) if self.base == "10" else 1))
-            offset = OFFSETS.get(self.unit, 0.0)
-            return float(UNITS[DIMENSIONS[self.quantity]].get(self.unit, 1.0) * value + offset)
+                values = np.exp(values * (np.log(10) if self.base == "10" else 1))
+            factor = UNITS[DIMENSIONS[self.quantity]].get(self.unit, 1.0)
+            return factor * values + OFFSETS.get(self.unit, 0.0)
 
-    def numbers(self, rows: Sequence[Row]) -> np.ndarray:
+    def numbers(self, rows: Iterable[Row]) -> np.ndarray:
         """Returns the numbers of the first block in SI units, NaN where there is none."""
-        cells = (row.cells[self.place] if self.place < len(row.cells) else "" for row in rows)
-        return np.array(list(map(self.si, cells)))
+        return self.si("".join(row.cells[self.place : self.place + 1]) for row in rows)
 
-    def known(self, rows: Sequence[Row]) -> np.ndarray:
+    def known(self, rows: Iterable[Row]) -> np.ndarray:
         """Returns the numbers that a measurement can have."""
         return credible(self.numbers(rows))
 
@@ -151,12 +148,10 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
     starts = _starts(rows, set(named))
     if not starts:
         data = [row for row in rows if holds_data(row)]
-        if not data:
-            return []
-        empty = [""] * max(len(row.cells) for row in data)
-        above = [row for row in rows if row.line < data[0].line]
+        empty = [""] * max((len(row.cells) for row in data), default=0)
+        above = list(itertools.takewhile(lambda row: not holds_data(row), rows))
         segments = [Segment(above, data, [])]
-        return [Table("no line of names", empty, empty, 1, segments, sheet.spaced)]
+        return [Table("no line of names", empty, empty, 1, segments, sheet.spaced)] * bool(data)
     tables: dict[tuple[str, ...], Table] = {}
     last = 0  # behind the numbers above
     for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
@@ -168,14 +163,12 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
         if key in tables and has_units and tables[key].units != table.units:
             key = (*table.names, *table.units)
         table = tables.setdefault(key, table)
-        # RheoCompass counts the points above the numbers: "Interval and data points: 1 29".
-        count = r"(?i)(?:interval|abschnitt).*:"
-        is_data = [holds_data(row) and not re.match(count, row.cells[0]) for row in below]
-        if any(is_data):
-            data = list(itertools.compress(below, is_data))
-            words = [row for row, numbers in zip(below, is_data, strict=True) if not numbers]
+        data = [row for row in below if holds_data(row) and not _POINTS.match(row.cells[0])]
+        if data:
+            lines = {row.line for row in data}
+            words = [row for row in below if row.line not in lines]
             table.segments.append(Segment(rows[last:start], data, words))
-            last = end - is_data[::-1].index(True)
+            last = rows.index(data[-1], start) + 1
     return [table for table in tables.values() if table.rows]
 
 
@@ -211,13 +204,11 @@ def _starts(rows: list[Row], named: set[str]) -> list[int]:
 # The lines above a table: its title, the temperature, the constant stress of a creep test, the
 # geometry. A value counts only with its unit, and only if no line gives another value.
 _VALUE = r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)"
-# Not "10 °C/min", and not the end of a word or of another number.
-_TEMPERATURE = re.compile(
-    rf"(?<![\w.,]){_VALUE}\s*(?:°|º|deg\.?)?\s*([CK])\b(?!\s*(?:/|\^|min|per))"
-)
-_STRESS = re.compile(
-    rf"(?i)\b(?:schub)?(?:stress|spannung)\b[^\w+-]*{_VALUE}\s*([a-z][a-z0-9/^²]*)"
-)
+_VALUES = {
+    # Not "10 °C/min", and not the end of a word or of another number.
+    "temperature": rf"(?<![\w.,]){_VALUE}\s*(?:°|º|deg\.?)?\s*([CK])\b(?!\s*(?:/|\^|min|per))",
+    "stress": rf"(?i)\b(?:schub)?(?:stress|spannung)\b[^\w+-]*{_VALUE}\s*([a-z][a-z0-9/^²]*)",
+}
 _TENSION = re.compile(
     r"(?i)(?:geometr|clamp|fixture|holder|halter|probe).*"
     r"(?:tension|tensile|compression|bending|cantilever|zug|biege|druck)"
@@ -225,42 +216,31 @@ _TENSION = re.compile(
 _TEST = re.compile(
     r"(?i)sweep|ramp|hold|relax|creep|soak|step|test|balayage|rampe|fluage|paliers?|essai|kriech|versuch"
 )
-_COUNT = re.compile(r"(?i)(?:interval|abschnitt)")  # "Interval and data points: 1 29"
+# RheoCompass counts the points above the numbers: "Interval and data points: 1 29".
+_POINTS = re.compile(r"(?i)(?:interval|abschnitt).*:")
 # Settings of an instrument that are no temperature of a test.
 _SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibration|span|range")
 
 
 def title_above(rows: Sequence[Row]) -> str:
     """Returns the title of the next step, such as "Frequency sweep - 2", or an empty text."""
-    titles = [row for row in rows if _TEST.search(row.text) and not _COUNT.match(row.cells[0])]
+    titles = [row for row in rows if _TEST.search(row.text) and not _POINTS.match(row.cells[0])]
     pairs = itertools.pairwise(rows)
     titles += [row for mark, row in pairs if mark.cells[0].casefold() == "[step]"]  # TRIOS
-    title = titles[-1] if titles else Row(0, [])
-    return next((cell for cell in reversed(title.cells) if cell), "")[:60]
+    return next((cell for cell in reversed(titles[-1].cells) if cell), "")[:60] if titles else ""
 
 
-def temperature_above(rows: Sequence[Row]) -> float | None:
-    """Returns the only temperature [K] that the rows name, such as "25 °C"."""
-    found = {
-        _value(number) + OFFSETS[unit]
-        for row in rows
-        if not _SETTING.search(row.cells[0])
-        for number, unit in _TEMPERATURE.findall(row.text)
-    }
-    for given in map(parameters, rows):
-        if "chem" in given and is_number(given.get("T", "")):  # as RepTate's files begin
-            found.add(float(given["T"]) + OFFSETS["C"])
-    return found.pop() if len(found) == 1 else None
-
-
-def stress_above(rows: Sequence[Row]) -> float | None:
-    """Returns the only stress [Pa] that the rows name, such as "Stress: 2 kPa"."""
-    found = {
-        _value(number) * UNITS["stress"][unit]
-        for row in rows
-        for number, word in _STRESS.findall(row.text)
-        if (unit := parse_unit(word)) in UNITS["stress"]
-    }
+def value_above(rows: Sequence[Row], quantity: str) -> float | None:
+    """Returns the only "temperature" [K] or "stress" [Pa] that the rows name, such as "25 °C"."""
+    units, found = UNITS[quantity], set()
+    for row in rows:
+        given = parameters(row)
+        if quantity == "temperature" and "chem" in given and is_number(given.get("T", "")):
+            found.add(float(given["T"]) + OFFSETS["C"])  # as RepTate's files begin
+        for number, word in re.findall(_VALUES[quantity], row.text):
+            unit = parse_unit(word)
+            if unit in units and not _SETTING.search(row.cells[0]):
+                found.add(float(number.replace(",", ".")) * units[unit] + OFFSETS.get(unit, 0.0))
     return found.pop() if len(found) == 1 else None
 
 
@@ -275,7 +255,3 @@ def parameters(row: Row) -> dict[str, str]:
     if not all(len(entry) == 2 for entry in entries):
         return {}
     return {name.strip(): value.strip() for name, value in entries}
-
-
-def _value(text: str) -> float:
-    return float(text.replace(",", "."))

@@ -14,10 +14,10 @@ import numpy as np
 
 from ..core.checks import Numbers, check_positive, check_types
 from ..core.display import with_unit
-from ..core.files import Refusal, read_file
+from ..core.files import Refusal
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
 from ..surfaces.surface import Step, Surface, step
-from .registry import File, read
+from .registry import opened, read
 from .scan import Scan
 from .units import metres
 
@@ -96,20 +96,16 @@ def read_surface(
 
 def _read(path: Path, channel, size, unit, periodic) -> tuple[Scan, float, np.ndarray, list[str]]:
     """The heights in a file, metres per unit, edge lengths [m], and warnings of the reader."""
-    content = read_file(path)
-    try:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            file = File(path, content, len(content), channel, size, unit)
-            scan = read(file, "heights").without_marks()
-            factor, known = _scales(scan, size, unit)
+    known = {"channel": channel, "size": size, "unit": unit}
+    with opened(path, **known) as file, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        scan = read(file, "heights").without_marks()
+        factor, edges = _scales(scan, size, unit)
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
-    except Refusal as error:
-        raise ValueError(f"`path={path}` is refused: {error}.") from None
     kinds = UserWarning | RuntimeWarning
     told = [entry.message for entry in caught if issubclass(entry.category, kinds)]
-    return scan, factor, known, [f"The reader warned: {message}" for message in told]
+    return scan, factor, edges, [f"The reader warned: {message}" for message in told]
 
 
 def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:

@@ -210,11 +210,8 @@ def _without_logarithm(text: str) -> tuple[str, str | None]:
     found = _LOGARITHM.match(text)
     if found is None:
         return text, None
-    rest = text[found.end() :]
-    if rest.startswith("("):
-        depths = np.cumsum([(char == "(") - (char == ")") for char in rest])
-        end = int(np.argmin(depths != 0))  # the bracket that closes the first one
-        rest = rest[1:end] + rest[end + 1 :] if depths[end] == 0 else rest[1:]
+    # Brackets may hold others, as those of a unit.
+    rest = re.sub(r"^\(((?:[^()]|\([^()]*\))*)\)", r"\1", text[found.end() :]).removeprefix("(")
     return rest, "e" if found[1].lower() == "ln" else "10"
 
 
@@ -234,6 +231,4 @@ def _words(name: str) -> list[str]:
     name = re.sub(r"[′’‘´`]", "'", name)
     name = re.sub(r"(?i)\btan[\s_(]*(?:delta|δ|d)\b\)?", " tandelta ", name)
     name = re.sub(r"\(\s*(?:ω|omega|w|f)\s*\)", " ", name)
-    of_time = re.findall(r"\b[EGJD]\(t\)", name)
-    rest = re.sub(r"\b[EGJD]\(t\)", " ", name)
-    return of_time + [word for word in re.split(r"[\s_.,:|()\[\]/-]+", rest) if word]
+    return re.findall(r"\b[EGJD]\(t\)|[^\s_.,:|()\[\]/-]+", name)

@@ -226,7 +226,7 @@ def test_replicates_side_by_side_are_numbered_and_chosen_by_number(tmp_path):
         read_moduli(path)
     told = str(found.value)
     assert "pass `sheet='sweep'`, which holds a sweep" in told and "'grade'" not in told
-    assert 'columns 2, 3, 4 are all "G\' (Pa)", the storage' in told
+    assert all(f"column {i} (G' (Pa))" in told for i in (2, 3, 4)), told
     assert "for instance by `columns={'storage': 2, 'loss': 5}`" in told
     third = read_moduli(path, sheet="sweep", columns={"storage": 4, "loss": 7})
     np.testing.assert_allclose(third.values, (3e6 + 3e5j) * f)
@@ -341,7 +341,7 @@ def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
         ("1, -2, 0.3", r"column 2 .E'., where the storage must be a positive .* line 7 .'-2'."),
         (
             "1e999, 2, 0.3",
-            r"column 1 .f., where the frequency must lie between .* line 7 .'1e999'.",
+            r"column 1 .f., where the frequency must be a number: .* line 7 .'1e999'.",
         ),
         ("1,5, 2, 0,3", "5 entries in 3 columns: 1 row.s., line 7."),
         ("1, --, 0.3", "a missing value: 1 row.s., line 7."),
@@ -534,7 +534,7 @@ def test_what_is_not_understood_is_refused_by_line(tmp_path, old, new, options, 
         ("f, E*, delta\nHz, Pa, deg\n1, 2, 90\n2, 3, 4\n", "below 90°: .* line 3 .'90'."),
         ("", "it is empty"),
         ("f, E', E''\0\n", "neither a table of text nor an Excel"),
-        ("7" * 200_000, "neither a table of text nor an Excel"),
+        ("7" * 200_000, "its lines are too long for a table"),
     ],
 )  # fmt: skip
 def test_ambiguous_or_broken_files_are_refused(tmp_path, text, expected):
@@ -553,7 +553,7 @@ def test_a_missing_file_a_folder_and_a_damaged_workbook_are_refused(tmp_path, mo
         archive.writestr("xl/workbook.xml", "<workbook/>")
     for content, library in ((b"\xd0\xcf\x11\xe0", "xlrd"), (stream.getvalue(), "openpyxl")):
         pytest.importorskip(library)
-        with pytest.raises(ValueError, match=r"a.xls` is refused: it cannot be read as an Ex"):
+        with pytest.raises(ValueError, match=r"a.xls` is refused: its .* the file is damaged"):
             read(tmp_path, content, "a.xls")
         with pytest.raises(ValueError, match=r"a.xls` is refused: .*damaged|cannot be read"):
             read(tmp_path, content[:4] + bytes(range(256)), "a.xls")

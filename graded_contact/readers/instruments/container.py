@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 
 from ...core.files import Refusal, file_in
-from ..registry import File, reader
+from ..registry import File, extra, reader
 from ..scan import Scan, chosen
 from ..units import metres
 
 _MOST = 1e6  # bytes of a description
-_DESCRIPTIONS = ("index.json", "meta.yml")
 _NOTHING = (None, "", "null", "~")  # in YAML
 
 
@@ -39,23 +38,25 @@ def _measurements(file: File) -> dict[str, tuple[str, dict[str, Any]]]:
 
     There are none if the zip is no container.
     """
-    described = next((name for name in _DESCRIPTIONS if name in file.parts), None)
+    described = next((name for name in ("index.json", "meta.yml") if name in file.parts), None)
     if described is None:
         return {}
     text = file_in(file.content, described)
+    found = []
     try:
         if len(text) > _MOST:
             raise ValueError(f"it has more than {_MOST:g} bytes")
         description = json.loads(text) if described.endswith("json") else _yaml(text)
         if "surfaces" not in description:
             return {}
-        found = []
         for surface in description["surfaces"]:
             for each in surface["topographies"]:
                 if part := _file(each, file.parts):
                     said = {key: value for key, value in each.items() if value not in _NOTHING}
                     found.append((str(said.get("name", part)), surface.get("name"), part, said))
-    except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
+    except ImportError:
+        raise
+    except Exception as error:  # YAML's, and those of other trees
         if described == "index.json":  # many a zip has one
             return {}
         reason = " ".join(str(error).split())[:200]
@@ -71,18 +72,11 @@ def _measurements(file: File) -> dict[str, tuple[str, dict[str, Any]]]:
 
 def _yaml(text: bytes) -> Any:
     """The value of a text in YAML; scalars are texts, whatever tags they have."""
-    try:
-        import yaml
-    except ImportError as error:
-        reason = "This container needs PyYAML: pip install graded_contact[io]"
-        raise ImportError(reason) from error
-    try:
-        loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, loader)):
-            raise ValueError("it has aliases")  # a few of them may stand for billions of entries
-        return yaml.load(text, loader)
-    except yaml.YAMLError as error:
-        raise ValueError(str(error)) from error
+    yaml = extra("yaml")
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, loader)):
+        raise ValueError("it has aliases")  # a few of them may stand for billions of entries
+    return yaml.load(text, loader)
 
 
 def _file(entry: dict[str, Any], names: list[str]) -> str | None:

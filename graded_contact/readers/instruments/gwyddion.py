@@ -4,6 +4,7 @@ The file is a tree of named components, see "Gwyddion native format" in the user
 (http://gwyddion.net/documentation/user-guide-en/gwyfile-format.html).
 """
 
+import io
 import re
 import struct
 from typing import Any
@@ -22,7 +23,7 @@ _ARRAYS = {"C": "S1", "I": "<i4", "Q": "<i8", "D": "<f8"}
 @reader("gwyddion", "heights", knows=lambda file: file.content.startswith(_MAGIC), rank=2)
 def read_channels(file: File) -> Scan:
     """Returns the channel of heights, or of numbers without a unit; raises `Refusal`."""
-    (_, container), _ = _object(file.content, len(_MAGIC))
+    _, container = _value(io.BytesIO(file.content[len(_MAGIC) :]), "o")
     fields = {
         found[1]: value[1]
         for key, value in container.items()
@@ -56,39 +57,22 @@ def _unit(field: dict[str, Any], key: str) -> str | None:
     return (unit[1].get("unitstr") if isinstance(unit, tuple) else None) or None
 
 
-def _object(content: bytes, at: int) -> tuple[tuple[str, dict[str, Any]], int]:
-    """The name and components of an object, and where it ends."""
-    name, at = _string(content, at)
-    (size,) = struct.unpack_from("<I", content, at)
-    at += 4
-    end, components = at + size, {}
-    if end > len(content):
-        raise Refusal("it is cut short")
-    while at < end:
-        key, at = _string(content, at)
-        components[key], at = _value(content, at + 1, chr(content[at]))
-    return (name, components), end
-
-
-def _value(content: bytes, at: int, kind: str) -> tuple[Any, int]:
+def _value(stream: io.BytesIO, kind: str) -> Any:
+    """The next value; of an object, its name and components."""
     if kind in _ATOMS:
-        return struct.unpack_from(_ATOMS[kind], content, at)[0], at + struct.calcsize(_ATOMS[kind])
+        return struct.unpack(_ATOMS[kind], stream.read(struct.calcsize(_ATOMS[kind])))[0]
     if kind == "s":
-        return _string(content, at)
-    if kind == "o":
-        return _object(content, at)
-    (count,) = struct.unpack_from("<I", content, at)
-    at += 4
+        end = stream.getvalue().index(b"\0", stream.tell())
+        return stream.read(end + 1 - stream.tell())[:-1].decode()
+    name = _value(stream, "s") if kind == "o" else ""
+    (count,) = struct.unpack("<I", stream.read(4))
     if kind in _ARRAYS:
         form = np.dtype(_ARRAYS[kind])
-        return np.frombuffer(content, form, count, at), at + count * form.itemsize
-    values = []
-    for _ in range(count):
-        value, at = {"S": _string, "O": _object}[kind](content, at)
-        values.append(value)
-    return values, at
-
-
-def _string(content: bytes, at: int) -> tuple[str, int]:
-    end = content.index(b"\0", at)
-    return content[at:end].decode(), end + 1
+        return np.frombuffer(stream.read(count * form.itemsize), form, count)
+    if kind in "SO":
+        return [_value(stream, kind.lower()) for _ in range(count)]
+    end, components = stream.tell() + count, {}
+    while stream.tell() < end:
+        key = _value(stream, "s")
+        components[key] = _value(stream, stream.read(1).decode())
+    return name, components

@@ -56,7 +56,6 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
     """The heights with the size from other arrays, such as "size" or "pixel_size_um"."""
     shape = np.array(scan.heights.shape)
     found: dict[str, Scan] = {}
-    edges = []
     for name, array in arrays.items():
         match = _SIZE.fullmatch(name)
         if not match or array.dtype.kind not in "iuf" or array.size not in (1, len(shape)):
@@ -68,7 +67,9 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
         size = np.broadcast_to(np.ravel(array) * (1 if whole else shape), shape.shape).astype(float)
         lateral = suffix or _lateral_unit(name, scan, size, unit or scan.unit)
         found[name] = scan._replace(size=size, lateral_unit=lateral)
-        edges.append((metres(str(lateral)) or 1.0) * size)
+    edges = [
+        (metres(str(each.lateral_unit)) or 1.0) * np.array(each.size) for each in found.values()
+    ]
     if not all(np.allclose(edge, edges[0], rtol=0.01) for edge in edges):
         names = " and ".join(map(repr, found))
         raise Refusal(f"its {names} contradict each other; pass `size` [m]")

@@ -29,8 +29,8 @@ def read_road(file: File) -> Scan:
     header = content[: end.start() if end else None].decode("latin-1")
     sections = _sections(header)
     if other := sections.get("ROAD_CRG_FILE"):
-        names = " ".join(line.strip() for line in other if line.strip()) or "no name"
-        raise Refusal(f"its elevations are in another OpenCRG file, {names[:200]!r}: read that one")
+        names = " ".join(filter(None, map(str.strip, other)))[:200]
+        raise Refusal(f"its elevations are in another OpenCRG file, {names!r}: read that one")
     if end is None:
         raise Refusal("its header does not end: no line begins with '$$'")
     road, changes = _parameters(sections, "ROAD_CRG"), _parameters(sections, "ROAD_CRG_MODS")
@@ -46,12 +46,11 @@ def read_road(file: File) -> Scan:
     sides = [i for i, (name, _) in enumerate(channels) if name.startswith("long section")]
     if len(sides) < 4:
         raise Refusal(f"it has {len(sides)} long sections; at least 4 are needed")
-    units = {channels[i][1] for i in sides}
-    factor = metres(units.pop()) if len(units) == 1 else None
-    if factor is None:
+    factors = {metres(channels[i][1]) for i in sides}
+    if len(factors) > 1 or None in factors:
         raise Refusal("its long sections are not all in one unit of length")
     rows = _rows(content[end.end() :], form, len(channels))
-    heights = factor * rows[:, sides] * changes.get("SCALE_Z_GRID", 1.0)
+    heights = factors.pop() * rows[:, sides] * changes.get("SCALE_Z_GRID", 1.0)
     step = road.get("REFERENCE_LINE_INCREMENT", 0.0)
     if not (np.isfinite(step) and step > 0):
         raise Refusal("it has no REFERENCE_LINE_INCREMENT, a length above 0")

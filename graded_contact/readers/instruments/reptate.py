@@ -5,8 +5,8 @@ parameter of its first line is the constant load; without a strain, "stress" is 
 """
 
 from ...core.files import Refusal
-from ..cells import is_number, sheets_of
-from ..registry import File, Options, Tables, reader
+from ..cells import Tables, is_number, sheets_of
+from ..registry import File, Options, reader
 from ..tables import parameters
 from ..units import DIMENSIONS, OFFSETS, UNITS, parse_unit
 
@@ -23,7 +23,7 @@ _FORMS = {
 def read_reptate(file: File) -> Tables:
     """Returns the table; temperature [°C] and load are in the first line."""
     kind, columns, load, usual = _FORMS[file.name.suffix.lower()]
-    sheet = sheets_of(file.content, file.packed)[0]
+    sheet = sheets_of(file)[0]
     given = parameters(sheet.rows[0]) if sheet.rows else {}
     known = {name: float(given[name]) for name in ("T", load) if is_number(given.get(name, ""))}
     below = [[parse_unit(cell) for cell in row.cells[: len(columns)]] for row in sheet.rows[1:4]]

@@ -3,14 +3,13 @@
 import contextlib
 import io
 import re
-import warnings
 import zlib
 from typing import Any
 
 import numpy as np
 
 from ...core.files import check_unpacked
-from ..registry import File, reader
+from ..registry import File, extra, reader
 from ..scan import Scan, check_points, chosen, from_lines
 from ..units import metres
 
@@ -27,13 +26,7 @@ def read_instrument(file: File) -> Scan:
     content, at_most = file.content, file.at_most
     if content.startswith((b"MATLAB", b"\xd0\xcf\x11\xe0")):
         _check_streams(content, at_most)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            import SurfaceTopography  # takes seconds
-    except ImportError as error:
-        reason = "This file needs SurfaceTopography: pip install graded_contact[io]"
-        raise ImportError(reason) from error
+    SurfaceTopography = extra("SurfaceTopography")  # takes seconds
     with SurfaceTopography.open_topography(io.BytesIO(content)) as library:
         if content.startswith(b"PK") and type(library).__name__ == "HGTReader":
             raise ValueError("this reader takes any 2 n² bytes")

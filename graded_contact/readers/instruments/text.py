@@ -5,23 +5,22 @@ header. Words between the numbers ("nan", "---", "BAD") are missing points, and 
 could be read in two ways is refused.
 """
 
-import contextlib
-import math
+import itertools
 import re
-from typing import NamedTuple
 
 import numpy as np
 
 from ...core.files import Refusal
-from ..cells import COMMENT, LONGEST, TextLayout, is_missing, lines_of, text_layout
+from .. import cells
+from ..cells import Row, Sheet, TextLayout, is_missing, is_number
 from ..registry import File, reader
-from ..scan import Scan, equally_spaced, from_lines
+from ..scan import MOST_POINTS, Scan, equally_spaced, from_lines
 from ..units import length_unit
 
+_LONGEST = 10_000_000  # characters of a line
 _BARE_UNIT = re.compile(r"^\W*(unit|einheit)", re.IGNORECASE)
 _OF_HEIGHTS = re.compile(r"unit|einheit|height|höhe|\bz\b|value|wert|topograph|depth", re.I)
 _OF_LENGTHS = re.compile(r"width|length|size|pixel|step|spacing|lateral|area|range|\b[xy]\b", re.I)
-_QUOTED = re.compile(r'(?:^|[\t;, ])"[^"]*[\t;, ][^"]*"')  # a cell with a separator
 _EQUAL = 1e-3  # of a step: how far points may lie from equal spacing
 _BESIDE = 0.05  # of a step: how far points may lie beside a grid
 _SAID = 0.002  # of a step: from where on the history says so
@@ -29,81 +28,23 @@ _BETWEEN = 0.25  # of the largest gap: gaps between lines of scattered points
 _MOST_WORDS = 8  # different ones that can all mean a missing point
 
 
-class _Table(NamedTuple):
-    """Numbers of a text, NaN where missing; the header's lines, and the layout."""
-
-    values: np.ndarray
-    header: list[str]
-    layout: TextLayout
-    notes: list[str]
-
-
 @reader("text", "heights", knows=lambda file: file.text is not None, rank=2)
-def read_text_file(file: File) -> Scan:
+def read_text(file: File) -> Scan:
     """Returns the heights in a text without a header that SurfaceTopography knows."""
-    return read_text(file.text or "")
-
-
-def read_text(text: str) -> Scan:
-    """Returns the heights in a text, or raises `Refusal`."""
-    table = _table(lines_of(text))
-    if len(table.values) == 1:
-        table = table._replace(values=table.values.T)
-    if table.values.shape[1] == 1:
-        scan = Scan(table.values[:, 0], "one line of heights", unit=_matrix_unit(table.header))
-    else:
-        scan = {2: _line_scan, 3: _grid_points}.get(table.values.shape[1], _matrix_scan)(table)
-    return scan._replace(notes=(*table.notes, *scan.notes))
-
-
-def _table(lines: list[str]) -> _Table:
-    if max(map(len, lines), default=0) > LONGEST:
-        raise Refusal("its lines are too long for a table")
-    body = {
-        number: line
-        for number, line in enumerate(lines, start=1)
-        if line.strip() and not COMMENT.match(line) and not line.lstrip().startswith("*")
-    }
-    if not any(map(_QUOTED.search, body.values())):
-        body = {number: line.replace('"', "") for number, line in body.items()}
-    layout = _layout(list(body.values()))
-    first = next((number for number, line in body.items() if _is_data(layout.cells(line))), None)
-    if first is None:
-        raise Refusal("it holds no table of numbers")
-    header = [line.strip() for line in lines[: first - 1] if line.strip()]
-    body = {number: line for number, line in body.items() if number >= first}
-    width = len(layout.split(body[first]))
-    mark = layout.separator
-    spare = width > 1 and mark and all(line.rstrip(" ").endswith(mark) for line in body.values())
-    rows: list[list[float]] = []
-    words: dict[str, None] = {}
-    for number, line in body.items():
-        cells = layout.split(line)
-        if len(cells) != width:
-            raise Refusal(f"line {number} has {len(cells)} cells, those before it {width}")
-        cells = cells[: width - 1] if spare else cells
-        rows.append(_numbers(line, number, cells, layout))
-        lost = [cell[:20] for cell, value in zip(cells, rows[-1], strict=True) if value != value]
-        words |= dict.fromkeys(lost)
-        if len(words) > _MOST_WORDS:
-            raise Refusal(f"line {number} contains {[*words][-1]!r}, earlier lines other words")
-    values = np.array(rows)
-    if values.size < 4:
-        raise Refusal("it holds no table of numbers")
-    notes = [f"Read as text with {layout}."]
-    if words:
-        notes.append(f"Missing points are written {', '.join(map(repr, words))}.")
-    return _Table(values, header, layout, notes)
+    text, encoding = file.decoded or ("", "")
+    lines = cells.lines_of(text, _LONGEST)
+    return heights_in(cells.text_sheet(lines, _layout(lines), encoding, MOST_POINTS))
 
 
 def _layout(lines: list[str]) -> TextLayout:
     """The layout in which most cells are numbers, unless commas have two meanings."""
-    layout = text_layout(lines, 1)
-    if layout != (",", "."):
+    lines = [line for line in lines if line.strip() and not cells.COMMENT.match(line)]
+    layout = cells.text_layout(lines, 1)
+    if layout[:2] != (",", "."):
         return layout
     parts = [line.split(",") for line in lines[-60:]]
     remedy = "write decimal points, or separate the columns by semicolons"
-    if any(re.fullmatch(r"\s*0\d+\s*", cell) for cells in parts for cell in cells):
+    if any(re.fullmatch(r"\s*0\d+\s*", part) for line in parts for part in line):
         raise Refusal(f"its commas seem to be decimal marks and to separate columns too; {remedy}")
     whole = re.compile(r"\s*[-+]?\d+,\d+\s*")
     if all(map(whole.fullmatch, lines[-60:])):
@@ -113,56 +54,77 @@ def _layout(lines: list[str]) -> TextLayout:
     return layout
 
 
+def heights_in(sheet: Sheet) -> Scan:
+    """Returns the heights in the rows of a sheet, or raises `Refusal`."""
+    known = (row for row in sheet.rows if not row.comment)
+    body = list(itertools.dropwhile(lambda row: not _is_data(row.cells), known))
+    if not body:
+        raise Refusal("it holds no table of numbers")
+    values, header = _values(body, notes := []), [r for r in sheet.rows if r.line < body[0].line]
+    if values.shape[1] == 1:
+        scan = Scan(values[:, 0], "one line of heights", unit=_matrix_unit(header))
+    else:
+        read = {2: _line_scan, 3: _grid_points}.get(values.shape[1], _matrix_scan)
+        scan = read(values, header)
+    if sheet.name:
+        return scan._replace(source=sheet.layout, notes=(*notes, *scan.notes))
+    return scan._replace(notes=(f"Read as {sheet.layout}.", *notes, *scan.notes))
+
+
 def _is_data(cells: list[str]) -> bool:
     """Whether cells hold numbers, and otherwise only marks of missing points."""
     known = [cell for cell in cells if not is_missing(cell)]
-    return bool(known) and None not in map(_number, known)
+    return bool(known) and all(map(is_number, known))
 
 
-def _numbers(line: str, place: int, cells: list[str], layout: TextLayout) -> list[float]:
-    """The numbers in the cells of a line; NaN for words and infinities."""
-    odd = "_." if layout.decimal == "," else "_"
-    with contextlib.suppress(ValueError):  # words, and marks between thousands
-        if not any(character in line for character in odd):
-            values = [float(cell.replace(layout.decimal, ".")) for cell in cells]
-            return [value if math.isfinite(value) else math.nan for value in values]
-    values = []
-    for cell in layout.cells(line)[: len(cells)]:
-        value = _number(cell)
-        if value is None and any(character.isdigit() for character in cell):
-            raise Refusal(f"line {place} holds {cell[:40]!r}, which is no number")
-        values.append(value if value is not None and math.isfinite(value) else math.nan)
-    return values
+def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
+    """The numbers in rows of equal width, NaN for words; a single row becomes a column."""
+    width = len(rows[0].cells)
+    ragged = next((row for row in rows if len(row.cells) != width), None)
+    if ragged is not None:
+        cells = f"{len(ragged.cells)} cells, those before it {width}"
+        raise Refusal(f"line {ragged.line} has {cells}")
+    full = [place for place in range(width) if any(row.cells[place] for row in rows)]
+    values = np.full((len(rows), full[-1] + 1 - full[0]), np.nan)
+    words: dict[str, None] = {}
+    for row, numbers in zip(rows, values, strict=True):
+        cells = row.cells[full[0] : full[-1] + 1]
+        good = [is_number(cell) for cell in cells]
+        numbers[good] = [float(cell) for cell, known in zip(cells, good, strict=True) if known]
+        lost = [cell[:40] for cell, known in zip(cells, good, strict=True) if not known]
+        odd = next((cell for cell in lost if any(map(str.isdigit, cell))), None)
+        if odd:
+            raise Refusal(f"line {row.line} holds {odd!r}, which is no number")
+        words |= dict.fromkeys(lost)
+        if len(words) > _MOST_WORDS:
+            raise Refusal(f"line {row.line} contains {lost[-1]!r}, earlier lines other words")
+    if values.size < 4:
+        raise Refusal("it holds no table of numbers")
+    if words:
+        notes.append(f"Missing points are written {', '.join(map(repr, words))}.")
+    return values.T if len(values) == 1 else values
 
 
-def _number(cell: str) -> float | None:
-    try:
-        return None if "_" in cell else float(cell)
-    except ValueError:
-        return None
-
-
-def _column_units(table: _Table) -> list[str | None]:
-    """The unit in the heading of each column, from the header's last two lines."""
-    width = table.values.shape[1]
+def _column_units(header: list[Row], width: int) -> list[str | None]:
+    """The unit in the heading of each column, from the last two rows above."""
     units: list[str | None] = [None] * width
-    for line in table.header[-2:]:
-        cells = table.layout.split(COMMENT.sub("", line, count=1))
-        cells = cells if len(cells) == width else re.split(r"[\t;,]|\s{2,}", line)
-        if len(cells) == width:
-            units = [length_unit(cell) or old for cell, old in zip(cells, units, strict=True)]
+    for row in header[-2:]:
+        if len(row.cells) == len(units):
+            found = map(length_unit, row.cells)
+            units = [unit or old for unit, old in zip(found, units, strict=True)]
     return units
 
 
-def _matrix_unit(header: list[str]) -> str | None:
+def _matrix_unit(header: list[Row]) -> str | None:
     """The unit of heights that the header names, if it names one only."""
-    lines = [line for line in header if _OF_HEIGHTS.search(line) or _BARE_UNIT.search(line)]
+    lines = [row.text for row in header]
+    lines = [line for line in lines if _OF_HEIGHTS.search(line) or _BARE_UNIT.search(line)]
     units = {length_unit(line) for line in lines if not _OF_LENGTHS.search(line)} - {None}
     return units.pop() if len(units) == 1 else None
 
 
-def _line_scan(table: _Table) -> Scan:
-    x, z = table.values.T
+def _line_scan(values: np.ndarray, header: list[Row]) -> Scan:
+    x, z = values.T
     notes = []
     known = np.isfinite(x)
     if not np.all(known):
@@ -181,7 +143,7 @@ def _line_scan(table: _Table) -> Scan:
     num = len(x)
     if num < 4:
         raise Refusal("it has fewer than 4 points")
-    lateral, unit = _column_units(table)
+    lateral, unit = _column_units(header, 2)
     if lateral is None and np.array_equal(x - x[0], np.arange(num)) and x[0] in (0, 1):
         notes.append("The first column counts the points; it is no position.")
         return Scan(z, "a column of heights", unit=unit, notes=tuple(notes))
@@ -190,9 +152,9 @@ def _line_scan(table: _Table) -> Scan:
     return Scan(z, "a line scan", size, unit, lateral, positions, notes=tuple(notes))
 
 
-def _grid_points(table: _Table) -> Scan:
+def _grid_points(values: np.ndarray, header: list[Row]) -> Scan:
     """Points x y z of a grid, in any order; those that the file leaves out are missing."""
-    x, y, z = table.values.T
+    x, y, z = values.T
     if not np.all(np.isfinite(x) & np.isfinite(y)):
         raise Refusal("some of its points lack a position")
     (i, step_x, off_x), (j, step_y, off_y) = _grid_lines(x, "x"), _grid_lines(y, "y")
@@ -204,7 +166,7 @@ def _grid_points(table: _Table) -> Scan:
     if len(np.unique(np.ravel_multi_index(places, shape))) < len(z):
         raise Refusal("two of its points x y z have the same place")
     heights[places] = z
-    lateral, across, unit = _column_units(table)
+    lateral, across, unit = _column_units(header, 3)
     if lateral != across:
         raise Refusal(f"its x is in {lateral!r} and its y in {across!r}")
     size = np.array(shape) * np.array(steps)
@@ -235,18 +197,16 @@ def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float, float]:
     off = float(np.max(np.abs(axis - low - place * step)) / step)
     if len(gaps) < 3 or off > _BESIDE:
         remedy = "interpolate them onto one, for instance by `scipy.interpolate.griddata`"
-        uneven = f"their {name} is not equally spaced"
-        raise Refusal(f"its points x y z form no grid, as {uneven}: {remedy}")
+        raise Refusal(f"its points x y z form no grid along {name}: {remedy}")
     return place.astype(int), float(step), off
 
 
-def _matrix_scan(table: _Table) -> Scan:
-    values, unit = table.values, _matrix_unit(table.header)
-    lateral, corner = None, None
+def _matrix_scan(values: np.ndarray, header: list[Row]) -> Scan:
+    unit, lateral, corner = _matrix_unit(header), None, None
     labels = [_axis_step(values[0, 1:]), _axis_step(values[1:, 0])]
-    if labels[0] is None and table.header:  # the labels of columns may be in the header
-        cells = table.layout.cells(table.header[-1])
-        if len(cells) == values.shape[1] and None not in map(_number, cells[1:]):
+    if labels[0] is None and header:  # the labels of columns may be in the header
+        cells = header[-1].cells
+        if len(cells) == values.shape[1] and all(map(is_number, cells[1:])):
             labels = [_axis_step(np.array(cells[1:], float)), _axis_step(values[:, 0])]
             values = np.concatenate([np.full((1, values.shape[1]), np.nan), values])
             corner = length_unit(cells[0])
@@ -258,8 +218,8 @@ def _matrix_scan(table: _Table) -> Scan:
     notes = ["Its first row and first column were taken as x and y."]
     if corner is not None:
         unit, lateral = unit or corner, corner
-        notes.append(f"The unit {corner!r} in its corner is that of x and y, and of the heights "
-                     f"unless the header names another.")  # fmt: skip
+        of = "of x and y, and of the heights unless the header names another"
+        notes.append(f"The unit {corner!r} in its corner is that {of}.")
     steps = np.array([label for label in labels if label])
     along_x, along_y = np.sign(steps).astype(int)
     heights = values[1:, 1:].T[::along_x, ::along_y]

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...core.files import Refusal
-from ..cells import Row, Sheet
-from ..registry import File, Tables, reader
+from ..cells import Row, Sheet, Tables
+from ..registry import File, reader
 
 _NUMBERS = ("Number", "Integer")
 
@@ -32,23 +32,17 @@ def read_trios(file: File) -> Tables:
         export = "export it as text, or as a workbook"
         raise Refusal(f"it is a JSON without the `ColumnHeaders` and `Rows` of TRIOS: {export}")
     edited = {name: table for name, table in tables.items() if name == "Processed"} or tables
-    try:
-        return Tables([_sheet(name, table) for name, table in edited.items()])
-    except (AttributeError, TypeError) as error:
-        raise Refusal(f"its tables are not as TRIOS writes them ({error})") from error
+    return Tables([_sheet(name, table) for name, table in edited.items()])
 
 
 def _tables(value: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """The tables in a tree, with the keys that hold them."""
-    if isinstance(value, dict):
-        if isinstance(value.get("ColumnHeaders"), dict) and isinstance(value.get("Rows"), list):
-            yield name, value
-        else:
-            for key, inner in value.items():
-                yield from _tables(inner, key)
-    elif isinstance(value, list):
-        for inner in value:
-            yield from _tables(inner, name)
+    if isinstance(value, dict) and {"ColumnHeaders", "Rows"} <= set(value):
+        yield name, value
+    elif isinstance(value, dict | list):
+        inner = value.items() if isinstance(value, dict) else ((name, each) for each in value)
+        for key, each in inner:
+            yield from _tables(each, key)
 
 
 def _sheet(name: str, table: dict[str, Any]) -> Sheet:
@@ -71,4 +65,4 @@ def _sheet(name: str, table: dict[str, Any]) -> Sheet:
         lines.append(["" if cell is None else str(cell) for cell in cells])
     rows = [Row(line, cells) for line, cells in enumerate(lines, start=1)]
     layout = f"{name!r} of TRIOS's JSON; lines are those of its text export"
-    return Sheet(name, [row for row in rows if any(row.cells)], layout, spaced=False)
+    return Sheet(name, [row for row in rows if any(row.cells)], layout)

@@ -1,32 +1,33 @@
-"""Heights in an Excel workbook: the sheet that `channel` names, or its only table."""
-
-import numpy as np
+"""Tables in text or workbooks, as all programs can export them: moduli, or heights on a sheet."""
 
 from ...core.files import Refusal
-from ..cells import sheets_of
+from ..cells import Tables, sheets_of
 from ..registry import File, reader
 from ..scan import Scan, chosen
 from .surface_topography import read_instrument
-from .text import read_text
+from .text import heights_in
+
+
+@reader("spreadsheet", "moduli", knows=lambda file: True, rank=2)
+def read_tables(file: File) -> Tables:
+    """Returns the sheets of a workbook, or a text as the only sheet."""
+    return Tables(sheets_of(file))
 
 
 @reader("workbook", "heights", knows=lambda file: "xl/workbook.xml" in file.parts)
 @reader("xls", "heights", knows=lambda file: file.content.startswith(b"\xd0\xcf\x11\xe0"), rank=2)
 def read_workbook(file: File) -> Scan:
-    """Returns the heights in a sheet."""
-    scans, refusals = {}, []
-    sheets = sheets_of(file.content, file.packed)
+    """Returns the heights in the sheet that `channel` names, or in the only table."""
+    scans, refusals = {}, [Refusal("it is an empty workbook")]
+    sheets = sheets_of(file)
     if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:
         return read_instrument(file)  # of Mitutoyo's instruments
-    for sheet in filter(lambda sheet: sheet.rows, sheets):
-        cells = [row.cells for row in sheet.rows]  # all rows of a sheet are equally wide
-        full = np.flatnonzero([any(column) for column in zip(*cells, strict=True)])
-        lines = ["\t".join(row[full[0] : full[-1] + 1]) for row in cells]
+    for sheet in sheets:
         try:
-            scans[sheet.name] = read_text("\n".join(lines))._replace(source=sheet.layout)
+            scans[sheet.name] = heights_in(sheet)
         except Refusal as error:
             refusals.append(error)
     if not scans:
-        raise refusals[0] if refusals else Refusal("it is an empty workbook")
+        raise refusals[-1]
     names = list(scans)
     return scans[names[chosen(file.channel, names, "it holds several sheets of heights")]]

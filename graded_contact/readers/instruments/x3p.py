@@ -48,10 +48,9 @@ def read_text_heights(file: File) -> Scan:
     check_points(shape, file.at_most)
     if shape[2] != 1 or min(shape) < 1 or len(data) != shape[0] * shape[1]:
         raise Refusal(f"it has {len(data)} heights for {' x '.join(map(str, shape))} points")
-    try:
-        heights = np.array([float(text) if text.strip() else np.nan for text in data])
-    except ValueError:
-        raise Refusal("its points have more than a height: save a matrix of heights") from None
+    if any(b";" in text for text in data):
+        raise Refusal("its points have more than a height: save a matrix of heights")
+    heights = np.array([float(text) if text.strip() else np.nan for text in data])
     axes = "./Record1/Axes"
     if root.findtext(f"{axes}/CZ/AxisType".replace("/", "/{*}"), "A").strip() == "I":
         heights = heights * number(f"{axes}/CZ/Increment", "1")
