@@ -10,7 +10,7 @@ from .operator import Field, Scalar
 class RESULTS(eqx.Enumeration):
     """How a solve ended."""
 
-    successful = ""
+    successful = "successful"
     max_steps_reached = (
         "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` of the solver or "
         "loosen `rtol`; at a mean gap near full contact, prescribe `pressure`."

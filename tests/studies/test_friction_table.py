@@ -280,6 +280,7 @@ def test_a_point_that_fails_by_one_method_offers_the_other(invoke, tmp_path):
     both = ("--method", "both", "-o", str(tmp_path), "--rtol", "1e-12", "--replace")
     both = invoke(*both, replaced=("[0.01, 1.0]", "[0.01, 1.0]\ntemperature = 300.0"))
     assert both.exit_code == 0 and "2 of 2 points failed by the mean field" in both.stderr
+    assert "By the mean field, with the error of its quadrature:" in both.stdout
     written = read(tmp_path / "small-friction.h5")
     assert np.all(written.friction > 0) and np.all(np.isnan(written["mean_field.friction"]))
     text = (tmp_path / "small-friction.csv").read_text()
