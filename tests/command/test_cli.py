@@ -407,7 +407,7 @@ def test_results_are_compared_in_a_figure(folder, tmp_path):
         ((first, tmp_path / "none.h5"), "none.h5` does not exist"),
         (
             (first, "base.toml"),
-            "`path=base.toml` is a scene, which has no numbers yet: run `graded",
+            "`path=base.toml` is a scene, which has no numbers yet: run",
         ),
         ((first, second, "-o", tmp_path / "a.xyz"), "is refused: figures are"),
     ):
