@@ -32,7 +32,7 @@ class Numerics(eqx.Module):
     - `throw`: whether to raise if a solve or a kernel fails; with False see `.result`. Static.
     """
 
-    rtol: float | None = eqx.field(default=None, static=True)
+    rtol: Any = eqx.field(default=None, static=True)  # a number once `of` is called
     solver: AbstractContactSolver = DouglasRachford()
     adjoint: LinearSolver = LinearSplitting()
     graded_solver: AbstractGradedSolver = Layering()

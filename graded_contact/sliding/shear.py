@@ -204,8 +204,10 @@ def shear_stress(
 
 def unless_negative(value: Array, stress: ShearStress | None) -> Array:
     """Returns `value`, or NaN if a law of shear has a negative stress that tracing hid."""
-    law = None if stress is None else still(stress.law)
-    if stress is None or all(map(is_concrete, jax.tree.leaves(law))):
+    if stress is None:
+        return value
+    law = still(stress.law)
+    if all(map(is_concrete, jax.tree.leaves(law))):
         return value
     # At rest, as the stress of a cycle is bound, a law of the speed has no stress.
     speed = jnp.where(stress.speed == 0, 1, stress.speed)
