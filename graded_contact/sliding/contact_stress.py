@@ -1,6 +1,6 @@
 """The stress in the block under the pressure and the traction of a contact."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -135,8 +135,9 @@ def _check_block(sliding: Sliding, stack: Stack, graded_solver: AbstractGradedSo
         return
     modes = np.unique([1, max(1, min(sliding.grid.shape) // 4)])
     modes = (modes[2 * modes < min(sliding.grid.shape)],) * sliding.grid.ndim
+    shear: Any = sliding.shear  # with a coupling there is one
     if sliding.coupling is not None and sliding.coupling.in_kernel:
-        kernel = kernel - sliding.shear.law.coefficient * sliding.coupling.lift[0]
+        kernel = kernel - shear.law.coefficient * sliding.coupling.lift[0]
     omega = jnp.broadcast_to(wave_frequencies(sliding.grid, sliding.velocity), q.shape)[modes]
     own = surface_compliance(stack, q[modes], omega, graded_solver=graded_solver)
     if not np.allclose(own, kernel[modes], rtol=_SAME, atol=0):
