@@ -281,7 +281,7 @@ def largest(size=8192, velocity=0.1, loads=(0.1,)):
             "N": size, "p/E_r": load, "v": velocity, "friction": float(found.friction),
             "area": float(found.contact_area), "FFT pairs": float(found.num_fft_pairs),
             "minutes": minutes, "peak [GB]": peak_memory(),
-            "result": gc.contacts.RESULTS[found.result] or "successful",
+            "result": gc.contacts.RESULTS[found.result],
         }  # fmt: skip
         # Half as many points are solved when the total error is read.
         error = float(found.friction_error)

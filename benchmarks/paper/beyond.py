@@ -299,7 +299,8 @@ def searched(given, size):
             "friction_by_contact": one.friction, "friction_of_more_waves": other.friction,
             "contact_area_by_contact": other.contact_area,
         }  # fmt: skip
-        message = gc.contacts.RESULTS[one.result] or gc.contacts.RESULTS[other.result]
+        ends, good = gc.contacts.RESULTS, gc.contacts.RESULTS.successful
+        message = next((ends[s.result] for s in (one, other) if s.result != good), "")
         return {name: float(value) for name, value in numbers.items()} | {"message": message}
 
     rows = [row(bare, softest=0.0, **dict.fromkeys(LOWER, 0.0))]

@@ -131,7 +131,7 @@ class GradedCompliance(eqx.Module):
     **Fields:**
 
     - `value`: M_zz [m/Pa], shape `(*w)`.
-    - `error`: estimated relative error of `value` [1], shape `(*w)`.
+    - `error`: estimated relative error of `value` [1], shape `(*w)`; infinite where that is NaN.
     """
 
     value: Inexact[Array, "*w"]

@@ -10,6 +10,7 @@ import typer
 from typer import Option
 
 from ..core.checks import check_values
+from ..core.quantities import in_brackets
 from ..exports.friction_cards import export_friction
 from ..mean_field.diffusion import Correction
 from ..page.document import described
@@ -86,6 +87,7 @@ def table(
                 found = _contacts(scene, surface, store, interruption)
         if method != "contact":
             theory = _mean_field(scene, surface, interruption, options)
+            _print_theory(theory)
             found = theory if found is None else beside(found, theory)
         assert found is not None
         found.attrs |= {"method": method, "conditions": _conditions(scene, surface, method)}
@@ -156,6 +158,14 @@ def _mean_field(
     if not _varies(scene) and "temperature" in found.dims:  # no axis of the scene
         found = found.isel(temperature=0, drop=True)
     return found.assign_attrs(title=scene.title, scene=scene.text)
+
+
+def _print_theory(theory: "Dataset") -> None:
+    names = ["friction", "friction_error", "contact_area"]
+    rows = theory[names].to_dataframe([*theory["friction"].dims]).reset_index()
+    rows.columns = [name + in_brackets(theory[name].attrs.get("units", "1")) for name in rows]
+    text = rows.to_string(index=False, float_format="{:.4g}".format)
+    typer.echo(f"By the mean field, with the error of its quadrature:\n{text}")
 
 
 def _varies(scene: Scene) -> bool:

@@ -22,7 +22,7 @@ from ..scenes.schema import entry_text
 from ..scenes.theory import excites_unknown, mean_fields
 from ..studies.dataset import write_whole
 from . import fit
-from .result_tables import print_steps
+from .result_tables import print_surface
 from .terminal import Output, Replace, checked_place, refusing
 
 FINEST_EDGE = 512  # points along an edge, for results within minutes
@@ -79,9 +79,7 @@ def new(
         most = FINEST_EDGE if surface.heights.ndim == 2 else FINEST_EDGE**2
         read["shape"] = tuple(min(2 * n, most) for n in surface.grid.shape)
         surface = read_surface(surface_file, **read)
-        for sentence in surface.history:
-            typer.echo(sentence)
-        print_steps(surface)
+        print_surface(surface)
         measured = fit.read_measured(
             moduli_files, column, unit, temperature, kind, poisson=poisson, sheet=sheet, step=step
         )

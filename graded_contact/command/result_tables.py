@@ -110,8 +110,10 @@ def _columns(results: "Dataset", full: bool) -> dict[str, tuple[str, str]]:
     known = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
     known |= {name + end: (head, ".1e") for name in MAIN for end, head in APART.items()}
     hidden = {"unmeasured_friction"} if "measured" not in results else set()
-    # Without shear in the contact, all friction is hysteresis.
-    if "shear_friction" in results and not np.any(results["shear_friction"]):
+    # Without shear in the contact, all friction is hysteresis. With coupling, shear and slopes
+    # exchange power: only what the block loses and what heats the interface are parts of it.
+    without = "shear_friction" in results and not np.any(results["shear_friction"])
+    if without or "block_friction" in results:
         hidden |= {"hysteresis_friction", "shear_friction"}
     # An error stands beside its number.
     numbers = [name for name in known if not name.endswith("_error")] if full else MAIN
@@ -158,11 +160,16 @@ def print_read(scene: Scene, surface: Surface | None) -> None:
     for sentence in filter(None, (scene.title, *scene.notes)):
         typer.echo(sentence)
     if surface is not None:
-        for sentence in surface.history:
-            typer.echo(f"surface: {sentence}")
-        print_steps(surface)
-        for sentence in surface.caveats:
-            typer.secho(f"Caveat: {sentence}", fg="yellow")
+        print_surface(surface)
+
+
+def print_surface(surface: Surface) -> None:
+    """Prints the changes of a surface, its roughness after each, and the warnings about it."""
+    for sentence in surface.history:
+        typer.echo(f"surface: {sentence}")
+    print_steps(surface)
+    for sentence in surface.caveats:
+        typer.secho(f"Caveat: {sentence}", fg="yellow")
 
 
 def print_steps(surface: Surface) -> None:

@@ -10,7 +10,7 @@ from .operator import Field, Scalar
 class RESULTS(eqx.Enumeration):
     """How a solve ended."""
 
-    successful = ""
+    successful = "successful"
     max_steps_reached = (
         "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` of the solver or "
         "loosen `rtol`; at a mean gap near full contact, prescribe `pressure`."
@@ -21,8 +21,8 @@ class RESULTS(eqx.Enumeration):
     )
     not_finite = (
         "The solve failed: the kernel, the heights, the pressure or the approach is not finite or "
-        "too large (a negative thickness or modulus, a liquid (`equilibrium=0`) at rest, an "
-        "approach beyond the window's length). In float32, enable `jax_enable_x64`."
+        "too large (a negative thickness, modulus or shear, a liquid (`equilibrium=0`) at rest, "
+        "an approach beyond the window's length). In float32, enable `jax_enable_x64`."
     )
     unresolved = (
         "The attraction of the law rises too steeply for the grid: the computed equilibrium may be "

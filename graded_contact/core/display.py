@@ -151,7 +151,7 @@ def _text(value: Any) -> str:
     if hasattr(value, "_enumeration"):  # of `equinox`; the first entry is success
         ends = np.asarray(jax.tree.leaves(value)[0])
         if ends.ndim == 0:
-            return value._enumeration[value] or "successful"
+            return value._enumeration[value]
         return f"{np.sum(ends == 0)} of {ends.size} successful"
     if isinstance(value, jax.Array | np.ndarray):
         return _array(value)

@@ -42,6 +42,7 @@ from ..blocks.heated_stack import check_bulk
 from ..blocks.kernel import stack_kernel
 from ..blocks.layering import Layering
 from ..blocks.stack import Stack, check_at_rest
+from ..contacts.law import HardWall
 from ..core.checks import (
     Numbers,
     as_float,
@@ -51,6 +52,7 @@ from ..core.checks import (
     check_types,
     check_values,
     is_concrete,
+    short,
 )
 from ..core.display import shown
 from ..fields.frequency import as_velocity, direction_and_speed
@@ -58,7 +60,7 @@ from ..materials.shift import as_temperature
 from ..materials.softening import as_strain_per_slope
 from ..sliding.case import Case
 from ..sliding.heating import Heating
-from ..sliding.shear import ShearLaw, shear_stress
+from ..sliding.shear import ShearLaw, shear_stress, unless_negative
 from ..surfaces.spectrum import CutoffCurve, SelfAffine
 from ..surfaces.statistics import slope_up_to
 from ..surfaces.surface import Surface
@@ -178,10 +180,10 @@ def mean_field_friction(
     check_positive("pressure", pressure, "[Pa]")
     check_tolerance("rtol", rtol, pressure)
     # Early, so that a bad law is named before anything is compiled.
-    shear_stress(shear, direction_and_speed(velocity)[1], temperature)  # refuses what is no law
+    stress = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
     temperature = None if temperature is None else as_temperature(temperature)
     # On input the value is unknown if the pressure is traced.
-    load = jnp.where(pressure > 0, pressure, jnp.nan)
+    load = unless_negative(jnp.where(pressure > 0, pressure, jnp.nan), stress)
     ratio = None if strain_per_slope is None else as_strain_per_slope(strain_per_slope, stack)
     if isinstance(spectrum, Surface):
         for name, value in (("own_roughness", own_roughness), ("heating", heating)):
@@ -234,7 +236,11 @@ def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanFiel
     - `case`: with a pressure and a velocity.
     - `roughness`: `spectrum` of `mean_field_friction`; None for the surface of the case.
     - `options`: arguments of `mean_field_friction`, also in place of those of the case.
+
+    **Raises:** `ValueError` for a case with another law of contact than a hard wall.
     """
+    if not isinstance(case.law, HardWall) or case.law.hardness is not None:
+        raise ValueError(f"`law={short(case.law)}` is refused: the mean field is of a hard wall.")
     names = "pressure", "velocity", "shear", "temperature", "heating", "strain_per_slope"
     given: dict[str, Any] = {name: getattr(case, name) for name in names} | options
     rough = case.surface if roughness is None else roughness

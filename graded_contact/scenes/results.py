@@ -181,6 +181,11 @@ def read_results(path: str | os.PathLike) -> "Dataset":
 
     **Raises:** `FileNotFoundError`; `ValueError` for another file, or a damaged one.
     """
+    if Path(path).suffix == ".toml":
+        raise ValueError(
+            f"`path={path}` is a scene, which has no numbers yet: run `graded-contact run {path}` "
+            "and give its results, a file that ends in .h5."
+        )
     results = read(path)
     try:
         needed = ("message", "point", "heights", "friction", "contact_area")

@@ -115,6 +115,7 @@ class Case(eqx.Module):
         **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
         """
         check_type("surface", self.surface, Surface)
+        numerics = numerics.of(self.stack, self.surface)
         # With heat several contacts are solved, and a motion has one at each time.
         if solution is not None and (self.heating is not None or self.velocity is None):
             raise ValueError(

@@ -1,25 +1,30 @@
 """The stress in the block under the pressure and the traction of a contact."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from ..blocks.compliance import surface_compliance
 from ..blocks.depth import Side
 from ..blocks.grading import AbstractGradedSolver
 from ..blocks.layering import Layering
 from ..blocks.stack import Stack
 from ..blocks.stress import largest_tension, stress_field, von_mises
-from ..core.checks import Numbers, check_types
+from ..core.checks import Numbers, check_types, is_concrete
 from ..core.compilation import jit
 from ..core.derivative import largest
 from ..core.display import shown
-from ..fields.grid import Grid, coordinates
+from ..fields.frequency import wave_frequencies
+from ..fields.grid import Grid, coordinates, wavenumber
+from ..materials.softening import softens
 from .heat_source import as_depths, shear_traction
 from .result import Sliding
 
+_SAME = 1e-3  # relative difference of two kernels of one block, in float32 and of tables
 Kind = Literal["von_mises", "tension", "shear", "opening"]
 
 
@@ -113,12 +118,33 @@ def contact_stress(
 
     **Returns:** stresses, and their largest values with their places, see `ContactStress`.
 
-    **Raises:** `ValueError` for a refused argument.
+    **Raises:** `ValueError` for a refused argument, such as another block than that of the contact.
     """
     if "window" in sliding.facts:
         raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
     depths = as_depths(depths)
+    _check_block(sliding, stack, graded_solver)
     return ContactStress(_stress(sliding, stack, depths, side, graded_solver), depths, sliding.grid)
+
+
+def _check_block(sliding: Sliding, stack: Stack, graded_solver: AbstractGradedSolver) -> None:
+    """Raises `ValueError` unless two waves have the kernel of the contact; not if traced."""
+    kernel, q = sliding.kernel, wavenumber(sliding.grid)
+    # In a contact, a block that softens may have another strain in each wave.
+    if softens(stack) or not all(map(is_concrete, jax.tree.leaves((sliding, stack)))):
+        return
+    modes = np.unique([1, max(1, min(sliding.grid.shape) // 4)])
+    modes = (modes[2 * modes < min(sliding.grid.shape)],) * sliding.grid.ndim
+    shear: Any = sliding.shear  # with a coupling there is one
+    if sliding.coupling is not None and sliding.coupling.in_kernel:
+        kernel = kernel - shear.law.coefficient * sliding.coupling.lift[0]
+    omega = jnp.broadcast_to(wave_frequencies(sliding.grid, sliding.velocity), q.shape)[modes]
+    own = surface_compliance(stack, q[modes], omega, graded_solver=graded_solver)
+    if not np.allclose(own, kernel[modes], rtol=_SAME, atol=0):
+        raise ValueError(
+            "`stack` is refused: the contact has another block. Pass the stack that `slide` took, "
+            "or with heating `sliding.heated.stack`."
+        )
 
 
 @eqx.filter_jit

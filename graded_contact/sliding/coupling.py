@@ -35,7 +35,7 @@ from ..core.compilation import jit
 from ..core.derivative import still
 from ..core.fixed_point import attach_fixed_field, find_fixed_point
 from ..fields.devices import required
-from ..fields.frequency import direction_and_speed
+from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, wavenumber
 from .numerics import Numerics
 from .observables import lift
@@ -130,6 +130,26 @@ def check_positive_kernel(kernel: Waves, cell: Grid, coefficient: Array) -> Bool
     return positive
 
 
+def _check_speeds(cycle: Any) -> None:
+    """Raises `ValueError` if the kernel of steady sliding at the speed of some time is refused.
+
+    Of a cycle that did not settle, under Coulomb's law. Its kernels have the frequencies of the
+    period: the nearest takes the place of -q·v.
+    """
+    if not isinstance(cycle.shear.law, Coulomb):
+        return
+    coefficient, kernel = cycle.shear.law.coefficient, cycle.operator.kernel
+    rates = cycle.motion_of_surface[0]
+    last = (len(kernel) - 1) // 2
+    for i in np.argsort(-np.linalg.norm(rates, axis=1)):  # the highest speed first
+        turns = wave_frequencies(cycle.grid, rates[i]) * cycle.period / (2 * np.pi)
+        turns = jnp.clip(jnp.round(turns), -last, last).astype(int) % len(kernel)
+        turns = jnp.broadcast_to(turns, kernel.shape[1:])[None]
+        along = zip(cycle.directions, cycle.coupling.lift, strict=True)
+        pushed = kernel + coefficient * sum(part[i] * lift for part, lift in along)
+        check_positive_kernel(jnp.take_along_axis(pushed, turns, 0)[0], cycle.grid, coefficient)
+
+
 def lagged(
     solve: Callable[..., Any], result: Callable[..., Any], given: Any, numerics: Numerics,
     start: Numbers | None, solution: ContactSolution | None, none: Field,
@@ -173,6 +193,8 @@ def lagged(
         found = solve(given, x, None, contact)
     contact = found.contact
     if numerics.throw:
+        if found.is_cycle and is_concrete(settled) and not settled:
+            _check_speeds(found)
         contact = required(contact, settled, RESULTS.not_settled.error_if)
     end = RESULTS.where(settled, contact.result, RESULTS.not_settled)
     moved = contact.displacement + x

@@ -34,7 +34,7 @@ from .coupling import Coupling, lagged
 from .motion import components
 from .numerics import Numerics
 from .result import CyclicSliding
-from .shear import is_coupled, shear_stress
+from .shear import is_coupled, shear_stress, unless_negative
 
 
 def solve_cycle(
@@ -69,7 +69,7 @@ def solve_cycle(
     # Under `jit` only the program itself can raise.
     if numerics.throw:
         kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
-    operator = _operator(kernel, case.displacement, grid)
+    operator = _operator(unless_negative(kernel, sheared), case.displacement, grid)
 
     def result(given, contact):
         case, operator, sheared, coupling = given

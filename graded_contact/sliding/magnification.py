@@ -65,6 +65,7 @@ def area_against_cutoff(
     check_periodic(surface)
     case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity, law=law)
     how, _ = numerics_of("area_against_cutoff", numerics)
+    how = how.of(stack, surface)
     known = kernel_of(case, how)  # of the grid and the velocity: the same for all cut-offs
 
     def solve(start, cutoff):

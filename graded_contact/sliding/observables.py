@@ -430,10 +430,16 @@ def friction(found: Found) -> Array:
 
 
 @of_steady(
-    r"\mu_\mathrm{hys}", "1", "friction coefficient of the hysteresis", column=("hysteresis", FOUR)
+    r"\mu_\mathrm{hys}",
+    "1",
+    "friction from the slopes, without coupling the hysteresis",
+    column=("hysteresis", FOUR),
 )
 def hysteresis_friction(found: Found) -> Array:
-    """The part of the friction from the slopes [1]; without coupling it is lost in the block."""
+    """The part of the friction from the slopes [1]; without coupling it is lost in the block.
+
+    With coupling it may be negative: `block_friction` is the part that the block loses.
+    """
     return _over_load(found, _own_tractions(found))
 
 

@@ -31,7 +31,7 @@ from ..surfaces.surface import Surface, check_periodic
 from .coupling import check_positive_kernel, lagged, steady_coupling
 from .numerics import Numerics
 from .result import Sliding
-from .shear import is_coupled, shear_stress
+from .shear import is_coupled, shear_stress, unless_negative
 
 
 def solve_steady(
@@ -50,6 +50,7 @@ def solve_steady(
         kernel_of(case, numerics) if known is None else known
     )
     sheared = shear_stress(case.shear, direction_and_speed(case.velocity)[1], case.temperature)
+    kernel = unless_negative(kernel, sheared)
     on_window, on_rigid = not surface.periodic, isinstance(stack.base, Rigid)
 
     def result(given, contact):

@@ -27,6 +27,7 @@ from .sweep import sweep
 if TYPE_CHECKING:
     from xarray import Dataset
 
+ENGINE = ("store", "workers", "client", "units", "progress")  # of `sweep`
 Method = Literal["contact", "mean_field", "both"]
 
 
@@ -58,8 +59,9 @@ def friction_table(
     - `temperature`: of the block [K], shape `(temperatures,)`; None leaves the materials unchanged.
     - `direction`: of sliding, from the x axis [rad].
     - `method`: `"contact"`, by `slide`; `"mean_field"`, by `mean_field_friction`; or `"both"`.
-    - `slide_options`, `mean_field_options`: further arguments of these functions, without those
-      that `slide` has for a start.
+    - `slide_options`: further arguments of `slide`, without those for a start. Those of the case,
+      such as `shear`, hold for the mean field, too.
+    - `mean_field_options`: further arguments of `mean_field_friction`.
     - `errors`: of numbers of the stack, as `propagate` takes them, or None.
     - `engine`: `store`, `workers`, `client` and `progress` of `sweep`.
 
@@ -77,6 +79,11 @@ def friction_table(
         raise ValueError(
             f"`method={method!r}` is refused: a window has no mean field; use 'contact'."
         )
+    if unknown := [name for name in engine if name not in ENGINE]:
+        raise TypeError(
+            f"friction_table has no argument `{unknown[0]}`: give one of `slide` in "
+            "`slide_options`, and one of `mean_field_friction` in `mean_field_options`."
+        )
     check_values("direction", direction, "an angle [rad] must be finite")
     check_positive("pressure", as_float(pressure, "pressure"), "[Pa]")
     check_values("velocity", as_float(velocity), "a speed [m/s] is not negative", at_least=0)
@@ -88,22 +95,22 @@ def friction_table(
     if temperature is not None:
         axes = {"temperature": temperature, **axes}
 
-    plain = Case(stack, roughness, pressure=0.0, velocity=0.0)  # of no point yet
+    case = Case(stack, roughness, pressure=0.0, velocity=0.0)  # of no point yet
     # Arguments of `slide` belong to the case (shear, heating) or to its computation (solver).
-    of_case = {name: value for name, value in slide_options.items() if name in vars(plain)}
+    of_case = {name: value for name, value in slide_options.items() if name in vars(case)}
     of_numerics = {name: slide_options[name] for name in slide_options if name not in of_case}
     numerics, _ = numerics_of("slide", {**of_numerics, "throw": False})
-    contact = dataclasses.replace(plain, **of_case)
+    case = dataclasses.replace(case, **of_case)
 
     def solved(point: dict[str, Array], by: Method, block: Stack) -> dict[str, Any]:
         warm = block if temperature is None else block.at(point["temperature"])
         moving = velocity_along(point["velocity"], direction)
         at: dict[str, Any] = {**point, "velocity": moving, "stack": warm}
         if by == "contact":
-            s = dataclasses.replace(contact, **at).solve(numerics)
+            s = dataclasses.replace(case, **at).solve(numerics)
             names = ("friction", "friction_error", "contact_area", "contact_area_error")
             return dict(zip(names, s.compute(*names), strict=True), result=s.result)
-        field = mean_field_of(dataclasses.replace(plain, **at), **mean_field_options)
+        field = mean_field_of(dataclasses.replace(case, **at), **mean_field_options)
         return dict(
             friction=field.friction, friction_error=field.error * jnp.abs(field.friction),
             contact_area=field.contact_area,
@@ -116,11 +123,13 @@ def friction_table(
 
         return sweep(numbers, axes, **engine)
 
-    # One after the other: a point that fails by one method has the numbers of the other.
-    table = table_by("mean_field" if method == "mean_field" else "contact")
-    if method == "both":
-        table = beside(table, table_by("mean_field"))
-    given = mean_field_options if method == "mean_field" else slide_options
+    # One after the other: a point that fails by one method has the numbers of the other. The mean
+    # field comes first: what it refuses is refused before any contact is solved.
+    theory = None if method == "contact" else table_by("mean_field")
+    contacts = None if method == "mean_field" else table_by("contact")
+    table = contacts if theory is None else theory if contacts is None else beside(contacts, theory)
+    assert table is not None
+    given = of_case | (dict(mean_field_options) if method == "mean_field" else {})
     shear, heating = (given.get(name) for name in ("shear", "heating"))
     table.attrs |= {
         "method": method,

@@ -135,7 +135,8 @@ def compiled(program: Program) -> Callable[[Task], Point]:
         finally:
             log.removeFilter(silence)
         values, end = jax.tree.unflatten(names, found)
-        return Point({name: values[name] for name in needed or values}, RESULTS[end])
+        message = "" if end == RESULTS.successful else RESULTS[end]
+        return Point({name: values[name] for name in needed or values}, message)
 
     return solve
 

@@ -12,7 +12,7 @@ from graded_contact.blocks.compliance import graded_compliance, surface_complian
 from graded_contact.blocks.layering import Layering
 from graded_contact.blocks.profile import Blend, Mixture
 from graded_contact.blocks.riccati import Riccati
-from graded_contact.blocks.shapes import ErrorFunction, Exponential, Sinusoidal, Table
+from graded_contact.blocks.shapes import ErrorFunction, Exponential, PowerLaw, Sinusoidal, Table
 from graded_contact.blocks.stack import GradedLayer, Stack
 
 CASES = cases_of("graded")
@@ -301,6 +301,38 @@ def test_compliance_is_passive_hermitian_and_the_same_on_grids_under_jit_and_vma
     batch = jax.jit(jax.vmap(one))(q[5:8, 0], jnp.array([1e-3, 2e-3, 1e-3]))
     assert batch.shape == (3,)
     np.testing.assert_allclose(batch[2], table[7, 3], rtol=1e-9)
+
+
+def test_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():
+    q = 2 * jnp.pi / jnp.geomspace(1e-10, 40.0, 48)
+    ends = gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3)
+    for exponent in (20.0, 100.0):
+        profile = Blend(*ends, PowerLaw(exponent))
+        stack = Stack(layers=(GradedLayer(profile, 1e-2),), base=gc.HalfSpace(ends[0]))
+        found, fine = (
+            graded_compliance(
+                stack, q, 0.0, graded_solver=Layering(num_cells=n, retry=False), throw=False
+            )
+            for n in (12, 120)
+        )
+        error = np.abs(found.value / fine.value - 1)
+        assert np.max(error) > 1e-8
+        assert np.all(error <= 3 * found.error + fine.error)
+
+
+class Fails(gc.blocks.AbstractGradedSolver):
+    rtol: float | None = None
+
+    def solve(self, climb, measure, stack, q, omega, rtol):
+        return (jnp.full_like(q, jnp.nan),), jnp.full_like(q, jnp.nan)
+
+
+def test_a_solver_without_a_number_fails_by_name():
+    layer = GradedLayer(Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3)), 1e-3)
+    stack, how = Stack(layers=(layer,), base=gc.Rigid()), {"graded_solver": Fails()}
+    assert graded_compliance(stack, 3e3, 0.0, throw=False, **how).error == jnp.inf
+    with pytest.raises(RuntimeError, match="tolerance was not reached in a graded layer"):
+        graded_compliance(stack, 3e3, 0.0, **how)
 
 
 def test_sharp_profile_is_retried_on_a_finer_mesh():

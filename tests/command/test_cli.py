@@ -19,12 +19,14 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
+import xarray
 from scene_texts import BARE as SCENE
 from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import new as new_job
+from graded_contact.command import result_tables
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
 from graded_contact.core.display import with_error
@@ -403,6 +405,10 @@ def test_results_are_compared_in_a_figure(folder, tmp_path):
         ((first, second, "--label", "one"), "`--label` is given 1 times for 2 results"),
         ((first,), "needs two results or more"),
         ((first, tmp_path / "none.h5"), "none.h5` does not exist"),
+        (
+            (first, "base.toml"),
+            "`path=base.toml` is a scene, which has no numbers yet: run",
+        ),
         ((first, second, "-o", tmp_path / "a.xyz"), "is refused: figures are"),
     ):
         result = command("compare", *words)
@@ -508,7 +514,12 @@ def test_new_takes_the_options_of_fit_and_temperatures(tmp_path):
     moduli = moduli_file(tmp_path / "tread.csv", [-5.0, 10.0])
     words = ("new", road_file(tmp_path / "road.txt"), moduli, "--terms", 4, "--size", 1e-3,
              "--height-unit", "um", "-o", tmp_path / "out")  # fmt: skip
+    heights = np.loadtxt(tmp_path / "road.txt")
+    heights[3, 3] = 1e3  # a spike
+    np.savetxt(tmp_path / "road.txt", heights)
     melt = command(*words, "--equilibrium", 0)
+    road_file(tmp_path / "road.txt")
+    assert "Caveat: The highest point is" in melt.stdout
     assert melt.exit_code == 2 and "[materials.tread] is a liquid" in melt.stderr
     assert "(`--equilibrium` of the commands `fit` and `new`)" in melt.stderr
     assert (tmp_path / "out" / "tread.toml").exists()
@@ -726,3 +737,12 @@ def test_transforms_of_the_command_have_the_bits_of_one_thread():
     code = [sys.executable, "-c", THREADS]
     found = subprocess.run(code, env=flags, capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "True"
+
+
+def test_a_table_has_parts_of_friction_that_are_lost_somewhere():
+    """With coupling the slopes may push forwards: hysteresis is no part of the friction."""
+    parts = ["hysteresis_friction", "shear_friction", "block_friction", "interface_friction"]
+    axes = {"pressure": [1e5], "velocity": [0.1]}
+    table = xarray.Dataset({name: (list(axes), [[0.5]]) for name in ("message", *parts)}, axes)
+    assert [*result_tables._columns(table, True)] == parts[2:]
+    assert [*result_tables._columns(table.drop_vars(parts[2:]), True)] == parts[:2]

@@ -97,3 +97,8 @@ def test_a_refused_object_is_named_on_one_line(unchecked_types):
     with pytest.raises(ValueError, match="`base=Layer") as refusal:
         gc.Stack(layers=(), base=gc.Layer(gc.Elastic(1e6), 1e-3))
     assert "\n" not in str(refusal.value)
+
+
+def test_a_result_prints_how_the_solve_ended():
+    assert str(RESULTS.successful).endswith("RESULTS<successful>")
+    assert "Loosen `rtol`" in str(RESULTS.rounding)

@@ -6,6 +6,7 @@ from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
+from graded_contact.scenes.cost import scene_cost
 from graded_contact.scenes.results import (
     contact_at,
     kept_solves,
@@ -91,6 +92,20 @@ def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(c
     assert ",mean_friction," in head and "period [s]" in head
     figure = gc.plot.plot_cycle(again)
     assert len(figure.axes[0].lines) == 5  # four loops and zero
+
+
+def test_the_estimate_of_time_counts_coupling_and_heat():
+    fine = CYCLE.replace("[16, 16]", "[256, 256]").replace("stroke = 1e-4", "stroke = 1e-5")
+    warm = fine.replace("[load]", "[load]\ntemperature = 300.0") + (
+        "[heating]\nconductivity = 0.25\ndiffusivity = 1e-7\n"
+    )
+    plain, coupled, heated = (
+        scene_cost(parse_scene(text)).seconds - scene_cost(parse_scene(CYCLE)).seconds
+        for text in (fine, fine + "coupled = true\n", warm)
+    )
+    assert 2 * plain < coupled < 5 * plain
+    # Four solves take 1.8 s of heat each at 128 x 128 points.
+    assert heated > 2 * plain + 4 * 4 * 0.9
 
 
 def test_a_run_with_shear_adds_the_stress_on_the_contact():

@@ -95,6 +95,9 @@ def test_largest_values_and_their_places():
     np.testing.assert_allclose(found.shear[0], 0.6 * s.pressure, atol=1e-3 * np.max(s.pressure))
     pushed = found.stress[0][..., 1, 2] / np.minimum(found.stress[0][..., 0, 2], -1e3)
     np.testing.assert_allclose(pushed[s.pressure > 1e5], 2.0, rtol=1e-2)
+    softer = gc.Stack(layers=(COAT,), base=gc.HalfSpace(gc.Elastic(1.9e6, 0.45)))
+    with pytest.raises(ValueError, match="`stack` is refused: the contact has another block"):
+        contact_stress(s, softer, depths)
     with pytest.raises(ValueError, match="on a window"):
         contact_stress(dataclasses.replace(s, operator=Window(s.kernel)), BLOCK, [0.0])
 

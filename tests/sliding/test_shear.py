@@ -8,7 +8,8 @@ from oracles import elasticities
 from scipy.integrate import quad
 
 import graded_contact as gc
-from graded_contact.sliding import ConstantShear, PeakedShear
+from graded_contact.contacts import RESULTS, DouglasRachford
+from graded_contact.sliding import ConstantShear, Coulomb, PeakedShear
 
 CELL = 0.01  # m
 Q0 = 2 * np.pi / CELL
@@ -45,6 +46,16 @@ def test_constant_shear_adds_stress_times_area_over_load():
     np.testing.assert_allclose(
         s.geometric_friction - s.friction, alone.geometric_friction - alone.friction, atol=1e-15
     )
+
+
+def test_a_negative_shear_that_tracing_hides_fails():
+    quick = {"throw": False, "rtol": 1e-3, "solver": DouglasRachford(newton=False)}
+
+    @jax.jit
+    def end(number):
+        return rubbed(Coulomb(number, coupled=False), **quick).result
+
+    assert end(0.3) == RESULTS.successful and end(-0.3) == RESULTS.not_finite
 
 
 def test_along_an_oblique_velocity_the_speed_counts():

@@ -146,6 +146,13 @@ def test_a_case_with_another_load_has_the_friction_of_slide(unchecked_types):
         gc.sliding.Numerics(solver="newton")
 
 
+def test_the_default_tolerance_follows_the_precision():
+    numerics, single = gc.sliding.Numerics(), jnp.ones(2, jnp.float32)
+    assert numerics.of(single).rtol == 5e-4
+    assert numerics.of(single, jnp.ones(2)).rtol == 5e-5
+    assert dataclasses.replace(numerics, rtol=1e-3).of(single).rtol == 1e-3
+
+
 def test_a_known_solution_has_derivatives_without_a_solve():
     def by_thickness(d, **known):
         return gc.slide(coated(d), SURFACE, pressure=4e5, velocity=0.1, **known).friction

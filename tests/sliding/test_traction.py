@@ -246,6 +246,11 @@ def test_what_has_no_steady_sliding_is_refused_with_its_wavelength():
     thin = gc.Stack(layers=(gc.Layer(rubber, 2e-4),), base=gc.Rigid())
     with pytest.raises(ValueError, match=r"coefficient 0\.5 .* wavelength 0\.004 m"):
         rub(Coulomb(0.5), 0.1, thin)
+    # A cycle may pass such a speed, but not under any coefficient.
+    there = 0.2 * CELL * np.sin(2 * np.pi * np.arange(32) / 32)
+    given = dict(displacement=there, period=0.05, pressure=LOAD, rtol=1e-4)
+    with pytest.raises(ValueError, match=r"coefficient 3 .* wavelength 0\.00\d+ m"):
+        slide_cycle(thin, LINE, shear=Coulomb(3.0), **given)
     window = gc.Surface(ROAD.heights, ROAD.grid, periodic=False)
     with pytest.raises(ValueError, match="only the traction of `Coulomb`"):
         rub(ConstantShear(1e5, coupled=True), surface=window)

@@ -17,6 +17,7 @@ from graded_contact.command import friction_table as table_job
 from graded_contact.command import terminal as session
 from graded_contact.exports import export_friction
 from graded_contact.scenes.scene import KEYS
+from graded_contact.sliding import ConstantShear
 from graded_contact.studies import friction_table
 from graded_contact.studies.dataset import read
 from graded_contact.studies.parameter_covariance import Errors
@@ -56,16 +57,34 @@ def test_a_liquid_is_refused_before_temperatures_are_traced(method, speeds):
         friction_table(melt, rough, method=method, **axes)
 
 
+def test_shear_in_the_contact_holds_for_both_methods(monkeypatch):
+    shear, axes = ConstantShear(1e5), dict(pressure=[2e5], velocity=[0.1])
+    found = friction_table(
+        STACK, SPECTRUM, method="mean_field", slide_options={"shear": shear}, **axes
+    )
+    alone = gc.mean_field_friction(STACK, SPECTRUM, pressure=2e5, velocity=0.1, shear=shear)
+    np.testing.assert_allclose(found.friction[0, 0], alone.friction, rtol=1e-12)
+    assert alone.shear_friction > 0 and "ConstantShear(stress=100000" in found.conditions
+    with pytest.raises(TypeError, match="no argument `shear`: give one of `slide` in"):
+        friction_table(STACK, PROFILE, shear=shear, **axes)
+    # What the mean field refuses is refused before a contact is solved.
+    monkeypatch.setattr(gc.sliding.Case, "solve", None)
+    heating = gc.sliding.Heating(0.2, 1e-7)
+    for refused in ({"heating": heating}, {"law": gc.contacts.HardWall(1e7)}):
+        with pytest.raises(ValueError, match=f"`{next(iter(refused))}.* is refused"):
+            friction_table(STACK, PROFILE, method="both", slide_options=refused, **axes)
+
+
 @pytest.mark.slow
 def test_both_methods_beside_each_other_with_the_error_of_the_grid():
-    axes = dict(pressure=[2e5], velocity=[0.01, 0.1])
-    both = friction_table(STACK, PROFILE, method="both", **axes)
-    alone = gc.slide(STACK, PROFILE, pressure=2e5, velocity=0.1)
+    axes, shear = dict(pressure=[2e5], velocity=[0.01, 0.1]), {"shear": ConstantShear(1e5)}
+    both = friction_table(STACK, PROFILE, method="both", slide_options=shear, **axes)
+    alone = gc.slide(STACK, PROFILE, pressure=2e5, velocity=0.1, **shear)
     found = both.sel(pressure=2e5, velocity=0.1)
     np.testing.assert_allclose(found.friction, alone.friction, rtol=1e-6)
     np.testing.assert_allclose(found.friction_error, alone.friction_error, rtol=1e-2)
     assert found.friction_error >= alone.friction_grid_error * 0.99
-    field = gc.mean_field_friction(STACK, PROFILE, pressure=2e5, velocity=0.1)
+    field = gc.mean_field_friction(STACK, PROFILE, pressure=2e5, velocity=0.1, **shear)
     np.testing.assert_allclose(found["mean_field.friction"], field.friction, rtol=1e-12)
     assert np.all(both.message == "")
     lines = export_friction(both, "csv").splitlines()
@@ -261,6 +280,7 @@ def test_a_point_that_fails_by_one_method_offers_the_other(invoke, tmp_path):
     both = ("--method", "both", "-o", str(tmp_path), "--rtol", "1e-12", "--replace")
     both = invoke(*both, replaced=("[0.01, 1.0]", "[0.01, 1.0]\ntemperature = 300.0"))
     assert both.exit_code == 0 and "2 of 2 points failed by the mean field" in both.stderr
+    assert "By the mean field, with the error of its quadrature:" in both.stdout
     written = read(tmp_path / "small-friction.h5")
     assert np.all(written.friction > 0) and np.all(np.isnan(written["mean_field.friction"]))
     text = (tmp_path / "small-friction.csv").read_text()
