@@ -43,13 +43,13 @@ def covariance(series: Series, theta: np.ndarray) -> np.ndarray:
     free = series.within_bounds(theta)
     jacobian, penalty = jacobian[free], series.penalty(theta)[free]
     hessian = (jacobian * series.weights) @ jacobian.T + np.diag(penalty)
-    points = len(series.x)
-    group = np.zeros(points, int) if series.group is None else series.group
-    order = np.lexsort((series.x, group))
-    rows = (np.arange(0, len(residual), points)[:, None] + order).ravel()
-    rows = rows[series.measured[rows]]
-    channel = np.unique(rows // points, return_inverse=True)[1]
-    starts = (np.diff(channel) > 0) | (np.diff(group[rows % points]) > 0)
+    rows = np.flatnonzero(series.measured)
+    channel, point = np.divmod(rows, len(series.x))
+    group = np.zeros(len(rows), int) if series.group is None else series.group[point]
+    order = np.lexsort((series.x[point], group, channel))
+    rows, group = rows[order], group[order]
+    channel = np.unique(channel[order], return_inverse=True)[1]
+    starts = (np.diff(channel) > 0) | (np.diff(group) > 0)
     root_weights = np.sqrt(series.weights[rows])
     design = (jacobian[:, rows] * root_weights).T
     errors = _Errors(

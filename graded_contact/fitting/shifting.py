@@ -14,15 +14,7 @@ from scipy.optimize import least_squares
 
 from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_values, is_concrete
 from ..materials.measured import Measured
-from .lengths import (
-    SEARCH,
-    Length,
-    best_of_length,
-    choose,
-    choose_solid_or_liquid,
-    may_be_liquid,
-    non_negative,
-)
+from .lengths import SEARCH, best_of_length, non_negative
 from .observations import Observations, Unknowns, observe
 from .series import Series, series_of
 from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, LawKind
@@ -35,14 +27,10 @@ Isotherm = tuple[Numbers, Numbers, Numbers]
 
 
 def joined(
-    isotherms: Measured | Sequence[Measured | Isotherm],
-    kind: Any,
-    law: Any,
-    sizes: tuple[float, float],
-    reference: Any,
-    weights: tuple[Numbers, Numbers],
+    isotherms: Measured | Sequence[Measured | Isotherm], kind: Any, law: Any,
+    sizes: tuple[float, float], reference: Any, weights: tuple[Numbers, Numbers],
     equilibrium: Numbers | None,
-) -> Observations:
+) -> Observations:  # fmt: skip
     """Returns the data, checked and sorted by temperature; arguments as in `master_curve`."""
     if law not in get_args(LawKind):
         raise ValueError(f"`law={law!r}` is refused: use one of {get_args(LawKind)}.")
@@ -51,29 +39,27 @@ def joined(
     curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
     if len(curves) < 2:
         raise ValueError(f"`isotherms` holds {len(curves)}; at least 2 are needed.")
-    kind = curves[0][0]
-    if any(other != kind for other, *_ in curves):
-        raise ValueError("`isotherms` are of different kinds; all must be measured alike.")
     curves.sort(key=lambda curve: curve[1])
-    temperatures = np.array([temperature for _, temperature, _, _ in curves])
+    kinds, kelvin, x, values = zip(*curves, strict=True)
+    if len(set(kinds)) > 1:
+        raise ValueError("`isotherms` are of different kinds; all must be measured alike.")
+    temperatures = np.array(kelvin)
     check_positive("temperature", temperatures, "[K]")
-    hottest = float(temperatures[-1])
+    coldest, hottest = kelvin[0], kelvin[-1]
     if hottest < COLDEST:
         raise ValueError(f"`isotherms` has temperatures up to {hottest:g}; they are in kelvin.")
-    for temperature in temperatures[1:][np.diff(temperatures) <= 0]:
-        raise ValueError(f"`isotherms` has {temperature:g} K twice: join these first.")
+    for twice in temperatures[1:][np.diff(temperatures) <= 0]:
+        raise ValueError(f"`isotherms` has {twice:g} K twice: join these first.")
     middle = len(curves) // 2
     if reference is not None:
-        coldest = float(temperatures[0])
         allowed = f"isotherms are from {coldest:g} to {hottest:g} K"
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
-    x, values = (jnp.concatenate([curve[i] for curve in curves]) for i in (2, 3))
-    data = observe(kind, x, values, weights, equilibrium)
+    data = observe(kinds[0], *map(jnp.concatenate, (x, values)), weights, equilibrium)
     if data.flows:
         raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
     known = Isotherms(
-        group=jnp.repeat(jnp.arange(len(curves)), np.array([len(x) for *_, x, _ in curves])),
+        group=jnp.repeat(jnp.arange(len(x)), np.array([len(points) for points in x])),
         temperatures=jnp.asarray(temperatures),
         penalty=jnp.zeros(2),
         reference=middle,
@@ -89,7 +75,7 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
     if isinstance(isotherm, Measured):
         missing = ["`poisson`"] if isotherm.deformation != "tension" else []
         missing += ["`temperature`"] if isotherm.temperature is None else []
-        if missing or isotherm.temperature is None:
+        if isotherm.temperature is None or missing:
             raise ValueError(
                 f"`isotherms[{number}]` from {isotherm.path} must be in tension and have a "
                 f"temperature: read the file with {' and '.join(missing)}."
@@ -113,9 +99,7 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
 
 def with_penalty(data: Observations, penalty: Any) -> Observations:
     """Returns the data with other weights of the squares of departures and of ln b."""
-    assert data.isotherms is not None
-    known = dataclasses.replace(data.isotherms, penalty=jnp.asarray(penalty))
-    return dataclasses.replace(data, isotherms=known)
+    return eqx.tree_at(lambda data: data.isotherms.penalty, data, jnp.asarray(penalty))
 
 
 def shifts_and_series(
@@ -141,7 +125,7 @@ def shifts_and_series(
     unknowns, penalty = np.concatenate([theta, shifts]), np.zeros(2)
     # The residuals' variance is known only once the shifts are.
     for _ in range(2):
-        variance = series.at(unknowns).rms(unknowns[: len(unknowns) - len(shifts)]) ** 2
+        variance = series.rms(unknowns) ** 2
         penalty = np.array([variance / size**2 if size > 0 else 0.0 for size in sizes])
         series = series_of(with_penalty(data, penalty))
         unknowns, _ = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
@@ -150,18 +134,6 @@ def shifts_and_series(
     lower, upper = series.bounds(start)
     unknowns, _ = series.minimise(start, rtol=0, max_steps=150)
     return (unknowns, (unknowns > lower) & (unknowns < upper), penalty), path
-
-
-def shifted_solid_or_liquid(
-    data: Observations, sizes: tuple[float, float]
-) -> tuple[Observations, tuple, tuple[Length, ...]]:
-    """Returns the data, with E_eq = 0 if once shifted they need none; what was found; lengths."""
-    found, path = shifts_and_series(data, sizes, choose)
-    shifted = at_reference(jnp.asarray(found[0]), data)
-    if not may_be_liquid(shifted) or choose_solid_or_liquid(shifted)[0] is shifted:
-        return data, found, path
-    liquid = data.as_liquid()
-    return liquid, *shifts_and_series(liquid, sizes, choose)
 
 
 @eqx.filter_jit

@@ -95,7 +95,7 @@ def propagate(
     or under `jit`.
     """
     if isinstance(known, PronyFit | MasterCurve):
-        unknowns = known.theta if isinstance(known, PronyFit) else known.unknowns
+        unknowns = known.theta
         spread = jnp.asarray(known.covariance())
         made = lambda unknowns: known.with_unknowns(unknowns).material  # noqa: E731
     elif isinstance(known, Mapping):
@@ -136,7 +136,7 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
 
     **Returns:** errors of those numbers of the material that were fitted.
     """
-    unknowns = fit.theta if isinstance(fit, PronyFit) else fit.unknowns
+    unknowns = fit.theta
 
     def numbers(unknowns):
         changed = fit.with_unknowns(unknowns)
