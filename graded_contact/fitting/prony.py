@@ -23,14 +23,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.special import ndtri
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    as_scalar,
-    check_poisson,
-    check_positive,
-    check_types,
-)
+from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive, check_types
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
@@ -39,7 +32,7 @@ from .implicit import attach_derivative, search
 from .lengths import Length, best_of_length, best_spectrum, check_terms, choose, choose_liquid
 from .observations import Observations, Unknowns, concrete, observe
 from .quality import FitErrors, Floor, errors_of, floor_of, jumps_of, report_of, verdict_of
-from .series import NEGLIGIBLE, Series, branches, fixed_columns, objective, series_of
+from .series import NEGLIGIBLE, Series, fixed_columns, objective, series_of
 
 LAST = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
@@ -50,7 +43,7 @@ class AbstractFit(eqx.Module):
 
     **Fields:**
 
-    - `theta`: the unknowns of the series, see `model`, then those of shifts; shape `(unknowns,)`.
+    - `theta`: the unknowns of the series, then those of shifts, see `Series` and `Isotherms`.
     - `data`: the fitted observations.
     - `poisson`: Poisson's ratio of the material [1].
     - `path`: the best fits of every number of terms, if they were needed to choose it. Static.
@@ -148,7 +141,13 @@ class PronyFit(AbstractFit):
         `x` are angular frequencies [rad/s] or times [s], shape `(points,)`. The rows are storage
         and loss modulus [Pa]; or one of moduli [Pa] or compliances [1/Pa].
         """
-        return model(self.theta, self.data, as_float(x))
+        x = as_float(x)
+        known, static = fixed_columns(self.data, x, jnp)
+        lowest = jnp.full(known.shape, -jnp.inf)
+        series = dataclasses.replace(
+            series_of(self.data, jnp), x=x, known=known, static=static, log_values=lowest
+        )
+        return series.by_channel(series.model(self.theta))
 
     def errors(self) -> FitErrors:
         """Returns the errors of the fit."""
@@ -274,24 +273,10 @@ def _typical_residual(series, theta):
     return max(float(np.median(size[counted])) for size, counted in rows if np.any(counted))
 
 
-# The series and its material --------------------------------------------------------------------
-
-
-@eqx.filter_jit
-def model(
-    theta: Unknowns, data: Observations, x: Float[Array, " any"]
-) -> Float[Array, "channels any"]:
-    """Returns the result of a measurement of this kind at frequencies or times `x`."""
-    strengths, times, extras = _unpack(theta, data)
-    known, static = fixed_columns(data, x, jnp)
-    rows = known + strengths @ branches(jnp, data.kind, x, times)[0] + extras @ static
-    return rows.reshape(-1, len(x))
-
-
 @eqx.filter_jit
 def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
     """Returns the material with these unknowns, in relaxation form."""
-    strengths, times, extras = _unpack(theta, data)
+    strengths, times, extras = map(jnp.exp, series_of(data, jnp).split(theta))
     used = (data.x > 0) & jnp.any(data.weights > 0, axis=0)
     x = jax.lax.stop_gradient(data.x)
     ends = jnp.stack([jnp.min(jnp.where(used, x, jnp.inf)), jnp.max(jnp.where(used, x, 0))])
@@ -317,9 +302,3 @@ def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
     if data.flows:
         material = eqx.tree_at(lambda m: m.equilibrium, material, jnp.zeros_like(glassy))
     return material
-
-
-def _unpack(theta, data):
-    """Strengths, times and extras, each possibly empty."""
-    terms = (len(theta) - data.num_extras) // 2
-    return jnp.split(jnp.exp(theta), [terms, 2 * terms])

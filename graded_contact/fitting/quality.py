@@ -62,15 +62,17 @@ class Floor(NamedTuple):
 
 
 def _channels(series):
-    """The rows of storage moduli and those of loss moduli; None for a channel without values."""
+    """The problems of storage and of loss moduli alone; None for a channel without values."""
     storage = np.arange(len(series.weights)) < len(series.x)
-    return [rows if np.any(series.measured & rows) else None for rows in (storage, ~storage)]
+    weights = (np.where(rows, series.weights, 0) for rows in (storage, ~storage))
+    parts = (dataclasses.replace(series, weights=some) for some in weights)
+    return [part if np.any(part.measured) else None for part in parts]
 
 
 def errors_of(series: Series, theta: np.ndarray) -> FitErrors:
     """Returns the errors of the fit `theta`."""
-    parts = (rows if rows is None else series.rms(theta, rows) for rows in _channels(series))
-    return FitErrors(series.rms(theta), *parts)
+    storage, loss = (part and part.rms(theta) for part in _channels(series))
+    return FitErrors(series.rms(theta), storage, loss)
 
 
 def floor_of(series: Series, theta: np.ndarray) -> Floor:
@@ -82,13 +84,10 @@ def floor_of(series: Series, theta: np.ndarray) -> Floor:
     total = min(both.error, near)
     if series.kind != "frequency":
         return Floor(total, total, None, None, near)
-    parts = [
-        rows if rows is None
-        else _best(dataclasses.replace(series, weights=np.where(rows, series.weights, 0)))
-        for rows in _channels(series)
-    ]  # fmt: skip
+    parts = [part and _best(part) for part in _channels(series)]
     chance = None if None in parts else _chance(np.sum(series.measured), both, *parts)
-    return Floor(total, *(part and part.error for part in parts), chance, near)
+    storage, loss = (part and part.error for part in parts)
+    return Floor(total, storage, loss, chance, near)
 
 
 class _Best(NamedTuple):

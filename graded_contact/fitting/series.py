@@ -27,7 +27,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import is_concrete
 from .newton import Expansion, Fitted, gram, newton_minimum
 from .observations import Kind, Observations, Unknowns
 from .shifts import Isotherms
@@ -205,11 +204,10 @@ class Series:
         none = self.xp.zeros(len(theta) - self.num_shifts)
         return self.xp.append(none, self.isotherms.weights(self.xp)) if self.isotherms else none
 
-    def rms(self, theta: np.ndarray, rows: np.ndarray | bool = True) -> float:
-        """Returns the root mean square of the log residuals in `rows`, one of which is measured."""
-        counted = self.measured & rows
-        residual = self.misfit(theta)[counted]
-        return float(np.sqrt(np.average(residual**2, weights=self.weights[counted])))
+    def rms(self, theta: np.ndarray) -> float:
+        """Returns the root mean square of the log residuals of measured values."""
+        rows = self.measured
+        return float(np.sqrt(np.average(self.misfit(theta)[rows] ** 2, weights=self.weights[rows])))
 
     # The search ---------------------------------------------------------------------------------
 
@@ -303,6 +301,9 @@ def series_of(data: Observations, xp: Any = np) -> Series:
     """Returns the least-squares problem of the observations, in arrays of the module `xp`."""
     x, values, weights = (xp.asarray(part) for part in (data.x, data.values, data.weights))
     isotherms, num_ends = data.isotherms, int(data.known_end is not None)
+    least = np.full(data.num_extras, -np.inf)
+    if xp is np and data.kind == "creep" and data.known_start is None:
+        least[0] = np.log(np.min(values[weights > 0]) / STIFFEST)
     if num_ends:
         x = xp.append(x, COMPLETE[data.kind])
         ends = np.ones((len(values), 1)) * xp.asarray(data.known_end)
@@ -310,12 +311,6 @@ def series_of(data: Observations, xp: Any = np) -> Series:
         end_weights = np.eye(len(values), 1) * END_WEIGHT * xp.sum(weights)  # of the first channel
         weights = xp.concatenate([weights, end_weights], axis=1)
     known, static = fixed_columns(data, x, xp)
-    least = np.full(len(static), -np.inf)
-    if data.known_start is None:
-        least[0] = np.log(1e-300)
-        if data.kind == "creep" and is_concrete(data.values):
-            smallest = np.min(np.asarray(data.values)[np.asarray(data.weights) > 0])
-            least[0] = np.log(smallest / STIFFEST)
     before, after = REACH[data.kind]
     before = before if data.glassy is None else REACH_TO_KNOWN
     after = after if data.equilibrium is None else REACH_TO_KNOWN

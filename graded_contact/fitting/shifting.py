@@ -55,7 +55,7 @@ def joined(
         allowed = f"isotherms are from {coldest:g} to {hottest:g} K"
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
-    data = observe(kinds[0], *map(jnp.concatenate, (x, values)), weights, equilibrium)
+    data = observe(kinds[0], jnp.concatenate(x), jnp.concatenate(values), weights, equilibrium)
     if data.flows:
         raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
     known = Isotherms(
@@ -120,8 +120,7 @@ def shifts_and_series(
     steps = isotherms.others[:departures] @ (log_shift - by_law)
     shifts = np.concatenate([law, steps, np.zeros(lifts)])
     alone = series.at(shifts)
-    shortest, longest = alone.time_limits()
-    theta, _ = best_of_length(alone, max(int(np.ceil((longest - shortest) / LN10)), 1))
+    theta, _ = best_of_length(alone, max(len(alone.time_grid(1)) - 1, 1))
     unknowns, penalty = np.concatenate([theta, shifts]), np.zeros(2)
     # The residuals' variance is known only once the shifts are.
     for _ in range(2):
@@ -166,8 +165,7 @@ def _aligned(series, isotherms):
             shifts = distance * (np.arange(count) == colder)
             pair = np.isin(series.group, (colder, colder + 1))
             part = _restricted(series.shifted(shifts, np.zeros(count)), pair)
-            shortest, longest = part.time_limits()
-            log_times = np.linspace(shortest, longest, int(4 * (longest - shortest) / LN10) + 2)
+            log_times = part.time_grid(4)
             strengths = non_negative(part, log_times)
             columns = np.concatenate([part.branches(log_times), part.static])
             relative = (part.known + strengths @ columns) / np.exp(part.log_values) - 1
