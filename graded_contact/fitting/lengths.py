@@ -66,19 +66,21 @@ def check_terms(data: Observations, terms: int | None) -> None:
         )
 
 
-def choose(series: Series) -> tuple[np.ndarray, tuple[Length, ...]]:
-    """Returns the unknowns of the length with the least criterion, and all lengths tried.
+def choose(series: Series, terms: int | None) -> tuple[np.ndarray, tuple[Length, ...]]:
+    """Returns the unknowns of `terms` branches, or of the least criterion and all lengths tried.
 
     The Bayes information criterion is n ln(mean square) + p ln n of G. Schwarz, Ann. Statist. 6
     (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION` are rounding and no reason
     for a further term.
     """
+    if terms is not None:
+        return best_of_length(series, terms)[0], ()
     count, total = np.sum(series.measured), np.sum(series.weights[series.measured])
     fitted = best_path(series, max(int(count - 1 - len(series.static)) // 2, 1))
     path = []
-    for terms, (theta, cost) in fitted.items():
+    for length, (theta, cost) in fitted.items():
         bic = count * np.log(2 * cost / total + RESOLUTION**2) + len(theta) * np.log(count)
-        path.append(Length(terms, series.rms(theta), float(bic)))
+        path.append(Length(length, series.rms(theta), float(bic)))
     chosen = min(path, key=lambda length: length.bic)
     return fitted[chosen.terms][0], tuple(path)
 
@@ -92,7 +94,7 @@ def choose_liquid(data: Observations, error: float) -> tuple | None:
     if data.equilibrium is not None or not flows(data):
         return None
     series, liquid = series_of(data), data.as_liquid()
-    other, path = choose(dataclasses.replace(series_of(liquid), reach=series.reach))
+    other, path = choose(dataclasses.replace(series_of(liquid), reach=series.reach), None)
     return (liquid, other, path) if series_of(liquid).rms(other) <= AS_GOOD * error else None
 
 

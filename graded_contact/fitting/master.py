@@ -22,7 +22,7 @@ from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
 from .implicit import attach_derivative, search
-from .lengths import best_of_length, check_terms, choose, choose_liquid
+from .lengths import check_terms, choose_liquid
 from .prony import AbstractFit, PronyFit, deviation, refuse_nonsense
 from .quality import percent
 from .series import objective, series_of
@@ -64,7 +64,7 @@ class MasterCurve(AbstractFit):
     @property
     def shift(self) -> AbstractShift:
         """The fitted shifts: a table, or the law if both standard deviations of shifts are 0."""
-        if not (self.isotherms.departs or self.isotherms.lifts):
+        if not any(self.isotherms.stds):
             return self.law
         across = self.vertical_shifts
         # Moduli change by the reciprocal of the factor of a compliance.
@@ -73,7 +73,7 @@ class MasterCurve(AbstractFit):
             temperatures=self.temperatures,
             log10_factors=self.log10_shifts,
             reference=self.temperatures[self.isotherms.reference],
-            vertical_factors=across if self.isotherms.lifts else None,
+            vertical_factors=across if self.isotherms.stds[1] else None,
         )
 
     @property
@@ -198,24 +198,26 @@ def master_curve(
     """
     poisson = as_scalar(poisson, "poisson")
     check_poisson("poisson", poisson)
-    sizes = (
-        LN10 * _std_of("shift_std", shift_std),
-        _std_of("vertical_shift_std", vertical_shift_std),
-    )
-    data = joined(isotherms, kind, law, sizes, reference, weights, equilibrium)
+    given: dict[str, Any] = {"shift_std": shift_std, "vertical_shift_std": vertical_shift_std}
+    for name, std in given.items():
+        if not is_concrete(std):
+            raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
+        check_values(name, std, "it must be zero or positive", at_least=0)
+    along, across = map(float, given.values())
+    data = joined(isotherms, kind, law, (LN10 * along, across), reference, weights, equilibrium)
     check_terms(data, terms)
     path = ()
     if terms is None:
-        found, path = shifts_and_series(data, sizes, choose)
+        found, path = shifts_and_series(data, terms)
         error, shifted = series_of(data).rms(found[0]), at_reference(jnp.asarray(found[0]), data)
         if choose_liquid(shifted, error):
             data = data.as_liquid()
-            found, path = shifts_and_series(data, sizes, choose)
+            found, path = shifts_and_series(data, terms)
         theta, free, penalty = map(jnp.asarray, found)
     else:
 
         def find(data):
-            return shifts_and_series(data, sizes, lambda series: best_of_length(series, terms))[0]
+            return shifts_and_series(data, terms)[0]
 
         theta, free, penalty = search(find, (data.num_unknowns(terms), 2), data)
     data = with_penalty(data, penalty)
@@ -223,14 +225,6 @@ def master_curve(
     curve = MasterCurve(theta, data, poisson, path)
     refuse_nonsense(curve.fit)
     return curve
-
-
-def _std_of(name: str, value: Any) -> float:
-    """An expected standard deviation of shifts, checked."""
-    if not is_concrete(value):
-        raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
-    check_values(name, value, "it must be zero or positive", at_least=0)
-    return float(value)
 
 
 def _law_words(curve):
@@ -241,7 +235,7 @@ def _law_words(curve):
     else:
         words = f"Arrhenius with Q = {float(law.activation_energy) / 1e3:.4g} kJ/mol"
     lines = [f"{words} about {float(law.reference):.2f} K."]
-    if not (curve.isotherms.departs or curve.isotherms.lifts):
+    if not any(curve.isotherms.stds):
         return lines
     if curve._at_bounds():
         lines.append(

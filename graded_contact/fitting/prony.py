@@ -109,11 +109,9 @@ class AbstractFit(eqx.Module):
         middle = logs(self.theta)
         reach = ndtri((1 + level) / 2) * deviation(jax.jacfwd(logs)(self.theta), spread)
         outside = is_unknown(omega, material(self.theta).coverage())
-        lower, upper = (
-            jnp.where(outside, jnp.nan, jnp.exp(limit))
-            for limit in (middle - reach, middle + reach)
-        )
-        return jax.lax.complex(*lower), jax.lax.complex(*upper)
+        limits = (jnp.where(outside, jnp.nan, jnp.exp(middle + side * reach)) for side in (-1, 1))
+        lower, upper = (jax.lax.complex(*limit) for limit in limits)
+        return lower, upper
 
 
 def deviation(slopes: Array, spread: np.ndarray) -> Array:
@@ -224,7 +222,7 @@ def fit_prony(
         begin, terms = start.theta, start.terms
     check_terms(data, terms)
     if terms is None:
-        begin, path = choose(series := series_of(data))
+        begin, path = choose(series := series_of(data), terms)
         data, begin, path = choose_liquid(data, series.rms(begin)) or (data, begin, path)
         terms = series_of(data).terms(begin)
 

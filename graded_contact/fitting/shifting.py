@@ -4,7 +4,7 @@ The search aligns neighbours, then fits law, departures and series at once.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, get_args
 
 import equinox as eqx
@@ -14,9 +14,9 @@ from scipy.optimize import least_squares
 
 from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_values, is_concrete
 from ..materials.measured import Measured
-from .lengths import SEARCH, best_of_length, non_negative
+from .lengths import SEARCH, Length, best_of_length, choose, non_negative
 from .observations import Observations, Unknowns, observe
-from .series import Series, series_of
+from .series import series_of
 from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, LawKind
 
 COLDEST = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
@@ -28,7 +28,7 @@ Isotherm = tuple[Numbers, Numbers, Numbers]
 
 def joined(
     isotherms: Measured | Sequence[Measured | Isotherm], kind: Any, law: Any,
-    sizes: tuple[float, float], reference: Any, weights: tuple[Numbers, Numbers],
+    stds: tuple[float, float], reference: Any, weights: tuple[Numbers, Numbers],
     equilibrium: Numbers | None,
 ) -> Observations:  # fmt: skip
     """Returns the data, checked and sorted by temperature; arguments as in `master_curve`."""
@@ -64,8 +64,7 @@ def joined(
         penalty=jnp.zeros(2),
         reference=middle,
         law=law,
-        departs=sizes[0] > 0,
-        lifts=sizes[1] > 0,
+        stds=stds,
     )
     return dataclasses.replace(data, isotherms=known)
 
@@ -102,11 +101,8 @@ def with_penalty(data: Observations, penalty: Any) -> Observations:
     return eqx.tree_at(lambda data: data.isotherms.penalty, data, jnp.asarray(penalty))
 
 
-def shifts_and_series(
-    data: Observations, sizes: tuple[float, float], choose_series: Callable[[Series], tuple]
-) -> tuple[tuple, Any]:
-    """Returns unknowns, which of them are free, and the penalty; and the second of what
-    `choose_series` returns."""
+def shifts_and_series(data: Observations, terms: int | None) -> tuple[tuple, tuple[Length, ...]]:
+    """Returns unknowns, which of them are free, and the penalty; and all lengths tried."""
     series, isotherms = series_of(data), data.isotherms
     assert isotherms is not None
     log_shift = _aligned(series, isotherms)
@@ -125,10 +121,10 @@ def shifts_and_series(
     # The residuals' variance is known only once the shifts are.
     for _ in range(2):
         variance = series.rms(unknowns) ** 2
-        penalty = np.array([variance / size**2 if size > 0 else 0.0 for size in sizes])
+        penalty = np.array([variance / std**2 if std > 0 else 0.0 for std in isotherms.stds])
         series = series_of(with_penalty(data, penalty))
         unknowns, _ = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
-    theta, path = choose_series(series.at(unknowns))
+    theta, path = choose(series.at(unknowns), terms)
     start = np.concatenate([theta, unknowns[len(unknowns) - len(shifts) :]])
     lower, upper = series.bounds(start)
     unknowns, _ = series.minimise(start, rtol=0, max_steps=150)

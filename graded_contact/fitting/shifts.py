@@ -38,7 +38,7 @@ class Isotherms(eqx.Module):
     - `penalty`: weights of the squares of departures and of ln b in the objective [1].
     - `reference`: the isotherm that is not shifted. Static.
     - `law`: the shift law. Static.
-    - `departs`, `lifts`: whether there are departures, and vertical shifts. Static.
+    - `stds`: expected deviations of ln a from the law, and of ln b; 0 if there are none. Static.
     """
 
     group: Int[Array, " points"]
@@ -46,14 +46,13 @@ class Isotherms(eqx.Module):
     penalty: Float[Array, " 2"]
     reference: int = eqx.field(static=True)
     law: LawKind = eqx.field(static=True)
-    departs: bool = eqx.field(static=True)
-    lifts: bool = eqx.field(static=True)
+    stds: tuple[float, float] = eqx.field(static=True)
 
     @property
     def counts(self) -> list[int]:
         """The numbers of unknowns of the law, of departures, and of vertical shifts."""
         others = len(self.temperatures) - 1
-        return [len(LAW_LIMITS[self.law]), others * self.departs, others * self.lifts]
+        return [len(LAW_LIMITS[self.law]), *(others * (std > 0) for std in self.stds)]
 
     @property
     def others(self) -> np.ndarray:
