@@ -94,7 +94,7 @@ class MasterCurve(AbstractFit):
 
     def law_error(self) -> float:
         """Returns the rms log error on all isotherms of the series shifted by the law alone."""
-        series, theta = self.problem()
+        series, theta = self._problem()
         by_law = self.isotherms.law_shifts(self.isotherms.split(theta)[0])
         single = series.shifted(by_law, np.zeros_like(by_law))
         return single.rms(theta[: len(theta) - series.num_shifts])

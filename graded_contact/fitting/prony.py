@@ -59,7 +59,7 @@ class AbstractFit(eqx.Module):
     def material(self) -> Prony:
         """The fitted material."""
 
-    def problem(self) -> tuple[Series, np.ndarray]:
+    def _problem(self) -> tuple[Series, np.ndarray]:
         """Returns the least-squares problem, and its unknowns, in NumPy."""
         if not concrete(self.data):
             raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
@@ -68,7 +68,7 @@ class AbstractFit(eqx.Module):
     def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
         """Returns the covariance of `theta`; errors of neighbours, on an isotherm, may be
         correlated."""
-        return covariance(*self.problem())
+        return covariance(*self._problem())
 
     def with_unknowns(self, theta: Unknowns) -> "AbstractFit":
         """Returns the fit with another `theta`."""
@@ -149,11 +149,11 @@ class PronyFit(AbstractFit):
 
     def errors(self) -> FitErrors:
         """Returns the errors of the fit."""
-        return errors_of(*self.problem())
+        return errors_of(*self._problem())
 
     def floor(self) -> Floor:
         """Returns the errors of the best positive spectra, and whether the channels agree."""
-        return floor_of(*self.problem())
+        return floor_of(*self._problem())
 
     def verdict(self) -> str:
         """Returns in plain words whether the data or the number of terms limit the fit."""
