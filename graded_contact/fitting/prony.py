@@ -43,7 +43,8 @@ class AbstractFit(eqx.Module):
 
     **Fields:**
 
-    - `theta`: the unknowns of the series, then those of shifts, see `Series` and `Isotherms`.
+    - `theta`: the unknowns, shape `(unknowns,)`: logarithms of strengths, times, and strengths
+      without a time (E_eq; of compliances 1/E_inf, and 1/η of a liquid); then those of shifts.
     - `data`: the fitted observations.
     - `poisson`: Poisson's ratio of the material [1].
     - `path`: the best fits of every number of terms, if they were needed to choose it. Static.
