@@ -123,7 +123,8 @@ def best_spectrum(series: Series) -> Fitted:
         if lower > (1 - 1e-4) * cost:
             break
         theta, cost = longer, lower
-    return _measured_by(series, _without_faint(few, theta))
+    theta = _without_faint(few, theta)
+    return theta, float(series.total_cost(theta))
 
 
 def best_of_length(series: Series, terms: int) -> Fitted:
@@ -163,7 +164,8 @@ def best_path(series: Series, most: int) -> dict[int, Fitted]:
             keep(shorter)
     for length in range(shortest, terms):
         keep(_with_branch(few, path[length][0])[1])
-    return {terms: _measured_by(series, theta) for terms, (theta, _) in sorted(path.items())}
+    thetas = {terms: theta for terms, (theta, _) in sorted(path.items())}
+    return {terms: (theta, float(series.total_cost(theta))) for terms, theta in thetas.items()}
 
 
 def thinned(series: Series) -> Series:
@@ -192,10 +194,6 @@ def thinned(series: Series) -> Series:
         known=sums(series.known) / sizes,
         static=sums(series.static) / sizes,
     )
-
-
-def _measured_by(series, theta):
-    return theta, float(series.cost(series.misfit(theta)))
 
 
 def _spaced_start(series, terms):
