@@ -226,7 +226,7 @@ def tasks_of(measured, repeat):
 
 def isotherm_tasks(measured, repeat):
     parts = measured.isotherms()
-    yield RAW, len(parts), lambda: master_curve(parts).unknowns, repeat
+    yield RAW, len(parts), lambda: master_curve(parts).theta, repeat
     if peers.pyvisco is not None:
         yield "pyvisco, shifts alone", len(parts), lambda: peers.pyvisco_shifts(parts), repeat
 

@@ -107,7 +107,7 @@ def in_jax(problem):
     """The same problem in JAX's arrays."""
     names = ("x", "log_values", "weights", "known", "static")
     arrays = {name: jnp.asarray(getattr(problem, name)) for name in names}
-    return dataclasses.replace(problem, **arrays)
+    return dataclasses.replace(problem, xp=jnp, **arrays)
 
 
 def by_optimistix(search):

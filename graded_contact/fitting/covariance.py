@@ -43,26 +43,16 @@ def covariance(series: Series, theta: np.ndarray) -> np.ndarray:
     free = series.within_bounds(theta)
     jacobian, penalty = jacobian[free], series.penalty(theta)[free]
     hessian = (jacobian * series.weights) @ jacobian.T + np.diag(penalty)
-    points = len(series.x)
-    group = np.zeros(points, int) if series.group is None else series.group
-    order = np.lexsort((series.x, group))
-    rows = (np.arange(0, len(residual), points)[:, None] + order).ravel()
-    rows = rows[series.measured[rows]]
-    channel = np.unique(rows // points, return_inverse=True)[1]
-    starts = (np.diff(channel) > 0) | (np.diff(group[rows % points]) > 0)
+    rows = np.flatnonzero(series.measured)
+    channel, point = np.divmod(rows, len(series.x))
+    group = np.zeros(len(rows), int) if series.group is None else series.group[point]
+    order = np.lexsort((series.x[point], group, channel))
+    rows, group = rows[order], group[order]
+    channel = np.unique(channel[order], return_inverse=True)[1]
+    first = np.append(True, (np.diff(channel) > 0) | (np.diff(group) > 0))
     root_weights = np.sqrt(series.weights[rows])
-    design = (jacobian[:, rows] * root_weights).T
-    errors = _Errors(
-        channel=channel,
-        first=np.append(True, starts),
-        errors=root_weights * residual[rows],
-        design=design,
-        penalty=penalty,
-    )
-    noise, cloud = np.diag(penalty * errors.mean_square), errors.cloud()
-    for parameters in cloud:
-        carried = errors.carried(parameters, design)
-        noise += carried.T @ carried / len(cloud)
+    errors, design = root_weights * residual[rows], (jacobian[:, rows] * root_weights).T
+    noise = _Errors(channel, first, errors, design, penalty).noise()
     diagonal = np.diagonal(hessian)
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1))
     # Directions that rounding alone determines are left out.
@@ -108,10 +98,15 @@ class _Errors:
         diagonal = 1 / np.where(size > 0, own * size, 1)
         return diagonal, np.where(self.first, 0, -alike * diagonal)
 
-    def carried(self, parameters: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Returns W⁻ᵀ times `columns`, whose square is columnsᵀ V columns."""
-        diagonal, left = self.filter(parameters)
-        return solve_banded((0, 1), np.array([np.append(0, left[1:]), diagonal]), columns)
+    def noise(self) -> np.ndarray:
+        """Returns Gᵀ V G, V being the mean over the cloud, and the errors of what is expected."""
+        noise, cloud = np.diag(self.penalty * self.mean_square), self.cloud()
+        for parameters in cloud:
+            diagonal, left = self.filter(parameters)
+            bands = np.array([np.append(0, left[1:]), diagonal])
+            carried = solve_banded((0, 1), bands, self.design)  # W⁻ᵀ G
+            noise += carried.T @ carried / len(cloud)
+        return noise
 
     def cloud(self) -> list[np.ndarray]:
         """Equally likely parameters about those of the largest restricted likelihood.

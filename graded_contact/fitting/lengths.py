@@ -16,10 +16,10 @@ from scipy.optimize import nnls
 
 from ..core.checks import check_whole
 from ..core.display import shown
+from .newton import Fitted
 from .observations import Observations, concrete
 from .series import Series, series_of
 
-Fitted = tuple[np.ndarray, float]  # unknowns θ, and their cost
 SEARCH = 1e-5  # relative tolerance of the cost
 MOST_POINTS = 400  # that a search goes through
 MANY = 2000  # rows, from which on an orthogonal reduction of them pays
@@ -51,60 +51,51 @@ class Length(NamedTuple):
 
 def check_terms(data: Observations, terms: int | None) -> None:
     """Raises `ValueError` for a number of terms that the data cannot have."""
-    if terms is None and not concrete(data):
-        raise ValueError(
-            "`terms=None` needs values that are concrete: under `jit`, `grad` or `vmap` give "
-            "`terms`, or `start` from a fit to similar data."
-        )
     if terms is None:
+        if not concrete(data):
+            raise ValueError(
+                "`terms=None` needs values that are concrete: under `jit`, `grad` or `vmap` give "
+                "`terms`, or `start` from a fit to similar data."
+            )
         return
     check_whole("terms", terms, int(not data.num_extras))
-    count = int(np.sum(np.asarray(data.weights) > 0)) if concrete(data) else np.inf
-    unknowns = 2 * terms + data.num_extras
-    if unknowns > count:
+    count = np.sum(np.asarray(data.weights) > 0) if concrete(data) else np.inf
+    if (unknowns := 2 * terms + data.num_extras) > count:
         raise ValueError(
             f"`terms={terms}` has {unknowns} unknowns, more than the {count} measured values."
         )
 
 
-def choose(series: Series) -> tuple[np.ndarray, tuple[Length, ...]]:
-    """Returns the unknowns of the length with the least criterion, and all lengths tried.
+def choose(series: Series, terms: int | None) -> tuple[np.ndarray, tuple[Length, ...]]:
+    """Returns the unknowns of `terms` branches, or of the least criterion and all lengths tried.
 
     The Bayes information criterion is n ln(mean square) + p ln n of G. Schwarz, Ann. Statist. 6
     (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION` are rounding and no reason
     for a further term.
     """
+    if terms is not None:
+        return best_of_length(series, terms)[0], ()
     count, total = np.sum(series.measured), np.sum(series.weights[series.measured])
     fitted = best_path(series, max(int(count - 1 - len(series.static)) // 2, 1))
     path = []
-    for terms, (theta, cost) in fitted.items():
+    for length, (theta, cost) in fitted.items():
         bic = count * np.log(2 * cost / total + RESOLUTION**2) + len(theta) * np.log(count)
-        path.append(Length(terms, series.rms(theta), float(bic)))
+        path.append(Length(length, series.rms(theta), float(bic)))
     chosen = min(path, key=lambda length: length.bic)
     return fitted[chosen.terms][0], tuple(path)
 
 
-def choose_solid_or_liquid(
-    data: Observations,
-) -> tuple[Observations, np.ndarray, tuple[Length, ...]]:
-    """Returns the data, with E_eq = 0 if they need no equilibrium modulus; unknowns; lengths tried.
+def choose_liquid(data: Observations, error: float) -> tuple | None:
+    """Returns the data with E_eq = 0, the unknowns and all lengths tried, or None for a solid.
 
-    They need none if no spectrum near to them is better for it: slow branches far outside would
-    replace any E_eq.
+    Data that flow need no E_eq if without it a spectrum near to them has hardly more than the
+    `error` with it. (Slow branches far outside would replace any E_eq.)
     """
-    series = series_of(data)
-    theta, path = choose(series)
-    if may_be_liquid(data):
-        liquid = data.as_liquid()
-        other, lengths = choose(dataclasses.replace(series_of(liquid), reach=series.reach))
-        if series_of(liquid).rms(other) <= AS_GOOD * series.rms(theta):
-            return liquid, other, lengths
-    return data, theta, path
-
-
-def may_be_liquid(data: Observations) -> bool:
-    """Returns whether E_eq is unknown and loss exceeds storage at the lowest frequencies."""
-    return data.equilibrium is None and flows(data)
+    if data.equilibrium is not None or not flows(data):
+        return None
+    series, liquid = series_of(data), data.as_liquid()
+    other, path = choose(dataclasses.replace(series_of(liquid), reach=series.reach), None)
+    return (liquid, other, path) if series_of(liquid).rms(other) <= AS_GOOD * error else None
 
 
 def flows(data: Observations) -> bool:
@@ -112,8 +103,8 @@ def flows(data: Observations) -> bool:
     if data.kind != "frequency":
         return False
     both = np.all(np.asarray(data.weights) > 0, axis=0)
-    lowest = np.argsort(np.where(both, np.asarray(data.x), np.inf))[: min(3, int(np.sum(both)))]
-    storage, loss = np.asarray(data.values)[:, lowest]
+    lowest = np.argsort(np.asarray(data.x)[both])[:3]
+    storage, loss = np.asarray(data.values)[:, both][:, lowest]
     return bool(len(lowest) and np.all(loss > storage))
 
 
@@ -132,18 +123,17 @@ def best_spectrum(series: Series) -> Fitted:
         if lower > (1 - 1e-4) * cost:
             break
         theta, cost = longer, lower
-    return _measured_by(series, _without_faint(few, theta))
+    theta = _without_faint(few, theta)
+    return theta, float(series.total_cost(theta))
 
 
 def best_of_length(series: Series, terms: int) -> Fitted:
     """Returns the best series of exactly `terms` branches found from two starts."""
     few = thinned(series)
     # Each start leads to the lower minimum on about half of the measured sets.
-    starts = [_spaced_start(few, terms)]
-    if terms:
-        dense = _dense_start(few, PER_DECADE / 2)
-        if few.terms(dense):
-            starts.append(_of_length(few, dense, terms))
+    starts, dense = [_spaced_start(few, terms)], _dense_start(few, PER_DECADE / 2)
+    if terms and few.terms(dense):
+        starts.append(_of_length(few, dense, terms))
     tried = [few.minimise(start, rtol=SEARCH) for start in starts]
     theta, _ = min(tried, key=lambda fitted: fitted[1])
     return series.minimise(theta, rtol=0)
@@ -174,7 +164,8 @@ def best_path(series: Series, most: int) -> dict[int, Fitted]:
             keep(shorter)
     for length in range(shortest, terms):
         keep(_with_branch(few, path[length][0])[1])
-    return {terms: _measured_by(series, theta) for terms, (theta, _) in sorted(path.items())}
+    thetas = {terms: theta for terms, (theta, _) in sorted(path.items())}
+    return {terms: (theta, float(series.total_cost(theta))) for terms, theta in thetas.items()}
 
 
 def thinned(series: Series) -> Series:
@@ -192,8 +183,7 @@ def thinned(series: Series) -> Series:
     member = (place[:, None] == np.unique(place)).astype(float)
 
     def sums(rows):
-        by_channel = rows.reshape(*rows.shape[:-1], -1, len(series.x))
-        return (by_channel @ member).reshape(*rows.shape[:-1], -1)
+        return (series.by_channel(rows) @ member).reshape(*rows.shape[:-1], -1)
 
     sizes, weights = sums(np.ones_like(series.weights)), sums(series.weights)
     return dataclasses.replace(
@@ -204,10 +194,6 @@ def thinned(series: Series) -> Series:
         known=sums(series.known) / sizes,
         static=sums(series.static) / sizes,
     )
-
-
-def _measured_by(series, theta):
-    return theta, float(series.cost(series.residual(series.model(theta))))
 
 
 def _spaced_start(series, terms):
@@ -295,11 +281,10 @@ def _of_length(series, theta, terms):
 
 
 def _one_fewer(series, theta):
-    """Every series with one branch fewer, before any fit, the cheapest first."""
+    """The two cheapest of all series with one branch fewer, before any fit."""
     s, log_times, c = series.split(theta)
     order = np.argsort(log_times)
     s, log_times = s[order], log_times[order]
-    terms = len(s)
     parts = np.exp(s)[:, None] * series.branches(log_times)
     model = series.model(theta)
     joined = np.logaddexp(s[1:], s[:-1])
@@ -311,10 +296,9 @@ def _one_fewer(series, theta):
     costs = series.cost(series.residual(np.maximum(models, 1e-6 * model)))
     shorter = []
     for i in np.argsort(costs)[:2]:
-        if i < terms - 1:
-            fewer, fewer_times = np.delete(s, i), np.delete(log_times, i)
+        gone = i if i < len(joined) else i - len(joined)
+        fewer, fewer_times = np.delete(s, gone), np.delete(log_times, gone)
+        if i < len(joined):
             fewer[i], fewer_times[i] = joined[i], middle[i]
-        else:
-            fewer, fewer_times = np.delete(s, i - terms + 1), np.delete(log_times, i - terms + 1)
         shorter.append(np.concatenate([fewer, fewer_times, c]))
     return shorter

@@ -10,41 +10,23 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Float
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    as_scalar,
-    check_poisson,
-    check_types,
-    check_values,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_scalar, check_poisson, check_types, check_values, is_concrete
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
-from .covariance import covariance
 from .implicit import attach_derivative, search
-from .lengths import best_of_length, check_terms
-from .observations import Observations
-from .prony import PronyFit, problem, refuse_nonsense
-from .quality import deviation, limits_of, percent
-from .series import objective
-from .shifting import (
-    Isotherm,
-    at_reference,
-    joined,
-    shifted_solid_or_liquid,
-    shifts_and_series,
-    with_penalty,
-)
+from .lengths import check_terms, choose_liquid
+from .prony import AbstractFit, PronyFit, deviation, refuse_nonsense
+from .quality import percent
+from .series import objective, series_of
+from .shifting import Isotherm, at_reference, joined, shifts_and_series, with_penalty
 from .shifts import LAW_LIMITS, LN10, Isotherms
 
 SERVES = 1.05  # times the error with the fitted shifts: a law that does no worse replaces them
@@ -52,20 +34,11 @@ STEEP = 0.4  # decades per kelvin, two within 5 K
 
 
 @shown("law", "temperatures", "log10_shifts", "vertical_shifts", "fit")
-class MasterCurve(eqx.Module):
+class MasterCurve(AbstractFit):
     """A master curve: a fitted series with its shifts.
 
-    **Fields:**
-
-    - `fit`: the series, fitted to all data shifted to the reference temperature. Its errors and
-      floor are those of the master curve; its `confidence` takes the shifts as known.
-    - `unknowns`: of the series, then of the shifts, see `shifts`.
-    - `data`: the fitted isotherms, as measured.
+    Fields as in `AbstractFit`; `data` are the isotherms, as measured.
     """
-
-    fit: PronyFit
-    unknowns: Float[Array, " unknowns"]
-    data: Observations
 
     @property
     def isotherms(self) -> Isotherms:
@@ -74,14 +47,24 @@ class MasterCurve(eqx.Module):
         return self.data.isotherms
 
     @property
+    def fit(self) -> PronyFit:
+        """The series, fitted to all data shifted to the reference temperature.
+
+        Its errors and floor are those of the master curve; its `confidence` takes the shifts as
+        known.
+        """
+        series = self.theta[: len(self.theta) - self.data.num_shifts]
+        return PronyFit(series, at_reference(self.theta, self.data), self.poisson, self.path)
+
+    @property
     def law(self) -> AbstractShift:
         """The fitted law about the reference temperature, without departures from it."""
-        return self.isotherms.law_of(self.isotherms.split(self.unknowns)[0])
+        return self.isotherms.law_of(self.isotherms.split(self.theta)[0])
 
     @property
     def shift(self) -> AbstractShift:
         """The fitted shifts: a table, or the law if both standard deviations of shifts are 0."""
-        if not (self.isotherms.departs or self.isotherms.lifts):
+        if not any(self.isotherms.stds):
             return self.law
         across = self.vertical_shifts
         # Moduli change by the reciprocal of the factor of a compliance.
@@ -90,7 +73,7 @@ class MasterCurve(eqx.Module):
             temperatures=self.temperatures,
             log10_factors=self.log10_shifts,
             reference=self.temperatures[self.isotherms.reference],
-            vertical_factors=across if self.isotherms.lifts else None,
+            vertical_factors=across if self.isotherms.stds[1] else None,
         )
 
     @property
@@ -111,9 +94,10 @@ class MasterCurve(eqx.Module):
 
     def law_error(self) -> float:
         """Returns the rms log error on all isotherms of the series shifted by the law alone."""
-        series, unknowns = problem(self.data, self.unknowns)
-        by_law = self.isotherms.law_shifts(self.isotherms.split(unknowns)[0])
-        return series.shifted(by_law, np.zeros_like(by_law)).rms(np.asarray(self.fit.theta))
+        series, theta = self._problem()
+        by_law = self.isotherms.law_shifts(self.isotherms.split(theta)[0])
+        single = series.shifted(by_law, np.zeros_like(by_law))
+        return single.rms(theta[: len(theta) - series.num_shifts])
 
     def exported(self) -> Prony:
         """Returns the material for export: with the law if it fits as well as the fitted shifts.
@@ -121,7 +105,8 @@ class MasterCurve(eqx.Module):
         It does where its error is at most 1.05 times that of the fit and no constant has run to
         its bound; otherwise the material carries the table of shifts.
         """
-        return self.law_material() if self._law_serves() else self.material
+        serves = self.law_error() <= SERVES * self.fit.errors().total
+        return self.law_material() if serves and not self._at_bounds() else self.material
 
     @property
     def temperatures(self) -> Float[Array, " isotherms"]:
@@ -131,52 +116,21 @@ class MasterCurve(eqx.Module):
     @property
     def log10_shifts(self) -> Float[Array, " isotherms"]:
         """log10 a_T of the isotherms; 0 at the reference."""
-        return self.isotherms.shifts(self.unknowns)[0] / LN10
+        return self.isotherms.shifts(self.theta)[0] / LN10
 
     @property
     def vertical_shifts(self) -> Float[Array, " isotherms"]:
         """b_T of the isotherms: moduli there are b_T (creep: compliances) times the master's."""
-        return jnp.exp(self.isotherms.shifts(self.unknowns)[1])
+        return jnp.exp(self.isotherms.shifts(self.theta)[1])
 
-    def shift_deviations(
-        self,
-    ) -> tuple[Float[Array, " isotherms"], Float[Array, " isotherms"]]:
+    def shift_deviations(self) -> tuple[Float[Array, " isotherms"], Float[Array, " isotherms"]]:
         """Returns standard deviations of log10 a_T and of ln b_T.
 
         They are large for isotherms too flat to be placed by anything but the law.
         """
         spread = self.covariance()
-        along, across = jax.jacfwd(self.isotherms.shifts)(self.unknowns)
+        along, across = jax.jacfwd(self.isotherms.shifts)(self.theta)
         return deviation(along / LN10, spread), deviation(across, spread)
-
-    def confidence(
-        self, omega: Numbers, temperature: Numbers | None = None, *, level: float = 0.95
-    ) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
-        """Returns `(lower, upper)` limits of E*(ω) at a temperature, as `PronyFit.confidence`.
-
-        The uncertainty of the shifts is included. `temperature` [K] is by default the reference;
-        beyond the isotherms all limits are NaN.
-        """
-        kelvin = None if temperature is None else as_float(temperature, "temperature")
-
-        def material(unknowns):
-            found = self.with_unknowns(unknowns).material
-            return found if kelvin is None else found.at(kelvin)
-
-        return limits_of(material, self.unknowns, self.covariance(), omega, level)
-
-    def with_unknowns(self, unknowns: Float[Array, " unknowns"]) -> "MasterCurve":
-        """Returns the master curve with other `unknowns`, those of its series included."""
-        return eqx.tree_at(
-            lambda curve: (curve.unknowns, curve.fit.theta),
-            self,
-            (unknowns, unknowns[: len(self.fit.theta)]),
-        )
-
-    def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
-        """Returns the covariance of `unknowns`; errors of neighbours on an isotherm may be
-        correlated."""
-        return covariance(*problem(self.data, self.unknowns))
 
     def report(self) -> str:
         """Returns shifts with their uncertainty, then the report of the fit, as text."""
@@ -191,13 +145,9 @@ class MasterCurve(eqx.Module):
         )
         return "\n".join([*_law_words(self), "", table, *_step_words(self), "", self.fit.report()])
 
-    def _law_serves(self):
-        bounded = self._constants_at_bounds()
-        return not bounded and self.law_error() <= SERVES * self.fit.errors().total
-
-    def _constants_at_bounds(self):
+    def _at_bounds(self):
         """Whether unknowns of the law are no result but the end of the search."""
-        found = np.asarray(self.isotherms.split(self.unknowns)[0])
+        found = np.asarray(self.isotherms.split(self.theta)[0])
         lower, upper = np.log(LAW_LIMITS[self.isotherms.law]).T
         return bool(np.any((found < lower + 1e-3) | (found > upper - 1e-3)))
 
@@ -248,40 +198,33 @@ def master_curve(
     """
     poisson = as_scalar(poisson, "poisson")
     check_poisson("poisson", poisson)
-    sizes = (
-        _std_of("shift_std", shift_std) * LN10,
-        _std_of("vertical_shift_std", vertical_shift_std),
-    )
-    data = joined(isotherms, kind, law, sizes, reference, weights, equilibrium)
+    given: dict[str, Any] = {"shift_std": shift_std, "vertical_shift_std": vertical_shift_std}
+    for name, std in given.items():
+        if not is_concrete(std):
+            raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
+        check_values(name, std, "it must be zero or positive", at_least=0)
+    along, across = map(float, given.values())
+    data = joined(isotherms, kind, law, (LN10 * along, across), reference, weights, equilibrium)
     check_terms(data, terms)
     path = ()
     if terms is None:
-        data, found, path = shifted_solid_or_liquid(data, sizes)
-        unknowns, free, penalty = map(jnp.asarray, found)
+        found, path = shifts_and_series(data, terms)
+        error, shifted = series_of(data).rms(found[0]), at_reference(jnp.asarray(found[0]), data)
+        if choose_liquid(shifted, error):
+            data = data.as_liquid()
+            found, path = shifts_and_series(data, terms)
+        theta, free, penalty = map(jnp.asarray, found)
     else:
 
         def find(data):
-            return shifts_and_series(data, sizes, lambda series: best_of_length(series, terms))[0]
+            return shifts_and_series(data, terms)[0]
 
-        unknowns, free, penalty = search(find, (data.num_unknowns(terms), 2), data)
+        theta, free, penalty = search(find, (data.num_unknowns(terms), 2), data)
     data = with_penalty(data, penalty)
-    unknowns = attach_derivative(objective, unknowns, free, data)
-    fit = PronyFit(
-        theta=unknowns[: len(unknowns) - data.num_shifts],
-        data=at_reference(unknowns, data),
-        poisson=poisson,
-        path=path,
-    )
-    refuse_nonsense(fit)
-    return MasterCurve(fit=fit, unknowns=unknowns, data=data)
-
-
-def _std_of(name: str, value: Any) -> float:
-    """An expected standard deviation of shifts, checked."""
-    if not is_concrete(value):
-        raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
-    check_values(name, value, "it must be zero or positive", at_least=0)
-    return float(value)
+    theta = attach_derivative(objective, theta, free, data)
+    curve = MasterCurve(theta, data, poisson, path)
+    refuse_nonsense(curve.fit)
+    return curve
 
 
 def _law_words(curve):
@@ -292,19 +235,18 @@ def _law_words(curve):
     else:
         words = f"Arrhenius with Q = {float(law.activation_energy) / 1e3:.4g} kJ/mol"
     lines = [f"{words} about {float(law.reference):.2f} K."]
-    if not (curve.isotherms.departs or curve.isotherms.lifts):
+    if not any(curve.isotherms.stds):
         return lines
-    if curve._constants_at_bounds():
+    if curve._at_bounds():
         lines.append(
             "Error: a constant of this law ran to the end of its range: the shifts follow no such "
             "law."
         )
     by_law, by_table = percent(curve.law_error()), percent(curve.fit.errors().total)
-    exported = (
-        f" and is exported. The shifts of this table fit them to {by_table}."
-        if curve._law_serves()
-        else f". The exported table of shifts fits them to {by_table}."
-    )
+    if isinstance(curve.exported().shift, TabulatedShift):
+        exported = f". The exported table of shifts fits them to {by_table}."
+    else:
+        exported = f" and is exported. The shifts of this table fit them to {by_table}."
     return [*lines, f"This law fits the isotherms to {by_law}{exported}"]
 
 
@@ -312,12 +254,11 @@ def _step_words(curve):
     """A sentence on neighbours whose shifts are hardly those of one material."""
     temperatures, shifts = np.asarray(curve.temperatures), np.asarray(curve.log10_shifts)
     rates = np.diff(shifts) / np.diff(temperatures)
-    steps = ", ".join(
+    steps = [
         f"{temperatures[i]:.2f} to {temperatures[i + 1]:.2f} K ({shifts[i + 1] - shifts[i]:+.2f})"
         for i in np.flatnonzero((rates < -STEEP) | (rates > 0))
-    )
-    words = (
-        f"Look at the steps of log10 a_T from {steps}: more than two decades within 5 K, or "
-        "upwards, are seldom those of one material."
-    )
-    return [words] if steps else []
+    ]
+    return steps and [
+        f"Look at the steps of log10 a_T from {', '.join(steps)}: more than two decades within 5 "
+        "K, or upwards, are seldom those of one material."
+    ]

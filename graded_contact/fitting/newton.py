@@ -18,6 +18,7 @@ LONGEST = 3.0  # the most a step changes an unknown: all are logarithms
 LEAST = 1e-14  # relative decrease of the value, below which rounding hides whether it falls
 SINGULAR = 1e-13  # of a Hessian scaled to a unit diagonal
 IDLE = 1e-20  # of the greatest curvature: an unknown that has no effect on the value
+Fitted = tuple[np.ndarray, float]  # the unknowns of a minimum, and its value
 (_solve_positive,) = get_lapack_funcs(("posv",), dtype=np.float64)
 
 
@@ -45,7 +46,7 @@ def newton_minimum(
     *,
     rtol: float,
     max_steps: int = 100,
-) -> tuple[np.ndarray, float]:
+) -> Fitted:
     """Returns the point and the value of a local minimum with `lower` <= point <= `upper`.
 
     Ends when a step that is hardly damped lowers the value by less than the relative `rtol`, or
@@ -57,13 +58,9 @@ def newton_minimum(
     here, damping, raised = expand(point), 1e-3, 2.0
     for _ in range(max_steps):
         free = _free(point, here, lower, upper)
-        trial = point.copy()
-        trial[free] += _damped_step(here, free, damping)
-        trial = np.clip(trial, lower, upper)
-        moved = trial - point
-        with np.errstate(over="ignore", invalid="ignore"):  # far off; it is then not taken
-            there = expand(trial)
-        decrease = here.value - there.value
+        step = _damped_step(here, free, damping)
+        trial, there = _moved(expand, point, free, step, lower, upper)
+        moved, decrease = trial - point, here.value - there.value
         if not decrease > 0:
             damping, raised = damping * raised, 2 * raised
             if damping > 1e10 or not np.any(moved):
@@ -89,14 +86,19 @@ def _converged(expand, point, here, lower, upper):
         gain = -step @ here.gradient[free]
         if not 2 * gain < least:
             return point, here
-        trial = point.copy()
-        trial[free] += step
-        trial = np.clip(trial, lower, upper)
-        with np.errstate(over="ignore", invalid="ignore"):  # far off; it is then not taken
-            there = expand(trial)
+        trial, there = _moved(expand, point, free, step, lower, upper)
         if gain == 0 or not there.value <= (1 + 1e-9) * here.value:
             return point, here
         point, here, least = trial, there, gain
+
+
+def _moved(expand, point, free, step, lower, upper):
+    """The point after a step of the `free` unknowns, and the function about it."""
+    trial = point.copy()
+    trial[free] += step
+    trial = np.clip(trial, lower, upper)
+    with np.errstate(over="ignore", invalid="ignore"):  # far off; it is then not taken
+        return trial, expand(trial)
 
 
 def _free(point, here, lower, upper):

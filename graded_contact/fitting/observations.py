@@ -1,7 +1,7 @@
 """Measured moduli or compliances prepared for a fit."""
 
 import dataclasses
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import equinox as eqx
 import jax
@@ -20,9 +20,9 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.display import shown
-from .branches import Kind
 from .shifts import Isotherms
 
+Kind = Literal["frequency", "relaxation", "creep"]
 REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow
 Unknowns = Float[Array, " unknowns"]
 

@@ -13,59 +13,116 @@ The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are
 the best of one kind is the best of the other, and `fit.material.creep()` is exact.
 """
 
+import abc
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
+from scipy.special import ndtri
 
-from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_types
+from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive, check_types
 from ..core.display import shown
-from ..materials.coverage import MeasuredRange
+from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
-from .branches import branches
 from .covariance import covariance
 from .implicit import attach_derivative, search
-from .lengths import (
-    Length,
-    best_of_length,
-    best_spectrum,
-    check_terms,
-    choose_solid_or_liquid,
-)
+from .lengths import Length, best_of_length, best_spectrum, check_terms, choose, choose_liquid
 from .observations import Observations, Unknowns, concrete, observe
-from .quality import (
-    FitErrors,
-    Floor,
-    errors_of,
-    floor_of,
-    jumps_of,
-    limits_of,
-    report_of,
-    verdict_of,
-)
+from .quality import FitErrors, Floor, errors_of, floor_of, jumps_of, report_of, verdict_of
 from .series import NEGLIGIBLE, Series, fixed_columns, objective, series_of
 
 LAST = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
 
 
-@shown("terms", "material", "errors")
-class PronyFit(eqx.Module):
-    """A fitted Prony series and its quality.
+class AbstractFit(eqx.Module):
+    """A fitted material, and how well it is known.
 
     **Fields:**
 
-    - `theta`: the unknowns of the fit, see `model`; shape `(unknowns,)`.
+    - `theta`: the unknowns, shape `(unknowns,)`: logarithms of strengths, times, and strengths
+      without a time (E_eq; of compliances 1/E_inf, and 1/η of a liquid); then those of shifts.
     - `data`: the fitted observations.
     - `poisson`: Poisson's ratio of the material [1].
     - `path`: the best fits of every number of terms, if they were needed to choose it. Static.
     """
 
-    theta: Float[Array, " unknowns"]
+    theta: Unknowns
     data: Observations
     poisson: Float[Array, ""]
     path: tuple[Length, ...] = eqx.field(static=True)
+
+    @property
+    @abc.abstractmethod
+    def material(self) -> Prony:
+        """The fitted material."""
+
+    def _problem(self) -> tuple[Series, np.ndarray]:
+        """Returns the least-squares problem, and its unknowns, in NumPy."""
+        if not concrete(self.data):
+            raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
+        return series_of(self.data), np.asarray(self.theta)
+
+    def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Returns the covariance of `theta`; errors of neighbours, on an isotherm, may be
+        correlated."""
+        return covariance(*self._problem())
+
+    def with_unknowns(self, theta: Unknowns) -> "AbstractFit":
+        """Returns the fit with another `theta`."""
+        return dataclasses.replace(self, theta=theta)
+
+    def confidence(
+        self, omega: Numbers, temperature: Numbers | None = None, *, level: float = 0.95
+    ) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
+        """Returns `(lower, upper)`, limits of E'(ω) and, in the imaginary part, of E''(ω) [Pa].
+
+        **Arguments:**
+
+        - `omega`: angular frequencies [rad/s], positive.
+        - `temperature`: of a master curve [K]; by default its reference.
+        - `level`: probability that each limit pair encloses the true value.
+
+        Outside the measured frequencies (of times, their reciprocals) and temperatures the limits
+        are NaN: nothing was measured there. The logarithms of E' and E'' are linearised about the
+        unknowns; those of shifts are included. Limits assume that the errors scatter about a
+        series of this length, with neighbours as correlated as the residuals show. Where `floor`
+        reports that the data contradict themselves, the true material may lie outside the limits.
+        """
+        if not 0 < level < 1:
+            raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
+        omega = as_float(omega, "omega")
+        check_positive("omega", omega, "[rad/s]")
+        spread = self.covariance()
+        kelvin = None if temperature is None else as_float(temperature, "temperature")
+
+        def material(theta):
+            found = self.with_unknowns(theta).material
+            return found if kelvin is None else found.at(kelvin)
+
+        def logs(theta):
+            modulus = material(theta).modulus(omega)
+            return jnp.log(jnp.stack([modulus.real, modulus.imag]))
+
+        middle = logs(self.theta)
+        reach = ndtri((1 + level) / 2) * deviation(jax.jacfwd(logs)(self.theta), spread)
+        outside = is_unknown(omega, material(self.theta).coverage())
+        limits = (jnp.where(outside, jnp.nan, jnp.exp(middle + side * reach)) for side in (-1, 1))
+        lower, upper = (jax.lax.complex(*limit) for limit in limits)
+        return lower, upper
+
+
+def deviation(slopes: Array, spread: np.ndarray) -> Array:
+    """Returns standard deviations of quantities from their slopes by unknowns."""
+    return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
+
+
+@shown("terms", "material", "errors")
+class PronyFit(AbstractFit):
+    """A fitted Prony series and its quality; fields as in `AbstractFit`."""
 
     @property
     def terms(self) -> int:
@@ -83,15 +140,21 @@ class PronyFit(eqx.Module):
         `x` are angular frequencies [rad/s] or times [s], shape `(points,)`. The rows are storage
         and loss modulus [Pa]; or one of moduli [Pa] or compliances [1/Pa].
         """
-        return model(self.theta, self.data, as_float(x))
+        x = as_float(x)
+        known, static = fixed_columns(self.data, x, jnp)
+        lowest = jnp.full(known.shape, -jnp.inf)
+        series = dataclasses.replace(
+            series_of(self.data, jnp), x=x, known=known, static=static, log_values=lowest
+        )
+        return series.by_channel(series.model(self.theta))
 
     def errors(self) -> FitErrors:
         """Returns the errors of the fit."""
-        return errors_of(*problem(self.data, self.theta))
+        return errors_of(*self._problem())
 
     def floor(self) -> Floor:
         """Returns the errors of the best positive spectra, and whether the channels agree."""
-        return floor_of(*problem(self.data, self.theta))
+        return floor_of(*self._problem())
 
     def verdict(self) -> str:
         """Returns in plain words whether the data or the number of terms limit the fit."""
@@ -100,35 +163,6 @@ class PronyFit(eqx.Module):
     def report(self) -> str:
         """Returns the fit as text: terms, errors, verdict, and the lengths tried."""
         return report_of(self)
-
-    def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
-        """Returns the covariance of `theta`; errors of neighbours may be correlated."""
-        return covariance(*problem(self.data, self.theta))
-
-    def with_unknowns(self, unknowns: Float[Array, " unknowns"]) -> "PronyFit":
-        """Returns the fit with another `theta`."""
-        return eqx.tree_at(lambda fit: fit.theta, self, unknowns)
-
-    def confidence(
-        self, omega: Numbers, *, level: float = 0.95
-    ) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
-        """Returns `(lower, upper)`, limits of E'(ω) and, in the imaginary part, of E''(ω) [Pa].
-
-        **Arguments:**
-
-        - `omega`: angular frequencies [rad/s], positive.
-        - `level`: probability that each limit pair encloses the true value.
-
-        Outside the measured frequencies (of times, their reciprocals) the limits are NaN: nothing
-        was measured there. The limits are linearised. They assume that the errors scatter about a
-        series of this length, with neighbours as correlated as the residuals show. Where `floor`
-        reports that the data contradict themselves, the true material may lie outside the limits.
-        """
-
-        def material(theta):
-            return material_of(theta, self.data, self.poisson)
-
-        return limits_of(material, self.theta, self.covariance(), omega, level)
 
 
 @check_types
@@ -189,7 +223,8 @@ def fit_prony(
         begin, terms = start.theta, start.terms
     check_terms(data, terms)
     if terms is None:
-        data, begin, path = choose_solid_or_liquid(data)
+        begin, path = choose(series := series_of(data), terms)
+        data, begin, path = choose_liquid(data, series.rms(begin)) or (data, begin, path)
         terms = series_of(data).terms(begin)
 
     def find(data, begin):
@@ -206,13 +241,6 @@ def fit_prony(
     if throw:
         refuse_nonsense(fit)
     return fit
-
-
-def problem(data: Observations, theta: Unknowns) -> tuple[Series, np.ndarray]:
-    """Returns the least-squares problem of a fit, and its unknowns, in NumPy."""
-    if not concrete(data):
-        raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
-    return series_of(data), np.asarray(theta)
 
 
 def refuse_nonsense(fit: PronyFit) -> None:
@@ -238,31 +266,16 @@ def _typical_residual(series, theta):
 
     A channel of small weight is not trusted, and may be off by as much more.
     """
-    shape = (-1, len(series.x))
-    trust = np.sqrt(series.weights / np.max(series.weights)).reshape(shape)
-    sizes = trust * np.abs(series.residual(series.model(theta))).reshape(shape)
-    rows = zip(sizes, series.measured.reshape(shape), strict=True)
+    trust = np.sqrt(series.weights / np.max(series.weights))
+    sizes = series.by_channel(trust * np.abs(series.misfit(theta)))
+    rows = zip(sizes, series.by_channel(series.measured), strict=True)
     return max(float(np.median(size[counted])) for size, counted in rows if np.any(counted))
-
-
-# The series and its material --------------------------------------------------------------------
-
-
-@eqx.filter_jit
-def model(
-    theta: Unknowns, data: Observations, x: Float[Array, " any"]
-) -> Float[Array, "channels any"]:
-    """Returns the result of a measurement of this kind at frequencies or times `x`."""
-    strengths, times, extras = _unpack(theta, data)
-    known, static = fixed_columns(data, x, jnp)
-    rows = known + strengths @ branches(data.kind, x, times)[0] + extras @ static
-    return rows.reshape(-1, len(x))
 
 
 @eqx.filter_jit
 def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
     """Returns the material with these unknowns, in relaxation form."""
-    strengths, times, extras = _unpack(theta, data)
+    strengths, times, extras = map(jnp.exp, series_of(data, jnp).split(theta))
     used = (data.x > 0) & jnp.any(data.weights > 0, axis=0)
     x = jax.lax.stop_gradient(data.x)
     ends = jnp.stack([jnp.min(jnp.where(used, x, jnp.inf)), jnp.max(jnp.where(used, x, 0))])
@@ -288,9 +301,3 @@ def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
     if data.flows:
         material = eqx.tree_at(lambda m: m.equilibrium, material, jnp.zeros_like(glassy))
     return material
-
-
-def _unpack(theta, data):
-    """Strengths, times and extras, each possibly empty."""
-    terms = (len(theta) - data.num_extras) // 2
-    return jnp.split(jnp.exp(theta), [terms, 2 * terms])

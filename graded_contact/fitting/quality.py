@@ -1,19 +1,12 @@
-"""The errors and limits of a fit, the smallest error of any positive spectrum, and the report."""
+"""The errors of a fit, the smallest error of any positive spectrum, and the report."""
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex
-from scipy.special import fdtrc, ndtri
+from scipy.special import fdtrc
 
-from ..core.checks import Numbers, as_float, check_positive
 from ..core.display import shown
-from ..materials.coverage import is_unknown
-from ..materials.material import Prony
 from .lengths import best_spectrum, flows
 from .series import Series, series_of
 
@@ -69,15 +62,17 @@ class Floor(NamedTuple):
 
 
 def _channels(series):
-    """The rows of storage moduli and those of loss moduli; None for a channel without values."""
+    """The problems of storage and of loss moduli alone; None for a channel without values."""
     storage = np.arange(len(series.weights)) < len(series.x)
-    return [rows if np.any(series.measured & rows) else None for rows in (storage, ~storage)]
+    weights = (np.where(rows, series.weights, 0) for rows in (storage, ~storage))
+    parts = (dataclasses.replace(series, weights=some) for some in weights)
+    return [part if np.any(part.measured) else None for part in parts]
 
 
 def errors_of(series: Series, theta: np.ndarray) -> FitErrors:
     """Returns the errors of the fit `theta`."""
-    parts = (rows if rows is None else series.rms(theta, rows) for rows in _channels(series))
-    return FitErrors(series.rms(theta), *parts)
+    storage, loss = (part and part.rms(theta) for part in _channels(series))
+    return FitErrors(series.rms(theta), storage, loss)
 
 
 def floor_of(series: Series, theta: np.ndarray) -> Floor:
@@ -89,73 +84,32 @@ def floor_of(series: Series, theta: np.ndarray) -> Floor:
     total = min(both.error, near)
     if series.kind != "frequency":
         return Floor(total, total, None, None, near)
-    parts = [
-        rows if rows is None
-        else _best(dataclasses.replace(series, weights=np.where(rows, series.weights, 0)))
-        for rows in _channels(series)
-    ]  # fmt: skip
+    parts = [part and _best(part) for part in _channels(series)]
+    chance = None if None in parts else _chance(np.sum(series.measured), both, *parts)
     storage, loss = (part and part.error for part in parts)
-    return Floor(total, storage, loss, _chance(both, *parts), near)
+    return Floor(total, storage, loss, chance, near)
 
 
 class _Best(NamedTuple):
     error: float
     cost: float
-    values: int
     unknowns: int
 
 
 def _best(series):
     """The best positive spectrum."""
     theta, cost = best_spectrum(series)
-    free = np.sum(series.within_bounds(theta))
-    return _Best(series.rms(theta), cost, int(np.sum(series.measured)), int(free))
+    return _Best(series.rms(theta), cost, int(np.sum(series.within_bounds(theta))))
 
 
-def _chance(both, storage, loss):
+def _chance(count, both, storage, loss):
     """Significance of the cost that one spectrum has over two, by its F distribution."""
-    if storage is None or loss is None:
-        return None
     saved = max(storage.unknowns + loss.unknowns - both.unknowns, 1)
-    spare = both.values - storage.unknowns - loss.unknowns
+    spare = count - storage.unknowns - loss.unknowns
     if spare < 1:
         return None
     noise = max((storage.cost + loss.cost) / spare, FINEST**2)
     return float(fdtrc(saved, spare, max(both.cost - storage.cost - loss.cost, 0) / saved / noise))
-
-
-def limits_of(
-    material: Callable[[Array], Prony],
-    unknowns: Array,
-    spread: np.ndarray,
-    omega: Numbers,
-    level: float,
-) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
-    """Returns limits of E*(ω) [Pa] of `material(unknowns)`; NaN where nothing was measured.
-
-    The logarithms of E' and E'' are linearised about unknowns with the covariance `spread`.
-    """
-    if not 0 < level < 1:
-        raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
-    omega = as_float(omega, "omega")
-    check_positive("omega", omega, "[rad/s]")
-
-    def logs(unknowns):
-        modulus = material(unknowns).modulus(omega)
-        return jnp.log(jnp.stack([modulus.real, modulus.imag]))
-
-    middle = logs(unknowns)
-    reach = ndtri((1 + level) / 2) * deviation(jax.jacfwd(logs)(unknowns), spread)
-    outside = is_unknown(omega, material(unknowns).coverage())
-    lower, upper = (
-        jnp.where(outside, jnp.nan, jnp.exp(limit)) for limit in (middle - reach, middle + reach)
-    )
-    return jax.lax.complex(*lower), jax.lax.complex(*upper)
-
-
-def deviation(slopes: Array, spread: np.ndarray) -> Array:
-    """Returns standard deviations of quantities from their slopes by unknowns."""
-    return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
 
 
 def jumps_of(series: Series) -> str:
@@ -167,11 +121,12 @@ def jumps_of(series: Series) -> str:
         return ""
     order = np.argsort(series.x[: len(series.x) - series.num_ends], kind="stable")
     share = 0.0
-    for channel in np.arange(len(series.weights)).reshape(-1, len(series.x)):
-        rows = channel[order][series.measured[channel[order]]]
-        y, log_x = series.log_values[rows], np.log(series.x[rows - channel[0]])
+    channels = map(series.by_channel, (series.measured, series.log_values))
+    for measured, y in zip(*channels, strict=True):
+        rows = order[measured[order]]
         if len(rows) > 1:
-            share = max(share, np.mean(np.abs(np.diff(y)) > JUMP + 2 * np.diff(log_x)))
+            most = JUMP + 2 * np.diff(np.log(series.x[rows]))
+            share = max(share, np.mean(np.abs(np.diff(y[rows])) > most))
     if share < JUMPING:
         return ""
     return (
@@ -182,32 +137,26 @@ def jumps_of(series: Series) -> str:
 
 def verdict_of(fit: Any, error: FitErrors, floor: Floor) -> str:
     """Returns in plain words whether the data or the number of terms limit a `PronyFit`."""
-    off = f"it is off by {percent(error.total)}"
-    best = f"the best positive spectrum of any length is off by {percent(floor.total)}"
     if error.total <= 1.1 * floor.total:
-        words = f"The data limit this fit: {off}, and {best}."
+        words = "The data limit this fit: no positive spectrum of any length is much nearer."
     elif error.total <= 1.1 * floor.near:
         words = (
-            f"The ends of the data limit this fit: {off}; {best}, but with relaxation times far "
-            "outside the data, which cannot place them. Times may lie beyond an end whose modulus "
-            "is given: `equilibrium` (0 for a liquid) or, of `fit_prony`, `glassy`."
+            "The ends of the data limit this fit: nearer spectra have relaxation times far outside "
+            "the data, which cannot place them. Times may lie beyond an end whose modulus is "
+            "given: `equilibrium` (0 for a liquid) or, of `fit_prony`, `glassy`."
         )
     else:
-        words = f"{fit.terms} terms limit this fit: {off}, but {best}."
+        words = f"{fit.terms} terms limit this fit: longer series are nearer."
     words = jumps_of(series_of(fit.data)) + words
     if floor.storage is None or floor.loss is None:
         return words
     if floor.chance is None:
         return f"{words} These values are too few to judge whether storage and loss agree."
-    alone = (
-        f"alone, storage can be met within {percent(floor.storage)} and loss within "
-        f"{percent(floor.loss)}"
-    )
     if floor.chance > CONTRADICTION:
-        return f"{words} Storage and loss agree (Kramers-Kronig): {alone}."
+        return f"{words} Storage and loss agree (Kramers-Kronig)."
     return (
-        f"{words} Storage and loss contradict each other (Kramers-Kronig): {alone}. Look at the "
-        "shifts and at thermal drift, or give the channel you trust less a smaller weight."
+        f"{words} Storage and loss contradict each other (Kramers-Kronig): look at the shifts and "
+        "at thermal drift, or give the channel you trust less a smaller weight."
     )
 
 
@@ -217,9 +166,9 @@ def report_of(fit: Any) -> str:
 
     error, floor, material = fit.errors(), fit.floor(), fit.material
     lowest, highest = material.coverage()
-    channels = ["total", "storage", "loss"]
-    rows = pd.DataFrame([error, floor[:3]], index=["this fit", "floor"], columns=channels)
-    rows.columns.name = "rms log error"
+    rows = {"this fit": error, "floor, each alone": floor[:3]}
+    errors = pd.DataFrame(rows, error._fields).T.dropna(axis="columns")
+    errors.columns.name = "rms log error"
     lines = [
         verdict_of(fit, error, floor),
         f"{fit.terms} terms, E_eq = {float(material.equilibrium):.4g} Pa, "
@@ -228,7 +177,7 @@ def report_of(fit: Any) -> str:
         f"Measured from {float(lowest):.4g} to {float(highest):.4g} rad/s; outside, where limits "
         "end, the series is an extrapolation.",
         "",
-        rows.map(percent, na_action="ignore").to_string(na_rep=""),
+        errors.map(percent).to_string(),
     ]
     if fit.path:
         path = pd.DataFrame(fit.path).rename(columns={"bic": "BIC"})
@@ -247,7 +196,7 @@ def _undetermined(fit):
         ]
     if data.kind != "creep" or data.glassy is not None:
         return []
-    series, place = series_of(data), len(fit.theta) - data.num_extras  # of 1/E_inf
+    series, place = series_of(data), 2 * fit.terms  # of 1/E_inf
     first = np.min(series.log_values[series.measured])
     instant = float(fit.theta[place]) > first + np.log(INSTANT)
     if instant and fit.covariance()[place, place] < VAGUE**2:

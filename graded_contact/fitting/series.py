@@ -27,12 +27,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import is_concrete
-from .branches import Kind, array_module, branches
-from .newton import Expansion, gram, newton_minimum
-from .observations import Observations, Unknowns
+from .newton import Expansion, Fitted, gram, newton_minimum
+from .observations import Kind, Observations, Unknowns
 from .shifts import Isotherms
 
+FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
 # Where a branch of relative strength one counts fully: infinite frequency, or the end of creep.
 COMPLETE = {"frequency": 1e150, "relaxation": 0.0, "creep": 1e150}
 NEGLIGIBLE = 1e-9  # of the smallest measured value: a strength that changes nothing
@@ -46,10 +45,11 @@ STIFFEST = 30.0  # times the first secant modulus of creep: more shows in no mea
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Series:
-    """Measured logarithms and their model; arrays are all NumPy's or all JAX's.
+    """Measured logarithms and their model.
 
     **Fields:**
 
+    - `xp`: `numpy` or `jax.numpy`, of which all arrays are.
     - `kind`: "frequency", "relaxation" or "creep".
     - `x`: angular frequencies [rad/s] or times [s], shape `(points,)`.
     - `log_values`, `weights`, `known`: shape `(rows,)`; a row is an entry of a channel.
@@ -61,6 +61,7 @@ class Series:
       a known end value.
     """
 
+    xp: Any
     kind: Kind
     x: Any
     log_values: Any
@@ -78,6 +79,10 @@ class Series:
         """Which rows hold a measured value."""
         last = len(self.x) - self.num_ends
         return (self.weights > 0) & (np.arange(len(self.weights)) % len(self.x) < last)
+
+    def by_channel(self, rows: Any) -> Any:
+        """Returns rows, the last axis, as channels and points."""
+        return rows.reshape(*rows.shape[:-1], -1, len(self.x))
 
     # The unknowns -------------------------------------------------------------------------------
 
@@ -144,21 +149,20 @@ class Series:
         along = self._at_rows(along)[: len(self.x)]
         return dataclasses.replace(
             self,
-            x=self.x * array_module(self.x).exp(along if self.kind == "frequency" else -along),
+            x=self.x * self.xp.exp(along if self.kind == "frequency" else -along),
             log_values=self.log_values - self._at_rows(across),
             isotherms=None,
         )
 
     def _at_rows(self, values):
         """Values of the isotherms, the last axis, at every row; 0 at a known end value."""
-        xp, channels = array_module(self.x), len(self.weights) // len(self.x)
-        padded = xp.concatenate([values, xp.zeros_like(values[..., :1])], axis=-1)
-        return xp.tile(padded[..., self.group], channels)
+        padded = self.xp.concatenate([values, self.xp.zeros_like(values[..., :1])], axis=-1)
+        return self.xp.tile(padded[..., self.group], len(self.weights) // len(self.x))
 
     def _by_isotherm(self, rows):
         """Sums over the rows of each isotherm."""
         count = len(self.x) - self.num_ends
-        points = np.sum(rows.reshape(*rows.shape[:-1], -1, len(self.x)), axis=-2)
+        points = np.sum(self.by_channel(rows), axis=-2)
         starts = np.flatnonzero(np.diff(self.group[:count], prepend=-1))
         return np.add.reduceat(points[..., :count], starts, axis=-1)
 
@@ -166,24 +170,26 @@ class Series:
 
     def branches(self, log_times: Any) -> Any:
         """Returns φ at every row, shape `(terms, rows)`."""
-        return branches(self.kind, self.x, array_module(self.x).exp(log_times))[0]
+        return branches(self.xp, self.kind, self.x, self.xp.exp(log_times))[0]
 
     def model(self, theta: Any) -> Any:
         """Returns m at every row, at the shifts in `theta` if there are isotherms."""
         s, log_times, c = self.split(theta)
-        xp = array_module(self.x)
-        return self._sum(xp.exp(s) @ self.at(theta).branches(log_times), xp.exp(c))
+        parts = self.xp.exp(s) @ self.at(theta).branches(log_times)
+        return self._sum(parts, self.xp.exp(c))
 
     def _sum(self, branches, static):
         """m, above zero also where every decay has underflowed."""
-        xp = array_module(self.x)
-        least = 1e-12 * xp.exp(self.log_values)
-        return xp.maximum(self.known + branches + static @ self.static, least)
+        least = 1e-12 * self.xp.exp(self.log_values)
+        return self.xp.maximum(self.known + branches + static @ self.static, least)
 
     def residual(self, model: Any) -> Any:
         """Returns ln m - y; zero where nothing was measured."""
-        xp = array_module(self.x)
-        return xp.where(self.weights > 0, xp.log(model) - self.log_values, 0)
+        return self.xp.where(self.weights > 0, self.xp.log(model) - self.log_values, 0)
+
+    def misfit(self, theta: Any) -> Any:
+        """Returns the residual at θ, the shifts in it included."""
+        return self.at(theta).residual(self.model(theta))
 
     def cost(self, residual: Any) -> Any:
         """Returns half the weighted sum of squares along the last axis."""
@@ -191,30 +197,23 @@ class Series:
 
     def total_cost(self, theta: Any) -> Any:
         """Returns the cost of the series and that of its shifts."""
-        residual = self.at(theta).residual(self.model(theta))
-        return self.cost(residual) + self.penalty(theta) @ theta**2 / 2
+        return self.cost(self.misfit(theta)) + self.penalty(theta) @ theta**2 / 2
 
     def penalty(self, theta: Any) -> Any:
         """Returns the weight of the square of each unknown in the cost."""
-        xp = array_module(self.x)
-        none = xp.zeros(len(theta) - self.num_shifts)
-        return xp.append(none, self.isotherms.weights(xp)) if self.isotherms else none
+        none = self.xp.zeros(len(theta) - self.num_shifts)
+        return self.xp.append(none, self.isotherms.weights(self.xp)) if self.isotherms else none
 
-    def rms(self, theta: np.ndarray, rows: np.ndarray | bool = True) -> float:
-        """Returns the root mean square of the log residuals in `rows`, one of which is measured."""
-        counted = self.measured & rows
-        residual = self.residual(self.model(theta))[counted]
-        return float(np.sqrt(np.average(residual**2, weights=self.weights[counted])))
+    def rms(self, theta: np.ndarray) -> float:
+        """Returns the root mean square of the log residuals of measured values."""
+        rows = self.measured
+        return float(np.sqrt(np.average(self.misfit(theta)[rows] ** 2, weights=self.weights[rows])))
 
     # The search ---------------------------------------------------------------------------------
 
-    def minimise(
-        self, theta: np.ndarray, *, rtol: float, max_steps: int = 100
-    ) -> tuple[np.ndarray, float]:
-        """Returns the unknowns and the cost of the minimum reached from `theta`."""
-        theta, cost = newton_minimum(
-            self.expand, theta, *self.bounds(theta), rtol=rtol, max_steps=max_steps
-        )
+    def minimise(self, theta: np.ndarray, **choices: Any) -> Fitted:
+        """Returns the minimum reached from `theta`; `choices` as in `newton_minimum`."""
+        theta, cost = newton_minimum(self.expand, theta, *self.bounds(theta), **choices)
         s, log_times, _ = self.split(theta)
         order = np.argsort(-log_times)
         return np.concatenate([s[order], log_times[order], theta[2 * len(s) :]]), cost
@@ -223,22 +222,18 @@ class Series:
         """Returns the residual, its derivatives, (∂²m/∂(ln τ)²)/m of each branch, by rows, and
         the derivatives of shifts, if there are any."""
         series, (s, log_times, c) = self.at(theta), self.split(theta)
-        terms = len(s)
-        value, slope, curvature = branches(self.kind, series.x, np.exp(log_times))
+        value, slope, curvature = branches(np, self.kind, series.x, np.exp(log_times))
         strengths, static = np.exp(s), np.exp(c)
         model = series._sum(strengths @ value, static)
         relative = strengths[:, None] / model
-        jacobian = np.empty((len(theta), len(model)))
-        np.multiply(value, relative, out=jacobian[:terms])
-        np.multiply(slope, relative, out=jacobian[terms : 2 * terms])
-        last = len(theta) - self.num_shifts
-        np.multiply(self.static, static[:, None] / model, out=jacobian[2 * terms : last])
+        by_time = slope * relative
+        parts = [value * relative, by_time, self.static * (static[:, None] / model)]
         shifts = self.isotherms and self.isotherms.slopes(theta)
         if shifts:
             # A shift moves every branch as a change of its time does.
-            by_shift = np.sum(jacobian[terms : 2 * terms], axis=0)
             along, _, across = map(self._at_rows, shifts)
-            jacobian[last:] = np.concatenate([along * by_shift, across])
+            parts += [along * np.sum(by_time, axis=0), across]
+        jacobian = np.concatenate(parts)
         jacobian[:, self.weights == 0] = 0
         return series.residual(model), jacobian, curvature * relative, shifts
 
@@ -280,28 +275,47 @@ class Series:
         hessian[law, law] += law_twice @ self._by_isotherm(np.sum(slopes, axis=0) * pull)
 
 
+def branches(xp: Any, kind: Kind, x: Any, times: Any) -> tuple[Any, Any, Any]:
+    """Returns φ and its first two derivatives by ln τ, each of shape `(terms, rows)`."""
+    if kind == "frequency":
+        # Beyond these limits a branch is complete or absent, and powers of z overflow.
+        z = xp.clip(times[:, None] * x, 1 / FARTHEST, FARTHEST)
+        inverse = 1 / z
+        loss, storage = 1 / (z + inverse), 1 / (1 + inverse**2)
+        loss2, tilt = loss**2, 1 - 2 * storage
+        return (
+            xp.concatenate([storage, loss], axis=1),
+            xp.concatenate([2 * loss2, loss * tilt], axis=1),
+            xp.concatenate([4 * loss2 * tilt, loss * (1 - 8 * loss2)], axis=1),
+        )
+    z = x / times[:, None]
+    decay = xp.exp(-z)
+    slope = z * decay
+    curvature = (z - 1) * slope
+    if kind == "creep":
+        return -xp.expm1(-z), -slope, -curvature
+    return decay, slope, curvature
+
+
 def series_of(data: Observations, xp: Any = np) -> Series:
     """Returns the least-squares problem of the observations, in arrays of the module `xp`."""
     x, values, weights = (xp.asarray(part) for part in (data.x, data.values, data.weights))
     isotherms, num_ends = data.isotherms, int(data.known_end is not None)
+    least = np.full(data.num_extras, -np.inf)
+    if xp is np and data.kind == "creep" and data.known_start is None:
+        least[0] = np.log(np.min(values[weights > 0]) / STIFFEST)
     if num_ends:
         x = xp.append(x, COMPLETE[data.kind])
-        end = xp.stack([xp.asarray(data.known_end)] * len(values))[:, None]
-        values = xp.concatenate([values, end], axis=1)
-        first = np.arange(len(end))[:, None] == 0
-        end_weights = xp.where(first, END_WEIGHT * xp.sum(weights), 0.0)
+        ends = np.ones((len(values), 1)) * xp.asarray(data.known_end)
+        values = xp.concatenate([values, ends], axis=1)
+        end_weights = np.eye(len(values), 1) * END_WEIGHT * xp.sum(weights)  # of the first channel
         weights = xp.concatenate([weights, end_weights], axis=1)
     known, static = fixed_columns(data, x, xp)
-    least = np.full(len(static), -np.inf)
-    if data.known_start is None:
-        least[0] = np.log(1e-300)
-        if data.kind == "creep" and is_concrete(data.values):
-            smallest = np.min(np.asarray(data.values)[np.asarray(data.weights) > 0])
-            least[0] = np.log(smallest / STIFFEST)
     before, after = REACH[data.kind]
     before = before if data.glassy is None else REACH_TO_KNOWN
     after = after if data.equilibrium is None else REACH_TO_KNOWN
     return Series(
+        xp=xp,
         kind=data.kind,
         x=x,
         log_values=xp.log(values).ravel(),

@@ -4,7 +4,7 @@ The search aligns neighbours, then fits law, departures and series at once.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, get_args
 
 import equinox as eqx
@@ -14,17 +14,9 @@ from scipy.optimize import least_squares
 
 from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_values, is_concrete
 from ..materials.measured import Measured
-from .lengths import (
-    SEARCH,
-    Length,
-    best_of_length,
-    choose,
-    choose_solid_or_liquid,
-    may_be_liquid,
-    non_negative,
-)
+from .lengths import SEARCH, Length, best_of_length, choose, non_negative
 from .observations import Observations, Unknowns, observe
-from .series import Series, series_of
+from .series import series_of
 from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, LawKind
 
 COLDEST = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
@@ -35,14 +27,10 @@ Isotherm = tuple[Numbers, Numbers, Numbers]
 
 
 def joined(
-    isotherms: Measured | Sequence[Measured | Isotherm],
-    kind: Any,
-    law: Any,
-    sizes: tuple[float, float],
-    reference: Any,
-    weights: tuple[Numbers, Numbers],
+    isotherms: Measured | Sequence[Measured | Isotherm], kind: Any, law: Any,
+    stds: tuple[float, float], reference: Any, weights: tuple[Numbers, Numbers],
     equilibrium: Numbers | None,
-) -> Observations:
+) -> Observations:  # fmt: skip
     """Returns the data, checked and sorted by temperature; arguments as in `master_curve`."""
     if law not in get_args(LawKind):
         raise ValueError(f"`law={law!r}` is refused: use one of {get_args(LawKind)}.")
@@ -51,35 +39,32 @@ def joined(
     curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
     if len(curves) < 2:
         raise ValueError(f"`isotherms` holds {len(curves)}; at least 2 are needed.")
-    kind = curves[0][0]
-    if any(other != kind for other, *_ in curves):
-        raise ValueError("`isotherms` are of different kinds; all must be measured alike.")
     curves.sort(key=lambda curve: curve[1])
-    temperatures = np.array([temperature for _, temperature, _, _ in curves])
+    kinds, kelvin, x, values = zip(*curves, strict=True)
+    if len(set(kinds)) > 1:
+        raise ValueError("`isotherms` are of different kinds; all must be measured alike.")
+    temperatures = np.array(kelvin)
     check_positive("temperature", temperatures, "[K]")
-    hottest = float(temperatures[-1])
+    coldest, hottest = kelvin[0], kelvin[-1]
     if hottest < COLDEST:
         raise ValueError(f"`isotherms` has temperatures up to {hottest:g}; they are in kelvin.")
-    for temperature in temperatures[1:][np.diff(temperatures) <= 0]:
-        raise ValueError(f"`isotherms` has {temperature:g} K twice: join these first.")
+    for twice in temperatures[1:][np.diff(temperatures) <= 0]:
+        raise ValueError(f"`isotherms` has {twice:g} K twice: join these first.")
     middle = len(curves) // 2
     if reference is not None:
-        coldest = float(temperatures[0])
         allowed = f"isotherms are from {coldest:g} to {hottest:g} K"
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
-    x, values = (jnp.concatenate([curve[i] for curve in curves]) for i in (2, 3))
-    data = observe(kind, x, values, weights, equilibrium)
+    data = observe(kinds[0], jnp.concatenate(x), jnp.concatenate(values), weights, equilibrium)
     if data.flows:
         raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
     known = Isotherms(
-        group=jnp.repeat(jnp.arange(len(curves)), np.array([len(x) for *_, x, _ in curves])),
+        group=jnp.repeat(jnp.arange(len(x)), np.array([len(points) for points in x])),
         temperatures=jnp.asarray(temperatures),
         penalty=jnp.zeros(2),
         reference=middle,
         law=law,
-        departs=sizes[0] > 0,
-        lifts=sizes[1] > 0,
+        stds=stds,
     )
     return dataclasses.replace(data, isotherms=known)
 
@@ -89,7 +74,7 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
     if isinstance(isotherm, Measured):
         missing = ["`poisson`"] if isotherm.deformation != "tension" else []
         missing += ["`temperature`"] if isotherm.temperature is None else []
-        if missing or isotherm.temperature is None:
+        if isotherm.temperature is None or missing:
             raise ValueError(
                 f"`isotherms[{number}]` from {isotherm.path} must be in tension and have a "
                 f"temperature: read the file with {' and '.join(missing)}."
@@ -113,16 +98,11 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
 
 def with_penalty(data: Observations, penalty: Any) -> Observations:
     """Returns the data with other weights of the squares of departures and of ln b."""
-    assert data.isotherms is not None
-    known = dataclasses.replace(data.isotherms, penalty=jnp.asarray(penalty))
-    return dataclasses.replace(data, isotherms=known)
+    return eqx.tree_at(lambda data: data.isotherms.penalty, data, jnp.asarray(penalty))
 
 
-def shifts_and_series(
-    data: Observations, sizes: tuple[float, float], choose_series: Callable[[Series], tuple]
-) -> tuple[tuple, Any]:
-    """Returns unknowns, which of them are free, and the penalty; and the second of what
-    `choose_series` returns."""
+def shifts_and_series(data: Observations, terms: int | None) -> tuple[tuple, tuple[Length, ...]]:
+    """Returns unknowns, which of them are free, and the penalty; and all lengths tried."""
     series, isotherms = series_of(data), data.isotherms
     assert isotherms is not None
     log_shift = _aligned(series, isotherms)
@@ -136,32 +116,19 @@ def shifts_and_series(
     steps = isotherms.others[:departures] @ (log_shift - by_law)
     shifts = np.concatenate([law, steps, np.zeros(lifts)])
     alone = series.at(shifts)
-    shortest, longest = alone.time_limits()
-    theta, _ = best_of_length(alone, max(int(np.ceil((longest - shortest) / LN10)), 1))
+    theta, _ = best_of_length(alone, max(len(alone.time_grid(1)) - 1, 1))
     unknowns, penalty = np.concatenate([theta, shifts]), np.zeros(2)
     # The residuals' variance is known only once the shifts are.
     for _ in range(2):
-        variance = series.at(unknowns).rms(unknowns[: len(unknowns) - len(shifts)]) ** 2
-        penalty = np.array([variance / size**2 if size > 0 else 0.0 for size in sizes])
+        variance = series.rms(unknowns) ** 2
+        penalty = np.array([variance / std**2 if std > 0 else 0.0 for std in isotherms.stds])
         series = series_of(with_penalty(data, penalty))
         unknowns, _ = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
-    theta, path = choose_series(series.at(unknowns))
+    theta, path = choose(series.at(unknowns), terms)
     start = np.concatenate([theta, unknowns[len(unknowns) - len(shifts) :]])
     lower, upper = series.bounds(start)
     unknowns, _ = series.minimise(start, rtol=0, max_steps=150)
     return (unknowns, (unknowns > lower) & (unknowns < upper), penalty), path
-
-
-def shifted_solid_or_liquid(
-    data: Observations, sizes: tuple[float, float]
-) -> tuple[Observations, tuple, tuple[Length, ...]]:
-    """Returns the data, with E_eq = 0 if once shifted they need none; what was found; lengths."""
-    found, path = shifts_and_series(data, sizes, choose)
-    shifted = at_reference(jnp.asarray(found[0]), data)
-    if not may_be_liquid(shifted) or choose_solid_or_liquid(shifted)[0] is shifted:
-        return data, found, path
-    liquid = data.as_liquid()
-    return liquid, *shifts_and_series(liquid, sizes, choose)
 
 
 @eqx.filter_jit
@@ -194,8 +161,7 @@ def _aligned(series, isotherms):
             shifts = distance * (np.arange(count) == colder)
             pair = np.isin(series.group, (colder, colder + 1))
             part = _restricted(series.shifted(shifts, np.zeros(count)), pair)
-            shortest, longest = part.time_limits()
-            log_times = np.linspace(shortest, longest, int(4 * (longest - shortest) / LN10) + 2)
+            log_times = part.time_grid(4)
             strengths = non_negative(part, log_times)
             columns = np.concatenate([part.branches(log_times), part.static])
             relative = (part.known + strengths @ columns) / np.exp(part.log_values) - 1

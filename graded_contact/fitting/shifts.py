@@ -9,7 +9,6 @@ The unknowns p of WLF are the logarithms of its slope c1/c2 [1/K] at the referen
 distance [K] of the coldest isotherm from the Vogel temperature; that of Arrhenius is ln Q/R [K].
 """
 
-import functools
 from typing import Any, Literal
 
 import equinox as eqx
@@ -20,7 +19,6 @@ from jaxtyping import Array, Float, Int
 
 from ..core.display import shown
 from ..materials.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
-from .branches import array_module
 
 LN10 = float(np.log(10))
 LawKind = Literal["wlf", "arrhenius"]
@@ -40,7 +38,7 @@ class Isotherms(eqx.Module):
     - `penalty`: weights of the squares of departures and of ln b in the objective [1].
     - `reference`: the isotherm that is not shifted. Static.
     - `law`: the shift law. Static.
-    - `departs`, `lifts`: whether there are departures, and vertical shifts. Static.
+    - `stds`: expected deviations of ln a from the law, and of ln b; 0 if there are none. Static.
     """
 
     group: Int[Array, " points"]
@@ -48,33 +46,37 @@ class Isotherms(eqx.Module):
     penalty: Float[Array, " 2"]
     reference: int = eqx.field(static=True)
     law: LawKind = eqx.field(static=True)
-    departs: bool = eqx.field(static=True)
-    lifts: bool = eqx.field(static=True)
+    stds: tuple[float, float] = eqx.field(static=True)
 
     @property
     def counts(self) -> list[int]:
         """The numbers of unknowns of the law, of departures, and of vertical shifts."""
         others = len(self.temperatures) - 1
-        return [len(LAW_LIMITS[self.law]), others * self.departs, others * self.lifts]
+        return [len(LAW_LIMITS[self.law]), *(others * (std > 0) for std in self.stds)]
 
     @property
     def others(self) -> np.ndarray:
         """Which isotherm each unknown shift belongs to: all but the reference."""
         return np.delete(np.eye(len(self.temperatures)), self.reference, axis=0)
 
-    def split(self, unknowns: Any) -> Any:
+    def split(self, unknowns: Any) -> tuple[Any, Any, Any]:
         """Returns `(p, e, ln b)`: the last of the unknowns, by what they belong to."""
-        first = len(unknowns) - sum(self.counts)
-        return array_module(unknowns).split(unknowns[first:], np.cumsum(self.counts[:-1]))
+        first, second, third = len(unknowns) - np.cumsum(self.counts[::-1])[::-1]
+        return unknowns[first:second], unknowns[second:third], unknowns[third:]
 
     def law_of(self, p: Any) -> AbstractShift:
         """Returns the law with the unknowns `p`, about the reference temperature."""
-        return _law_of(p, self.temperatures, self.reference, self.law)
+        base = self.temperatures[self.reference]
+        if self.law == "arrhenius":
+            return Arrhenius(activation_energy=GAS_CONSTANT * jnp.exp(p[0]), reference=base)
+        slope, distance = jnp.exp(p)
+        c2 = base - self.temperatures[0] + distance
+        return WLF(c1=slope * c2, c2=c2, reference=base)
 
     def law_shifts(self, p: Any) -> Any:
         """Returns ln a of each isotherm by the law."""
-        shifts = _law_shifts(p, self.temperatures, self.reference, self.law)
-        return array_module(p).asarray(shifts)
+        shifts = _law_shifts(self, p)
+        return shifts if isinstance(p, jax.Array) else np.asarray(shifts)
 
     def shifts(self, unknowns: Any) -> tuple[Any, Any]:
         """Returns ln a and ln b of every isotherm."""
@@ -88,8 +90,7 @@ class Isotherms(eqx.Module):
         The isotherms are the last axis.
         """
         p, departures, lifts = self.split(unknowns)
-        law = _law_slopes(p, self.temperatures, self.reference, self.law)
-        first, second = (np.moveaxis(np.asarray(part), 0, -1) for part in law)
+        first, second = (np.moveaxis(np.asarray(part), 0, -1) for part in _law_slopes(self, p))
         along = np.concatenate([first, self.others[: len(departures)]])
         return along, second, self.others[: len(lifts)]
 
@@ -104,22 +105,13 @@ class Isotherms(eqx.Module):
         return np.append(lower, -free), np.append(upper, free)
 
 
-def _law_of(p, temperatures, reference, law) -> AbstractShift:
-    base = temperatures[reference]
-    if law == "arrhenius":
-        return Arrhenius(activation_energy=GAS_CONSTANT * jnp.exp(p[0]), reference=base)
-    slope, distance = jnp.exp(p)
-    c2 = base - temperatures[0] + distance
-    return WLF(c1=slope * c2, c2=c2, reference=base)
+@eqx.filter_jit
+def _law_shifts(isotherms, p):
+    return jax.vmap(isotherms.law_of(p).log_factor)(isotherms.temperatures)
 
 
-@functools.partial(jax.jit, static_argnums=(2, 3))
-def _law_shifts(p, temperatures, reference, law):
-    return jax.vmap(_law_of(p, temperatures, reference, law).log_factor)(temperatures)
-
-
-@functools.partial(jax.jit, static_argnums=(2, 3))
-def _law_slopes(p, temperatures, reference, law):
-    slope = jax.jacfwd(_law_shifts)
-    arguments = p, temperatures, reference, law
-    return slope(*arguments), jax.jacfwd(slope)(*arguments)
+@eqx.filter_jit
+def _law_slopes(isotherms, p):
+    """The first and second derivatives of `_law_shifts` by `p`."""
+    slope = jax.jacfwd(lambda p: _law_shifts(isotherms, p))
+    return slope(p), jax.jacfwd(slope)(p)

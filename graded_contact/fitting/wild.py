@@ -23,6 +23,12 @@ START = np.log(10)  # off the median of five neighbours: not fitted at first
 HUBER = 0.1  # log residual from which on a value counts linearly here
 AROUND = 9  # neighbours whose residuals are compared
 FEWEST = 6  # points from which on one can be distinguished from the others
+# The unit of frequencies or times, and what each channel holds.
+NAMES = {
+    "frequency": ("rad/s", "storage modulus", "loss modulus"),
+    "relaxation": ("s", "modulus"),
+    "creep": ("s", "compliance"),
+}
 TURNS = 8  # of finding wild values
 ROUNDS = 3  # of weights by residuals: with 2, 5 of 83 values off by a factor of 2 are missed
 
@@ -58,22 +64,21 @@ def wild_values(measured: Measured) -> list[Wild]:
     **Returns:** the values, by row, each with its place in the file. Isotherms with fewer than
     six points are not searched.
     """
-    found = []
+    found, (unit, *names) = [], NAMES[measured.kind]
     for i in range(np.max(measured.isotherm) + 1):
         rows = np.flatnonzero(measured.isotherm == i)
         if len(rows) < FEWEST:
             continue
-        channels, x = _channels(measured, rows), measured.abscissa[rows]
-        data = observe(measured.kind, x, np.asarray(measured.values)[rows], (1.0, 1.0))
+        x, values = measured.abscissa[rows], measured.values[rows]
+        data = observe(measured.kind, x, values, (1.0, 1.0))
         residuals = _wild(series_of(data))
-        for (name, values), residual in zip(channels.items(), residuals, strict=True):
-            for k in np.flatnonzero(residual):
-                row = int(rows[k])
-                unit = "rad/s" if measured.kind == "frequency" else "s"
-                where = f"line {measured.lines[row]} ({measured.abscissa[row]:.4g} {unit}"
-                if measured.temperature is not None:
-                    where += f", {measured.temperature[row]:.2f} K"
-                found.append(Wild(row, f"{where})", name, float(values[k]), float(residual[k])))
+        for channel, k in np.argwhere(residuals):
+            row = int(rows[k])
+            where = f"line {measured.lines[row]} ({x[k]:.4g} {unit}"
+            if measured.temperature is not None:
+                where += f", {measured.temperature[row]:.2f} K"
+            numbers = float(data.values[channel, k]), float(residuals[channel, k])
+            found.append(Wild(row, f"{where})", names[channel], *numbers))
     return sorted(found)
 
 
@@ -91,16 +96,9 @@ def without(measured: Measured, wild: list[Wild]) -> Measured:
     return measured.part(np.delete(rows, [value.row for value in wild]))
 
 
-def _channels(measured: Measured, rows: np.ndarray) -> dict[str, np.ndarray]:
-    values = np.asarray(measured.values)[rows]
-    if measured.kind == "frequency":
-        return {"storage modulus": np.real(values), "loss modulus": np.imag(values)}
-    return {"modulus" if measured.kind == "relaxation" else "compliance": values}
-
-
 def _wild(series: Series) -> np.ndarray:
     """Residuals of wild values, 0 for all others; shape `(channels, points)`."""
-    y = series.log_values.reshape(-1, len(series.x))
+    y = series.by_channel(series.log_values)
     wild = np.abs(y - _around(y, 5)) > START
     seen, residual = [], np.zeros_like(y)
     for _ in range(TURNS):

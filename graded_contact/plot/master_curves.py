@@ -31,7 +31,7 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
     frequency = shifted.kind == "frequency"
     figure = new_figure(PAGE, 2.9)
     # b_T has a panel only where moduli were also shifted vertically.
-    mosaic = "bma;bmc" if curve.isotherms.lifts else "bma"
+    mosaic = "bma;bmc" if curve.isotherms.stds[1] else "bma"
     before, after, *panels = figure.subplot_mosaic(mosaic, width_ratios=(1, 1, 0.9)).values()
     colours = ordered(len(curve.temperatures), TEMPERATURES)
     group, weights = np.asarray(curve.isotherms.group), np.asarray(measured.weights)

@@ -19,7 +19,7 @@ from ..core.checks import Numbers, as_float, check_positive, check_shape, check_
 from ..core.display import shown
 from ..core.parameters import paths, with_values
 from ..fitting.master import MasterCurve
-from ..fitting.prony import PronyFit
+from ..fitting.prony import AbstractFit
 from ..materials.material import AbstractMaterial, Prony
 from ..materials.shift import TabulatedShift
 from ..materials.table import Tabulated
@@ -71,7 +71,7 @@ class Sensitivity(eqx.Module):
 
 def propagate(
     function: Callable[[Any], Float[Array, "*shape"]],
-    known: PronyFit | MasterCurve | Errors | Mapping[str, Numbers],
+    known: AbstractFit | Errors | Mapping[str, Numbers],
     tree: Any = None,
 ) -> Estimate:
     """Returns a quantity that follows from a fitted material, or a stack, with its standard error.
@@ -94,8 +94,8 @@ def propagate(
     **Raises:** `ValueError` for another kind of fit, for paths or deviations that `tree` has not,
     or under `jit`.
     """
-    if isinstance(known, PronyFit | MasterCurve):
-        unknowns = known.theta if isinstance(known, PronyFit) else known.unknowns
+    if isinstance(known, AbstractFit):
+        unknowns = known.theta
         spread = jnp.asarray(known.covariance())
         made = lambda unknowns: known.with_unknowns(unknowns).material  # noqa: E731
     elif isinstance(known, Mapping):
@@ -126,7 +126,7 @@ def propagate(
     return Estimate(value, jnp.sqrt(variance))
 
 
-def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
+def errors_of(fit: AbstractFit, material: Prony) -> Errors:
     """Returns the errors of the numbers of a fitted material, for export with it.
 
     **Arguments:**
@@ -136,7 +136,7 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
 
     **Returns:** errors of those numbers of the material that were fitted.
     """
-    unknowns = fit.theta if isinstance(fit, PronyFit) else fit.unknowns
+    unknowns = fit.theta
 
     def numbers(unknowns):
         changed = fit.with_unknowns(unknowns)
