@@ -14,7 +14,7 @@ from .adjoint import LinearSolver, LinearSplitting
 from .law import AbstractLaw, check_pressure
 from .nested_solve import DouglasRachford
 from .solution import RESULTS, ContactSolution
-from .solve import RTOL, solve_contact
+from .solve import solve_contact
 
 
 @shown()
@@ -52,7 +52,7 @@ def follow_contact(
     law: AbstractLaw,
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008 (immutable)
     adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
-    rtol: float = RTOL,
+    rtol: float | None = None,
     throw: bool = True,
 ) -> ContactPath:
     """Returns the contacts along a path of mean pressures, mean gaps or approaches.

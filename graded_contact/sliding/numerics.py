@@ -12,11 +12,8 @@ from ..blocks.layering import Layering
 from ..contacts.abstract_solver import AbstractContactSolver
 from ..contacts.adjoint import LinearSolver, LinearSplitting
 from ..contacts.nested_solve import DouglasRachford
-from ..contacts.solve import RTOL
+from ..contacts.solve import default_rtol
 from ..core.checks import check_type
-
-# Rounding hid errors of 7e-5 (a periodic cell) and 2.4e-4 (a window) on grids of 128² points.
-SINGLE_RTOL = 5e-4
 
 
 class Numerics(eqx.Module):
@@ -49,8 +46,7 @@ class Numerics(eqx.Module):
             return self
         # The most precise of their numbers decides in which precision a contact is computed.
         leaves = jax.tree.leaves(eqx.filter(given, eqx.is_inexact_array))
-        single = jnp.finfo(jnp.result_type(*leaves)).bits == 32
-        return dataclasses.replace(self, rtol=SINGLE_RTOL if single else RTOL)
+        return dataclasses.replace(self, rtol=default_rtol(jnp.result_type(*leaves)))
 
 
 def numerics_of(
