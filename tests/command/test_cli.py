@@ -517,7 +517,7 @@ def road_file(path):
 
 def test_new_takes_the_options_of_fit_and_temperatures(tmp_path):
     """A liquid is refused after its fit, before there is a scene."""
-    moduli = moduli_file(tmp_path / "tread.csv", [-5.0, 10.0])
+    moduli = moduli_file(tmp_path / "tread.csv", [-20.0, -5.0, 10.0, 25.0])
     words = ("new", road_file(tmp_path / "road.txt"), moduli, "--terms", 4, "--size", 1e-3,
              "--height-unit", "um", "-o", tmp_path / "out")  # fmt: skip
     melt = command(*words, "--equilibrium", 0)
