@@ -61,10 +61,11 @@ def unchecked_types():
 
 
 LONGEST = [
-    "window", "cli", "problem", "persson", "cycle", "grading", "prony", "heat", "sliding", "master",
-    "heating", "devices", "run_design", "softening", "material", "page", "matrix", "observables",
-    "shear", "estimates", "adhesion", "adjoint", "surface", "compliance", "interior", "run_scene",
-    "anisotropy", "notebooks", "grid", "run_motion", "plot", "fuzz", "stochastic", "doors",
+    "window", "cli", "problem", "persson", "cycle", "resolution", "grading", "prony", "sliding",
+    "master", "motion", "devices", "run_design", "softening", "material", "page", "traction",
+    "heat", "heating", "matrix", "observables", "estimates", "adhesion", "adjoint", "surface",
+    "compliance", "interior", "run_scene", "anisotropy", "contact_stress", "shear", "notebooks",
+    "grid", "run_motion", "plot", "fuzz", "stochastic", "doors",
 ]  # fmt: skip
 
 

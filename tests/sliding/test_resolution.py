@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.sliding import resolution
 from graded_contact.sliding.resolution import resampled
 
 CELL, Q0 = 8e-3, 2 * np.pi / 8e-3
@@ -147,8 +148,8 @@ def test_an_area_of_few_points_is_in_doubt_without_friction_too():
 
 
 def test_on_the_smallest_grids_the_error_is_not_known():
+    assert resolution._halved((6, 6)) == (6, 6) and resolution._halved((8, 6)) == (4, 6)
     assert np.isnan(slide(rough(6, 2)).mean_gap_error)
-    assert slide(rough(8, 2)).mean_gap_error > 1e-7
 
 
 def test_a_failed_solve_has_no_errors():
