@@ -159,8 +159,8 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
 
 
 def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path, no_contacts_drawn):
-    text = SCENE.replace("hurst = 0.8", "hurst = 0.8\nseeds = 3").replace("[32, 32]", "[16, 16]")
-    (tmp_path / "s.toml").write_text(text.replace("8e4", "4e4"))
+    text = SCENE.replace("hurst = 0.8", "hurst = 0.8\nseeds = 3")
+    (tmp_path / "s.toml").write_text(text)
     arguments = ("run", tmp_path / "s.toml", "-o", tmp_path)
     result = command(*arguments, "--map", "velocity=0.02", "--map", "seed=1")
     assert result.exit_code == 0, result.output
@@ -454,7 +454,7 @@ def test_an_earlier_fit_stays_if_the_disk_is_full(tmp_path, monkeypatch):
     path = moduli_file(tmp_path / "tread.csv", [20.0])
     (tmp_path / "tread.toml").write_text("earlier")
     monkeypatch.setattr(Path, "write_bytes", full_disk)
-    result = command("fit", path, "-o", tmp_path, "--terms", 4)
+    result = command("fit", path, "-o", tmp_path)
     assert result.exit_code == 2 and "No space left on device" in result.stderr
     assert (tmp_path / "tread.toml").read_text() == "earlier"
 
