@@ -225,7 +225,7 @@ def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
 
 @pytest.mark.parametrize(
     "solver",
-    [Layering(num_cells=8, retry=False), pytest.param(Riccati(), marks=pytest.mark.slow)],
+    [Layering(num_cells=4, retry=False), pytest.param(Riccati(), marks=pytest.mark.slow)],
     ids=["layers", "equation"],
 )
 def test_gradient_by_every_leaf_matches_central_differences(solver):
