@@ -9,13 +9,19 @@ import tempfile
 from importlib.metadata import version
 
 # Compiling is most of the suite's time; optimising is a third of that, fusing loops half of the
-# rest, and cutting programs into parts for threads a tenth. Set XLA_FLAGS to have them. XLA ends
-# the process at a flag that it no longer knows.
+# rest, and cutting programs into parts for threads a tenth. What serves only the speed of programs,
+# XLA's checks of itself, and lines of Python inside of programs are a tenth of what is left. Set
+# XLA_FLAGS to have them. XLA ends the process at a flag that it no longer knows.
 os.environ.setdefault(
     "XLA_FLAGS",
     "--xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1"
-    + " --xla_cpu_use_fusion_emitters=false" * version("jaxlib").startswith("0.10."),
+    + " --xla_cpu_use_fusion_emitters=false --xla_cpu_enable_concurrency_optimized_scheduler=false"
+    " --xla_disable_hlo_passes=hlo-verifier --xla_cpu_emitter_verification_level=0"
+    " --xla_llvm_disable_expensive_passes=true --xla_llvm_enable_alias_scope_metadata=false"
+    " --xla_llvm_enable_noalias_metadata=false --xla_llvm_enable_invariant_load_metadata=false"
+    * version("jaxlib").startswith("0.10."),
 )
+os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 
 # Workers and commands share what is compiled. Workers inherit the folder.
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
@@ -55,10 +61,11 @@ def unchecked_types():
 
 
 LONGEST = [
-    "window", "cli", "problem", "persson", "cycle", "grading", "prony", "heat", "sliding", "master",
-    "heating", "devices", "run_design", "softening", "material", "page", "matrix", "observables",
-    "shear", "estimates", "adhesion", "adjoint", "surface", "compliance", "interior", "run_scene",
-    "anisotropy", "notebooks", "grid", "run_motion", "plot", "fuzz", "stochastic", "doors",
+    "window", "cli", "problem", "persson", "cycle", "resolution", "grading", "prony", "sliding",
+    "master", "motion", "devices", "run_design", "softening", "material", "page", "traction",
+    "heat", "heating", "matrix", "observables", "estimates", "adhesion", "adjoint", "surface",
+    "compliance", "interior", "run_scene", "anisotropy", "contact_stress", "shear", "notebooks",
+    "grid", "run_motion", "plot", "fuzz", "stochastic", "doors",
 ]  # fmt: skip
 
 

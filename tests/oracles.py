@@ -132,16 +132,19 @@ def differences(value, arguments, step=1e-5, fixed=(0.0,)):
 
     By central differences. Numbers equal to one of `fixed` stay.
     """
-    leaves, treedef = jax.tree.flatten(arguments)
+    leaves, treedef = jax.tree.flatten(jax.device_get(arguments))
     found = []
-    for i, leaf in enumerate(leaves):
+    for i, leaf in enumerate(map(np.asarray, leaves)):
         for index in np.ndindex(leaf.shape):
             if leaf[index] in fixed:
                 continue
-            moved = [leaf.at[index].multiply(1 + change) for change in (step, -step)]
-            moved = [treedef.unflatten([*leaves[:i], m, *leaves[i + 1 :]]) for m in moved]
-            high, low = (float(value(*m)) for m in moved)
-            found.append((high - low) / (2 * step))
+            ends = []
+            for change in (step, -step):
+                moved = np.array(leaf)
+                moved[index] *= 1 + change
+                moved = treedef.unflatten([*leaves[:i], moved, *leaves[i + 1 :]])
+                ends.append(float(value(*moved)))
+            found.append((ends[0] - ends[1]) / (2 * step))
     return found
 
 
@@ -151,7 +154,8 @@ def elasticities(function, arguments, step=1e-5, fixed=(0.0,)):
     One program gives both, so that one is compiled.
     """
     both = jax.jit(jax.value_and_grad(function, tuple(range(len(arguments)))))
-    _, gradient = both(*arguments)
+    arguments = jax.device_get(arguments)  # in NumPy, where what follows compiles nothing
+    gradient = jax.device_get(both(*arguments)[1])
     slopes = [
         float(slope[index] * leaf[index])
         for leaf, slope in zip(*map(jax.tree.leaves, (arguments, gradient)), strict=True)

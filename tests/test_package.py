@@ -3,6 +3,7 @@
 import inspect
 import os
 import re
+import runpy
 import subprocess
 import sys
 import tarfile
@@ -53,10 +54,12 @@ load = {pressure = 2e5, velocity = 0.01}
 """
 
 
-def test_the_module_is_the_command():
-    command = [sys.executable, "-m", "graded_contact", "--version"]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert printed.startswith("graded-contact ")
+def test_the_module_is_the_command(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["graded-contact", "--version"])
+    monkeypatch.setattr("graded_contact.cli.spell_missing_characters", lambda: None)
+    with pytest.raises(SystemExit) as end:
+        runpy.run_module("graded_contact", run_name="__main__")
+    assert end.value.code == 0 and capsys.readouterr().out.startswith("graded-contact ")
 
 
 LAZY = """
@@ -245,12 +248,15 @@ def test_the_command_runs_with_the_lowest_versions_of_its_own_libraries(tmp_path
     (tmp_path / "scene.toml").write_text(SCENE)
     paths = os.pathsep.join(map(str, (tmp_path / "lowest", ROOT)))
     environment = os.environ | {"PYTHONPATH": paths, "XDG_CACHE_HOME": str(tmp_path)}
-    for words in (["--version"], ["run", "scene.toml", "-o", "out"], ["info", "out/scene.h5"]):
-        done = subprocess.run(
-            [sys.executable, "-m", "graded_contact", *words], capture_output=True, text=True,
-            cwd=tmp_path, env=environment,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    jobs = ["--version"], ["run", "scene.toml", "-o", "out"], ["info", "out/scene.h5"]
+    program = f"from graded_contact.cli import app\nfor words in {jobs}:\n"
+    program += "    app(words, standalone_mode=False)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True,
+        cwd=tmp_path, env=environment,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    assert "graded-contact " in done.stdout and "wrote " in done.stdout
 
 
 @pytest.mark.slow

@@ -225,7 +225,7 @@ def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
 
 @pytest.mark.parametrize(
     "solver",
-    [Layering(num_cells=8, retry=False), pytest.param(Riccati(), marks=pytest.mark.slow)],
+    [Layering(num_cells=4, retry=False), pytest.param(Riccati(), marks=pytest.mark.slow)],
     ids=["layers", "equation"],
 )
 def test_gradient_by_every_leaf_matches_central_differences(solver):
@@ -282,7 +282,7 @@ def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
         np.testing.assert_allclose(slope, difference, rtol=1e-6)
 
 
-def test_compliance_is_passive_hermitian_and_the_same_on_grids_under_jit_and_vmap():
+def test_compliance_is_passive_and_hermitian():
     profile = Mixture(RUBBER, GLASS, Sinusoidal(0.05, 1.0))
     stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=BASE["halfspace"])
     q, omega = jnp.geomspace(1e1, 1e6, 60)[:, None], jnp.geomspace(1e-1, 1e7, 5)
@@ -293,14 +293,6 @@ def test_compliance_is_passive_hermitian_and_the_same_on_grids_under_jit_and_vma
     np.testing.assert_allclose(conjugate, np.conj(table), rtol=1e-14)
     assert np.all(table.imag <= 0)
     assert np.all(table.real > 0)
-
-    def one(q, d):
-        moved = eqx.tree_at(lambda s: s.layers[0].thickness, stack, d)
-        return graded_compliance(moved, q, omega[3], rtol=1e-6, graded_solver=FINE).value
-
-    batch = jax.jit(jax.vmap(one))(q[5:8, 0], jnp.array([1e-3, 2e-3, 1e-3]))
-    assert batch.shape == (3,)
-    np.testing.assert_allclose(batch[2], table[7, 3], rtol=1e-9)
 
 
 def test_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():

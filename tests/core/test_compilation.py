@@ -54,6 +54,7 @@ def test_options_of_the_environment_stay_and_the_log_says_once_that_it_compiles(
     assert set(compilation.LESS_WORK) - set(options) == {"xla_backend_optimization_level"}
 
 
+STORED_FROM = "jax_persistent_cache_min_compile_time_secs"
 SMALL = """
 import jax, graded_contact as gc
 gc.jit(lambda x: x + 1)(1.0)
@@ -63,10 +64,19 @@ gc.jit(lambda x: x + 1)(1.0)
 def test_a_folder_for_programs_alone_is_enough(tmp_path):
     own = {k: v for k, v in os.environ.items() if not k.startswith("JAX_")}
     own["JAX_COMPILATION_CACHE_DIR"] = str(tmp_path)
-    for seconds, stored in (("1000", False), (None, True)):
-        limit = {} if seconds is None else {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": seconds}
-        subprocess.run([sys.executable, "-c", SMALL], env=own | limit, check=True)
-        assert bool([*tmp_path.iterdir()]) == stored
+    subprocess.run([sys.executable, "-c", SMALL], env=own, check=True)
+    assert [*tmp_path.iterdir()]
+
+
+def test_a_limit_of_the_environment_to_what_is_stored_stays(monkeypatch):
+    name, before = STORED_FROM, jax.config.values[STORED_FROM]
+    monkeypatch.setenv(name.upper(), "1000")
+    try:
+        jax.config.update(name, 1000)
+        compilation.keep_small_programs()
+        assert jax.config.values[name] == 1000
+    finally:
+        jax.config.update(name, before)
 
 
 def test_an_xla_without_the_options_compiles_as_it_does(afresh, monkeypatch):

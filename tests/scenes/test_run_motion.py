@@ -47,16 +47,11 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
     )
     assert np.all(results.message == "")
     at = results.isel(direction=0, pressure=0, velocity=1)
-    for name in (
-        "mean_friction",
-        "mean_shear_friction",
-        "peak_friction",
-        "work",
-        "dissipated_power",
-        "phase",
-        "load",
-    ):
-        np.testing.assert_allclose(at[name], getattr(cycle, name), rtol=1e-5, err_msg=name)
+    names = "mean_friction", "mean_shear_friction", "peak_friction", "work"
+    names += "dissipated_power", "phase", "load", "friction"
+    numbers = dict(zip(names, cycle.compute(*names), strict=True))  # by one program
+    for name in names[:-1]:
+        np.testing.assert_allclose(at[name], numbers[name], rtol=1e-5, err_msg=name)
     np.testing.assert_allclose(at.friction, cycle.friction @ along, rtol=1e-4, atol=1e-7)
     np.testing.assert_allclose(at.period, cycle.period, rtol=1e-12)
     assert results.friction.dims == ("direction", "pressure", "velocity", "time")

@@ -54,6 +54,8 @@ def test_steady_sliding_is_that_of_slide():
     motion = steady(-3.0, GRID)
     found = cycle(s=motion.displacement, period=motion.period, rtol=1e-11)
     expected = gc.slide(rubber(), ROUGH, pressure=LOAD, velocity=-3.0, rtol=1e-11)
+    found.compute("mean_friction", "friction", "mean_gap", "contact_area", "energy_imbalance")
+    expected.compute("friction", "contact_area")
     np.testing.assert_allclose(found.mean_friction, expected.friction, rtol=1e-9)
     np.testing.assert_allclose(-found.friction, expected.friction, rtol=1e-9)
     np.testing.assert_allclose(found.mean_gap, expected.mean_gap, rtol=1e-9)
@@ -68,6 +70,7 @@ def test_steady_sliding_in_two_dimensions_is_that_of_slide():
     stack = gc.Stack(layers=(gc.Layer(gc.Elastic(2.0, 0.4), 0.05),), base=rubber().base)
     found = cycle(stack, surface, moved, 0.5, rtol=1e-11)
     expected = gc.slide(stack, surface, pressure=LOAD, velocity=(2.0, 2.0), rtol=1e-11)
+    found.compute("mean_friction", "friction", "energy_imbalance", "largest_step")
     np.testing.assert_allclose(found.mean_friction, expected.friction, rtol=1e-9)
     along = found.friction @ np.full(2, 0.5**0.5)
     np.testing.assert_allclose(along, expected.friction, rtol=1e-8)
@@ -75,16 +78,16 @@ def test_steady_sliding_in_two_dimensions_is_that_of_slide():
     assert found.energy_imbalance < 1e-10
 
 
-LAWS = [
-    ConstantShear(0.02), PeakedShear(0.05, 1.0, 0.5), lambda p, v, t: 0.1 * p * v**0.5,
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    "law", [PeakedShear(0.05, 1.0, 0.5), lambda p, v, t: 0.1 * p * v**0.5], ids=["peak", "own"]
+)
 def test_steady_sliding_with_shear_is_that_of_slide(law):
     motion = steady(-3.0, GRID)
     found = cycle(s=motion.displacement, period=motion.period, shear=law)
     expected = gc.slide(rubber(), ROUGH, pressure=LOAD, velocity=-3.0, shear=law, rtol=1e-9)
+    names = "mean_friction", "peak_friction", "friction", "mean_shear_friction", "traction"
+    found.compute(*names)
+    expected.compute("friction", "shear_friction")
     for name in ("mean_friction", "peak_friction"):
         np.testing.assert_allclose(getattr(found, name), expected.friction, rtol=1e-8)
     np.testing.assert_allclose(-found.friction, expected.friction, rtol=1e-8)
@@ -131,6 +134,7 @@ def test_work_of_one_wave_in_full_contact_is_a_bessel_series(amplitude, rate):
     motion = sinusoidal(2 * amplitude, rate / (2 * np.pi))
     stack = rubber(1.0, 1.0, 0.0)
     found = cycle(stack, wave, motion.displacement, motion.period, pressure=50.0, rtol=1e-10)
+    found.compute("work", "load_work", "load_mismatch", "energy_imbalance")
     k = np.arange(-120, 121)
     loss = 0.5 * k * rate / (1 + (k * rate) ** 2)
     np.testing.assert_allclose(found.work, np.pi * np.sum(k * jv(k, amplitude) ** 2 * loss), 1e-9)
@@ -250,10 +254,13 @@ def test_claimed_errors_hold(control):
         size = LOAD if control == "pressure" else jnp.std(surface.heights)
         given = {control: size * (1.02 + np.sin(2 * np.pi * TIMES))}
         given["shear"] = PeakedShear(0.02, 1.0, 0.5)
+        names = "mean_friction", "peak_friction"
         close = cycle(stack, surface, rtol=1e-9, **given)
+        close.compute(*names)
         for rtol in (1e-3, 1e-4):
             loose = cycle(stack, surface, **given, rtol=rtol)
-            for name in ("mean_friction", "peak_friction"):
+            loose.compute(*names, *(f"{name}_error" for name in names))
+            for name in names:
                 error = abs(getattr(loose, name) - getattr(close, name))
                 assert error <= getattr(loose, f"{name}_error")
             wrong = loose.pressure - close.pressure
@@ -324,11 +331,10 @@ def test_bad_input_is_refused(options, message):
 
 
 def test_caveats_name_what_the_times_do_not_resolve():
-    jumping = cycle(s=0.03 * np.sign(np.sin(2 * np.pi * TIMES)), rtol=1e-3)
-    assert any("spacings of the grid" in text for text in jumping.caveats)
-    assert any("kinks or jumps" in text for text in jumping.caveats)
-    lifted = cycle(pressure=None, mean_gap=np.where(TIMES < 0.5, 0.01, 0.1), rtol=1e-3)
-    assert any("gap changes too fast" in text for text in lifted.caveats)
+    jumps = 0.03 * np.sign(np.sin(2 * np.pi * TIMES))
+    lifted = cycle(s=jumps, pressure=None, mean_gap=np.where(TIMES < 0.5, 0.01, 0.1), rtol=1e-3)
+    for words in ("spacings of the grid", "kinks or jumps", "gap changes too fast"):
+        assert any(words in text for text in lifted.caveats)
     assert lifted.time_in_contact == np.mean(lifted.load > 0) and 0.3 < lifted.time_in_contact < 0.7
     apart = cycle(pressure=None, mean_gap=0.5, rtol=1e-3)
     assert any("surfaces never touch" in text for text in apart.caveats)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.sliding import resolution
 from graded_contact.sliding.resolution import resampled
 
 CELL, Q0 = 8e-3, 2 * np.pi / 8e-3
@@ -27,13 +28,19 @@ def slide(surface, pressure=2e5, velocity=0.5, **more):
     return gc.slide(RUBBER, surface, pressure=pressure, velocity=velocity, **more)
 
 
+def known(found):
+    """With all its numbers: one program for all tests, where each set of numbers has its own."""
+    found.compute(*found.numbers)
+    return found
+
+
 @pytest.fixture(scope="module")
 def coarse():
-    return slide(rough(32, 4))
+    return known(slide(rough(32, 4)))
 
 
 def test_errors_contain_the_change_to_a_finer_grid(coarse):
-    fine = slide(finer(rough(32, 4), 4))
+    fine = known(slide(finer(rough(32, 4), 4)))
     for name in ("friction", "contact_area", "mean_gap"):
         error, off = getattr(coarse, f"{name}_error"), getattr(coarse, name) - getattr(fine, name)
         assert abs(off) <= error <= 0.2 * getattr(coarse, name)
@@ -51,7 +58,7 @@ def test_the_total_is_the_sum_of_its_parts_and_prints_behind_the_number(coarse):
 
 def test_a_surface_with_waves_that_half_the_grid_lacks_has_an_error_too():
     surface = rough(32, 16)
-    found, fine = slide(surface), slide(finer(surface, 4))
+    found, fine = known(slide(surface)), known(slide(finer(surface, 4)))
     assert 2 < found.neighbours.factor < 5
     for name in ("friction", "contact_area"):
         off = abs(getattr(found, name) - getattr(fine, name))
@@ -62,7 +69,9 @@ def test_contacts_of_one_point_have_an_area_and_shear():
     """The contour had no area there, and the shear was 0 ± 0."""
     surface = rough(32, 16)
     shear = gc.sliding.ConstantShear(1e5)
-    found, fine = (slide(s, 1e3, shear=shear) for s in (surface, finer(surface, 8)))
+    found, fine = (slide(s, 1e3, shear=shear) for s in (surface, finer(surface, 4)))
+    found.compute("shear_friction", "contact_area", "friction", "friction_error")
+    fine.compute("shear_friction", "contact_area", "friction")
     assert np.sum(found.pressure > 0) < 10
     for name in ("shear_friction", "contact_area"):
         assert 0.4 < getattr(found, name) / getattr(fine, name) < 2.5
@@ -74,13 +83,16 @@ def test_errors_under_jit_and_in_a_batch_are_those_of_the_call(coarse):
 
     def errors(velocity):
         found = slide(surface, velocity=velocity)
-        return jnp.stack(found.compute("friction_error", "contact_area_error"))
+        errors = jnp.stack(found.compute("friction_error", "contact_area_error"))
+        return jnp.sum(errors), errors
 
     expected = [coarse.friction_error, coarse.contact_area_error]
-    np.testing.assert_allclose(jax.jit(errors)(0.5), expected, rtol=1e-2)
-    batch = jax.lax.map(lambda v: slide(surface, velocity=v), jnp.array([0.5, 1.0]))
+    (_, found), slope = jax.jit(jax.value_and_grad(errors, has_aux=True))(0.5)
+    np.testing.assert_allclose(found, expected, rtol=1e-2)
+    assert slope == 0
+    plain = gc.contacts.DouglasRachford(newton=False)
+    batch = jax.lax.map(lambda v: slide(surface, velocity=v, solver=plain), jnp.array([0.5, 1.0]))
     np.testing.assert_allclose(batch.friction_error[0], expected[0], rtol=1e-2)
-    assert jax.grad(lambda v: jnp.sum(errors(v)))(0.5) == 0
 
 
 def test_a_body_on_a_window_has_the_error_of_its_grid():
@@ -91,7 +103,7 @@ def test_a_body_on_a_window_has_the_error_of_its_grid():
                       periodic=False)  # fmt: skip
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.5)))
     load = 4 / 3 * (1e6 / 0.75) * a**3 / radius / CELL**2
-    found = gc.slide(block, body, pressure=load, velocity=0.0)
+    found = known(gc.slide(block, body, pressure=load, velocity=0.0))
     off = abs(found.approach - a**2 / radius)
     assert off <= found.approach_error <= 0.05 * found.approach
     off = abs(found.contact_area - np.pi * a**2 / CELL**2)
@@ -100,7 +112,8 @@ def test_a_body_on_a_window_has_the_error_of_its_grid():
 
 def test_where_half_the_grid_loses_the_contact_the_error_is_the_number_itself():
     surface = rough(64, 8)
-    found = gc.slide(RUBBER, surface, mean_gap=0.99 * float(jnp.max(surface.heights)), velocity=0.1)
+    gap = 0.99 * float(jnp.max(surface.heights))
+    found = known(gc.slide(RUBBER, surface, mean_gap=gap, velocity=0.1))
     assert np.isnan(found.neighbours.half.friction)
     assert found.friction_error > 0.5 * found.friction
     assert "does not resolve" in found.caveats[0]
@@ -112,6 +125,7 @@ def test_an_elastic_block_has_no_friction_on_any_grid_and_a_load_at_its_mean_gap
     found, fine = (
         gc.slide(block, s, mean_gap=1.5e-4, velocity=1.0) for s in (surface, finer(surface, 4))
     )
+    known(found)
     assert abs(found.friction) <= found.friction_error < 1e-12
     off = abs(found.mean_pressure - fine.mean_pressure)
     assert off <= found.mean_pressure_error <= 0.2 * found.mean_pressure
@@ -122,6 +136,7 @@ def test_a_body_that_flows_touches_at_least_as_much_as_its_load_needs():
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.49)))
     given = dict(pressure=2e5, velocity=0.0, law=gc.HardWall(1e6))
     found, fine = (gc.slide(block, s, **given) for s in (rough(32, 8), finer(rough(32, 8), 4)))
+    found.compute("contact_area", "contact_area_error")
     assert found.contact_area >= 0.2 * (1 - 1e-9)
     assert abs(found.contact_area - fine.contact_area) <= found.contact_area_error < 1
 
@@ -133,8 +148,8 @@ def test_an_area_of_few_points_is_in_doubt_without_friction_too():
 
 
 def test_on_the_smallest_grids_the_error_is_not_known():
+    assert resolution._halved((6, 6)) == (6, 6) and resolution._halved((8, 6)) == (4, 6)
     assert np.isnan(slide(rough(6, 2)).mean_gap_error)
-    assert slide(rough(8, 2)).mean_gap_error > 1e-7
 
 
 def test_a_failed_solve_has_no_errors():
@@ -144,7 +159,7 @@ def test_a_failed_solve_has_no_errors():
 
 
 def cycle(num_times, stroke=2e-3):
-    surface = rough(16, 4)
+    surface = rough(32, 4, ndim=1)
     motion = gc.sliding.sinusoidal(stroke, 100.0, num_times)
     return gc.slide_cycle(
         RUBBER, surface, displacement=motion.displacement, period=motion.period, pressure=2e5
@@ -152,7 +167,7 @@ def cycle(num_times, stroke=2e-3):
 
 
 def test_errors_of_a_cycle_contain_the_times():
-    found, fine = cycle(24), cycle(96)
+    found, fine = known(cycle(32)), known(cycle(64))
     for name in ("mean_friction", "peak_friction", "work"):
         off = abs(getattr(found, name) - getattr(fine, name))
         assert off <= getattr(found, f"{name}_time_error") <= 0.5 * abs(getattr(found, name))

@@ -30,6 +30,8 @@ def coated(thickness=100e-6, modulus=6.51e6):
 
 def test_main_job_gives_friction_and_area_of_a_coated_tread():
     s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
+    areas = "contact_area", "contact_area_pixels"
+    s.compute("friction", "geometric_friction", "energy_imbalance", *areas)  # by one program
     assert s.result == gc.contacts.RESULTS.successful
     assert 0 < s.friction < 1
     assert 0 < s.contact_area < 1
@@ -64,7 +66,7 @@ def test_along_an_oblique_velocity_a_solve_keeps_its_promise():
     assert np.all(np.diff(shares) >= -1e-12)
 
 
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(
     exponent=st.floats(-4, 4),
     pressure=st.floats(1e4, 3e6),

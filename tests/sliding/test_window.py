@@ -18,6 +18,7 @@ REDUCED = 1 / (1 - 0.3**2)
 RUBBER = gc.HalfSpace(gc.Prony(1.0, [9.0], [0.1], 0.49))
 COATED = gc.Stack(layers=(gc.Layer(gc.Elastic(3.0, 0.49), 0.05),), base=RUBBER)
 SLAB = gc.Stack(layers=(gc.Layer(RUBBER.material, 0.05),), base=gc.Rigid())
+PLAIN = gc.contacts.DouglasRachford(newton=False)  # compiles in half the time
 
 
 def distances(n, size=1.0):
@@ -55,6 +56,7 @@ def test_sphere_is_that_of_hertz(radius):
         return gc.slide(ELASTIC, surface, velocity=0.0, rtol=1e-7, **given)
 
     found = press(pressure=load)
+    assert found.caveats == ()  # first: this program computes all numbers
     stiffness = 1 / jax.grad(lambda load: press(pressure=load).approach)(load)
     back, slope = jax.value_and_grad(lambda d: press(approach=d).contact.mean_pressure)(
         found.approach
@@ -68,7 +70,6 @@ def test_sphere_is_that_of_hertz(radius):
     np.testing.assert_allclose(found.approach, radius**2, rtol=6e-4)
     np.testing.assert_allclose(found.contact_area, np.pi * radius**2, rtol=0.012)
     np.testing.assert_allclose(stiffness, 2 * REDUCED * radius, rtol=0.012)
-    assert found.caveats == ()
 
 
 def test_cylinder_is_that_of_hertz():
@@ -86,15 +87,16 @@ def test_flat_punch_ends_at_the_window():
     n = 256
     surface = gc.Surface(np.zeros(n), gc.Grid((n,), 1.0), periodic=False)
     found = gc.slide(ELASTIC, surface, pressure=1.0, velocity=0.0, rtol=1e-8)
+    assert "rim of the window" in found.caveats[-1]
     x = (np.arange(n) + 0.5) / n * 2 - 1
     middle = slice(n // 8, -n // 8)
     true = 2 / np.pi / np.sqrt(1 - x**2)
     np.testing.assert_allclose(found.pressure[middle], true[middle], rtol=4.2e-3)
     assert found.contact_area == 1 and found.rim_load > 0.01
-    assert "rim of the window" in found.caveats[-1]
 
 
 def test_energy_is_balanced_on_a_window(sliding):
+    sliding.compute("energy_imbalance", "geometric_friction", "friction")
     assert sliding.energy_imbalance < 1e-12
     np.testing.assert_allclose(sliding.geometric_friction, sliding.friction, rtol=4e-3)
     assert sliding.pressure.shape == sliding.gap.shape == (64, 64)
@@ -112,8 +114,8 @@ def test_derivatives_on_a_window_match_differences(stack, name):
     def friction(thickness, velocity, load, heights):
         block = eqx.tree_at(lambda b: b.layers[0].thickness, stack, thickness)
         rough = gc.Surface(heights, surface.grid, periodic=False)
-        given = {name: load}
-        return gc.slide(block, rough, velocity=velocity, rtol=1e-11, **given).friction
+        given = {name: load, "rtol": 1e-11, "solver": PLAIN}
+        return gc.slide(block, rough, velocity=velocity, **given).friction
 
     at = [jnp.asarray(a) for a in (0.05, 1.0, 0.02)] + [surface.heights]
     ahead = [jnp.asarray(a) for a in (0.01, 0.3, -0.004)]
@@ -172,11 +174,11 @@ def test_before_the_first_touch_there_is_no_load(heights):
 
     assert jax.value_and_grad(load)(0.0) == (0, 0)
     found = gc.slide(SLAB, surface, approach=-0.01, velocity=1.0)
-    assert found.contact.mean_pressure == load(0.0) == 0
-    np.testing.assert_allclose([found.approach, found.compression], [-0.01, -0.2])
     assert found.caveats == (
         "The surfaces do not touch: there is no load, so friction is not defined.",
     )
+    assert found.contact.mean_pressure == load(0.0) == 0
+    np.testing.assert_allclose([found.approach, found.compression], [-0.01, -0.2])
 
     def friction(approach, **how):
         return gc.slide(SLAB, surface, approach=approach, velocity=1.0, **how).friction
@@ -190,8 +192,8 @@ def test_before_the_first_touch_there_is_no_load(heights):
 def test_an_approach_through_the_layers_or_in_another_unit_is_noticed():
     surface = cylinder(64)
     deep = gc.slide(SLAB, surface, approach=0.08, velocity=1.0)
-    np.testing.assert_allclose(deep.compression, 1.6, rtol=1e-6)
     assert "moved into the layers by 160% of their thickness" in " ".join(deep.caveats)
+    np.testing.assert_allclose(deep.compression, 1.6, rtol=1e-6)
     pressed = gc.slide(SLAB, surface, pressure=deep.contact.mean_pressure, velocity=1.0)
     np.testing.assert_allclose(pressed.compression, 1.6, rtol=1e-4)
     assert "by 20%" in gc.slide(SLAB, surface, approach=0.01, velocity=1.0).caveats[-1]
@@ -200,11 +202,12 @@ def test_an_approach_through_the_layers_or_in_another_unit_is_noticed():
 
     @eqx.filter_jit
     def traced(approach):
-        return gc.slide(SLAB, surface, approach=approach, velocity=1.0, throw=False)
+        given = {"approach": approach, "throw": False, "solver": PLAIN}
+        return gc.slide(SLAB, surface, velocity=1.0, **given)
 
     hidden = traced(jnp.asarray(20.0))
     assert hidden.result == gc.contacts.RESULTS.not_finite and jnp.isnan(hidden.friction)
-    assert "an approach beyond the window's length" in repr(hidden)
+    assert "an approach beyond the window's length" in gc.contacts.RESULTS[hidden.result]
 
 
 def test_friction_at_an_approach_has_the_error_of_the_load():
@@ -218,15 +221,15 @@ def test_friction_at_an_approach_has_the_error_of_the_load():
 
 def test_load_at_an_approach_has_the_error_of_the_kernel():
     found = gc.slide(COATED, sphere(64), approach=0.026, velocity=1.0, rtol=1e-8)
+    printed = repr(found)
     larger = eqx.tree_at(lambda s: s.kernel_error, found, 20 * found.kernel_error)
     moved = found.kernel + jnp.sum(larger.kernel_error, 0)
     load = gc.solve_contact(moved, found.heights, approach=0.026, rtol=1e-8).mean_pressure
     change = abs(load - found.mean_pressure)
     assert 1e-4 * load < change < larger.mean_pressure_kernel_error < 0.2 * load
-    assert with_error(float(found.mean_pressure), float(found.mean_pressure_error)) in repr(found)
-    assert "  approach [m]             0.026\n  rim_load " in repr(found)
+    assert with_error(float(found.mean_pressure), float(found.mean_pressure_error)) in printed
+    assert "  approach [m]             0.026\n  rim_load " in printed
     pressed = gc.slide(COATED, sphere(64), pressure=found.mean_pressure, velocity=1.0)
-    assert with_error(float(pressed.approach), float(pressed.approach_error)) in repr(pressed)
     with pytest.raises(ValueError, match="at a given `pressure`"):
         _ = pressed.mean_pressure_error
 
