@@ -15,7 +15,18 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .below import FULL, base_face
-from .column import AddGraded, Carried, Face, Rule, Run, climb_through, column_of, face_in, in_rows
+from .column import (
+    AddGraded,
+    Carried,
+    Column,
+    Face,
+    Rule,
+    Run,
+    climb_through,
+    column_of,
+    face_in,
+    in_rows,
+)
 from .slab import Compliance, Slab, factors, in_units, lower_face, release, stack_on
 from .stack import Free, GradedLayer, Rigid, Stack, concatenated, interface_depths
 
@@ -52,10 +63,7 @@ def depth_climb(
     def climb(add_graded):
         start = base_face(column, zero)
         lower = climb_through(column, start, FULL, add_graded, below, heights)
-        upper = climb_through(column, surface, _ABOVE, add_graded, above, heights)
-        # At a depth in the half space its upper part is one more slab.
-        if not isinstance(column.base, Rigid | Free):
-            upper = _add(upper, q * above[-1], *column.base)
+        upper = climb_through(_with_base(column), surface, _ABOVE, add_graded, above, heights)
         return _joined(upper, lower)
 
     return climb, _material(column, heights, place), column.unit
@@ -73,6 +81,20 @@ def _cut(stack, depth, side):
     above = jnp.where(depth >= tops[1:], thickness, jnp.clip(depth - tops[:-1], 0, thickness))
     rest = jnp.maximum(depth - tops[-1:], 0)
     return jnp.concatenate([above, rest]), jnp.maximum(jnp.sum(passed, axis=0) - 1, 0)
+
+
+def _with_base(column: Column) -> Column:
+    """The column with its half space as one more layer: at a depth in it, its upper part is one."""
+    if isinstance(column.base, Rigid | Free):
+        return column
+    runs, base = [*column.runs], [part[None] for part in column.base]
+    if runs and isinstance(runs[-1], Run):  # one scan for all
+        *runs, (members, thickness, *moduli) = runs
+        base = [jnp.concatenate(pair) for pair in zip(moduli, base, strict=True)]
+        runs.append(Run(slice(members.start, None), thickness, *base))
+    else:
+        runs.append(Run(slice(-1, None), in_rows([0], column.q), *base))
+    return column._replace(runs=tuple(runs))
 
 
 def _material(column, heights, place):

@@ -156,7 +156,8 @@ def heat_where(needed, sliding: Sliding, stack: Stack, depths, graded_solver) ->
 
     def if_needed(place):
         needed, depth = place
-        return jax.lax.cond(needed, at, lambda _: none, depth)
+        # A derivative computes the stresses again rather than store those of all depths.
+        return jax.lax.cond(needed, jax.checkpoint(at), lambda _: none, depth)
 
     return jax.lax.map(if_needed, (needed, depths))
 

@@ -249,7 +249,8 @@ def _rises(factor, s: Sliding, heating: Heating, stack: Stack, block: Stack, edg
     power = lost * jnp.mean(s.pressure) * s.speed
     source = source * jnp.where(made > 0, jnp.abs(power) / jnp.where(made > 0, made, 1), 0)
     spectra = temperatures(s, stack, heating, source, weights, jnp.append(0.0, depths))
-    rises = jax.vmap(lambda spectrum: _over_contact(s, spectrum))(spectra)
+    weight = to_spectrum(_weight(s))
+    rises = jax.vmap(lambda spectrum: _over_contact(weight, spectrum, s.grid))(spectra)
     share = jnp.where((depths > edges[:-1, None]) & (depths < edges[1:, None]), weights, 0)
     total = jnp.sum(share, 1)
     return factor * jnp.append(rises[0], share @ rises[1:] / jnp.where(total > 0, total, 1))
@@ -334,9 +335,9 @@ def temperatures(sliding: Sliding, stack: Stack, heating: Heating, source, thick
     own = (to_spectrum(shear_heat(sliding)) - flux) / admittance
     # The heat that leaves, distributed as the pressure, makes the means of both surfaces equal.
     kappa, q = heating.counterface_conductivity, wavenumber(grid)
-    there = _over_contact(sliding, weight / jnp.where(q == 0, 1, q))
-    here = _over_contact(sliding, weight / admittance)
-    left = kappa * _over_contact(sliding, own) / (kappa * here + there)
+    there = _over_contact(weight, weight / jnp.where(q == 0, 1, q), grid)
+    here = _over_contact(weight, weight / admittance, grid)
+    left = kappa * _over_contact(weight, own, grid) / (kappa * here + there)
     surface = own - left * weight / admittance
 
     def down(above, step):
@@ -348,11 +349,10 @@ def temperatures(sliding: Sliding, stack: Stack, heating: Heating, source, thick
     return jax.vmap(_without_mean)(found)
 
 
-def _over_contact(sliding: Sliding, spectrum):
+def _over_contact(weight, spectrum, grid: Grid):
     """The mean over the contact of a field without its mode q = 0, weighted by the pressure."""
-    weight = to_spectrum(_weight(sliding)) / np.prod(sliding.grid.shape) ** 2
-    parts = (jnp.conj(weight) * spectrum).real * multiplicity(sliding.grid.shape)
-    return jnp.sum(_without_mean(parts))
+    parts = (jnp.conj(weight) * spectrum).real * multiplicity(grid.shape)
+    return jnp.sum(_without_mean(parts)) / np.prod(grid.shape) ** 2
 
 
 def _weight(sliding):
