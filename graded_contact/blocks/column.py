@@ -141,7 +141,7 @@ def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) 
         count = len([*layers])
         if is_graded:
             for i in range(first, first + count):
-                layer = stack.layers[i]
+                layer: Any = stack.layers[i]
                 runs.append(GradedPart(i, layer.profile, q * layer.thickness, omega, unit))
         else:
             members, rows = slice(first, first + count), slice(known, known + count)

@@ -87,14 +87,14 @@ def _with_base(column: Column) -> Column:
     """The column with its half space as one more layer: at a depth in it, its upper part is one."""
     if isinstance(column.base, Rigid | Free):
         return column
-    runs, base = [*column.runs], [part[None] for part in column.base]
-    if runs and isinstance(runs[-1], Run):  # one scan for all
-        *runs, (members, thickness, *moduli) = runs
-        base = [jnp.concatenate(pair) for pair in zip(moduli, base, strict=True)]
-        runs.append(Run(slice(members.start, None), thickness, *base))
-    else:
-        runs.append(Run(slice(-1, None), in_rows([0], column.q), *base))
-    return column._replace(runs=tuple(runs))
+    runs, moduli = column.runs, [part[None] for part in column.base]
+    last = runs[-1] if runs else None
+    if not isinstance(last, Run):
+        return column._replace(runs=(*runs, Run(slice(-1, None), in_rows([0], column.q), *moduli)))
+    # One scan for all.
+    moduli = [jnp.concatenate(pair) for pair in zip(last[2:], moduli, strict=True)]
+    whole = Run(slice(last.members.start, None), last.thickness, *moduli)
+    return column._replace(runs=(*runs[:-1], whole))
 
 
 def _material(column, heights, place):

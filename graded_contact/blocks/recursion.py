@@ -211,4 +211,5 @@ def layers_of(stack: Stack, omega: Float[Array, "..."]) -> tuple[Any, Any, Any]:
     if len(layers) <= UNROLLED_LAYERS:
         moduli = [moduli_of(layer.material, omega) for layer in layers]
         return thickness, [modulus for modulus, _ in moduli], [poisson for _, poisson in moduli]
-    return jnp.stack(thickness), *moduli_of_all([layer.material for layer in layers], omega)
+    modulus, poisson = moduli_of_all([layer.material for layer in layers], omega)
+    return jnp.stack(thickness), modulus, poisson

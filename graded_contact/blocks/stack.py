@@ -227,12 +227,14 @@ def of_each(function: Callable[[Any], tuple], things: Sequence[Any]) -> tuple[li
     return rows, np.argsort(np.concatenate([*kinds.values()]))
 
 
-def moduli_of_all(materials: Sequence[AbstractMaterial], omega: Array) -> tuple[Array, ...]:
+def moduli_of_all(materials: Sequence[AbstractMaterial], omega: Array) -> tuple[Array, Array]:
     """Returns E [Pa] and ν [1] of materials on a first axis, the others of the rank of `omega`."""
     if not materials:
-        return (jnp.zeros((0, *[1] * omega.ndim), omega.dtype),) * 2
+        none = jnp.zeros((0, *[1] * omega.ndim), omega.dtype)
+        return none, none
     rows, order = of_each(lambda material: moduli_of(material, omega), materials)
-    return tuple(concatenated(parts, omega.ndim)[order] for parts in zip(*rows, strict=True))
+    modulus, poisson = (concatenated(parts, omega.ndim)[order] for parts in zip(*rows, strict=True))
+    return modulus, poisson
 
 
 def concatenated(parts: Sequence[Array], rank: int) -> Array:

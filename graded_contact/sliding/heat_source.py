@@ -190,7 +190,7 @@ def _series_in(stack: Stack, depth):
     parts = [*stack.layers, stack.base] if isinstance(stack.base, HalfSpace) else stack.layers
     # The bottom of the base has no effect.
     places = [*zip(parts, [*tops[1:], depth], strict=False)]
-    rows, order = of_each(lambda place: _series_of(*place, depth), places)
+    rows, order = of_each(lambda place: _series_of(place[0], place[1], depth), places)
     most = max(row[1].shape[-1] for row in rows)
     # Branches without strength, of the time 1 s, make all parts alike.
     fills = (0, 0, 0, 1, 0)
