@@ -123,11 +123,13 @@ def attach_fixed_point(function: Callable, given: Any, x: Float[Array, " n"]) ->
         # Attached again, so that a derivative of the rule itself moves with the fixed point.
         x, given = attached(*primals), primals[1]
         moved = eqx.filter_jvp(lambda given: function(given, x), (given,), tangents[1:])[1]
-        back, units = jax.vjp(partial(function, given), x)[1], jnp.eye(len(x), dtype=x.dtype)
-        row = lambda unit: back(unit)[0]  # noqa: E731
-        # `map` compiles the whole of it; outside `jit` its own programs are used.
-        rows = jnp.stack([*map(row, units)]) if alone(primals) else jax.lax.map(row, units)
-        return x, jnp.linalg.solve(units - rows, moved)
+        image, units = partial(function, given), jnp.eye(len(x), dtype=x.dtype)
+        if alone(primals):  # in the programs that a derivative in reverse has
+            back = jax.vjp(image, x)[1]
+            matrix = jnp.stack([back(unit)[0] for unit in units])
+        else:  # `map` compiles it once
+            matrix = jax.lax.map(lambda unit: jax.jvp(image, (x,), (unit,))[1], units).T
+        return x, jnp.linalg.solve(units - matrix, moved)
 
     return attached(x, given)
 
