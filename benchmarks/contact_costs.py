@@ -234,7 +234,8 @@ def show_first(row, step, *arguments):
 
 
 FEATURES = ("slide", "grad", "value_and_grad", "hessian", "checkpoint", "vmap over 4 seeds")
-
+HEATING = gc.sliding.Heating(conductivity=0.25, diffusivity=1e-7)
+SOLVES = ("heated", "grad of heated", "cycle", "path")  # of more than one contact
 
 WRAPPED = {"open": lambda step: step, "gc.jit": gc.jit, "jax.jit": jax.jit}
 
@@ -242,6 +243,7 @@ WRAPPED = {"open": lambda step: step, "gc.jit": gc.jit, "jax.jit": jax.jit}
 def features(n=32):
     """Seconds of the first call of features of JAX, in the open, in `gc.jit` and in `jax.jit`."""
     choices = [f"{feature} in {way}" for feature in FEATURES for way in WRAPPED]
+    choices += [f"{feature} in open" for feature in SOLVES]
     for _, start in in_processes("features_of", choices, n=n):
         start()
 
@@ -251,17 +253,38 @@ def features_of(choice, n=32):
     feature, way = choice.split(" in ")
     stack, draw = bodies()["tread+coat"], rough_surface.__wrapped__  # seeds may be traced
 
+    def block_of(thickness):
+        return gc.with_values(stack, {"layers[0].thickness": thickness})
+
     def friction(thickness, seed=0):
-        surface = draw(n, seed)
-        block = gc.with_values(stack, {"layers[0].thickness": thickness})
-        s = gc.slide(block, surface, pressure=0.1, velocity=SPEED, throw=False)
-        return s.friction
+        surface, block = draw(n, seed), block_of(thickness)
+        return gc.slide(block, surface, pressure=0.1, velocity=SPEED, throw=False).friction
+
+    def heated(thickness):
+        rubber, shear = gc.tyre_tread(), gc.sliding.ConstantShear(1e5)
+        layers = (gc.Layer(rubber, thickness),)
+        block = gc.Stack(layers=layers, base=gc.HalfSpace(rubber))
+        how = {"temperature": 293.15, "shear": shear, "heating": HEATING, "throw": False}
+        return gc.slide(block, draw(n, 0), pressure=1e6, velocity=SPEED, **how).friction
+
+    def cycle(thickness):
+        surface, phase = draw(n, 0), 2 * np.pi * np.arange(16) / 16
+        moved = 2 * surface.grid.spacing[0] * np.sin(phase)
+        how = {"displacement": moved, "period": 1.0, "pressure": 0.1, "throw": False}
+        return gc.slide_cycle(block_of(thickness), surface, **how).mean_friction
+
+    def path(thickness):
+        surface, loads = draw(n, 0), np.linspace(0.01, 0.1, 25)
+        kernel = gc.stack_kernel(block_of(thickness), surface.grid)
+        law = gc.HardWall()
+        return gc.contacts.follow_contact(kernel, surface.heights, loads, law=law).mean_gap
 
     step = {
         "slide": friction, "grad": jax.grad(friction),
         "value_and_grad": jax.value_and_grad(friction),
         "hessian": jax.hessian(friction), "checkpoint": jax.grad(jax.checkpoint(friction)),
         "vmap over 4 seeds": lambda d: jax.vmap(lambda seed: friction(d, seed))(jnp.arange(4)),
+        "heated": heated, "grad of heated": jax.grad(heated), "cycle": cycle, "path": path,
     }[feature]  # fmt: skip
     thickness = jnp.asarray(stack.layers[0].thickness)
     show_first({"N": n, "feature": feature, "in": way}, WRAPPED[way](step), thickness)

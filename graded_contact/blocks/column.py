@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Inexact
 
 from .profile import moduli_at
 from .slab import Compliance, plane_strain
-from .stack import GradedLayer, HalfSpace, Stack, moduli_of
+from .stack import GradedLayer, HalfSpace, Stack, materials_of, moduli_of_all
 
 
 class Face(NamedTuple):
@@ -102,12 +102,12 @@ AddGraded = Callable[[GradedPart, Face, Rule], Face]
 
 
 class Run(NamedTuple):
-    """Homogeneous layers in a row, surface first, by their numbers in the stack.
+    """Homogeneous layers in a row, surface first, and which of the stack they are.
 
     Thickness [m], E_r in the unit of the column, and e = 1 - 2ν.
     """
 
-    members: tuple[int, ...]
+    members: slice
     thickness: Float[Array, "layers *#w"]
     reduced: Inexact[Array, "layers *#w"]
     e: Inexact[Array, "layers *#w"]
@@ -128,40 +128,36 @@ class Column(NamedTuple):
 
 def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) -> Column:
     """Returns the column of a stack."""
-    graded, moduli, sizes = {}, {}, []
-    for i, layer in enumerate(stack.layers):
-        if isinstance(layer, GradedLayer):
-            graded[i] = layer
-            # Its ends are enough for a unit, which need not be the largest of all.
-            sizes += [moduli_at(layer.profile, end + 0 * q, omega)[0] for end in (0, 1)]
-        else:
-            moduli[i] = moduli_of(layer.material, omega)
-    base = stack.base
-    if isinstance(base, HalfSpace):
-        moduli["base"] = moduli_of(base.material, omega)
+    graded = [layer for layer in stack.layers if isinstance(layer, GradedLayer)]
+    modulus, poisson = moduli_of_all(materials_of(stack), omega)
+    # Its ends are enough for a unit, which need not be the largest of all.
+    ends = [moduli_at(g.profile, end + 0 * q, omega)[0] for g in graded for end in (0, 1)]
     # In one unit: products of moduli in pascals leave the range of float32.
-    unit = largest([*sizes, *(modulus for modulus, _ in moduli.values())])
-    moduli = {i: plane_strain(modulus / unit, nu) for i, (modulus, nu) in moduli.items()}
-    runs = []
-    for is_graded, members in groupby(range(len(stack.layers)), lambda i: i in graded):
-        members = tuple(members)
+    unit = largest([*ends, modulus])
+    reduced, e = plane_strain(modulus / unit, poisson)
+    thickness = in_rows([layer.thickness for layer in stack.layers], q)
+    runs, first, known = [], 0, 0  # numbers of layers, and of homogeneous ones, so far
+    for is_graded, layers in groupby(stack.layers, lambda layer: isinstance(layer, GradedLayer)):
+        count = len([*layers])
         if is_graded:
-            for i in members:
-                profile, thickness = graded[i].profile, graded[i].thickness
-                runs.append(GradedPart(i, profile, q * thickness, omega, unit))
+            for i in range(first, first + count):
+                layer: Any = stack.layers[i]
+                runs.append(GradedPart(i, layer.profile, q * layer.thickness, omega, unit))
         else:
-            pairs = zip(*(moduli[i] for i in members), strict=True)
-            parts = [stack.layers[i].thickness for i in members], *pairs
-            runs.append(Run(members, *(_stacked(values, q) for values in parts)))
-    return Column(tuple(runs), moduli.get("base", base), unit, q)
+            members, rows = slice(first, first + count), slice(known, known + count)
+            runs.append(Run(members, thickness[members], reduced[rows], e[rows]))
+            known += count
+        first += count
+    base = (reduced[-1], e[-1]) if isinstance(stack.base, HalfSpace) else stack.base
+    return Column(tuple(runs), base, unit, q)
 
 
-def _stacked(values: Sequence[Any], like: Array) -> Array:
-    """Stacks per-layer values of unlike shapes and dtypes, each filled up to the rank of `like`."""
-    stacked = jnp.stack(jnp.broadcast_arrays(*values))
-    # Without the rank of `like` the axis of layers would broadcast against waves.
-    missing = (1,) * (like.ndim + 1 - stacked.ndim)
-    return stacked.reshape(len(values), *missing, *stacked.shape[1:])
+def in_rows(numbers: Any, like: Array) -> Array:
+    """Returns numbers on a first axis, followed by as many axes as `like` has.
+
+    Without these the first axis would broadcast against waves.
+    """
+    return jnp.array(numbers, like.dtype).reshape(-1, *[1] * like.ndim)
 
 
 def largest(moduli: Sequence[Array]) -> Array:
@@ -181,7 +177,7 @@ def climb_through(
     **Arguments:**
 
     - `face`: at the base, or for a `rule` that goes downwards at the surface.
-    - `parts`: what is there of the thickness of each homogeneous layer [m]; None for all of it.
+    - `parts`: what is there of the thickness of each layer [m], on a first axis; None for all.
     - `heights`: s at which each graded layer is cut, by its number; None for no cut.
     """
 
@@ -197,7 +193,7 @@ def climb_through(
             continue
         _, thickness, reduced, e = run
         if parts is not None:
-            thickness = _stacked([parts[i] for i in run.members], column.q)
+            thickness = parts[run.members]
         face = scan_layers(step, face, (thickness, reduced, e), reverse=not rule.down)
     return face
 

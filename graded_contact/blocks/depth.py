@@ -9,16 +9,26 @@ layers.
 """
 
 from collections.abc import Callable
-from itertools import accumulate
 from typing import Literal
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from .below import FULL, base_face
-from .column import AddGraded, Carried, Face, Rule, Run, climb_through, column_of, face_in
+from .column import (
+    AddGraded,
+    Carried,
+    Column,
+    Face,
+    Rule,
+    Run,
+    climb_through,
+    column_of,
+    face_in,
+    in_rows,
+)
 from .slab import Compliance, Slab, factors, in_units, lower_face, release, stack_on
-from .stack import Free, GradedLayer, Rigid, Stack
+from .stack import Free, GradedLayer, Rigid, Stack, concatenated, interface_depths
 
 Side = Literal["above", "below"]
 
@@ -38,8 +48,8 @@ def depth_climb(
     2/(unit q); E_r over the unit and e = 1 - 2ν of the material; and the unit [Pa].
     """
     column = column_of(stack, q, omega)
-    above, reached = _cut(stack, depth, side)
-    below = [layer.thickness - over for layer, over in zip(stack.layers, above, strict=False)]
+    above, place = _cut(stack, depth, side)
+    below = in_rows([layer.thickness for layer in stack.layers], depth) - above[:-1]
     heights = {
         i: 1 - above[i] / jnp.where(layer.thickness > 0, layer.thickness, 1)
         for i, layer in enumerate(stack.layers)
@@ -53,45 +63,51 @@ def depth_climb(
     def climb(add_graded):
         start = base_face(column, zero)
         lower = climb_through(column, start, FULL, add_graded, below, heights)
-        upper = climb_through(column, surface, _ABOVE, add_graded, above, heights)
-        # At a depth in the half space its upper part is one more slab.
-        if not isinstance(column.base, Rigid | Free):
-            upper = _add(upper, q * above[-1], *column.base)
+        upper = climb_through(_with_base(column), surface, _ABOVE, add_graded, above, heights)
         return _joined(upper, lower)
 
-    return climb, _material(column, heights, reached), column.unit
+    return climb, _material(column, heights, place), column.unit
 
 
 def _cut(stack, depth, side):
     """What lies above a depth of each layer [m], and at the end of the base.
 
-    And whether the depth lies in each layer, or the base, or further down.
+    And the place of the layer that the depth lies in.
     """
-    thickness = [layer.thickness for layer in stack.layers]
-    tops = list(accumulate(thickness, initial=jnp.zeros((), depth.dtype)))
-    reached = [depth >= top if side == "below" else depth > top for top in tops]
-    above = [
-        # All of a layer that ends above: a difference of depths would be rounded.
-        jnp.where(depth >= bottom, d, jnp.clip(depth - top, 0, d))
-        for d, top, bottom in zip(thickness, tops, tops[1:], strict=False)
+    thickness = in_rows([layer.thickness for layer in stack.layers], depth)
+    tops = in_rows(jnp.append(0, interface_depths(stack)), depth)
+    passed = depth >= tops if side == "below" else depth > tops
+    # All of a layer that ends above: a difference of depths would be rounded.
+    above = jnp.where(depth >= tops[1:], thickness, jnp.clip(depth - tops[:-1], 0, thickness))
+    rest = jnp.maximum(depth - tops[-1:], 0)
+    return jnp.concatenate([above, rest]), jnp.maximum(jnp.sum(passed, axis=0) - 1, 0)
+
+
+def _with_base(column: Column) -> Column:
+    """The column with its half space as one more layer: at a depth in it, its upper part is one."""
+    if isinstance(column.base, Rigid | Free):
+        return column
+    runs, moduli = column.runs, [part[None] for part in column.base]
+    last = runs[-1] if runs else None
+    if not isinstance(last, Run):
+        return column._replace(runs=(*runs, Run(slice(-1, None), in_rows([0], column.q), *moduli)))
+    # One scan for all.
+    moduli = [jnp.concatenate(pair) for pair in zip(last[2:], moduli, strict=True)]
+    whole = Run(slice(last.members.start, None), last.thickness, *moduli)
+    return column._replace(runs=(*runs[:-1], whole))
+
+
+def _material(column, heights, place):
+    """E_r and e at the depth: those of the layer in this place, or of the base."""
+    parts = [
+        run[2:] if isinstance(run, Run) else [one[None] for one in run.moduli(heights[run.number])]
+        for run in column.runs
     ]
-    return [*above, jnp.maximum(depth - tops[-1], 0)], reached
-
-
-def _material(column, heights, reached):
-    """E_r and e at the depth: those of the last layer that it has reached."""
-    materials = []
-    for run in column.runs:
-        if isinstance(run, Run):
-            materials += zip(run.reduced, run.e, strict=True)
-        else:
-            materials.append(run.moduli(heights[run.number]))
     if not isinstance(column.base, Rigid | Free):
-        materials.append(column.base)
-    found, *lower = materials
-    for there, here in zip(reached[1:], lower, strict=False):
-        found = tuple(jnp.where(there, a, b) for a, b in zip(here, found, strict=True))
-    return found
+        parts.append([one[None] for one in column.base])
+    moduli = [concatenated(rows, place.ndim) for rows in zip(*parts, strict=True)]
+    here = jnp.minimum(place, len(moduli[0]) - 1) == in_rows(range(len(moduli[0])), place)
+    return tuple(jnp.sum(jnp.where(here, rows, 0), axis=0) for rows in moduli)
 
 
 def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:

@@ -3,10 +3,10 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core.compilation import jit
 from ..core.display import shown
 from ..materials.material import Elastic
 from .stack import HalfSpace, Layer, Stack, is_graded
@@ -54,7 +54,6 @@ def check_heated(stack: Stack) -> None:
         )
 
 
-@jit
 def heated(stack: Stack, temperature: Array, rises: Array, edges: Array) -> Stack:
     """Returns a block in thin layers, each at its temperature.
 
@@ -72,9 +71,10 @@ def heated(stack: Stack, temperature: Array, rises: Array, edges: Array) -> Stac
         # No temperature changes it: one layer is enough.
         if isinstance(material, Elastic):
             return []
-        cuts = jnp.clip(edges, top, bottom)
+        materials = jax.vmap(material.at)(temperature + rises)
+        thickness = jnp.diff(jnp.clip(edges, top, bottom))
         return [
-            Layer(material.at(temperature + rises[i]), cuts[i + 1] - cuts[i])
+            Layer(jax.tree.map(lambda leaf, i=i: leaf[i], materials), thickness[i])
             for i in range(len(rises))
         ]
 

@@ -16,13 +16,12 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from .column import largest, scan_layers
 from .slab import factors, free, half_space, hyperbolic, plane_strain, push_down, rigid, stack_on
-from .stack import Free, Layer, Rigid, Stack, moduli_of
+from .stack import Free, Layer, Rigid, Stack, moduli_of, moduli_of_all
 
 # Unrolled layers run faster and scanned ones compile faster; they cross here.
 UNROLLED_LAYERS = 4
@@ -212,20 +211,5 @@ def layers_of(stack: Stack, omega: Float[Array, "..."]) -> tuple[Any, Any, Any]:
     if len(layers) <= UNROLLED_LAYERS:
         moduli = [moduli_of(layer.material, omega) for layer in layers]
         return thickness, [modulus for modulus, _ in moduli], [poisson for _, poisson in moduli]
-    # Materials of one kind are computed in one, so that compilation does not grow with them.
-    kinds = {}
-    for i, layer in enumerate(layers):
-        leaves, structure = jax.tree.flatten(layer.material)
-        kinds.setdefault((structure, *[jnp.shape(leaf) for leaf in leaves]), []).append(i)
-    moduli, poissons = [], []
-    for members in kinds.values():
-        materials = [layers[i].material for i in members]
-        kind = jax.tree.map(lambda *leaves: jnp.stack(leaves), *materials)
-        modulus, poisson = jax.vmap(lambda material: moduli_of(material, omega))(kind)
-        moduli.append(modulus)
-        poissons.append(poisson.reshape(poisson.shape + (1,) * (modulus.ndim - poisson.ndim)))
-    shape = jnp.broadcast_shapes(*[poisson.shape[1:] for poisson in poissons])
-    poissons = [jnp.broadcast_to(poisson, (len(poisson), *shape)) for poisson in poissons]
-    places = np.argsort(np.concatenate(list(kinds.values())))
-    modulus, poisson = (jnp.concatenate(part)[places] for part in (moduli, poissons))
+    modulus, poisson = moduli_of_all([layer.material for layer in layers], omega)
     return jnp.stack(thickness), modulus, poisson

@@ -1,7 +1,7 @@
 """The parts of a block: layers from the loaded surface downwards, on a base."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -207,6 +207,41 @@ def materials_of(stack: Stack) -> list[AbstractMaterial]:
 def moduli_of(material: AbstractMaterial, omega: Array) -> tuple[Array, Array]:
     """Returns E [Pa] and ν [1] of a material."""
     return jnp.asarray(material.modulus(omega)), jnp.asarray(material.poisson_ratio(omega))
+
+
+def of_each(function: Callable[[Any], tuple], things: Sequence[Any]) -> tuple[list[tuple], Any]:
+    """Returns function(thing) of each thing, arrays of one kind on a first axis, and their order.
+
+    Concatenated over the kinds, `[order]` sorts them as the things. Those of one kind are computed
+    in one: a program does not grow with their number.
+    """
+    kinds, rows = {}, []
+    for i, thing in enumerate(things):
+        leaves, structure = jax.tree.flatten(thing)
+        shapes = [leaf.shape if eqx.is_array(leaf) else leaf for leaf in leaves]
+        kinds.setdefault((structure, *shapes), []).append(i)
+    stack = lambda *leaves: jnp.stack(leaves) if eqx.is_array(leaves[0]) else leaves[0]  # noqa: E731
+    for members in kinds.values():
+        together = jax.tree.map(stack, *(things[i] for i in members))
+        rows.append(eqx.filter_vmap(function)(together))
+    return rows, np.argsort(np.concatenate([*kinds.values()]))
+
+
+def moduli_of_all(materials: Sequence[AbstractMaterial], omega: Array) -> tuple[Array, Array]:
+    """Returns E [Pa] and ν [1] of materials on a first axis, the others of the rank of `omega`."""
+    if not materials:
+        none = jnp.zeros((0, *[1] * omega.ndim), omega.dtype)
+        return none, none
+    rows, order = of_each(lambda material: moduli_of(material, omega), materials)
+    modulus, poisson = (concatenated(parts, omega.ndim)[order] for parts in zip(*rows, strict=True))
+    return modulus, poisson
+
+
+def concatenated(parts: Sequence[Array], rank: int) -> Array:
+    """Returns arrays in one, along their first axis; the others, of this rank, are broadcast."""
+    parts = [part.reshape(part.shape + (1,) * (1 + rank - part.ndim)) for part in parts]
+    shape = jnp.broadcast_shapes(*(part.shape[1:] for part in parts))
+    return jnp.concatenate([jnp.broadcast_to(part, (len(part), *shape)) for part in parts])
 
 
 @check_types

@@ -8,6 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core.checks import Numbers, as_float, check_types, check_values
+from ..core.compilation import alone, jit
+from ..core.derivative import still
 from ..core.display import shown
 from .abstract_solver import AbstractContactSolver
 from .adjoint import LinearSolver, LinearSplitting
@@ -92,16 +94,32 @@ def follow_contact(
     def advance(last, target):
         start = None if last is None else last.pressure
         contact = solve_contact(kernel, heights, **{name: target}, start=start, **how)
-        touching = law.contact_indicator(contact.pressure, contact.gap, 1.0) > 0
-        area = jnp.mean(touching, dtype=contact.gap.dtype)
         means = contact.mean_gap, contact.mean_pressure
-        return contact, (*means, area, contact.num_fft_pairs, contact.result)
+        return contact, (*means, _area(law, contact), contact.num_fft_pairs, contact.result)
 
-    first, begun = advance(None, targets[0])
-    last, rest = jax.lax.scan(advance, first, targets[1:])
-    gaps, pressures, areas, pairs, result = jax.tree.map(
-        lambda a, b: jnp.concatenate([a[None], b]), begun, rest
-    )
+    last, begun = advance(None, targets[0])
+    # Outside `jit` the programs of one contact serve all.
+    if alone(still((kernel, heights, law, targets))):
+        rows = [begun]
+        for target in targets[1:]:
+            last, row = advance(last, target)
+            rows.append(row)
+        rows = _stacked(rows)
+    else:
+        last, rest = jax.lax.scan(advance, last, targets[1:])
+        rows = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), begun, rest)
+    gaps, pressures, areas, pairs, result = rows
     falling = jnp.diff(targets) < 0
     unloading = jnp.concatenate([jnp.zeros(1, bool), falling if mean_gap is None else ~falling])
     return ContactPath(gaps, pressures, areas, unloading, pairs, result, last)
+
+
+@jit
+def _area(law: AbstractLaw, contact: ContactSolution):
+    touching = law.contact_indicator(contact.pressure, contact.gap, 1.0) > 0
+    return jnp.mean(touching, dtype=contact.gap.dtype)
+
+
+@jit
+def _stacked(rows):
+    return jax.tree.map(lambda *row: jnp.stack(row), *rows)

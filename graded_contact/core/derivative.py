@@ -35,19 +35,24 @@ def still(tree: T) -> T:
     if alone(tree):
         return tree
     numbers, others = eqx.partition(tree, eqx.is_array)
-    return eqx.combine(_still(numbers), others)
+    leaves, structure = jax.tree.flatten(numbers)
+    return eqx.combine(structure.unflatten(_still_p.bind(*leaves)), others)
 
 
-# `jax.lax.stop_gradient` takes as long for each array.
-@eqx.filter_custom_jvp
-def _still(numbers):
-    return numbers
-
-
-@_still.def_jvp
 def _still_jvp(primals, _):
     # Once more, for the derivatives around this one.
-    return _still(primals[0]), jax.tree.map(lambda _: None, primals[0])
+    return _still_p.bind(*primals), [ad.Zero(jax.typeof(p).to_tangent_aval()) for p in primals]
+
+
+# `jax.lax.stop_gradient` takes as long for each array. A primitive, because under `vmap` a custom
+# rule makes known numbers unknown.
+_still_p = Primitive("still")
+_still_p.multiple_results = True
+_still_p.def_impl(lambda *leaves: leaves)
+_still_p.def_abstract_eval(lambda *leaves: leaves)
+ad.primitive_jvps[_still_p] = _still_jvp
+batching.primitive_batchers[_still_p] = lambda leaves, axes: (_still_p.bind(*leaves), axes)
+mlir.register_lowering(_still_p, mlir.lower_fun(lambda *leaves: leaves, multiple_results=True))
 
 
 def largest(numbers: Array) -> Array:

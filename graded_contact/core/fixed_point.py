@@ -8,12 +8,14 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .anderson import History, accelerate
 from .checks import is_concrete
+from .compilation import alone
 from .derivative import still
 
 _MEMORY = 4
@@ -64,16 +66,19 @@ def find_fixed_point(
         # The state may hold fields: they do not pass through the program of a few unknowns.
         return _next(point._replace(state=None), image, rtol, ordered)._replace(state=state)
 
-    def running(point: FixedPoint):
-        return ~(point.error <= rtol) & (point.history.cycles < MAX_STEPS)
-
-    far = jnp.full_like(start, jnp.inf)
-    point = step(FixedPoint(History.empty(start, _MEMORY), -far, far, far.ravel()[0], state))
+    running = lambda point: point.history.running  # noqa: E731
+    point = step(_first(start)._replace(state=state))
     if not all(map(is_concrete, jax.tree.leaves(point))):
         return jax.lax.while_loop(running, step, point)
     while running(point):
         point = step(point)
     return point
+
+
+@jax.jit
+def _first(start: Array) -> FixedPoint:
+    far = jnp.full_like(start, jnp.inf)
+    return FixedPoint(History.empty(start, _MEMORY), -far, far, far.ravel()[0], None)
 
 
 @partial(jax.jit, static_argnames="ordered")
@@ -82,8 +87,10 @@ def _next(point: FixedPoint, image: Array, rtol: Array, ordered: bool) -> FixedP
     x, low, high = point.x, point.low, point.high
     change, largest = jnp.max(jnp.abs(image - x)), jnp.max(jnp.abs(image))
     error = change / jnp.where(largest > 0, largest, 1)
+    running = ~(error <= rtol)
+    history = accelerate(point.history, image, error, running)
+    history = dataclasses.replace(history, running=running & (history.cycles < MAX_STEPS))
     if not ordered:
-        history = accelerate(point.history, image, error, ~(error <= rtol))
         return point._replace(history=history)
     # The fixed point lies above iterates that grow, and below those that shrink.
     grows = jnp.sum(image - x) > 0
@@ -94,8 +101,6 @@ def _next(point: FixedPoint, image: Array, rtol: Array, ordered: bool) -> FixedP
     low = jnp.where(crossed & ~grows, -jnp.inf, low)
     high = jnp.where(crossed & grows, jnp.inf, high)
     best = jnp.minimum(point.best, change)
-    running = ~(error <= rtol)
-    history = accelerate(point.history, image, error, running)
     total, slack = jnp.sum(history.z), len(x) * best
     inside = (total > jnp.sum(low) - slack) & (total < jnp.sum(high) + slack)
     middle = jnp.where(jnp.all(jnp.isfinite(high - low)), (low + high) / 2, image)
@@ -103,18 +108,30 @@ def _next(point: FixedPoint, image: Array, rtol: Array, ordered: bool) -> FixedP
     return FixedPoint(dataclasses.replace(history, z=z), low, high, best, None)
 
 
-def attach_fixed_point(function: Callable, x: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Returns x = function(x) unchanged, with the derivative by what `function` closes over.
+def attach_fixed_point(function: Callable, given: Any, x: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Returns x = function(given, x) unchanged, with its derivative by `given`, of any order.
 
-    It takes the derivative of `function` along each unknown, and a linear system of their number.
+    It takes the derivative of each of the few unknowns, and a linear system of their number.
     """
 
-    def solve(linear, rhs):
-        # The unknowns are few, and `map` compiles `linear` once.
-        matrix = jax.lax.map(linear, jnp.eye(len(rhs), dtype=rhs.dtype)).T
-        return jnp.linalg.solve(matrix, rhs)
+    @eqx.filter_custom_jvp
+    def attached(x, given):
+        return x
 
-    return jax.lax.custom_root(lambda x: function(x) - x, x, lambda _, x: x, solve)
+    @attached.def_jvp
+    def attached_jvp(primals, tangents):
+        # Attached again, so that a derivative of the rule itself moves with the fixed point.
+        x, given = attached(*primals), primals[1]
+        moved = eqx.filter_jvp(lambda given: function(given, x), (given,), tangents[1:])[1]
+        image, units = partial(function, given), jnp.eye(len(x), dtype=x.dtype)
+        if alone(primals):  # in the programs that a derivative in reverse has
+            back = jax.vjp(image, x)[1]
+            matrix = jnp.stack([back(unit)[0] for unit in units])
+        else:  # `map` compiles it once
+            matrix = jax.lax.map(lambda unit: jax.jvp(image, (x,), (unit,))[1], units).T
+        return x, jnp.linalg.solve(units - matrix, moved)
+
+    return attached(x, given)
 
 
 def attach_fixed_field(

@@ -80,7 +80,7 @@ def find_rises(power: Callable, heating: Heating, given: Any) -> tuple[Array, Ar
     start = jnp.zeros(_INTERVALS + 2, heating.conductivity.dtype)
     rtol = jnp.maximum(_RTOL, 100 * jnp.finfo(start.dtype).eps).astype(start.dtype)
     point = find_fixed_point(lambda x, state: (step(fixed, x), state), start, None, rtol)
-    rises = attach_fixed_point(lambda x: step(values, x), jax.lax.stop_gradient(point.x))
+    rises = attach_fixed_point(step, values, jax.lax.stop_gradient(point.x))
     return rises, point.error, point.error <= rtol
 
 

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 from ..blocks.grading import AbstractGradedSolver
 from ..blocks.layering import Layering
 from ..blocks.profile import Aged, Blend
-from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths
+from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths, of_each
 from ..blocks.stress import stress_field
 from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
 from ..fields.frequency import direction_and_speed, wave_frequencies
@@ -105,8 +105,8 @@ def heat_source(
     **Raises:** `ValueError` for a refused argument.
     """
     depths = as_depths(depths)
-    _series_in(stack, jnp.zeros((), depths.dtype))  # refuses other materials
-    return _heat_source(sliding, stack, depths, graded_solver)
+    check_series(stack)
+    return heat_where(jnp.ones(depths.shape, bool), sliding, stack, depths, graded_solver)
 
 
 def as_depths(depths: Numbers) -> Float[Array, " depths"]:
@@ -118,7 +118,8 @@ def as_depths(depths: Numbers) -> Float[Array, " depths"]:
 
 
 @eqx.filter_jit
-def _heat_source(sliding: Sliding, stack: Stack, depths, graded_solver):
+def heat_where(needed, sliding: Sliding, stack: Stack, depths, graded_solver) -> Array:
+    """Returns the heat [W/m³] at depths where it is `needed`, 0 at others; see `heat_source`."""
     grid, velocity, pressure = sliding.grid, sliding.velocity, sliding.pressure
     omega = wave_frequencies(grid, velocity)
     how = {"graded_solver": graded_solver}
@@ -149,9 +150,16 @@ def _heat_source(sliding: Sliding, stack: Stack, depths, graded_solver):
             lost = (1 + poisson) * square - poisson * sum(along) ** 2
             return total + loss / time * lost, None
 
-        return jax.lax.scan(add, jnp.zeros(grid.shape, pressure.dtype), (losses, times))[0]
+        return jax.lax.scan(add, none, (losses, times))[0]
 
-    return jax.lax.map(at, depths)
+    none = jnp.zeros(grid.shape, pressure.dtype)
+
+    def if_needed(place):
+        needed, depth = place
+        # A derivative computes the stresses again rather than store those of all depths.
+        return jax.lax.cond(needed, jax.checkpoint(at), lambda _: none, depth)
+
+    return jax.lax.map(if_needed, (needed, depths))
 
 
 def shear_traction(sliding: Sliding) -> Array | None:
@@ -171,27 +179,36 @@ def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
     return heat if sliding.coupling is None else heat * slip(sliding)
 
 
+def check_series(stack: Stack) -> None:
+    """Raises `ValueError` for a material whose heat is not known."""
+    eqx.filter_eval_shape(_series_in, stack, jnp.zeros(()))
+
+
 def _series_in(stack: Stack, depth):
     """E_eq, E_k, those of the loss [Pa], τ_k [s] and ν at a depth, with equally many branches."""
     tops = jnp.append(0.0, interface_depths(stack)).astype(depth.dtype)
-    rows = []
-    for i, layer in enumerate(stack.layers):
-        thickness = jnp.where(layer.thickness > 0, layer.thickness, 1)
-        rows.append(_series_of(layer, jnp.clip((tops[i + 1] - depth) / thickness, 0, 1)))
-    if isinstance(stack.base, HalfSpace):
-        rows.append(_series_of(stack.base, depth))
-    most = max(len(row[1]) for row in rows)
+    parts = [*stack.layers, stack.base] if isinstance(stack.base, HalfSpace) else stack.layers
+    # The bottom of the base has no effect.
+    places = [*zip(parts, [*tops[1:], depth], strict=False)]
+    rows, order = of_each(lambda place: _series_of(place[0], place[1], depth), places)
+    most = max(row[1].shape[-1] for row in rows)
     # Branches without strength, of the time 1 s, make all parts alike.
-    pad = lambda a, fill: jnp.pad(a, (0, most - len(a)), constant_values=fill)  # noqa: E731
-    rows = [(e, pad(a, 0), pad(b, 0), pad(times, 1), nu) for e, a, b, times, nu in rows]
-    place = jnp.clip(jnp.sum(depth >= tops) - 1, 0, len(rows) - 1)
-    return tuple(jnp.stack(column)[place] for column in zip(*rows, strict=True))
+    fills = (0, 0, 0, 1, 0)
+    place = jnp.asarray(order)[jnp.clip(jnp.sum(depth >= tops) - 1, 0, len(parts) - 1)]
+
+    def there(column, fill):
+        pad = lambda a: [(0, 0), (0, most - a.shape[-1])][: a.ndim]  # noqa: E731
+        alike = [jnp.pad(a, pad(a), constant_values=fill) for a in column]
+        return jnp.concatenate(alike)[place]
+
+    return tuple(map(there, zip(*rows, strict=True), fills))
 
 
-def _series_of(part: Layer | GradedLayer | HalfSpace, s):
-    """E_eq, E_k, those of the loss, τ_k and ν of a part of a block at the height s."""
+def _series_of(part: Layer | GradedLayer | HalfSpace, bottom, depth):
+    """E_eq, E_k, those of the loss, τ_k and ν of a part of a block with this bottom, at a depth."""
     if not isinstance(part, GradedLayer):
         return _series(part.material)
+    s = jnp.clip((bottom - depth) / jnp.where(part.thickness > 0, part.thickness, 1), 0, 1)
     profile = part.profile
     if isinstance(profile, Aged):
         *moduli, times, poisson = _series(profile.material)

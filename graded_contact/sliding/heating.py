@@ -52,16 +52,25 @@ from ..core.checks import (
     scalar,
 )
 from ..core.compilation import jit
-from ..core.derivative import still
+from ..core.derivative import derivative_apart, still
 from ..core.display import shown
 from ..core.fixed_point import attach_fixed_point, find_fixed_point
 from ..fields.frequency import wave_frequencies
-from ..fields.grid import multiplicity, to_field, to_spectrum, wavenumber
+from ..fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
 from ..materials.shift import as_temperature
 from ..materials.softening import at_strain
 from ..surfaces.surface import check_periodic
 from .cycle import solve_cycle
-from .heat_source import as_depths, gauss_within, heat_depths, heat_source, intervals, shear_heat
+from .heat_source import (
+    as_depths,
+    check_series,
+    gauss_within,
+    heat_depths,
+    heat_source,
+    heat_where,
+    intervals,
+    shear_heat,
+)
 from .motion import refined
 from .numerics import Numerics
 from .observables import lengths, shear_power
@@ -114,9 +123,7 @@ def solve_heated(
     grid, dtype = case.surface.grid, case.surface.grid.size.dtype
     temperature = as_temperature(check_bulk(case.temperature)).astype(dtype)
     case.stack.at(temperature)  # refuses what a material cannot have
-    first, last = _FIRST * jnp.min(grid.spacing), jnp.max(grid.size)
-    # The cells are a choice of the method: they have no derivative.
-    edges = jax.lax.stop_gradient(intervals(first, last, NUM_CELLS))
+    edges, padded, finer = _cells(grid, NUM_CELLS)
     given = dataclasses.replace(case, temperature=temperature)
     fixed = still(given)
     heat = fixed.heating, fixed.stack
@@ -126,10 +133,8 @@ def solve_heated(
         """The contact at rises of the surface and of the cells, the contact with its heat, its
         block, and the factor of the heat.
         """
-        block, ratio = heated(case.stack, case.temperature, x[1:], edges), case.strain_per_slope
-        inner = dataclasses.replace(
-            case, stack=block, temperature=case.temperature + x[0], heating=None
-        )
+        block, temperature = _block(case.stack, case.temperature, x, edges)
+        inner = dataclasses.replace(case, stack=block, temperature=temperature, heating=None)
         if case.velocity is None:
             cycle = solve_cycle(inner, numerics, starts[0], solutions[0])
             inner, power = _of_mean(inner, cycle)
@@ -137,14 +142,16 @@ def solve_heated(
             own = s.friction * jnp.mean(s.pressure) * s.speed
             return cycle, s, block, jnp.where(own > 0, power / jnp.where(own > 0, own, 1), 0)
         s = solve_steady(inner, numerics, starts[0], solutions[0])
-        block = block if ratio is None else at_strain(block, ratio * s.slope_in_contact)
+        if (ratio := case.strain_per_slope) is not None:
+            block = at_strain(block, ratio * s.slope_in_contact)
         return s, s, block, 1.0
 
     def step(x, state):
         starts, pairs = state
         found, s, block, factor = contact(x, fixed, edges, starts)
         pairs = pairs + found.num_fft_pairs
-        return factor * _rises(s, *heat, block, edges), ((found.pressure, s.pressure), pairs)
+        rises = _rises(factor, s, *heat, block, padded)[: len(x)]
+        return rises, ((found.pressure, s.pressure), pairs)
 
     state = (start, None), jnp.zeros((), dtype)
     none = jnp.zeros(NUM_CELLS + 1, dtype)
@@ -153,8 +160,7 @@ def solve_heated(
     starts, pairs = point.state
     found, s, block, factor = contact(x, fixed, edges, starts)
     # One more step with twice the cells has less error, of the iteration and of the depths.
-    finer = intervals(first, last, 2 * NUM_CELLS)
-    rises = factor * _rises(s, *heat, block, finer)
+    rises = _rises(factor, s, *heat, block, finer)
     closer = contact(rises, fixed, finer, (found.pressure, s.pressure))[0]
     errors = still(_errors(found, closer))
     pairs = pairs + found.num_fft_pairs + closer.num_fft_pairs
@@ -162,11 +168,11 @@ def solve_heated(
     if not all(map(is_concrete, jax.tree.leaves(given))):
         known = still((found.contact, s.contact))
 
-        def image(x):
+        def image(given, x):
             _, s, block, factor = contact(x, given, edges, solutions=known)
-            return factor * _rises(s, given.heating, given.stack, block, edges)
+            return _rises(factor, s, given.heating, given.stack, block, padded)[: len(x)]
 
-        x = attach_fixed_point(image, x)
+        x = attach_fixed_point(image, given, x)
         found, _, block, _ = contact(x, given, edges, solutions=known)
     reached = point.error <= rtol
     if numerics.throw:
@@ -197,28 +203,57 @@ def _of_mean(case: Any, cycle: CyclicSliding) -> tuple[Any, Array]:
 
 def _errors(s: Sliding | CyclicSliding, closer: Sliding | CyclicSliding):
     """The errors of friction and contact area, from a contact of less error."""
-    names = "mean_friction" if s.is_cycle else "friction", "contact_area"
-    pairs = zip(s.compute(*names), closer.compute(*names), strict=True)
-    by_friction, by_area = (SAFETY * jnp.max(jnp.abs(a - b)) for a, b in pairs)
-    points = area_in_doubt(s.contact_indicator, closer.pressure - s.pressure)
-    return by_friction, jnp.maximum(by_area, points)
+    names = "mean_friction" if s.is_cycle else "friction", "contact_area", "contact_indicator"
+    return _differences(*((*one.compute(*names), one.pressure) for one in (s, closer)))
 
 
 @jit
-def _rises(s: Sliding, heating: Heating, stack: Stack, block: Stack, edges):
-    """The mean rises of the surface and of the cells over the contact [K]."""
+def _differences(found, closer):
+    """The errors of friction and area from both, indicators and pressures."""
+    by_friction, by_area = (
+        SAFETY * jnp.max(jnp.abs(a - b)) for a, b in zip(found[:2], closer[:2], strict=True)
+    )
+    return by_friction, jnp.maximum(by_area, area_in_doubt(found[2], closer[3] - found[3]))
+
+
+@jit
+def _cells(grid: Grid, number: int) -> tuple[Array, ...]:
+    """The edges of the cells, these once more, and those of twice as many cells [m].
+
+    In the second the last edge is repeated: one program serves both numbers of cells.
+    """
+    ends = _FIRST * jnp.min(grid.spacing), jnp.max(grid.size)
+    edges, finer = intervals(*ends, number), intervals(*ends, 2 * number)
+    padded = jnp.append(edges, jnp.full(number, edges[-1]))
+    # The cells are a choice of the method: they have no derivative.
+    return jax.lax.stop_gradient((edges, padded, finer))
+
+
+@derivative_apart
+@jit
+def _block(stack: Stack, temperature, x, edges) -> tuple[Stack, Array]:
+    """The block at rises of the surface and of the cells, and the temperature of the surface."""
+    return heated(stack, temperature, x[1:], edges), temperature + x[0]
+
+
+@derivative_apart
+@jit
+def _rises(factor, s: Sliding, heating: Heating, stack: Stack, block: Stack, edges) -> Array:
+    """The mean rises of the surface and of the cells over the contact, times a factor [K]."""
     depths, weights = gauss_within(stack, edges)
-    source = heat_source(s, block, depths)
+    check_series(block)
+    source = heat_where(weights > 0, s, block, depths, Layering())
     # A few depths miss some of the heat.
     made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
     lost = s.hysteresis_friction if s.coupling is None else s.block_friction
     power = lost * jnp.mean(s.pressure) * s.speed
     source = source * jnp.where(made > 0, jnp.abs(power) / jnp.where(made > 0, made, 1), 0)
     spectra = temperatures(s, stack, heating, source, weights, jnp.append(0.0, depths))
-    rises = jax.vmap(lambda spectrum: _over_contact(s, spectrum))(spectra)
+    weight = to_spectrum(_weight(s))
+    rises = jax.vmap(lambda spectrum: _over_contact(weight, spectrum, s.grid))(spectra)
     share = jnp.where((depths > edges[:-1, None]) & (depths < edges[1:, None]), weights, 0)
     total = jnp.sum(share, 1)
-    return jnp.append(rises[0], share @ rises[1:] / jnp.where(total > 0, total, 1))
+    return factor * jnp.append(rises[0], share @ rises[1:] / jnp.where(total > 0, total, 1))
 
 
 @check_types
@@ -300,9 +335,9 @@ def temperatures(sliding: Sliding, stack: Stack, heating: Heating, source, thick
     own = (to_spectrum(shear_heat(sliding)) - flux) / admittance
     # The heat that leaves, distributed as the pressure, makes the means of both surfaces equal.
     kappa, q = heating.counterface_conductivity, wavenumber(grid)
-    there = _over_contact(sliding, weight / jnp.where(q == 0, 1, q))
-    here = _over_contact(sliding, weight / admittance)
-    left = kappa * _over_contact(sliding, own) / (kappa * here + there)
+    there = _over_contact(weight, weight / jnp.where(q == 0, 1, q), grid)
+    here = _over_contact(weight, weight / admittance, grid)
+    left = kappa * _over_contact(weight, own, grid) / (kappa * here + there)
     surface = own - left * weight / admittance
 
     def down(above, step):
@@ -314,11 +349,10 @@ def temperatures(sliding: Sliding, stack: Stack, heating: Heating, source, thick
     return jax.vmap(_without_mean)(found)
 
 
-def _over_contact(sliding: Sliding, spectrum):
+def _over_contact(weight, spectrum, grid: Grid):
     """The mean over the contact of a field without its mode q = 0, weighted by the pressure."""
-    weight = to_spectrum(_weight(sliding)) / np.prod(sliding.grid.shape) ** 2
-    parts = (jnp.conj(weight) * spectrum).real * multiplicity(sliding.grid.shape)
-    return jnp.sum(_without_mean(parts))
+    parts = (jnp.conj(weight) * spectrum).real * multiplicity(grid.shape)
+    return jnp.sum(_without_mean(parts)) / np.prod(grid.shape) ** 2
 
 
 def _weight(sliding):

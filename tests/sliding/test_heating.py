@@ -182,7 +182,7 @@ def test_a_fixed_point_is_found_where_the_map_falls_or_rises(slope):
     np.testing.assert_allclose(function(point.x, None)[0], point.x, rtol=1e-10)
 
     def root(factor):
-        return attach_fixed_point(lambda x: factor * function(x, None)[0], point.x)[0]
+        return attach_fixed_point(lambda f, x: f * function(x, None)[0], factor, point.x)[0]
 
     exact = point.x[0] / (1 - slope / jnp.cosh(point.x[0]) ** 2)
     np.testing.assert_allclose(jax.grad(root)(1.0), exact, rtol=1e-9)
