@@ -209,7 +209,8 @@ def of_waves(
         return jnp.concatenate(_responses(response, stack, qx, qy, velocity, strain), axis=-1)
 
     if grid.ndim == 1:
-        qx = _wavenumbers(grid, 0, np.arange(grid.shape[0] // 2 + 1))
+        # The first wave in place of the mean, which `_rules` sets: a liquid has no modulus at rest.
+        qx = _wavenumbers(grid, 0, np.maximum(np.arange(grid.shape[0] // 2 + 1), 1))
         found = rows(qx, jnp.zeros_like(qx))
         return [_rules(part, grid) for part in jnp.split(found, len(found) // len(qx))]
     kx, ky = both_signs(grid.shape)

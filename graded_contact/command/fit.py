@@ -124,6 +124,8 @@ def fit(
         )  # fmt: skip
         write_fit(stem, found, tuple(CARDS))
     words = shlex.join([*map(str, moduli_files), *_typed(given)])
+    if found.material.equilibrium == 0:
+        words += " --equilibrium PASCAL"  # `new` writes no scene of a liquid
     typer.echo(f"next: graded-contact new TOPOGRAPHY {words}   (writes a scene that runs)")
 
 

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import check_whole, is_concrete
+from ..core.checks import check_type, check_whole, is_concrete
 from ..core.compilation import jit
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .abstract_solver import (
@@ -89,6 +89,7 @@ class DouglasRachford(AbstractContactSolver):
         check_whole("history_length", self.history_length, 1)
         check_whole("coarsest", self.coarsest, 4)
         check_relaxation(self.relaxation)
+        check_type("newton", self.newton, bool)
 
     def solve(self, operator, heights, law, loading, *, rtol, start):
         """Returns the contact; `start` is a pressure [Pa] to begin from."""

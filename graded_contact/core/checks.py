@@ -329,7 +329,7 @@ def check_tolerance(name: str, rtol: float, like: Any, *, floor_factor: float = 
     if rtol < floor:
         more = "call `jax.config.update('jax_enable_x64', True)` before creating arrays, or "
         raise ValueError(
-            f"`{name}={rtol:g}` cannot be reached in {like.dtype} (the floor is {floor:.1g}): "
+            f"`{name}={rtol:g}` cannot be reached in {like.dtype} (the floor is {floor:.2g}): "
             f"{more if like.dtype == jnp.float32 else ''}pass a larger `{name}`."
         )
 

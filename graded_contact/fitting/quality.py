@@ -8,12 +8,14 @@ from scipy.special import fdtrc
 
 from ..core.display import shown
 from .lengths import best_spectrum, flows
+from .observations import Observations
 from .series import Series, series_of
 
 # How far times of the best spectra may lie outside the data, before and after. Those that decay
 # before the data, or are over by their first strain, show in none of them.
 WIDEST = {"frequency": (1e6, 1e6), "relaxation": (1.0, 1e6), "creep": (1.0, 1e6)}
 FINEST = 1e-4  # log residual of a modulus that no instrument, and no search of spectra, goes below
+_NEAR_END = 1.2  # a known modulus over a measured one that noise explains
 JUMP = 0.1  # log difference of neighbours beyond what any spectrum allows
 JUMPING = 0.25  # share of neighbours: fewer are noise
 CONTRADICTION = 1e-4  # chance of agreement below which storage and loss contradict each other
@@ -135,6 +137,21 @@ def jumps_of(series: Series) -> str:
     )
 
 
+def _against_ends(data: Observations) -> str:
+    """A sentence on a known modulus that lies between the measured ones; empty if none does."""
+    used = np.asarray(data.values)[0][np.asarray(data.weights)[0] > 0]
+    if not used.size:
+        return ""
+    moduli, words = 1 / used if data.kind == "creep" else used, ""
+    if data.equilibrium is not None and data.equilibrium > _NEAR_END * np.min(moduli):
+        words = f"`equilibrium={data.equilibrium:.3g}` Pa exceeds the lowest modulus, "
+        words += f"{np.min(moduli):.3g} Pa: the fit cannot come near. "
+    if data.glassy is not None and data.glassy * _NEAR_END < np.max(moduli):
+        words += f"`glassy={data.glassy:.3g}` Pa is below the highest modulus, "
+        words += f"{np.max(moduli):.3g} Pa: the fit cannot come near. "
+    return words
+
+
 def verdict_of(fit: Any, error: FitErrors, floor: Floor) -> str:
     """Returns in plain words whether the data or the number of terms limit a `PronyFit`."""
     if error.total <= 1.1 * floor.total:
@@ -147,7 +164,7 @@ def verdict_of(fit: Any, error: FitErrors, floor: Floor) -> str:
         )
     else:
         words = f"{fit.terms} terms limit this fit: longer series are nearer."
-    words = jumps_of(series_of(fit.data)) + words
+    words = jumps_of(series_of(fit.data)) + _against_ends(fit.data) + words
     if floor.storage is None or floor.loss is None:
         return words
     if floor.chance is None:

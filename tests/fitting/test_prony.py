@@ -539,3 +539,11 @@ def test_a_fit_is_the_same_in_all_units(stiffness, frequency, kind):
     other = FITS[kind](b * x, a * values, terms=3).material
     a, b = (1 / a if kind == "creep" else a), (1 / b if kind != "frequency" else b)
     np.testing.assert_allclose(young(other, b * OMEGA), a * young(one), rtol=1e-5)
+
+
+def test_a_known_modulus_between_the_measured_ones_is_named():
+    omega = np.logspace(-2, 2, 9)
+    values = np.asarray(gc.Prony(1e5, [1e6], [1.0], 0.5).modulus(omega))
+    for ends, words in ((dict(equilibrium=2e5), "exceeds the lowest"), (dict(glassy=9e5), "below")):
+        assert words in gc.fit_prony(omega, values, terms=1, **ends).verdict()
+    assert "cannot come near" not in gc.fit_prony(omega, values, terms=1, equilibrium=1e5).verdict()

@@ -334,3 +334,13 @@ def test_another_reference_temperature_changes_no_friction(law, other, shift, re
             for one in (moved, rubber)
         )
         np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+def test_steady_sliding_of_a_liquid_in_one_dimension_has_derivatives():
+    """Its mean, which is at rest, is no wave: it has neither a modulus nor a derivative."""
+    grid = gc.Grid((64,), 1e-3)
+    ridges = gc.Surface(1e-6 * jnp.cos(2 * np.pi * jnp.arange(64) / 64), grid)
+    melt = gc.Stack(base=gc.HalfSpace(gc.Prony(0.0, [1e6, 3e6], [1.0, 1e-2], 0.5)))
+    friction = lambda v: gc.slide(melt, ridges, pressure=1e3, velocity=v, rtol=1e-9).friction  # noqa: E731
+    slope = (friction(0.101) - friction(0.099)) / 0.002
+    np.testing.assert_allclose(jax.grad(friction)(0.1), slope, rtol=1e-3)
