@@ -81,7 +81,7 @@ def test_check_tolerance_refuses_what_precision_cannot_reach_with_the_remedy():
     check_tolerance("rtol", 1e-13, double)
     with pytest.raises(ValueError, match=r"`rtol=1e-06` cannot be .* float32.*jax_enable_x64"):
         check_tolerance("rtol", 1e-6, single)
-    with pytest.raises(ValueError, match=r"float64 \(the floor is 2e-14\): pass a larger `rtol`"):
+    with pytest.raises(ValueError, match=r"float64 \(the floor is 2.2e-14\): pass a larger `rtol`"):
         check_tolerance("rtol", 1e-15, double)
     for value in (0.0, 1.0, np.nan):
         with pytest.raises(ValueError, match="`rtol"):
