@@ -127,8 +127,9 @@ def _extrapolated(levels, measure, floor):
     values = combine(0, len(_REFINEMENT))
     # Without the coarsest refinement it falls short of the error on the reference cases, up to
     # fifty times where a cell is deep, and without the finest it exceeds it as much; three times
-    # their geometric mean does neither. Both are multiples of one divided difference: where that
-    # changes sign, the difference of a shorter row counts.
+    # their geometric mean does neither. Both are multiples of one divided difference. Where that
+    # changes sign, a tenth of the difference of a shorter row is larger: of 1,152 waves of steep
+    # profiles 10 % have a larger error, of up to 7.5 times this.
     error = 3 * jnp.sqrt(without(1, len(_REFINEMENT))) * jnp.sqrt(without(0, -1))
     error = jnp.maximum(error, without(1, -1) / 10)
     return tuple(values), jax.lax.stop_gradient(error) + floor
