@@ -60,10 +60,10 @@ def stepwise(profile, num_layers):
 
 
 def solved(profile, solver, rtol):
-    stack = Stack(layers=(GradedLayer(profile, 1.0),), base=gc.HalfSpace(SOFT))
-    return lambda q: (
-        graded_compliance(stack, q, 0.0, rtol=rtol, graded_solver=solver, throw=False).value
+    stack = Stack(
+        layers=(GradedLayer(profile, 1.0),), base=gc.HalfSpace(SOFT), graded_solver=solver
     )
+    return lambda q: graded_compliance(stack, q, 0.0, rtol=rtol, throw=False).value
 
 
 def methods(profile):

@@ -80,7 +80,9 @@ class PowerGradient(eqx.Module):
         return depth**self.exponent, self.poisson
 
 
-def power_gradient(exponent: float, poisson: float, bottom: float, top: float = 1e-6) -> gc.Stack:
+def power_gradient(
+    exponent: float, poisson: float, bottom: float, top: float = 1e-6, solver=None
+) -> gc.Stack:
     """A block with E = (z/c0)^k, homogeneous above the depth `top` and below `bottom` [m].
 
     At the surface E is 0: the skin above `top` has the harmonic mean there, so that it is squeezed
@@ -91,6 +93,7 @@ def power_gradient(exponent: float, poisson: float, bottom: float, top: float = 
     return gc.Stack(
         layers=(skin, gc.GradedLayer(profile, bottom - top)),
         base=gc.HalfSpace(gc.Elastic(bottom**exponent, poisson)),
+        graded_solver=solver,
     )
 
 
@@ -125,11 +128,8 @@ def gradient_contact(
 ) -> tuple[float, float, float]:
     """Load, highest pressure and radius on E = (z/c0)^k over those of `gradient_paraboloid`."""
     approach, load, peak = gradient_paraboloid(exponent, poisson, 1.0)
-    stack = power_gradient(exponent, poisson, 1e3, 1e-5)
-    found = press(
-        stack, ball(points, 4.0, 1.0), approach=approach,
-        graded_solver=gc.blocks.Layering(rtol=1e-6),
-    )  # fmt: skip
+    stack = power_gradient(exponent, poisson, 1e3, 1e-5, gc.blocks.Layering(rtol=1e-6))
+    found = press(stack, ball(points, 4.0, 1.0), approach=approach)
     return load_of(found) / load, float(jnp.max(found.pressure)) / peak, radius_of(found)
 
 

@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact.blocks.profile import Blend
-from graded_contact.blocks.stack import HalfSpace, Layer
+from graded_contact.blocks.stack import HalfSpace, Layer, Stack
 from graded_contact.cli import app
 from graded_contact.contacts.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
@@ -75,7 +75,8 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "[heating]": {Heating: keys_of(Heating)},
     "[observe]": {scene.Observe: keys_of(scene.Observe)},
     "[solver]": {
-        scene.Scene: scene.KEYS["[solver]"],
+        scene.Scene: scene.KEYS["[solver]"][:1],
+        Stack: scene.KEYS["[solver]"][1:],
         DouglasRachford: keys_of(DouglasRachford),
     },
     "[output]": {scene.Scene: scene.KEYS["[output]"]},

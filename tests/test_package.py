@@ -34,9 +34,10 @@ block = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.tyre_tread()))
 rate = jax.grad(lambda b: gc.slide(b, road, pressure=4e5, velocity=0.1).friction)(block)
 assert np.isfinite(rate.layers[0].thickness)
 graded = gc.GradedLayer(gc.Blend(gc.Elastic(1e6, 0.4), gc.Elastic(1e7, 0.4)), 1e-3)
-rigid = gc.Stack(layers=(graded,), base=gc.Rigid())
 riccati, layers = (
-    gc.blocks.graded_compliance(rigid, np.array([1e3]), np.array([0.0]), graded_solver=solver).value
+    gc.blocks.graded_compliance(
+        gc.Stack(layers=(graded,), base=gc.Rigid(), graded_solver=solver), 1e3, 0.0
+    ).value
     for solver in (gc.blocks.Riccati(), gc.blocks.Layering())
 )
 np.testing.assert_allclose(riccati, layers, rtol=1e-6)

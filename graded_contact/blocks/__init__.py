@@ -5,7 +5,7 @@
 
 from . import shapes
 from .compliance import effective_modulus, graded_compliance, layered_compliance, surface_compliance
-from .grading import AbstractGradedSolver
+from .graded_solver import AbstractGradedSolver
 from .kernel import kernel_table, stack_kernel
 from .layering import Layering, sliced
 from .matrix import surface_compliance_matrix

@@ -8,6 +8,8 @@ modulus. (The paper's p₀ formulas differ there; `docs/theory/response.md` show
 equilibrium.)
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
@@ -26,7 +28,7 @@ from ..core.checks import (
 from ..core.display import shown
 from .below import PLANE, base_face, in_plane
 from .column import climb_through, column_of
-from .grading import AbstractGradedSolver, as_waves, graded_tolerance, solve_graded
+from .grading import as_waves, graded_tolerance, solve_graded
 from .layering import Layering
 from .recursion import compliance_of_layers, layers_of
 from .stack import Free, HalfSpace, Rigid, Stack, is_graded, moduli_of
@@ -81,7 +83,6 @@ def surface_compliance(
     q: Numbers,
     omega: Numbers,
     *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> Inexact[Array, "*w"]:
     """Returns the surface compliance M_zz [m/Pa] of a stack.
@@ -91,16 +92,15 @@ def surface_compliance(
     - `stack`: the block.
     - `q`: wavenumbers |q| [rad/m], positive.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
-    - `rtol`: relative tolerance in graded layers; by default that of `graded_solver`. If it is not
+    - `rtol`: relative tolerance in graded layers; by default that of the stack. If it is not
       reached, an error is raised; `graded_compliance` returns the estimate. Stacks of
       homogeneous layers are exact, and ignore it.
 
     **Returns:** M_zz, of the shape to which `q` and `omega` broadcast; complex unless every
     material is elastic.
     """
-    q, omega, rtol = _checked(stack, q, omega, graded_solver, rtol)
-    return surface_compliance_unchecked(stack, q, omega, graded_solver, rtol)
+    q, omega, rtol = _checked(stack, q, omega, rtol)
+    return surface_compliance_unchecked(stack, q, omega, rtol)
 
 
 @check_types
@@ -109,7 +109,6 @@ def effective_modulus(
     q: Numbers,
     omega: Numbers,
     *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> Inexact[Array, "*w"]:
     """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space with the same response.
@@ -120,7 +119,7 @@ def effective_modulus(
 
     **Returns:** the modulus, of the shape to which `q` and `omega` broadcast.
     """
-    found = surface_compliance(stack, q, omega, graded_solver=graded_solver, rtol=rtol)
+    found = surface_compliance(stack, q, omega, rtol=rtol)
     return 2 / (as_float(q, "q") * found)
 
 
@@ -144,7 +143,6 @@ def graded_compliance(
     q: Numbers,
     omega: Numbers,
     *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
     throw: bool = True,
 ) -> GradedCompliance:
@@ -152,25 +150,25 @@ def graded_compliance(
 
     **Arguments:**
 
-    - `stack`, `q`, `omega`, `graded_solver`, `rtol`: as in `surface_compliance`.
+    - `stack`, `q`, `omega`, `rtol`: as in `surface_compliance`.
     - `throw`: whether a tolerance that is not reached is an error.
 
     **Returns:** a `GradedCompliance` of the shape to which `q` and `omega` broadcast.
     """
     if not is_graded(stack):
         raise ValueError("`stack` has no `GradedLayer`: use `surface_compliance`.")
-    q, omega, rtol = _checked(stack, q, omega, graded_solver, rtol)
-    return _graded(stack, q, omega, graded_solver, rtol, throw)
+    q, omega, rtol = _checked(stack, q, omega, rtol)
+    return _graded(stack, q, omega, rtol, throw)
 
 
-def _checked(stack, q, omega, graded_solver, rtol):
+def _checked(stack, q, omega, rtol):
     q = as_float(q, "q")
     check_positive("q", q, "[rad/m]")
-    return *as_waves(stack, q=q, omega=omega), graded_tolerance(graded_solver, rtol, q)
+    return *as_waves(stack, q=q, omega=omega), graded_tolerance(stack, rtol, q)
 
 
 @eqx.filter_jit
-def _graded(stack, q, omega, graded_solver, rtol, throw):
+def _graded(stack, q, omega, rtol, throw):
     column = column_of(stack, q, omega)
     base = in_plane(base_face(column, jnp.zeros_like(q)))
 
@@ -181,19 +179,20 @@ def _graded(stack, q, omega, graded_solver, rtol, throw):
     def relative(differences, values):
         return jnp.abs(differences[0]) / jnp.abs(values[0])
 
-    (value,), error = solve_graded(graded_solver, climb, relative, stack, q, omega, rtol, throw)
+    (value,), error = solve_graded(climb, relative, stack, q, omega, rtol, throw)
     return GradedCompliance(value, error)
 
 
-def compliance_of(stack, q, omega, graded_solver, rtol, *, attempt=False, throw=True) -> Array:
+def compliance_of(stack, q, omega, rtol, *, attempt=False, throw=True) -> Array:
     """Returns M_zz [m/Pa] of a stack at `q` and `omega` of equal rank, unchecked.
 
     An `attempt` at a graded stack is quick, and returns its result for any error. Without
     `throw` a tolerance that is not reached leaves NaN.
     """
     if is_graded(stack):
-        solver = Layering(retry=False) if attempt else graded_solver
-        found = _graded(stack, q, omega, solver, rtol, throw and not attempt)
+        if attempt:
+            stack = dataclasses.replace(stack, graded_solver=Layering(retry=False))
+        found = _graded(stack, q, omega, rtol, throw and not attempt)
         if attempt or throw:
             # An attempt only counts coefficients: errors show in the table made after it.
             return found.value
@@ -209,11 +208,11 @@ def compliance_of(stack, q, omega, graded_solver, rtol, *, attempt=False, throw=
 surface_compliance_unchecked = eqx.filter_jit(compliance_of)
 
 
-def log_compliance(stack, q, omega, graded_solver, rtol, attempt) -> Array:
+def log_compliance(stack, q, omega, rtol, attempt) -> Array:
     """Returns log(q M_zz) for a table with the tolerance `rtol`."""
     # The nodes are solved more closely than they are interpolated.
     closer = max(rtol / 4, 400 * float(jnp.finfo(q.dtype).eps))
-    found = compliance_of(stack, q, omega, graded_solver, closer, attempt=attempt, throw=False)
+    found = compliance_of(stack, q, omega, closer, attempt=attempt, throw=False)
     return jnp.log(found * q)
 
 

@@ -1,11 +1,7 @@
-"""The interface of the solvers of graded layers, their tolerances, and what all waves must pass.
+"""What all waves must pass, and graded layers by the solver of their stack.
 
-A recursion (`column`) passes a graded layer by an `AbstractGradedSolver`. There are two, `Layering`
-and `Riccati`. Both estimate the error of their result; an error above the tolerance is raised.
+An error above the tolerance is raised.
 """
-
-import abc
-from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -22,44 +18,16 @@ from ..core.checks import (
     is_concrete,
 )
 from ..materials.coverage import check_frequencies
+from .graded_solver import REFUSED_BELOW, AbstractGradedSolver
+from .layering import Layering
 from .profile import check_profile
 from .stack import GradedLayer, Stack, check_at_rest, is_graded
 
-# Rounding: what no refinement removes, and the tightest tolerance worth trying.
-_FLOOR, _REFUSED_BELOW = 100.0, 400.0
 _NOT_REACHED = (
     "The tolerance was not reached in a graded layer: its profile varies too sharply. Put "
     "boundaries between layers at its jumps and list its kinks in `breaks`, pass a larger "
     "`rtol`, or read `graded_compliance(..., throw=False).error`."
 )
-
-
-class AbstractGradedSolver(eqx.Module):
-    """A way to pass the graded layers of a stack.
-
-    **Fields:**
-
-    - `rtol`: relative tolerance; by default 1e-9, in float32 1e-4. Static.
-    """
-
-    rtol: eqx.AbstractVar[float | None]
-
-    @abc.abstractmethod
-    def solve(
-        self, climb: Callable, measure: Callable, stack: Stack, q: Array, omega: Array, rtol: float
-    ) -> tuple[tuple[Array, ...], Array]:
-        """Returns the values that `climb` finds, and their estimated error.
-
-        **Arguments:**
-
-        - `climb`: a recursion through the stack, given what adds a graded layer to it
-          (`column.AddGraded`). It returns a tuple of arrays, with more axes in front if that adds
-          some.
-        - `measure`: of `differences` and these `values`: the error [1] that the differences are.
-        - `stack`, `q`, `omega`: what it climbs through; wavenumbers [rad/m] and frequencies [rad/s]
-          of equal rank.
-        - `rtol`: the target error.
-        """
 
 
 def check_profiles(stack: Stack, omega: Float[Array, "..."]) -> None:
@@ -90,37 +58,29 @@ def as_waves(stack: Stack, **arrays: Numbers) -> tuple[Array, ...]:
     return tuple(x.reshape((1,) * (rank - x.ndim) + x.shape) for x in waves.values())
 
 
-def graded_tolerance(graded_solver: AbstractGradedSolver, rtol: float | None, like: Array) -> float:
+def solver_of(stack: Stack) -> AbstractGradedSolver:
+    """Returns the solver of the graded layers of a stack."""
+    return Layering() if stack.graded_solver is None else stack.graded_solver
+
+
+def graded_tolerance(stack: Stack, rtol: float | None, like: Array) -> float:
     """Returns the tolerance to use, refusing what the dtype of `like` cannot reach."""
-    rtol = graded_solver.rtol if rtol is None else rtol
+    rtol = solver_of(stack).rtol if rtol is None else rtol
     if rtol is None:
         return 1e-9 if like.dtype == jnp.float64 else 1e-4
-    check_tolerance("rtol", rtol, like, floor_factor=_REFUSED_BELOW)
+    check_tolerance("rtol", rtol, like, floor_factor=REFUSED_BELOW)
     return float(rtol)
 
 
-def as_tolerance(rtol: float | None) -> float | None:
-    """Returns the field `rtol` of a solver, refused if no dtype can reach it."""
-    if rtol is None:
-        return None
-    check_tolerance("rtol", rtol, np.zeros(0), floor_factor=_REFUSED_BELOW)
-    return float(rtol)
+def solve_graded(climb, measure, stack, q, omega, rtol, throw=True):
+    """Returns values and error of a recursion through a stack, by the solver of its graded layers.
 
-
-def rounding(like: Array) -> float:
-    """Returns the relative error that no refinement removes, for the dtype of `like`."""
-    return _FLOOR * float(jnp.finfo(like.dtype).eps)
-
-
-def solve_graded(graded_solver, climb, measure, stack, q, omega, rtol, throw=True):
-    """Returns values and error of `graded_solver`; with `throw` a larger error than `rtol` raises.
-
-    Of a stack without graded layers the recursion is exact.
+    With `throw` a larger error than `rtol` raises.
     """
-    # Then the recursion is exact to rounding.
+    # Without graded layers the recursion is exact to rounding.
     if not is_graded(stack):
         return climb(None), jnp.zeros_like(q)
-    values, error = graded_solver.solve(climb, measure, stack, q, omega, rtol)
+    values, error = solver_of(stack).solve(climb, measure, stack, q, omega, rtol)
     # Without a number, as where the steps of `Riccati` do not suffice, the error has no limit.
     error = jax.lax.stop_gradient(jnp.where(jnp.isnan(error), jnp.inf, error))
     if throw:

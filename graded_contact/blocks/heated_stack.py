@@ -1,5 +1,6 @@
 """A block whose temperature varies with depth, and what heats it."""
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -89,4 +90,4 @@ def heated(stack: Stack, temperature: Array, rises: Array, edges: Array) -> Stac
     if isinstance(base, HalfSpace):
         layers += cut(base.material, jnp.maximum(top, edges[-1]))
         base = HalfSpace(base.material.at(temperature))
-    return Stack(layers=tuple(layers), base=base)
+    return dataclasses.replace(stack, layers=tuple(layers), base=base)

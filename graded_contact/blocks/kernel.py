@@ -40,9 +40,8 @@ from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero
 from ..materials.coverage import may_refuse
 from ..materials.softening import at_strain, softens
 from .compliance import compliance_of, log_compliance
-from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
+from .grading import check_profiles, graded_tolerance
 from .kernel_interpolation import KernelTable, tabulate
-from .layering import Layering
 from .stack import Stack, check_at_rest, is_graded
 
 _BLOCK_ROWS = 16
@@ -63,7 +62,6 @@ def stack_kernel(
     grid: Grid,
     velocity: Numbers = 0.0,
     *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
     strain: tuple[Numbers, Numbers] | None = None,
 ) -> Inexact[Array, "*half"]:
@@ -79,8 +77,7 @@ def stack_kernel(
     - `stack`: the block.
     - `grid`: the periodic cell.
     - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
-    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
-    - `rtol`: relative tolerance of graded and long stacks; by default that of `graded_solver`.
+    - `rtol`: relative tolerance of graded and long stacks; by default that of the stack.
     - `strain`: wavenumbers [rad/m], ascending, and amplitudes ε [1] at them, for a block with
       `materials.StrainSoftening`: each wave has the modulus at its ε, linear in between.
 
@@ -91,13 +88,13 @@ def stack_kernel(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    how = dict(graded_solver=graded_solver, rtol=rtol, strain=strain)
+    how = dict(rtol=rtol, strain=strain)
     kernel, reached = attempted_kernel(stack, grid, velocity, choosing=False, **how)
     return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
 
 
 def attempted_kernel(
-    stack: Stack, grid: Grid, velocity, *, graded_solver, rtol=None, strain=None, choosing=True
+    stack: Stack, grid: Grid, velocity, *, rtol=None, strain=None, choosing=True
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
     """Returns the kernel, and whether it reached its tolerance; does not raise.
 
@@ -106,7 +103,7 @@ def attempted_kernel(
     compiled.
     """
     velocity = checked_velocity(stack, grid, velocity)
-    rtol = graded_tolerance(graded_solver, rtol, grid.size)
+    rtol = graded_tolerance(stack, rtol, grid.size)
     oblique, size = velocity.ndim > 0, grid.size
     check_memory("grid", "a kernel", KERNEL, grid.shape, size.dtype.itemsize, num_devices(size))
     if strain is not None:
@@ -118,11 +115,11 @@ def attempted_kernel(
             raise ValueError("`stack` holds no `StrainSoftening`: `strain` changes nothing.")
 
     def direct():
-        kernel = _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain)
+        kernel = _direct_kernel(stack, grid, velocity, rtol, strain)
         return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
 
     if strain is None and not oblique and grid.ndim == 2 and is_dear(stack, math.prod(grid.shape)):
-        kernel, error = _interpolated_kernel(stack, grid, velocity, graded_solver, rtol)
+        kernel, error = _interpolated_kernel(stack, grid, velocity, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.
         table, missed = (kernel, error <= rtol), error > rtol
         if choosing and not is_concrete(error):
@@ -138,7 +135,6 @@ def kernel_table(
     grid: Grid,
     velocity: Numbers = 0.0,
     *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> KernelTable:
     """Returns the table of log(q M_zz) from which `stack_kernel` interpolates.
@@ -149,17 +145,17 @@ def kernel_table(
 
     **Arguments:**
 
-    - `stack`, `grid`, `velocity`, `graded_solver`, `rtol`: as in `stack_kernel`.
+    - `stack`, `grid`, `velocity`, `rtol`: as in `stack_kernel`.
 
     **Returns:** the table, with its cost and error.
 
     **Raises:** `ValueError` for a refused argument.
     """
     velocity = checked_velocity(stack, grid, velocity)
-    rtol = graded_tolerance(graded_solver, rtol, grid.size)
+    rtol = graded_tolerance(stack, rtol, grid.size)
     if grid.ndim == 1 or velocity.ndim == 1:
         raise ValueError("A table needs a `grid` of two dimensions and sliding along x.")
-    return _kernel_table(stack, grid, velocity, graded_solver, rtol)
+    return _kernel_table(stack, grid, velocity, rtol)
 
 
 def checked_velocity(stack: Stack, grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
@@ -189,9 +185,9 @@ def is_dear(stack: Stack, num_points: int) -> bool:
 
 @derivative_apart
 @jit
-def _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain):
+def _direct_kernel(stack, grid, velocity, rtol, strain):
     def response(block, q, omega):
-        return [compliance_of(block, q, omega, graded_solver, rtol, throw=False)]
+        return [compliance_of(block, q, omega, rtol, throw=False)]
 
     return of_waves(response, stack, grid, velocity, strain)[0]
 
@@ -226,9 +222,9 @@ def of_waves(
 
 @derivative_apart
 @jit
-def _interpolated_kernel(stack, grid, velocity, graded_solver, rtol):
+def _interpolated_kernel(stack, grid, velocity, rtol):
     """The kernel by its table, and the error of that."""
-    table = _kernel_table(stack, grid, velocity, graded_solver, rtol)
+    table = _kernel_table(stack, grid, velocity, rtol)
     numbers = np.arange(grid.shape[1] // 2 + 1)
     qy, columns = _wavenumbers(grid, 1, numbers), table.along_y(numbers)
 
@@ -240,13 +236,13 @@ def _interpolated_kernel(stack, grid, velocity, graded_solver, rtol):
 
 
 @jit
-def _kernel_table(stack, grid, velocity, graded_solver, rtol):
+def _kernel_table(stack, grid, velocity, rtol):
     lowest = 2 * np.pi / grid.size
 
     def logarithm(kx, ky, attempt=False):
         qx, qy = kx * lowest[0], ky * lowest[1]
         q, omega = _magnitude(qx, qy), sliding_frequency(qx, qy, velocity)
-        return log_compliance(stack, q, omega, graded_solver, rtol, attempt)
+        return log_compliance(stack, q, omega, rtol, attempt)
 
     highest = (grid.shape[0] // 2, grid.shape[1] // 2)
     return tabulate(logarithm, partial(logarithm, attempt=True), highest, rtol, grid.size.dtype)

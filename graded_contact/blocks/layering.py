@@ -17,6 +17,7 @@ fractions of the visible depth, are interpolated in log q. The result does not d
 so the mesh needs no derivative.
 """
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -28,7 +29,7 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 from ..core.checks import Numbers, as_float, check_type, check_types, check_whole
 from ..materials.material import AbstractMaterial
 from .column import Face, GradedPart, Rule, cast_like, stable_shape, visible
-from .grading import AbstractGradedSolver, as_tolerance, rounding
+from .graded_solver import AbstractGradedSolver, as_tolerance, rounding
 from .profile import moduli_at
 from .shapes import breaks_of
 from .stack import GradedLayer, Layer, Stack
@@ -303,4 +304,4 @@ def sliced(stack: Stack, num_slices: int) -> Stack:
             continue
         heights, thickness = 1 - (jnp.arange(num_slices) + 0.5) / num_slices, layer.thickness
         layers += [Layer(_AtHeight(layer.profile, s), thickness / num_slices) for s in heights]
-    return Stack(layers=layers, base=stack.base)
+    return dataclasses.replace(stack, layers=layers)

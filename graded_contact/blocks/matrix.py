@@ -22,8 +22,7 @@ from jaxtyping import Complex
 from ..core.checks import Numbers, check_types, is_concrete
 from .below import FULL, base_face
 from .column import climb_through, column_of
-from .grading import AbstractGradedSolver, as_waves, graded_tolerance, solve_graded
-from .layering import Layering
+from .grading import as_waves, graded_tolerance, solve_graded
 from .stack import Stack
 
 
@@ -34,7 +33,6 @@ def surface_compliance_matrix(
     qy: Numbers,
     omega: Numbers,
     *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> Complex[Array, "*w 3 3"]:
     """Returns the compliance C [m/Pa] from surface tractions to surface displacements.
@@ -47,15 +45,14 @@ def surface_compliance_matrix(
     - `stack`: the block.
     - `qx`, `qy`: wavevector [rad/m], not both zero.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
     - `rtol`: relative tolerance in graded layers, of c11, c22 and c_T each and of c12 over their
-      geometric mean; by default that of `graded_solver`. If it is not reached, an error is raised.
+      geometric mean; by default that of the stack. If it is not reached, an error is raised.
 
     **Returns:** C, of the shape to which `qx`, `qy` and `omega` broadcast and two axes of 3.
     """
     qx, qy, omega = wavevectors(stack, qx, qy, omega)
-    rtol = graded_tolerance(graded_solver, rtol, qx)
-    return _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol)
+    rtol = graded_tolerance(stack, rtol, qx)
+    return _surface_compliance_matrix(stack, qx, qy, omega, rtol)
 
 
 def wavevectors(stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers) -> tuple[Array, ...]:
@@ -67,9 +64,9 @@ def wavevectors(stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers) -> tuple
 
 
 @eqx.filter_jit
-def _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol):
+def _surface_compliance_matrix(stack, qx, qy, omega, rtol):
     q = jnp.hypot(qx, qy)
-    (c11, c12, c22, c_t, split), _ = compliance_parts(stack, q, omega, graded_solver, rtol)
+    (c11, c12, c22, c_t, split), _ = compliance_parts(stack, q, omega, rtol)
     a, b = qx / q, qy / q
     # In the precision of the values: a Python number could raise it.
     i = jnp.asarray(1j, jnp.result_type(c11, jnp.complex64))
@@ -80,7 +77,7 @@ def _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol):
 
 
 def compliance_parts(
-    stack: Stack, q: Array, omega: Array, graded_solver: AbstractGradedSolver, rtol, throw=True
+    stack: Stack, q: Array, omega: Array, rtol, throw=True
 ) -> tuple[tuple[Array, ...], Array]:
     """Returns c11, c12, c22, c_T and c11 - c_T [m/Pa], and their relative error.
 
@@ -103,4 +100,4 @@ def compliance_parts(
         errors = [jnp.abs(d) / size for d, size in zip(differences, sizes, strict=True)]
         return functools.reduce(jnp.maximum, errors)
 
-    return solve_graded(graded_solver, climb, measure, stack, q, omega, rtol, throw)
+    return solve_graded(climb, measure, stack, q, omega, rtol, throw)

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Inexact
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid
 from .compliance import compliance_of, log_compliance
-from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
+from .grading import check_profiles, graded_tolerance
 from .kernel import is_dear
 from .kernel_interpolation import tabulate
 from .stack import Stack, check_at_rest
@@ -26,12 +26,12 @@ _BLOCK = 16  # frequencies that are computed at once
 
 
 def periodic_kernel(
-    stack: Stack, grid: Grid, num_times: int, period: Array, graded_solver: AbstractGradedSolver
+    stack: Stack, grid: Grid, num_times: int, period: Array
 ) -> tuple[Inexact[Array, "nt *half"], Float[Array, ""]]:
     """Returns M_zz [m/Pa] at all frequencies of a period and wavevectors of a grid, and its error.
 
     The error is relative, an estimate; 0 where nothing is interpolated, NaN or above the tolerance
-    of `graded_solver` where a graded layer missed it.
+    of the stack where a graded layer missed it.
 
     **Arguments:**
 
@@ -39,15 +39,14 @@ def periodic_kernel(
     - `grid`: the periodic cell.
     - `num_times`: number of equally spaced times in a period.
     - `period`: T [s], positive.
-    - `graded_solver`: solver of graded layers.
 
     **Returns:** the kernel, frequencies in the order of an FFT on the first axis, 0 at q = 0; real
     if every material is elastic. The rules on Nyquist lines are those of `in_motion`.
     """
-    rtol = graded_tolerance(graded_solver, None, grid.size)
+    rtol = graded_tolerance(stack, None, grid.size)
     check_at_rest(stack)
     check_profiles(stack, period_frequencies(num_times, period))
-    return _kernel(stack, grid, num_times, period, graded_solver, rtol)
+    return _kernel(stack, grid, num_times, period, rtol)
 
 
 def period_frequencies(num_times: int, period: Float[Array, ""]) -> Float[Array, " nw"]:
@@ -58,13 +57,13 @@ def period_frequencies(num_times: int, period: Float[Array, ""]) -> Float[Array,
 
 @derivative_apart
 @eqx.filter_jit
-def _kernel(stack, grid: Grid, num_times: int, period, graded_solver, rtol):
+def _kernel(stack, grid: Grid, num_times: int, period, rtol):
     """The kernel and the error of its table."""
     points = (num_times // 2 + 1) * int(np.prod([n // 2 + 1 for n in grid.shape]))
     make = _interpolated if is_dear(stack, points) else _direct
     q, has_wave = _quadrant(grid)
     # One vector of wavenumbers for both ways; the entry at q = 0 is a placeholder.
-    found, error = make(stack, q, num_times, period, graded_solver, rtol)
+    found, error = make(stack, q, num_times, period, rtol)
     return _whole(found, has_wave, num_times, grid), error
 
 
@@ -106,15 +105,15 @@ def _at_frequencies(response, num_times: int, period):
     return jax.lax.map(row, period_frequencies(num_times, period), batch_size=_BLOCK)
 
 
-def _direct(stack, q, num_times: int, period, graded_solver, rtol):
+def _direct(stack, q, num_times: int, period, rtol):
     def response(omega):
-        return compliance_of(stack, q, omega, graded_solver, rtol, throw=False)
+        return compliance_of(stack, q, omega, rtol, throw=False)
 
     found = _at_frequencies(response, num_times, period)
     return found, jnp.where(jnp.all(jnp.isfinite(found)), 0.0, jnp.nan)
 
 
-def _interpolated(stack, q, num_times: int, period, graded_solver, rtol):
+def _interpolated(stack, q, num_times: int, period, rtol):
     # Mode numbers of the table: along q so that both ends of the wavenumbers are its ends.
     lowest, highest = q[0], q[-1]
     top = max(len(q), 4)
@@ -123,7 +122,7 @@ def _interpolated(stack, q, num_times: int, period, graded_solver, rtol):
 
     def logarithm(kq, kt, attempt=False):
         wave = lowest * jnp.maximum(kq, 1) ** power
-        return log_compliance(stack, wave, omega * kt, graded_solver, rtol, attempt)
+        return log_compliance(stack, wave, omega * kt, rtol, attempt)
 
     most = (top, num_times // 2)
     table = tabulate(logarithm, partial(logarithm, attempt=True), most, rtol, q.dtype)

@@ -30,7 +30,7 @@ from jax.flatten_util import ravel_pytree
 
 from ..core.checks import check_type
 from .column import Carried
-from .grading import AbstractGradedSolver, as_tolerance, rounding
+from .graded_solver import AbstractGradedSolver, as_tolerance, rounding
 from .layering import add_layered, build_mesh
 from .profile import moduli_at
 from .shapes import breaks_of

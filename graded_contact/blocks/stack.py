@@ -11,10 +11,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import as_scalar, check_types, check_values, is_concrete, short, within
+from ..core.checks import (
+    as_scalar,
+    check_type,
+    check_types,
+    check_values,
+    is_concrete,
+    short,
+    within,
+)
 from ..core.display import shown
 from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
+from .graded_solver import AbstractGradedSolver
 
 LIQUID = (
     "is a liquid (its equilibrium modulus is 0), which flows without end under waves at rest, such "
@@ -136,14 +145,18 @@ class Stack(eqx.Module):
 
     - `layers`: from the loaded surface downwards; may be empty on a half space.
     - `base`: below the lowest layer.
+    - `graded_solver`: of the graded layers, with its tolerance, such as `Riccati()`; None means
+      `Layering()`.
     """
 
     layers: tuple[Layer | GradedLayer, ...] = eqx.field(
         converter=_as_layers, default=(), kw_only=True
     )
     base: HalfSpace | Rigid | Free = eqx.field(converter=_as_base, kw_only=True)
+    graded_solver: AbstractGradedSolver | None = eqx.field(default=None, kw_only=True)
 
     def __check_init__(self):
+        check_type("graded_solver", self.graded_solver, AbstractGradedSolver, type(None))
         if not self.layers and not isinstance(self.base, HalfSpace):
             raise ValueError(
                 f"`layers` is empty on a {type(self.base).__name__} base: there is nothing to "
@@ -168,7 +181,7 @@ class Stack(eqx.Module):
                         )
                     part = GradedLayer(part.profile.at(temperature), part.thickness)
                 parts.append(part)
-        return Stack(layers=tuple(parts[:-1]), base=parts[-1])
+        return dataclasses.replace(self, layers=tuple(parts[:-1]), base=parts[-1])
 
 
 def _parts(stack):

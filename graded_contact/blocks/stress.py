@@ -36,9 +36,8 @@ from ..core.display import shown
 from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, to_field, to_spectrum, wavevector
 from .depth import Side, depth_climb
-from .grading import AbstractGradedSolver, graded_tolerance, solve_graded
+from .grading import graded_tolerance, solve_graded
 from .kernel import checked_velocity
-from .layering import Layering
 from .matrix import wavevectors
 from .stack import HalfSpace, Stack, interface_depths
 
@@ -67,7 +66,6 @@ def interior_fields(
     depth: Numbers,
     *,
     side: Side = "below",
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> InteriorFields:
     """Returns displacement and stress in a stack, for one wave of surface traction per entry.
@@ -82,9 +80,8 @@ def interior_fields(
     - `depth`: z [m] below the surface, from 0 down to the bottom, or any on a half space.
     - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump. Pass the
       exact values of `interface_depths`.
-    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
     - `rtol`: tolerance in graded layers, of stresses relative to the traction at the surface, and
-      of displacements as the stresses that they cause; by default that of `graded_solver`. If it is
+      of displacements as the stresses that they cause; by default that of the stack. If it is
       not reached, an error is raised. Fields that have decayed below `rtol` have no correct digits
       with `Layering`; the tolerance of `Riccati` is relative to the decayed field.
 
@@ -97,8 +94,8 @@ def interior_fields(
         raise ValueError(f"`traction` has shape {traction.shape}; its last axis must be (x, y, z).")
     check_values("traction", traction, "a traction [Pa] must be finite")
     depth = _inside(stack, depth)
-    rtol = graded_tolerance(graded_solver, rtol, qx)
-    return _interior_fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol)
+    rtol = graded_tolerance(stack, rtol, qx)
+    return _interior_fields(stack, qx, qy, omega, traction, depth, side, rtol)
 
 
 @check_types
@@ -111,7 +108,6 @@ def stress_field(
     *,
     traction: Numbers | None = None,
     side: Side = "below",
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> InteriorFields:
     """Returns displacement and stress at one depth under pressure and traction on a periodic cell.
@@ -126,7 +122,7 @@ def stress_field(
     - `traction`: tangential force per area that acts on the block's surface [Pa], such as that of
       friction along the velocity: of the shape of the grid (along x), or with a last axis `(x, y)`.
       None for no traction.
-    - `side`, `graded_solver`, `rtol`: as in `interior_fields`.
+    - `side`, `rtol`: as in `interior_fields`.
 
     **Returns:** real fields, shape `(*grid.shape, 3)` and `(*grid.shape, 3, 3)`. The mean pressure
     compresses the block without lateral strain, σ_xx = σ_yy = ν/(1-ν) σ_zz at ω = 0; the mean
@@ -138,7 +134,7 @@ def stress_field(
     check_values("pressure", pressure, "a pressure [Pa] must be finite")
     velocity = checked_velocity(stack, grid, velocity)
     depth = _inside(stack, depth)
-    rtol = graded_tolerance(graded_solver, rtol, pressure)
+    rtol = graded_tolerance(stack, rtol, pressure)
     loads = {2: pressure}  # by axis
     if traction is not None:
         traction = as_float(traction, "traction")
@@ -147,7 +143,7 @@ def stress_field(
         check_values("traction", traction, "a traction [Pa] must be finite")
         parts = jnp.moveaxis(traction, -1, 0) if with_axes else [traction]
         loads |= dict(enumerate(parts))
-    return _stress_field(stack, grid, loads, depth, velocity, side, graded_solver, rtol)
+    return _stress_field(stack, grid, loads, depth, velocity, side, rtol)
 
 
 @check_types
@@ -212,7 +208,7 @@ def _inside(stack: Stack, depth: Array) -> Array:
     return eqx.error_if(depth, depth > bottom, "A `depth` lies below the bottom of the block.")
 
 
-def _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
+def _fields(stack, qx, qy, omega, traction, depth, side, rtol):
     """Returns (u_x, u_y, u_z, σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy) and ν/(1 - ν) at the depth."""
     q = jnp.hypot(qx, qy)
     a, b = qx / q, qy / q
@@ -237,7 +233,7 @@ def _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
         known = [jnp.where(a > 0, a, 1) for a in map(jnp.maximum, least, sizes(*values))]
         return jnp.maximum(*map(jnp.divide, sizes(*differences), known))
 
-    (t, s, shear, u, w, v), _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol)
+    (t, s, shear, u, w, v), _ = solve_graded(climb, measure, stack, q, omega, rtol)
     # Hooke's law with E_r q u_L/2 and μ q u_T of the material at the depth.
     along, across = reduced * u, reduced * (1 - poisson) * v
     lateral = poisson / (1 - poisson)
@@ -258,17 +254,17 @@ def _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
 
 
 @eqx.filter_jit
-def _interior_fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
+def _interior_fields(stack, qx, qy, omega, traction, depth, side, rtol):
     rank = max(qx.ndim, traction.ndim - 1, depth.ndim)
     lift = lambda x: x.reshape((1,) * (rank - x.ndim) + x.shape)  # noqa: E731
     traction = [lift(traction[..., i]) for i in range(3)]
     qx, qy, omega, depth = (lift(x) for x in (qx, qy, omega, depth))
-    found, _ = _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol)
+    found, _ = _fields(stack, qx, qy, omega, traction, depth, side, rtol)
     return _as_fields(found)
 
 
 @eqx.filter_jit
-def _stress_field(stack, grid, loads, depth, velocity, side, graded_solver, rtol):
+def _stress_field(stack, grid, loads, depth, velocity, side, rtol):
     qx, *qy = wavevector(grid, both_signs(grid.shape))
     qy = qy[0] if qy else jnp.zeros_like(qx)
     zero = (qx == 0) & (qy == 0)
@@ -280,7 +276,7 @@ def _stress_field(stack, grid, loads, depth, velocity, side, graded_solver, rtol
     units = [one * np.reshape([i == j for j in loads], (-1,) + (1,) * qx.ndim) for i in range(3)]
     qx, qy, omega = (x[None] for x in (qx, qy, omega))
     depth = depth.reshape((1,) * qx.ndim)
-    found, lateral = _fields(stack, qx, qy, omega, units, depth, side, graded_solver, rtol)
+    found, lateral = _fields(stack, qx, qy, omega, units, depth, side, rtol)
     means = zip(*(_means(axis, lateral.ravel()[0]) for axis in loads), strict=True)
     spectra = [to_spectrum(load) for load in loads.values()]
 

@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Inexact
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, nyquist_lines, wavenumber, wavevector, zero_mode
-from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
+from .grading import check_profiles, graded_tolerance
 from .kernel import of_waves
 from .matrix import compliance_parts
 from .periodic_kernel import of_period, period_frequencies
@@ -27,33 +27,31 @@ Waves = Inexact[Array, "*half"]
 
 
 def tangential_kernels(
-    stack: Stack, grid: Grid, velocity: Array, direction: Array,
-    graded_solver: AbstractGradedSolver, strain=None,
+    stack: Stack, grid: Grid, velocity: Array, direction: Array, strain=None,
 ) -> tuple[Waves, Waves, Bool[Array, ""]]:  # fmt: skip
     """Returns M_ze and M_ee [m/Pa] on the half spectrum of a grid, and whether they are good.
 
     **Arguments:**
 
-    - `stack`, `grid`, `velocity`, `graded_solver`, `strain`: as in `stack_kernel`, checked.
+    - `stack`, `grid`, `velocity`, `strain`: as in `stack_kernel`, checked.
     - `direction`: e, of one component (along x) or two.
     """
-    rtol = graded_tolerance(graded_solver, None, grid.size)
-    parts = _steady_parts(stack, grid, velocity, graded_solver, rtol, strain)
+    rtol = graded_tolerance(stack, None, grid.size)
+    parts = _steady_parts(stack, grid, velocity, rtol, strain)
     return *_along(parts, grid, direction), _good(stack, parts)
 
 
 def periodic_tangential_kernels(
-    stack: Stack, grid: Grid, num_times: int, period: Array, axes: int,
-    graded_solver: AbstractGradedSolver,
+    stack: Stack, grid: Grid, num_times: int, period: Array, axes: int
 ) -> tuple[tuple[Waves, ...], tuple[tuple[Waves, ...], ...], Bool[Array, ""]]:  # fmt: skip
     """Returns M_zi and M_ij [m/Pa] along the first `axes`, and whether they are good.
 
     Arguments and shapes as in `periodic_kernel`.
     """
-    rtol = graded_tolerance(graded_solver, None, grid.size)
+    rtol = graded_tolerance(stack, None, grid.size)
     check_at_rest(stack)
     check_profiles(stack, period_frequencies(num_times, period))
-    parts = _periodic_parts(stack, grid, num_times, period, graded_solver, rtol)
+    parts = _periodic_parts(stack, grid, num_times, period, rtol)
     return *_over_axes(parts, grid, axes), _good(stack, parts)
 
 
@@ -63,8 +61,8 @@ def _good(stack: Stack, parts) -> Array:
     return jnp.all(jnp.stack([jnp.all(jnp.isfinite(part)) for part in parts]))
 
 
-def _response(graded_solver, rtol, block, q, omega):
-    (c11, c12, _, c_t, _), error = compliance_parts(block, q, omega, graded_solver, rtol, False)
+def _response(rtol, block, q, omega):
+    (c11, c12, _, c_t, _), error = compliance_parts(block, q, omega, rtol, False)
     shape = jnp.broadcast_shapes(q.shape, omega.shape)
     bad = error > rtol if is_graded(block) else jnp.asarray(False)
     return [jnp.broadcast_to(jnp.where(bad, jnp.nan, part), shape) for part in (c11, c12, c_t)]
@@ -72,14 +70,14 @@ def _response(graded_solver, rtol, block, q, omega):
 
 @derivative_apart
 @jit
-def _steady_parts(stack, grid, velocity, graded_solver, rtol, strain):
-    return of_waves(partial(_response, graded_solver, rtol), stack, grid, velocity, strain)
+def _steady_parts(stack, grid, velocity, rtol, strain):
+    return of_waves(partial(_response, rtol), stack, grid, velocity, strain)
 
 
 @derivative_apart
 @jit
-def _periodic_parts(stack, grid, num_times: int, period, graded_solver, rtol):
-    response = partial(_response, graded_solver, rtol, stack)
+def _periodic_parts(stack, grid, num_times: int, period, rtol):
+    response = partial(_response, rtol, stack)
     parts = of_period(response, grid, num_times, period)
     if num_times % 2 == 0:  # the highest frequency has no sign
         parts = [part.at[num_times // 2].set(part[num_times // 2].real) for part in parts]

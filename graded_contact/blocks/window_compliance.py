@@ -30,9 +30,7 @@ from jaxtyping import Array, Inexact
 from ..core.checks import Numbers, check_types
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum, zero_mode
-from .grading import AbstractGradedSolver
 from .kernel import stack_kernel
-from .layering import Layering
 from .stack import HalfSpace, Rigid, Stack
 
 # Windows along an axis of the long cell, by the number of axes, and points to a window there.
@@ -45,8 +43,6 @@ def window_kernel(
     stack: Stack,
     grid: Grid,
     velocity: Numbers = 0.0,
-    *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> Inexact[Array, "*half"]:
     """Returns M_zz [m/Pa] of a stack for pressures on a window, with no load around it.
 
@@ -55,7 +51,6 @@ def window_kernel(
     - `stack`: the block.
     - `grid`: the points of the window.
     - `velocity`: of the window over the block [m/s]: a number (along x) or `(vx, vy)`.
-    - `graded_solver`: solver of graded layers.
 
     **Returns:** the kernel on the half spectrum of a cell of twice as many points along each axis,
     for `solve_contact` with heights on the window.
@@ -63,10 +58,7 @@ def window_kernel(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if a graded layer misses its
     tolerance.
     """
-    near, far = (
-        stack_kernel(stack, cell, velocity, graded_solver=graded_solver)
-        for cell in (doubled(grid), long_cell(grid))
-    )
+    near, far = (stack_kernel(stack, cell, velocity) for cell in (doubled(grid), long_cell(grid)))
     return without_images(near, far, grid, has_ground(stack, grid))[0]
 
 

@@ -140,7 +140,7 @@ def _mean_field(
     if not np.all(scene.velocity):
         refuse_liquids(scene)
     check_frequencies_of(scene, surface)
-    names = ("graded_solver", "strain_per_slope", "shear", "heating")
+    names = ("strain_per_slope", "shear", "heating")
     given = {name: getattr(scene, name) for name in names} | options
     warm = None if scene.temperature is None else np.atleast_1d(scene.temperature)
     try:

@@ -37,10 +37,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..blocks.grading import AbstractGradedSolver, check_profiles
+from ..blocks.grading import check_profiles
 from ..blocks.heated_stack import check_bulk
 from ..blocks.kernel import stack_kernel
-from ..blocks.layering import Layering
 from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import HardWall
 from ..core.checks import (
@@ -128,7 +127,6 @@ def mean_field_friction(
     correction: Correction = "yang_persson",
     num_wavenumbers: int = 64,
     num_angles: int = 16,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float = 1e-4,
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
@@ -163,7 +161,6 @@ def mean_field_friction(
     - `num_wavenumbers`: intervals of the quadrature in q, shared by the smooth pieces of the
       spectrum and rounded up to multiples of 4 on each.
     - `num_angles`: intervals between the directions along and across the velocity, a multiple of 4.
-    - `graded_solver`: the solver of graded layers and its tolerance, `Layering()` or `Riccati()`.
     - `rtol`: largest acceptable `error` [1].
     - `shear`, `temperature`: law of the shear stress in the contact and its temperature [K], as in
       `slide`; with `heating` the bulk temperature, to which the block is brought.
@@ -192,12 +189,12 @@ def mean_field_friction(
         if not spectrum.periodic:
             raise ValueError("`spectrum` is a `Surface` on a window; a periodic one is needed.")
         field = Field(stack, spectrum, None, load, velocity, ratio)
-        found, heated = _summed(field, correction, graded_solver, shear, temperature), None
+        found, heated = _summed(field, correction, shear, temperature), None
     else:
         roughness = as_roughness(spectrum)
         own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
         num_pieces = len(roughness.edges) - 1 + (0 if own is None else len(own.edges))
-        rules = _rules(correction, num_wavenumbers, num_pieces, num_angles, graded_solver)
+        rules = _rules(correction, num_wavenumbers, num_pieces, num_angles)
         if heating is not None:
             if heating.conductivity.ndim or heating.diffusivity.ndim:
                 raise ValueError(
@@ -247,27 +244,25 @@ def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanFiel
     return mean_field_friction(case.stack, rough, **given)
 
 
-def _summed(field: Field, correction, graded_solver, shear, temperature):
+def _summed(field: Field, correction, shear, temperature):
     """As `_integrated`, by the modes of a surface."""
     surface, strain = field.roughness, None
     if field.strain_per_slope is not None:
         q, slope = slope_up_to(surface)
         strain = q, field.strain_per_slope * slope
-    kernel = stack_kernel(
-        field.stack, surface.grid, field.velocity, graded_solver=graded_solver, strain=strain
-    )
+    kernel = stack_kernel(field.stack, surface.grid, field.velocity, strain=strain)
     q, x, friction, share = add_up(field, correction, kernel)
     sheared = _sheared(field, shear, temperature, x)
     return q, x, friction, 0 * friction[-1], share, sheared  # the error is NaN if that is
 
 
-def _rules(correction, num_wavenumbers, num_pieces, num_angles, graded_solver) -> Rules:
+def _rules(correction, num_wavenumbers, num_pieces, num_angles) -> Rules:
     if num_wavenumbers < 4:
         raise ValueError(f"`num_wavenumbers={num_wavenumbers}` is refused: at least 4 are needed.")
     if num_angles < 4 or num_angles % 4:
         raise ValueError(f"`num_angles={num_angles}` is refused: a multiple of 4 is needed.")
     per_piece = 4 * -(-num_wavenumbers // (4 * num_pieces))
-    return Rules(correction, per_piece, num_angles, graded_solver)
+    return Rules(correction, per_piece, num_angles)
 
 
 def _by_quadrature(rules: Rules, given, heating: Heating | None):

@@ -28,7 +28,7 @@ from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
 from ..blocks.compliance import surface_compliance_unchecked
-from ..blocks.grading import AbstractGradedSolver, graded_tolerance
+from ..blocks.grading import graded_tolerance
 from ..blocks.stack import Stack
 from ..fields.devices import binned
 from ..fields.frequency import direction_and_speed, sliding_frequency, wave_frequencies
@@ -68,7 +68,6 @@ class Rules(NamedTuple):
     correction: Correction
     num_wavenumbers: int
     num_angles: int
-    graded_solver: AbstractGradedSolver
 
 
 @eqx.filter_jit
@@ -144,14 +143,14 @@ def _rates(values, at_q, at_angle, rules):
     """Growth of the variance and of the friction of complete contact, per log q and angle."""
     field, speed, q, state, turn = values
     along, offset = (a[at_angle] for a in _angles(turn, 2 * rules.num_angles, q.dtype)[:2])
-    solver, tolerance = rules.graded_solver, graded_tolerance(rules.graded_solver, None, q)
+    tolerance = graded_tolerance(field.stack, None, q)
     state, q = jax.tree.map(lambda a: a[at_q], state), q[at_q][:, None, None]
 
     def response(q, omega, state):
         strain, temperature = state
         block = field.stack if strain is None else at_strain(field.stack, strain)
         block = block if temperature is None else block.at(temperature)
-        return surface_compliance_unchecked(block, q, omega, solver, tolerance)
+        return surface_compliance_unchecked(block, q, omega, tolerance)
 
     def relative_to(amplitude, omega):
         # The block is in another state at each q.

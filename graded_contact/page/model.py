@@ -233,14 +233,13 @@ def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, A
 def _curves(scenery, numbers, waves, speeds):
     stack, _, rough, pressure, velocity, others = _at(scenery, numbers)
     others: dict[str, Any] = others | {"heating": None}  # it takes many mean fields for each
-    speed, graded_solver = direction_and_speed(velocity)[1], scenery.numerics.graded_solver
-    modulus = effective_modulus(stack, waves, waves * speed, graded_solver=graded_solver)
+    speed = direction_and_speed(velocity)[1]
+    modulus = effective_modulus(stack, waves, waves * speed)
 
     def at(speed):
         field = mean_field_friction(
-            stack, rough, pressure=pressure, velocity=speed, graded_solver=graded_solver,
-            throw=False, **others,
-        )  # fmt: skip
+            stack, rough, pressure=pressure, velocity=speed, throw=False, **others
+        )
         return field.friction, field.contact_area
 
     along = speeds if scenery.direction == 0 else speeds[:, None] * velocity / speed

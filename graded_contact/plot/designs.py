@@ -59,7 +59,7 @@ def plot_design(results: DesignResults) -> "Figure":
             style["label"] = about if name == "before" else "_"
         else:
             style["label"] = f"{name}, {about}"
-        tangent = loss_tangent(candidate.stack, q, speed, graded_solver=scene.graded_solver)
+        tangent = loss_tangent(candidate.stack, q, speed)
         loss.plot(q, tangent, color=colour)
         solved = candidate.contacts["friction"]
         if len(solved):

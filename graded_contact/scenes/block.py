@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import ScalarLike
 
-from ..blocks.grading import AbstractGradedSolver
+from ..blocks.graded_solver import AbstractGradedSolver
 from ..blocks.layering import Layering
 from ..blocks.profile import Blend
 from ..blocks.riccati import Riccati
@@ -111,7 +111,12 @@ class Block:
                 with within(f"[load] `temperature`, of [materials.{name}]:"):
                     material.at(at)
 
-    def stack(self, tables: Sequence[dict[str, Any]], below: dict[str, Any]) -> Stack:
+    def stack(
+        self,
+        tables: Sequence[dict[str, Any]],
+        below: dict[str, Any],
+        graded_solver: AbstractGradedSolver | None,
+    ) -> Stack:
         """Returns the stack of the tables [[layers]] and [base]."""
         layers = []
         for i, table in enumerate(tables):
@@ -120,7 +125,7 @@ class Block:
                 self.notes.append(f"layers[{i}]: {sentence}")
         base = self.reader.build_kind("[base]", below, BASES)
         with within("[base]"):
-            return Stack(layers=layers, base=base)
+            return Stack(layers=layers, base=base, graded_solver=graded_solver)
 
     def _layer(self, place: str, table: dict[str, Any]) -> Layer | GradedLayer:
         check_keys(place, table, [key.name for key in (*keys_of(Layer), *keys_of(Blend))])

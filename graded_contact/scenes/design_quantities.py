@@ -50,7 +50,7 @@ def design_mean_field(
     return friction_curve(
         stack, study.spectrum, pressure=scene.pressure[0],
         velocities=scene.velocity if velocities is None else velocities,
-        graded_solver=scene.graded_solver, strain_per_slope=scene.strain_per_slope,
+        strain_per_slope=scene.strain_per_slope,
     )  # fmt: skip
 
 
@@ -158,15 +158,15 @@ def block_margins(study: DesignScene, values: Values) -> dict[str, Float[Array, 
 def band_tangents(study: DesignScene, stack: Stack) -> list[Float[Array, " waves"]]:
     """Returns the loss tangent over the band, at each velocity."""
     assert study.band is not None
-    q, solver = np.geomspace(*study.band, WAVES), study.scene.graded_solver
-    return [loss_tangent(stack, q, v, graded_solver=solver) for v in study.scene.velocity]
+    q = np.geomspace(*study.band, WAVES)
+    return [loss_tangent(stack, q, v) for v in study.scene.velocity]
 
 
 def limited_modulus(study: DesignScene, stack: Stack) -> Float[Array, ""]:
     """Returns |effective_modulus| at the wave whose stiffness is limited."""
-    wave, solver = study.stiffness, study.scene.graded_solver
+    wave = study.stiffness
     assert wave is not None
-    return jnp.abs(effective_modulus(stack, wave.q, wave.omega, graded_solver=solver))
+    return jnp.abs(effective_modulus(stack, wave.q, wave.omega))
 
 
 def total_thickness(stack: Stack) -> Float[Array, ""]:

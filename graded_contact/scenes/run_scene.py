@@ -142,7 +142,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
     fixed = [None if name in scene.axes else getattr(scene, name) for name in names]
     common = fingerprint(
         versions, scene.stack, *fixed, rough, surface.grid, surface.periodic, scene.solver,
-        scene.rtol, scene.graded_solver, scene.motion, scene.pressure_ratio, scene.law, scene.shear,
+        scene.rtol, scene.motion, scene.pressure_ratio, scene.law, scene.shear,
         scene.heating, scene.strain_per_slope, errors_of_stack(scene),
     )  # fmt: skip
     columns = columns_of(scene.axes)

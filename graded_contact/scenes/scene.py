@@ -16,8 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..blocks.grading import AbstractGradedSolver
-from ..blocks.layering import Layering
 from ..blocks.stack import LIQUID, Stack, liquid_in
 from ..contacts.law import AbstractLaw, HardWall, check_pressure
 from ..contacts.nested_solve import DouglasRachford
@@ -152,7 +150,6 @@ class Scene:
     - `extrapolate`: true allows friction from frequencies at which a material was not measured.
     - `solver`: algorithm of the contact.
     - `rtol`: relative error of the contact pressure [1]; the default gives friction to 1e-4.
-    - `graded_solver`: the solver of graded layers.
     - `name`: begins the names of the files of results.
     - `directory`: folder of the results, relative to the scene.
     - `fields`: solves whose fields over the surface are stored.
@@ -183,7 +180,6 @@ class Scene:
     observe: Observe = Observe()
     solver: DouglasRachford
     rtol: float = RTOL
-    graded_solver: AbstractGradedSolver = Layering()  # noqa: RUF009 (immutable)
     name: str | None = None
     directory: Path | None = None
     fields: Literal["last", "every", "none"] = "last"
@@ -237,9 +233,7 @@ class Scene:
     @property
     def numerics(self) -> Numerics:
         """How its contacts are computed; a solve that fails says so in its result."""
-        return Numerics(
-            rtol=self.rtol, solver=self.solver, graded_solver=self.graded_solver, throw=False
-        )
+        return Numerics(rtol=self.rtol, solver=self.solver, throw=False)
 
     def case(self, point: Mapping[str, Any], surface: Surface) -> Case:
         """Returns the case at a point, given by its numbers on the axes; JAX may trace them."""
@@ -292,10 +286,12 @@ KEYS = {
             *("pressure", "approach", "velocity", "temperature", "direction", "extrapolate"),
             *("pressure_ratio", "strain_per_slope"),
         ),
-        "[solver]": ("rtol", "graded_solver"),
+        "[solver]": ("rtol",),
         "[output]": ("name", "directory", "fields"),
     }.items()
 }
+# [solver] has a key of the stack, too.
+KEYS["[solver]"] += tuple(key for key in keys_of(Stack) if key.name == "graded_solver")
 
 
 def read_scene(path: str | os.PathLike) -> Scene:
@@ -348,7 +344,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         motion = reader.build_kind("[motion]", tables.motion, KINDS[Motion], grid=line)
         step = float(motion.largest_step(line))
         load.setdefault("velocity", np.array([float(motion.highest_speed)]))
-    stack = block.stack(tables.layers, tables.base)
+    stack = block.stack(tables.layers, tables.base, accuracy.pop("graded_solver", None))
     inputs = dict(reader.paths)  # before [output], whose folder is no input
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
     own = {name: getattr(tables, name) for name in _OWN}

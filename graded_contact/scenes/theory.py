@@ -59,7 +59,7 @@ def _mean_field(
     """At a hard wall without heat, of a scene with changed fields; as `mean_field_at`."""
     scene = dataclasses.replace(scene, heating=None, motion=None, law=None, **changed)
     case, rough = scene.case(point, surface), roughness_of(scene, surface)
-    return mean_field_of(case, rough, graded_solver=scene.graded_solver, throw=False)
+    return mean_field_of(case, rough, throw=False)
 
 
 def roughness_of(scene: Scene, surface: Surface) -> Any:

@@ -10,8 +10,6 @@ from jaxtyping import Array, Float
 
 from ..blocks.compliance import surface_compliance
 from ..blocks.depth import Side
-from ..blocks.grading import AbstractGradedSolver
-from ..blocks.layering import Layering
 from ..blocks.stack import Stack
 from ..blocks.stress import largest_tension, stress_field, von_mises
 from ..core.checks import Numbers, check_types, is_concrete
@@ -101,7 +99,6 @@ def contact_stress(
     depths: Numbers,
     *,
     side: Side = "below",
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> ContactStress:
     """Returns the stress in the block under the pressure and the traction of a contact.
 
@@ -114,7 +111,6 @@ def contact_stress(
     - `stack`: its block; with heating `sliding.heated.stack`.
     - `depths`: z [m], shape `(depths,)`; 0 is the surface. See `interface_depths`.
     - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump.
-    - `graded_solver`: as in `slide`.
 
     **Returns:** stresses, and their largest values with their places, see `ContactStress`.
 
@@ -123,11 +119,11 @@ def contact_stress(
     if "window" in sliding.facts:
         raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
     depths = as_depths(depths)
-    _check_block(sliding, stack, graded_solver)
-    return ContactStress(_stress(sliding, stack, depths, side, graded_solver), depths, sliding.grid)
+    _check_block(sliding, stack)
+    return ContactStress(_stress(sliding, stack, depths, side), depths, sliding.grid)
 
 
-def _check_block(sliding: Sliding, stack: Stack, graded_solver: AbstractGradedSolver) -> None:
+def _check_block(sliding: Sliding, stack: Stack) -> None:
     """Raises `ValueError` unless two waves have the kernel of the contact; not if traced."""
     kernel, q = sliding.kernel, wavenumber(sliding.grid)
     # In a contact, a block that softens may have another strain in each wave.
@@ -139,7 +135,7 @@ def _check_block(sliding: Sliding, stack: Stack, graded_solver: AbstractGradedSo
     if sliding.coupling is not None and sliding.coupling.in_kernel:
         kernel = kernel - shear.law.coefficient * sliding.coupling.lift[0]
     omega = jnp.broadcast_to(wave_frequencies(sliding.grid, sliding.velocity), q.shape)[modes]
-    own = surface_compliance(stack, q[modes], omega, graded_solver=graded_solver)
+    own = surface_compliance(stack, q[modes], omega)
     if not np.allclose(own, kernel[modes], rtol=_SAME, atol=0):
         raise ValueError(
             "`stack` is refused: the contact has another block. Pass the stack that `slide` took, "
@@ -148,8 +144,8 @@ def _check_block(sliding: Sliding, stack: Stack, graded_solver: AbstractGradedSo
 
 
 @eqx.filter_jit
-def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side, graded_solver):
-    how = {"side": side, "graded_solver": graded_solver, "traction": shear_traction(sliding)}
+def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side):
+    how = {"side": side, "traction": shear_traction(sliding)}
     grid, pressure, velocity = sliding.grid, sliding.pressure, sliding.velocity
     at = lambda z: stress_field(stack, grid, pressure, z, velocity, **how).stress  # noqa: E731
     return jax.lax.map(at, depths)

@@ -25,7 +25,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
-from ..blocks.grading import AbstractGradedSolver
 from ..blocks.tangential_kernel import tangential_kernels
 from ..blocks.window_compliance import without_images
 from ..contacts.operator import AbstractOperator, Field, Waves, first_mode
@@ -85,7 +84,7 @@ class Coupling(eqx.Module):
 
 
 def steady_coupling(
-    case: Any, cells: Sequence[Grid], graded_solver: AbstractGradedSolver, strain: Any
+    case: Any, cells: Sequence[Grid], strain: Any
 ) -> tuple[Coupling, Waves | None, Bool[Array, ""]]:
     """Returns the coupling of a `Case` with a velocity, errors of M_ze, and whether it is good.
 
@@ -98,8 +97,7 @@ def steady_coupling(
         )
     direction = direction_and_speed(case.velocity)[0]
     found = [
-        tangential_kernels(case.stack, cell, case.velocity, direction, graded_solver, strain)
-        for cell in cells
+        tangential_kernels(case.stack, cell, case.velocity, direction, strain) for cell in cells
     ]
     (lift, along, good), error = found[0], None
     if len(cells) == 2:

@@ -56,14 +56,13 @@ def solve_cycle(
     check_memory("displacement", "a cycle", CYCLE, heights.shape, heights.dtype.itemsize)
     loading_of(law, heights, num_times, **_load(case))  # refuses what is no load
     begin = as_start(start, heights, law)
-    kernel, error = periodic_kernel(stack, grid, num_times, period, numerics.graded_solver)
-    reached = error <= graded_tolerance(numerics.graded_solver, None, grid.size)
+    kernel, error = periodic_kernel(stack, grid, num_times, period)
+    reached = error <= graded_tolerance(stack, None, grid.size)
     sheared = shear_stress(case.shear, jnp.zeros((), heights.dtype), case.temperature)
     coupling = None
     if is_coupled(case.shear):
         lift, along, good = periodic_tangential_kernels(
             stack, grid, num_times, period, components(case.displacement).shape[1],
-            numerics.graded_solver,
         )  # fmt: skip
         coupling, reached = Coupling(lift, along), reached & good
     # Under `jit` only the program itself can raise.

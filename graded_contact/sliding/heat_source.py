@@ -19,8 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..blocks.grading import AbstractGradedSolver
-from ..blocks.layering import Layering
 from ..blocks.profile import Aged, Blend
 from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths, of_each
 from ..blocks.stress import stress_field
@@ -85,8 +83,6 @@ def heat_source(
     sliding: Sliding,
     stack: Stack,
     depths: Numbers,
-    *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> Float[Array, "depths *shape"]:
     """Returns the heat that hysteresis makes in the block at some depths [W/m³].
 
@@ -98,7 +94,6 @@ def heat_source(
     - `stack`: the block, of `Prony` and `Elastic` materials, also in `StrainSoftening`; graded
       layers `Aged`, or `Blend` with linear mixing.
     - `depths`: z [m], shape `(depths,)`; see `heat_depths`.
-    - `graded_solver`: as in `slide`.
 
     **Returns:** W, shape `(depths, *grid.shape)`.
 
@@ -106,7 +101,7 @@ def heat_source(
     """
     depths = as_depths(depths)
     check_series(stack)
-    return heat_where(jnp.ones(depths.shape, bool), sliding, stack, depths, graded_solver)
+    return heat_where(jnp.ones(depths.shape, bool), sliding, stack, depths)
 
 
 def as_depths(depths: Numbers) -> Float[Array, " depths"]:
@@ -118,16 +113,14 @@ def as_depths(depths: Numbers) -> Float[Array, " depths"]:
 
 
 @eqx.filter_jit
-def heat_where(needed, sliding: Sliding, stack: Stack, depths, graded_solver) -> Array:
+def heat_where(needed, sliding: Sliding, stack: Stack, depths) -> Array:
     """Returns the heat [W/m³] at depths where it is `needed`, 0 at others; see `heat_source`."""
     grid, velocity, pressure = sliding.grid, sliding.velocity, sliding.pressure
     omega = wave_frequencies(grid, velocity)
-    how = {"graded_solver": graded_solver}
-    if sliding.coupling is not None:
-        how["traction"] = shear_traction(sliding)
+    traction = None if sliding.coupling is None else shear_traction(sliding)
 
     def at(depth):
-        found = stress_field(stack, grid, pressure, depth, velocity, **how)
+        found = stress_field(stack, grid, pressure, depth, velocity, traction=traction)
         normal = [to_spectrum(found.stress[..., i, i]) for i in range(3)]
         shear = [to_spectrum(found.stress[..., i, j]) for i, j in ((0, 1), (0, 2), (1, 2))]
         equilibrium, strengths, losses, times, poisson = _series_in(stack, depth)

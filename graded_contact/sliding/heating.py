@@ -36,9 +36,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..blocks.grading import AbstractGradedSolver
 from ..blocks.heated_stack import HeatedContact, check_bulk, check_heated, heated
-from ..blocks.layering import Layering
 from ..blocks.stack import Stack, interface_depths
 from ..contacts.area import area_in_doubt
 from ..contacts.solution import RESULTS
@@ -242,7 +240,7 @@ def _rises(factor, s: Sliding, heating: Heating, stack: Stack, block: Stack, edg
     """The mean rises of the surface and of the cells over the contact, times a factor [K]."""
     depths, weights = gauss_within(stack, edges)
     check_series(block)
-    source = heat_where(weights > 0, s, block, depths, Layering())
+    source = heat_where(weights > 0, s, block, depths)
     # A few depths miss some of the heat.
     made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
     lost = s.hysteresis_friction if s.coupling is None else s.block_friction
@@ -262,8 +260,6 @@ def flash_temperature(
     stack: Stack,
     heating: Heating,
     depths: Numbers,
-    *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> Float[Array, "depths *shape"]:
     """Returns the temperature in the block above the mean of each depth [K].
 
@@ -272,7 +268,7 @@ def flash_temperature(
 
     **Arguments:**
 
-    - `sliding`, `stack`, `graded_solver`: as in `heat_source`; `stack` as given to `slide`.
+    - `sliding`, `stack`: as in `heat_source`; `stack` as given to `slide`.
     - `heating`: conductivities and diffusivities.
     - `depths`: z [m], shape `(depths,)`; 0 is the surface.
 
@@ -283,7 +279,7 @@ def flash_temperature(
     depths = as_depths(depths)
     nodes, thickness = heat_depths(stack, sliding.grid)
     block = stack if sliding.heated is None else sliding.heated.stack
-    source = heat_source(sliding, block, nodes, graded_solver=graded_solver)
+    source = heat_source(sliding, block, nodes)
     spectra = temperatures(sliding, stack, heating, source, thickness, depths)
     return jax.vmap(lambda spectrum: to_field(spectrum, sliding.grid.shape))(spectra)
 

@@ -7,8 +7,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..blocks.grading import AbstractGradedSolver
-from ..blocks.layering import Layering
 from ..contacts.abstract_solver import AbstractContactSolver
 from ..contacts.adjoint import LinearSolver, LinearSplitting
 from ..contacts.nested_solve import DouglasRachford
@@ -25,19 +23,16 @@ class Numerics(eqx.Module):
       friction is at most about 1e-4 of it, and in float32 for 5e-4. Static.
     - `solver`: of the contact, see `DouglasRachford`, or `AbstractContactSolver` to write one.
     - `adjoint`: of the linear systems of derivatives, see `LinearSplitting`.
-    - `graded_solver`: of graded layers, with its tolerance: `Layering()` or `Riccati()`.
     - `throw`: whether to raise if a solve or a kernel fails; with False see `.result`. Static.
     """
 
     rtol: Any = eqx.field(default=None, static=True)  # a number once `of` is called
     solver: AbstractContactSolver = DouglasRachford()
     adjoint: LinearSolver = LinearSplitting()
-    graded_solver: AbstractGradedSolver = Layering()
     throw: bool = eqx.field(default=True, static=True)
 
     def __check_init__(self):
         check_type("solver", self.solver, AbstractContactSolver)
-        check_type("graded_solver", self.graded_solver, AbstractGradedSolver)
         check_type("throw", self.throw, bool)
 
     def of(self, *given: Any) -> "Numerics":

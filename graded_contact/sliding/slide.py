@@ -64,7 +64,7 @@ def slide(
       each wave q has the modulus at the amplitude ε = `strain_per_slope` times the rms slope of the
       surface up to q. None: the amplitude of each material.
     - `law`: of contact.
-    - `numerics`: `rtol`, `solver`, `adjoint`, `graded_solver` and `throw`, see `Numerics`; `start`
+    - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`; `start`
       and `solution`, see `Case.solve`.
 
     With `throw=False`, `.result` also reports a graded layer whose kernel misses its tolerance; all

@@ -114,11 +114,10 @@ def kernel_of(case: Any, numerics: Numerics) -> tuple:
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
 
     def kernel_on(cell: Grid):
-        how = {"graded_solver": numerics.graded_solver, "strain": strain}
         if numerics.throw:
-            kernel, reached = stack_kernel(stack, cell, velocity, **how), True
+            kernel, reached = stack_kernel(stack, cell, velocity, strain=strain), True
         else:
-            kernel, reached = attempted_kernel(stack, cell, velocity, **how)
+            kernel, reached = attempted_kernel(stack, cell, velocity, strain=strain)
         return kernel.real if at_rest else kernel, reached
 
     cells = (grid,) if surface.periodic else (doubled(grid), long_cell(grid))
@@ -131,7 +130,7 @@ def kernel_of(case: Any, numerics: Numerics) -> tuple:
     reached = found[0][1] if surface.periodic else found[0][1] & found[1][1]
     if not is_coupled(case.shear):
         return kernel, reached, error, None, True
-    coupling, lift_error, good = steady_coupling(case, cells, numerics.graded_solver, strain)
+    coupling, lift_error, good = steady_coupling(case, cells, strain)
     if numerics.throw:
         coupling = required(coupling, good, RESULTS.inaccurate_kernel.error_if)
     else:

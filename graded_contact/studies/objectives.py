@@ -11,8 +11,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..blocks.compliance import effective_modulus
-from ..blocks.grading import AbstractGradedSolver
-from ..blocks.layering import Layering
 from ..blocks.stack import Stack
 from ..core.checks import (
     Numbers,
@@ -34,8 +32,6 @@ def loss_tangent(
     stack: Stack,
     q: Numbers,
     velocity: Numbers,
-    *,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> Float[Array, "..."]:
     """Returns Im E_eff/Re E_eff [1] of the whole stack at `q` [rad/m] for sliding along q.
 
@@ -44,14 +40,13 @@ def loss_tangent(
     - `stack`: the block.
     - `q`: wavenumbers [rad/m], positive.
     - `velocity`: [m/s], positive.
-    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
 
     **Returns:** Im E_eff/Re E_eff [1], shape of `q` and `velocity` together.
     """
     q, velocity = as_float(q, "q"), as_float(velocity, "velocity")
     check_positive("velocity", velocity, "[m/s]")
     check_together(q=q, velocity=velocity)
-    modulus = effective_modulus(stack, q, q * velocity, graded_solver=graded_solver)
+    modulus = effective_modulus(stack, q, q * velocity)
     return modulus.imag / modulus.real
 
 
@@ -95,15 +90,13 @@ def friction_curve(
     *,
     pressure: ScalarLike,
     velocities: Numbers,
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     strain_per_slope: ScalarLike | None = None,
 ) -> MeanField:
     """Returns the mean field at each velocity, along a first axis of every array of it.
 
     **Arguments:**
 
-    - `stack`, `spectrum`, `pressure`, `graded_solver`, `strain_per_slope`: as in
-      `mean_field_friction`.
+    - `stack`, `spectrum`, `pressure`, `strain_per_slope`: as in `mean_field_friction`.
     - `velocities`: along x [m/s], shape `(n,)`.
 
     **Returns:** a `MeanField` whose arrays have the velocities as their first axis.
@@ -115,10 +108,7 @@ def friction_curve(
     check_positive("pressure", as_scalar(pressure, "pressure"), "[Pa]")
     case = Case(stack, spectrum, velocity=0.0, pressure=pressure, strain_per_slope=strain_per_slope)
     # Not `vmap`: the data of one velocity stay in the cache.
-    return jax.lax.map(
-        lambda v: mean_field_of(dataclasses.replace(case, velocity=v), graded_solver=graded_solver),
-        velocities,
-    )
+    return jax.lax.map(lambda v: mean_field_of(dataclasses.replace(case, velocity=v)), velocities)
 
 
 @check_types

@@ -1,3 +1,5 @@
+import dataclasses
+
 import diffrax
 import equinox as eqx
 import jax
@@ -59,6 +61,11 @@ def arguments(case):
     return stored, float(case["depth"]), Given(*below), q
 
 
+def by(solver, stack):
+    """The stack, solved by another solver of graded layers."""
+    return dataclasses.replace(stack, graded_solver=solver)
+
+
 def stack_under(kind, profile, depth, material):
     base = {"rigid": gc.Rigid(), "free": gc.Free(), "halfspace": gc.HalfSpace(material)}
     return Stack(layers=(GradedLayer(profile, depth),), base=base[kind])
@@ -78,7 +85,7 @@ def errors_and_estimates(solver, rtol):
 
         def one(profile, depth, material, q, kind=kind):
             stack = stack_under(kind, profile, depth, material)
-            return graded_compliance(stack, q, 0.0, rtol=rtol, graded_solver=solver, throw=False)
+            return graded_compliance(by(solver, stack), q, 0.0, rtol=rtol, throw=False)
 
         found = jax.jit(jax.vmap(one))(*batch)
         expected = np.array([complex_of(c["M_zz"]) for c in cases])
@@ -119,7 +126,7 @@ def test_every_entry_of_the_matrix_meets_the_stored_cases(kind, graded):
 
     def one(profile, depth, material, qx, qy):
         stack = stack_under(kind, profile, depth, material)
-        return gc.surface_compliance_matrix(stack, qx, qy, 0.0, graded_solver=graded, rtol=1e-8)
+        return gc.surface_compliance_matrix(by(graded, stack), qx, qy, 0.0, rtol=1e-8)
 
     found = jax.jit(jax.vmap(one))(*batch[:3], qx, qy)
     for value, case in zip(found, cases, strict=True):
@@ -136,9 +143,7 @@ TRACTION = np.array([0.3, 0.5j, 1.0])
 def fields_in(layer, depths=DEPTHS, graded=FAST, base="halfspace"):
     """One call of one shape for all tests of fields, so that it compiles once for each base."""
     stack = Stack(layers=(gc.Layer(GLASS, 2e-5), layer), base=BASE[base])
-    return gc.blocks.interior_fields(
-        stack, *WAVE, TRACTION, depths, graded_solver=graded, rtol=1e-7
-    )
+    return gc.blocks.interior_fields(by(graded, stack), *WAVE, TRACTION, depths, rtol=1e-7)
 
 
 @pytest.mark.slow
@@ -162,9 +167,7 @@ def test_differential_equation_keeps_the_digits_of_fields_that_have_decayed():
     """To e^-50 of those above; a mesh as fine as the decay takes is the reference."""
     stack = Stack(layers=(GradedLayer(Blend(RUBBER, HARD), 1e-4),), base=gc.Rigid())
     found, exact = (
-        gc.blocks.interior_fields(
-            stack, 3e5, -4e5, 1e3, TRACTION, 1e-4, graded_solver=graded, rtol=1e-8
-        )
+        gc.blocks.interior_fields(by(graded, stack), 3e5, -4e5, 1e3, TRACTION, 1e-4, rtol=1e-8)
         for graded in (Riccati(), Layering(num_cells=300, retry=False))
     )
     size = np.max(np.abs(exact.stress))
@@ -194,7 +197,7 @@ def test_a_constant_profile_is_a_uniform_layer_and_no_thickness_no_layer():
         GradedLayer(Blend(RUBBER, RUBBER), 1e-3),
     )
     graded = Stack(layers=(coat, none, constant), base=gc.Free())
-    found = surface_compliance(graded, q, 1e3, rtol=1e-7, graded_solver=FAST)
+    found = surface_compliance(by(FAST, graded), q, 1e3, rtol=1e-7)
     expected = surface_compliance(Stack(layers=(coat, layer), base=gc.Free()), q, 1e3)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
@@ -218,8 +221,8 @@ def sandwich(base):
 @pytest.mark.parametrize("base", BASES)
 def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
     stack = sandwich(base)
-    layers = graded_compliance(stack, Q, OMEGA, rtol=1e-10, graded_solver=FINE)
-    equation = graded_compliance(stack, Q, OMEGA, rtol=1e-9, graded_solver=Riccati())
+    layers = graded_compliance(by(FINE, stack), Q, OMEGA, rtol=1e-10)
+    equation = graded_compliance(by(Riccati(), stack), Q, OMEGA, rtol=1e-9)
     np.testing.assert_allclose(equation.value, layers.value, rtol=1e-9)
 
 
@@ -236,7 +239,7 @@ def test_gradient_by_every_leaf_matches_central_differences(solver):
     )
 
     def value(stack, q, omega):
-        found = graded_compliance(stack, q, omega, rtol=1e-10, graded_solver=solver, throw=False)
+        found = graded_compliance(by(solver, stack), q, omega, rtol=1e-10, throw=False)
         return jnp.log(jnp.abs(found.value.real)) + 3 * jnp.log(-found.value.imag)
 
     arguments = (stack, jnp.asarray(2e4), jnp.asarray(5e3))
@@ -249,16 +252,16 @@ def test_gradient_by_every_leaf_matches_central_differences(solver):
 def test_differential_equation_has_equal_derivatives_in_both_modes():
     """By modulus, thickness, shape and wavenumber, for waves that take unlike numbers of steps."""
 
-    def by(x):
+    def scaled(x):
         profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e7 * x[0], 0.45), Exponential(3 * x[2]))
         stack = Stack(layers=(GradedLayer(profile, 1e-3 * x[1]),), base=gc.Rigid())
         q = jnp.array([3e1, 1e3, 3e4]) * x[3]
-        m = surface_compliance(stack, q, 0.0, rtol=1e-9, graded_solver=Riccati())
+        m = surface_compliance(by(Riccati(), stack), q, 0.0, rtol=1e-9)
         return jnp.sum(m * jnp.array([1e9, 1e10, 1e11]))
 
-    point, value = jnp.ones(4), jax.jit(by)
-    forward = jax.jit(jax.jacfwd(by))(point)
-    np.testing.assert_allclose(forward, jax.jit(jax.grad(by))(point), rtol=1e-10)
+    point, value = jnp.ones(4), jax.jit(scaled)
+    forward = jax.jit(jax.jacfwd(scaled))(point)
+    np.testing.assert_allclose(forward, jax.jit(jax.grad(scaled))(point), rtol=1e-10)
     np.testing.assert_allclose(forward, differences(value, (point,), 1e-3), rtol=1e-5)
 
 
@@ -275,7 +278,7 @@ def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
     def value(d, q, top):
         profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(top, 0.45), Exponential(30.0))
         stack = Stack(layers=(GradedLayer(profile, d),), base=gc.Rigid())
-        return graded_compliance(stack, q, 0.0, rtol=1e-11, graded_solver=FAST).value * 1e9
+        return graded_compliance(by(FAST, stack), q, 0.0, rtol=1e-11).value * 1e9
 
     point = tuple(map(jnp.asarray, (1e-3, 3e5, 1e8)))
     for slope, difference in elasticities(value, point, 1e-4):
@@ -287,7 +290,7 @@ def test_compliance_is_passive_and_hermitian():
     stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=BASE["halfspace"])
     q, omega = jnp.geomspace(1e1, 1e6, 60)[:, None], jnp.geomspace(1e-1, 1e7, 5)
     table, conjugate = (
-        graded_compliance(stack, q, w, rtol=1e-6, graded_solver=FINE).value for w in (omega, -omega)
+        graded_compliance(by(FINE, stack), q, w, rtol=1e-6).value for w in (omega, -omega)
     )
     assert table.shape == (60, 5)
     np.testing.assert_allclose(conjugate, np.conj(table), rtol=1e-14)
@@ -302,9 +305,7 @@ def test_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():
         profile = Blend(*ends, PowerLaw(exponent))
         stack = Stack(layers=(GradedLayer(profile, 1e-2),), base=gc.HalfSpace(ends[0]))
         found, fine = (
-            graded_compliance(
-                stack, q, 0.0, graded_solver=Layering(num_cells=n, retry=False), throw=False
-            )
+            graded_compliance(by(Layering(num_cells=n, retry=False), stack), q, 0.0, throw=False)
             for n in (12, 120)
         )
         error = np.abs(found.value / fine.value - 1)
@@ -321,16 +322,16 @@ class Fails(gc.blocks.AbstractGradedSolver):
 
 def test_a_solver_without_a_number_fails_by_name():
     layer = GradedLayer(Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3)), 1e-3)
-    stack, how = Stack(layers=(layer,), base=gc.Rigid()), {"graded_solver": Fails()}
-    assert graded_compliance(stack, 3e3, 0.0, throw=False, **how).error == jnp.inf
+    stack = Stack(layers=(layer,), base=gc.Rigid(), graded_solver=Fails())
+    assert graded_compliance(stack, 3e3, 0.0, throw=False).error == jnp.inf
     with pytest.raises(RuntimeError, match="tolerance was not reached in a graded layer"):
-        graded_compliance(stack, 3e3, 0.0, **how)
+        graded_compliance(stack, 3e3, 0.0)
 
 
 def test_sharp_profile_is_retried_on_a_finer_mesh():
     sharp = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3), Sinusoidal(0.05, 5.0))
     stack = Stack(layers=(GradedLayer(sharp, 1e-3),), base=gc.Rigid())
-    coarse = graded_compliance(stack, 3e3, 0.0, graded_solver=FAST, throw=False)
+    coarse = graded_compliance(by(FAST, stack), 3e3, 0.0, throw=False)
     assert coarse.error > 1e-9
     fine = graded_compliance(stack, 3e3, 0.0)
     assert fine.error <= 1e-9
