@@ -24,7 +24,7 @@ from contact_scenes import CELL as CELL_OF_PEERS
 from rows import goal, report, timed
 
 import graded_contact as gc
-from graded_contact.sliding.resolution import resampled
+from graded_contact.sliding.half_grid import resampled
 
 CELL = 8e-3  # m
 NUMBERS = ("friction", "contact_area", "mean_gap")

@@ -38,7 +38,7 @@ from graded_contact.scenes.schema import (
     keys_of,
     parts_of,
 )
-from graded_contact.sliding.heating import Heating
+from graded_contact.sliding.case import Heating
 
 ROOT = Path(__file__).parents[1]
 KEYS_FILE = ROOT / "docs" / "scene_keys.md"

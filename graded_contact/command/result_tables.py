@@ -19,7 +19,7 @@ from ..plot.words import title_of
 from ..scenes.results import SEED_ERROR, over_seeds, solve_states, surface_of, warnings_of
 from ..scenes.scene import Scene
 from ..scenes.schema import parse_toml
-from ..sliding.resolution import grid_estimate
+from ..sliding.half_grid import grid_estimate
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface

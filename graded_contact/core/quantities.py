@@ -177,7 +177,8 @@ class Observable(NamedTuple):
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
     - `column`: head and format in the table of the command, if it has a column there.
-    - `on_two_grids`: whether it needs the contact on half the grid, see `sliding/resolution.py`.
+    - `beside`: what it needs beside its contact, computed before: such as the contact on half the
+      grid, see `sliding/resolution.py`.
     """
 
     quantity: Quantity
@@ -187,7 +188,7 @@ class Observable(NamedTuple):
     stored: bool = True
     needs: Collection[str] = ()
     column: tuple[str, str] | None = None
-    on_two_grids: bool = False
+    beside: Callable[[Any], Any] | None = None
 
     @property
     def name(self) -> str:

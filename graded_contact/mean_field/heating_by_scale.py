@@ -32,7 +32,7 @@ from numpy.polynomial import chebyshev
 from ..core.derivative import largest, still
 from ..core.display import shown
 from ..core.fixed_point import attach_fixed_point, find_fixed_point
-from ..sliding.heating import Heating
+from ..sliding.case import Heating
 from .angles import angles
 from .diffusion import mean_square_growth
 

@@ -57,8 +57,7 @@ from ..core.display import shown
 from ..fields.frequency import as_velocity, direction_and_speed
 from ..materials.shift import as_temperature
 from ..materials.softening import as_strain_per_slope
-from ..sliding.case import Case
-from ..sliding.heating import Heating
+from ..sliding.case import Case, Heating
 from ..sliding.shear import ShearLaw, shear_stress, unless_negative
 from ..surfaces.spectrum import CutoffCurve, SelfAffine
 from ..surfaces.statistics import slope_up_to

@@ -26,11 +26,11 @@ from ..mean_field.mean_field import mean_field_friction
 from ..scenes.run_scene import build_surface
 from ..scenes.scene import refuse_liquids
 from ..scenes.surface_source import RandomSurface
-from ..sliding.case import Case
-from ..sliding.heating import Heating
+from ..sliding.case import Case, Heating
 from ..sliding.numerics import Numerics
 from ..sliding.result import Sliding
 from ..sliding.shear import AbstractShear
+from ..sliding.slide import solve
 from ..surfaces.statistics import radial_spectrum, statistics
 from ..surfaces.surface import Surface
 from .document import Document, described
@@ -251,5 +251,5 @@ def _slide(scenery, numbers, start, solution=None):
     stack, surface, _, pressure, velocity, others = _at(scenery, numbers)
     load = {"pressure": pressure, "velocity": velocity, "law": scenery.law}
     case = Case(stack=stack, surface=surface, **load, **others)
-    found = case.solve(scenery.numerics, start=start, solution=solution)
+    found = solve(case, scenery.numerics, start=start, solution=solution)
     return cast(Sliding, found), surface.heights

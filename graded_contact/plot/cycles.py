@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-    from ..sliding.cycle import CyclicSliding
+    from ..sliding.result import CyclicSliding
 
 
 @finished

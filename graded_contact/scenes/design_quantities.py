@@ -20,6 +20,7 @@ from ..core.derivative import largest
 from ..core.parameters import with_values
 from ..mean_field.mean_field import MeanField
 from ..sliding.result import CyclicSliding, Sliding
+from ..sliding.slide import solve
 from ..studies.objectives import distance, friction_curve, loss_tangent, ripple
 from ..surfaces.surface import Surface
 from .design_scene import DesignScene
@@ -80,7 +81,7 @@ def contact_at(
     scene = study.scene
     bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)
     case = bare.case({"pressure": scene.pressure[0], "velocity": velocity}, surface)
-    return case.solve(dataclasses.replace(scene.numerics, throw=True))
+    return solve(case, dataclasses.replace(scene.numerics, throw=True))
 
 
 def contact_quantities(study: DesignScene, stack: Stack, surfaces: list[Surface]) -> Quantities:

@@ -12,6 +12,7 @@ from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.memory import CYCLE, DERIVATIVE, SLIDING, check_memory
 from ..fields.frequency import velocity_along
+from ..sliding.slide import solve
 from ..sliding.steady import check_approach
 from ..studies.dataset import package_versions
 from ..studies.parameter_covariance import with_standard_error
@@ -168,7 +169,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         if "seed" in point and isinstance(scene.surface, RandomSurface):
             rough = scene.surface.drawn(point["seed"])
         case = dataclasses.replace(scene, stack=stack).case(point, rough)
-        contact = case.solve(scene.numerics)
+        contact = solve(case, scene.numerics)
         found = dict(zip(names, contact.compute(*names), strict=True))
         if scene.motion is not None:  # along the direction of the motion
             for name in ("friction", "traction"):

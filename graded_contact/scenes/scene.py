@@ -37,8 +37,7 @@ from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
 from ..materials.material import AbstractMaterial
 from ..materials.softening import as_strain_per_slope
-from ..sliding.case import Case
-from ..sliding.heating import Heating
+from ..sliding.case import Case, Heating
 from ..sliding.motion import Motion
 from ..sliding.numerics import Numerics
 from ..sliding.shear import AbstractShear, shear_stress

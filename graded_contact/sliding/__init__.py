@@ -1,16 +1,17 @@
 """Sliding contact: the case, its observables and results, motion in time, shear and heat."""
 
-from .case import Case
+from . import caveats, errors  # noqa: F401 (they register observables, in this order)
+from .case import Case, Heating
 from .contact_stress import ContactStress, LargestStress, contact_stress
 from .gap_flow import GapFlow, gap_flow
 from .heat_source import heat_depths, heat_source
-from .heating import Heating, flash_temperature
+from .heating import flash_temperature
 from .magnification import area_against_cutoff, cumulative_friction
 from .motion import Motion, recorded, sinusoidal, start_stop, steady
 from .numerics import Numerics
-from .result import CyclicSliding, Sliding
+from .result import CyclicSliding, Sliding, describe
 from .shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
-from .slide import slide, slide_cycle
+from .slide import slide, slide_cycle, solve
 from .stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 
 __all__ = [
@@ -18,5 +19,9 @@ __all__ = [
     "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear", "Sliding",
     "area_against_cutoff", "contact_conductance", "contact_stiffness", "contact_stiffness_error",
     "contact_stress", "cumulative_friction", "flash_temperature", "gap_flow", "heat_depths",
-    "heat_source", "recorded", "sinusoidal", "slide", "slide_cycle", "start_stop", "steady",
+    "heat_source", "recorded", "sinusoidal", "slide", "slide_cycle", "solve", "start_stop",
+    "steady",
 ]  # fmt: skip
+
+describe(Sliding)
+describe(CyclicSliding)

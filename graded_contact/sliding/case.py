@@ -4,22 +4,53 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
+from jaxtyping import Array, Float
 
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
-from ..contacts.solution import ContactSolution
-from ..core.checks import Numbers, as_float, as_scalar, check_positive, check_type, check_values
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_scalar,
+    check_positive,
+    check_type,
+    check_values,
+    numbers,
+    scalar,
+)
 from ..core.display import shown
 from ..fields.frequency import as_velocity
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
-from .cycle import solve_cycle
-from .heating import Heating, solve_heated
 from .motion import check_resolved
-from .numerics import Numerics
-from .result import CyclicSliding, Sliding
 from .shear import ShearLaw
-from .steady import solve_steady
+
+OfParts = Float[Array, ""] | Float[Array, " parts"]
+
+
+@shown(units=False)
+class Heating(eqx.Module):
+    """How heat flows in the block and in the counterface.
+
+    **Fields:**
+
+    - `conductivity`: κ of the block [W/(m K)]: one number, or one for each layer, surface first,
+      and one for the half space below (also below a rigid base).
+    - `diffusivity`: D of the block [m²/s]: one number, or as many as layers plus one.
+    - `counterface_conductivity`: κ of the rough counterface [W/(m K)]; 0 if no heat flows into it.
+    """
+
+    conductivity: OfParts = eqx.field(converter=numbers("conductivity"))
+    diffusivity: OfParts = eqx.field(converter=numbers("diffusivity"))
+    counterface_conductivity: Float[Array, ""] = eqx.field(
+        converter=scalar("counterface_conductivity"), default=0.0
+    )
+
+    def __check_init__(self):
+        check_positive("conductivity", self.conductivity, "[W/(m K)]")
+        check_positive("diffusivity", self.diffusivity, "[m²/s]")
+        allowed = "a conductivity [W/(m K)] is zero or positive"
+        check_values("counterface_conductivity", self.counterface_conductivity, allowed, at_least=0)
 
 
 def _if_given(convert: Callable[[Any, str], Any], name: str) -> Callable[[Any], Any]:
@@ -56,9 +87,9 @@ class Case(eqx.Module):
     approach: Numbers | None = None
     law: AbstractLaw = HardWall()
     shear: ShearLaw | None = None
-    temperature: Numbers | None = None
+    temperature: Any = None
     heating: Heating | None = None
-    strain_per_slope: Numbers | None = None
+    strain_per_slope: Any = None
 
     def __check_init__(self):
         check_type("stack", self.stack, Stack)
@@ -96,33 +127,9 @@ class Case(eqx.Module):
         given = [n for n in ("mean_gap", "approach") if getattr(self, n) is not None]
         return given[0] if given else "pressure"
 
-    def solve(
-        self,
-        numerics: Numerics = Numerics(),  # noqa: B008 (immutable)
-        *,
-        start: Numbers | None = None,
-        solution: ContactSolution | None = None,
-    ) -> Sliding | CyclicSliding:
-        """Returns the contact: a `Sliding`, or with a displacement over time a `CyclicSliding`.
-
-        **Arguments:**
-
-        - `numerics`: tolerance and solvers.
-        - `start`: a pressure field [Pa] to start from, see `solve_contact`.
-        - `solution`: `.contact` of an earlier solve of this case. Nothing is solved then: the same
-          numbers are returned, with derivatives.
-
-        **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
-        """
+    @property
+    def rough(self) -> Surface:
+        """The surface; raises `ValueError` for a spectrum, which has no contact."""
         check_type("surface", self.surface, Surface)
-        numerics = numerics.of(self.stack, self.surface)
-        # With heat several contacts are solved, and a motion has one at each time.
-        if solution is not None and (self.heating is not None or self.velocity is None):
-            raise ValueError(
-                "`solution` is refused with `heating` or a motion: it holds steady contacts alone."
-            )
-        if self.heating is not None:
-            return solve_heated(self, numerics, start)
-        if self.velocity is None:
-            return solve_cycle(self, numerics, start)
-        return solve_steady(self, numerics, start, solution)
+        assert isinstance(self.surface, Surface)
+        return self.surface

@@ -14,7 +14,6 @@ from ..fields.grid import to_field, to_spectrum
 from ..materials.coverage import is_unknown
 from .motion import Motion, rate_of
 from .observables import (
-    Found,
     all_tractions,
     along_motion,
     approach,
@@ -34,13 +33,14 @@ from .observables import (
     touching,
     tractions_on,
 )
+from .result import CyclicSliding, Found, Sliding
 
 
 def _share_unmeasured(found: Found, weight: Array) -> Array:
     """The share of a weight on points that were not measured."""
-    if found.measured is None:
+    if found.problem.measured is None:
         return jnp.zeros((), found.pressure.dtype)
-    return jnp.sum(weight * (1 - found.measured)) / nonzero(jnp.sum(weight))
+    return jnp.sum(weight * (1 - found.problem.measured)) / nonzero(jnp.sum(weight))
 
 
 @observable("", "1", "relative difference of friction work and dissipation")
@@ -68,7 +68,7 @@ def slope_in_contact(found: Found) -> Array:
 
 
 @of_steady("", "1", "share of the contact area on filled or tapered points")
-def unmeasured_area(found: Found) -> Array:
+def unmeasured_area(found: Sliding) -> Array:
     """Share of the contact area on points that were filled or tapered, not measured [1].
 
     0 where `Surface.measured` is None.
@@ -80,7 +80,7 @@ def unmeasured_area(found: Found) -> Array:
     "", "1", "share of the hysteresis on filled or tapered points",
     column=("on points not\nmeasured", ".1%"),
 )  # fmt: skip
-def unmeasured_friction(found: Found) -> Array:
+def unmeasured_friction(found: Sliding) -> Array:
     """The same share of the tangential traction |σ ∂w/∂x_v| [1].
 
     Tractions up and down the slopes nearly cancel in friction.
@@ -97,26 +97,26 @@ def extrapolated_friction(found: Found) -> Array:
 
     Its modulus there is an extrapolation. See `coverage`.
     """
-    if found.measured_range is None:
+    if found.problem.measured_range is None:
         return jnp.zeros((), found.pressure.dtype)
     lost = jnp.abs(dissipation_of_waves(found))
-    outside = is_unknown(frequencies(found), found.measured_range)
+    outside = is_unknown(frequencies(found), found.problem.measured_range)
     return jnp.sum(jnp.where(outside, lost, 0)) / nonzero(jnp.sum(lost))
 
 
 @of_steady("", "1", "approach over the thickness of layers on a rigid base", needs=["window"])
-def compression(found: Found) -> Array:
+def compression(found: Sliding) -> Array:
     """How far a body on a window moved into layers on a rigid base, over their thickness [1].
 
     0 on another base.
     """
-    if found.thickness is None:
+    if found.problem.thickness is None:
         return jnp.zeros((), found.pressure.dtype)
-    return approach(found) / found.thickness
+    return approach(found) / found.problem.thickness
 
 
 @of_cycle("", "1", "difference of two forms of the load's work, over the dissipation")
-def load_mismatch(found: Found) -> Array:
+def load_mismatch(found: CyclicSliding) -> Array:
     """Difference of `load_work` from -∮ σ0 dū, its other form, over the energy dissipated [1].
 
     It is the error of grid and times; 0 without dissipation.
@@ -127,13 +127,13 @@ def load_mismatch(found: Found) -> Array:
 
 
 @of_cycle("", "1", "largest step from one time to the next, in spacings of the grid")
-def largest_step(found: Found) -> Array:
+def largest_step(found: CyclicSliding) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
     return Motion(found.displacement, found.period).largest_step(found.grid)
 
 
 @of_cycle("", "1", "extent of the motion that comes back, over the cell")
-def stroke_over_cell(found: Found) -> Array:
+def stroke_over_cell(found: CyclicSliding) -> Array:
     """Extent of the motion along an axis over the edge of the cell [1], the larger one.
 
     Of the part that comes back: 0 under steady sliding.
@@ -143,7 +143,7 @@ def stroke_over_cell(found: Found) -> Array:
 
 
 @of_cycle("", "1", "ripple of the traction before a start, over its peak")
-def ripple_at_rest(found: Found) -> Array:
+def ripple_at_rest(found: CyclicSliding) -> Array:
     """Ripple of the traction at rest, before a start, over the largest traction [1].
 
     From time to time it changes its sign, unlike what decays. 0 for a motion without a rest.
@@ -158,7 +158,7 @@ def ripple_at_rest(found: Found) -> Array:
 
 
 @of_cycle("", "1", "share of the velocity at the upper half of the frequencies")
-def unresolved_motion(found: Found) -> Array:
+def unresolved_motion(found: CyclicSliding) -> Array:
     """Share of the velocity at the upper half of the frequencies [1]."""
     waves = jnp.abs(jnp.fft.rfft(found.motion_of_surface[0], axis=0)) ** 2
     upper = jnp.sum(waves[len(found.moved) // 4 + 1 :]) / nonzero(jnp.sum(waves))

@@ -7,10 +7,8 @@ at once (`contacts/space_time.py`), without steps in time.
 Per cycle and area, friction does the work ∮ τ·v dt, with the traction τ = -⟨σ ∇w⟩ that opposes the
 motion, and the load does the work ∮ ⟨σ ∂w/∂t⟩ dt, at a fixed point of the surface. The block turns
 their sum to heat: T Σ -ω Im M |σ_qω|². Shear in the contact acts along the motion at each time; the
-coupling of its traction is that of `coupling.py`.
+coupling of its traction is that of `isothermal.py`.
 """
-
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,92 +16,57 @@ import jax.numpy as jnp
 from ..blocks.grading import graded_tolerance
 from ..blocks.periodic_kernel import periodic_kernel
 from ..blocks.tangential_kernel import periodic_tangential_kernels
-from ..contacts.abstract_solver import Inputs
 from ..contacts.law import check_one_law
-from ..contacts.solution import RESULTS, ContactSolution
-from ..contacts.solve import as_start, contact_of, loading_of
+from ..contacts.solution import RESULTS
+from ..contacts.solve import loading_of
 from ..contacts.space_time import SpaceTime, in_motion
-from ..core.checks import Numbers, check_squares
+from ..core.checks import check_squares
 from ..core.derivative import derivative_apart
 from ..core.memory import CYCLE, check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid
 from ..materials.coverage import coverage
 from ..surfaces.surface import check_periodic
-from .coupling import Coupling, lagged
+from .case import Case
 from .motion import components
 from .numerics import Numerics
-from .result import CyclicSliding
+from .problem import Coupling, CycleProblem, Posed
 from .shear import is_coupled, shear_stress, unless_negative
 
 
-def solve_cycle(
-    case: Any,
-    numerics: Numerics,
-    start: Numbers | None = None,
-    solution: ContactSolution | None = None,
-) -> CyclicSliding:
-    """Returns the periodic state of a `Case` with a displacement over time, without its heat.
-
-    See `slide_cycle`; with a `solution` as `Case.solve`.
-    """
-    stack, surface, law, period = case.stack, case.surface, case.law, case.period
+def cycle_problem(case: Case, how: Numerics) -> Posed:
+    """Returns the problem of a case with a displacement over time, and its load."""
+    stack, surface, law, period = case.stack, case.rough, case.law, case.period
     check_periodic(surface)
     check_one_law(law)
     grid, num_times = surface.grid, len(case.displacement)
     check_squares("heights", surface.heights, "m")
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
     check_memory("displacement", "a cycle", CYCLE, heights.shape, heights.dtype.itemsize)
-    loading_of(law, heights, num_times, **_load(case))  # refuses what is no load
-    begin = as_start(start, heights, law)
+    load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
+    loading_of(law, heights, num_times, **load)  # refuses what is no load
     kernel, error = periodic_kernel(stack, grid, num_times, period)
     reached = error <= graded_tolerance(stack, None, grid.size)
     sheared = shear_stress(case.shear, jnp.zeros((), heights.dtype), case.temperature)
     coupling = None
     if is_coupled(case.shear):
         lift, along, good = periodic_tangential_kernels(
-            stack, grid, num_times, period, components(case.displacement).shape[1],
-        )  # fmt: skip
+            stack, grid, num_times, period, components(case.displacement).shape[1]
+        )
         coupling, reached = Coupling(lift, along), reached & good
     # Under `jit` only the program itself can raise.
-    if numerics.throw:
+    if how.throw:
         kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
-    operator = _operator(unless_negative(kernel, sheared), case.displacement, grid)
-
-    def result(given, contact):
-        case, operator, sheared, coupling = given
-        return CyclicSliding(
-            contact=contact, operator=operator, heights=case.surface.heights, grid=grid,
-            law=case.law, displacement=case.displacement, period=case.period, shear=sheared,
-            coupling=coupling, measured_range=coverage(stack), prescribed=case.prescribed,
-        )  # fmt: skip
-
-    def solve(given, shift, start, solution):
-        """The contact of the heights less a shift."""
-        case, operator = given[:2]
-        heights = jnp.broadcast_to(case.surface.heights, (num_times, *grid.shape))
-        loading = loading_of(case.law, heights, num_times, **_load(case))
-        heights = heights if shift is None else heights - shift
-        contact = contact_of(
-            Inputs(operator, heights, case.law, loading),
-            numerics.solver, numerics.adjoint, numerics.rtol, start, solution, numerics.throw,
-        )  # fmt: skip
-        return result(given, contact)
-
-    given = case, operator, sheared, coupling
-    if coupling is None:
-        found = solve(given, None, begin, solution)
-    else:
-        none = jnp.zeros_like(heights)
-        found = lagged(solve, result, given, numerics, begin, solution, none)
-    if not numerics.throw:
-        end = RESULTS.where(reached, found.result, RESULTS.inaccurate_kernel)
-        found = eqx.tree_at(lambda f: f.contact.result, found, end)
-    return found
-
-
-def _load(case: Any) -> dict[str, Any]:
-    return {"pressure": case.pressure, "mean_gap": case.mean_gap}
+    problem = CycleProblem(
+        operator=_operator(unless_negative(kernel, sheared), case.displacement, grid),
+        heights=surface.heights, grid=grid, law=law, displacement=case.displacement, period=period,
+        shear=sheared, coupling=coupling, measured_range=coverage(stack),
+        prescribed=case.prescribed,
+    )  # fmt: skip
+    end = None
+    if not how.throw:
+        end = RESULTS.where(reached, RESULTS.successful, RESULTS.inaccurate_kernel)
+    return Posed(problem, load, end)
 
 
 @derivative_apart

@@ -15,10 +15,10 @@ from jaxtyping import Array
 from ..contacts import area
 from ..contacts.estimates import error_of
 from ..contacts.operator import nonzero
+from ..contacts.window import Window
 from ..core.quantities import OBSERVABLES
 from ..fields.grid import interpolate
 from .observables import (
-    Found,
     contact_area,
     contact_area_pixels,
     contact_indicator,
@@ -39,6 +39,8 @@ from .observables import (
     traction,
     tractions_of,
 )
+from .resolution import neighbours_of
+from .result import Found
 from .shear import shear_over_load
 
 
@@ -47,7 +49,7 @@ def errors_of(
     kind: Any,
     column: tuple[str, str] | None = None,
     needs: tuple[str, ...] = (),
-    **parts: Callable[[Found], Array],
+    **parts: Callable[[Any], Any],
 ) -> None:
     """Registers `NAME_error`, the sum of its parts, and each part as `NAME_PART_error`."""
     symbol, unit, meaning = OBSERVABLES[name].quantity[1:]
@@ -61,7 +63,7 @@ def errors_of(
         of_part.__doc__ = f"The part of `{name}_error` by {cause} [{unit}]."
         kind(
             "", unit, f"error of the {meaning} by {cause}",
-            needs=(*needs, *fact), on_two_grids=part in ("grid", "time"),
+            needs=(*needs, *fact), beside=neighbours_of if part in ("grid", "time") else None,
         )(of_part)  # fmt: skip
 
     def total(found):
@@ -72,7 +74,7 @@ def errors_of(
     total.__doc__ = f"Estimated error of `{name}`, the sum of its parts [{unit}]."
     kind(
         rf"\delta {symbol}", unit, f"estimated error of the {meaning}", column=column, needs=needs,
-        on_two_grids=True,
+        beside=neighbours_of,
     )(total)  # fmt: skip
 
 
@@ -90,7 +92,7 @@ def change_by_grid(name: str) -> Callable[[Found], Array]:
     """Returns the formula of the change of a number from half the grid, see `resolution.py`."""
 
     def change(found):
-        formula, near = OBSERVABLES[name].formula, found.neighbours
+        formula, near = OBSERVABLES[name].formula, neighbours_of(found)
         own, same, half = map(formula, (found, near.same, near.half))
         # Without its shortest waves a surface has less friction, of about the same relative error.
         less = jnp.maximum(jnp.abs(own) / nonzero(jnp.abs(same)), 1)
@@ -102,7 +104,9 @@ def change_by_grid(name: str) -> Callable[[Found], Array]:
     return change
 
 
-def by_times(name: str, trace: Callable[[Found], Array]) -> Callable[[Found], Array]:
+def by_times(
+    name: str, trace: Callable[[CyclicSliding], Array]
+) -> Callable[[CyclicSliding], Array]:
     """Returns the formula of the error by the times, from the contact with half as many.
 
     `trace` is what the number is a mean or a peak of, at each time: its changes may cancel in the
@@ -110,7 +114,7 @@ def by_times(name: str, trace: Callable[[Found], Array]) -> Callable[[Found], Ar
     """
 
     def of_times(found):
-        formula, fewer = OBSERVABLES[name].formula, found.neighbours.fewer
+        formula, fewer = OBSERVABLES[name].formula, neighbours_of(found).fewer
         if fewer is None:  # too few to be halved
             return jnp.abs(formula(found))
         before, after = trace(found), trace(fewer)
@@ -121,13 +125,13 @@ def by_times(name: str, trace: Callable[[Found], Array]) -> Callable[[Found], Ar
     return of_times
 
 
-def _work_over_time(found: Found) -> Array:
+def _work_over_time(found: CyclicSliding) -> Array:
     """The power of friction at each time over a period [J/m²]."""
     moved = traction(found).reshape(len(found.displacement), -1) * found.motion_of_surface[0]
     return jnp.sum(moved, axis=1) * found.period
 
 
-def _power_over_time(found: Found) -> Array:
+def _power_over_time(found: CyclicSliding) -> Array:
     return _work_over_time(found) / found.period
 
 
@@ -145,12 +149,13 @@ def _solver_errors(found: Found) -> Array:
     return error_of(of, of(jnp.zeros_like(change)), change, steepest)
 
 
-def _changes_by_kernel(found: Found) -> list[Array]:
+def _changes_by_kernel(found: Sliding) -> list[Array]:
     """What the errors of a window's kernel change in the pressure."""
-    if found.kernel_error is None:
+    if found.problem.kernel_error is None:
         return []
+    assert isinstance(found.operator, Window)
     given = found.pressure, touching(found), found.at_approach
-    return [found.operator.change_by(error, *given) for error in found.kernel_error]
+    return [found.operator.change_by(error, *given) for error in found.problem.kernel_error]
 
 
 def _with_chance(part: Array) -> Array:
@@ -158,14 +163,15 @@ def _with_chance(part: Array) -> Array:
     return jnp.abs(jnp.sum(part)) + jnp.sqrt(jnp.sum(part**2))
 
 
-def _image_error(found: Found) -> Array:
+def _image_error(found: Sliding) -> Array:
     """What the errors of a window's kernel change in friction, under this pressure and by the load.
 
     Contributions of single points may cancel in the estimate by chance: so twice their root sum of
     squares is added (`docs/theory/contact.md`).
     """
+    assert found.problem.kernel_error is not None
     pressure = loaded(found)[0]
-    moved = [found.operator.with_kernel(k).displace(pressure) for k in found.kernel_error]
+    moved = [found.operator.with_kernel(k).displace(pressure) for k in found.problem.kernel_error]
     sums = sum(jnp.abs(jnp.sum(tractions_of(found, pressure, w)) / load(found)) for w in moved)
     steep = sum(slopes(found, pressure, w) for w in moved)
     by_kernel = sums + 2 * steep / jnp.sqrt(jnp.sum(pressure != 0))
@@ -181,7 +187,7 @@ def _image_error(found: Found) -> Array:
     return by_kernel + sum(_with_chance(pull * change) for change in _changes_by_kernel(found))
 
 
-def _friction_by_solver(found: Found) -> Array:
+def _friction_by_solver(found: Sliding) -> Array:
     error = _solver_errors(found)[0]
     if found.shear is None:
         return error
@@ -205,7 +211,7 @@ def _friction_by_grid(found: Found) -> Array:
 
 def _area_by_grid(found: Found) -> Array:
     edges = jnp.abs(contact_area_pixels(found) - contact_area(found))
-    error = change_by_grid("contact_area")(found) + 0.4 * found.neighbours.factor * edges
+    error = change_by_grid("contact_area")(found) + 0.4 * neighbours_of(found).factor * edges
     return jnp.minimum(error, jnp.maximum(contact_area(found), 1 - contact_area(found)))
 
 
@@ -227,7 +233,7 @@ def _area_by_solver(found: Found) -> Array:
     return moved + _area_in_doubt(found, found.contact.correction)
 
 
-def _area_by_kernel(found: Found) -> Array:
+def _area_by_kernel(found: Sliding) -> Array:
     inside, change = touching(found), jnp.zeros_like(found.pressure)
     for moved in _changes_by_kernel(found):  # 0 outside contact, where points may join it
         in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(inside), 1))
@@ -238,15 +244,16 @@ def _area_by_kernel(found: Found) -> Array:
 
 
 def _pressure_by_solver(found: Found) -> Array:
-    if found.prescribed == "pressure":
+    if found.problem.prescribed == "pressure":
         raise ValueError("A contact at a given `pressure` has no `mean_pressure_error`.")
     of = lambda change: jnp.mean(found.pressure + change)[None]  # noqa: E731
     mean = found.contact.mean_pressure
     return error_of(of, mean[None], found.contact.correction, mean)[0]
 
 
-def _approach_by_kernel(found: Found) -> Array:
-    operators = map(found.operator.with_kernel, found.kernel_error)
+def _approach_by_kernel(found: Sliding) -> Array:
+    assert found.problem.kernel_error is not None
+    operators = map(found.operator.with_kernel, found.problem.kernel_error)
     moved = [moved_where_loaded(found, operator) for operator in operators]
     return jnp.sum(jnp.abs(jnp.stack(moved)))
 
@@ -254,6 +261,7 @@ def _approach_by_kernel(found: Found) -> Array:
 def _by_temperature(found: Found, index: int) -> Array:
     """The error of mean or peak friction by the temperatures; known is that of the mean."""
     both = frictions(found, loaded(found)[0], contact_indicator(found))
+    assert found.heated is not None
     return found.heated.friction_error * jnp.abs(both[index]) / nonzero(jnp.abs(both[0]))
 
 

@@ -28,7 +28,7 @@ is so if the stroke is longer than the spots of contact.
 """
 
 import dataclasses
-from typing import Any
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -42,23 +42,18 @@ from ..contacts.area import area_in_doubt
 from ..contacts.solution import RESULTS
 from ..core.checks import (
     Numbers,
-    check_positive,
     check_types,
-    check_values,
     is_concrete,
-    numbers,
-    scalar,
 )
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart, still
-from ..core.display import shown
 from ..core.fixed_point import attach_fixed_point, find_fixed_point
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
 from ..materials.shift import as_temperature
 from ..materials.softening import at_strain
 from ..surfaces.surface import check_periodic
-from .cycle import solve_cycle
+from .case import Case, Heating
 from .heat_source import (
     as_depths,
     check_series,
@@ -69,48 +64,20 @@ from .heat_source import (
     intervals,
     shear_heat,
 )
+from .isothermal import solve_isothermal
 from .motion import refined
 from .numerics import Numerics
 from .observables import lengths, shear_power
-from .result import CyclicSliding, Sliding
-from .steady import solve_steady
+from .result import CyclicSliding, Found, Sliding
 
 NUM_CELLS = 8  # of the depth, each at one temperature
 SAFETY = 4.0  # of the change of friction by twice the cells
-OfParts = Float[Array, ""] | Float[Array, " parts"]
 _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
 
 
-@shown(units=False)
-class Heating(eqx.Module):
-    """How heat flows in the block and in the counterface.
-
-    **Fields:**
-
-    - `conductivity`: κ of the block [W/(m K)]: one number, or one for each layer, surface first,
-      and one for the half space below (also below a rigid base).
-    - `diffusivity`: D of the block [m²/s]: one number, or as many as layers plus one.
-    - `counterface_conductivity`: κ of the rough counterface [W/(m K)]; 0 if no heat flows into it.
-    """
-
-    conductivity: OfParts = eqx.field(converter=numbers("conductivity"))
-    diffusivity: OfParts = eqx.field(converter=numbers("diffusivity"))
-    counterface_conductivity: Float[Array, ""] = eqx.field(
-        converter=scalar("counterface_conductivity"), default=0.0
-    )
-
-    def __check_init__(self):
-        check_positive("conductivity", self.conductivity, "[W/(m K)]")
-        check_positive("diffusivity", self.diffusivity, "[m²/s]")
-        allowed = "a conductivity [W/(m K)] is zero or positive"
-        check_values("counterface_conductivity", self.counterface_conductivity, allowed, at_least=0)
-
-
-def solve_heated(
-    case: Any, numerics: Numerics, start: Numbers | None = None
-) -> Sliding | CyclicSliding:
+def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -> Found:
     """Returns the contact of a `Case` at the temperatures that it causes; see `slide`."""
-    check_periodic(case.surface)
+    check_periodic(case.rough)
     check_heated(case.stack)
     if (
         case.velocity is None
@@ -118,7 +85,7 @@ def solve_heated(
         and not np.any(np.ptp(np.asarray(case.displacement), axis=0))
     ):
         raise ValueError("`heating` is refused: `displacement` does not move.")
-    grid, dtype = case.surface.grid, case.surface.grid.size.dtype
+    grid, dtype = case.rough.grid, case.rough.grid.size.dtype
     temperature = as_temperature(check_bulk(case.temperature)).astype(dtype)
     case.stack.at(temperature)  # refuses what a material cannot have
     edges, padded, finer = _cells(grid, NUM_CELLS)
@@ -127,19 +94,21 @@ def solve_heated(
     heat = fixed.heating, fixed.stack
     rtol = 10 * numerics.rtol  # temperatures are as noisy as the contact is inaccurate
 
-    def contact(x, case, edges, starts=(None, None), solutions=(None, None)):
+    def contact(
+        x, case: Case, edges, starts=(None, None), solutions=(None, None)
+    ) -> tuple[Found, Sliding, Stack, Array | float]:
         """The contact at rises of the surface and of the cells, the contact with its heat, its
         block, and the factor of the heat.
         """
         block, temperature = _block(case.stack, case.temperature, x, edges)
         inner = dataclasses.replace(case, stack=block, temperature=temperature, heating=None)
         if case.velocity is None:
-            cycle = solve_cycle(inner, numerics, starts[0], solutions[0])
+            cycle = cast(CyclicSliding, solve_isothermal(inner, numerics, starts[0], solutions[0]))
             inner, power = _of_mean(inner, cycle)
-            s = solve_steady(inner, numerics, starts[1], solutions[1])
+            s = cast(Sliding, solve_isothermal(inner, numerics, starts[1], solutions[1]))
             own = s.friction * jnp.mean(s.pressure) * s.speed
             return cycle, s, block, jnp.where(own > 0, power / jnp.where(own > 0, own, 1), 0)
-        s = solve_steady(inner, numerics, starts[0], solutions[0])
+        s = cast(Sliding, solve_isothermal(inner, numerics, starts[0], solutions[0]))
         if (ratio := case.strain_per_slope) is not None:
             block = at_strain(block, ratio * s.slope_in_contact)
         return s, s, block, 1.0
@@ -183,7 +152,7 @@ def solve_heated(
     )
 
 
-def _of_mean(case: Any, cycle: CyclicSliding) -> tuple[Any, Array]:
+def _of_mean(case: Case, cycle: CyclicSliding) -> tuple[Case, Array]:
     """The case of steady sliding at the mean speed and load of a cycle, and its mean power [W/m²].
 
     The velocity is along the fastest part of the path, if the path is not straight.
@@ -199,9 +168,13 @@ def _of_mean(case: Any, cycle: CyclicSliding) -> tuple[Any, Array]:
     return steady, cycle.dissipated_power + shear_power(cycle)
 
 
-def _errors(s: Sliding | CyclicSliding, closer: Sliding | CyclicSliding):
+def _errors(s: Found, closer: Found):
     """The errors of friction and contact area, from a contact of less error."""
-    names = "mean_friction" if s.is_cycle else "friction", "contact_area", "contact_indicator"
+    names = (
+        "mean_friction" if isinstance(s, CyclicSliding) else "friction",
+        "contact_area",
+        "contact_indicator",
+    )
     return _differences(*((*one.compute(*names), one.pressure) for one in (s, closer)))
 
 
@@ -236,8 +209,9 @@ def _block(stack: Stack, temperature, x, edges) -> tuple[Stack, Array]:
 
 @derivative_apart
 @jit
-def _rises(factor, s: Sliding, heating: Heating, stack: Stack, block: Stack, edges) -> Array:
+def _rises(factor, s: Sliding, heating: Heating | None, stack: Stack, block: Stack, edges) -> Array:
     """The mean rises of the surface and of the cells over the contact, times a factor [K]."""
+    assert heating is not None
     depths, weights = gauss_within(stack, edges)
     check_series(block)
     source = heat_where(weights > 0, s, block, depths)

@@ -29,8 +29,9 @@ from ..fields.grid import Grid, to_field, to_spectrum, wavenumber
 from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface, check_periodic
 from .case import Case
+from .isothermal import solve_posed
 from .numerics import numerics_of
-from .steady import kernel_of, solve_steady
+from .steady import steady_problem
 
 
 @check_types
@@ -66,14 +67,14 @@ def area_against_cutoff(
     case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity, law=law)
     how, _ = numerics_of("area_against_cutoff", numerics)
     how = how.of(stack, surface)
-    known = kernel_of(case, how)  # of the grid and the velocity: the same for all cut-offs
+    posed = steady_problem(case, how)  # its kernel is that of all cut-offs
 
     def solve(start, cutoff):
         kept = wavenumber(surface.grid) <= cutoff * (1 + 1e-6)
         heights = jnp.where(kept, to_spectrum(surface.heights), 0)
         heights = to_field(heights, surface.grid.shape)
-        smooth = eqx.tree_at(lambda one: one.surface.heights, case, heights)
-        s = solve_steady(smooth, how, start, known=known)
+        smooth = eqx.tree_at(lambda one: one.problem.heights, posed, heights)
+        s = solve_posed(smooth, how, start)
         found = jnp.stack(s.compute("friction", "contact_area"))
         # Areas without a pressure are none, not 0.
         return s.pressure, jnp.where(jnp.isfinite(found[0]), found, jnp.nan)

@@ -39,9 +39,9 @@ from ..fields.grid import (
     odd_wavevector,
 )
 from .motion import odd_frequencies, refined
+from .result import CyclicSliding, Found, Sliding
 from .shear import shear_field, shear_over_load, shear_parts
 
-Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
 of_steady, of_cycle = (functools.partial(observable, cycle=kind) for kind in (False, True))
 FOUR = "#.4g"  # a format of columns
 
@@ -73,7 +73,8 @@ def loaded(found: Found) -> tuple[Array, Array]:
 def tractions_on(found: Found) -> list[Array]:
     """The tangential traction on the block along each of its components [Pa], on the cell."""
     pressure, indicator, stress = found.pressure, contact_indicator(found), found.shear
-    if found.is_cycle:
+    assert stress is not None
+    if isinstance(found, CyclicSliding):
         speeds = lengths(found.motion_of_surface[0])
         at = lambda p, i, speed: shear_field(p, i, dataclasses.replace(stress, speed=speed))  # noqa: E731
         size = jax.vmap(at)(pressure, indicator, speeds)
@@ -99,7 +100,7 @@ def displaced(found: Found) -> tuple[Array, Array]:
 
 def along_motion(found: Found) -> list[Array]:
     """q of each wave along the velocity [rad/m]; in a cycle along each axis that it moves on."""
-    if found.is_cycle:
+    if isinstance(found, CyclicSliding):
         return list(odd_wavevector(found.grid)[: found.moved.shape[1]])
     # ω = -q·v of a unit velocity, with the other sign.
     return [-wave_frequencies(found.cell, direction_and_speed(found.velocity)[0])]
@@ -124,7 +125,7 @@ def all_tractions(found: Found) -> Array:
 
 def _over_load(found: Found, tractions: Array) -> Array:
     """Tractions over the load along the motion, NaN without contact."""
-    if not found.is_cycle:
+    if isinstance(found, Sliding):
         return tractions[0] / load(found)
     # Times without contact must not spoil the derivatives of the others.
     size = load(found)[:, None]
@@ -139,7 +140,7 @@ def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
     """
     tractions = tractions_of(found, pressure, found.operator.displace(pressure) + lift(found))
     size = load(found, pressure)
-    if not found.is_cycle:
+    if isinstance(found, Sliding):
         return tractions / size
     over = tractions / jnp.where(size > 0, size, 1)[:, None]
     between, power = refined(over), _power(found, tractions)
@@ -176,6 +177,7 @@ def shear_of_cycle(
 
     def law(speed):
         # At rest a law, such as a power of the speed, may have no derivative.
+        assert found.shear is not None
         return dataclasses.replace(found.shear, speed=jnp.where(speed > 0, speed, fastest))
 
     def at(pressure, indicator, speed):
@@ -234,7 +236,7 @@ def _power(found: Found, tractions: Array) -> Array:
 @shared
 def frequencies(found: Found) -> Array:
     """ω of each wave of the pressure [rad/s]; the highest of an even number of times is 0."""
-    if not found.is_cycle:
+    if isinstance(found, Sliding):
         return wave_frequencies(found.cell, found.velocity)
     count = len(found.pressure)
     omega = odd_frequencies(count, found.period)
@@ -256,6 +258,7 @@ def dissipation_of_waves(found: Found) -> Array:
 @shared
 def waves_of(found: Found) -> tuple[list[Array], list[Array]]:
     """Waves of pressure and tractions [Pa], and of the displacements along them [m]."""
+    assert found.coupling is not None
     return found.coupling.waves(found.operator, loaded(found)[0], tractions_on(found))
 
 
@@ -305,13 +308,13 @@ def moved_where_loaded(found: Found, operator: Any, field: Array | float = 0.0) 
     r"\bar\sigma", "Pa", "mean contact pressure", needs=["load follows"],
     column=("pressure\n[Pa]", FOUR),
 )  # fmt: skip
-def mean_pressure(found: Found) -> Array:
+def mean_pressure(found: Sliding) -> Array:
     """Mean pressure [Pa]."""
     return found.contact.mean_pressure
 
 
 @of_steady(r"\delta", "m", "approach", needs=["ground"], column=("approach\n[m]", ".3e"))
-def approach(found: Found) -> Array:
+def approach(found: Sliding) -> Array:
     """How far a body on a window moved into the block after its first touch [m].
 
     Relative to the block far away; NaN if that displacement has no limit, see `solve_contact`.
@@ -325,7 +328,7 @@ def approach(found: Found) -> Array:
 
 
 @of_steady("", "1", "share of the load on the rim of the window", needs=["window"])
-def rim_load(found: Found) -> Array:
+def rim_load(found: Sliding) -> Array:
     """Share of the load on the outermost points of a window [1]; NaN without a load."""
     rim = np.full(found.grid.shape, "window" in found.facts)
     rim[(slice(1, -1),) * found.grid.ndim] = False
@@ -333,7 +336,7 @@ def rim_load(found: Found) -> Array:
 
 
 @of_steady("M", "N m", "moment of the pressure about the middle of the window", stored=False)
-def moment(found: Found) -> Array:
+def moment(found: Sliding) -> Array:
     """Moment of the pressure about the middle of a window [N m], of a line [N].
 
     Force times distance along each axis.
@@ -347,7 +350,7 @@ def moment(found: Found) -> Array:
 
 
 @of_cycle(r"\bar\mu", "1", "work of friction over load and path", column=("friction\n(mean)", FOUR))
-def mean_friction(found: Found) -> Array:
+def mean_friction(found: CyclicSliding) -> Array:
     """Work over ∮ load |v| dt [1], 0 without motion; under steady sliding the friction."""
     return frictions(found, loaded(found)[0], contact_indicator(found))[0]
 
@@ -356,7 +359,7 @@ def mean_friction(found: Found) -> Array:
     r"\bar\mu_\mathrm{shear}", "1", "part of the mean friction from shear in the contact",
     needs=["sheared"], column=("shear\n(mean)", FOUR),
 )  # fmt: skip
-def mean_shear_friction(found: Found) -> Array:
+def mean_shear_friction(found: CyclicSliding) -> Array:
     """The part of `mean_friction` from shear in the contact area, with `shear` [1]."""
     return shear_power(found) / nonzero(_loaded_path(found, load(found)))
 
@@ -365,19 +368,19 @@ def mean_shear_friction(found: Found) -> Array:
     r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle",
     column=("friction\n(peak)", FOUR),
 )  # fmt: skip
-def peak_friction(found: Found) -> Array:
+def peak_friction(found: CyclicSliding) -> Array:
     """The largest |friction|, also between the times [1]."""
     return frictions(found, loaded(found)[0], contact_indicator(found))[1]
 
 
 @of_cycle("W", "J/m²", "work of friction in a cycle", column=("work\n[J/m²]", FOUR))
-def work(found: Found) -> Array:
+def work(found: CyclicSliding) -> Array:
     """Work of friction per area and cycle, that of shear included [J/m²]."""
     return (_power(found, _own_tractions(found)) + shear_power(found)) * found.period
 
 
 @of_cycle(r"W_\sigma", "J/m²", "work of the load in a cycle")
-def load_work(found: Found) -> Array:
+def load_work(found: CyclicSliding) -> Array:
     """Work of the load on the block per area and cycle [J/m²].
 
     The sum of both, less the work of shear, is dissipated in the block.
@@ -386,13 +389,13 @@ def load_work(found: Found) -> Array:
 
 
 @of_cycle("P", "W/m²", "mean power that the block dissipates", column=("power\n[W/m²]", FOUR))
-def dissipated_power(found: Found) -> Array:
+def dissipated_power(found: CyclicSliding) -> Array:
     """Mean power lost in the block per area [W/m²]."""
     return jnp.sum(dissipation_of_waves(found))
 
 
 @of_cycle("P", "W/m²", "power dissipated at each frequency", stored=False)
-def dissipation(found: Found) -> Array:
+def dissipation(found: CyclicSliding) -> Array:
     """Its parts at the frequencies ω = 2π k/T, k = 0, 1, ..., shape `(nt//2 + 1,)`."""
     lost = dissipation_of_waves(found)
     lost, count = jnp.sum(lost, axis=tuple(range(1, lost.ndim))), len(lost)
@@ -405,7 +408,7 @@ def dissipation(found: Found) -> Array:
     r"\delta", "1", "phase of the traction before the displacement, in radians",
     column=("phase\n[rad]", ".3f"),
 )  # fmt: skip
-def phase(found: Found) -> Array:
+def phase(found: CyclicSliding) -> Array:
     """By which the first harmonic of the traction leads that of the displacement [rad].
 
     0 for a spring, π/2 for a dashpot; 0 without motion.
@@ -424,7 +427,7 @@ def friction(found: Found) -> Array:
     It is >= 0 for passive materials in steady sliding, and NaN without contact. In a cycle it is
     positive where it opposes a motion along +x; over the displacement it draws the hysteresis loop.
     """
-    if found.is_cycle:
+    if isinstance(found, CyclicSliding):
         return _over_load(found, all_tractions(found))
     return hysteresis_friction(found) + shear_friction(found)
 
@@ -449,7 +452,7 @@ def hysteresis_friction(found: Found) -> Array:
 )  # fmt: skip
 def shear_friction(found: Found) -> Array:
     """The part from shear in the contact area [1]; 0 without `shear`."""
-    if found.is_cycle:
+    if isinstance(found, CyclicSliding):
         return _over_load(found, _sheared(found)[0])
     return shear_over_load(found.pressure, contact_indicator(found), found.shear)
 
@@ -460,6 +463,7 @@ def shear_friction(found: Found) -> Array:
 )  # fmt: skip
 def surface_rise(found: Found) -> Array:
     """Temperature of the contact above the bulk, with heating [K]; the mean over a cycle."""
+    assert found.heated is not None
     return found.heated.surface_rise
 
 
@@ -475,13 +479,13 @@ def geometric_friction(found: Found) -> Array:
     pressure = loaded(found)[0]
     heights = found.operator.on_cell(found.heights, "symmetric")
     tractions = tractions_of(found, pressure, jnp.broadcast_to(heights, pressure.shape))
-    if found.is_cycle:
+    if isinstance(found, CyclicSliding):
         return _over_load(found, tractions + _sheared(found)[0])
     return _over_load(found, tractions) + shear_friction(found)
 
 
 @of_cycle(r"\tau", "Pa", "shear stress that opposes the motion", over_time=True)
-def traction(found: Found) -> Array:
+def traction(found: CyclicSliding) -> Array:
     """τ [Pa], the shear stress on the whole area, of hysteresis and shear together."""
     return all_tractions(found).reshape(found.displacement.shape)
 
@@ -490,8 +494,8 @@ def traction(found: Found) -> Array:
 def load(found: Found, pressure: Array | None = None) -> Array:
     """Mean pressure [Pa]."""
     # Of the cell, which is larger than a window.
-    pressure = loaded(found)[0] if pressure is None else pressure
-    return found.operator.at_each_time(jnp.mean, pressure)
+    on_cell = loaded(found)[0] if pressure is None else pressure
+    return found.operator.at_each_time(jnp.mean, on_cell)
 
 
 # Contact area and gap.
@@ -515,7 +519,7 @@ def contact_area_pixels(found: Found) -> Array:
 
 
 @of_cycle("t_c/T", "1", "share of the times at which the surfaces touch")
-def time_in_contact(found: Found) -> Array:
+def time_in_contact(found: CyclicSliding) -> Array:
     """Share of the times at which the surfaces touch [1]."""
     return jnp.mean(contact_area_pixels(found) > 0, dtype=found.pressure.dtype)
 
@@ -524,7 +528,7 @@ def time_in_contact(found: Found) -> Array:
 def mean_gap(found: Found) -> Array:
     """Mean of the gap [m]."""
     gap = found.contact.mean_gap
-    return gap.reshape(gap.shape[: -found.grid.ndim]) if found.is_cycle else gap
+    return gap.reshape(gap.shape[: -found.grid.ndim]) if isinstance(found, CyclicSliding) else gap
 
 
 @observable("", "Pa", "how far points are inside contact or outside", stored=False)

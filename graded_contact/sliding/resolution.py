@@ -1,4 +1,4 @@
-"""The errors of the grid and of the times: the same contact with fewer points, or fewer times.
+"""The errors of the grid and of the times: the contact with fewer points, or fewer times.
 
 The waves of surface and block that half as many points resolve are kept. Friction and areas change
 with the square of the spacing, roughly, so that their change from half the grid contains the error
@@ -10,7 +10,6 @@ A window has no waves of its own: the heights of half the grid are means of neig
 """
 
 import dataclasses
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,25 +17,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..contacts.abstract_solver import Inputs
-from ..contacts.adjoint import LinearSplitting
 from ..contacts.nested_solve import DouglasRachford
-from ..contacts.operator import nonzero
 from ..contacts.solution import RESULTS
-from ..contacts.solve import contact_of, loading_of, solve_contact
-from ..contacts.space_time import in_motion
-from ..contacts.window import operator_of
 from ..core.checks import is_concrete
 from ..core.derivative import largest
-from ..fields.grid import Grid, derivative, interpolate, resample_spectrum, to_field, to_spectrum
+from ..fields.grid import interpolate
+from .half_grid import LACKING, SAME, halved, heights_on, resampled
+from .numerics import Numerics
 from .observables import lift
-
-Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
+from .problem import Problem
+from .result import CyclicSliding, Found, Sliding
 
 RTOL = 2e-4  # of the pressure; the differences of two grids are larger
-_LEAST, _LEAST_TIMES = 4, 8  # points along an axis, and times, which are not halved again
-_LACKING = 8.0  # times the share of the squared slope that half the grid lacks
-_SAME = 1e-5  # of the squared slope: below it half the grid lacks nothing
+_LEAST_TIMES = 8  # times that are not halved again
 
 
 class Neighbours(eqx.Module):
@@ -45,7 +38,7 @@ class Neighbours(eqx.Module):
     **Fields:**
 
     - `same`: on the grid, without the waves that half of it lacks.
-    - `half`: the same on half as many points.
+    - `half`: the same contact on half as many points.
     - `fewer`: of a cycle, on the grid with half as many times; None if these are too few.
     - `factor`: by which changes are multiplied: 1, and more if half the grid lacks waves [1].
     """
@@ -57,143 +50,72 @@ class Neighbours(eqx.Module):
 
 
 def neighbours_of(found: Found) -> Neighbours:
-    """Returns the contacts on half the grid, and of a cycle with half the times."""
+    """Returns the contacts on half the grid, and of a cycle with half the times.
+
+    They are kept with the result, unless they are traced.
+    """
+    near = vars(found).get("_near")
+    if near is None:
+        near = _neighbours(found)
+        if all(map(is_concrete, jax.tree.leaves(near))):
+            vars(found)["_near"] = near
+    return near
+
+
+def _neighbours(found: Found) -> Neighbours:
     shape = found.grid.shape
-    halved = _halved(shape)
+    half = halved(shape)
     pressure = found.contact.mean_pressure
     if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
         # Without a contact there is nothing to compare.
         return Neighbours(found, found, found, jnp.ones_like(pressure))
-    times = len(found.displacement) if found.is_cycle else 0
-    on_half, cut, missing = _heights(found.heights, found.grid, halved, "window" in found.facts)
+    times = len(found.displacement) if isinstance(found, CyclicSliding) else 0
+    on_half, cut, missing = heights_on(found.heights, found.grid, half, "window" in found.facts)
     same, fewer = found, None
-    if not (is_concrete(missing) and missing <= _SAME):
+    if not (is_concrete(missing) and missing <= SAME):
         same = _solved(found, shape, cut, times)
     if times >= 2 * _LEAST_TIMES:
         fewer = _solved(found, shape, found.heights, times // 2)
-    factor = 1 + _LACKING * missing
-    if halved == shape:  # nothing is known of the error of the grid
+    factor = 1 + LACKING * missing
+    if half == shape:  # nothing is known of the error of the grid
         factor = factor * jnp.nan
-    return Neighbours(same, _solved(found, halved, on_half, times), fewer, factor)
+    return Neighbours(same, _solved(found, half, on_half, times), fewer, factor)
 
 
-def grid_estimate(heights: Float[Array, "*shape"], grid: Grid, window: bool) -> str:
-    """Returns in words where the errors by the grid of a contact come from."""
-    halved = _halved(heights.shape)
-    if halved == heights.shape:
-        return "not known: the grid has too few points"
-    missing = float(_heights(heights, grid, halved, window)[2])
-    if missing <= _SAME:
-        return "from half the grid"
-    return f"from half the grid, without the waves it lacks, times {1 + _LACKING * missing:.2g}"
-
-
-def _halved(shape: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple(n if n < 2 * _LEAST else n // 2 for n in shape)
-
-
-@eqx.filter_jit
-def _heights(
-    heights: Array, grid: Grid, halved: tuple[int, ...], window: bool
-) -> tuple[Array, Array, Array]:
-    """The heights on half the grid, those without the waves it lacks, and the share of these."""
-    if window:
-        return _means(heights, halved), heights, jnp.zeros(())
-    less = resampled(heights, halved)
-    cut = resampled(less, heights.shape)
-    axes = range(heights.ndim)
-    lost, all_of = (
-        jnp.sum(jnp.stack([jnp.mean(derivative(field, grid, axis) ** 2) for axis in axes]))
-        for field in (heights - cut, heights)
-    )
-    return less, cut, lost / nonzero(all_of)
-
-
-def resampled(field: Float[Array, "*shape"], shape: tuple[int, ...]) -> Float[Array, "*new"]:
-    """Returns a periodic field on another grid, with the waves that both resolve."""
-    waves = resample_spectrum(to_spectrum(field), field.shape, shape)
-    return to_field(waves, shape) * (np.prod(shape) / field.size)
-
-
-def _means(heights: Array, shape: tuple[int, ...]) -> Array:
-    """The heights of a window on fewer points: of an even number the means of two neighbours."""
-    for axis, (n, m) in enumerate(zip(heights.shape, shape, strict=True)):
-        if n == m:
-            continue
-        place = (np.arange(m) + 0.5) * (n / m) - 0.5
-        left = np.floor(place).astype(int)
-        weight = (place - left).reshape([-1 if i == axis else 1 for i in range(heights.ndim)])
-        low, high = (jnp.take(heights, i, axis) for i in (left, np.minimum(left + 1, n - 1)))
-        heights = low + jnp.asarray(weight, heights.dtype) * (high - low)
-    return heights
-
-
-def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int = 0) -> Found:
-    """The contact on another grid of the same cell; of a cycle with other times."""
-    load, start, operator, parts, shift = _given(found, shape, heights, num_times)
-    parts = parts | dict(operator=operator, heights=heights, grid=Grid(shape, found.grid.size))
+def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int) -> Found:
+    """The contact on another grid of the cell; of a cycle with other times."""
+    problem, load, start, shift = _given(found, shape, heights, num_times)
     # In a program of the user, Newton steps would take long to compile and are seldom needed.
     solver = DouglasRachford(newton=is_concrete(load))
-    how: Any = {"solver": solver, "adjoint": LinearSplitting(), "rtol": RTOL}
-    prescribed: Any = {found.prescribed: load}
+    how = Numerics(rtol=RTOL, solver=solver, throw=False)
     # The displacement by a traction that is no part of the kernel stays as it is.
-    heights = heights - shift
-    if found.is_cycle:
-        spread = jnp.broadcast_to(heights, (num_times, *shape))
-        loading = loading_of(found.law, spread, num_times, **prescribed)
-        inputs = Inputs(operator, spread, found.law, loading)
-        contact = contact_of(inputs, start=start, solution=None, throw=False, **how)
-    else:
-        contact = solve_contact(
-            operator.kernel, heights, law=found.law, start=start, throw=False,
-            **prescribed, **how,
-        )  # fmt: skip
-        parts |= {"measured": None, "kernel_error": None}
+    contact = problem.contact({found.problem.prescribed: load}, shift, how, start)
     # A number that is not known must not show a small change.
     good = (contact.result == RESULTS.successful) | (contact.result == RESULTS.gap_unresolved)
     pressure = jnp.where(good, contact.pressure, jnp.nan)
     moved = contact.displacement + shift
     contact = dataclasses.replace(contact, pressure=pressure, displacement=moved)
-    return dataclasses.replace(found, contact=contact, **parts)
+    return dataclasses.replace(found, contact=contact, problem=problem)
 
 
 @eqx.filter_jit
-def _given(found: Found, shape: tuple[int, ...], heights: Array, num_times: int) -> tuple:
-    """The load and the start of a contact on another grid, its operator, motion and shift."""
-    low, high = found.law.bounds
-    old, contact = found.grid.shape, found.contact
-    if not found.is_cycle:
+def _given(
+    found: Found, shape: tuple[int, ...], heights: Array, num_times: int
+) -> tuple[Problem, Array, Array, Array]:
+    """The problem on another grid, its load, a start, and the shift by lagged traction."""
+    (low, high), contact, over = found.law.bounds, found.contact, ()
+    if isinstance(found, Sliding):
         # Relative to the first touch; means of neighbours are lower than their highest.
         lower = largest(found.heights) - largest(heights)
         load = {
             "pressure": lambda: contact.mean_pressure, "mean_gap": lambda: contact.mean_gap,
             "approach": lambda: found.compute("approach")[0] - lower,
-        }[found.prescribed]()  # fmt: skip
-        start = jnp.clip(resampled(found.pressure, shape), low, high)
-        cell = found.operator.cell(Grid(shape, found.grid.size))
-        kernel = resample_spectrum(found.operator.kernel, found.cell.shape, cell.shape)
-        parts = {"coupling": _resampled_coupling(found, found.cell.shape, cell.shape)}
-        return load, start, operator_of(kernel, shape), parts, _shift(found, shape)
-    start = jnp.clip(resampled(found.pressure, (num_times, *shape)), low, high)
-    name = "load" if found.prescribed == "pressure" else "mean_gap"
-    load = interpolate(found.compute(name)[0], (num_times,))
-    rate, back = found.motion_of_surface
-    moved = resampled(back, (num_times, back.shape[1]))
-    drift = jnp.mean(rate, axis=0) * found.period
-    moved = moved + drift * (np.arange(num_times) / num_times)[:, None]
-    kernel = resample_spectrum(found.operator.compliance, (len(rate), *old), (num_times, *shape))
-    still = [(0, 0), (0, len(shape) - moved.shape[1])]
-    operator = in_motion(kernel, jnp.pad(moved, still), Grid(shape, found.grid.size))
-    motion = {"displacement": moved.reshape(num_times, *found.displacement.shape[1:])}
-    whole, new = (len(rate), *old), (num_times, *shape)
-    motion |= {"coupling": _resampled_coupling(found, whole, new)}
-    return load, start, operator, motion, _shift(found, new)
-
-
-def _resampled_coupling(found: Found, shape: tuple[int, ...], new: tuple[int, ...]):
-    return jax.tree.map(lambda waves: resample_spectrum(waves, shape, new), found.coupling)
-
-
-def _shift(found: Found, shape: tuple[int, ...]):
-    moved = lift(found)
-    return resampled(moved, shape) if moved.ndim else moved
+        }[found.problem.prescribed]()  # fmt: skip
+    else:
+        over = (num_times,)
+        name = "load" if found.problem.prescribed == "pressure" else "mean_gap"
+        load = interpolate(found.compute(name)[0], over)
+    start = jnp.clip(resampled(found.pressure, (*over, *shape)), low, high)
+    shift = lift(found)
+    shift = resampled(shift, (*over, *shape)) if shift.ndim else shift
+    return found.problem.on(shape, heights, num_times), load, start, shift

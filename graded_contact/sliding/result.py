@@ -1,4 +1,4 @@
-"""The results of sliding: a contact and its surroundings, from which observables are computed."""
+"""The results of sliding: a contact and its problem, from which observables are computed."""
 
 import dataclasses
 import inspect
@@ -22,18 +22,16 @@ from ..core.quantities import OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, caveats_of
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid
-from . import caveats, errors, traction  # noqa: F401 (they register observables, in this order)
-from .coupling import Coupling
-from .motion import components, rate_of
-from .resolution import Neighbours, grid_estimate, neighbours_of
+from .half_grid import grid_estimate
+from .problem import Coupling, CycleProblem, Problem, SteadyProblem
 from .shear import ShearStress
 
 K = TypeVar("K", bound=type)
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
 
 
-def _described(kind: K) -> K:
-    """Puts the observables of a class into its docstring."""
+def describe(kind: K) -> K:
+    """Puts the observables of a class into its docstring, once all are registered."""
     lines = []
     for name, entry in OBSERVABLES.items():
         if entry.is_of(kind.is_cycle, entry.needs):
@@ -50,15 +48,9 @@ class AbstractSliding(eqx.Module):
     traced. Under `jit` XLA drops what nothing uses.
     """
 
-    contact: ContactSolution
-    operator: AbstractOperator
-    heights: Float[Array, "..."]
-    grid: Grid
-    law: AbstractLaw
-    measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = eqx.field(
-        default=None, kw_only=True
-    )
-    prescribed: str = eqx.field(default="pressure", kw_only=True, static=True)
+    contact: eqx.AbstractVar[ContactSolution]
+    problem: eqx.AbstractVar[Problem]
+    heated: eqx.AbstractVar[HeatedContact | None]
     is_cycle: eqx.AbstractClassVar[bool]
 
     def __getattr__(self, name: str) -> Array:
@@ -75,6 +67,32 @@ class AbstractSliding(eqx.Module):
     def facts(self) -> frozenset[str]:
         """What else is known of this kind of contact, see `observable`."""
         return frozenset()
+
+    # What the problem has.
+
+    @property
+    def operator(self) -> AbstractOperator:
+        return self.problem.operator
+
+    @property
+    def heights(self) -> Float[Array, "..."]:
+        return self.problem.heights
+
+    @property
+    def grid(self) -> Grid:
+        return self.problem.grid
+
+    @property
+    def law(self) -> AbstractLaw:
+        return self.problem.law
+
+    @property
+    def shear(self) -> ShearStress | None:
+        return self.problem.shear
+
+    @property
+    def coupling(self) -> Coupling | None:
+        return self.problem.coupling
 
     @property
     def cell(self) -> Grid:
@@ -98,20 +116,10 @@ class AbstractSliding(eqx.Module):
         """The names of the observables that prints and results contain."""
         return numbers_of(self.is_cycle, self.facts)
 
-    @property
-    def neighbours(self) -> Neighbours:
-        """The same contact with fewer points and fewer times, see `Neighbours`; kept."""
-        near = vars(self).get("_near")
-        if near is None:
-            near = neighbours_of(self)
-            if all(map(is_concrete, jax.tree.leaves(near))):
-                vars(self)["_near"] = near
-        return near
-
     def compute(self, *names: str) -> list[Float[Array, "..."]]:
         """Returns the observables of these names; one program computes those that are missing."""
         missing = tuple(name for name in names if name not in vars(self))
-        found = _of_all(self, missing) if missing else {}
+        found = _in_programs(self, missing) if missing else {}
         known = vars(self) | found
         if all(map(is_concrete, found.values())):  # a tracer must not outlive its trace
             vars(self).update(found)
@@ -137,7 +145,6 @@ class AbstractSliding(eqx.Module):
 
 
 @shown("contact", "grid_errors", "caveats")
-@_described
 class Sliding(AbstractSliding):
     """Friction, contact area and fields of a sliding contact.
 
@@ -156,40 +163,24 @@ class Sliding(AbstractSliding):
 
     - `contact`: pressure, gap and convergence, see `ContactSolution`; also reached directly as
       `.pressure`, `.gap`, `.displacement` [Pa, m, m] and `.result`.
-    - `operator`: the block; `.kernel` is its M [m/Pa], see `stack_kernel` and `window_kernel`.
-    - `heights`: h of the surface [m].
-    - `measured`: share of each height that was measured [1], or None, see `Surface`.
-    - `grid`, `law`: of the surface and of the contact.
-    - `velocity`: of the surface over the block [m/s].
-    - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
-    - `kernel_error`: two estimated errors of the kernel of a window [m/Pa], see
-      `blocks/window_compliance.py`; None if periodic.
-    - `shear`: shear stress [Pa] as a function of the pressure, or None.
-    - `coupling`: how its traction moves the surface of the block, see `sliding/coupling.py`, or
-      None.
+    - `problem`: what was solved, see `SteadyProblem`; its `operator`, `heights`, `grid`, `law`,
+      `velocity`, `shear`, `coupling` and others are also reached directly. `.kernel` is the M of
+      the block [m/Pa], see `stack_kernel` and `window_kernel`.
     - `heated`: temperatures of the contact, see `HeatedContact`, or None.
-    - `thickness`: of the layers between a window and a rigid base [m], else None.
-    - `ground`: whether the block of a window does not move far away. Static.
-    - `prescribed`: what was given: "pressure", "mean_gap" or "approach". Static.
     """
 
-    velocity: Float[Array, "..."]
-    measured: Float[Array, "..."] | None = None
-    kernel_error: Inexact[Array, "..."] | None = None
-    shear: ShearStress | None = None
-    coupling: Coupling | None = None
+    contact: ContactSolution
+    problem: SteadyProblem
     heated: HeatedContact | None = None
-    thickness: Float[Array, "..."] | None = None
-    ground: bool = eqx.field(default=False, static=True)
     is_cycle: ClassVar[bool] = False
 
     @property
     def facts(self) -> frozenset[str]:
         known = {
             "window": isinstance(self.operator, Window),
-            "ground": self.ground,
+            "ground": self.problem.ground,
             "heated": self.heated is not None,
-            "load follows": self.prescribed != "pressure",
+            "load follows": self.problem.prescribed != "pressure",
             "coupled": self.coupling is not None,
             "given load": not self.at_approach,
         }
@@ -203,7 +194,11 @@ class Sliding(AbstractSliding):
     @property
     def at_approach(self) -> bool:
         """Whether the approach was given, not the load."""
-        return self.prescribed == "approach"
+        return self.problem.prescribed == "approach"
+
+    @property
+    def velocity(self) -> Float[Array, "..."]:
+        return self.problem.velocity
 
     @property
     def kernel(self) -> Inexact[Array, "..."]:
@@ -220,7 +215,6 @@ class Sliding(AbstractSliding):
 
 
 @shown("contact", "grid_errors", "caveats")
-@_described
 class CyclicSliding(AbstractSliding):
     """Friction, contact area and fields over a cycle.
 
@@ -236,25 +230,14 @@ class CyclicSliding(AbstractSliding):
 
     - `contact`: pressure, gap and convergence, see `ContactSolution`; the fields have the shape
       `(nt, *grid.shape)`. Also reached directly as `.pressure`, `.gap` [Pa, m] and `.result`.
-    - `operator`: the block in space and time.
-    - `heights`, `grid`, `law`: of the surface and of the contact.
-    - `displacement`: s(t) of the surface [m].
-    - `period`: T [s].
-    - `shear`: shear stress [Pa] as a function of the pressure, or None; its speed is that of each
-      time.
+    - `problem`: what was solved, see `CycleProblem`; its `operator`, `heights`, `grid`, `law`,
+      `displacement`, `period`, `shear`, `coupling` and others are also reached directly.
     - `heated`: temperatures of the contact, see `HeatedContact`, or None.
-    - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
-    - `shear`: shear stress [Pa] as a function of the pressure, at each time's speed; or None.
-    - `coupling`: how its traction moves the surface of the block, see `sliding/coupling.py`, or
-      None.
-    - `prescribed`: what was given: "pressure" or "mean_gap". Static.
     """
 
-    displacement: Float[Array, "nt ..."]
-    period: Float[Array, ""]
-    shear: ShearStress | None = None
+    contact: ContactSolution
+    problem: CycleProblem
     heated: HeatedContact | None = None
-    coupling: Coupling | None = None
     is_cycle: ClassVar[bool] = True
 
     @property
@@ -281,34 +264,44 @@ class CyclicSliding(AbstractSliding):
         return [part.reshape(-1, *[1] * self.grid.ndim) for part in unit.T]
 
     @property
+    def displacement(self) -> Float[Array, "nt ..."]:
+        """s(t) of the surface [m]."""
+        return self.problem.displacement
+
+    @property
+    def period(self) -> Float[Array, ""]:
+        """T [s]."""
+        return self.problem.period
+
+    @property
     def times(self) -> Float[Array, " nt"]:
         """The times of all arrays over time [s]."""
-        count = len(self.displacement)
-        return self.period * jnp.arange(count, dtype=self.period.dtype) / count
+        return self.problem.times
+
+    @property
+    def moved(self) -> Float[Array, "nt components"]:
+        """The displacement, its components on the second axis [m]."""
+        return self.problem.moved
+
+    @property
+    def motion_of_surface(self) -> tuple[Float[Array, "nt axes"], Float[Array, "nt axes"]]:
+        """ds/dt [m/s], and the part of s [m] that comes back after each period."""
+        return self.problem.motion_of_surface
 
     @property
     def velocity(self) -> Float[Array, "nt ..."]:
         """ds/dt of the surface [m/s]."""
         return self.motion_of_surface[0].reshape(self.displacement.shape)
 
-    @property
-    def moved(self) -> Float[Array, "nt components"]:
-        """The displacement, its components on the second axis [m]."""
-        return components(self.displacement)
 
-    @property
-    def motion_of_surface(self) -> tuple[Float[Array, "nt axes"], Float[Array, "nt axes"]]:
-        """ds/dt [m/s], and the part of s [m] that comes back after each period.
+Found = Sliding | CyclicSliding
 
-        The surface advances by the number of cells that closes the period with a step like its
-        neighbours.
-        """
-        moved, size = self.moved, self.grid.size[: self.moved.shape[1]]
-        closing = (moved[-1] - moved[-2] + moved[1] - moved[0]) / 2
-        drift = size * jnp.round(jax.lax.stop_gradient((moved[-1] + closing - moved[0]) / size))
-        # The velocity is periodic, the displacement only up to whole cells.
-        back = moved - drift * (self.times / self.period)[:, None]
-        return rate_of(back, self.period) + drift / self.period, back
+
+def result_of(problem: Problem, contact: ContactSolution) -> Found:
+    """Returns the result of a contact."""
+    if isinstance(problem, CycleProblem):
+        return CyclicSliding(contact, problem)
+    return Sliding(contact, problem)
 
 
 def with_observables(tree: Any) -> Any:
@@ -329,18 +322,19 @@ def _beyond_contact(found: AbstractSliding) -> tuple[str, ...]:
     return tuple(n for n in names if n not in _OF_CONTACT or f"{n}_error" in names)
 
 
-def _of_all(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, Float[Array, "..."]]:
-    if found.contact.error.ndim > 0:  # a batch
-        return jax.lax.map(lambda one: _of_all(one, names), found)
+def _in_programs(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, Float[Array, "..."]]:
+    """The observables of a result; of a batch one by one."""
+    if found.contact.error.ndim > 0:
+        return jax.lax.map(lambda one: _in_programs(one, names), found)
     # Outside of the program, so that Python reuses the programs of the contact.
-    needed = any(OBSERVABLES[name].on_two_grids for name in names)
-    return _computed(found, found.neighbours if needed else None, names)
+    beside = next(filter(None, (OBSERVABLES[name].beside for name in names)), None)
+    return _computed(found, None if beside is None else beside(found), names)
 
 
 @derivative_apart
 @jit
 def _computed(
-    found: AbstractSliding, near: Neighbours | None, names: tuple[str, ...]
+    found: AbstractSliding, near: Any, names: tuple[str, ...]
 ) -> dict[str, Float[Array, "..."]]:
     still, near_still = jax.lax.stop_gradient((found, near))
     for one, others in ((found, near), (still, near_still)):

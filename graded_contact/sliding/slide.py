@@ -1,6 +1,6 @@
 """A rough rigid surface sliding on a layered viscoelastic block: steadily, or in periodic motion.
 
-Both build a `Case` and solve it.
+`slide` and `slide_cycle` build a `Case`; `solve` solves it.
 """
 
 from typing import Any, cast
@@ -9,12 +9,14 @@ from jaxtyping import ScalarLike
 
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
+from ..contacts.solution import ContactSolution
 from ..core.checks import Numbers, check_types
 from ..surfaces.surface import Surface
-from .case import Case
-from .heating import Heating
-from .numerics import numerics_of
-from .result import CyclicSliding, Sliding
+from .case import Case, Heating
+from .heating import solve_heated
+from .isothermal import solve_isothermal
+from .numerics import Numerics, numerics_of
+from .result import CyclicSliding, Found, Sliding
 from .shear import ShearLaw
 
 
@@ -65,7 +67,7 @@ def slide(
       surface up to q. None: the amplitude of each material.
     - `law`: of contact.
     - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`; `start`
-      and `solution`, see `Case.solve`.
+      and `solution`, see `solve`.
 
     With `throw=False`, `.result` also reports a graded layer whose kernel misses its tolerance; all
     numbers are then NaN.
@@ -80,7 +82,7 @@ def slide(
         strain_per_slope=strain_per_slope,
     )  # fmt: skip
     how, known = numerics_of("slide", numerics, "start", "solution")
-    return cast(Sliding, case.solve(how, **known))
+    return cast(Sliding, solve(case, how, **known))
 
 
 @check_types
@@ -133,4 +135,34 @@ def slide_cycle(
         mean_gap=mean_gap, law=law, shear=shear, temperature=temperature, heating=heating,
     )  # fmt: skip
     how, known = numerics_of("slide_cycle", numerics, "start")
-    return cast(CyclicSliding, case.solve(how, **known))
+    return cast(CyclicSliding, solve(case, how, **known))
+
+
+def solve(
+    case: Case,
+    how: Numerics = Numerics(),  # noqa: B008 (immutable)
+    *,
+    start: Numbers | None = None,
+    solution: ContactSolution | None = None,
+) -> Found:
+    """Returns the contact of a case: a `Sliding`, or with a displacement a `CyclicSliding`.
+
+    **Arguments:**
+
+    - `case`: block, surface, load and motion.
+    - `how`: tolerance and solvers.
+    - `start`: a pressure field [Pa] to start from, see `solve_contact`.
+    - `solution`: `.contact` of an earlier solve of this case. Nothing is solved then: the same
+      numbers are returned, with derivatives.
+
+    **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
+    """
+    how = how.of(case.stack, case.rough)
+    # With heat several contacts are solved, and a motion has one at each time.
+    if solution is not None and (case.heating is not None or case.velocity is None):
+        raise ValueError(
+            "`solution` is refused with `heating` or a motion: it holds steady contacts alone."
+        )
+    if case.heating is not None:
+        return solve_heated(case, how, start)
+    return solve_isothermal(case, how, start, solution)

@@ -1,11 +1,8 @@
-"""The contact of a surface that slides steadily, at one temperature of the block.
+"""The problem of a surface that slides steadily, at one temperature of the block.
 
 In the frame of the surface the contact is steady, and every wavevector q of the pressure deforms
 the block at the frequency ω = -q·v.
 """
-
-import dataclasses
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,8 +12,8 @@ from ..blocks.kernel import attempted_kernel, stack_kernel
 from ..blocks.stack import Rigid, interface_depths
 from ..blocks.window_compliance import doubled, has_ground, long_cell, without_images
 from ..contacts.law import AbstractLaw, HardWall
-from ..contacts.solution import RESULTS, ContactSolution
-from ..contacts.solve import LEAST_GAP, solve_contact
+from ..contacts.solution import RESULTS
+from ..contacts.solve import LEAST_GAP
 from ..contacts.window import operator_of
 from ..core.checks import Numbers, as_float, check_values, is_concrete
 from ..core.compilation import jit
@@ -28,81 +25,48 @@ from ..materials.coverage import coverage
 from ..materials.softening import as_strain_per_slope
 from ..surfaces.statistics import slope_up_to
 from ..surfaces.surface import Surface, check_periodic
-from .coupling import check_positive_kernel, lagged, steady_coupling
+from .case import Case
 from .numerics import Numerics
-from .result import Sliding
+from .problem import Posed, SteadyProblem
 from .shear import is_coupled, shear_stress, unless_negative
+from .traction import check_positive_kernel, steady_coupling
 
 
-def solve_steady(
-    case: Any,
-    numerics: Numerics,
-    start: Numbers | None = None,
-    solution: ContactSolution | None = None,
-    known: tuple | None = None,
-) -> Sliding:
-    """Returns the contact of a `Case` with a velocity, without its heat; see `slide`.
-
-    `known` is the result of `kernel_of` where several contacts share it.
-    """
-    stack, surface = case.stack, case.surface
-    kernel, reached, kernel_error, coupling, steady = (
-        kernel_of(case, numerics) if known is None else known
-    )
+def steady_problem(case: Case, how: Numerics) -> Posed:
+    """Returns the problem of a case with a velocity, and its load."""
+    stack, surface = case.stack, case.rough
+    kernel, reached, kernel_error, coupling, steady = _kernel_of(case, how)
     sheared = shear_stress(case.shear, direction_and_speed(case.velocity)[1], case.temperature)
     kernel = unless_negative(kernel, sheared)
     on_window, on_rigid = not surface.periodic, isinstance(stack.base, Rigid)
-
-    def result(given, contact):
-        case, kernel, kernel_error, sheared, coupling = given
-        return Sliding(
-            contact=contact, operator=operator_of(kernel, surface.heights.shape),
-            heights=case.surface.heights, measured=surface.measured, grid=surface.grid,
-            velocity=case.velocity, law=case.law, shear=sheared, coupling=coupling,
-            measured_range=_coverage(stack), kernel_error=kernel_error,
-            thickness=interface_depths(stack)[-1] if on_window and on_rigid else None,
-            ground=on_window and has_ground(stack, surface.grid),
-            prescribed=case.prescribed,
-        )  # fmt: skip
-
-    def solve(given, shift, start, solution):
-        """The contact of the heights less a shift."""
-        case, kernel, heights = given[0], given[1], given[0].surface.heights
-        approach = None
-        if case.approach is not None:
-            approach = check_approach(case.approach, case.surface, case.law)
-        contact = solve_contact(
-            kernel, heights if shift is None else heights - shift, case.pressure,
-            mean_gap=case.mean_gap, approach=approach, law=case.law,
-            solver=numerics.solver, adjoint=numerics.adjoint, rtol=numerics.rtol,
-            start=start, solution=solution, throw=numerics.throw,
-        )  # fmt: skip
-        return result(given, contact)
-
-    given = case, kernel, kernel_error, sheared, coupling
-    if coupling is None or coupling.in_kernel:
-        found = solve(given, None, start, solution)
-    else:
-        none = jnp.zeros_like(surface.heights)
-        found = lagged(solve, result, given, numerics, start, solution, none)
+    problem = SteadyProblem(
+        operator=operator_of(kernel, surface.heights.shape), heights=surface.heights,
+        measured=surface.measured, grid=surface.grid, velocity=case.velocity, law=case.law,
+        shear=sheared, coupling=coupling, measured_range=_coverage(stack),
+        kernel_error=kernel_error, prescribed=case.prescribed,
+        thickness=interface_depths(stack)[-1] if on_window and on_rigid else None,
+        ground=on_window and has_ground(stack, surface.grid),
+    )  # fmt: skip
+    load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)
+    if case.approach is not None:
+        load["approach"] = check_approach(case.approach, surface, case.law)
+    end = None
     if reached is not True or steady is not True:
-        end = found.contact.result
-        end = RESULTS.where(steady, end, RESULTS.no_steady_sliding)
+        end = RESULTS.where(steady, RESULTS.successful, RESULTS.no_steady_sliding)
         end = RESULTS.where(reached, end, RESULTS.inaccurate_kernel)
-        found = dataclasses.replace(found, contact=dataclasses.replace(found.contact, result=end))
-    return found
+    return Posed(problem, load, end)
 
 
 _coverage = jit(coverage)
 
 
-def kernel_of(case: Any, numerics: Numerics) -> tuple:
-    """Returns the kernel of a case and more that several contacts may share.
+def _kernel_of(case: Case, how: Numerics) -> tuple:
+    """The kernel of a case and more that depends on its block.
 
     The others: whether the kernel is good, its errors on a window, the coupling by traction or
     None, and whether sliding with this traction may be steady.
     """
-    stack, surface, velocity, grid = case.stack, case.surface, case.velocity, case.surface.grid
+    stack, surface, velocity, grid = case.stack, case.rough, case.velocity, case.rough.grid
     itemsize = surface.heights.dtype.itemsize
     check_memory("surface", "sliding", SLIDING, grid.shape, itemsize, num_devices(grid.size))
     strain = None
@@ -114,7 +78,7 @@ def kernel_of(case: Any, numerics: Numerics) -> tuple:
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
 
     def kernel_on(cell: Grid):
-        if numerics.throw:
+        if how.throw:
             kernel, reached = stack_kernel(stack, cell, velocity, strain=strain), True
         else:
             kernel, reached = attempted_kernel(stack, cell, velocity, strain=strain)
@@ -131,11 +95,11 @@ def kernel_of(case: Any, numerics: Numerics) -> tuple:
     if not is_coupled(case.shear):
         return kernel, reached, error, None, True
     coupling, lift_error, good = steady_coupling(case, cells, strain)
-    if numerics.throw:
+    if how.throw:
         coupling = required(coupling, good, RESULTS.inaccurate_kernel.error_if)
     else:
         reached = reached & good
-    coefficient = case.shear.coefficient if coupling.in_kernel else None
+    coefficient = getattr(case.shear, "coefficient", None) if coupling.in_kernel else None
     # Without friction a real kernel stays real.
     if coefficient is None or (is_concrete(coefficient) and np.asarray(coefficient) == 0):
         return kernel, reached, error, coupling, True
@@ -143,7 +107,7 @@ def kernel_of(case: Any, numerics: Numerics) -> tuple:
     kernel = kernel + coefficient * coupling.lift[0]
     error = None if error is None or lift_error is None else error + coefficient * lift_error
     steady = check_positive_kernel(kernel, cells[0], coefficient)
-    if numerics.throw:
+    if how.throw:
         kernel, steady = required(kernel, steady, RESULTS.no_steady_sliding.error_if), True
     return kernel, reached, error, coupling, steady
 

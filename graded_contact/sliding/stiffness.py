@@ -16,6 +16,8 @@ and rough surfaces have the least errors (`bench_contact.py stiffness`). Within 
 error varies: a derivative has a local error of about 30 %, and is right over several spacings.
 """
 
+from typing import cast
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
@@ -28,6 +30,7 @@ from ..core.checks import as_scalar, check_positive, check_type, check_types
 from ..fields.grid import wavenumber
 from .errors import TOTAL
 from .observables import FOUR, of_steady
+from .resolution import neighbours_of
 from .result import Sliding
 
 _RTOL = 1e-8
@@ -66,7 +69,7 @@ def contact_stiffness(
 
 @of_steady(
     r"\delta k", "Pa/m", "estimated error of the contact stiffness", needs=["stiffness"],
-    column=TOTAL, on_two_grids=True,
+    column=TOTAL, beside=neighbours_of,
 )  # fmt: skip
 @check_types
 def contact_stiffness_error(
@@ -89,10 +92,11 @@ def contact_stiffness_error(
     **Raises:** `ValueError` for a surface on a window.
     """
     _check(sliding)
-    near = sliding.neighbours
-    own, half = (_stiffness(s, s.kernel, adjoint) for s in (near.same, near.half))
-    softer = _stiffness(near.same, near.same.kernel, adjoint, _SOFTER)
-    return near.factor * (_FROM_HALF * jnp.abs(own - half) + jnp.abs(own - softer))
+    near = neighbours_of(sliding)
+    same, half = cast(Sliding, near.same), cast(Sliding, near.half)
+    own, other = (_stiffness(s, s.kernel, adjoint) for s in (same, half))
+    softer = _stiffness(same, same.kernel, adjoint, _SOFTER)
+    return near.factor * (_FROM_HALF * jnp.abs(own - other) + jnp.abs(own - softer))
 
 
 @check_types
@@ -139,7 +143,7 @@ def specific_conductance(sliding: Sliding) -> Float[Array, ""]:
 
 @of_steady(
     r"\delta G\varrho", "1/m", "estimated error of the conductance times the resistivities",
-    needs=["conductance"], column=TOTAL, on_two_grids=True,
+    needs=["conductance"], column=TOTAL, beside=neighbours_of,
 )  # fmt: skip
 def specific_conductance_error(sliding: Sliding) -> Float[Array, ""]:
     """Estimated error of `specific_conductance`, the same part of it as that of the stiffness."""

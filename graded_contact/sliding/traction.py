@@ -1,7 +1,16 @@
-"""Observables of a contact whose traction moves the surface of the block: where its power goes.
+"""Traction that moves the surface of the block: its kernels, and where its power goes.
 
-The traction τ along the motion e does the work τ e·u̇ on the block, and the rest of τ v heats the
-interface, where the surfaces slip by v - e·u̇. So the friction, the sum of shear and slopes, is
+In gross sliding the shear stress τ acts on the block along the motion e. It moves the surface by
+M_ze τ along z, so that
+
+    w = M_zz σ + M_ze τ(σ).
+
+Under Coulomb's law in steady sliding, w = (M_zz + f M_ze) σ: a contact without traction, of another
+kernel, whose real part must be positive. Under other laws, and where the direction changes with
+time, the traction lags (`isothermal.py`).
+
+The traction does the work τ e·u̇ on the block, and the rest of τ v heats the interface, where the
+surfaces slip by v - e·u̇. So the friction, the sum of shear and slopes, is
 
     ⟨τ⟩ - ⟨σ ∂w/∂x⟩ = [-⟨σ ∂w/∂x⟩ - ⟨τ ∂u/∂x⟩] + ⟨τ (1 + ∂u/∂x)⟩,
 
@@ -17,14 +26,22 @@ to this order; the last term is `slope_friction`.
 """
 
 import math
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
-from jax import Array
+import numpy as np
+from jaxtyping import Array, Bool
 
+from ..blocks.tangential_kernel import tangential_kernels
+from ..blocks.window_compliance import without_images
+from ..contacts.operator import Waves, first_mode
+from ..core.checks import is_concrete
+from ..fields.frequency import direction_and_speed
+from ..fields.grid import Grid, wavenumber
+from .case import Case
 from .observables import (
     FOUR,
-    Found,
     along_motion,
     friction,
     load,
@@ -38,9 +55,57 @@ from .observables import (
     tractions_on,
     waves_of,
 )
+from .problem import Coupling
+from .result import CyclicSliding, Sliding
+from .shear import Coulomb
 
 
-def slip(found: Found) -> Array:
+def steady_coupling(
+    case: Case, cells: Sequence[Grid], strain: tuple[Array, Array] | None
+) -> tuple[Coupling, Waves | None, Bool[Array, ""]]:
+    """Returns the coupling of a `Case` with a velocity, errors of M_ze, and whether it is good.
+
+    `cells` are the cell of a periodic surface, or the two of a window, which has errors.
+    """
+    if len(cells) == 2 and not isinstance(case.shear, Coulomb):
+        raise ValueError(
+            "`shear` is refused: on a window only the traction of `Coulomb` can move the surface. "
+            "Pass `coupled=False`, or put the body into a periodic cell."
+        )
+    direction = direction_and_speed(case.velocity)[0]
+    found = [
+        tangential_kernels(case.stack, cell, case.velocity, direction, strain) for cell in cells
+    ]
+    (lift, along, good), error = found[0], None
+    if len(cells) == 2:
+        (far_lift, far_along, far_good), window = found[1], case.rough.grid
+        lift, error = without_images(lift, far_lift, window, False)
+        along, _ = without_images(along, far_along, window, False)
+        good = good & far_good
+    return Coupling((lift,), ((along,),), isinstance(case.shear, Coulomb)), error, good
+
+
+def check_positive_kernel(kernel: Waves, cell: Grid, coefficient: Array) -> Bool[Array, ""]:
+    """Returns whether Re(M_zz + f M_ze) is positive for all waves; raises `ValueError` if not.
+
+    It raises if the numbers are known.
+    """
+    waves = ~first_mode(kernel.shape)
+    given_way = waves & ~(kernel.real > 0) & jnp.isfinite(kernel)
+    positive = ~jnp.any(given_way)
+    if is_concrete(positive) and not positive:
+        share = np.where(np.asarray(given_way), np.asarray(kernel.real / jnp.abs(kernel)), 1)
+        q = np.asarray(wavenumber(cell)).ravel()[np.argmin(share)]
+        raise ValueError(
+            f"`shear` with the coefficient {float(coefficient):g} is refused: at the wavelength "
+            f"{2 * np.pi / q:.3g} m the traction outweighs the stiffness of the block (the real "
+            "part of M_zz + f M_zx is not positive), and sliding may have no steady state. Lower "
+            "the coefficient, or pass `coupled=False`."
+        )
+    return positive
+
+
+def slip(found: Sliding) -> Array:
     """Returns the speed of slip over that of the surface [1], on the cell of steady sliding."""
     (along,), moved = along_motion(found), waves_of(found)[1][1]
     shape = loaded(found)[0].shape
@@ -51,7 +116,7 @@ def slip(found: Found) -> Array:
     r"\mu_\mathrm{block}", "1", "friction lost in the block", needs=["coupled"],
     column=("lost in\nthe block", FOUR),
 )  # fmt: skip
-def block_friction(found: Found) -> Array:
+def block_friction(found: Sliding) -> Array:
     """The part of the friction that is dissipated in the block [1], by pressure and traction."""
     return friction(found) - interface_friction(found)
 
@@ -60,7 +125,7 @@ def block_friction(found: Found) -> Array:
     r"\mu_\mathrm{int}", "1", "friction that heats the interface", needs=["coupled"],
     column=("heat of the\ninterface", FOUR),
 )  # fmt: skip
-def interface_friction(found: Found) -> Array:
+def interface_friction(found: Sliding) -> Array:
     """The part of the friction that heats the interface [1]; without coupling that of shear."""
     if found.coupling is None:
         return shear_friction(found)
@@ -72,7 +137,7 @@ def interface_friction(found: Found) -> Array:
     "", "1", "what the slope adds to the friction of shear, to first order", needs=["coupled"],
     stored=False,
 )  # fmt: skip
-def slope_friction(found: Found) -> Array:
+def slope_friction(found: Sliding) -> Array:
     """What `friction` lacks if the law takes the pressure normal to the slopes [1].
 
     -⟨τ τ' ∂w/∂x⟩ over the load, see `sliding/traction.py`; f² times the hysteresis for `Coulomb`.
@@ -86,7 +151,7 @@ def slope_friction(found: Found) -> Array:
 
 
 @of_cycle(r"P_\mathrm{int}", "W/m²", "mean power that heats the interface", needs=["coupled"])
-def interface_power(found: Found) -> Array:
+def interface_power(found: CyclicSliding) -> Array:
     """Mean power that heats the interface per area [W/m²].
 
     The work of friction and of the load is this and `dissipated_power`.

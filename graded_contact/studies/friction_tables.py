@@ -18,6 +18,7 @@ from ..mean_field.mean_field import mean_field_of
 from ..sliding.case import Case
 from ..sliding.numerics import numerics_of
 from ..sliding.shear import is_coupled
+from ..sliding.slide import solve
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .dataset import package_versions
@@ -107,7 +108,7 @@ def friction_table(
         moving = velocity_along(point["velocity"], direction)
         at: dict[str, Any] = {**point, "velocity": moving, "stack": warm}
         if by == "contact":
-            s = dataclasses.replace(case, **at).solve(numerics)
+            s = solve(dataclasses.replace(case, **at), numerics)
             names = ("friction", "friction_error", "contact_area", "contact_area_error")
             return dict(zip(names, s.compute(*names), strict=True), result=s.result)
         field = mean_field_of(dataclasses.replace(case, **at), **mean_field_options)

@@ -30,11 +30,11 @@ from graded_contact.command import result_tables
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
 from graded_contact.core.display import with_error
+from graded_contact.scenes import run_scene
 from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
 from graded_contact.scenes.run_scene import build_surface
 from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at
-from graded_contact.sliding.case import Case
 from graded_contact.studies.dataset import write
 from graded_contact.studies.store import Store
 from graded_contact.surfaces.surface import Step
@@ -294,14 +294,14 @@ def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path):
 
 
 def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
-    solve = Case.solve
+    solve = run_scene.solve
 
     def failing(case, numerics):
         pressure = eqx.error_if(case.pressure, case.pressure > 0, "no such kernel")
         return solve(dataclasses.replace(case, pressure=pressure), numerics)
 
     shutil.rmtree(tmp_path / "out")
-    monkeypatch.setattr(Case, "solve", failing)
+    monkeypatch.setattr(run_scene, "solve", failing)
     result = rerun()
     assert result.exit_code == 1
     assert "2 of 2 solves failed" in result.stderr and "Traceback" not in result.output
@@ -313,14 +313,14 @@ def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
 
 
 def test_no_figure_is_drawn_of_solves_without_numbers(rerun, tmp_path, monkeypatch):
-    solve = Case.solve
+    solve = run_scene.solve
 
     def not_finite(case, numerics):
         rough = eqx.tree_at(lambda s: s.heights, case.surface, np.nan * case.surface.heights)
         return solve(dataclasses.replace(case, surface=rough), numerics)
 
     shutil.rmtree(tmp_path / "out")
-    monkeypatch.setattr(Case, "solve", not_finite)
+    monkeypatch.setattr(run_scene, "solve", not_finite)
     result = rerun()
     assert result.exit_code == 1 and "log-scaled" not in result.output
     assert "No solve succeeded: no figure is drawn." in result.stdout

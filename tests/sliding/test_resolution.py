@@ -7,7 +7,8 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.sliding import resolution
-from graded_contact.sliding.resolution import resampled
+from graded_contact.sliding.half_grid import resampled
+from graded_contact.sliding.resolution import neighbours_of
 
 CELL, Q0 = 8e-3, 2 * np.pi / 8e-3
 RUBBER = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6], [1e-3], 0.49)))
@@ -59,7 +60,7 @@ def test_the_total_is_the_sum_of_its_parts_and_prints_behind_the_number(coarse):
 def test_a_surface_with_waves_that_half_the_grid_lacks_has_an_error_too():
     surface = rough(32, 16)
     found, fine = known(slide(surface)), known(slide(finer(surface, 4)))
-    assert 2 < found.neighbours.factor < 5
+    assert 2 < neighbours_of(found).factor < 5
     for name in ("friction", "contact_area"):
         off = abs(getattr(found, name) - getattr(fine, name))
         assert off <= getattr(found, f"{name}_error") <= getattr(found, name)
@@ -114,7 +115,7 @@ def test_where_half_the_grid_loses_the_contact_the_error_is_the_number_itself():
     surface = rough(64, 8)
     gap = 0.99 * float(jnp.max(surface.heights))
     found = known(gc.slide(RUBBER, surface, mean_gap=gap, velocity=0.1))
-    assert np.isnan(found.neighbours.half.friction)
+    assert np.isnan(neighbours_of(found).half.friction)
     assert found.friction_error > 0.5 * found.friction
     assert "does not resolve" in found.caveats[0]
 

@@ -222,8 +222,8 @@ def test_friction_at_an_approach_has_the_error_of_the_load():
 def test_load_at_an_approach_has_the_error_of_the_kernel():
     found = gc.slide(COATED, sphere(64), approach=0.026, velocity=1.0, rtol=1e-8)
     printed = repr(found)
-    larger = eqx.tree_at(lambda s: s.kernel_error, found, 20 * found.kernel_error)
-    moved = found.kernel + jnp.sum(larger.kernel_error, 0)
+    larger = eqx.tree_at(lambda s: s.problem.kernel_error, found, 20 * found.problem.kernel_error)
+    moved = found.kernel + jnp.sum(larger.problem.kernel_error, 0)
     load = gc.solve_contact(moved, found.heights, approach=0.026, rtol=1e-8).mean_pressure
     change = abs(load - found.mean_pressure)
     assert 1e-4 * load < change < larger.mean_pressure_kernel_error < 0.2 * load
@@ -235,8 +235,10 @@ def test_load_at_an_approach_has_the_error_of_the_kernel():
 
 
 def test_area_at_a_load_has_the_error_of_the_kernel(sliding):
-    errors = 20 * sliding.kernel_error
-    claimed = eqx.tree_at(lambda s: s.kernel_error, sliding, errors).contact_area_kernel_error
+    errors = 20 * sliding.problem.kernel_error
+    claimed = eqx.tree_at(
+        lambda s: s.problem.kernel_error, sliding, errors
+    ).contact_area_kernel_error
     found = gc.solve_contact(sliding.kernel + jnp.sum(errors, 0), sliding.heights, 0.02)
     changed = abs(jnp.mean(found.pressure > 0) - sliding.contact_area_pixels)
     assert 0 < changed < claimed < 0.1

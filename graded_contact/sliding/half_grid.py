@@ -1,0 +1,68 @@
+"""Heights and fields on half the grid of a surface, and what of the surface it lacks."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..contacts.operator import nonzero
+from ..fields.grid import Grid, derivative, resample_spectrum, to_field, to_spectrum
+
+LEAST = 4  # points along an axis that are not halved again
+LACKING = 8.0  # times the share of the squared slope that half the grid lacks
+SAME = 1e-5  # of the squared slope: below it half the grid lacks nothing
+
+
+def halved(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Returns half as many points along each axis that has enough."""
+    return tuple(n if n < 2 * LEAST else n // 2 for n in shape)
+
+
+def grid_estimate(heights: Float[Array, "*shape"], grid: Grid, window: bool) -> str:
+    """Returns in words where the errors by the grid of a contact come from."""
+    half = halved(heights.shape)
+    if half == heights.shape:
+        return "not known: the grid has too few points"
+    missing = float(heights_on(heights, grid, half, window)[2])
+    if missing <= SAME:
+        return "from half the grid"
+    return f"from half the grid, without the waves it lacks, times {1 + LACKING * missing:.2g}"
+
+
+@eqx.filter_jit
+def heights_on(
+    heights: Array, grid: Grid, half: tuple[int, ...], window: bool
+) -> tuple[Array, Array, Array]:
+    """Returns heights on half the grid, those without the waves it lacks, and the share of these.
+
+    The share is of the squared slope [1].
+    """
+    if window:
+        return _means(heights, half), heights, jnp.zeros(())
+    less = resampled(heights, half)
+    cut = resampled(less, heights.shape)
+    axes = range(heights.ndim)
+    lost, all_of = (
+        jnp.sum(jnp.stack([jnp.mean(derivative(field, grid, axis) ** 2) for axis in axes]))
+        for field in (heights - cut, heights)
+    )
+    return less, cut, lost / nonzero(all_of)
+
+
+def resampled(field: Float[Array, "*shape"], shape: tuple[int, ...]) -> Float[Array, "*new"]:
+    """Returns a periodic field on another grid, with the waves that both resolve."""
+    waves = resample_spectrum(to_spectrum(field), field.shape, shape)
+    return to_field(waves, shape) * (np.prod(shape) / field.size)
+
+
+def _means(heights: Array, shape: tuple[int, ...]) -> Array:
+    """The heights of a window on fewer points: of an even number the means of two neighbours."""
+    for axis, (n, m) in enumerate(zip(heights.shape, shape, strict=True)):
+        if n == m:
+            continue
+        place = (np.arange(m) + 0.5) * (n / m) - 0.5
+        left = np.floor(place).astype(int)
+        weight = (place - left).reshape([-1 if i == axis else 1 for i in range(heights.ndim)])
+        low, high = (jnp.take(heights, i, axis) for i in (left, np.minimum(left + 1, n - 1)))
+        heights = low + jnp.asarray(weight, heights.dtype) * (high - low)
+    return heights

@@ -1,0 +1,139 @@
+"""The contact of a case at one temperature of the block: the one place where contacts are solved.
+
+    case ──> problem and load ──> contact of the heights less d ──> result
+             (steady.py, cycle.py)         ^                          │
+                                           └──  d = M_ze τ(pressure) ─┘
+
+d is the displacement under a traction that is no part of the kernel, else 0. This traction lags: it
+is that of the pressure before. Anderson's acceleration ends the loop, and the derivative is
+implicit. In a cycle the traction has the direction in which the surface moves at each time. While
+the surface rests there is none: the law is that of gross sliding.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..contacts.solution import RESULTS, ContactSolution
+from ..core.checks import Numbers, is_concrete
+from ..core.compilation import jit
+from ..core.derivative import still
+from ..core.fixed_point import attach_fixed_field, find_fixed_point
+from ..fields.devices import required
+from ..fields.frequency import wave_frequencies
+from .case import Case
+from .cycle import cycle_problem
+from .numerics import Numerics
+from .observables import lift
+from .problem import Load, Posed, Problem
+from .result import CyclicSliding, Found, result_of
+from .shear import Coulomb
+from .steady import steady_problem
+from .traction import check_positive_kernel
+
+_LOOSER = 10  # tolerance of the traction over that of the pressure, whose noise it has
+
+
+def solve_isothermal(
+    case: Case,
+    how: Numerics,
+    start: Numbers | None = None,
+    solution: ContactSolution | None = None,
+) -> Found:
+    """Returns the contact of a case without its heat; arguments as of `solve`."""
+    pose = cycle_problem if case.velocity is None else steady_problem
+    return solve_posed(pose(case, how), how, start, solution)
+
+
+def solve_posed(
+    posed: Posed,
+    how: Numerics,
+    start: Numbers | None = None,
+    solution: ContactSolution | None = None,
+) -> Found:
+    """Returns the contact of a problem with its load; arguments as of `solve`."""
+    problem, load, end = posed
+    if problem.coupling is None or problem.coupling.in_kernel:
+        found = result_of(problem, problem.contact(load, None, how, start, solution))
+    else:
+        found = _lagged(problem, load, how, start, solution)
+    if end is None:
+        return found
+    ended = RESULTS.where(end == RESULTS.successful, found.result, end)
+    contact = dataclasses.replace(found.contact, result=ended)
+    return dataclasses.replace(found, contact=contact)
+
+
+def _check_speeds(cycle: CyclicSliding) -> None:
+    """Raises `ValueError` if the kernel of steady sliding at the speed of some time is refused.
+
+    Of a cycle that did not settle, under Coulomb's law. Its kernels have the frequencies of the
+    period: the nearest takes the place of -q·v.
+    """
+    stress, coupling = cycle.shear, cycle.coupling
+    if stress is None or coupling is None or not isinstance(stress.law, Coulomb):
+        return
+    coefficient, kernel = stress.law.coefficient, cycle.operator.kernel
+    rates = cycle.motion_of_surface[0]
+    last = (len(kernel) - 1) // 2
+    for i in np.argsort(-np.linalg.norm(rates, axis=1)):  # the highest speed first
+        turns = wave_frequencies(cycle.grid, rates[i]) * cycle.period / (2 * np.pi)
+        turns = jnp.clip(jnp.round(turns), -last, last).astype(int) % len(kernel)
+        turns = jnp.broadcast_to(turns, kernel.shape[1:])[None]
+        along = zip(cycle.directions, coupling.lift, strict=True)
+        pushed = kernel + coefficient * sum(part[i] * lift for part, lift in along)
+        check_positive_kernel(jnp.take_along_axis(pushed, turns, 0)[0], cycle.grid, coefficient)
+
+
+def _lagged(
+    problem: Problem,
+    load: Load,
+    how: Numerics,
+    start: Numbers | None,
+    solution: ContactSolution | None,
+) -> Found:
+    """The contact under a traction that is no part of its kernel."""
+    given, none = (problem, load), jnp.zeros(problem.shape, problem.heights.dtype)
+
+    def solve(given, shift, start, solution):
+        problem, load = given
+        return result_of(problem, problem.contact(load, shift, how, start, solution))
+
+    fixed, tolerance = still(given), jnp.asarray(_LOOSER * how.rtol, none.dtype)
+    pairs, settled = jnp.zeros((), none.dtype), jnp.asarray(True)
+    if solution is None:
+
+        def step(x, state):
+            start, pairs = state
+            found = solve(fixed, x, start, None)
+            return _lift(found), (found.pressure, pairs + found.contact.num_fft_pairs)
+
+        point = find_fixed_point(step, none, (start, pairs), tolerance, ordered=False)
+        x, (start, pairs) = jax.lax.stop_gradient(point.x), point.state
+        found, settled = solve(fixed, x, start, None), point.error <= tolerance
+        pairs = pairs + found.contact.num_fft_pairs
+    else:
+        solution = still(solution)
+        x = _lift(still(result_of(problem, solution)))
+        before = dataclasses.replace(solution, displacement=solution.displacement - x)
+        found = solve(fixed, x, None, before)
+    # Derivatives are attached only where something is traced.
+    if not all(map(is_concrete, jax.tree.leaves(given))):
+        contact = still(found.contact)
+        image = lambda given, x: _lift(solve(given, x, None, contact))  # noqa: E731
+        x = attach_fixed_field(image, given, x)
+        found = solve(given, x, None, contact)
+    contact = found.contact
+    if how.throw:
+        if isinstance(found, CyclicSliding) and is_concrete(settled) and not settled:
+            _check_speeds(found)
+        contact = required(contact, settled, RESULTS.not_settled.error_if)
+    end = RESULTS.where(settled, contact.result, RESULTS.not_settled)
+    moved = contact.displacement + x
+    contact = dataclasses.replace(contact, displacement=moved, num_fft_pairs=pairs, result=end)
+    return dataclasses.replace(found, contact=contact)
+
+
+_lift = jit(lift)
