@@ -36,7 +36,7 @@ from .observables import (
 from .result import CyclicSliding, Found, Sliding
 
 
-def _share_unmeasured(found: Found, weight: Array) -> Array:
+def _share_unmeasured(found: Sliding, weight: Array) -> Array:
     """The share of a weight on points that were not measured."""
     if found.problem.measured is None:
         return jnp.zeros((), found.pressure.dtype)

@@ -40,7 +40,7 @@ from .observables import (
     tractions_of,
 )
 from .resolution import neighbours_of
-from .result import Found
+from .result import CyclicSliding, Found, Sliding
 from .shear import shear_over_load
 
 
@@ -115,7 +115,7 @@ def by_times(
 
     def of_times(found):
         formula, fewer = OBSERVABLES[name].formula, neighbours_of(found).fewer
-        if fewer is None:  # too few to be halved
+        if not isinstance(fewer, CyclicSliding):  # too few times to be halved
             return jnp.abs(formula(found))
         before, after = trace(found), trace(fewer)
         moved = jnp.abs(interpolate(before, (len(after), *before.shape[1:])) - after)
