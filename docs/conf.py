@@ -1,4 +1,4 @@
-"""The site: `sphinx-build -W docs site`; `-D nb_execution_mode=off` skips the notebooks."""
+"""The site: `sphinx-build -W docs site`; `-D nb_execution_mode=off` does not run the notebooks."""
 
 import re
 import sys

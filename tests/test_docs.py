@@ -84,6 +84,16 @@ def test_every_public_name_is_described_with_its_docstring(monkeypatch):
     assert set(rooms) <= set(pages)
 
 
+def test_no_docstring_lists_a_field_or_an_argument_twice():
+    for path in (ROOT / "graded_contact").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef | ast.FunctionDef):
+                for part in (ast.get_docstring(node) or "").split("\n\n"):
+                    entries = re.findall(r"^- (`[^:]*`):", part, flags=re.MULTILINE)
+                    names = re.findall(r"`([^`]*)`", " ".join(entries))
+                    assert len(names) == len(set(names)), (path.name, node.name, names)
+
+
 def test_the_table_of_keys_is_that_of_the_code(monkeypatch):
     """`python docs/_generated.py` writes it anew."""
     monkeypatch.syspath_prepend(str(DOCS))

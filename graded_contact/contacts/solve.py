@@ -49,8 +49,8 @@ from .operator import Field, first_mode
 from .solution import RESULTS, ContactSolution
 from .window import Window, on_part, on_whole, operator_of
 
-# Default tolerance of the pressure. The error of friction is then at most 3e-5, in the median 2e-7,
-# with 0.77 of the FFT pairs of 1e-6 (156 viscoelastic contacts, `bench_contact.py observables`).
+# Default tolerances of the pressure. docs/howto/precision.md has the errors of friction they leave.
+# 5e-5 takes 0.77 of the FFT pairs of 1e-6 (156 contacts, `bench_contact.py observables`).
 # In float32 rounding hid errors of 7e-5 (a periodic cell) and 2.4e-4 (a window) on 128² points.
 RTOL, SINGLE_RTOL = 5e-5, 5e-4
 # Slope of an attraction over the stiffness of the shortest wave, up to which all computed
@@ -106,7 +106,7 @@ def solve_contact(
       a custom one.
     - `adjoint`: solver of the linear systems of derivatives, and its tolerance: see
       `LinearSplitting`.
-    - `rtol`: requested relative error of the pressure [1]; None for 5e-5, in float32 for 5e-4.
+    - `rtol`: requested relative error of the pressure [1]; None means 5e-5, or 5e-4 in float32.
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a missing load
       is spread evenly. A start whose load or speed differs by more than 1.5 times gives no
       speed-up. With a law that attracts, it chooses among several solutions; see `follow_contact`.

@@ -113,14 +113,16 @@ def new_figure(width: float, height: float) -> "Figure":
 @styled
 def entitle(figure: "Figure", text: str) -> None:
     """Puts a line above a figure, and above an earlier one; broken where it is too long."""
+    # The label of the figure has the lines unbroken.
+    lines = [line for line in (text, figure.get_label()) if line]
+    figure.set_label("\n".join(lines))
     # About 15 letters of the title's size fit into an inch.
     width = round(15 * figure.get_figwidth())
-    lines = [textwrap.fill(line, width) for line in (text, figure.get_suptitle()) if line]
-    figure.suptitle("\n".join(lines))
+    figure.suptitle("\n".join(textwrap.fill(one, width) for one in figure.get_label().splitlines()))
 
 
 def caption(figure: "Figure") -> str:
-    """Returns what the panels of a figure show, from their letters and labels, and its title."""
+    """Returns what the panels of a figure show, from their letters and labels, and its titles."""
     panels = []
     for axes in figure.axes:
         bars = [drawn.colorbar.ax for drawn in (*axes.images, *axes.collections) if drawn.colorbar]
@@ -129,10 +131,10 @@ def caption(figure: "Figure") -> str:
         if axes.get_label() != COLOUR_BAR:
             shown = f"{title}: {shown}" if title and bars else title or shown
             panels.append(f"{axes.get_title(loc='left')} {shown}".strip())
-    sentences = re.sub(r" \[[^]]*\]", "", "; ".join(panels)), figure.get_suptitle()
-    text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences if text)
-    text = re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text.replace("\n", " "))
-    return _plain(text)
+    shown = re.sub(r" \[[^]]*\]", "", "; ".join(panels))
+    sentences = filter(None, (shown, *figure.get_label().splitlines()))
+    text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences)
+    return _plain(re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text))
 
 
 def _plain(text: str) -> str:

@@ -101,7 +101,7 @@ def _flow(found: Found) -> GapFlow:
     column=("flow along\nx [m³]", ".3e"),
 )  # fmt: skip
 def flow_along_x(found: Found) -> Float[Array, ""]:
-    """Conductance of the gap for a thin fluid along x [m³], see `gap_flow`."""
+    """Conductance of the gap along x [m³]; for a profile, across its grooves. See `gap_flow`."""
     return _flow(found).conductance[0]
 
 
@@ -110,7 +110,7 @@ def flow_along_x(found: Found) -> Float[Array, ""]:
     column=("flow along\ny [m³]", ".3e"),
 )  # fmt: skip
 def flow_along_y(found: Found) -> Float[Array, ""]:
-    """The same along y [m³]; across the grooves of a profile."""
+    """Conductance of the gap along y [m³]; for a profile, along its grooves. See `gap_flow`."""
     return _flow(found).conductance[1]
 
 

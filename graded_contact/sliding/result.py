@@ -240,8 +240,6 @@ class CyclicSliding(AbstractSliding):
     - `heights`, `grid`, `law`: of the surface and of the contact.
     - `displacement`: s(t) of the surface [m].
     - `period`: T [s].
-    - `shear`: shear stress [Pa] as a function of the pressure, or None; its speed is that of each
-      time.
     - `heated`: temperatures of the contact, see `HeatedContact`, or None.
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     - `shear`: shear stress [Pa] as a function of the pressure, at each time's speed; or None.

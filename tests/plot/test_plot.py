@@ -19,7 +19,7 @@ import graded_contact as gc
 from graded_contact.command.result_tables import print_table
 from graded_contact.core.display import unit_of
 from graded_contact.core.quantities import numbers_of
-from graded_contact.plot.style import caption
+from graded_contact.plot.style import caption, entitle
 from graded_contact.plot.words import title_of
 from graded_contact.scenes.results import surface_variables
 from graded_contact.studies.dataset import attach, write_csv
@@ -180,6 +180,18 @@ def test_a_caption_has_no_formulas_of_tex():
     figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))
     assert caption(figure) == (
         "(a) friction of waves up to q against wavenumber q; (b) dμ/dln q against wavenumber q."
+    )
+
+
+def test_each_title_of_a_figure_is_a_sentence_of_its_caption():
+    """A title that is broken over two lines is still one sentence."""
+    figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))
+    long = "Persson's theory is for Gaussian heights; " + 20 * "these " + "have skewness 3"
+    for title in ("full contact", long, "highest speed 100 mm/s"):
+        entitle(figure, title)
+    assert figure.get_suptitle().count("\n") > 2
+    assert caption(figure).endswith(
+        f"q against wavenumber q. Highest speed 100 mm/s. {long}. Full contact."
     )
 
 
