@@ -11,7 +11,6 @@ import signal
 import stat
 import subprocess
 import sys
-import time
 import tomllib
 from pathlib import Path
 
@@ -22,6 +21,7 @@ import pytest
 import xarray
 from scene_texts import BARE as SCENE
 from typer.testing import CliRunner
+from waiting import until
 
 import graded_contact as gc
 from graded_contact import cli
@@ -35,6 +35,7 @@ from graded_contact.scenes.run_scene import build_surface
 from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at
 from graded_contact.sliding.case import Case
+from graded_contact.studies import interruption
 from graded_contact.studies.dataset import write
 from graded_contact.studies.store import Store
 from graded_contact.surfaces.surface import Step
@@ -203,17 +204,18 @@ def rerun(folder, tmp_path, no_contacts_drawn):
 
 
 def interrupt_after(monkeypatch, count):
-    """A signal comes while the solve of this count is written."""
-    write, calls = Store.write, []
+    """A signal comes while the solve of this count is written, and is noted."""
+    write, calls, said = Store.write, [], []
 
     def with_signal(*arguments):
         calls.append(None)
         if len(calls) == count:
             os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(0.5)
+            until(lambda: said)
         write(*arguments)
 
     monkeypatch.setattr(Store, "write", with_signal)
+    monkeypatch.setattr(interruption, "_say", said.append)
 
 
 def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
@@ -366,30 +368,52 @@ def test_an_output_is_checked_before_anything_is_computed(
     assert "Traceback" not in result.output and not (tmp_path / "place").is_dir()
 
 
+# The command, which waits before it writes its sixth solve until its input ends.
+HELD = """
+import sys
+from graded_contact import cli
+from graded_contact.studies.store import Store
+write, calls = Store.write, []
+def held(*arguments):
+    calls.append(None)
+    if len(calls) == 6:
+        print("held", flush=True)
+        sys.stdin.read()
+    write(*arguments)
+Store.write = held
+cli.start()
+"""
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
 def test_a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been(tmp_path):
     scene, folder = tmp_path / "small.toml", tmp_path / "out" / "small.points"
-    scene.write_text(SCENE.replace("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 60}"))
+    scene.write_text(SCENE.replace("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 24}"))
 
-    def start(output):
-        words = [sys.executable, "-m", "graded_contact", "run", scene, "-o", tmp_path / output]
-        return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    def words(output):
+        return "run", scene, "-o", tmp_path / output
 
     for number, code in ((signal.SIGKILL, -9), (signal.SIGINT, 130), (signal.SIGTERM, 143)):
         before = {path: path.read_bytes() for path in folder.glob("*.point")}
-        process = start("out")
-        while process.poll() is None and len(list(folder.glob("*.point"))) < len(before) + 5:
-            time.sleep(0.01)
-        process.send_signal(number)
-        assert "Traceback" not in process.communicate()[1]
+        pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+        with subprocess.Popen(
+            [sys.executable, "-c", HELD, *words("out")], text=True, **pipes
+        ) as process:
+            assert "held\n" in process.stdout
+            process.send_signal(number)
+            noted = any("Stopping after this step" in line for line in process.stderr)
+            assert noted or number == signal.SIGKILL
+            process.stdin.close()
+            assert "Traceback" not in process.stderr.read()
         assert process.returncode == code
+        assert len(list(folder.glob("*.point"))) >= len(before) + 5
         assert all(path.read_bytes() == content for path, content in before.items())
     for output in ("out", "whole"):
-        with start(output) as process:
-            assert process.wait() == 0
+        command_line = [sys.executable, "-m", "graded_contact", *words(output)]
+        subprocess.run(command_line, stdout=subprocess.DEVNULL, check=True)
     one, other = (read_results(tmp_path / at / "small.h5") for at in ("out", "whole"))
-    assert one.identical(other) and np.all(one.message == "") and kept_solves(one) == [(0, 59)]
+    assert one.identical(other) and np.all(one.message == "") and kept_solves(one) == [(0, 23)]
     assert list(tmp_path.rglob(".*.partial")) == []
 
 
