@@ -113,12 +113,16 @@ def new_figure(width: float, height: float) -> "Figure":
 @styled
 def entitle(figure: "Figure", text: str) -> None:
     """Puts a line above a figure, and above an earlier one; broken where it is too long."""
-    # The label of the figure has the lines unbroken.
-    lines = [line for line in (text, figure.get_label()) if line]
-    figure.set_label("\n".join(lines))
+    titles = [title for title in (text, *_titles(figure)) if title]
+    figure.set_label("\n".join(titles))
     # About 15 letters of the title's size fit into an inch.
     width = round(15 * figure.get_figwidth())
-    figure.suptitle("\n".join(textwrap.fill(one, width) for one in figure.get_label().splitlines()))
+    figure.suptitle("\n".join(textwrap.fill(title, width) for title in titles))
+
+
+def _titles(figure: "Figure") -> list[str]:
+    """The titles of a figure, as its label keeps them: unbroken, one in each line."""
+    return str(figure.get_label()).splitlines()
 
 
 def caption(figure: "Figure") -> str:
@@ -132,7 +136,7 @@ def caption(figure: "Figure") -> str:
             shown = f"{title}: {shown}" if title and bars else title or shown
             panels.append(f"{axes.get_title(loc='left')} {shown}".strip())
     shown = re.sub(r" \[[^]]*\]", "", "; ".join(panels))
-    sentences = filter(None, (shown, *figure.get_label().splitlines()))
+    sentences = filter(None, (shown, *_titles(figure)))
     text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences)
     return _plain(re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text))
 
