@@ -1,6 +1,5 @@
 """A page: sliders and tools next to figures, bound to the parameters of a session."""
 
-import html
 import io
 from collections.abc import Callable
 from functools import partial
@@ -11,6 +10,7 @@ import numpy as np
 import panel as pn
 
 from ..core.display import with_error, with_unit
+from ..core.escaping import in_html
 from ..plot.contact import masked_fields
 from . import document as tables
 from .downloads import Shown, to_csv, to_hdf5
@@ -286,7 +286,7 @@ def _heading(text: str) -> pn.pane.HTML:
 
 def _words(text: str, error: bool = False) -> str:
     kind = 'say error" role="alert' if error else "say"
-    return f'<div class="{kind}">{html.escape(text)}</div>' if text else ""
+    return f'<div class="{kind}">{in_html(text)}</div>' if text else ""
 
 
 def _warnings(shown: Shown | None) -> str:
@@ -315,7 +315,7 @@ def _headline(shown: Shown | None, pinned: Shown | None) -> str:
     }
     if now.heated is not None:
         cells["surface_rise"] = ("contact above bulk", lambda rise: f"{rise:.3g} K")
-    text = f'<div class="title">{html.escape(shown.model.title(shown.values))}</div>'
+    text = f'<div class="title">{in_html(shown.model.title(shown.values))}</div>'
     for name, (words, spelt) in cells.items():
         number, change = float(getattr(now, name)), ""
         if before is not None and (old := float(getattr(before, name))):

@@ -8,6 +8,7 @@ from jaxtyping import ArrayLike
 
 from ..core.checks import as_float
 from ..core.display import unit_of, with_unit
+from ..core.escaping import in_figure
 from ..core.quantities import FIELDS
 from ..mean_field.mean_field import MeanField, pressure_distribution
 from ..sliding.result import Sliding
@@ -276,7 +277,7 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
     total, each = figure.subplots(1, 2, sharex=True)
     for i, (label, curve) in enumerate(by_label.items()):
         q, friction = np.asarray(curve.cutoff), np.asarray(curve.friction)
-        colour = COLOURS[i % len(COLOURS)]
+        colour, label = COLOURS[i % len(COLOURS)], in_figure(label)
         total.plot(q, friction, color=colour, label=label)
         # Steps of equal length on the logarithm, none finer than the curve.
         count = max(1, min(len(q) - 1, round(STEPS_PER_DECADE * np.log10(q[-1] / q[0]))))

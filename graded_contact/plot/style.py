@@ -117,7 +117,9 @@ def entitle(figure: "Figure", text: str) -> None:
     figure.set_label("\n".join(titles))
     # About 15 letters of the title's size fit into an inch.
     width = round(15 * figure.get_figwidth())
-    figure.suptitle("\n".join(textwrap.fill(title, width) for title in titles))
+    # A word must not break between a $ and its backslash, see `in_figure`.
+    wrap = functools.partial(textwrap.fill, width=width, break_long_words=False)
+    figure.suptitle("\n".join(map(wrap, titles)))
 
 
 def _titles(figure: "Figure") -> list[str]:
@@ -138,12 +140,14 @@ def caption(figure: "Figure") -> str:
     shown = re.sub(r" \[[^]]*\]", "", "; ".join(panels))
     sentences = filter(None, (shown, *_titles(figure)))
     text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences)
-    return _plain(re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text))
+    text = re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text)
+    # A $ after a backslash is one of the text, see `in_figure`.
+    return re.sub(r"(?<!\\)\$(.*?)\$", lambda math: _plain(math[1]), text).replace(r"\$", "$")
 
 
 def _plain(text: str) -> str:
-    """A text without the formulas of TeX: "log10 a_T" for r"$\\log_{10} a_T$"."""
-    words = {r"\mathrm": "", "_{10}": "10", "^*": "*", r"\,": " ", "$": "", "{": "", "}": ""}
+    """A formula of TeX in words: "log10 a_T" for r"\\log_{10} a_T"."""
+    words = {r"\mathrm": "", "_{10}": "10", "^*": "*", r"\,": " ", "{": "", "}": ""}
     for old, new in words.items():
         text = text.replace(old, new)
     greek = {name: unicodedata.lookup(f"GREEK SMALL LETTER {name}") for name in

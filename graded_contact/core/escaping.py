@@ -1,0 +1,64 @@
+"""Text of users and of files as a part of something else: one function for each format.
+
+Titles, names of materials, layers and files, labels, messages and conditions pass one of these on
+their way into a file or a figure, and nothing else does. All of them put the text on one line.
+
+| format | what would act | function |
+|---|---|---|
+| cards of Abaqus and Ansys, TOML, comments | a line end leaves the comment | `in_comment` |
+| CSV | a cell that begins with = + - @ is a formula, and so is one in a comment | `in_csv` |
+| figures: Matplotlib, SVG, PDF | $ begins a formula, a label after _ is hidden, XML forbids controls | `in_figure` |
+| HTML: the page, notebooks | < > & and quotes | `in_html` |
+
+TOML and JSON have escapes for every character (`entry_text` in `scenes/schema.py`, `json`).
+"""  # noqa: E501
+
+import html
+import re
+
+_FORMULAS = tuple("=+-@＝＋－＠")
+_CELLS = re.compile(r"([,;\t|])")  # what separates cells, in any country
+
+
+def on_one_line(text: str) -> str:
+    """Returns a text with a space for each line end, control and other unprintable character."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
+def in_comment(text: str, mark: str) -> str:
+    """Returns a text as one line of comment after `mark`, such as "**", "!" or "#"."""
+    return f"{mark} {on_one_line(text)}"
+
+
+def in_csv(text: str, mark: str = "") -> str:
+    """Returns a text as a cell of a CSV file, or as a line of comment after `mark`.
+
+    A spreadsheet would compute what begins as a formula: an apostrophe makes that a text. A number
+    stays a number. The writer of the file puts quotes around a cell, but not around a comment, in
+    which each part between separators is a cell to a spreadsheet.
+    """
+    if mark:
+        first, *others = _CELLS.split(text)
+        guarded = [first, *(part if _CELLS.match(part) else in_csv(part) for part in others)]
+        return in_comment("".join(guarded), mark)
+    line = on_one_line(text)
+    return f"'{line}" if line.lstrip(" '\"")[:1] in _FORMULAS and not _is_number(line) else line
+
+
+def in_figure(text: str) -> str:
+    """Returns a text for Matplotlib: a $ in it is a $, and a legend shows it."""
+    line = on_one_line(text).replace("$", r"\$")
+    return f" {line}" if line.startswith("_") else line
+
+
+def in_html(text: str) -> str:
+    """Returns a text for HTML, also within quotes."""
+    return html.escape(on_one_line(text))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
