@@ -46,7 +46,7 @@ from .estimates import assess, contact_state, penalty_at
 from .law import AbstractLaw, HardWall, check_one_law, check_pressure
 from .nested_solve import DouglasRachford
 from .operator import Field, first_mode
-from .solution import RESULTS, ContactSolution
+from .solution import RESULTS, ContactSolution, if_known
 from .window import Window, on_part, on_whole, operator_of
 
 # Default tolerances of the pressure. docs/howto/precision.md has the errors of friction they leave.
@@ -342,7 +342,7 @@ def _solution(
         penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - opened, 0)) / unit,
         num_steps=found.num_steps, num_fft_pairs=found.num_fft_pairs, result=result,
     )  # fmt: skip
-    return solution, result == RESULTS.successful
+    return if_known(result, solution), result == RESULTS.successful
 
 
 _solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)

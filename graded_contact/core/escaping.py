@@ -17,7 +17,6 @@ import html
 import re
 
 _FORMULAS = tuple("=+-@＝＋－＠")
-_CELLS = re.compile(r"([,;\t|])")  # what separates cells, in any country
 
 
 def on_one_line(text: str) -> str:
@@ -34,15 +33,18 @@ def in_csv(text: str, mark: str = "") -> str:
     """Returns a text as a cell of a CSV file, or as a line of comment after `mark`.
 
     A spreadsheet would compute what begins as a formula: an apostrophe makes that a text. A number
-    stays a number. The writer of the file puts quotes around a cell, but not around a comment, in
-    which each part between separators is a cell to a spreadsheet.
+    stays a number. Elsewhere other letters separate cells, and in a comment, which the writer of the
+    file does not put in quotes, a comma does, too: each part is guarded.
     """
-    if mark:
-        first, *others = _CELLS.split(text)
-        guarded = [first, *(part if _CELLS.match(part) else in_csv(part) for part in others)]
-        return in_comment("".join(guarded), mark)
-    line = on_one_line(text)
-    return f"'{line}" if line.lstrip(" '\"")[:1] in _FORMULAS and not _is_number(line) else line
+    separators = r"([,;\t|])" if mark else r"([;\t|])"
+    first, *others = re.split(separators, text)
+    guarded = "".join([first if mark else _guarded(first), *map(_guarded, others)])
+    return in_comment(guarded, mark) if mark else on_one_line(guarded)
+
+
+def _guarded(cell: str) -> str:
+    formula = on_one_line(cell).lstrip(" '\"")[:1] in _FORMULAS
+    return f"'{cell}" if formula and not _is_number(cell) else cell
 
 
 def in_figure(text: str) -> str:

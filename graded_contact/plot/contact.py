@@ -123,7 +123,7 @@ def _range_of(values: np.ndarray, base: str) -> tuple[float, float, str, str]:
     least, lower, median, upper, most = np.quantile(finite, [0, 0.005, 0.5, 0.995, 1])
     low, high = max(least, 2 * lower - median), min(most, 2 * upper - median)
     low = 0 if 0 <= low < 0.05 * high else low  # a scale from zero reads better
-    first, last = (f"{'-' if end < 0 else ''}{with_unit(abs(end), base)}" for end in (least, most))
+    first, last = (with_unit(end, base) for end in (least, most))
     if low > least and high < most:
         return low, high, "both", f"\noutliers from {first} to {last}"
     if low > least:

@@ -11,7 +11,7 @@ import numpy as np
 from ..core.escaping import in_figure
 from ..core.quantities import OBSERVABLES, in_brackets
 from ..core.warnings import Caveat
-from ..scenes.results import SEED_ERROR, has_numbers, over_seeds, solve_states, warnings_of
+from ..scenes.results import SEED_ERROR, has_numbers, of_each, over_seeds, solve_states, warnings_of
 from ..studies.dataset import NOT_STARTED
 from . import style
 from .words import label_of, title_of
@@ -154,8 +154,8 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
     state = solve_states(results)
     # A solve is doubtful if a warning concerns it, a mean if one of its surfaces is. A cross on
     # each of several points would show nothing: what concerns all is said in words.
-    warnings, several = warnings_of(results), state.size > 1
-    doubts = [(_reason(c), several and bool(np.all(c.where))) for c in warnings]
+    warnings = warnings_of(results)
+    doubts = [(_reason(c), of_each(c, results)) for c in warnings]
     crossed = [c.where for c, (_, each) in zip(warnings, doubts, strict=True) if not each]
     doubtful = state.copy(data=np.any([np.zeros(state.shape, bool), *crossed], axis=0))
     middle, apart = results, {}

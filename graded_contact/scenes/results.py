@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..blocks.window_compliance import has_ground
-from ..contacts.solution import RESULTS
+from ..contacts.solution import FAILURES, RESULTS
 from ..core.files import read_file
 from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of
@@ -46,7 +46,7 @@ KEPT_FIELDS = {
     "heights": "contact_heights",
 }  # fmt: skip
 SEED_ERROR = "_seed_error"
-NOT_FINITE = RESULTS[RESULTS.not_finite]  # the message of a solve whose numbers mean nothing
+NO_NUMBERS = tuple(RESULTS[end] for end in FAILURES)  # messages of solves without numbers
 
 
 def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
@@ -93,7 +93,7 @@ def collect(
     import xarray
 
     axes, shape, dtype = tuple(scene.axes), names.shape, surface.heights.dtype
-    points = [p and (Point({}, p.message) if p.message == NOT_FINITE else p) for p in points]
+    points = [p and (Point({}, p.message) if p.message in NO_NUMBERS else p) for p in points]
 
     def over_axes(name: str, *inner: int) -> np.ndarray:
         like = jax.ShapeDtypeStruct(inner, dtype)
@@ -209,7 +209,7 @@ def solve_states(results: "Dataset") -> "DataArray":
     words = np.full(message.shape, "not converged", object)
     words[message.values == ""] = ""
     words[message.values == NOT_STARTED] = NOT_STARTED
-    words[(message.str.startswith(FAILED) | (message == NOT_FINITE)).values] = "failed"
+    words[(message.str.startswith(FAILED) | message.isin(NO_NUMBERS)).values] = "failed"
     return message.copy(data=words.astype(str))
 
 
@@ -223,11 +223,17 @@ def has_numbers(results: "Dataset") -> "DataArray":
 
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     """Returns why numbers are doubtful although solved, and the solves that are concerned."""
-    everywhere = np.ones(results["message"].shape, bool)
+    everywhere = has_numbers(results).values
     rules = CYCLE_RULES if "time" in results.dims else RULES
     # Caveats of the surface concern every solve.
     of_surface = (Caveat(text, everywhere) for text in surface_of(results).caveats)
     return *of_surface, *caveats_of(results, rules)
+
+
+def of_each(caveat: Caveat, results: "Dataset") -> bool:
+    """Returns whether a warning is true of each of several solves with numbers."""
+    known = has_numbers(results).values
+    return bool(np.sum(known) > 1 and np.all(caveat.where[known]))
 
 
 def over_seeds(results: "Dataset") -> "Dataset":

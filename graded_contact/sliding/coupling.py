@@ -29,7 +29,7 @@ from ..blocks.grading import AbstractGradedSolver
 from ..blocks.tangential_kernel import tangential_kernels
 from ..blocks.window_compliance import without_images
 from ..contacts.operator import AbstractOperator, Field, Waves, first_mode
-from ..contacts.solution import RESULTS, ContactSolution
+from ..contacts.solution import RESULTS, ContactSolution, ended
 from ..core.checks import Numbers, is_concrete
 from ..core.compilation import jit
 from ..core.derivative import still
@@ -196,9 +196,9 @@ def lagged(
         if found.is_cycle and is_concrete(settled) and not settled:
             _check_speeds(found)
         contact = required(contact, settled, RESULTS.not_settled.error_if)
-    end = RESULTS.where(settled, contact.result, RESULTS.not_settled)
+    contact = ended(contact, settled, RESULTS.not_settled)
     moved = contact.displacement + x
-    contact = dataclasses.replace(contact, displacement=moved, num_fft_pairs=pairs, result=end)
+    contact = dataclasses.replace(contact, displacement=moved, num_fft_pairs=pairs)
     return dataclasses.replace(found, contact=contact)
 
 

@@ -20,7 +20,7 @@ from ..blocks.periodic_kernel import periodic_kernel
 from ..blocks.tangential_kernel import periodic_tangential_kernels
 from ..contacts.abstract_solver import Inputs
 from ..contacts.law import check_one_law
-from ..contacts.solution import RESULTS, ContactSolution
+from ..contacts.solution import RESULTS, ContactSolution, ended
 from ..contacts.solve import as_start, contact_of, loading_of
 from ..contacts.space_time import SpaceTime, in_motion
 from ..core.checks import Numbers, check_squares
@@ -98,8 +98,8 @@ def solve_cycle(
         none = jnp.zeros_like(heights)
         found = lagged(solve, result, given, numerics, begin, solution, none)
     if not numerics.throw:
-        end = RESULTS.where(reached, found.result, RESULTS.inaccurate_kernel)
-        found = eqx.tree_at(lambda f: f.contact.result, found, end)
+        contact = ended(found.contact, reached, RESULTS.inaccurate_kernel)
+        found = dataclasses.replace(found, contact=contact)
     return found
 
 

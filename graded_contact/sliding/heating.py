@@ -41,7 +41,7 @@ from ..blocks.heated_stack import HeatedContact, check_bulk, check_heated, heate
 from ..blocks.layering import Layering
 from ..blocks.stack import Stack, interface_depths
 from ..contacts.area import area_in_doubt
-from ..contacts.solution import RESULTS
+from ..contacts.solution import RESULTS, ended
 from ..core.checks import (
     Numbers,
     check_positive,
@@ -177,10 +177,10 @@ def solve_heated(
     reached = point.error <= rtol
     if numerics.throw:
         x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
-    result = RESULTS.where(reached, found.result, RESULTS.not_settled)
+    solution = ended(found.contact, reached, RESULTS.not_settled)
     return dataclasses.replace(
         found,
-        contact=dataclasses.replace(found.contact, result=result, num_fft_pairs=pairs),
+        contact=dataclasses.replace(solution, num_fft_pairs=pairs),
         heated=HeatedContact(block, x[0], x[1:], edges, point.error, *errors),
     )
 

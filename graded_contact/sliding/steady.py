@@ -15,7 +15,7 @@ from ..blocks.kernel import attempted_kernel, stack_kernel
 from ..blocks.stack import Rigid, interface_depths
 from ..blocks.window_compliance import doubled, has_ground, long_cell, without_images
 from ..contacts.law import AbstractLaw, HardWall
-from ..contacts.solution import RESULTS, ContactSolution
+from ..contacts.solution import RESULTS, ContactSolution, ended
 from ..contacts.solve import LEAST_GAP, solve_contact
 from ..contacts.window import operator_of
 from ..core.checks import Numbers, as_float, check_values, is_concrete
@@ -86,10 +86,9 @@ def solve_steady(
         none = jnp.zeros_like(surface.heights)
         found = lagged(solve, result, given, numerics, start, solution, none)
     if reached is not True or steady is not True:
-        end = found.contact.result
-        end = RESULTS.where(steady, end, RESULTS.no_steady_sliding)
-        end = RESULTS.where(reached, end, RESULTS.inaccurate_kernel)
-        found = dataclasses.replace(found, contact=dataclasses.replace(found.contact, result=end))
+        contact = ended(found.contact, steady, RESULTS.no_steady_sliding)
+        contact = ended(contact, reached, RESULTS.inaccurate_kernel)
+        found = dataclasses.replace(found, contact=contact)
     return found
 
 
