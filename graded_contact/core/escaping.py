@@ -16,7 +16,7 @@ TOML and JSON have escapes for every character (`entry_text` in `scenes/schema.p
 import html
 import re
 
-_FORMULAS = tuple("=+-@＝＋－＠")
+_FORMULAS = tuple("=+-@＝＋－＠")  # how a formula begins, on any keyboard
 
 
 def on_one_line(text: str) -> str:
@@ -33,18 +33,19 @@ def in_csv(text: str, mark: str = "") -> str:
     """Returns a text as a cell of a CSV file, or as a line of comment after `mark`.
 
     A spreadsheet would compute what begins as a formula: an apostrophe makes that a text. A number
-    stays a number. Elsewhere other letters separate cells, and in a comment, which the writer of the
-    file does not put in quotes, a comma does, too: each part is guarded.
+    stays a number. Each part after a semicolon, which separates cells in some countries,
+    is guarded, and in a comment, which has no quotes, each part after a comma.
     """
-    separators = r"([,;\t|])" if mark else r"([;\t|])"
-    first, *others = re.split(separators, text)
-    guarded = "".join([first if mark else _guarded(first), *map(_guarded, others)])
-    return in_comment(guarded, mark) if mark else on_one_line(guarded)
+    line = on_one_line(text)
+    if mark:
+        first, *others = re.split("([,;])", line)
+        parts = (part if _is_number(part) else _guarded(part) for part in others)
+        return in_comment("".join([first, *parts]), mark)
+    return line if _is_number(line) else ";".join(map(_guarded, line.split(";")))
 
 
-def _guarded(cell: str) -> str:
-    formula = on_one_line(cell).lstrip(" '\"")[:1] in _FORMULAS
-    return f"'{cell}" if formula and not _is_number(cell) else cell
+def _guarded(text: str) -> str:
+    return f"'{text}" if text.lstrip(" '\"")[:1] in _FORMULAS else text
 
 
 def in_figure(text: str) -> str:
