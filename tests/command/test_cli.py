@@ -314,7 +314,7 @@ def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
     assert told.stdout.count("failed") == 2 and told.exit_code == 0
 
 
-def test_no_figure_is_drawn_of_solves_without_numbers(rerun, tmp_path, monkeypatch):
+def test_solves_that_failed_have_neither_numbers_nor_figures(rerun, tmp_path, monkeypatch):
     solve = Case.solve
 
     def not_finite(case, numerics):
@@ -327,6 +327,14 @@ def test_no_figure_is_drawn_of_solves_without_numbers(rerun, tmp_path, monkeypat
     assert result.exit_code == 1 and "log-scaled" not in result.output
     assert "No solve succeeded: no figure is drawn." in result.stdout
     assert not list((tmp_path / "out").glob("*.png"))
+    for told in (result, command("info", tmp_path / "out" / "small.h5")):
+        rows = [line.split() for line in told.stdout.splitlines() if line.endswith("failed ")]
+        assert [{*row[2:]} for row in rows] == [{"—", "failed"}] * 2  # behind velocity and pressure
+        assert "do not touch" not in told.stdout and "each solve" not in told.stdout
+    rows = [*csv.DictReader((tmp_path / "out" / "small.csv").read_text().splitlines())]
+    axes = ("velocity [m/s]", "pressure [Pa]", "message")
+    assert {row[name] for row in rows for name in row if name not in axes} == {"nan"}
+    assert all(row["message"].startswith("The solve failed") for row in rows)
 
 
 def full_disk(*_):
