@@ -10,6 +10,7 @@ their sum to heat: T Σ -ω Im M |σ_qω|². Shear in the contact acts along the
 coupling of its traction is that of `coupling.py`.
 """
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
