@@ -671,7 +671,7 @@ def test_errors_of_isotherms_reach_table_csv_and_figures(tmp_path, kind, off, op
 
 def test_a_standard_error_sets_the_number_of_digits():
     numbers = ((0.51234, 0.0081), (12.3, 1.26), (0.51234, 0.0), (-4.7e-18, 5e-20))
-    texts = ["0.5123 ± 0.0081", "12.3 ± 1.3", "0.5123 ± 0", "(-4.700 ± 0.050)e-18"]
+    texts = ["0.5123 ± 0.0081", "12.3 ± 1.3", "0.51234", "(-4.700 ± 0.050)e-18"]
     assert [with_error(*pair) for pair in numbers] == texts
 
 
