@@ -274,6 +274,7 @@ def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
     attributes = {
         "surface_history": "\n".join(surface.history),
         "surface_steps": json.dumps(surface.steps),
+        "surface_assumed": "\n".join(surface.assumed),
         "surface_periodic": int(surface.periodic),
     }
     return variables, places, attributes
@@ -281,16 +282,22 @@ def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
 
 def surface_of(results: "Dataset") -> Surface:
     """Returns the surface of results, that of the first seed."""
-    history, heights = results.attrs["surface_history"], results["heights"]
+    history, heights = _sentences(results, "surface_history"), results["heights"]
     size = np.array([results[axis].attrs["period"] for axis in heights.dims])
     return Surface(
         heights=jnp.asarray(heights.values),
         grid=Grid(heights.shape, jnp.asarray(size)),
-        history=tuple(history.split("\n")) if history else (),
+        history=history,
         measured=jnp.asarray(results["measured"].values) if "measured" in results else None,
         steps=tuple(Step(*step) for step in json.loads(results.attrs["surface_steps"])),
         periodic=bool(results.attrs.get("surface_periodic", True)),
+        assumed=_sentences(results, "surface_assumed"),
     )
+
+
+def _sentences(results: "Dataset", name: str) -> tuple[str, ...]:
+    """The sentences of an attribute; none in a file of an older version, which lacks it."""
+    return tuple(filter(None, results.attrs.get(name, "").split("\n")))
 
 
 def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:

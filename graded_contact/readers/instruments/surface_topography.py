@@ -17,7 +17,7 @@ CHUNK = 2**16  # bytes
 _BACK = re.compile(r"(?i)re-?trace|backward|\bbwd\b|rückw")  # the way back of a scan
 
 
-@reader("instrument", "heights", knows=lambda file: True, rank=1)
+@reader("instrument", "heights", knows=lambda file: not (file.columns and file.text), rank=1)
 def read_instrument(file: File) -> Scan:
     """Returns the topography that SurfaceTopography reads from a file; it may raise any error.
 
