@@ -146,7 +146,7 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
         raise Refusal(f"it does not state all that is needed{of}; pass {wanted}")
     option = f"`unit={unit!r}`"
     fills = None in stated  # then it is no unit of what is stated
-    own = settled("it", scan.unit, None if fills else unit, option=option, alike=same_unit)
+    own = settled("a height", scan.unit, None if fills else unit, option=option, alike=same_unit)
     factor = given if own is None else metres(own)
     if scan.size is None:
         num_axes, edges = scan.heights.ndim, np.array(size, float)

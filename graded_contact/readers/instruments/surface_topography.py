@@ -14,6 +14,10 @@ from ..scan import Scan, check_points, chosen, from_lines
 from ..units import metres
 
 CHUNK = 2**16  # bytes
+_RAW = (
+    "no mark in it tells what it is; raw numbers are read by `numpy.fromfile(path, dtype)` and "
+    "saved by `numpy.save` as .npy, which is read here"
+)
 _BACK = re.compile(r"(?i)re-?trace|backward|\bbwd\b|rückw")  # the way back of a scan
 
 
@@ -28,8 +32,8 @@ def read_instrument(file: File) -> Scan:
         _check_streams(content, at_most)
     SurfaceTopography = extra("SurfaceTopography")  # takes seconds
     with SurfaceTopography.open_topography(io.BytesIO(content)) as library:
-        if content.startswith(b"PK") and type(library).__name__ == "HGTReader":
-            raise ValueError("this reader takes any 2 n² bytes")
+        if type(library).__name__ == "HGTReader":  # it takes any 2 n² bytes
+            raise ValueError(_RAW)
         channels: list[Any] = list(library.channels)
         if not channels:
             raise ValueError("no channel of heights was found")

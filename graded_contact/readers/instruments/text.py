@@ -109,6 +109,8 @@ def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
         good = [is_number(cell) for cell in cells]
         numbers[good] = [float(cell) for cell, known in zip(cells, good, strict=True) if known]
         lost = [cell[:40] for cell, known in zip(cells, good, strict=True) if not known]
+        if row is rows[0] and lost == [""] == cells[:1]:  # where two axes cross
+            continue
         odd = next((cell for cell in lost if any(map(str.isdigit, cell))), None)
         if odd:
             raise Refusal(f"line {row.line} holds {odd!r}, which is no number")
