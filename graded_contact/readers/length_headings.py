@@ -17,12 +17,26 @@ _OF_LENGTHS = re.compile(rf"(?<![^\W_])({_LENGTHS})s?(?![^\W_])", re.I)
 _AXES = re.compile(r"(?<![^\W_])[xy](?![^\W_])", re.I)
 _OF_ALL = re.compile(r"(?<![^\W_])(units?|einheit(en)?|all|alle)(?![^\W_])", re.I)
 # One thing is said between these.
-_PARTS = re.compile(r"[;|\\]|,(?=\s*[^\W\d])|(?<=[\])])\s+(?=\w)")
+_PARTS = re.compile(r"[;|\\]|,(?=\s*[^\W\d])|\s(?:/|and|und|et)\s|(?<=[\])])|\s(?=[xyz]_)", re.I)
 _BRACKETED = re.compile(r"\[\s*([^\[\]]*?)\s*\]\s*[.:;,]*$|\(\s*([^()]*?)\s*\)\s*[.:;,]*$")
-_COUNTS = {"px", "pixel", "pixels", "pt", "pts", "point", "points", "#", "index", "sample", "samples"}
+_COUNTS = {
+    "px",
+    "pixel",
+    "pixels",
+    "pt",
+    "pts",
+    "point",
+    "points",
+    "#",
+    "index",
+    "sample",
+    "samples",
+}
 # Units of other kinds; in square brackets any word is a unit.
-_OTHERS = {"v", "mv", "µv", "a", "na", "pa", "n", "mn", "nn", "hz", "khz", "deg", "°", "rad", "s",
-           "ms", "min", "a.u.", "au", "arb. units", "arb", "%", "counts", "bit", "°c", "k"}  # fmt: skip
+_OTHERS = {
+    "v", "mv", "µv", "a", "na", "pa", "n", "mn", "nn", "hz", "khz", "deg", "°", "rad", "s", "ms",
+    "min", "a.u.", "au", "arb. units", "arb", "%", "counts", "bit", "°c", "k",
+}  # fmt: skip
 
 # Names of columns without their units, by what they are.
 _ROLES = {
@@ -89,6 +103,14 @@ def units_of_columns(header: list[Row], width: int) -> list[str | None]:
     return units
 
 
+def units_above(header: list[Row]) -> Units:
+    """Returns the units that rows above numbers state, as `units_in`."""
+    # Cells of one word may have been separated by spaces.
+    lines = [(", " if any(" " in cell for cell in row.cells) else " ").join(row.cells)
+             for row in header]  # fmt: skip
+    return units_in(lines)
+
+
 def units_in(lines: list[str]) -> Units:
     """Returns the units that lines of text state; what they contradict counts as not stated."""
     found: dict[str, set[str]] = {"heights": set(), "lengths": set(), "shared": set()}
@@ -101,14 +123,20 @@ def units_in(lines: list[str]) -> Units:
             if unit is None or _is_value(part, unit):
                 continue
             bare = len(part.strip(" []().:;,")) == len(unit)
-            # "x y z [um]", but not "range of z [um]".
-            if len(named) == 1 or _AXES.search(line):
+            # "x y z [um]", but neither "range of z [um]" nor "x_mm z_um".
+            if len(named) == 1 or (_AXES.search(line) and _num_units(part) == 1):
                 for name in named:
                     found[name].add(unit)
             if not named and (bare or _OF_ALL.search(part)):
                 found["shared"].add(unit)
             named = set()
-    return Units(**{name: units.pop() if len(units) == 1 else None for name, units in found.items()})
+    return Units(
+        **{name: units.pop() if len(units) == 1 else None for name, units in found.items()}
+    )
+
+
+def _num_units(part: str) -> int:
+    return len({metres(word) for word in re.split(r"[\W_]+", part) if metres(word)})
 
 
 def _is_value(part: str, unit: str) -> bool:

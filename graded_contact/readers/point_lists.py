@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.files import Refusal
 from .cells import Row, Sheet, is_number
-from .length_headings import bare_name, counts_points, roles_of, units_in, units_of_columns
+from .length_headings import bare_name, counts_points, roles_of, units_above, units_of_columns
 from .scan import Scan, counters, equally_spaced
 
 EQUAL = 1e-3  # of a step: how far points may lie from equal spacing
@@ -21,7 +21,7 @@ def picked(sheet: Sheet, columns: Mapping[str, str | int]) -> Sheet:
     """Returns the columns x, y and z of a sheet that the user names; other rows are unchanged."""
     wanted = [columns[role] for role in "xyz" if role in columns]
     texts = [name for name in wanted if isinstance(name, str)]
-    names, above = (_row_of_names(sheet.rows, texts) if texts else ([], -1))
+    names, above = _row_of_names(sheet.rows, texts) if texts else ([], -1)
     places = [n - 1 if isinstance(n, int) else _place(names, n) for n in wanted]
     if min(places) < 0 or len(set(places)) < len(places):
         raise Refusal(f"`columns={dict(columns)}` must name different columns, counted from 1")
@@ -53,6 +53,15 @@ def _place(names: list[str], text: str) -> int:
     return -1
 
 
+def by_names(rows: list[Row]) -> dict[str, int] | None:
+    """Returns the columns of x, z or of x, y, z by the first line that names them, from 1."""
+    for row in rows:
+        roles = roles_of(row.cells)
+        if roles.count("x") == roles.count("z") == 1 and roles.count("y") < 2:
+            return {role: roles.index(role) + 1 for role in "xyz" if role in roles}
+    return None
+
+
 def named_places(header: list[Row], width: int) -> tuple[list[int], list[str]] | None:
     """Returns the places of x, z or of x, y, z by their names, and the names of other columns.
 
@@ -64,6 +73,8 @@ def named_places(header: list[Row], width: int) -> tuple[list[int], list[str]] |
         return None
     roles = roles_of(row.cells)
     counts = {role: roles.count(role) for role in "xyz"}
+    if width == 3 and counts["x"] == 1 and not counts["y"] and not counts["z"]:
+        raise Refusal(f"the names {row.cells} do not tell its heights: choose by {NAMED}")
     if counts["x"] != 1 or counts["y"] > 1 or not counts["z"]:
         return None
     if counts["z"] > 1:
@@ -88,7 +99,7 @@ def without_index(values: np.ndarray, header: list[Row]) -> np.ndarray:
 def _units(header: list[Row], width: int) -> tuple[list[str | None], str | None, str | None]:
     """The units of positions and of heights in the last column, and one for all numbers."""
     *lengths, heights = units_of_columns(header, width)
-    above = units_in([row.text for row in header])
+    above = units_above(header)
     return [u or above.lengths for u in lengths], heights or above.of_heights, above.shared
 
 

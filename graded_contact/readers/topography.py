@@ -136,18 +136,18 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
     stated = (scan.unit,) if scan.size is None else (scan.unit, scan.lateral_unit)
     for name in filter(None, stated):
         _metres(name, f"{scan.source} in {name!r}")
-    given = None if unit is None else _metres(unit, f"`unit={unit!r}`")
-    lacking = ["`unit`, for instance 'um'"] * (unit is None and (None in stated[:1]
-               or (None in stated and size is None)))  # fmt: skip
+    option = f"`unit={unit!r}`"
+    given = np.nan if unit is None else _metres(unit, option)
+    asked = scan.unit is None or (None in stated and size is None)
+    lacking = ["`unit`, for instance 'um'"] * (asked and unit is None)
     lacking += ["`size` [m]"] * (scan.size is None and size is None)
     if lacking:
         of = "" if scan.unit else f" of {scan.source}"
         wanted = ", and ".join(lacking)
         raise Refusal(f"it does not state all that is needed{of}; pass {wanted}")
-    option = f"`unit={unit!r}`"
     fills = None in stated  # then it is no unit of what is stated
     own = settled("a height", scan.unit, None if fills else unit, option=option, alike=same_unit)
-    factor = given if own is None else metres(own)
+    factor = given if own is None else _metres(own, option)
     if scan.size is None:
         num_axes, edges = scan.heights.ndim, np.array(size, float)
         if edges.shape not in ((), (num_axes,)):
@@ -155,7 +155,8 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
         return factor, np.broadcast_to(edges, (num_axes,))
     if size is not None and scan.lateral_unit is None:
         return factor, _scaled(scan.size, size)
-    known = (given if scan.lateral_unit is None else metres(scan.lateral_unit)) * scan.size
+    lateral = given if scan.lateral_unit is None else _metres(scan.lateral_unit, option)
+    known = lateral * scan.size
     if size is not None:
         raise Refusal(f"it states its size, {known} m; leave out `size`")
     if not (np.all(np.isfinite(known)) and np.all(known > 0)):

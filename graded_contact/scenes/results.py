@@ -282,22 +282,18 @@ def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
 
 def surface_of(results: "Dataset") -> Surface:
     """Returns the surface of results, that of the first seed."""
-    history, heights = _sentences(results, "surface_history"), results["heights"]
+    history, heights = results.attrs["surface_history"], results["heights"]
+    assumed = results.attrs.get("surface_assumed", "")  # older files have none
     size = np.array([results[axis].attrs["period"] for axis in heights.dims])
     return Surface(
         heights=jnp.asarray(heights.values),
         grid=Grid(heights.shape, jnp.asarray(size)),
-        history=history,
+        history=tuple(filter(None, history.split("\n"))),
         measured=jnp.asarray(results["measured"].values) if "measured" in results else None,
         steps=tuple(Step(*step) for step in json.loads(results.attrs["surface_steps"])),
         periodic=bool(results.attrs.get("surface_periodic", True)),
-        assumed=_sentences(results, "surface_assumed"),
+        assumed=tuple(filter(None, assumed.split("\n"))),
     )
-
-
-def _sentences(results: "Dataset", name: str) -> tuple[str, ...]:
-    """The sentences of an attribute; none in a file of an older version, which lacks it."""
-    return tuple(filter(None, results.attrs.get(name, "").split("\n")))
 
 
 def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:

@@ -48,10 +48,11 @@ def surface_from_heights(
 ) -> Surface:
     """Returns measured heights as a periodic surface of zero mean.
 
-    In this order: a region is cut out; lines are levelled, if asked; a least-squares plane through the measured points is
-    subtracted (not with `periodic` None, where it would open a seam, or "open"); missing points are
-    filled; the edges are made to meet; the surface is resampled. `Surface.measured` marks what was
-    filled or tapered, and `Surface.steps` holds the roughness after each step.
+    In this order: a region is cut out; lines are levelled, if asked; a least-squares plane through
+    the measured points is subtracted (not with `periodic` None, where it would open a seam, or
+    "open"); missing points are filled; the edges are made to meet; the surface is resampled.
+    `Surface.measured` marks what was filled or tapered, `Surface.steps` holds the roughness after
+    each step.
 
     **Arguments:**
 

@@ -23,7 +23,7 @@ SHORT = 0.25  # 1/points: waves of four points and less across the lines
 VARYING = slice(1, 5)  # waves along a line
 LAY = 2.0  # rms slope across the lines over that along them, without jumps
 ROUNDING = 1e-12  # of the square of the slope: heights that are equal along all lines
-FOLLOWING = 0.25  # correlation of neighbouring changes; -0.5 of random shifts, 0.5 of a rough groove
+FOLLOWING = 0.25  # correlation of neighbouring changes: -0.5 of random shifts, 0.5 of a groove
 
 
 def jump_caveats(values: np.ndarray, spacing: np.ndarray) -> tuple[str, ...]:

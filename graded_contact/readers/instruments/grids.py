@@ -28,12 +28,13 @@ def read_esri(file: File) -> Scan:
     """Returns the heights of an ESRI ASCII grid; NaN where its header marks missing points."""
     lines = _text(file).split("\n", _LINES)
     header: dict[str, str] = {}
-    for count, line in enumerate(lines):
-        key, *value = line.split() or [""]
+    while lines:
+        key, *value = lines[0].split() or [""]
         if not (_KEYS.fullmatch(key) and len(value) == 1 and is_number(_with_point(value[0]))):
             break
         header[key.lower()] = _with_point(value[0])
-    rest = "\n".join(lines[count:])
+        del lines[0]
+    rest = "\n".join(lines)
     shape = tuple(int(_number(header, name)) for name in ("ncols", "nrows"))
     steps = [_number(header, name, "cellsize") for name in ("dx", "dy")]
     check_points(shape, file.at_most)
@@ -47,8 +48,8 @@ def read_esri(file: File) -> Scan:
     unit = "m" if file.unit is None else None
     lateral = unit if file.size is None else None
     size = np.array(steps) * shape
-    told = {"notes": (*log.history,), "assumed": (*log.assumed,)}
-    return Scan(heights, "an ESRI grid", size, unit, lateral, **told)
+    scan = Scan(heights, "an ESRI grid", size, unit, lateral)
+    return scan._replace(notes=(*log.history,), assumed=(*log.assumed,))
 
 
 @reader("surfer", "heights", knows=lambda file: file.content[:4] in (b"DSAA", b"DSBB", b"DSRB"))

@@ -1,6 +1,6 @@
 """Heights in HDF5 of instruments and programs, `[x, y]` unless its dimensions are called y, x.
 
-Which dataset has heights follows from its name and unit: masks, qualities and intensities have none.
+Which dataset has heights follows from its name and unit: masks, qualities and intensities are none.
 A scale, an offset, marks of missing points, units, steps and sizes are used where attributes of the
 dataset or of its groups, or datasets of one number beside it, state them by usual names. Zygo's
 DATX is HDF5 too, and is left to SurfaceTopography.
@@ -13,12 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.files import Refusal
+from ..decisions import Log
 from ..registry import File, reader
 from ..scan import Scan, check_points, chosen, counters, equally_spaced
 from ..units import length_unit, metres
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
-_HEIGHTS = re.compile(r"height|höhe|topo|elevation|surface|relief|depth|(^|[\W_])z($|[\W_\d])|zsensor")
+_HEIGHTS = re.compile(
+    r"height|höhe|topo|elevation|surface|relief|depth|(^|[\W_])z($|[\W_\d])|zsensor"
+)
 _OTHERS = re.compile(
     r"mask|qualit|intens|valid|flag|status|err(or)?($|_)|uncert|confid|weight|phase|ampl|photo"
     r"|bright|colou?r|rgb|image|camera|reflect|index|count|label|defl|current|friction|std|sigma"
@@ -60,19 +63,22 @@ def read_hdf5(file: File) -> Scan:
         node = nodes[name]
         check_points(node.shape, file.at_most)
         own, above = _facts(node.attrs), _above(node)
-        heights, unit, doubts = _scaled(np.squeeze(node[...]), own, above)
+        heights, unit = _scaled(np.squeeze(node[...]), own, above, log := Log())
         common = _text(above, r"units?")
         unit = _text(own, r"units?") or unit or _text(above, _HEIGHT_UNIT) or common
         unit = unit or length_unit(name.rpartition("/")[2])
         scan = _placed(heights, node, own | {k: v for k, v in above.items() if k not in own})
-        masks = [each for each, part in nodes.items() if each != name and part.shape == node.shape
-                 and _MASK.search(each.lower()) and np.ptp(part[...].astype(float)) > 0]  # fmt: skip
+        masks = [
+            other for other, part in nodes.items()
+            if other != name and part.shape == node.shape and _MASK.search(other.lower())
+            and np.ptp(part[...].astype(float)) > 0
+        ]  # fmt: skip
     if masks:
-        doubts.append(f"Its {masks} may mark points that were not measured; all points are used. "
-                      "Write NaN there to leave them out.")  # fmt: skip
+        used = "may mark points that were not measured; all points are used. Write NaN there"
+        log.assume(f"Its {masks} {used} to leave them out.")
     lateral = (scan.lateral_unit or common) if scan.size is not None else None
     named = {"source": f"dataset {name!r}", "unit": unit, "lateral_unit": lateral}
-    return scan._replace(**named, notes=(*scan.notes, *doubts), assumed=tuple(doubts))
+    return scan._replace(**named, notes=(*scan.notes, *log.history), assumed=(*log.assumed,))
 
 
 def _is_generic(content: bytes) -> bool:
@@ -150,14 +156,18 @@ def _folded(name: str) -> str:
 
 
 def _above(node: Any) -> Facts:
-    """What the groups of a dataset state, and datasets of few numbers in them; the nearest first."""
+    """What the groups of a dataset, the nearest first, state, and datasets of few numbers there."""
     facts: Facts = {}
     group = node
     while group.name != "/":
         group = group.parent
         found = _facts(group.attrs)
         for name, part in group.items():
-            if getattr(part, "shape", None) is not None and part.size is not None and part.size <= 2:
+            if (
+                getattr(part, "shape", None) is not None
+                and part.size is not None
+                and part.size <= 2
+            ):
                 unit = _text(_facts(part.attrs), r"units?")
                 for key, stated in _facts({name: part[...]}).items():
                     found[key] = stated._replace(unit=stated.unit or unit)
@@ -185,8 +195,8 @@ def _number(facts: Facts, names: str) -> Stated | None:
     return None
 
 
-def _scaled(raw: np.ndarray, own: Facts, above: Facts) -> tuple[Any, str | None, list[str]]:
-    """The heights of raw numbers, the unit that their scale states, and doubts about scales."""
+def _scaled(raw: np.ndarray, own: Facts, above: Facts, log: Log) -> tuple[Any, str | None]:
+    """The heights of raw numbers, and the unit that their scale states."""
     heights = np.where(np.isfinite(raw), raw, np.nan).astype(float)
     if (mark := _number(own, _MISSING)) is not None:
         heights[raw == mark.value[0]] = np.nan
@@ -198,8 +208,9 @@ def _scaled(raw: np.ndarray, own: Facts, above: Facts) -> tuple[Any, str | None,
         heights = heights + offset.value[0]
     left = [name for name in own if scale is None and _PERHAPS_SCALE.search(name)
             and not re.match("[xy]_|d[xy]|lateral|pixel", name)]  # fmt: skip
-    doubt = f"Its attributes {left} are not understood; if they scale heights, multiply by them."
-    return heights, scale and scale.unit, [doubt] if left else []
+    if left:
+        log.assume(f"Its attributes {left} do not scale the heights; if they do, multiply by them.")
+    return heights, scale and scale.unit
 
 
 def _placed(heights: np.ndarray, node: Any, facts: Facts) -> Scan:
@@ -209,18 +220,20 @@ def _placed(heights: np.ndarray, node: Any, facts: Facts) -> Scan:
     steps = [_coordinates(node, name or letter, n)
              for name, letter, n in zip(axes, order, heights.shape, strict=False)]  # fmt: skip
     points = np.array(heights.shape, float)
-    if all(step is not None for step in steps):
-        if heights.ndim == 2:
-            heights = heights[tuple(slice(None, None, int(np.sign(s.value[0]))) for s in steps)]
-        edges = np.abs([s.value[0] for s in steps]) * points
-        unit = steps[0].unit
-        if len({s.unit for s in steps}) > 1:
+    known = [step for step in steps if step is not None]
+    if len(known) == heights.ndim:
+        apart = np.array([step.value[0] for step in known])
+        heights = heights[tuple(slice(None, None, int(sign)) for sign in np.sign(apart))]
+        edges, unit = np.abs(apart) * points, known[0].unit
+        if len({step.unit for step in known}) > 1:
             raise Refusal("its coordinates have several units")
     else:
         edges, unit = _edges(points, order, facts)
     if order == "yx":
         heights, edges = heights.T, None if edges is None else edges[::-1]
-    told = "Its dimensions are y and x." if order == "yx" else "Its dimensions were taken as x and y."
+    told = (
+        "Its dimensions are y and x." if order == "yx" else "Its dimensions were taken as x and y."
+    )
     return Scan(heights, "", edges, None, unit, notes=(told,) if heights.ndim == 2 else ())
 
 

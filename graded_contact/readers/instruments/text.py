@@ -5,6 +5,7 @@ header. Words between the numbers ("nan", "---", "BAD") are missing points, and 
 could be read in two ways is refused.
 """
 
+import dataclasses
 import itertools
 import re
 
@@ -14,8 +15,8 @@ from ...core.files import Refusal
 from .. import cells
 from ..cells import Row, Sheet, TextLayout, is_missing, is_number
 from ..decisions import Log
-from ..length_headings import Units, counts_points, units_in, units_of_columns
-from ..point_lists import grid_points, line_scan, named_places, picked, without_index
+from ..length_headings import Units, counts_points, units_above, units_in, units_of_columns
+from ..point_lists import by_names, grid_points, line_scan, named_places, picked, without_index
 from ..registry import File, reader
 from ..scan import MOST_POINTS, Scan, counters, equally_spaced, from_lines
 
@@ -56,7 +57,10 @@ def heights_in(sheet: Sheet, file: File) -> Scan:
     known = (row for row in sheet.rows if not row.comment)
     body = list(itertools.dropwhile(lambda row: not _is_data(row.cells), known))
     if not body:
-        raise Refusal("it holds no table of numbers")
+        named = None if file.columns else by_names(sheet.rows)
+        if named is None:
+            raise Refusal("it holds no table of numbers")
+        return heights_in(sheet, dataclasses.replace(file, columns=named))  # others have words
     header = [row for row in sheet.rows if row.line < body[0].line]
     values = _values(body, notes := [])
     if not file.columns:
@@ -69,7 +73,7 @@ def heights_in(sheet: Sheet, file: File) -> Scan:
             notes.append("The first column counts the lines, and was left out.")
     width = values.shape[1]
     if width == 1:
-        unit = units_of_columns(header, 1)[0] or units_in([row.text for row in header]).of_heights
+        unit = units_of_columns(header, 1)[0] or units_above(header).of_heights
         scan = Scan(values[:, 0], "one line of heights", unit=unit)
     elif width in (2, 3):
         scan = (line_scan if width == 2 else grid_points)(values, header, bool(file.columns))
@@ -126,23 +130,24 @@ def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
 
 def _matrix_scan(values: np.ndarray, header: list[Row], given: str | None) -> Scan:
     """A matrix of heights, which may have axes, or counters, in its first row and column."""
-    units, corner = units_in([row.text for row in header]), Units()
+    units, corner = units_above(header), Units()
     if header and len(header[-1].cells) == values.shape[1]:
         first, *labels = header[-1].cells
         if all(map(is_number, labels)):  # with a word where row and column cross
-            units, corner = units_in([row.text for row in header[:-1]]), units_in([first])
+            units, corner = units_above(header[:-1]), units_in([first])
             values = np.concatenate([[[np.nan, *map(float, labels)]], values])
     lengths = units.lengths or corner.of_lengths
     labels = values[0, 1:], values[1:, 0]
-    steps, counted = [*map(_axis_step, labels)], [*map(counters, labels)]
+    steps, counted = [_axis_step(each) for each in labels], [counters(each) for each in labels]
     known = lengths is not None and not counts_points(lengths)
     if all(step or count for step, count in zip(steps, counted, strict=True)):
-        scan = _with_axes if known or not any(counted) else _counted
-        scan = scan(values[1:, 1:], steps)
+        coordinates = known or not any(counted)
+        lines = values[1:, 1:]
+        scan = _with_axes(lines, steps) if coordinates else _counted(lines, *labels)
     elif counters(values[0]) and not known:
-        scan = _counted(values[1:])
+        scan = _counted(values[1:], along=values[0])
     elif counters(values[:, 0]) and not known:
-        scan = _counted(values[:, 1:])
+        scan = _counted(values[:, 1:], across=values[:, 0])
     elif any(steps) or any(counted):
         line = "row" if steps[0] or counted[0] else "column"
         raise Refusal(f"its first {line} increases in equal steps, like an axis: remove it")
@@ -159,17 +164,28 @@ def _matrix_scan(values: np.ndarray, header: list[Row], given: str | None) -> Sc
     )
 
 
-def _counted(lines: np.ndarray, _: object = None) -> Scan:
-    """Heights beside counters of their points, as pandas writes them."""
+def _counted(lines: np.ndarray, along=None, across=None) -> Scan:
+    """Heights beside counters of their points, as pandas writes them; lines may be left out."""
+    for axis, counts in ((1, along), (0, across)):
+        if counts is not None and counters(counts):
+            places = np.rint(counts - counts[0]).astype(int)
+            if places[-1] >= 2 * len(places):
+                raise Refusal("most of the points that it counts are missing")
+            shape = list(lines.shape)
+            shape[axis] = places[-1] + 1
+            whole = np.full(shape, np.nan)
+            np.moveaxis(whole, axis, 0)[places] = np.moveaxis(lines, axis, 0)
+            lines = whole
     return Scan(from_lines(lines), "a matrix of heights whose points are counted beside it")
 
 
-def _with_axes(heights: np.ndarray, steps: list[float]) -> Scan:
+def _with_axes(heights: np.ndarray, steps: list[float | None]) -> Scan:
     """Heights below x in the first row and beside y in the first column."""
-    along_x, along_y = np.sign(steps).astype(int)
+    apart = np.array(steps, float)
+    along_x, along_y = np.sign(apart).astype(int)
     heights = heights.T[::along_x, ::along_y]
     note = "Its first row and first column were taken as x and y."
-    size = np.abs(steps) * heights.shape
+    size = np.abs(apart) * heights.shape
     return Scan(heights, "a matrix of heights", size, notes=(note,))
 
 
