@@ -105,9 +105,11 @@ def units_of_columns(header: list[Row], width: int) -> list[str | None]:
 
 def units_above(header: list[Row]) -> Units:
     """Returns the units that rows above numbers state, as `units_in`."""
-    # Cells of one word may have been separated by spaces.
-    lines = [(", " if any(" " in cell for cell in row.cells) else " ").join(row.cells)
-             for row in header]  # fmt: skip
+    lines = []
+    for row in header:
+        cells = [cell for cell in row.cells if cell]
+        # Cells of one word may have been separated by spaces.
+        lines.append((", " if any(" " in cell for cell in cells) else " ").join(cells))
     return units_in(lines)
 
 

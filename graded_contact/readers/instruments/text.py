@@ -61,8 +61,11 @@ def heights_in(sheet: Sheet, file: File) -> Scan:
         if named is None:
             raise Refusal("it holds no table of numbers")
         return heights_in(sheet, dataclasses.replace(file, columns=named))  # others have words
-    header = [row for row in sheet.rows if row.line < body[0].line]
-    values = _values(body, notes := [])
+    used = _used(body)
+    width = len(body[0].cells)
+    header = [row._replace(cells=row.cells[used]) if len(row.cells) == width else row
+              for row in sheet.rows if row.line < body[0].line]  # fmt: skip
+    values = _values([row._replace(cells=row.cells[used]) for row in body], notes := [])
     if not file.columns:
         if found := named_places(header, values.shape[1]):
             places, others = found
@@ -71,8 +74,7 @@ def heights_in(sheet: Sheet, file: File) -> Scan:
         elif len(without := without_index(values, header).T) < values.shape[1]:
             values = without.T
             notes.append("The first column counts the lines, and was left out.")
-    width = values.shape[1]
-    if width == 1:
+    if (width := values.shape[1]) == 1:
         unit = units_of_columns(header, 1)[0] or units_above(header).of_heights
         scan = Scan(values[:, 0], "one line of heights", unit=unit)
     elif width in (2, 3):
@@ -98,18 +100,23 @@ def _is_data(cells: list[str]) -> bool:
     return bool(known) and all(map(is_number, known))
 
 
-def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
-    """The numbers in rows of equal width, NaN for words; a single row becomes a column."""
+def _used(rows: list[Row]) -> slice:
+    """The columns from the first to the last that is not empty, of rows of equal width."""
     width = len(rows[0].cells)
     ragged = next((row for row in rows if len(row.cells) != width), None)
     if ragged is not None:
         cells = f"{len(ragged.cells)} cells, those before it {width}"
         raise Refusal(f"line {ragged.line} has {cells}")
     full = [place for place in range(width) if any(row.cells[place] for row in rows)]
-    values = np.full((len(rows), full[-1] + 1 - full[0]), np.nan)
+    return slice(full[0], full[-1] + 1)
+
+
+def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
+    """The numbers in rows, NaN for words; a single row becomes a column."""
+    values = np.full((len(rows), len(rows[0].cells)), np.nan)
     words: dict[str, None] = {}
     for row, numbers in zip(rows, values, strict=True):
-        cells = row.cells[full[0] : full[-1] + 1]
+        cells = row.cells
         good = [is_number(cell) for cell in cells]
         numbers[good] = [float(cell) for cell, known in zip(cells, good, strict=True) if known]
         lost = [cell[:40] for cell, known in zip(cells, good, strict=True) if not known]
