@@ -10,6 +10,8 @@ from typing import NamedTuple
 from .cells import Row
 from .units import length_unit, metres
 
+# Of a header that are looked at, and characters of a cell.
+MOST_ROWS, MOST_CELLS, LONGEST = 100, 50, 200
 _HEIGHTS = r"height\w*|höhe\w*|hoehe|z|values?|werte?|topograph\w*|depth|tiefe|elevation|hauteur"
 _LENGTHS = r"width|length|size|pixel|step|spacing|lateral|area|range|axes|[xy]|distance|position"
 _OF_HEIGHTS = re.compile(rf"(?<![^\W_])({_HEIGHTS})(?![^\W_])", re.I)
@@ -79,9 +81,10 @@ def counts_points(unit: str | None) -> bool:
 
 def stated_unit(heading: str) -> str | None:
     """Returns the unit at the end of a heading, of a length or of another kind; or None."""
+    heading = heading.strip()[-LONGEST:]
     if (unit := length_unit(heading)) is not None:
         return unit
-    found = _BRACKETED.search(heading.strip())
+    found = _BRACKETED.search(heading)
     if found is None:
         return None
     square, round_ = found.groups()
@@ -106,8 +109,8 @@ def units_of_columns(header: list[Row], width: int) -> list[str | None]:
 def units_above(header: list[Row]) -> Units:
     """Returns the units that rows above numbers state, as `units_in`."""
     lines = []
-    for row in header:
-        cells = [cell for cell in row.cells if cell]
+    for row in header[-MOST_ROWS:]:
+        cells = [cell[:LONGEST] for cell in row.cells[:MOST_CELLS] if cell]
         # Cells of one word may have been separated by spaces.
         lines.append((", " if any(" " in cell for cell in cells) else " ").join(cells))
     return units_in(lines)
@@ -148,7 +151,7 @@ def _is_value(part: str, unit: str) -> bool:
 
 def roles_of(names: list[str]) -> list[str | None]:
     """Returns "x", "y", "z" or "index" for each name of a column, None for other names."""
-    return [_role(name) for name in names]
+    return [_role(name[:LONGEST]) for name in names[:MOST_CELLS]]
 
 
 def bare_name(name: str) -> str:

@@ -6,7 +6,15 @@ import numpy as np
 
 from ..core.files import Refusal
 from .cells import Row, Sheet, is_number
-from .length_headings import bare_name, counts_points, roles_of, units_above, units_of_columns
+from .length_headings import (
+    MOST_CELLS,
+    MOST_ROWS,
+    bare_name,
+    counts_points,
+    roles_of,
+    units_above,
+    units_of_columns,
+)
 from .scan import Scan, counters, equally_spaced
 
 EQUAL = 1e-3  # of a step: how far points may lie from equal spacing
@@ -55,7 +63,7 @@ def _place(names: list[str], text: str) -> int:
 
 def by_names(rows: list[Row]) -> dict[str, int] | None:
     """Returns the columns of x, z or of x, y, z by the first line that names them, from 1."""
-    for row in rows:
+    for row in rows[:MOST_ROWS]:
         roles = roles_of(row.cells)
         if roles.count("x") == roles.count("z") == 1 and roles.count("y") < 2:
             return {role: roles.index(role) + 1 for role in "xyz" if role in roles}
@@ -67,6 +75,8 @@ def named_places(header: list[Row], width: int) -> tuple[list[int], list[str]] |
 
     None if the names do not tell, or if they are in order and alone.
     """
+    if width > MOST_CELLS:
+        return None
     row = next((row for row in header[:-3:-1] if len(row.cells) == width and any(row.cells)
                 and any(roles_of(row.cells))), None)  # fmt: skip
     if row is None:

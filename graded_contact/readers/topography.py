@@ -45,16 +45,17 @@ def read_surface(
 ) -> Surface:
     """Returns a measured surface, or a profile from a line scan, made periodic.
 
-    Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, NumPy's `.npy`
-    and `.npz`, and text: a matrix of heights, two columns x z, three columns x y z; also zips of
-    these, and those of contact.engineering. A line scan that is not equally spaced is interpolated
+    Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, grids of ESRI
+    and Surfer, HDF5, NumPy's `.npy` and `.npz`, and text: a matrix of heights, columns x z or x y
+    z; also zips of these, and those of contact.engineering. The content decides which format it is.
+    Whole numbers 0, 1, 2, ... beside heights count points unless a unit stands with them. A line scan that is not equally spaced is interpolated
     linearly to its median step; points x y z that are scattered by at most 5 % of a step are taken
     on their grid. Heights of 1e37 and more, in any unit, are missing points.
 
     x runs to the right and y upwards in the picture that the microscope shows, and in figures. The
     first line of a file is the top of the picture, also in text. Points x y z, axes in the first
-    row and column, and roads (y to the left) have y of their own; arrays of NumPy are `[x, y]`, as
-    `Surface.heights`.
+    row and column, Surfer's grids, and roads (y to the left) have y of their own; arrays of NumPy
+    and HDF5 are `[x, y]`, as `Surface.heights`.
 
     **Arguments:**
 
@@ -69,7 +70,7 @@ def read_surface(
     - `columns`: of a table or a sheet, which column is x, z and, for a grid, y: by name or by
       number from 1, such as `{"x": "Distance", "z": 3}`. Needed where the names do not tell.
 
-    **Returns:** the surface, with its history.
+    **Returns:** the surface, with its history, and what had to be assumed (`Surface.assumed`).
 
     **Raises:** `FileNotFoundError` for a missing file, `ImportError` without the extra,
     `ValueError` for an unreadable or damaged file, naming the arguments that would help.

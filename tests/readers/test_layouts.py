@@ -321,6 +321,22 @@ def test_hdf5_is_read_with_the_scaling_that_stands_in_it(tmp_path, fill):
     assert not surface.assumed
 
 
+def test_a_scale_of_a_group_is_used_and_one_that_is_not_understood_is_named(tmp_path):
+    def group(file):
+        file["heights"], file["scale"] = LINES * 1e3, 1e-3
+        attributes(file, unit="um", dx=STEP, dy=STEP)
+
+    surface = hdf5(tmp_path, group)
+    check(surface, LINES)
+    assert surface.assumed[0].startswith("The scale 0.001 of their group is that of the heights")
+
+    def sensitive(file):
+        file["heights"] = LINES
+        attributes(file["heights"], unit="um", dx_um=STEP, dy_um=STEP, sensitivity=3.0)
+
+    assert "['sensitivity'] do not scale the heights" in hdf5(tmp_path, sensitive).caveats[0]
+
+
 def test_a_mask_is_no_default_channel_and_what_hdf5_does_not_state_is_asked(tmp_path):
     def bare(file):
         file["data"], file["valid"] = LINES, LINES > 0

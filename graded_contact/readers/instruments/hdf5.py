@@ -45,6 +45,7 @@ class Stated(NamedTuple):
 
     value: Any
     unit: str | None = None
+    name: str = ""
 
 
 Facts = dict[str, Stated]
@@ -191,7 +192,7 @@ def _number(facts: Facts, names: str) -> Stated | None:
         if found["unit"] is not None and metres(found["unit"]) is None:
             continue
         unit = found["unit"] or stated.unit or _text(facts, rf"{name}_?units?")
-        return stated._replace(unit=unit)
+        return stated._replace(unit=unit, name=name)
     return None
 
 
@@ -201,15 +202,22 @@ def _scaled(raw: np.ndarray, own: Facts, above: Facts, log: Log) -> tuple[Any, s
     if (mark := _number(own, _MISSING)) is not None:
         heights[raw == mark.value[0]] = np.nan
     specific = {name: stated for name, stated in above.items() if re.match("z|height", name)}
-    scale, offset = (_number(own, names) or _number(specific, names) for names in (_SCALE, _OFFSET))
-    if scale is not None:
-        heights = heights * scale.value[0]
-    if offset is not None:
-        heights = heights + offset.value[0]
-    left = [name for name in own if scale is None and _PERHAPS_SCALE.search(name)
+    near = own | {name: stated for name, stated in specific.items() if name not in own}
+    scale = _number(near, _SCALE) or _number(above, _SCALE)
+    offset = _number(near, _OFFSET) or _number(above, _OFFSET)
+    for stated, change in ((scale, np.multiply), (offset, np.add)):
+        if stated is not None:
+            heights = change(heights, stated.value[0])
+            if stated.name not in near:
+                told = (
+                    f"The {stated.name} {stated.value[0]:g} of their group is that of the heights"
+                )
+                log.assume(f"{told}; otherwise store the heights alone.")
+    names = own if raw.dtype.kind == "f" else own | above
+    left = [name for name in names if scale is None and _PERHAPS_SCALE.search(name)
             and not re.match("[xy]_|d[xy]|lateral|pixel", name)]  # fmt: skip
     if left:
-        log.assume(f"Its attributes {left} do not scale the heights; if they do, multiply by them.")
+        log.assume(f"Its {left} do not scale the heights; if they do, multiply by them.")
     return heights, scale and scale.unit
 
 
