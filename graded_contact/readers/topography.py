@@ -48,9 +48,10 @@ def read_surface(
     Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, grids of ESRI
     and Surfer, HDF5, NumPy's `.npy` and `.npz`, and text: a matrix of heights, columns x z or x y
     z; also zips of these, and those of contact.engineering. The content decides which format it is.
-    Whole numbers 0, 1, 2, ... beside heights count points unless a unit stands with them. A line scan that is not equally spaced is interpolated
-    linearly to its median step; points x y z that are scattered by at most 5 % of a step are taken
-    on their grid. Heights of 1e37 and more, in any unit, are missing points.
+    Whole numbers 0, 1, 2, ... beside heights count points unless a unit stands with them. A line
+    scan that is not equally spaced is interpolated linearly to its median step; points x y z that
+    are scattered by at most 5 % of a step are taken on their grid. Heights of 1e37 and more, in any
+    unit, are missing points.
 
     x runs to the right and y upwards in the picture that the microscope shows, and in figures. The
     first line of a file is the top of the picture, also in text. Points x y z, axes in the first
