@@ -65,7 +65,7 @@ def read_surface(
     - `size`: edge lengths [m], for a file that does not state them or their unit. It overrides
       those of an `.npz`; other files that state them refuse it. One number means a square.
     - `unit`: length unit of those numbers of the file whose unit it does not state ("um", "nm",
-      "mil", ...).
+      "mil", ...); of an `.npz` it overrides the stated one.
     - `channel`: name or index of the channel, or of the measurement in a container; None takes
       the file's default height channel, of JPK's files the measured heights on the way forth.
     - `columns`: of a table or a sheet, which column is x, z and, for a grid, y: by name or by
