@@ -57,7 +57,9 @@ def read_instrument(file: File) -> Scan:
         heights = np.ma.filled(np.ma.asarray(heights, float), np.nan)
         heights = from_lines(heights.T) if heights.ndim == 2 else heights  # its y runs downwards
         size = None if sizes is None else np.asarray(sizes, float)
-        scan = Scan(heights, f"channel {info.name!r}", size, info.unit, info.unit, positions)
+        # Of two quantities, such as a length and a voltage, it is a pair.
+        unit = None if info.unit is None else str(info.unit)
+        scan = Scan(heights, f"channel {info.name!r}", size, unit, unit, positions)
         others = ", ".join(repr(name) for name in dict.fromkeys(names) if name != info.name)
         notes = (f"It also has the channels {others}; `channel` chooses.",) if others else ()
         return scan._replace(periodic=bool(info.is_periodic), notes=notes)
