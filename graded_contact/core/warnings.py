@@ -36,7 +36,7 @@ REMEDIES = {
     "joined": 'Its edges differ much: take `periodic = "mirror"`, which keeps every height.',
     "tapered": 'Leave out `periodic`, or take "mirror", which keeps every height.',
 }
-PREPARING = ("read", "equally spaced", "cropped", "tilt removed", "filled")
+PREPARING = ("read", "equally spaced", "cropped", "lines levelled", "tilt removed", "filled")
 # Measured surfaces from a scan of atoms to a road; a wrong unit is wrong by 1000 mostly.
 USUAL = {
     "size": (1e-8, 1e3),  # [m]

@@ -280,6 +280,7 @@ def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
     attributes = {
         "surface_history": "\n".join(surface.history),
         "surface_steps": json.dumps(surface.steps),
+        "surface_assumed": "\n".join(surface.assumed),
         "surface_periodic": int(surface.periodic),
     }
     return variables, places, attributes
@@ -288,14 +289,16 @@ def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
 def surface_of(results: "Dataset") -> Surface:
     """Returns the surface of results, that of the first seed."""
     history, heights = results.attrs["surface_history"], results["heights"]
+    assumed = results.attrs.get("surface_assumed", "")  # older files have none
     size = np.array([results[axis].attrs["period"] for axis in heights.dims])
     return Surface(
         heights=jnp.asarray(heights.values),
         grid=Grid(heights.shape, jnp.asarray(size)),
-        history=tuple(history.split("\n")) if history else (),
+        history=tuple(filter(None, history.split("\n"))),
         measured=jnp.asarray(results["measured"].values) if "measured" in results else None,
         steps=tuple(Step(*step) for step in json.loads(results.attrs["surface_steps"])),
         periodic=bool(results.attrs.get("surface_periodic", True)),
+        assumed=tuple(filter(None, assumed.split("\n"))),
     )
 
 
