@@ -6,6 +6,7 @@
     python benchmarks/bench_contact.py grid          errors of grid and times, estimated and true
     python benchmarks/bench_contact.py total         total error against seconds, and Tamaas
     python benchmarks/bench_contact.py random        random scenes: failures, broken claims
+    python benchmarks/bench_contact.py default       random scenes: errors at the default rtol
     python benchmarks/bench_contact.py attracted     random scenes that attract: broken claims
     python benchmarks/bench_contact.py hard          small contacts, moduli far apart
     python benchmarks/bench_contact.py stiffness     errors of the stiffness, true and claimed
@@ -46,15 +47,15 @@ from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
 from contact_grid import grid, total
 from contact_peers import elastic, kernel
-from contact_random import attracted, hard, random
+from contact_random import attracted, default, hard, random
 from contact_stiffness import stiffness
 from rows import run
 
 
 def main():
     run(
-        __doc__, elastic, viscoelastic, observables, grid, total, random, attracted, hard,
-        stiffness, overhead, overhead_of, many, many_on, cylinder, cycle, cycle_times, kernel,
+        __doc__, elastic, viscoelastic, observables, grid, total, random, default, attracted,
+        hard, stiffness, overhead, overhead_of, many, many_on, cylinder, cycle, cycle_times, kernel,
         gradient, linear, first, first_of, features, features_of, largest,
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Random scenes, soft scenes and hard scenes: the sections `random`, `attracted` and `hard`.
+"""Random scenes, soft scenes and hard scenes: `random`, `default`, `attracted` and `hard`.
 
 Run by `bench_contact.py`. Blocks of 0 to 3 layers, each elastic or a Prony series of six branches
 over ten decades, moduli over three decades, q0 d from 1e-3 to 3, ν from 0.2 to 1/2, on a half
@@ -11,6 +11,9 @@ of their modulus.
 
 Each scene is solved at its mean pressure and at the resulting mean gap (`rtol` from 1e-3 to 1e-6).
 Their claims are compared with a solution at 1e-10 (1e-9 if that fails) in double precision.
+
+Default: the same scenes at their mean pressure and at the default `rtol`, that of float64 or of
+float32. Friction below a thousandth of the rms slope in contact is left out.
 
 Attracted: `ExponentialAdhesion` on one relaxation of contrasts from 10 to 10⁴, with 0.02 to 0.29 of
 the stiffness of the shortest wave; ranges, loads and speeds over one to three decades.
@@ -45,6 +48,28 @@ LEAST = 3e-10
 def random(count=500, seed=0):
     """Random scenes: failures and broken claims."""
     survey("random", lambda rng, _: layered_scene(rng, (64, 64)), count, seed)
+
+
+def default(count=1000, seed=0):
+    """Relative errors of friction and area in random scenes at the default tolerance."""
+    rng, errors, failed = np.random.default_rng(seed), {}, {"float32": 0, "float64": 0}
+    for _ in range(count):
+        scene = layered_scene(rng, (64, 64))
+        given, precision = {"pressure": scene.load}, "float32" if scene.single else "float64"
+        best, found = exact(scene, given), scene.solve(given)
+        if best is None or found.result != gc.contacts.RESULTS.successful:
+            failed[precision] += 1
+            continue
+        for name, least in (("friction", 1e-3 * float(best.slope_in_contact)), ("contact_area", 0)):
+            value, of_best = (float(getattr(s, name)) for s in (found, best))
+            if abs(of_best) > least:
+                errors.setdefault((precision, name), []).append(abs(value / of_best - 1))
+    for (precision, name), relative in sorted(errors.items()):
+        median, most, worst = np.percentile(relative, (50, 95, 100))
+        report("bench_contact-default", {
+            "precision": precision, "relative error of": name, "scenes": len(relative),
+            "not solved": failed[precision], "median": median, "95 %": most, "worst": worst,
+        })  # fmt: skip
 
 
 def survey(name, draw, num_scenes, seed):

@@ -1,4 +1,4 @@
-"""The site: `sphinx-build -W docs site`; `-D nb_execution_mode=off` skips the notebooks."""
+"""The site: `sphinx-build -W docs site`; `-D nb_execution_mode=off` does not run the notebooks."""
 
 import re
 import sys
@@ -7,9 +7,12 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import _generated
+from _checks import check_formula, dead_links
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.addnodes import desc_signature
 from sphinx.application import Sphinx
+from sphinx.errors import SphinxError
 
 import graded_contact
 
@@ -70,6 +73,8 @@ def setup(app: Sphinx) -> None:
     app.add_html_math_renderer("mathml", (inline_formula, None), (block_formula, None))
     app.connect("source-read", link_names)
     app.connect("doctree-read", unbroken)
+    app.connect("doctree-read", name_in_each_module)
+    app.connect("build-finished", check_links)
 
 
 def link_names(app: Sphinx, page: str, source: list[str]) -> None:
@@ -89,8 +94,27 @@ def unbroken(app: Sphinx, tree: nodes.document) -> None:
             text.parent.replace(text, nodes.Text(re.sub(unit, "\N{NO-BREAK SPACE}", text)))
 
 
+def name_in_each_module(app: Sphinx, tree: nodes.document) -> None:
+    """Each name of a page has an anchor in all modules of this page.
+
+    Links of `viewcode` from a source to its names all have the module of the first of them.
+    """
+    names = list(tree.findall(desc_signature))
+    modules = {name["module"] for name in names}
+    for name in names:
+        anchors = sorted(f"{module}.{name['fullname']}" for module in modules)
+        name["ids"] += [anchor for anchor in anchors if anchor not in name["ids"]]
+
+
+def check_links(app: Sphinx, error: Exception | None) -> None:
+    """Ends the build with the links that lead nowhere."""
+    if error is None and (dead := dead_links(Path(app.outdir))):
+        raise SphinxError("These links lead nowhere:\n" + "\n".join(dead))
+
+
 def formula(node, as_block: bool = False) -> str:
     """Returns the MathML of a formula, with bars of full length and spaces after functions."""
+    check_formula(node.astext())
     text = tex2mathml(node.astext(), as_block=as_block)
     space = '<mspace width="0.17em"></mspace>'
     text = re.sub(r"<mo>&ApplyFunction;</mo>(?!\s*<mo)", space, text)

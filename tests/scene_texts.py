@@ -163,3 +163,13 @@ def damaged(content: bytes, draw: np.random.Generator) -> bytes:
             lines[line] = b"".join(cells)
         content = b"\n".join(lines)
     return content
+
+
+# Texts that act somewhere: each line end of `str.splitlines`, formulas of spreadsheets and of TeX.
+FORMULA = '=HYPERLINK("http://a.b","c")'
+HOSTILE = (
+    *(f"tread{end}*INCLUDE, INPUT=other.inp" for end in "\n\r\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"),
+    FORMULA, f"a,{FORMULA}", f'a;"{FORMULA}', f"a\t{FORMULA}", f"\t{FORMULA}", "@SUM(1)", "-2+3",
+    "+1|cmd", "＝1+1", r"$\frac{a}{", r"\$\frac{a}{$", "$a$ $", "_hidden", "<img src=x onerror=y>",
+    '"&amp;', "nul\x00 bell\x07 \x1b[31m \udc80", "50 % of µm, 20 °C",
+)  # fmt: skip

@@ -84,6 +84,16 @@ def test_every_public_name_is_described_with_its_docstring(monkeypatch):
     assert set(rooms) <= set(pages)
 
 
+def test_no_docstring_lists_a_field_or_an_argument_twice():
+    for path in (ROOT / "graded_contact").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef | ast.FunctionDef):
+                for part in (ast.get_docstring(node) or "").split("\n\n"):
+                    entries = re.findall(r"^- (`[^:]*`):", part, flags=re.MULTILINE)
+                    names = re.findall(r"`([^`]*)`", " ".join(entries))
+                    assert len(names) == len(set(names)), (path.name, node.name, names)
+
+
 def test_the_table_of_keys_is_that_of_the_code(monkeypatch):
     """`python docs/_generated.py` writes it anew."""
     monkeypatch.syspath_prepend(str(DOCS))
@@ -97,6 +107,45 @@ def test_whole_scenes_of_a_page_are_read(page):
     for scene in re.findall(r"^```toml\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL):
         if "[surface]" in scene and "[base]" in scene and "path" not in scene:
             parse_scene(scene).surface.build()
+
+
+@pytest.fixture
+def checks(monkeypatch):
+    """What the build of the site refuses."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    return importlib.import_module("_checks")
+
+
+@pytest.mark.parametrize(
+    "formula", [r"\tfrac43\,(k/E^*)", r"-\tfrac83\gamma", r"\frac\mu2", r"\dfrac 12"]
+)
+def test_a_fraction_without_braces_is_refused(checks, formula):
+    """docutils shows the first as 43 over a space."""
+    with pytest.raises(ValueError, match="with braces"):
+        checks.check_formula(formula)
+
+
+def test_all_fractions_have_braces(checks):
+    for part, ending in (("docs", "md"), ("graded_contact", "py"), ("notebooks", "ipynb")):
+        for path in (ROOT / part).rglob(f"*.{ending}"):
+            checks.check_formula(path.read_text(encoding="utf-8"))
+
+
+def test_links_of_the_site_to_no_file_and_to_no_anchor_are_found(checks, tmp_path):
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "pictures" / "a b.png").touch()
+    links = [
+        "#top", "b.html#%C3%A9", "b.html", "pictures/a%20b.png", "https://example.org/#none",
+        "mailto:a@example.org", "#none", "b.html#top", "c.html", "pictures/a%20b.png#none",
+    ]  # fmt: skip
+    anchors = "".join(f'<a href="{link}"></a>' for link in links)
+    (tmp_path / "a.html").write_text(f'<p id="top">{anchors}<img src="c.png"></p>')
+    (tmp_path / "b.html").write_text(
+        '<p id="\u00e9"><a href="a.html#top"></a></p>', encoding="utf-8"
+    )
+    assert checks.dead_links(tmp_path) == [
+        f"a.html: {link}" for link in (*links[6:], "c.png")
+    ]  # fmt: skip
 
 
 RUN = [

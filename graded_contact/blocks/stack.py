@@ -26,9 +26,9 @@ from ..materials.material import AbstractMaterial, Prony, material_called
 from .graded_solver import AbstractGradedSolver
 
 LIQUID = (
-    "is a liquid (its equilibrium modulus is 0), which flows without end under waves at rest, such "
-    "as those across a motion. Give it an equilibrium modulus (`--equilibrium` of the commands "
-    "`fit` and `new`). Steady sliding in one dimension, and the mean field of a spectrum (`table "
+    "is a liquid (its equilibrium modulus is 0), which flows forever under waves that stand still, "
+    "such as waves across a motion. Give it an equilibrium modulus (`--equilibrium` of `fit` and "
+    "`new`). Steady sliding in one dimension, and the mean field of a spectrum (`table "
     "--method mean_field`), need none."
 )
 
@@ -72,7 +72,7 @@ class Layer(eqx.Module):
     **Fields:**
 
     - `material`: the material of the layer.
-    - `thickness`: d [m]. Zero is allowed, and is no layer.
+    - `thickness`: d [m]. Zero means no layer.
     """
 
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
@@ -90,7 +90,7 @@ class GradedLayer(eqx.Module):
       module or function as described in `blocks/profile.py`. Only a module has parameters
       that can be differentiated; each new function is compiled anew. Functions inside a module,
       such as the activation functions of a network, are fixed.
-    - `thickness`: d [m]. Zero is allowed, and is no layer.
+    - `thickness`: d [m]. Zero means no layer.
     """
 
     profile: Any = eqx.field(converter=_as_profile)

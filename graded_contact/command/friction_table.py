@@ -10,6 +10,7 @@ import typer
 from typer import Option
 
 from ..core.checks import check_values
+from ..core.display import UNKNOWN
 from ..core.quantities import in_brackets
 from ..exports.friction_cards import export_friction
 from ..mean_field.diffusion import Correction
@@ -164,7 +165,7 @@ def _print_theory(theory: "Dataset") -> None:
     names = ["friction", "friction_error", "contact_area"]
     rows = theory[names].to_dataframe([*theory["friction"].dims]).reset_index()
     rows.columns = [name + in_brackets(theory[name].attrs.get("units", "1")) for name in rows]
-    text = rows.to_string(index=False, float_format="{:.4g}".format)
+    text = rows.to_string(index=False, float_format="{:.4g}".format, na_rep=UNKNOWN)
     typer.echo(f"By the mean field, with the error of its quadrature:\n{text}")
 
 

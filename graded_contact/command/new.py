@@ -11,6 +11,7 @@ import typer
 from typer import Argument, Option
 
 from ..blocks.stack import LIQUID
+from ..core.escaping import in_comment
 from ..core.warnings import EXTRAPOLATED
 from ..exports.prony_cards import export_prony
 from ..materials.material import Prony
@@ -133,11 +134,12 @@ def _lines(
     low, high = load.velocity
     area = " to ".join(dict.fromkeys(f"{end:.0%}" for end in (min(areas), max(areas))))
     where = ", at measured frequencies" if share <= EXTRAPOLATED else ""
+    command = f"graded-contact run {scene.name}"
     lines = [
-        f"# {title}, by `graded-contact new`. Change what you know better.",
+        in_comment(f"{title}, by `graded-contact new`. Change what you know better.", "#"),
         "#",
-        f"#     graded-contact run {scene.name} --dry-run     prints block, surface and loads",
-        f"#     graded-contact run {scene.name}",
+        in_comment(f"    {command} --dry-run     prints block, surface and loads", "#"),
+        in_comment(f"    {command}", "#"),
         "",
         f"title = {entry_text(title)}",
         "",

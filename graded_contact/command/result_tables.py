@@ -11,12 +11,11 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ..core.display import with_unit
+from ..core.display import number, with_unit
 from ..core.quantities import AXES, OBSERVABLES, in_brackets
-from ..core.warnings import Caveat
 from ..page.document import described
 from ..plot.words import title_of
-from ..scenes.results import SEED_ERROR, over_seeds, solve_states, surface_of, warnings_of
+from ..scenes.results import SEED_ERROR, of_each, over_seeds, solve_states, surface_of, warnings_of
 from ..scenes.scene import Scene
 from ..scenes.schema import parse_toml
 from ..sliding.half_grid import grid_estimate
@@ -51,6 +50,8 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     `full` tables have all numbers.
     """
     every, warnings = results, list(warnings_of(results))
+    # What holds for each of several solves is said once, below the table.
+    marks = ["each solve" if of_each(c, every) else str(n) for n, c in enumerate(warnings, start=1)]
     if "seed" in every["message"].dims and not all_seeds:
         results = over_seeds(every)
         seeds = every["message"].dims.index("seed")
@@ -63,13 +64,12 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in (*_heads(results), *(head for head, _ in columns.values()), "state"):
         table.add_column(Text(head), justify="right", no_wrap=True)
-    states, numbered = solve_states(results).values, [*enumerate(warnings, start=1)]
+    states, numbered = solve_states(results).values, [*zip(marks, warnings, strict=True)]
     load_unit = 1e6 if axes[-2] == "pressure" else 1
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
-        cells = [format(results[name].values[index], form) for name, (_, form) in columns.items()]
-        # What holds for each of several solves is said once, below the table.
-        doubts = [str(n) for n, c in numbered if c.where[index] and not _of_each(c)]
+        cells = [_cell(results, name, index, form) for name, (_, form) in columns.items()]
+        doubts = [mark for mark, c in numbered if c.where[index] and mark.isdigit()]
         mark = f"[bold red]{states[index]}[/] " if states[index] else "" if doubts else "solved"
         mark += f"[yellow]doubtful ({','.join(doubts)})[/]" if doubts else ""
         numbers = (f"{speed:.3e}", f"{load / load_unit:.4g}", *(f"{number:.5g}" for number in at))
@@ -78,8 +78,7 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     # A narrower screen wraps the lines; it must not cut the numbers.
     console.width = max(console.width, 24 * (len(table.columns) + 1))
     console.print(table)
-    for number, caveat in numbered:
-        mark = "each solve" if _of_each(caveat) else number
+    for mark, caveat in numbered:
         text = f"[bold yellow]({mark})[/] {escape(caveat.sentence)}"
         console.print(text, soft_wrap=True)
     if full:
@@ -89,9 +88,11 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     _print_failures(every)
 
 
-def _of_each(caveat: Caveat) -> bool:
-    """Whether a warning concerns each of several solves."""
-    return caveat.where.size > 1 and bool(np.all(caveat.where))
+def _cell(results: "Dataset", name: str, index: tuple[int, ...], form: str) -> str:
+    """A number in words; one below its error as its bound."""
+    value = float(results[name].values[index])
+    error = float(results[f"{name}_error"].values[index]) if f"{name}_error" in results else 0.0
+    return number(value, form, error)
 
 
 def _heads(results: "Dataset") -> Iterator[str]:

@@ -13,6 +13,7 @@ import typer
 
 from .. import plot
 from ..core.checks import nearest, within
+from ..core.escaping import in_figure
 from ..core.warnings import ROUNDING
 from ..fields.frequency import velocity_along
 from ..plot.style import entitle
@@ -267,9 +268,8 @@ def _contacts(
         return
     solve = results.isel(dict(zip(results["message"].dims, index, strict=True)))
     at = solve["message"]
-    title = ", ".join(
-        f"{title_of(str(name), scene.text)} {label_of(at[name])}" for name in at.coords
-    )
+    places = (f"{title_of(str(name), scene.text)} {label_of(at[name])}" for name in at.coords)
+    title = in_figure(", ".join(places))
     if scene.motion is not None:
         figures = {"film": plot.plot_film(fields, surface)}
         title = title.replace(title_of("velocity"), "highest speed")

@@ -15,11 +15,10 @@ For a positive M this is at least as large as the solution, P M⁻¹ P >= (P M P
 than three times as large (`bench_contact.py random`). The error of a number is its change by dσ,
 see `error_of`.
 
-Where a law attracts, s < 0, equilibria are soft, and (ρM)⁻¹ bounds nothing. Then the equation is
-solved to a digit. Its slopes s are those at the law's own pressure and gap, where R is -ρs times
-the mismatch of the gaps: at the solid's gap, errors of the soft waves would switch points in and
-out of contact. Points that do switch are not in the equation. So the error is at least that of the
-solver.
+This is no bound for laws that attract (s < 0); the equation is then solved to one digit. Its slopes
+s are taken at the law's own pressure and gap, where R is -ρs times the mismatch of the gaps. At the
+solid's gap, errors of the soft waves would switch points in and out of contact. Points that do
+switch are not in the equation, so the error is never smaller than the error of the solver.
 
 At a prescribed mean gap the error of the mean pressure is dp/dū times the error of the mean gap,
 see `stiffness_bound`.

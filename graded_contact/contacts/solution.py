@@ -1,7 +1,19 @@
-"""The contact solution: pressure, gap, their errors, and how the solve ended."""
+"""The contact solution: pressure, gap, their errors, and how the solve ended.
+
+A solve that failed, see `FAILURES`, has no numbers: they are NaN, and so are all its observables.
+A solve that did not converge has partial results.
+"""
+
+import dataclasses
+import functools
+import operator
+from typing import Any
 
 import equinox as eqx
-from jaxtyping import Array, Float
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from ..core.display import shown
 from .operator import Field, Scalar
@@ -51,6 +63,34 @@ class RESULTS(eqx.Enumeration):
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 
 
+ROUNDING = 10  # of the precision
+
+# After these ends no number means anything.
+FAILURES = (
+    RESULTS.not_finite, RESULTS.inaccurate_kernel, RESULTS.no_steady_sliding, RESULTS.bad_pressure,
+)  # fmt: skip
+
+
+def has_failed(result: RESULTS) -> Bool[Array, "..."]:
+    """Returns whether a solve has no numbers."""
+    return functools.reduce(operator.or_, (result == end for end in FAILURES))
+
+
+def if_known(result: RESULTS, numbers: Any) -> Any:
+    """Returns a tree whose numbers, and their derivatives, are NaN if the solve has failed."""
+    known = jnp.where(has_failed(result), jnp.nan, 1)
+    times = lambda leaf: leaf * known.astype(leaf.dtype) if eqx.is_inexact_array(leaf) else leaf  # noqa: E731
+    return jax.tree.map(times, numbers)
+
+
+def ended(contact: "ContactSolution", good: Any, end: RESULTS) -> "ContactSolution":
+    """Returns a contact with another end unless it is `good`; what failed does not just stop."""
+    fails = end in FAILURES
+    stays = good if fails else good | has_failed(contact.result)
+    result = RESULTS.where(stays, contact.result, end)
+    return dataclasses.replace(if_known(result, contact) if fails else contact, result=result)
+
+
 @shown()
 class ContactSolution(eqx.Module):
     """Pressure and gap of a contact, and their errors.
@@ -94,3 +134,23 @@ class ContactSolution(eqx.Module):
     num_steps: Array
     num_fft_pairs: Scalar
     result: RESULTS
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """The size of rounding by the unit of a number: prints show less as 0.
+
+        The heights and the pressures are the scales.
+        """
+        if np.ndim(self.error):
+            return {}
+        heights, pressure = np.asarray(self.displacement - self.gap), np.asarray(self.pressure)
+        eps = ROUNDING * np.finfo(heights.dtype).eps
+        return {"m": float(eps * np.std(heights)), "Pa": float(eps * np.mean(np.abs(pressure)))}
+
+    @property
+    def state(self) -> str:
+        """A remark on all numbers, for prints; empty for a batch, whose solves end differently."""
+        if np.ndim(self.error) or self.result == RESULTS.successful:
+            return ""
+        failed = bool(has_failed(self.result))
+        return "failed: no numbers" if failed else "not converged: partial results"

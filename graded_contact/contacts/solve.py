@@ -46,11 +46,11 @@ from .estimates import assess, contact_state, penalty_at
 from .law import AbstractLaw, HardWall, check_one_law, check_pressure
 from .nested_solve import DouglasRachford
 from .operator import Field, first_mode
-from .solution import RESULTS, ContactSolution
+from .solution import RESULTS, ContactSolution, if_known
 from .window import Window, on_part, on_whole, operator_of
 
-# Default tolerance of the pressure. The error of friction is then at most 3e-5, in the median 2e-7,
-# with 0.77 of the FFT pairs of 1e-6 (156 viscoelastic contacts, `bench_contact.py observables`).
+# Default tolerances of the pressure. docs/howto/precision.md has the errors of friction they leave.
+# 5e-5 takes 0.77 of the FFT pairs of 1e-6 (156 contacts, `bench_contact.py observables`).
 # In float32 rounding hid errors of 7e-5 (a periodic cell) and 2.4e-4 (a window) on 128² points.
 RTOL, SINGLE_RTOL = 5e-5, 5e-4
 # Slope of an attraction over the stiffness of the shortest wave, up to which all computed
@@ -106,7 +106,7 @@ def solve_contact(
       a custom one.
     - `adjoint`: solver of the linear systems of derivatives, and its tolerance: see
       `LinearSplitting`.
-    - `rtol`: requested relative error of the pressure [1]; None for 5e-5, in float32 for 5e-4.
+    - `rtol`: requested relative error of the pressure [1]; None means 5e-5, or 5e-4 in float32.
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a missing load
       is spread evenly. A start whose load or speed differs by more than 1.5 times gives no
       speed-up. With a law that attracts, it chooses among several solutions; see `follow_contact`.
@@ -342,7 +342,7 @@ def _solution(
         penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - opened, 0)) / unit,
         num_steps=found.num_steps, num_fft_pairs=found.num_fft_pairs, result=result,
     )  # fmt: skip
-    return solution, result == RESULTS.successful
+    return if_known(result, solution), result == RESULTS.successful
 
 
 _solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)

@@ -21,6 +21,8 @@ from .quantities import in_brackets, quantity_of
 
 K = TypeVar("K", bound=type)
 FEW = 8  # numbers of an array that are printed one by one, and entries of a list
+DIGITS = 8  # of a number with an error at most: a smaller error is one of rounding
+UNKNOWN = "—"  # in place of NaN: a solve failed, or the quantity is not defined there
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
@@ -67,7 +69,8 @@ def _rows(value: Any, name: str, units: bool, depth: int = 0) -> Iterator[tuple[
     entries, most, text = [], FEW, ""
     if hasattr(value, "_shown"):
         entries, text = list(_fields(value, units)), type(value).__name__
-        most = len(entries)
+        most, state = len(entries), getattr(value, "state", "")
+        text += f" ({state})" if state else ""
     elif isinstance(value, Mapping):
         entries = [(str(key), entry) for key, entry in value.items()]
     elif isinstance(value, list | tuple) and not all(map(_is_number, value)):
@@ -89,6 +92,7 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
     names = [*first, *(name for group in chosen for name in group)]
     parts: dict[str, Any] = {name: getattr(value, name) for name in names}
     causes = {name: _causes_of(name, parts) for name in parts}
+    noise: Mapping[str, float] = getattr(value, "noise", {})
     beside = {f"{name}_error" for name in parts} | {n for group in causes.values() for n in group}
     for name, part in parts.items():
         error: Any = parts.get(f"{name}_error")
@@ -103,12 +107,16 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
         if name in declared:  # paths have the names of arguments, see `parameters`
             name = declared[name].metadata.get("argument", name)
         owner = type(value).__name__
+        quantity = quantity_of(name, owner)
+        least = noise.get(quantity.unit, 0.0) if noise and quantity else 0.0
+        known: Any = part
         if _is_number(part) and _is_number(error):
-            known: Any = part
-            part = with_error(float(known), float(error))
+            part = with_error(float(known), float(error), noise=least)
             shares = (f"{cause} {float(parts[n]):.1e}" for n, cause in causes[name].items())
-            part += f" ({', '.join(shares)})" if causes[name] else ""
-        elif isinstance(part, Mapping) and quantity_of(name, owner) is None and units:
+            part += f" ({', '.join(shares)})" if causes[name] and part != UNKNOWN else ""
+        elif least and _is_number(part) and abs(known) <= least:
+            part = 0
+        elif isinstance(part, Mapping) and quantity is None and units:
             part = {_title(str(key)): entry for key, entry in part.items()}
         yield _title(name, owner) if units else name, part
 
@@ -122,20 +130,56 @@ def _causes_of(name: str, parts: Mapping[str, Any]) -> dict[str, str]:
     return {f"{name}_{cause}_error": cause for cause in causes}
 
 
-def with_error(value: float, error: float) -> str:
-    """Returns a number with its error, to two digits of that: "0.512 ± 0.0081"."""
-    if not (np.isfinite(error) and error > 0 and np.isfinite(value)):
-        return f"{value:#.4g} ± {error:.2g}"
-    power = int(np.floor(np.log10(max(abs(value), error)))) if value else 0
-    last = int(np.floor(np.log10(error))) - 1
-    if last > power or power - last > 14:
-        return f"{value:.4g} ± {error:.1e}"
+def number(value: Any, form: str, error: float = 0.0) -> str:
+    """Returns a number in a format of Python; below its error the bound of its size, "<0.031"."""
+    if np.isnan(value):
+        return UNKNOWN
+    below = abs(value) < error < np.inf
+    return f"<{_bound(value, error):.3g}" if below else format(value, form)
+
+
+def _bound(value: float, error: float) -> float:
+    """A number plus its error, to two digits, rounded up."""
+    bound = abs(value) + error
+    step = 10.0 ** (np.floor(np.log10(bound)) - 1)
+    return float(np.ceil(bound / step - 1e-9) * step)
+
+
+def with_error(value: float, error: float, unit: str = "", noise: float = 0.0) -> str:
+    """Returns a number with its error, to two digits of that, such as "1.200 ± 0.041 µm".
+
+    A number below its error is 0, and the bound of its size follows: "0 ± 480 pm". An error below
+    the last of `DIGITS` digits is left out.
+
+    **Arguments:**
+
+    - `value`, `error`: in `unit`.
+    - `unit`: a base unit, which gets a prefix; "" for none.
+    - `noise`: a value of this size is one of rounding, and counts as 0.
+    """
+    if np.isnan(value):
+        return UNKNOWN
+    value, error = (0.0 if abs(one) <= noise else one for one in (value, error))
+    if abs(value) < error < np.inf:
+        value, error = 0.0, _bound(value, error)
+    if unit:
+        unit, factor = unit_of(unit, max(abs(value), error if np.isfinite(error) else 0.0))
+        value, error, unit = factor * value, factor * error, f" {unit}"
+    if not np.isfinite(error):
+        return f"{value:#.4g} ± {UNKNOWN if np.isnan(error) else error:}{unit}"
+    if value == 0:
+        return f"0 ± {error:.3g}{unit}" if error else f"0{unit}"
+    power = int(np.floor(np.log10(abs(value))))
     # The second digit of the error is the last digit of both numbers.
+    last = max(int(np.floor(np.log10(error or abs(value)))) - 1, power - DIGITS + 1)
+    if not round(error / 10.0**last):
+        return f"{value:.{DIGITS}g}{unit}"
     if -3 <= power < 5:
         digits = max(0, -last)
-        return f"{value:.{digits}f} ± {error:.{digits}f}"
+        return f"{value:.{digits}f} ± {error:.{digits}f}{unit}"
     scale = 10.0**power
-    return f"({value / scale:.{power - last}f} ± {error / scale:.{power - last}f})e{power:+03d}"
+    digits = power - last
+    return f"({value / scale:.{digits}f} ± {error / scale:.{digits}f})e{power:+03d}{unit}"
 
 
 def _title(name: str, owner: str = "") -> str:
@@ -156,7 +200,7 @@ def _text(value: Any) -> str:
     if isinstance(value, jax.Array | np.ndarray):
         return _array(value)
     if _is_number(value) and not isinstance(value, bool):
-        return f"{value:.6g}"
+        return number(value, ".6g")
     if isinstance(value, list | tuple):
         return ", ".join(map(_text, value)) or "none"
     if value is None:
@@ -174,7 +218,7 @@ def _array(array: jax.Array | np.ndarray) -> str:
     entries = np.asarray(array)
     if entries.size <= FEW:
         numbers = entries.dtype.kind in "fciu"
-        return ", ".join(f"{n:.6g}" if numbers else str(n) for n in entries.ravel()) or "none"
+        return ", ".join(number(n, ".6g") if numbers else str(n) for n in entries.ravel()) or "none"
     if entries.dtype.kind not in "fiu" or np.all(np.isnan(entries)):
         return shape
     return f"{shape}, {np.nanmin(entries):.6g} to {np.nanmax(entries):.6g}"
@@ -189,5 +233,5 @@ def unit_of(base: str, largest: float) -> tuple[str, float]:
 
 def with_unit(value: float, base: str) -> str:
     """Returns a number in a common unit, such as "1.54 nm"."""
-    unit, factor = unit_of(base, value)
+    unit, factor = unit_of(base, abs(value))
     return f"{factor * value:.3g} {unit}"

@@ -36,7 +36,7 @@ REMEDIES = {
     "joined": 'Its edges differ much: take `periodic = "mirror"`, which keeps every height.',
     "tapered": 'Leave out `periodic`, or take "mirror", which keeps every height.',
 }
-PREPARING = ("read", "equally spaced", "cropped", "tilt removed", "filled")
+PREPARING = ("read", "equally spaced", "cropped", "lines levelled", "tilt removed", "filled")
 # Measured surfaces from a scan of atoms to a road; a wrong unit is wrong by 1000 mostly.
 USUAL = {
     "size": (1e-8, 1e3),  # [m]
@@ -54,7 +54,7 @@ class Rule(NamedTuple):
 
     - `quantity`: the name of a number of a `Sliding` or of `Results`, or a function of these.
     - `limit`: above it there is a warning.
-    - `sentence`: the warning; `{worst}` is the largest value.
+    - `sentence`: the warning; `{value}` is the number; of several solves, the ends of their range.
     """
 
     quantity: str | Callable[[Any], ArrayLike]
@@ -68,6 +68,16 @@ class Caveat(NamedTuple):
 
     sentence: str
     where: Bool[np.ndarray, "*solves"]
+
+
+class _Ends(NamedTuple):
+    """The smallest and the largest of some numbers; printed as one if they look alike."""
+
+    low: float
+    high: float
+
+    def __format__(self, form: str) -> str:
+        return " to ".join(dict.fromkeys(format(float(end), form) for end in self))
 
 
 def _number(found: Any, name: str) -> np.ndarray:
@@ -98,7 +108,7 @@ def _of_area(found: Any) -> ArrayLike:
 
 def _unmeasured(what: str) -> str:
     return (
-        f"{{worst:.0%}} of the {what} on points that were filled or tapered, not measured. "
+        f"{{value:.0%}} of the {what} on points that were filled or tapered, not measured. "
         "Crop to a `region` without them, or read with `periodic='mirror'`."
     )
 
@@ -106,19 +116,19 @@ def _unmeasured(what: str) -> str:
 # Of every contact under sliding, steady or not.
 SLIDING_RULES = (
     Rule("slope_in_contact", STEEP,
-         "The block's rms slope where it carries the load is {worst:.2g}. The model assumes small "
+         "The block's rms slope where it carries the load is {value:.2g}. The model assumes small "
          f"strains: above an rms slope of {STEEP:.2g} the neglected terms exceed {LIMIT:.0%}."),
     Rule("extrapolated_friction", EXTRAPOLATED,
-         "{worst:.0%} of the friction comes from frequencies or a temperature at which a material "
+         "{value:.0%} of the friction comes from frequencies or a temperature at which a material "
          "was not measured: its modulus there is an extrapolation."),
 )  # fmt: skip
 RULES = (
     Rule(_of_friction("friction_grid_error"), LIMIT,
-         "The grid does not resolve the contact: the friction has an error of about {worst:.0%}. "
+         "The grid does not resolve the contact: the friction has an error of about {value:.0%}. "
          "Take more points, or a smoother surface."),
     Rule(_of_area, LIMIT,
          "The grid does not resolve the contact: the contact area has an error of about "
-         "{worst:.0%}. Take more points, or a smoother surface."),
+         "{value:.0%}. Take more points, or a smoother surface."),
     *SLIDING_RULES,
     Rule(lambda found: np.isnan(found.friction) & (_number(found, "slope_in_contact") == 0), 0,
          "The surfaces do not touch: there is no load, so friction is not defined."),
@@ -127,44 +137,44 @@ RULES = (
          "The friction of shear is not a number: `shear` returned NaN under a pressure of this "
          "contact."),
     Rule("compression", SQUEEZED,
-         "The body moved into the layers by {worst:.0%} of their thickness above the rigid base. "
+         "The body moved into the layers by {value:.0%} of their thickness above the rigid base. "
          f"The model assumes small strains: above 20% the neglected terms exceed {LIMIT:.0%}."),
     Rule("unmeasured_friction", LIMIT, _unmeasured("friction arises")),
     Rule("unmeasured_area", LIMIT, _unmeasured("contact area lies")),
     Rule("rim_load", RIM,
-         "{worst:.2g} of the load acts on the rim of the window. Take a larger window, unless the "
+         "{value:.2g} of the load acts on the rim of the window. Take a larger window, unless the "
          "body ends there."),
 )  # fmt: skip
 CYCLE_RULES = (
     *SLIDING_RULES,
     Rule(_of_friction("mean_friction_grid_error"), LIMIT,
          "The grid does not resolve the contact: the mean friction has an error of about "
-         "{worst:.0%}. Take more points, or a smoother surface."),
+         "{value:.0%}. Take more points, or a smoother surface."),
     Rule(_of_friction("mean_friction_time_error"), LIMIT,
          "The times do not resolve the motion: the mean friction has an error of about "
-         "{worst:.0%}. Take more times."),
+         "{value:.0%}. Take more times."),
     Rule("largest_step", 1.0 + LIMIT,
-         "The surface moves by up to {worst:.2g} spacings of the grid from one time to the next: "
+         "The surface moves by up to {value:.2g} spacings of the grid from one time to the next: "
          "the times do not resolve how the shortest waves move. Take more times."),
     Rule("load_mismatch", LIMIT,
-         "The work of the load has an error of about {worst:.0%} of the dissipated energy: the "
+         "The work of the load has an error of about {value:.0%} of the dissipated energy: the "
          "load or the gap changes too fast for the number of times. Take more times, or let a "
          "jump last several of them."),
     Rule(lambda found: np.all(np.asarray(found.load) == 0, axis=-1), 0,
          "The surfaces never touch: without a load there is no friction."),
     Rule("unresolved_motion", LIMIT,
-         "{worst:.0%} of the velocity is at the upper half of the frequencies that the times "
+         "{value:.0%} of the velocity is at the upper half of the frequencies that the times "
          "resolve: the motion has kinks or jumps. Take more times, or a smoother motion."),
     Rule("surface_rise", WARM,
-         "The contact is {worst:.2g} K above the bulk in the mean over the cycle. Within the cycle "
+         "The contact is {value:.2g} K above the bulk in the mean over the cycle. Within the cycle "
          "it is warmer at the highest speed and colder at a turn; this, and heat that is left when "
          "the next pass comes, are neglected."),
     Rule("stroke_over_cell", 1 + WHOLE,
-         "The stroke is {worst:.3g} times as long as the cell: the surface is periodic, so that "
+         "The stroke is {value:.3g} times as long as the cell: the surface is periodic, so that "
          "the next copy of each asperity follows in its track before it turns. Take a larger cell "
          "or a shorter stroke."),
     Rule("ripple_at_rest", RIPPLE,
-         "At rest, before it starts, the friction ripples by {worst:.1%} of its peak. This ripple "
+         "At rest, before it starts, the friction ripples by {value:.1%} of its peak. This ripple "
          "is numerical: the motion starts too suddenly for the times. Take more times, or a "
          "smoother start."),
 )  # fmt: skip
@@ -177,9 +187,9 @@ def caveats_of(found: Any, rules: Sequence[Rule] = RULES) -> tuple[Caveat, ...]:
         values = np.asarray(quantity(found) if callable(quantity) else _number(found, quantity))
         where = values > limit
         if np.any(where):
-            text = sentence.format(worst=np.max(values[where]))
-            if values.size > 1:
-                text += f" ({np.sum(where)} of {values.size} solves; the worst is given.)"
+            text = sentence.format(value=_Ends(np.min(values[where]), np.max(values[where])))
+            if not np.all(where):
+                text += f" ({np.sum(where)} of {values.size} solves.)"
             caveats.append(Caveat(text, where))
     return tuple(caveats)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.checks import check_values, short
+from ..core.escaping import in_comment, in_csv
 from .prony_cards import check_card
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def _abaqus(table: "Dataset", name: str) -> str:
     columns = ["friction", "velocity", "pressure", *table["friction"].dims[:-2]]
     lines = [
         "** Units: m/s, Pa, K. Friction coefficient, slip rate, contact pressure, temperature.",
-        *(f"** {line}" for line in _remarks(table)),
+        *(in_comment(line, "**") for line in _remarks(table)),
         f"*SURFACE INTERACTION, NAME={name}",
         "*FRICTION",
     ]
@@ -129,7 +130,7 @@ def _csv(table: "Dataset", name: str) -> str:
     units = {axis: unit for axis, unit in units.items() if axis in table["friction"].dims}
     units |= {name: "" for name in NUMBERS if name in table}
     heads = ",".join(f"{column}{unit}" for column, unit in units.items())
-    remarks = [f"# {line}" for line in _remarks(table)]
+    remarks = [in_csv(line, "#") for line in _remarks(table)]
     return "\n".join([*remarks, heads, *_lines(table, [*units], ","), ""])
 
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..core.checks import check_types, short
+from ..core.escaping import in_comment
 from ..materials.coverage import MeasuredRange
 from ..materials.material import AbstractMaterial, Prony
 from ..materials.shift import WLF, AbstractShift
@@ -100,8 +101,7 @@ def _csv(material: Prony, name: str) -> str:
     lines = [
         f"# {name}: Young's relaxation modulus, the sum of modulus * exp(-t/time) over lines",
         f"# Poisson's ratio {fields['poisson']!r}",
-        *(f"# {line}" for line in _law(material.shift)),
-        *(f"# {sentence}" for sentence in _measured(material)),
+        *(in_comment(line, "#") for line in (*_law(material.shift), *_measured(material))),
         "relaxation time [s],modulus [Pa]",
         *(f"{t},{e!r}" for t, e in [("inf", fields["equilibrium"]), *branches]),
     ]
@@ -113,7 +113,7 @@ def _abaqus(material: Prony, name: str) -> str:
     lines = [
         "** Units: Pa, s, K. Ratios to the instantaneous moduli; Poisson's ratio is constant.",
         "** Poisson's ratios near 1/2 need hybrid elements.",
-        *(f"** {sentence}" for sentence in _measured(material)),
+        *(in_comment(sentence, "**") for sentence in _measured(material)),
         f"*MATERIAL, NAME={name}",
         "*ELASTIC, MODULI=INSTANTANEOUS",
         f"{glassy!r}, {float(material.poisson)!r}",
@@ -136,7 +136,7 @@ def _ansys(material: Prony, name: str) -> str:
         )
     lines = [
         f"! {name}. Units: Pa, s, K. Ratios to the instantaneous moduli; constant Poisson's ratio.",
-        *(f"! {sentence}" for sentence in _measured(material)),
+        *(in_comment(sentence, "!") for sentence in _measured(material)),
         "MATID=1",
         f"MP,EX,MATID,{glassy!r}",
         f"MP,PRXY,MATID,{poisson!r}",
@@ -184,7 +184,7 @@ def _shift_lines(shift: AbstractShift | None, card: str, comment: str) -> list[s
         return []
     if isinstance(shift, WLF):
         return [card.format(float(shift.reference), float(shift.c1), float(shift.c2))]
-    return [f"{comment} {line}" for line in ("Not part of this card:", *_law(shift))]
+    return [in_comment(line, comment) for line in ("Not part of this card:", *_law(shift))]
 
 
 def _law(shift: AbstractShift | None) -> list[str]:

@@ -1,6 +1,5 @@
 """A page: sliders and tools next to figures, bound to the parameters of a session."""
 
-import html
 import io
 from collections.abc import Callable
 from functools import partial
@@ -10,7 +9,8 @@ from typing import Any
 import numpy as np
 import panel as pn
 
-from ..core.display import with_error, with_unit
+from ..core.display import number, with_error, with_unit
+from ..core.escaping import in_html
 from ..plot.contact import masked_fields
 from . import document as tables
 from .downloads import Shown, to_csv, to_hdf5
@@ -286,7 +286,7 @@ def _heading(text: str) -> pn.pane.HTML:
 
 def _words(text: str, error: bool = False) -> str:
     kind = 'say error" role="alert' if error else "say"
-    return f'<div class="{kind}">{html.escape(text)}</div>' if text else ""
+    return f'<div class="{kind}">{in_html(text)}</div>' if text else ""
 
 
 def _warnings(shown: Shown | None) -> str:
@@ -294,7 +294,8 @@ def _warnings(shown: Shown | None) -> str:
         return ""
     of_law = "Curves of the mean field are those of a hard wall, without [law]."
     known = [of_law] if shown.model.scene.law is not None else []
-    return _words(" ".join([*shown.contact.sliding.caveats, *known]))
+    told = *shown.model.surface.caveats, *shown.contact.sliding.caveats
+    return _words(" ".join([*told, *known]))
 
 
 def _headline(shown: Shown | None, pinned: Shown | None) -> str:
@@ -310,15 +311,16 @@ def _headline(shown: Shown | None, pinned: Shown | None) -> str:
         ),
         "mean_gap": (
             "mean gap",
-            lambda gap: " ± ".join(with_unit(n, "m") for n in (gap, float(now.mean_gap_error))),
+            lambda gap: with_error(gap, float(now.mean_gap_error), "m", now.noise.get("m", 0.0)),
         ),
     }
     if now.heated is not None:
-        cells["surface_rise"] = ("contact above bulk", lambda rise: f"{rise:.3g} K")
-    text = f'<div class="title">{html.escape(shown.model.title(shown.values))}</div>'
+        cells["surface_rise"] = ("contact above bulk", lambda rise: f"{number(rise, '.3g')} K")
+    text = f'<div class="title">{in_html(shown.model.title(shown.values))}</div>'
     for name, (words, spelt) in cells.items():
-        number, change = float(getattr(now, name)), ""
-        if before is not None and (old := float(getattr(before, name))):
-            change = f"<i>{100 * (number / old - 1):+.3g} % from pinned</i>"
-        text += f"<div><span>{words}</span><b>{spelt(number)}</b>{change}</div>"
+        value, change = float(getattr(now, name)), ""
+        old = np.nan if before is None else float(getattr(before, name))
+        if old and np.isfinite(value / old):
+            change = f"<i>{100 * (value / old - 1):+.3g} % from pinned</i>"
+        text += f"<div><span>{words}</span><b>{spelt(value)}</b>{change}</div>"
     return f'<div class="head">{text}</div>'

@@ -8,6 +8,7 @@ from jaxtyping import ArrayLike
 
 from ..core.checks import as_float
 from ..core.display import unit_of, with_unit
+from ..core.escaping import in_figure
 from ..core.quantities import FIELDS
 from ..mean_field.mean_field import MeanField, pressure_distribution
 from ..sliding.result import Sliding
@@ -122,7 +123,7 @@ def _range_of(values: np.ndarray, base: str) -> tuple[float, float, str, str]:
     least, lower, median, upper, most = np.quantile(finite, [0, 0.005, 0.5, 0.995, 1])
     low, high = max(least, 2 * lower - median), min(most, 2 * upper - median)
     low = 0 if 0 <= low < 0.05 * high else low  # a scale from zero reads better
-    first, last = (f"{'-' if end < 0 else ''}{with_unit(abs(end), base)}" for end in (least, most))
+    first, last = (with_unit(end, base) for end in (least, most))
     if low > least and high < most:
         return low, high, "both", f"\noutliers from {first} to {last}"
     if low > least:
@@ -276,7 +277,7 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
     total, each = figure.subplots(1, 2, sharex=True)
     for i, (label, curve) in enumerate(by_label.items()):
         q, friction = np.asarray(curve.cutoff), np.asarray(curve.friction)
-        colour = COLOURS[i % len(COLOURS)]
+        colour, label = COLOURS[i % len(COLOURS)], in_figure(label)
         total.plot(q, friction, color=colour, label=label)
         # Steps of equal length on the logarithm, none finer than the curve.
         count = max(1, min(len(q) - 1, round(STEPS_PER_DECADE * np.log10(q[-1] / q[0]))))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.display import unit_of, with_unit
+from ..core.escaping import in_figure
 from ..core.quantities import FIELDS
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
@@ -121,7 +122,7 @@ def _over_time(cycle: Any) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray
         at = cycle.isel(dict(zip(cycle["message"].dims, index, strict=True)))
         if not np.all(np.isfinite(at["friction"])):
             continue  # failed, or not started
-        words = [f"{title_of(str(name))} {label_of(at[name])}" for name in varied]
+        words = [in_figure(f"{title_of(str(name))} {label_of(at[name])}") for name in varied]
         if "velocity" in varied:
             # The velocity is the last axis, and in a motion it decides the period.
             words[-1] = f"period {with_unit(float(at['period']), 's')}"

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..blocks.stack import materials_of
+from ..core.escaping import in_figure
 from ..materials.table import Tabulated
 from ..mean_field.angles import LAST_COSINE
 from ..mean_field.mean_field import MeanField
@@ -118,7 +119,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
     evaluation = np.arange(1, 1 + len(history.values))
     for axes in limits:
         for i, margins in enumerate(history.margins.T):
-            axes.plot(evaluation, margins, ".-", label=f"(b) {design.constraints[i]}")
+            axes.plot(evaluation, margins, ".-", label=f"(b) {in_figure(design.constraints[i])}")
         ends = axes.get_ylim()
         # Grey is not allowed.
         axes.axhspan(min(ends[0], 0), 0, color="0.93", zorder=0)
@@ -128,7 +129,8 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
     # Relative to the result, because parameters have unlike units and sizes.
     ratios = history.parameters / np.array(best.parameters)
     for name, ratio in zip(names, ratios.T, strict=True):
-        parameters.plot(evaluation, ratio, ".-", label=f"({letter}) {title_of(name, scene)}")
+        label = f"({letter}) {in_figure(title_of(name, scene))}"
+        parameters.plot(evaluation, ratio, ".-", label=label)
     parameters.set_ylabel("parameter / result")
     if np.max(ratios) > 3 * np.min(ratios):  # else a logarithmic axis has hardly a number
         parameters.set_yscale("log")

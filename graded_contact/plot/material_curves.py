@@ -9,6 +9,7 @@ from jaxtyping import ArrayLike
 from ..blocks.compliance import effective_modulus
 from ..blocks.stack import Stack
 from ..core.checks import as_float, check_positive
+from ..core.escaping import in_figure
 from ..fitting.prony import PronyFit
 from ..studies.uncertainty import Sensitivity
 from .style import COLOURS, PAGE, finished, new_figure
@@ -115,8 +116,12 @@ def plot_sensitivity(
     for axes, (name, title) in zip(panels, channels, strict=True):
         for i, (label, curve) in enumerate(by_label.items()):
             values = getattr(curve, name)
-            axes.semilogx(curve.omega, values, color=COLOURS[i % len(COLOURS)], label=label)
+            axes.semilogx(
+                curve.omega, values, color=COLOURS[i % len(COLOURS)], label=in_figure(label)
+            )
         axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
         axes.set(xlabel=r"angular frequency $\omega$ [rad/s]", title=title)
-    panels[0].set_ylabel(f"relative change of the {of} over that of\nthe moduli of a decade")
+    panels[0].set_ylabel(
+        f"relative change of the {in_figure(of)} over that of\nthe moduli of a decade"
+    )
     return figure

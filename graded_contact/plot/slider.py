@@ -1,7 +1,6 @@
 """A slider over figures that needs neither widgets nor Python."""
 
 import base64
-import html
 import io
 import sys
 from collections.abc import Callable, Sequence
@@ -9,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import ArrayLike
+
+from ..core.escaping import in_html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,12 +36,12 @@ class FigureSlider:
         middle = len(self.pictures) // 2
         coded = [base64.b64encode(picture).decode() for picture in self.pictures]
         images = (
-            f'<img style="max-width: 100%" alt="{html.escape(caption)}" '
+            f'<img style="max-width: 100%" alt="{in_html(caption)}" '
             f'src="data:image/png;base64,{data}"{"" if i == middle else " hidden"}>'
             for i, (caption, data) in enumerate(zip(self.captions, coded, strict=True))
         )
         knob = f'<input type="range" max="{len(coded) - 1}" value="{middle}" oninput="{TURN}">'
-        caption = f"<output>{html.escape(self.captions[middle])}</output>"
+        caption = f"<output>{in_html(self.captions[middle])}</output>"
         page = f"<div>{knob} {caption}<br>{''.join(images)}</div>"
         return {"text/html": page, "image/png": coded[middle]}
 

@@ -113,14 +113,22 @@ def new_figure(width: float, height: float) -> "Figure":
 @styled
 def entitle(figure: "Figure", text: str) -> None:
     """Puts a line above a figure, and above an earlier one; broken where it is too long."""
+    titles = [title for title in (text, *_titles(figure)) if title]
+    figure.set_label("\n".join(titles))
     # About 15 letters of the title's size fit into an inch.
     width = round(15 * figure.get_figwidth())
-    lines = [textwrap.fill(line, width) for line in (text, figure.get_suptitle()) if line]
-    figure.suptitle("\n".join(lines))
+    # A word must not break between a $ and its backslash, see `in_figure`.
+    wrap = functools.partial(textwrap.fill, width=width, break_long_words=False)
+    figure.suptitle("\n".join(map(wrap, titles)))
+
+
+def _titles(figure: "Figure") -> list[str]:
+    """The titles of a figure, as its label keeps them: unbroken, one in each line."""
+    return str(figure.get_label()).splitlines()
 
 
 def caption(figure: "Figure") -> str:
-    """Returns what the panels of a figure show, from their letters and labels, and its title."""
+    """Returns what the panels of a figure show, from their letters and labels, and its titles."""
     panels = []
     for axes in figure.axes:
         bars = [drawn.colorbar.ax for drawn in (*axes.images, *axes.collections) if drawn.colorbar]
@@ -129,15 +137,17 @@ def caption(figure: "Figure") -> str:
         if axes.get_label() != COLOUR_BAR:
             shown = f"{title}: {shown}" if title and bars else title or shown
             panels.append(f"{axes.get_title(loc='left')} {shown}".strip())
-    sentences = re.sub(r" \[[^]]*\]", "", "; ".join(panels)), figure.get_suptitle()
-    text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences if text)
-    text = re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text.replace("\n", " "))
-    return _plain(text)
+    shown = re.sub(r" \[[^]]*\]", "", "; ".join(panels))
+    sentences = filter(None, (shown, *_titles(figure)))
+    text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences)
+    text = re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text)
+    # A $ after a backslash is one of the text, see `in_figure`.
+    return re.sub(r"(?<!\\)\$(.*?)\$", lambda math: _plain(math[1]), text).replace(r"\$", "$")
 
 
 def _plain(text: str) -> str:
-    """A text without the formulas of TeX: "log10 a_T" for r"$\\log_{10} a_T$"."""
-    words = {r"\mathrm": "", "_{10}": "10", "^*": "*", r"\,": " ", "$": "", "{": "", "}": ""}
+    """A formula of TeX in words: "log10 a_T" for r"\\log_{10} a_T"."""
+    words = {r"\mathrm": "", "_{10}": "10", "^*": "*", r"\,": " ", "{": "", "}": ""}
     for old, new in words.items():
         text = text.replace(old, new)
     greek = {name: unicodedata.lookup(f"GREEK SMALL LETTER {name}") for name in

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..core.escaping import in_figure
 from ..core.quantities import OBSERVABLES, in_brackets
 from ..core.warnings import Caveat
-from ..scenes.results import SEED_ERROR, has_numbers, over_seeds, solve_states, warnings_of
+from ..scenes.results import SEED_ERROR, has_numbers, of_each, over_seeds, solve_states, warnings_of
 from ..studies.dataset import NOT_STARTED
 from . import style
 from .words import label_of, title_of
@@ -90,7 +91,7 @@ def plot_reduced(results: "Dataset") -> "Figure":
         reason = "No master curve: the results have no axis of temperatures."
         raise ValueError(results.attrs.get("master_curve", reason))
     figure = _coloured(_lines(results, "reduced_velocity"), "temperature")
-    style.entitle(figure, results.attrs["master_curve"].replace("a_T", "$a_T$"))
+    style.entitle(figure, in_figure(results.attrs["master_curve"]).replace("a_T", "$a_T$"))
     return figure
 
 
@@ -113,7 +114,7 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
     colours, labels = [], []
     for i, (lines, name) in enumerate(zip(every, names, strict=True)):
         colours += [style.COLOURS[i % len(style.COLOURS)]] * len(lines.each)
-        labels += [name] * len(lines.each)
+        labels += [in_figure(name)] * len(lines.each)
         if (axes := _axes_of(lines)) != expected:
             raise ValueError(
                 f"{name!r} varies {axes}, and {names[0]!r} varies {expected}. Compare results over "
@@ -153,8 +154,8 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
     state = solve_states(results)
     # A solve is doubtful if a warning concerns it, a mean if one of its surfaces is. A cross on
     # each of several points would show nothing: what concerns all is said in words.
-    warnings, several = warnings_of(results), state.size > 1
-    doubts = [(_reason(c), several and bool(np.all(c.where))) for c in warnings]
+    warnings = warnings_of(results)
+    doubts = [(_reason(c), of_each(c, results)) for c in warnings]
     crossed = [c.where for c, (_, each) in zip(warnings, doubts, strict=True) if not each]
     doubtful = state.copy(data=np.any([np.zeros(state.shape, bool), *crossed], axis=0))
     middle, apart = results, {}
@@ -178,7 +179,7 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
 def _reason(caveat: Caveat) -> str:
     """The beginning of a warning, up to its explanation or remedy."""
     first = re.split(r"[:.] ", caveat.sentence)[0].rstrip(".")
-    return first[0].lower() + first[1:]
+    return in_figure(first[0].lower() + first[1:])
 
 
 def _coloured(lines: _Lines, axis: str) -> "Figure":
@@ -202,7 +203,7 @@ def _coloured(lines: _Lines, axis: str) -> "Figure":
 
 
 def _label(line: "Dataset", name: str) -> str:
-    return f"{title_of(name, line.attrs.get('scene', ''))} {label_of(line[name])}"
+    return in_figure(f"{title_of(name, line.attrs.get('scene', ''))} {label_of(line[name])}")
 
 
 def _drawn(
@@ -277,8 +278,10 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
     # Failed solves are NaN, which `fmax` leaves out; markers need room above.
     axes.set_ylim(0, 1.08 * np.fmax.reduce(np.concatenate(ends), initial=0) or None)
     line = lines.each[0]
-    title = title_of(lines.along, line.attrs.get("scene", ""))
+    along = lines.along.removeprefix("reduced_")
+    title = title_of(along, line.attrs.get("scene", ""))
+    title = in_figure(title + in_brackets(line["x"].attrs.get("units", "")))
     if lines.along == "reduced_velocity":
-        title = f"$a_T$ × {title_of('velocity')}"
-    axes.set_xlabel(title + in_brackets(line["x"].attrs.get("units", "")))
+        title = f"$a_T$ × {title}"
+    axes.set_xlabel(title)
     axes.set_ylabel(OBSERVABLES[quantity].quantity.meaning)

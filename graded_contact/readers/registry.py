@@ -40,7 +40,7 @@ class File:
 
     - `name`: of the file; what it is follows from its content if possible.
     - `content`: all its bytes.
-    - `channel`, `size`, `unit`: as in `read_surface`.
+    - `channel`, `size`, `unit`, `columns`: as in `read_surface`.
     - `packed`: bytes of the outermost file.
     - `depth`: of the container that it lies in.
     """
@@ -51,6 +51,7 @@ class File:
     channel: str | int | None = None
     size: Any = None
     unit: str | None = None
+    columns: Mapping[str, str | int] | None = None
     depth: int = 0
 
     @property

@@ -29,6 +29,8 @@ class Scan(NamedTuple):
     - `positions`: of the points of a profile in `lateral_unit`, ascending, if unequally spaced.
     - `periodic`: whether the file declares the surface periodic.
     - `notes`: how it was understood, one sentence each.
+    - `assumed`: what neither the file nor the user states and changes numbers, one sentence each.
+    - `named`: whether its columns are those that the user named.
     """
 
     heights: np.ndarray
@@ -39,6 +41,8 @@ class Scan(NamedTuple):
     positions: np.ndarray | None = None
     periodic: bool = False
     notes: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    named: bool = False
 
     def part_of(self, name: str) -> "Scan":
         """Returns the same heights; `source` says that they are in a part of this name."""
@@ -65,6 +69,13 @@ def equally_spaced(values: np.ndarray, within: float) -> bool:
     even = np.linspace(values[0], values[-1], len(values))
     step = abs(values[-1] - values[0]) / (len(values) - 1)
     return bool(np.max(np.abs(values - even)) <= within * step)
+
+
+def counters(values: np.ndarray) -> bool:
+    """Returns whether numbers count points: whole numbers from 0 or 1, mostly in steps of 1."""
+    whole = len(values) > 3 and np.all(np.isfinite(values)) and np.all(values == np.rint(values))
+    return bool(whole and values[0] in (0, 1) and np.all(np.diff(values) >= 1)
+                and np.median(np.diff(values)) == 1)  # fmt: skip
 
 
 def chosen(channel: str | int | None, names: Sequence[str], what: str) -> int:

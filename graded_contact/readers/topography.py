@@ -8,19 +8,23 @@ microscopes; plain text, OpenCRG roads and NumPy's files by the other modules of
 import os
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from ..core.checks import Numbers, check_positive, check_types
+from ..core.checks import Numbers, check_positive, check_types, short
 from ..core.display import with_unit
 from ..core.files import Refusal
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
+from ..surfaces.scan_lines import Lines
 from ..surfaces.surface import Step, Surface, step
+from .decisions import settled
+from .length_headings import same_unit
 from .registry import opened, read
 from .scan import Scan
 from .units import metres
 
+SAME = 0.02  # between the proportions of edges that are meant to be equal
 GAP = 3  # steps of a line scan, beyond which the points between are missing
 
 
@@ -35,32 +39,39 @@ def read_surface(
     region: Numbers | None = None,
     fill: Fill | None = "low",
     rim: int = 0,
+    level_lines: Lines | None = None,
     channel: str | int | None = None,
+    columns: dict[Literal["x", "y", "z"], str | int] | None = None,
 ) -> Surface:
     """Returns a measured surface, or a profile from a line scan, made periodic.
 
-    Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, NumPy's `.npy`
-    and `.npz`, and text: a matrix of heights, two columns x z, three columns x y z; also zips of
-    these, and those of contact.engineering. A line scan that is not equally spaced is interpolated
-    linearly to its median step; points x y z that are scattered by at most 5 % of a step are taken
-    on their grid. Heights of 1e37 and more, in any unit, are missing points.
+    Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, grids of ESRI
+    and Surfer, HDF5, NumPy's `.npy` and `.npz`, and text: a matrix of heights, columns x z or x y
+    z; also zips of these, and those of contact.engineering. The content decides which format it is.
+    Whole numbers 0, 1, 2, ... beside heights count points unless a unit stands with them. A line
+    scan that is not equally spaced is interpolated linearly to its median step; points x y z that
+    are scattered by at most 5 % of a step are taken on their grid. Heights of 1e37 and more, in any
+    unit, are missing points.
 
     x runs to the right and y upwards in the picture that the microscope shows, and in figures. The
     first line of a file is the top of the picture, also in text. Points x y z, axes in the first
-    row and column, and roads (y to the left) have y of their own; arrays of NumPy are `[x, y]`, as
-    `Surface.heights`.
+    row and column, Surfer's grids, and roads (y to the left) have y of their own; arrays of NumPy
+    and HDF5 are `[x, y]`, as `Surface.heights`.
 
     **Arguments:**
 
     - `path`: the file.
-    - `periodic`, `shape`, `region`, `fill`, `rim`: see `surface_from_heights`.
-    - `size`: edge lengths [m], for a file that does not state them. It overrides those of an
-      `.npz`; other files that state them refuse it. One number means a square.
-    - `unit`: length unit of the file's numbers ("um", "nm", ...), likewise.
+    - `periodic`, `shape`, `region`, `fill`, `rim`, `level_lines`: see `surface_from_heights`.
+    - `size`: edge lengths [m], for a file that does not state them or their unit. It overrides
+      those of an `.npz`; other files that state them refuse it. One number means a square.
+    - `unit`: length unit of those numbers of the file whose unit it does not state ("um", "nm",
+      "mil", ...); of an `.npz` it overrides the stated one.
     - `channel`: name or index of the channel, or of the measurement in a container; None takes
       the file's default height channel, of JPK's files the measured heights on the way forth.
+    - `columns`: of a table or a sheet, which column is x, z and, for a grid, y: by name or by
+      number from 1, such as `{"x": "Distance", "z": 3}`. Needed where the names do not tell.
 
-    **Returns:** the surface, with its history.
+    **Returns:** the surface, with its history, and what had to be assumed (`Surface.assumed`).
 
     **Raises:** `FileNotFoundError` for a missing file, `ImportError` without the extra,
     `ValueError` for an unreadable or damaged file, naming the arguments that would help.
@@ -68,7 +79,10 @@ def read_surface(
     if size is not None:
         check_positive("size", np.asarray(size), "[m]")
     path = Path(path)
-    scan, factor, known, warned = _read(path, channel, size, unit, periodic)
+    if columns is not None:
+        _check_columns(columns)
+    options = {"channel": channel, "size": size, "unit": unit, "columns": columns}
+    scan, factor, known, warned = _read(path, options, periodic)
     heights = factor * scan.heights
     points = " x ".join(map(str, heights.shape))
     lengths = " x ".join(with_unit(float(edge), "m") for edge in known)
@@ -88,19 +102,30 @@ def read_surface(
     try:
         return surface_from_heights(
             heights, known, periodic=periodic, shape=shape, region=region, fill=fill, rim=rim,
-            history=tuple(notes), steps=tuple(steps),
+            level_lines=level_lines, history=tuple(notes), steps=tuple(steps),
+            assumed=scan.assumed,
         )  # fmt: skip
     except ValueError as error:
         raise ValueError(f"`path={path}`: {error}") from error
 
 
-def _read(path: Path, channel, size, unit, periodic) -> tuple[Scan, float, np.ndarray, list[str]]:
+def _check_columns(columns: Any) -> None:
+    """Refuses columns that are none of a profile, a grid or a line of heights."""
+    kinds = ({"z"}, {"x", "z"}, {"x", "y", "z"})
+    if not isinstance(columns, dict) or set(columns) not in kinds:
+        raise ValueError(f"`columns={short(columns)}` must name x and z, or x, y and z.")
+    if not all(isinstance(each, str | int) and each != 0 for each in columns.values()):
+        raise ValueError(f"`columns={short(columns)}` must be names, or numbers from 1.")
+
+
+def _read(path: Path, options: dict[str, Any], periodic) -> tuple[Scan, float, Any, list[str]]:
     """The heights in a file, metres per unit, edge lengths [m], and warnings of the reader."""
-    known = {"channel": channel, "size": size, "unit": unit}
-    with opened(path, **known) as file, warnings.catch_warnings(record=True) as caught:
+    with opened(path, **options) as file, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         scan = read(file, "heights").without_marks()
-        factor, edges = _scales(scan, size, unit)
+        if file.columns and not scan.named:
+            raise Refusal("it is no table of columns; leave out `columns`")
+        factor, edges = _scales(scan, options["size"], options["unit"])
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
     kinds = UserWarning | RuntimeWarning
@@ -110,33 +135,53 @@ def _read(path: Path, channel, size, unit, periodic) -> tuple[Scan, float, np.nd
 
 def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
     """Metres per unit of the heights, and the edge lengths [m]; refuses a file without these."""
-    own = (scan.unit,) if scan.size is None else (scan.unit, scan.lateral_unit)
-    lacking = ["`unit`, for instance 'um'"] * (None in own and unit is None)
+    stated = (scan.unit,) if scan.size is None else (scan.unit, scan.lateral_unit)
+    for name in filter(None, stated):
+        _metres(name, f"{scan.source} in {name!r}")
+    option = f"`unit={unit!r}`"
+    given = np.nan if unit is None else _metres(unit, option)
+    asked = scan.unit is None or (None in stated and size is None)
+    lacking = ["`unit`, for instance 'um'"] * (asked and unit is None)
     lacking += ["`size` [m]"] * (scan.size is None and size is None)
     if lacking:
         of = "" if scan.unit else f" of {scan.source}"
         wanted = ", and ".join(lacking)
         raise Refusal(f"it does not state all that is needed{of}; pass {wanted}")
-    if None not in own and unit is not None:
-        raise Refusal(f"it is in {scan.unit!r}; leave out `unit={unit!r}`")
-    factors = []
-    for name in own:
-        factor = metres(str(unit if name is None else name))
-        if factor is None:
-            named = f"`unit={unit!r}`" if name is None else f"{scan.source} in {name!r}"
-            raise Refusal(f"{named} is not a length, such as 'm', 'um' or 'nm'")
-        factors.append(factor)
+    fills = None in stated  # then it is no unit of what is stated
+    own = settled("a height", scan.unit, None if fills else unit, option=option, alike=same_unit)
+    factor = given if own is None else _metres(own, option)
     if scan.size is None:
         num_axes, edges = scan.heights.ndim, np.array(size, float)
         if edges.shape not in ((), (num_axes,)):
             raise Refusal(f"`size` has shape {edges.shape}, it needs {num_axes} lengths")
-        return factors[0], np.broadcast_to(edges, (num_axes,))
-    known = factors[-1] * scan.size
+        return factor, np.broadcast_to(edges, (num_axes,))
+    if size is not None and scan.lateral_unit is None:
+        return factor, _scaled(scan.size, size)
+    lateral = given if scan.lateral_unit is None else _metres(scan.lateral_unit, option)
+    known = lateral * scan.size
     if size is not None:
         raise Refusal(f"it states its size, {known} m; leave out `size`")
     if not (np.all(np.isfinite(known)) and np.all(known > 0)):
         raise Refusal(f"its size of {known} m is no length")
-    return factors[0], known
+    return factor, known
+
+
+def _metres(unit: str, named: str) -> float:
+    """Metres per unit; refuses what is no unit of length."""
+    factor = metres(unit)
+    if factor is None:
+        raise Refusal(f"{named} is not a length, such as 'm', 'um' or 'nm'")
+    return factor
+
+
+def _scaled(edges: np.ndarray, size: Any) -> np.ndarray:
+    """The given size [m] of a file that states its edges in an unknown unit."""
+    if np.shape(size) not in ((), edges.shape):
+        raise Refusal(f"`size` has shape {np.shape(size)}, it needs {len(edges)} lengths")
+    units = np.asarray(size, float) / edges
+    if not np.ptp(units) <= SAME * np.max(np.abs(units)):
+        raise Refusal(f"its edges are as {edges.tolist()}, and those of `size={size}` are not")
+    return units * edges
 
 
 def _equally_spaced(positions, heights, notes: list[str], steps: list[Step]) -> tuple:

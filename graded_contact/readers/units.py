@@ -59,8 +59,11 @@ _EXACT = {unit for units in UNITS.values() for unit in units}
 # Metres per unit of length, as the headings of topographies spell it, after `_folded`.
 _METRES = {
     "m": 1.0, "dm": 1e-1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12, "fm": 1e-15,
-    "km": 1e3, "å": 1e-10, "angstrom": 1e-10, "inch": 0.0254, "mil": 2.54e-5,
+    "km": 1e3, "å": 1e-10, "angstrom": 1e-10, "ångström": 1e-10,
     "micron": 1e-6, "microns": 1e-6,
+    "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "feet": 0.3048,
+    "mil": 2.54e-5, "mils": 2.54e-5, "thou": 2.54e-5,
+    "uin": 2.54e-8, "uinch": 2.54e-8, "microinch": 2.54e-8, "microinches": 2.54e-8,
     **{f"{prefix}{word}": factor
        for prefix, factor in (("", 1.0), ("milli", 1e-3), ("micro", 1e-6), ("nano", 1e-9))
        for word in ("meter", "metre", "meters", "metres")},
@@ -68,6 +71,8 @@ _METRES = {
 _NAMED = "|".join(sorted(map(re.escape, _METRES), key=len)[::-1])
 # A unit is at the end of a heading: "z [nm]", "Height (µm)", "depth / mm", "z_um", "unit: nm".
 _AT_END = re.compile(rf"(?:^|[\[(<{{/_:=,\s])({_NAMED})\s*[\])>}}]?\s*[.:;,]*$", re.IGNORECASE)
+# "in" behind a space may be the English word, as in "heights in:".
+_WORD = re.compile(r"\w\s+in\s*[.:;,]*$", re.IGNORECASE)
 
 # Words of headings, without their accents. Single letters are distinguished by their case: t is
 # time and T temperature.
@@ -159,7 +164,7 @@ def metres(unit: str) -> float | None:
 
 def length_unit(heading: str) -> str | None:
     """Returns the unit of length at the end of a heading, or None."""
-    found = _AT_END.search(_folded(heading))
+    found = None if _WORD.search(heading) else _AT_END.search(_folded(heading))
     return found.group(1) if found else None
 
 

@@ -30,7 +30,7 @@ def report(results: DesignResults) -> str:
         texts.append("Contact is on the surfaces of the search: `verify` draws others.")
     objective = results.study.objective
     sign = " (value: its negative)" if objective.startswith("maximise") else ""
-    by = f"searched by {results.method}: {results.reason}"
+    by = f"searched by {results.method}, because {results.reason}"
     texts += ["", f"objective {objective}{sign}; {by}", results.design.report()]
     if results.polished is not None:
         texts += ["", "the same, polished by contact", results.polished.report()]

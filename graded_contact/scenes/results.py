@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..blocks.window_compliance import has_ground
-from ..contacts.solution import RESULTS
+from ..contacts.solution import FAILURES, RESULTS
 from ..core.files import read_file
 from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of
@@ -46,7 +46,7 @@ KEPT_FIELDS = {
     "heights": "contact_heights",
 }  # fmt: skip
 SEED_ERROR = "_seed_error"
-NOT_FINITE = RESULTS[RESULTS.not_finite]  # the message of a solve whose numbers mean nothing
+NO_NUMBERS = tuple(RESULTS[end] for end in FAILURES)  # messages of solves without numbers
 
 
 def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
@@ -93,7 +93,7 @@ def collect(
     import xarray
 
     axes, shape, dtype = tuple(scene.axes), names.shape, surface.heights.dtype
-    points = [p and (Point({}, p.message) if p.message == NOT_FINITE else p) for p in points]
+    points = [p and (Point({}, p.message) if p.message in NO_NUMBERS else p) for p in points]
 
     def over_axes(name: str, *inner: int) -> np.ndarray:
         like = jax.ShapeDtypeStruct(inner, dtype)
@@ -209,7 +209,7 @@ def solve_states(results: "Dataset") -> "DataArray":
     words = np.full(message.shape, "not converged", object)
     words[message.values == ""] = ""
     words[message.values == NOT_STARTED] = NOT_STARTED
-    words[(message.str.startswith(FAILED) | (message == NOT_FINITE)).values] = "failed"
+    words[(message.str.startswith(FAILED) | message.isin(NO_NUMBERS)).values] = "failed"
     return message.copy(data=words.astype(str))
 
 
@@ -223,11 +223,17 @@ def has_numbers(results: "Dataset") -> "DataArray":
 
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     """Returns why numbers are doubtful although solved, and the solves that are concerned."""
-    everywhere = np.ones(results["message"].shape, bool)
+    everywhere = has_numbers(results).values
     rules = CYCLE_RULES if "time" in results.dims else RULES
     # Caveats of the surface concern every solve.
     of_surface = (Caveat(text, everywhere) for text in surface_of(results).caveats)
     return *of_surface, *caveats_of(results, rules)
+
+
+def of_each(caveat: Caveat, results: "Dataset") -> bool:
+    """Returns whether a warning is true of each of several solves with numbers."""
+    known = has_numbers(results).values
+    return bool(np.sum(known) > 1 and np.all(caveat.where[known]))
 
 
 def over_seeds(results: "Dataset") -> "Dataset":
@@ -274,6 +280,7 @@ def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
     attributes = {
         "surface_history": "\n".join(surface.history),
         "surface_steps": json.dumps(surface.steps),
+        "surface_assumed": "\n".join(surface.assumed),
         "surface_periodic": int(surface.periodic),
     }
     return variables, places, attributes
@@ -282,14 +289,16 @@ def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
 def surface_of(results: "Dataset") -> Surface:
     """Returns the surface of results, that of the first seed."""
     history, heights = results.attrs["surface_history"], results["heights"]
+    assumed = results.attrs.get("surface_assumed", "")  # older files have none
     size = np.array([results[axis].attrs["period"] for axis in heights.dims])
     return Surface(
         heights=jnp.asarray(heights.values),
         grid=Grid(heights.shape, jnp.asarray(size)),
-        history=tuple(history.split("\n")) if history else (),
+        history=tuple(filter(None, history.split("\n"))),
         measured=jnp.asarray(results["measured"].values) if "measured" in results else None,
         steps=tuple(Step(*step) for step in json.loads(results.attrs["surface_steps"])),
         periodic=bool(results.attrs.get("surface_periodic", True)),
+        assumed=tuple(filter(None, assumed.split("\n"))),
     )
 
 

@@ -148,7 +148,7 @@ class Scene:
       one velocity, (vx, vy).)
     - `extrapolate`: true allows friction from frequencies at which a material was not measured.
     - `solver`: algorithm of the contact.
-    - `rtol`: relative error of the contact pressure [1]; the default gives friction to 1e-4.
+    - `rtol`: requested relative error of the contact pressure [1].
     - `name`: begins the names of the files of results.
     - `directory`: folder of the results, relative to the scene.
     - `fields`: solves whose fields over the surface are stored.

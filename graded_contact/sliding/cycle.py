@@ -63,10 +63,7 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
         shear=sheared, coupling=coupling, measured_range=coverage(stack),
         prescribed=case.prescribed,
     )  # fmt: skip
-    end = None
-    if not how.throw:
-        end = RESULTS.where(reached, RESULTS.successful, RESULTS.inaccurate_kernel)
-    return Posed(problem, load, end)
+    return Posed(problem, load, () if how.throw else ((reached, RESULTS.inaccurate_kernel),))
 
 
 @derivative_apart

@@ -101,7 +101,7 @@ def _flow(found: Found) -> GapFlow:
     column=("flow along\nx [m³]", ".3e"),
 )  # fmt: skip
 def flow_along_x(found: Found) -> Float[Array, ""]:
-    """Conductance of the gap for a thin fluid along x [m³], see `gap_flow`."""
+    """Conductance of the gap along x [m³]; for a profile, across its grooves. See `gap_flow`."""
     return _flow(found).conductance[0]
 
 
@@ -110,12 +110,15 @@ def flow_along_x(found: Found) -> Float[Array, ""]:
     column=("flow along\ny [m³]", ".3e"),
 )  # fmt: skip
 def flow_along_y(found: Found) -> Float[Array, ""]:
-    """The same along y [m³]; across the grooves of a profile."""
+    """Conductance of the gap along y [m³]; for a profile, along its grooves. See `gap_flow`."""
     return _flow(found).conductance[1]
 
 
 @eqx.filter_jit
 def _gap_flow(gap, grid: Grid) -> GapFlow:
+    # A failed solve has no gap, of which SciPy would find no flow.
+    known = jnp.all(jnp.isfinite(gap))
+    gap = jnp.where(known, gap, 0)
     # In units of the largest gap: products of cubes in metres would underflow.
     unit = jnp.max(jnp.abs(jax.lax.stop_gradient(gap)))
     unit = jnp.where(unit > 0, unit, 1)
@@ -138,6 +141,7 @@ def _gap_flow(gap, grid: Grid) -> GapFlow:
     area = cube.size * spacing[0] * spacing[1]
     # No derivative through the pressures: to first order K does not change with them.
     found = jnp.sum(weights * drops**2, axis=(1, 2, 3)) / area
+    unit = jnp.where(known, unit, jnp.nan)
     estimate = _effective_medium(cube, _elongation(open_gap, spacing)) * unit**3
     return GapFlow(jnp.where(percolates, found, 0) * unit**3, percolates, estimate)
 

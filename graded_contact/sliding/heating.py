@@ -39,7 +39,7 @@ from jaxtyping import Array, Float
 from ..blocks.heated_stack import HeatedContact, check_bulk, check_heated, heated
 from ..blocks.stack import Stack, interface_depths
 from ..contacts.area import area_in_doubt
-from ..contacts.solution import RESULTS
+from ..contacts.solution import RESULTS, ended
 from ..core.checks import (
     Numbers,
     check_types,
@@ -144,10 +144,10 @@ def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -
     reached = point.error <= rtol
     if numerics.throw:
         x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
-    result = RESULTS.where(reached, found.result, RESULTS.not_settled)
+    solution = ended(found.contact, reached, RESULTS.not_settled)
     return dataclasses.replace(
         found,
-        contact=dataclasses.replace(found.contact, result=result, num_fft_pairs=pairs),
+        contact=dataclasses.replace(solution, num_fft_pairs=pairs),
         heated=HeatedContact(block, x[0], x[1:], edges, point.error, *errors),
     )
 

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..contacts.solution import RESULTS, ContactSolution
+from ..contacts.solution import RESULTS, ContactSolution, ended
 from ..core.checks import Numbers, is_concrete
 from ..core.compilation import jit
 from ..core.derivative import still
@@ -54,16 +54,15 @@ def solve_posed(
     solution: ContactSolution | None = None,
 ) -> Found:
     """Returns the contact of a problem with its load; arguments as of `solve`."""
-    problem, load, end = posed
+    problem, load, ends = posed
     if problem.coupling is None or problem.coupling.in_kernel:
         found = result_of(problem, problem.contact(load, None, how, start, solution))
     else:
         found = _lagged(problem, load, how, start, solution)
-    if end is None:
-        return found
-    ended = RESULTS.where(end == RESULTS.successful, found.result, end)
-    contact = dataclasses.replace(found.contact, result=ended)
-    return dataclasses.replace(found, contact=contact)
+    contact = found.contact
+    for good, end in ends:
+        contact = ended(contact, good, end)
+    return dataclasses.replace(found, contact=contact) if ends else found
 
 
 def _check_speeds(cycle: CyclicSliding) -> None:
@@ -130,9 +129,9 @@ def _lagged(
         if isinstance(found, CyclicSliding) and is_concrete(settled) and not settled:
             _check_speeds(found)
         contact = required(contact, settled, RESULTS.not_settled.error_if)
-    end = RESULTS.where(settled, contact.result, RESULTS.not_settled)
+    contact = ended(contact, settled, RESULTS.not_settled)
     moved = contact.displacement + x
-    contact = dataclasses.replace(contact, displacement=moved, num_fft_pairs=pairs, result=end)
+    contact = dataclasses.replace(contact, displacement=moved, num_fft_pairs=pairs)
     return dataclasses.replace(found, contact=contact)
 
 

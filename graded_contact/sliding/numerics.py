@@ -19,8 +19,8 @@ class Numerics(eqx.Module):
 
     **Fields:**
 
-    - `rtol`: requested relative error of the pressure [1]; None for 5e-5, with which the error of
-      friction is at most about 1e-4 of it, and in float32 for 5e-4. Static.
+    - `rtol`: requested relative error of the pressure [1]; None means 5e-5, or 5e-4 in float32.
+      Static.
     - `solver`: of the contact, see `DouglasRachford`, or `AbstractContactSolver` to write one.
     - `adjoint`: of the linear systems of derivatives, see `LinearSplitting`.
     - `throw`: whether to raise if a solve or a kernel fails; with False see `.result`. Static.
@@ -36,7 +36,7 @@ class Numerics(eqx.Module):
         check_type("throw", self.throw, bool)
 
     def of(self, *given: Any) -> "Numerics":
-        """Returns the same with the tolerance that None means for a block and a surface."""
+        """Returns a copy whose `rtol=None` is replaced by the default for the dtype of `given`."""
         if self.rtol is not None:
             return self
         # The most precise of their numbers decides in which precision a contact is computed.

@@ -241,9 +241,9 @@ class Posed(NamedTuple):
     **Fields:**
 
     - `problem`, `load`: what is solved.
-    - `end`: how the kernel ended where that is no error, else None.
+    - `ends`: whether the kernel is good, and how the contact ends if not. What raises has none.
     """
 
     problem: Problem
     load: Load
-    end: RESULTS | None
+    ends: tuple[tuple[Any, RESULTS], ...] = ()

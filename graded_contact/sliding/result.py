@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Inexact
 from ..blocks.heated_stack import HeatedContact
 from ..contacts.law import AbstractLaw
 from ..contacts.operator import AbstractOperator
-from ..contacts.solution import RESULTS, ContactSolution
+from ..contacts.solution import RESULTS, ContactSolution, if_known
 from ..contacts.window import Window
 from ..core.checks import is_concrete
 from ..core.compilation import jit
@@ -110,6 +110,14 @@ class AbstractSliding(eqx.Module):
     @property
     def result(self) -> RESULTS:
         return self.contact.result
+
+    @property
+    def state(self) -> str:
+        return self.contact.state
+
+    @property
+    def noise(self) -> dict[str, float]:
+        return self.contact.noise
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -340,4 +348,5 @@ def _computed(
     for one, others in ((found, near), (still, near_still)):
         vars(one).update(_shared={}, _near=others)  # see `observables.shared`
     entries = [OBSERVABLES[name] for name in names]
-    return {e.name: e.formula(found if e.has_derivative else still) for e in entries}
+    numbers = {e.name: e.formula(found if e.has_derivative else still) for e in entries}
+    return if_known(found.result, numbers)  # an area is a number even of a pressure that is none

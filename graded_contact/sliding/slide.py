@@ -52,7 +52,7 @@ def slide(
     - `approach`: of a body on a window [m], see `solve_contact`.
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`. Two numbers
       are one velocity, not two speeds as in a scene: for several speeds use `sweep` or
-      `jax.lax.map`. At rest (0, known beforehand) the relaxed moduli act and a real kernel is used.
+      `jax.lax.map`. At a velocity of 0 (a number, not traced) the block has its relaxed moduli.
     - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
       temperature), such as `Coulomb`, `ConstantShear` or `PeakedShear`; None for hysteresis alone.
       The traction of a law that is `coupled` moves the surface of the block and so changes the

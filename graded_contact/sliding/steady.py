@@ -50,11 +50,10 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)
     if case.approach is not None:
         load["approach"] = check_approach(case.approach, surface, case.law)
-    end = None
+    ends = ()
     if reached is not True or steady is not True:
-        end = RESULTS.where(steady, RESULTS.successful, RESULTS.no_steady_sliding)
-        end = RESULTS.where(reached, end, RESULTS.inaccurate_kernel)
-    return Posed(problem, load, end)
+        ends = (steady, RESULTS.no_steady_sliding), (reached, RESULTS.inaccurate_kernel)
+    return Posed(problem, load, ends)
 
 
 _coverage = jit(coverage)

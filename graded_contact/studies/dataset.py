@@ -18,6 +18,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from ..core.escaping import in_csv
 from ..core.files import LARGEST_FILE, Refusal, check_hdf5, read_file
 from ..core.memory import available_memory
 from ..core.quantities import in_brackets, quantity_of
@@ -137,8 +138,8 @@ def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
     axes, numbers = dataset["message"].dims, dataset.data_vars.items()
     names = [str(n) for n, v in numbers if {*v.dims} <= {*axes} and v.dtype.kind in "fiub"]
     table = dataset[[*names, "message"]].to_dataframe(dim_order=[*axes]).reset_index()
-    heads = {name: name + in_brackets(dataset[name].attrs.get("units", "")) for name in table}
-    table = table.rename(columns=heads)
+    heads = {n: in_csv(n + in_brackets(dataset[n].attrs.get("units", ""))) for n in table}
+    table = table.rename(columns=heads).map(lambda at: in_csv(at) if isinstance(at, str) else at)
     write_whole(path, table.to_csv(index=False, na_rep="nan", lineterminator="\r\n"))
 
 

@@ -39,8 +39,8 @@ def sweep(
     One compiled function solves all points. A point that fails has its reason and NaN; a point
     whose solver did not converge has the message of the solver and its numbers. With a `store`
     each result is on the disk when its point ends; the same call then solves only the points that
-    are missing or damaged (with a warning), and those whose worker died. Another function, or
-    another number inside it, is another study. Ctrl-C returns the results so far.
+    are missing or damaged (with a warning), and those whose worker died. If the function or a
+    number in it changes, all points are solved again. Ctrl-C returns the results so far.
 
     Each point is solved by itself: a start from its neighbour saves 2 to 12 % of the FFT pairs, but
     the bits would depend on the points solved before. The same call on the same machine gives the

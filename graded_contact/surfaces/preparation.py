@@ -21,6 +21,7 @@ from ..core.display import with_unit
 from ..fields.grid import Grid
 from .holes import fill_holes, grown, region_note
 from .rescaling import resample
+from .scan_lines import Lines, jump_caveats, levelled
 from .surface import Step, Surface, step
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
@@ -40,15 +41,18 @@ def surface_from_heights(
     region: Numbers | None = None,
     fill: Fill | None = "low",
     rim: int = 0,
+    level_lines: Lines | None = None,
     history: tuple[str, ...] = (),
     steps: tuple[Step, ...] = (),
+    assumed: tuple[str, ...] = (),
 ) -> Surface:
     """Returns measured heights as a periodic surface of zero mean.
 
-    In this order: a region is cut out; a least-squares plane through the measured points is
-    subtracted (not with `periodic` None, where it would open a seam, or "open"); missing points are
-    filled; the edges are made to meet; the surface is resampled. `Surface.measured` marks what was
-    filled or tapered, and `Surface.steps` holds the roughness after each step.
+    In this order: a region is cut out; lines are levelled, if asked; a least-squares plane through
+    the measured points is subtracted (not with `periodic` None, where it would open a seam, or
+    "open"); missing points are filled; the edges are made to meet; the surface is resampled.
+    `Surface.measured` marks what was filled or tapered, `Surface.steps` holds the roughness after
+    each step.
 
     **Arguments:**
 
@@ -71,7 +75,10 @@ def surface_from_heights(
     - `rim`: how many rings of measured points around each hole to discard with it. Optical
       instruments report spikes there, which the filling would continue; the history has a
       warning when the rims are much rougher.
-    - `history`, `steps`: to begin those of the surface with.
+    - `level_lines`: "x" or "y" shifts each line along this axis by the median of its differences
+      from the line before. It takes out the jumps of a microscope between its lines, and with them
+      all waves and the tilt that only lead across the lines. A caveat reports jumps.
+    - `history`, `steps`, `assumed`: to begin those of the surface with.
 
     **Returns:** the surface, with its history.
 
@@ -85,11 +92,14 @@ def surface_from_heights(
     highest = np.nanmax(np.abs(values))
     if highest > LARGEST:
         raise ValueError(f"`heights` reach {highest:.3g} m: damaged, or of another `unit`.")
-    prepared = _Prepared(values, edges / np.array(values.shape), list(history), list(steps))
+    spacing = edges / np.array(values.shape)
+    prepared = _Prepared(values, spacing, list(history), list(steps), list(assumed))
     # A line scan at unequal steps has its roughness as read among the steps already.
     prepared.record("equally spaced" if steps else "read")
     if region is not None:
         prepared.crop(region)
+    if level_lines is not None:
+        prepared.level_lines(level_lines)
     prepared.level(rim, tilted=periodic in (None, "open"))
     if prepared.num_missing:
         prepared.fill(fill, rim)
@@ -105,6 +115,7 @@ class _Prepared:
     spacing: np.ndarray
     notes: list[str]
     rows: list[Step]
+    assumed: list[str]
 
     def record(self, name: str, *notes: str) -> None:
         self.rows.append(step(name, self.values, self.spacing))
@@ -123,6 +134,16 @@ class _Prepared:
         points = " x ".join(map(str, self.values.shape))
         self.record("cropped", f"Cut out `region={np.asarray(region).tolist()}`, {points} points.")
 
+    def level_lines(self, lines: Lines) -> None:
+        if self.values.ndim == 1:
+            raise ValueError(f"`level_lines={lines!r}` is refused: a profile is one line.")
+        self.values = levelled(self.values, lines)
+        self.record("lines levelled")
+        left = with_unit(self.rows[-1].rms_height, "m"), f"{self.rows[-1].rms_slope:.3g}"
+        how = "by the median of its differences from the line before"
+        rest = "rms height {} and slope {} are left".format(*left)
+        self.notes.append(f"Shifted each line along {lines} {how}: {rest}.")
+
     def level(self, rim: int, *, tilted: bool) -> None:
         """Counts rims as missing, and subtracts the plane or, if it stays `tilted`, the mean."""
         self.missing = np.isnan(self.values)
@@ -138,9 +159,11 @@ class _Prepared:
         coefficients = np.linalg.lstsq(basis[~self.missing], known)[0]
         plane = basis @ coefficients
         # That of the roughness, with which rims of holes are compared.
-        self.spread = float(np.std((self.values - plane)[~self.missing]))
+        flat = np.where(self.missing, np.nan, self.values - plane)
+        self.spread = float(np.nanstd(flat))
         if self.spread <= 1e-12 * np.max(np.abs(known)):
             raise ValueError("`heights` is a plane: no roughness is left after levelling.")
+        self.assumed.extend(jump_caveats(flat, self.spacing))
         if tilted:
             self.values = self.values - np.mean(known)
             return
@@ -223,7 +246,8 @@ class _Prepared:
         grid = Grid(heights.shape, self.spacing * np.array(heights.shape))
         measured = None if np.all(measured == 1) else measured
         repeats = periodic != "open"
-        return Surface(heights, grid, tuple(history), measured, tuple(steps), repeats)
+        kept = (repeats, tuple(self.assumed))
+        return Surface(heights, grid, tuple(history), measured, tuple(steps), *kept)
 
 
 def _check_measured(known: np.ndarray) -> None:

@@ -79,4 +79,5 @@ def _changed(surface: Surface, name: str, note: str, heights, grid: Grid, measur
     steps = surface.steps
     if steps and is_concrete(heights):
         steps = (*steps, step(name, heights, grid.spacing))
-    return Surface(heights, grid, (*surface.history, note), measured, steps, surface.periodic)
+    history, kept = (*surface.history, note), (surface.periodic, surface.assumed)
+    return Surface(heights, grid, history, measured, steps, *kept)

@@ -48,6 +48,8 @@ class Surface(eqx.Module):
     - `steps`: the roughness after every step of reading. Static.
     - `periodic`: whether the surface repeats. If not, as an indenter or the edge of a block, the
       block's surface around the window is free of load. Static.
+    - `assumed`: what the reading assumed and changes numbers, one sentence each: the first caveats.
+      Static.
     """
 
     heights: Float[Array, "*shape"]
@@ -57,6 +59,7 @@ class Surface(eqx.Module):
     measured: Float[Array, "*shape"] | None
     steps: tuple[Step, ...] = eqx.field(static=True)
     periodic: bool = eqx.field(static=True)
+    assumed: tuple[str, ...] = eqx.field(static=True)
 
     def __init__(
         self,
@@ -66,11 +69,14 @@ class Surface(eqx.Module):
         measured: Numbers | None = None,
         steps: tuple[Step, ...] = (),
         periodic: bool = True,
+        assumed: tuple[str, ...] = (),
     ):
         check_type("grid", grid, Grid)
         check_type("periodic", periodic, bool)
         check_type("history", history, tuple)
+        check_type("assumed", assumed, tuple)
         self.grid, self.history, self.steps, self.periodic = grid, history, steps, periodic
+        self.assumed = assumed
         self.heights = _on_grid("heights", heights, grid)
         check_values("heights", self.heights, "heights must be finite numbers [m]")
         self.measured = None if measured is None else _on_grid("measured", measured, grid)
@@ -81,7 +87,8 @@ class Surface(eqx.Module):
     @property
     def caveats(self) -> tuple[str, ...]:
         """Warnings about contact on this surface, one sentence each."""
-        return caveats_of_steps(self.steps, np.asarray(self.grid.size).tolist())
+        of_steps = caveats_of_steps(self.steps, np.asarray(self.grid.size).tolist())
+        return (*self.assumed, *of_steps)
 
 
 def check_periodic(surface: Surface) -> None:

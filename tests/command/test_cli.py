@@ -11,7 +11,6 @@ import signal
 import stat
 import subprocess
 import sys
-import time
 import tomllib
 from pathlib import Path
 
@@ -22,6 +21,7 @@ import pytest
 import xarray
 from scene_texts import BARE as SCENE
 from typer.testing import CliRunner
+from waiting import until
 
 import graded_contact as gc
 from graded_contact import cli
@@ -35,6 +35,8 @@ from graded_contact.scenes.results import kept_solves, read_results, solve_state
 from graded_contact.scenes.run_scene import build_surface
 from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at
+from graded_contact.sliding.case import Case
+from graded_contact.studies import interruption
 from graded_contact.studies.dataset import write
 from graded_contact.studies.store import Store
 from graded_contact.surfaces.surface import Step
@@ -203,21 +205,22 @@ def rerun(folder, tmp_path, no_contacts_drawn):
 
 
 def interrupt_after(monkeypatch, count):
-    """A signal comes while the solve of this count is written."""
-    write, calls = Store.write, []
+    """A signal comes while the solve of this count is written, and is noted."""
+    write, calls, said = Store.write, [], []
 
     def with_signal(*arguments):
         calls.append(None)
         if len(calls) == count:
             os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(0.5)
+            until(lambda: said)
         write(*arguments)
 
     monkeypatch.setattr(Store, "write", with_signal)
+    monkeypatch.setattr(interruption, "_say", said.append)
 
 
 def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(Case, "solve", None)
+    monkeypatch.setattr(run_scene, "solve", None)
     result = rerun()
     assert result.exit_code == 0, result.output
     assert f"2 of 2 solves are found in {tmp_path / 'out' / 'small.points'}" in result.stdout
@@ -312,7 +315,7 @@ def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
     assert told.stdout.count("failed") == 2 and told.exit_code == 0
 
 
-def test_no_figure_is_drawn_of_solves_without_numbers(rerun, tmp_path, monkeypatch):
+def test_solves_that_failed_have_neither_numbers_nor_figures(rerun, tmp_path, monkeypatch):
     solve = run_scene.solve
 
     def not_finite(case, numerics):
@@ -325,6 +328,14 @@ def test_no_figure_is_drawn_of_solves_without_numbers(rerun, tmp_path, monkeypat
     assert result.exit_code == 1 and "log-scaled" not in result.output
     assert "No solve succeeded: no figure is drawn." in result.stdout
     assert not list((tmp_path / "out").glob("*.png"))
+    for told in (result, command("info", tmp_path / "out" / "small.h5")):
+        rows = [line.split() for line in told.stdout.splitlines() if line.endswith("failed ")]
+        assert [{*row[2:]} for row in rows] == [{"—", "failed"}] * 2  # behind velocity and pressure
+        assert "do not touch" not in told.stdout and "each solve" not in told.stdout
+    rows = [*csv.DictReader((tmp_path / "out" / "small.csv").read_text().splitlines())]
+    axes = ("velocity [m/s]", "pressure [Pa]", "message")
+    assert {row[name] for row in rows for name in row if name not in axes} == {"nan"}
+    assert all(row["message"].startswith("The solve failed") for row in rows)
 
 
 def full_disk(*_):
@@ -366,30 +377,52 @@ def test_an_output_is_checked_before_anything_is_computed(
     assert "Traceback" not in result.output and not (tmp_path / "place").is_dir()
 
 
+# The command, which waits before it writes its sixth solve until its input ends.
+HELD = """
+import sys
+from graded_contact import cli
+from graded_contact.studies.store import Store
+write, calls = Store.write, []
+def held(*arguments):
+    calls.append(None)
+    if len(calls) == 6:
+        print("held", flush=True)
+        sys.stdin.read()
+    write(*arguments)
+Store.write = held
+cli.start()
+"""
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
 def test_a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been(tmp_path):
     scene, folder = tmp_path / "small.toml", tmp_path / "out" / "small.points"
-    scene.write_text(SCENE.replace("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 60}"))
+    scene.write_text(SCENE.replace("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 24}"))
 
-    def start(output):
-        words = [sys.executable, "-m", "graded_contact", "run", scene, "-o", tmp_path / output]
-        return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    def words(output):
+        return "run", scene, "-o", tmp_path / output
 
     for number, code in ((signal.SIGKILL, -9), (signal.SIGINT, 130), (signal.SIGTERM, 143)):
         before = {path: path.read_bytes() for path in folder.glob("*.point")}
-        process = start("out")
-        while process.poll() is None and len(list(folder.glob("*.point"))) < len(before) + 5:
-            time.sleep(0.01)
-        process.send_signal(number)
-        assert "Traceback" not in process.communicate()[1]
+        pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+        with subprocess.Popen(
+            [sys.executable, "-c", HELD, *words("out")], text=True, **pipes
+        ) as process:
+            assert "held\n" in process.stdout
+            process.send_signal(number)
+            noted = any("Stopping after this step" in line for line in process.stderr)
+            assert noted or number == signal.SIGKILL
+            process.stdin.close()
+            assert "Traceback" not in process.stderr.read()
         assert process.returncode == code
+        assert len(list(folder.glob("*.point"))) >= len(before) + 5
         assert all(path.read_bytes() == content for path, content in before.items())
     for output in ("out", "whole"):
-        with start(output) as process:
-            assert process.wait() == 0
+        command_line = [sys.executable, "-m", "graded_contact", *words(output)]
+        subprocess.run(command_line, stdout=subprocess.DEVNULL, check=True)
     one, other = (read_results(tmp_path / at / "small.h5") for at in ("out", "whole"))
-    assert one.identical(other) and np.all(one.message == "") and kept_solves(one) == [(0, 59)]
+    assert one.identical(other) and np.all(one.message == "") and kept_solves(one) == [(0, 23)]
     assert list(tmp_path.rglob(".*.partial")) == []
 
 
@@ -639,7 +672,7 @@ def test_errors_of_isotherms_reach_table_csv_and_figures(tmp_path, kind, off, op
 
 def test_a_standard_error_sets_the_number_of_digits():
     numbers = ((0.51234, 0.0081), (12.3, 1.26), (0.51234, 0.0), (-4.7e-18, 5e-20))
-    texts = ["0.5123 ± 0.0081", "12.3 ± 1.3", "0.5123 ± 0", "(-4.700 ± 0.050)e-18"]
+    texts = ["0.5123 ± 0.0081", "12.3 ± 1.3", "0.51234", "(-4.700 ± 0.050)e-18"]
     assert [with_error(*pair) for pair in numbers] == texts
 
 

@@ -48,13 +48,13 @@ def test_doubtful_numbers_are_told_and_sound_ones_are_not(changed, words):
         assert part in sentence
 
 
-def test_a_caveat_says_which_solves_it_concerns_and_the_worst():
+def test_a_caveat_is_true_of_each_solve_that_it_concerns_and_of_no_other():
     area = np.array([[0.05, np.nan, 0.2], [0.6, 0.0, 0.1]])
     sound = np.where(np.isnan(area), np.nan, 0.3)
     numbers = dict.fromkeys(["friction", "slope_in_contact"], sound)
     numbers["friction_grid_error"] = 0.01 * sound
     (caveat,) = caveats_of(solves(**numbers, unmeasured_area=area))
-    assert caveat.sentence.startswith("60% of the contact area")
+    assert caveat.sentence.startswith("20% to 60% of the contact area")
     assert "2 of 6 solves" in caveat.sentence
     np.testing.assert_array_equal(caveat.where, area > 0.1)
 

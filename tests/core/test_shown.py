@@ -11,7 +11,8 @@ import pytest
 import graded_contact as gc
 from graded_contact.blocks.stress import InteriorFields
 from graded_contact.contacts.operator import Steady
-from graded_contact.contacts.solution import RESULTS, ContactSolution
+from graded_contact.contacts.solution import FAILURES, RESULTS, ContactSolution, if_known
+from graded_contact.core.display import number, with_error, with_unit
 from graded_contact.core.quantities import quantity_of
 from graded_contact.fitting.quality import FitErrors, Floor
 from graded_contact.scenes.design_scene import Stiffness
@@ -59,8 +60,9 @@ def test_a_result_shows_numbers_units_errors_shapes_and_how_it_ended():
     assert ["mean_gap", "[m]", "6.13e-05"] in [row.split() for row in text.splitlines()]
     assert line(text, "pressure [Pa]") == "16 × 12 float64"
     assert line(text, "result") == "successful"
-    failed = repr(sliding(result=RESULTS.max_steps_reached))
-    assert line(failed, "result").startswith("The contact solver reached `max_steps`")
+    stopped = repr(sliding(result=RESULTS.max_steps_reached))
+    assert line(stopped, "result").startswith("The contact solver reached `max_steps`")
+    assert stopped.startswith("Sliding (not converged: partial results)")
     steep = sliding(slope_in_contact=jnp.array(0.8))
     assert "small strains" in repr(steep)
 
@@ -102,3 +104,61 @@ def test_a_refused_object_is_named_on_one_line(unchecked_types):
 def test_a_result_prints_how_the_solve_ended():
     assert str(RESULTS.successful).endswith("RESULTS<successful>")
     assert "Loosen `rtol`" in str(RESULTS.rounding)
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.512, 0.0081, "0.5120 ± 0.0081"),
+        (0.512, 0.5, "0.51 ± 0.50"),
+        (7.8271397448519e-05, 1.6e-17, "7.8271397e-05"),  # an error of rounding
+        (7.8271397448519e-05, 1.6e-9, "(7.82714 ± 0.00016)e-05"),
+        (123456.789, 0.02, "(1.2345679 ± 0.0000002)e+05"),
+        (0.3, 0.0, "0.3"),
+        (-0.25, 0.01, "-0.250 ± 0.010"),
+        (2e-3, 3.2e-2, "0 ± 0.034"),
+        (-3e-19, 1.3e-12, "0 ± 1.4e-12"),
+        (0.3, np.nan, "0.3000 ± —"),
+        (np.nan, np.nan, "—"),
+        (np.nan, 0.1, "—"),
+    ],
+)
+def test_digits_follow_the_error_and_a_number_below_it_is_zero(value, error, text):
+    assert with_error(value, error) == text
+
+
+def test_a_number_and_its_error_have_one_unit_and_a_sign_changes_no_unit():
+    assert with_error(3.21e-5, 4.11e-8, "m") == "32.100 ± 0.041 µm"
+    assert with_error(24.6e-12, 454e-12, "m") == "0 ± 480 pm"  # encloses 24.6 + 454
+    assert with_error(-7.68e-25, 3e-26, "m", noise=1e-21) == "0 m"
+    assert with_unit(-1.54e-9, "m") == "-1.54 nm" and with_unit(0.0, "m") == "0 m"
+
+
+def test_a_cell_of_a_table_has_no_number_below_its_error():
+    assert number(0.03, ".5g", 0.0712) == "<0.11" and number(0.03, ".5g", 1e-3) == "0.03"
+    assert number(np.nan, ".5g", 0.1) == number(np.nan, ".3e") == "—"
+
+
+def test_rounding_of_the_heights_is_printed_as_zero_and_a_small_number_is_not():
+    """A mean gap of 1e-25 m is no number beside heights of 1 µm; one of 1 fm is."""
+    heights = jnp.asarray(1e-6 * np.random.default_rng(0).normal(size=(16, 12)))
+    for gap, shown in ((-7.68e-25, "0"), (1e-15, "1e-15")):
+        found = sliding()
+        contact = dataclasses.replace(
+            found.contact, displacement=heights, mean_gap=jnp.array(gap), pressure=1e6 + 0 * heights
+        )
+        assert line(repr(contact), "mean_gap [m]") == shown
+        assert line(repr(contact), "mean_pressure [Pa]") == "2"
+
+
+@pytest.mark.parametrize("end", FAILURES)
+def test_no_number_of_a_failed_solve_is_printed(end):
+    found = sliding(result=end, friction=np.nan)
+    failed = dataclasses.replace(found, contact=if_known(end, found.contact))
+    vars(failed).update({name: jnp.array(np.nan) for name in failed.numbers})
+    first, *rows = (row.strip() for row in repr(failed).splitlines())
+    assert first == "Sliding (failed: no numbers)"
+    words = {row.partition("  ")[0]: row.partition("  ")[2].strip() for row in rows}
+    others = ("contact", "result", "grid_errors", "caveats")
+    assert {words[name] for name in words if name not in others} == {"—", "16 × 12 float64"}
+    assert words["friction"] == words["contact_area"] == "—" and words["caveats"] == "none"

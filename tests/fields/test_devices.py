@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from waiting import SECONDS
 
 from graded_contact import Grid
 
@@ -31,7 +32,7 @@ def start(devices, *arguments):
 def found():
     """What four devices and one found."""
     process = start(4)
-    out, _ = process.communicate(timeout=900)
+    out, _ = process.communicate(timeout=SECONDS)
     assert process.returncode == 0
     return json.loads(out)
 
@@ -77,6 +78,6 @@ def test_two_processes_find_the_same(found):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     processes = [start(1, f"127.0.0.1:{port}", 2, rank) for rank in range(2)]
-    told = [json.loads(p.communicate(timeout=900)[0].splitlines()[-1]) for p in processes]
+    told = [json.loads(p.communicate(timeout=SECONDS)[0].splitlines()[-1]) for p in processes]
     assert told[0] == told[1]
     np.testing.assert_allclose(told[0], (2, found["numbers"][1][0]), rtol=RTOL)

@@ -197,9 +197,10 @@ def test_only_the_latest_values_are_finished(document, tmp_path, monkeypatch):
         await page.session.update()
         for stage in stages:
             monkeypatch.setattr(Model, stage, partialmethod(recorded, stage))
-        for value in (1e5, 2e5, 3e5):
+        for count, value in enumerate((1e5, 2e5, 3e5), start=1):
             page.sliders[0].value = value
-            await asyncio.sleep(0.05)
+            while not done or len(asyncio.all_tasks()) <= count:  # each change has a task
+                await asyncio.sleep(0.01)
         go.set()
         await rest()
         return page

@@ -5,6 +5,7 @@ import dataclasses
 import itertools
 import math
 import re
+import xml.etree.ElementTree as ElementTree
 from types import SimpleNamespace
 
 import jax
@@ -13,15 +14,17 @@ import matplotlib
 import numpy as np
 import pytest
 import xarray
+from scene_texts import HOSTILE
 from scipy.integrate import trapezoid
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
 from graded_contact.core.display import unit_of
 from graded_contact.core.quantities import numbers_of
-from graded_contact.plot.style import caption
+from graded_contact.plot.style import caption, entitle
 from graded_contact.plot.words import title_of
 from graded_contact.scenes.results import surface_variables
+from graded_contact.scenes.schema import entry_text
 from graded_contact.studies.dataset import attach, write_csv
 from graded_contact.surfaces.spectrum import CutoffCurve
 
@@ -180,6 +183,18 @@ def test_a_caption_has_no_formulas_of_tex():
     figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))
     assert caption(figure) == (
         "(a) friction of waves up to q against wavenumber q; (b) dμ/dln q against wavenumber q."
+    )
+
+
+def test_each_title_of_a_figure_is_a_sentence_of_its_caption():
+    """A title that is broken over two lines is still one sentence."""
+    figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))
+    long = "Persson's theory is for Gaussian heights; " + 20 * "these " + "have skewness 3"
+    for title in ("full contact", long, "highest speed 100 mm/s"):
+        entitle(figure, title)
+    assert figure.get_suptitle().count("\n") > 2
+    assert caption(figure).endswith(
+        f"q against wavenumber q. Highest speed 100 mm/s. {long}. Full contact."
     )
 
 
@@ -530,3 +545,28 @@ def test_a_film_has_one_scale(shape):
     for axes in (one.axes[0], *figure.axes[:4]):
         high = axes.images[0].norm.vmax if len(shape) == 2 else axes.get_ylim()[1] / 1.05
         np.testing.assert_allclose(high, pressure.max() / 1e6)
+
+
+@pytest.mark.filterwarnings("ignore:Glyph")  # of fonts
+def test_any_text_is_drawn_as_it_is_and_told_in_words(tmp_path, monkeypatch):
+    monkeypatch.setitem(gc.plot.STYLE, "svg.fonttype", "none")  # texts as texts
+    axes = {"layers[0].thickness": [1e-5, 5e-5], "velocity": [0.1, 1.0]}
+    name = r"$\frac{a}{"
+    scene = f"[[layers]]\nmaterial = {entry_text(name)}"
+    results = made(axes).assign_attrs(scene=scene)
+    figure = gc.plot.plot_sweep(results)
+    assert f"{name} thickness 10 µm" in drawn_texts(figure, tmp_path / "a.svg")
+    figure = gc.plot.plot_sweep(results.isel({"layers[0].thickness": [0]}))
+    assert f"{name} thickness 10 µm" in caption(figure)
+    figure = gc.plot.plot_compare([results] * len(HOSTILE), HOSTILE)
+    texts = drawn_texts(figure, tmp_path / "b.svg")
+    for text in HOSTILE:
+        shown = "".join(letter if letter.isprintable() else " " for letter in text)
+        assert {shown, f" {shown}"} & {*texts}
+
+
+def drawn_texts(figure, path):
+    """The texts of an SVG file, which must be XML."""
+    figure.savefig(path, metadata={"Description": caption(figure)})
+    tree = ElementTree.parse(path)
+    return ["".join(text.itertext()) for text in tree.iter("{http://www.w3.org/2000/svg}text")]

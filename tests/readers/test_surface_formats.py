@@ -348,7 +348,7 @@ def test_scattered_points_are_taken_on_their_grid_or_refused(tmp_path, jitter):
     def scattered(part):
         draw = RNG.normal if jitter == "normal" else lambda size: RNG.uniform(-1, 1, size)
         points = np.stack([x[kept], y[kept], 1e7 * HEIGHTS[kept]], 1)
-        points[:, :2] += part * draw(size=(len(points), 2))
+        points[:, :2] += 100 + part * draw(size=(len(points), 2))  # no counters
         np.savetxt(tmp_path / "a.txt", RNG.permutation(points))
         return read_surface(tmp_path / "a.txt", unit="um", periodic="mirror", fill="harmonic")
 
@@ -390,7 +390,9 @@ def test_figures_show_surfaces_as_microscopes_do(tmp_path):
     heights[35:, -3:] = 1e-8  # at the top right, which is at the end of the first lines
     lines, (x, y) = heights.T[::-1], np.indices(heights.shape)
     np.savetxt(tmp_path / "lines.txt", 1e6 * lines)
-    np.savetxt(tmp_path / "points.txt", np.stack([x, y, 1e8 * heights], -1).reshape(-1, 3))
+    np.savetxt(
+        tmp_path / "points.txt", np.stack([x + 0.5, y + 0.5, 1e8 * heights], -1).reshape(-1, 3)
+    )
     np.savetxt(tmp_path / "up.txt", np.block([[np.zeros((1, 1)), x[:, :1].T + 0.5],
                                               [y[:1].T + 0.5, 1e8 * heights.T]]))  # fmt: skip
     np.savetxt(tmp_path / "down.txt", np.block([[np.zeros((1, 1)), x[:, :1].T + 0.5],

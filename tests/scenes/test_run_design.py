@@ -256,7 +256,7 @@ def test_no_block_of_a_grid_beats_the_design_of_the_command(tmp_path):
     text = text.replace("starts = 1\n", "").replace("rms_slope = 0.1", "rms_slope = 0.2")
     result = design_command(tmp_path, tmp_path, text.replace("pressure = 3e5", "pressure = 2e5"))
     assert result.exit_code == 0, result.output
-    assert "searched by contact: the mean field is " in result.stdout
+    assert "searched by contact, because the mean field is " in result.stdout
     assert "contact area of at least 0.1 is active" in result.stdout
     study = parse_design(text)
     own, source = study.scene.stack, study.scene.surface

@@ -203,6 +203,32 @@ def test_a_file_takes_one_length_for_a_square_and_a_region(tmp_path):
     np.testing.assert_allclose(surface.grid.size, [1.6e-4, 3.2e-4])
 
 
+def test_a_scene_chooses_columns_and_levels_lines(tmp_path):
+    x, z = np.arange(16.0), np.random.default_rng(0).normal(size=(16, 2))
+    table = "".join(f"{i},{2 * i},{a},{b}\n" for i, (a, b) in zip(x, z, strict=True))
+    (tmp_path / "heights.csv").write_text("n,way,one,two\n" + table)
+    np.savetxt(tmp_path / "map.csv", z @ z.T + x[:, None] % 2, delimiter=",")
+    of_file = """[surface]
+        kind = "file"
+        path = "heights.csv"
+        unit = "um"
+        columns = {x = "way", z = 4}
+        [materials.tread]"""
+    before, after = TEXT[: TEXT.index("[surface]")], TEXT.split("[materials.tread]")[1]
+    surface = parse_scene(before + of_file + after, tmp_path).surface.build()
+    np.testing.assert_allclose(surface.grid.size, [32e-6])
+    np.testing.assert_allclose(surface.steps[0].rms_height, 1e-6 * np.std(z[:, 1]))
+    wrong = of_file.replace("z = 4", "w = 4")
+    with pytest.raises(ValueError, match=r"\[surface.columns\] has no key `w`"):
+        parse_scene(before + wrong + after, tmp_path)
+    of_map = of_file.replace("heights", "map").replace(
+        'columns = {x = "way", z = 4}', "size = 1e-4"
+    )
+    of_map = of_map.replace("size =", 'level_lines = "x"\nsize =')
+    surface = parse_scene(before + of_map + after, tmp_path).surface.build()
+    assert surface.steps[1].name == "lines levelled"
+
+
 def test_a_directory_is_relative_to_the_scene(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     for given, expected in (

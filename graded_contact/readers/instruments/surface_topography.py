@@ -14,10 +14,14 @@ from ..scan import Scan, check_points, chosen, from_lines
 from ..units import metres
 
 CHUNK = 2**16  # bytes
+_RAW = (
+    "no mark in it tells what it is; raw numbers are read by `numpy.fromfile(path, dtype)` and "
+    "saved by `numpy.save` as .npy, which is read here"
+)
 _BACK = re.compile(r"(?i)re-?trace|backward|\bbwd\b|rückw")  # the way back of a scan
 
 
-@reader("instrument", "heights", knows=lambda file: True, rank=1)
+@reader("instrument", "heights", knows=lambda file: not (file.columns and file.text), rank=1)
 def read_instrument(file: File) -> Scan:
     """Returns the topography that SurfaceTopography reads from a file; it may raise any error.
 
@@ -28,8 +32,8 @@ def read_instrument(file: File) -> Scan:
         _check_streams(content, at_most)
     SurfaceTopography = extra("SurfaceTopography")  # takes seconds
     with SurfaceTopography.open_topography(io.BytesIO(content)) as library:
-        if content.startswith(b"PK") and type(library).__name__ == "HGTReader":
-            raise ValueError("this reader takes any 2 n² bytes")
+        if type(library).__name__ == "HGTReader":  # it takes any 2 n² bytes
+            raise ValueError(_RAW)
         channels: list[Any] = list(library.channels)
         if not channels:
             raise ValueError("no channel of heights was found")
@@ -53,7 +57,9 @@ def read_instrument(file: File) -> Scan:
         heights = np.ma.filled(np.ma.asarray(heights, float), np.nan)
         heights = from_lines(heights.T) if heights.ndim == 2 else heights  # its y runs downwards
         size = None if sizes is None else np.asarray(sizes, float)
-        scan = Scan(heights, f"channel {info.name!r}", size, info.unit, info.unit, positions)
+        # Of two quantities, such as a length and a voltage, it is a pair.
+        unit = None if info.unit is None else str(info.unit)
+        scan = Scan(heights, f"channel {info.name!r}", size, unit, unit, positions)
         others = ", ".join(repr(name) for name in dict.fromkeys(names) if name != info.name)
         notes = (f"It also has the channels {others}; `channel` chooses.",) if others else ()
         return scan._replace(periodic=bool(info.is_periodic), notes=notes)

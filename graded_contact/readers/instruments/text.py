@@ -5,6 +5,7 @@ header. Words between the numbers ("nan", "---", "BAD") are missing points, and 
 could be read in two ways is refused.
 """
 
+import dataclasses
 import itertools
 import re
 
@@ -13,18 +14,13 @@ import numpy as np
 from ...core.files import Refusal
 from .. import cells
 from ..cells import Row, Sheet, TextLayout, is_missing, is_number
+from ..decisions import Log
+from ..length_headings import Units, counts_points, units_above, units_in, units_of_columns
+from ..point_lists import by_names, grid_points, line_scan, named_places, picked, without_index
 from ..registry import File, reader
-from ..scan import MOST_POINTS, Scan, equally_spaced, from_lines
-from ..units import length_unit
+from ..scan import MOST_POINTS, Scan, counters, equally_spaced, from_lines
 
 _LONGEST = 10_000_000  # characters of a line
-_BARE_UNIT = re.compile(r"^\W*(unit|einheit)", re.IGNORECASE)
-_OF_HEIGHTS = re.compile(r"unit|einheit|height|höhe|\bz\b|value|wert|topograph|depth", re.I)
-_OF_LENGTHS = re.compile(r"width|length|size|pixel|step|spacing|lateral|area|range|\b[xy]\b", re.I)
-_EQUAL = 1e-3  # of a step: how far points may lie from equal spacing
-_BESIDE = 0.05  # of a step: how far points may lie beside a grid
-_SAID = 0.002  # of a step: from where on the history says so
-_BETWEEN = 0.25  # of the largest gap: gaps between lines of scattered points
 _MOST_WORDS = 8  # different ones that can all mean a missing point
 
 
@@ -33,7 +29,7 @@ def read_text(file: File) -> Scan:
     """Returns the heights in a text without a header that SurfaceTopography knows."""
     text, encoding = file.decoded or ("", "")
     lines = cells.lines_of(text, _LONGEST)
-    return heights_in(cells.text_sheet(lines, _layout(lines), encoding, MOST_POINTS))
+    return heights_in(cells.text_sheet(lines, _layout(lines), encoding, MOST_POINTS), file)
 
 
 def _layout(lines: list[str]) -> TextLayout:
@@ -54,21 +50,48 @@ def _layout(lines: list[str]) -> TextLayout:
     return layout
 
 
-def heights_in(sheet: Sheet) -> Scan:
-    """Returns the heights in the rows of a sheet, or raises `Refusal`."""
+def heights_in(sheet: Sheet, file: File) -> Scan:
+    """Returns the heights in the rows of a sheet of a file, or raises `Refusal`."""
+    if file.columns:
+        sheet = picked(sheet, file.columns)
     known = (row for row in sheet.rows if not row.comment)
     body = list(itertools.dropwhile(lambda row: not _is_data(row.cells), known))
     if not body:
-        raise Refusal("it holds no table of numbers")
-    values, header = _values(body, notes := []), [r for r in sheet.rows if r.line < body[0].line]
-    if values.shape[1] == 1:
-        scan = Scan(values[:, 0], "one line of heights", unit=_matrix_unit(header))
+        named = None if file.columns else by_names(sheet.rows)
+        if named is None:
+            raise Refusal("it holds no table of numbers")
+        return heights_in(sheet, dataclasses.replace(file, columns=named))  # others have words
+    used = _used(body)
+    width = len(body[0].cells)
+    header = [row._replace(cells=row.cells[used]) if len(row.cells) == width else row
+              for row in sheet.rows if row.line < body[0].line]  # fmt: skip
+    values = _values([row._replace(cells=row.cells[used]) for row in body], notes := [])
+    if not file.columns:
+        if found := named_places(header, values.shape[1]):
+            places, others = found
+            values, header = values[:, places], [_cells(row, places, values) for row in header]
+            notes += [f"Left out the columns {others}."] * bool(others)
+        elif len(without := without_index(values, header).T) < values.shape[1]:
+            values = without.T
+            notes.append("The first column counts the lines, and was left out.")
+    if (width := values.shape[1]) == 1:
+        unit = units_of_columns(header, 1)[0] or units_above(header).of_heights
+        scan = Scan(values[:, 0], "one line of heights", unit=unit)
+    elif width in (2, 3):
+        scan = (line_scan if width == 2 else grid_points)(values, header, bool(file.columns))
     else:
-        read = {2: _line_scan, 3: _grid_points}.get(values.shape[1], _matrix_scan)
-        scan = read(values, header)
+        scan = _matrix_scan(values, header, file.unit)
+    scan = scan._replace(named=bool(file.columns))
     if sheet.name:
         return scan._replace(source=sheet.layout, notes=(*notes, *scan.notes))
     return scan._replace(notes=(f"Read as {sheet.layout}.", *notes, *scan.notes))
+
+
+def _cells(row: Row, places: list[int], values: np.ndarray) -> Row:
+    """A row above the numbers with the cells of some columns, if it has a cell for each."""
+    if len(row.cells) != values.shape[1]:
+        return row
+    return row._replace(cells=[row.cells[place] for place in places])
 
 
 def _is_data(cells: list[str]) -> bool:
@@ -77,21 +100,28 @@ def _is_data(cells: list[str]) -> bool:
     return bool(known) and all(map(is_number, known))
 
 
-def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
-    """The numbers in rows of equal width, NaN for words; a single row becomes a column."""
+def _used(rows: list[Row]) -> slice:
+    """The columns from the first to the last that is not empty, of rows of equal width."""
     width = len(rows[0].cells)
     ragged = next((row for row in rows if len(row.cells) != width), None)
     if ragged is not None:
         cells = f"{len(ragged.cells)} cells, those before it {width}"
         raise Refusal(f"line {ragged.line} has {cells}")
     full = [place for place in range(width) if any(row.cells[place] for row in rows)]
-    values = np.full((len(rows), full[-1] + 1 - full[0]), np.nan)
+    return slice(full[0], full[-1] + 1)
+
+
+def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
+    """The numbers in rows, NaN for words; a single row becomes a column."""
+    values = np.full((len(rows), len(rows[0].cells)), np.nan)
     words: dict[str, None] = {}
     for row, numbers in zip(rows, values, strict=True):
-        cells = row.cells[full[0] : full[-1] + 1]
+        cells = row.cells
         good = [is_number(cell) for cell in cells]
         numbers[good] = [float(cell) for cell, known in zip(cells, good, strict=True) if known]
         lost = [cell[:40] for cell, known in zip(cells, good, strict=True) if not known]
+        if row is rows[0] and lost == [""] == cells[:1]:  # where two axes cross
+            continue
         odd = next((cell for cell in lost if any(map(str.isdigit, cell))), None)
         if odd:
             raise Refusal(f"line {row.line} holds {odd!r}, which is no number")
@@ -105,126 +135,65 @@ def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
     return values.T if len(values) == 1 else values
 
 
-def _column_units(header: list[Row], width: int) -> list[str | None]:
-    """The unit in the heading of each column, from the last two rows above."""
-    units: list[str | None] = [None] * width
-    for row in header[-2:]:
-        if len(row.cells) == len(units):
-            found = map(length_unit, row.cells)
-            units = [unit or old for unit, old in zip(found, units, strict=True)]
-    return units
-
-
-def _matrix_unit(header: list[Row]) -> str | None:
-    """The unit of heights that the header names, if it names one only."""
-    lines = [row.text for row in header]
-    lines = [line for line in lines if _OF_HEIGHTS.search(line) or _BARE_UNIT.search(line)]
-    units = {length_unit(line) for line in lines if not _OF_LENGTHS.search(line)} - {None}
-    return units.pop() if len(units) == 1 else None
-
-
-def _line_scan(values: np.ndarray, header: list[Row]) -> Scan:
-    x, z = values.T
-    notes = []
-    known = np.isfinite(x)
-    if not np.all(known):
-        notes.append(f"Left out {np.sum(~known)} lines without a position.")
-        x, z = x[known], z[known]
-    steps = np.diff(x)
-    if np.sum(steps < 0) > np.sum(steps > 0):
-        x, z, steps = x[::-1], z[::-1], -steps[::-1]
-    back = np.sum(steps <= 0)
-    if back > 0.01 * len(steps):
-        raise Refusal("its first column (the position) goes back and forth")
-    if back:
-        notes.append(f"Sorted {back} points whose position stepped back.")
-        x, first = np.unique(x, return_index=True)
-        z = z[first]
-    num = len(x)
-    if num < 4:
-        raise Refusal("it has fewer than 4 points")
-    lateral, unit = _column_units(header, 2)
-    if lateral is None and np.array_equal(x - x[0], np.arange(num)) and x[0] in (0, 1):
-        notes.append("The first column counts the points; it is no position.")
-        return Scan(z, "a column of heights", unit=unit, notes=tuple(notes))
-    size = np.array([(x[-1] - x[0]) * num / (num - 1)])
-    positions = None if equally_spaced(x, _EQUAL) else x - x[0]
-    return Scan(z, "a line scan", size, unit, lateral, positions, notes=tuple(notes))
-
-
-def _grid_points(values: np.ndarray, header: list[Row]) -> Scan:
-    """Points x y z of a grid, in any order; those that the file leaves out are missing."""
-    x, y, z = values.T
-    if not np.all(np.isfinite(x) & np.isfinite(y)):
-        raise Refusal("some of its points lack a position")
-    (i, step_x, off_x), (j, step_y, off_y) = _grid_lines(x, "x"), _grid_lines(y, "y")
-    places, steps, off = (i, j), (step_x, step_y), max(off_x, off_y)
-    shape = tuple(int(place.max()) + 1 for place in places)
-    if np.prod(shape, dtype=float) > 20 * len(z):
-        raise Refusal("its points x y z form no grid")
-    heights = np.full(shape, np.nan)
-    if len(np.unique(np.ravel_multi_index(places, shape))) < len(z):
-        raise Refusal("two of its points x y z have the same place")
-    heights[places] = z
-    lateral, across, unit = _column_units(header, 3)
-    if lateral != across:
-        raise Refusal(f"its x is in {lateral!r} and its y in {across!r}")
-    size = np.array(shape) * np.array(steps)
-    scan = Scan(heights, "points x y z", size, unit, lateral)
-    note = f"Its x and y lie up to {off:.1%} of a step beside a grid; the heights are taken on it."
-    return scan._replace(notes=(note,)) if off > _SAID else scan
-
-
-def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float, float]:
-    """Numbers of grid lines, their distance, and how far points lie beside them, in steps."""
-    low, span = axis.min(), np.ptp(axis)
-    ordered = np.sort(axis)
-    gaps = np.diff(ordered)
-    between = gaps > _BETWEEN * np.max(gaps, initial=0)
-    gaps = gaps[gaps > 1e-6 * span]  # rounding makes several levels of one
-    # Scattered points make a cloud of each line; a grid may lack some lines.
-    clouds = len(gaps) > 2 * np.count_nonzero(between)
-    if clouds:
-        cloud = np.concatenate([[0], np.cumsum(between)])
-        gaps = np.diff(np.bincount(cloud, ordered - low) / np.bincount(cloud))
-    if len(gaps) < 3 and not clouds:
-        raise Refusal(f"its points x y z have fewer than 4 values of {name}")
-    step = span / max(round(span / float(np.median(gaps))), 1) if len(gaps) else span
-    place = np.rint((axis - low) / step)
-    if clouds and len(gaps):
-        step, low = np.polyfit(place, axis, 1)
-        place = np.rint((axis - low) / step)
-    off = float(np.max(np.abs(axis - low - place * step)) / step)
-    if len(gaps) < 3 or off > _BESIDE:
-        remedy = "interpolate them onto one, for instance by `scipy.interpolate.griddata`"
-        raise Refusal(f"its points x y z form no grid along {name}: {remedy}")
-    return place.astype(int), float(step), off
-
-
-def _matrix_scan(values: np.ndarray, header: list[Row]) -> Scan:
-    unit, lateral, corner = _matrix_unit(header), None, None
-    labels = [_axis_step(values[0, 1:]), _axis_step(values[1:, 0])]
-    if labels[0] is None and header:  # the labels of columns may be in the header
-        cells = header[-1].cells
-        if len(cells) == values.shape[1] and all(map(is_number, cells[1:])):
-            labels = [_axis_step(np.array(cells[1:], float)), _axis_step(values[:, 0])]
-            values = np.concatenate([np.full((1, values.shape[1]), np.nan), values])
-            corner = length_unit(cells[0])
-    if any(labels) and not all(labels):
-        line = "row" if labels[0] else "column"
+def _matrix_scan(values: np.ndarray, header: list[Row], given: str | None) -> Scan:
+    """A matrix of heights, which may have axes, or counters, in its first row and column."""
+    units, corner = units_above(header), Units()
+    if header and len(header[-1].cells) == values.shape[1]:
+        first, *labels = header[-1].cells
+        if all(map(is_number, labels)):  # with a word where row and column cross
+            units, corner = units_above(header[:-1]), units_in([first])
+            values = np.concatenate([[[np.nan, *map(float, labels)]], values])
+    lengths = units.lengths or corner.of_lengths
+    labels = values[0, 1:], values[1:, 0]
+    steps, counted = [_axis_step(each) for each in labels], [counters(each) for each in labels]
+    known = lengths is not None and not counts_points(lengths)
+    if all(step or count for step, count in zip(steps, counted, strict=True)):
+        coordinates = known or not any(counted)
+        lines = values[1:, 1:]
+        scan = _with_axes(lines, steps) if coordinates else _counted(lines, *labels)
+    elif counters(values[0]) and not known:
+        scan = _counted(values[1:], along=values[0])
+    elif counters(values[:, 0]) and not known:
+        scan = _counted(values[:, 1:], across=values[:, 0])
+    elif any(steps) or any(counted):
+        line = "row" if steps[0] or counted[0] else "column"
         raise Refusal(f"its first {line} increases in equal steps, like an axis: remove it")
-    if not all(labels):
-        return Scan(from_lines(values), "a matrix of heights", unit=unit)
-    notes = ["Its first row and first column were taken as x and y."]
-    if corner is not None:
-        unit, lateral = unit or corner, corner
-        of = "of x and y, and of the heights unless the header names another"
-        notes.append(f"The unit {corner!r} in its corner is that {of}.")
-    steps = np.array([label for label in labels if label])
-    along_x, along_y = np.sign(steps).astype(int)
-    heights = values[1:, 1:].T[::along_x, ::along_y]
-    size = np.abs(steps) * heights.shape
-    return Scan(heights, "a matrix of heights", size, unit, lateral, notes=tuple(notes))
+    else:
+        scan = Scan(from_lines(values), "a matrix of heights")
+    lengths, unit = lengths or units.shared, units.of_heights or corner.heights
+    log = Log()
+    if unit is None and corner.shared is not None and given is None:
+        unit = corner.shared
+        log.assume(f"The heights are in {unit!r}, as x and y; otherwise pass `unit`.")
+    lengths = lengths if scan.size is not None else None
+    return scan._replace(
+        unit=unit, lateral_unit=lengths, notes=(*scan.notes, *log.history), assumed=(*log.assumed,)
+    )
+
+
+def _counted(lines: np.ndarray, along=None, across=None) -> Scan:
+    """Heights beside counters of their points, as pandas writes them; lines may be left out."""
+    for axis, counts in ((1, along), (0, across)):
+        if counts is not None and counters(counts):
+            places = np.rint(counts - counts[0]).astype(int)
+            if places[-1] >= 2 * len(places):
+                raise Refusal("most of the points that it counts are missing")
+            shape = list(lines.shape)
+            shape[axis] = places[-1] + 1
+            whole = np.full(shape, np.nan)
+            np.moveaxis(whole, axis, 0)[places] = np.moveaxis(lines, axis, 0)
+            lines = whole
+    return Scan(from_lines(lines), "a matrix of heights whose points are counted beside it")
+
+
+def _with_axes(heights: np.ndarray, steps: list[float | None]) -> Scan:
+    """Heights below x in the first row and beside y in the first column."""
+    apart = np.array(steps, float)
+    along_x, along_y = np.sign(apart).astype(int)
+    heights = heights.T[::along_x, ::along_y]
+    note = "Its first row and first column were taken as x and y."
+    size = np.abs(apart) * heights.shape
+    return Scan(heights, "a matrix of heights", size, notes=(note,))
 
 
 def _axis_step(values: np.ndarray) -> float | None:

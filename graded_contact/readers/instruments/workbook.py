@@ -24,7 +24,7 @@ def read_workbook(file: File) -> Scan:
         return read_instrument(file)  # of Mitutoyo's instruments
     for sheet in sheets:
         try:
-            scans[sheet.name] = heights_in(sheet)
+            scans[sheet.name] = heights_in(sheet, file)
         except Refusal as error:
             refusals.append(error)
     if not scans:

@@ -1,0 +1,63 @@
+"""A solve that failed has no number: not one that looks like an area, a slope, or no contact."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.contacts.solution import FAILURES, RESULTS, has_failed
+from graded_contact.core.quantities import OBSERVABLES
+
+GRID = gc.Grid((16,), 1e-3)
+X = np.arange(16) / 16
+SURFACE = gc.Surface(1e-5 * np.cos(2 * np.pi * X) + 3e-6 * np.cos(6 * np.pi * X), GRID)
+RUBBER = gc.Prony(1e6, [1e7], [1e-3], 0.4, shift=gc.WLF(10.0, 50.0, 300.0))
+STACK = gc.Stack(base=gc.HalfSpace(RUBBER))
+HEATING = gc.sliding.Heating(conductivity=0.3, diffusivity=1e-7)
+KINDS = {
+    "bare": {},
+    "heated": {"heating": HEATING, "temperature": 300.0, "shear": gc.sliding.ConstantShear(1e4)},
+}
+
+
+def slid(pressure, **more):
+    return gc.slide(STACK, SURFACE, pressure=pressure, velocity=0.1, throw=False, **more)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_observable_of_a_failed_solve_is_nan_and_is_no_caveat(kind):
+    failed = jax.jit(lambda p: slid(p, **KINDS[kind]))(jnp.nan)
+    assert failed.result == RESULTS.bad_pressure  # heat that did not settle is no milder end
+    asked = {*failed.facts, "flow", "stiffness", "conductance"}
+    names = [name for name, entry in OBSERVABLES.items() if entry.is_of(False, asked)]
+    assert {"contact_area", "contact_area_pixels", "slope_in_contact", "flow_along_x"} < {*names}
+    found = dict(zip(names, failed.compute(*names), strict=True))
+    assert [name for name in names if not np.all(np.isnan(found[name]))] == []
+    assert failed.caveats == ()
+    assert repr(failed).startswith("Sliding (failed: no numbers)")
+    if kind == "bare":
+        depths = np.array([1e-5, 1e-4])
+        assert np.all(np.isnan(gc.sliding.heat_source(failed, STACK, depths)))
+        assert np.all(np.isnan(gc.sliding.flash_temperature(failed, STACK, HEATING, depths)))
+
+
+@jax.jit
+@jax.value_and_grad
+def area(pressure):
+    return slid(pressure).contact_area
+
+
+def test_a_failed_solve_has_no_derivatives_and_a_sound_one_keeps_its_own():
+    assert np.all(np.isnan(area(-1e5)))
+    number, slope = area(1e5)
+    np.testing.assert_allclose(slope, (area(1.001e5)[0] - area(0.999e5)[0]) / 200, rtol=1e-2)
+    assert 0 < number < 1
+
+
+def test_partial_results_are_numbers_of_solves_that_did_not_fail():
+    assert not any(has_failed(end) for end in (RESULTS.successful, RESULTS.max_steps_reached))
+    assert all(map(has_failed, FAILURES))
+    partial = slid(1e5, solver=gc.contacts.DouglasRachford(max_steps=2))
+    assert 0 < partial.contact_area < 1
+    assert repr(partial).startswith("Sliding (not converged: partial results)")
