@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
 from ..materials.measured import Measured, distinct, joined
-from .cells import LARGEST, Sheet
+from .cells import LARGEST, Sheet, holds_data
 from .columns import WAYS, MeasuredTable, Unclear
 from .points import measured_points, one_each
 from .registry import Options, opened, read
@@ -168,6 +168,7 @@ def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
     with opened(path, LARGEST) as file:
         sheets, fixed = read(file, "moduli")
     try:
+        lines = [row.text for sheet in sheets for row in sheet.rows if not holds_data(row)]
         names = [sheet.name for sheet in sheets]
         if name is not None:
             if name not in names:
@@ -183,8 +184,8 @@ def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
         parts = []
         for (sheet, measured), kelvin in zip(understood, kelvins, strict=True):
             rows = f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."
-            measured.notes.insert(0, rows)
-            parts.append(measured_points(path, measured, poisson, kelvin))
+            measured.log.history.insert(0, rows)
+            parts.append(measured_points(path, measured, poisson, kelvin, lines))
         names = [sheet.name for sheet, _ in understood]
         if len(parts) > 1 and not distinct(parts):
             same = "have similar tables at one temperature"
