@@ -69,12 +69,12 @@ class File:
             codes += [code] * (half.count(0) > 0.9 * max(len(half), 1))
         if codes:
             text = self.content.decode(codes[0], errors="replace")
-            return None if "\0" in text else (text, "UTF-16")
+            return None if "\0" in text else (_without_marks(text), "UTF-16")
         if b"\0" in self.content:
             return None
         with contextlib.suppress(UnicodeDecodeError):
-            return self.content.decode("utf-8-sig"), "UTF-8"
-        return self.content.decode("cp1252", errors="replace"), "Latin-1"
+            return _without_marks(self.content.decode()), "UTF-8"
+        return _without_marks(self.content.decode("cp1252", errors="replace")), "Latin-1"
 
     @functools.cached_property
     def text(self) -> str | None:
@@ -97,6 +97,11 @@ class File:
             raise Refusal("it has too many zips in one another")
         changes = {"name": PurePath(name), "content": content, "channel": channel}
         return read(dataclasses.replace(self, **changes, depth=self.depth + 1), "heights")
+
+
+def _without_marks(text: str) -> str:
+    """The text without marks of byte order, also those read in another encoding."""
+    return text.replace("\ufeff", "").replace("ï»¿", "")
 
 
 @contextlib.contextmanager

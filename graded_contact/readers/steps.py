@@ -16,6 +16,7 @@ from ..materials.measured import ISOTHERM_GAP
 from .cells import Row, Sheet
 from .columns import CONSTANT, SAME, MeasuredTable, measured_table
 from .registry import Options
+from .side_by_side import isotherms_beside
 from .tables import Column, Table, credible, find_tables, title_above
 from .units import SI
 
@@ -57,6 +58,10 @@ def understand(sheet: Sheet, options: Options) -> MeasuredTable:
     """
     named = [name for name in options.columns.values() if isinstance(name, str)]
     tables = find_tables(sheet, named)
+    if not any(isinstance(name, int) for name in options.columns.values()):
+        tables = [
+            isotherms_beside(table, options.units) for table in tables
+        ]  # else numbers count columns
     steps = _steps(tables)
     if options.step:
         steps = [step for name in options.step for step in _steps_named(steps, str(name))]

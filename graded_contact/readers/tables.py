@@ -168,7 +168,7 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
         below = rows[start + 1 : end]
         has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
         units = below.pop(0).cells if has_units else []
-        table = _headed(rows[start], units, sheet.spaced)
+        table = _headed(_named(rows[start], rows[last:start], below), units, sheet.spaced)
         key = tuple(table.names)
         if key in tables and has_units and tables[key].units != table.units:
             key = (*table.names, *table.units)
@@ -180,6 +180,21 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
             table.segments.append(Segment(rows[last:start], data, words))
             last = rows.index(data[-1], start) + 1
     return [table for table in tables.values() if table.rows]
+
+
+def _named(names: Row, above: Sequence[Row], below: Sequence[Row]) -> Row:
+    """A row of names whose empty cells have their name in the row above or below."""
+    cells = list(names.cells)
+    near = [below[0].cells] if below and not holds_data(below[0]) else []
+    near += [above[-1].cells] if above else []
+    for i, cell in enumerate(cells):
+        others = [row[i] for row in near if i < len(row) and not cell]
+        # A temperature in the row above is that of the columns beside it.
+        stated = (
+            name for name in others if parse_heading(name).quantity not in (None, "temperature")
+        )
+        cells[i] = next(stated, cell)
+    return names._replace(cells=cells)
 
 
 def _headed(row: Row, units: list[str], spaced: bool) -> Table:
