@@ -20,8 +20,11 @@ from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, che
 from ..materials.measured import Measured, distinct, joined
 from .cells import LARGEST, Sheet, holds_data
 from .columns import WAYS, MeasuredTable, Unclear
+from .modes import modes_on
 from .points import measured_points, one_each
+from .prony import check_no_series
 from .registry import Options, opened, read
+from .series import SERIES
 from .steps import rank, understand
 from .units import DIMENSIONS, UNITS
 
@@ -166,6 +169,7 @@ def _options(columns, units, step, kind=None, deformation=None) -> Options:
 def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
     """The measurements in one file."""
     with opened(path, LARGEST) as file:
+        check_no_series(file)
         sheets, fixed = read(file, "moduli")
     try:
         lines = [row.text for sheet in sheets for row in sheet.rows if not holds_data(row)]
@@ -203,7 +207,7 @@ def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, Meas
     found, refusals = [], {}
     for sheet in sheets:
         try:
-            found.append((sheet, understand(sheet, options)))
+            found.append((sheet, _moduli_on(sheet, options)))
         except ValueError as error:
             refusals[sheet.name] = error
     swept = [name for name, error in refusals.items() if isinstance(error, Unclear)]
@@ -220,3 +224,19 @@ def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, Meas
 
     _, first = max(found, key=lambda pair: rank(pair[1]))
     return [pair for pair in found if key(pair[1]) == key(first)]
+
+
+def _moduli_on(sheet: Sheet, options: Options) -> MeasuredTable:
+    """The moduli on a sheet; raises `ValueError` for a Prony series, by its name."""
+    measured, refusal = None, ValueError()
+    try:
+        measured = understand(sheet, options)
+    except ValueError as error:
+        refusal = error
+    if measured is None or measured.kind in ("relaxation", "creep"):
+        # A table that may be either is what the user says by `columns`.
+        if modes_on(sheet, "moduli" if options.columns else "refused") is not None:
+            raise ValueError(SERIES)
+    if measured is None:
+        raise refusal
+    return measured

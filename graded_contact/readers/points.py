@@ -14,7 +14,7 @@ import numpy as np
 from ..core.checks import Numbers
 from ..materials.measured import ISOTHERM_GAP, Measured, grouped
 from ..materials.shift import check_kelvin
-from .cells import Row, is_missing
+from .cells import Row, is_infinite, is_missing
 from .columns import CONSTANT, SAME, MeasuredTable
 from .deformation import converted
 from .tables import LIMIT, Column, value_above
@@ -72,6 +72,7 @@ def _points(measured: MeasuredTable) -> Any:
     for name, column in measured.columns.items():
         points[name] = column.si(each[column.place] for each in cells)
     points["abscissa"] = points[measured.abscissa]
+    _check_finite(measured, rows, cells)
     if measured.check is not None:
         points["check"] = measured.check.si(each[measured.check.place] for each in cells)
     left_out, unusable, good = [], 0, np.ones(len(points), bool)
@@ -89,6 +90,17 @@ def _points(measured: MeasuredTable) -> Any:
     return points[good].reset_index(drop=True)
 
 
+def _check_finite(measured: MeasuredTable, rows: Sequence[Row], cells: Sequence) -> None:
+    """Refuses an infinite time, which a relaxation or creep test has not, but a Prony series."""
+    place = measured.columns[measured.abscissa].place
+    lines = [row.line for row, each in zip(rows, cells, strict=True) if is_infinite(each[place])]
+    if measured.kind in ("relaxation", "creep") and lines:
+        raise ValueError(
+            f"line {lines[0]} has an infinite time: `readers.read_prony` reads a Prony series; of "
+            "a test leave out this row"
+        )
+
+
 def _reasons(measured: MeasuredTable, points, rows: Sequence[Row], cells: Sequence) -> Iterator:
     """Reasons to leave out points, the first counts: which, if these are wrong, by which cell."""
     columns, blocks, curve = measured.columns, measured.table.blocks, points["curve"].to_numpy()
@@ -98,9 +110,11 @@ def _reasons(measured: MeasuredTable, points, rows: Sequence[Row], cells: Sequen
         yield f"{count} entries in {width} columns", entries == count, True, None
     places = [column.place for column in columns.values()]
     empty = np.array([[is_missing(each[place]) for place in places] for each in cells])
+    infinite = np.array([any(is_infinite(each[place]) for place in places) for each in cells])
     for block in range(blocks) if blocks > 1 else ():  # a curve may end above the others
         ended = empty.all(axis=1) & (curve % blocks == block)
         yield f"an empty curve {block + 1} of {blocks}", ended, False, None
+    yield "an infinite value", infinite, False, None
     yield "a missing value", empty.any(axis=1), False, None
     for name, column in columns.items():
         wrong = name not in ("stress", "strain")  # there is none before and after a test

@@ -1,7 +1,7 @@
 """Readers of files, each registered with what it knows; the content decides which one reads a file.
 
 A module in `instruments/` is found without being named anywhere. Its functions take a `File` and
-return a `Scan` (heights) or `Tables` (moduli), or raise `Refusal`.
+return a `Scan` (heights), `Tables` (moduli) or `Series` (Prony), or raise `Refusal`.
 """
 
 import codecs
@@ -152,7 +152,7 @@ class Reader(NamedTuple):
     rank: int
 
 
-READERS: dict[str, list[Reader]] = {"heights": [], "moduli": []}
+READERS: dict[str, list[Reader]] = {"heights": [], "moduli": [], "prony": []}
 
 
 def extra(package: str) -> Any:
@@ -172,7 +172,8 @@ def reader(name: str, gives: str, *, knows: Callable[[File], bool], rank: int = 
     **Arguments:**
 
     - `name`: of the kind of file.
-    - `gives`: "heights" for a function that returns a `Scan`, "moduli" for `Tables`.
+    - `gives`: "heights" for a function that returns a `Scan`, "moduli" for `Tables`, "prony" for a
+      `Series` by the name of each material.
     - `knows`: whether the function reads a file: by its first bytes, a heading, or its extension.
     - `rank`: 0 for a format that is told by its content, 1 for a library of many formats, 2 for
       what is tried after it.

@@ -101,8 +101,10 @@ def _kelvins(cells: list[str], given: str | None) -> tuple[list[float | None], t
                 "`units={'temperature': 'K'}`"
             )
         unit = "C"
-        assumed = ("The temperatures above the columns are assumed to be in °C; otherwise write "
-                   "their unit there.",)  # fmt: skip
+        assumed = (
+            "The temperatures above the columns are assumed to be in °C; otherwise pass "
+            "`units={'temperature': 'K'}`.",
+        )
     for i, value in bare.items():
         kelvins[i] = UNITS["temperature"][unit] * value + OFFSETS[unit]
     return kelvins, assumed

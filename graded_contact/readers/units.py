@@ -200,8 +200,7 @@ def parse_unit(text: str) -> str | None:
 @functools.lru_cache(maxsize=512)  # each heading is looked at many times
 def parse_heading(text: str) -> Heading:
     """Returns the quantity and unit that the heading of a column names."""
-    inner, base = _without_logarithm(text.strip())
-    name, unit = _split_unit(inner.strip())
+    name, unit, base = split_heading(text)
     words: set[str] = set()
     for word in _words(name):
         letters = unicodedata.normalize("NFD", word.lower())  # accents as letters of their own
@@ -217,6 +216,13 @@ def parse_heading(text: str) -> Heading:
     deformation = next(iter(deformations), None)
     said = ("angular" in words, "step" in words, base, "period" in words)
     return Heading(quantity, unit, deformation, *said)
+
+
+def split_heading(text: str) -> tuple[str, str | None, str | None]:
+    """Returns the name in a heading, its unit, and the base of a logarithm."""
+    inner, base = _without_logarithm(text.strip())
+    name, unit = _split_unit(inner.strip())
+    return name, unit, base
 
 
 def _without_logarithm(text: str) -> tuple[str, str | None]:

@@ -21,7 +21,7 @@ from ..core.checks import nearest, within
 from ..core.warnings import unusual
 from ..materials.library import tyre_tread
 from ..materials.material import AbstractMaterial, BulkShear, Elastic, Prony
-from ..materials.shift import WLF, AbstractShift, Arrhenius, TabulatedShift
+from ..materials.shift import LAWS, AbstractShift
 from ..materials.softening import StrainSoftening
 from ..materials.table import Tabulated
 from ..readers.moduli import read_moduli, strain_sweep
@@ -43,7 +43,7 @@ MATERIALS = {
 }
 BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
 KINDS = {
-    AbstractShift: {"wlf": WLF, "arrhenius": Arrhenius, "tabulated": TabulatedShift},
+    AbstractShift: LAWS,
     AbstractShape: {
         "linear": Linear,
         "sinusoidal": Sinusoidal,
