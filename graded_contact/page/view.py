@@ -294,8 +294,8 @@ def _warnings(shown: Shown | None) -> str:
         return ""
     of_law = "Curves of the mean field are those of a hard wall, without [law]."
     known = [of_law] if shown.model.scene.law is not None else []
-    told = *shown.model.surface.caveats, *shown.contact.sliding.caveats
-    return _words(" ".join([*told, *known]))
+    of_files = *shown.model.scene.assumed, *shown.model.surface.caveats
+    return _words(" ".join([*of_files, *shown.contact.sliding.caveats, *known]))
 
 
 def _headline(shown: Shown | None, pinned: Shown | None) -> str:

@@ -7,13 +7,13 @@ E(t) as well, the table is refused with both meanings.
 
 import functools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..core.files import Refusal
-from .cells import Row, Sheet, holds_data, is_infinite, is_number
+from .cells import Row, Sheet, holds_data, is_infinite, is_missing, is_number
 from .series import Doubt, Series
 from .units import UNITS, parse_heading, parse_unit, split_heading
 
@@ -37,7 +37,7 @@ _STATED = {
                    rf"long[- ]?(?:term|time)|relaxed|rubbery)(?:{_WORDS})?))",
 }  # fmt: skip
 _POISSON = re.compile(r"(?i)(?:poisson\S*(?:\s+(?:ratio|number))?|\bnu\b|ν)\s*[=:;,]?\s*(0?\.\d+)")
-_FOREIGN = re.compile(r"(?i)generated with reptate|^\W*reptate")  # whose modes are in s and Pa
+_REPTATE = re.compile(r"(?i)generated with reptate|^\W*reptate")  # whose modes are in s and Pa
 
 
 _LONGEST = 60  # characters of a name
@@ -97,60 +97,63 @@ def _understood(cell: str) -> _Name:
 
 def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Series | None:
     """The series of the table whose names are in a row."""
-    kinds = [name.kind for name in names]
-    time, places = (
-        kinds.index("time"),
-        {kind: kinds.index(kind) for kind in reversed(kinds) if kind},
-    )
-    strength = places.get("modulus", places.get("ratio", 0))
-    wanted = {
-        kind: place for kind, place in places.items() if kind not in ("time", "modulus", "ratio")
-    }
+    places = {name.kind: i for i, name in reversed([*enumerate(names)])}
+    time, strength = places["time"], places.get("modulus", places.get("ratio", 0))
+    ratios = names[strength].kind == "ratio"
     below = sheet.rows[start + 1 :]
-    units = below[0].cells if below and not holds_data(below[0]) else []
-    modes = [row for row in below if _is_mode(row, time, strength)]
+    units_below = below[0].cells if not holds_data(below[0]) else []
+    modes = [row for row in _first_table(below) if _is_mode(row, time, strength)]
     if not modes:
         return None
-    rows, lines_of_modes = [row.cells for row in modes], {row.line for row in modes}
 
     def numbers(place: int) -> list[float]:
         base = {None: None, "10": 10.0, "e": np.e}[names[place].base]
-        found = (np.inf if is_infinite(cells[place]) else float(cells[place]) for cells in rows)
-        return [value if base is None else base**value for value in found]
+        cells = [row.cells[place] if place < len(row.cells) else "" for row in modes]
+        found = [np.inf if is_infinite(c) else float(c) if is_number(c) else 0.0 for c in cells]
+        return found if base is None else [base**value for value in found]
+
+    def unit(place: int, dimension: str) -> str | None:
+        found = names[place].unit or parse_unit("".join(units_below[place : place + 1]))
+        return found if found in UNITS[dimension] else None
 
     times, strengths = numbers(time), numbers(strength)
     if not _is_series(names[time], names[strength], times, strengths, doubtful):
         return None
-    units = {name: names[place].unit or parse_unit("".join(units[place : place + 1]))
-             for name, place in (("time", time), ("modulus", strength))}  # fmt: skip
-    lines = [row.text for row in sheet.rows if row.line not in lines_of_modes]
-    if any(map(_FOREIGN.search, lines)):
-        units = {"time": units["time"] or "s", "modulus": units["modulus"] or "Pa"}
-    ratios = kinds[strength] == "ratio"
-    if ratios:
-        units["modulus"] = None
-    stated, letter = _stated(lines, units)
-    for kind in ("glassy", "equilibrium"):  # a column that repeats it in every row
-        if (
-            kind in wanted
-            and len(cells := rows[0]) > wanted[kind]
-            and is_number(cells[wanted[kind]])
-        ):
-            stated[kind] = float(cells[wanted[kind]])
-            unit = names[wanted[kind]].unit or parse_unit(
-                "".join(below[0].cells[wanted[kind] :][:1])
-            )
-            units["modulus"] = units["modulus"] or unit
-            letter = letter or names[wanted[kind]].deformation
-    poisson = next((float(found[1]) for line in lines if (found := _POISSON.search(line))), None)
-    bulk = numbers(wanted["bulk"]) if "bulk" in wanted and ratios else None
+    kept = {row.line for row in modes}
+    lines = [row.text for row in sheet.rows if row.line not in kept]
+    seconds, pascals = unit(time, "time"), None if ratios else unit(strength, "modulus")
+    if any(map(_REPTATE.search, lines)):
+        seconds, pascals = seconds or "s", pascals or "Pa"
+    stated, pascals, letter = _stated(lines, pascals)
+    for kind in {"glassy", "equilibrium"} & set(places):  # it is repeated in every row
+        stated[kind] = numbers(places[kind])[0]
+        pascals = pascals or unit(places[kind], "modulus")
+        letter = letter or names[places[kind]].deformation
+    units = {"time": seconds, "modulus": pascals}
     return Series(
-        strengths, times, ratios, bulk, **stated,
-        units={name: unit for name, unit in units.items() if unit in UNITS[name]},
+        strengths,
+        times,
+        ratios,
+        numbers(places["bulk"]) if "bulk" in places and ratios else None,
+        equilibrium=stated.get("equilibrium"),
+        glassy=stated.get("glassy"),
+        units={name: unit for name, unit in units.items() if unit is not None},
         deformation=letter if ratios else names[strength].deformation or letter,
-        poisson=poisson, lines=lines,
-        layout=f"a table of {len(rows)} relaxation times, line {sheet.rows[start].line}",
-    )  # fmt: skip
+        poisson=next((float(n[1]) for line in lines if (n := _POISSON.search(line))), None),
+        lines=lines,
+        layout=f"a table of {len(modes)} relaxation times, line {sheet.rows[start].line}",
+    )
+
+
+def _first_table(rows: Sequence[Row]) -> Iterator[Row]:
+    """The rows up to the names of another table."""
+    begun = False
+    for row in rows:
+        words = sum(not is_number(cell) and not is_missing(cell) for cell in row.cells)
+        if begun and words > 1 and not holds_data(row):
+            return
+        begun |= holds_data(row)
+        yield row
 
 
 def _is_mode(row: Row, time: int, strength: int) -> bool:
@@ -165,33 +168,35 @@ def _is_series(time: _Name, strength: _Name, times: list, strengths: list, doubt
     """Whether a table is a Prony series; `doubtful` as in `modes_on`."""
     infinite, order = np.any(np.isinf(times)), np.argsort(times)
     rises = np.any(np.diff(np.asarray(strengths)[order]) > 0)
-    if time.sure and (strength.sure or infinite or rises):
+    if strength.kind == "ratio" or (time.sure and (strength.sure or infinite or rises)):
         return True
-    told = infinite or (strength.sure and strength.kind == "modulus")
+    told = infinite or strength.sure
     if doubtful != "refused" or not (time.sure or told):
         return doubtful == "series"
     raise Refusal(
         "its table may be a Prony series (relaxation times and moduli of branches) or a relaxation "
-        "modulus E(t): read a series by `readers.read_prony`; for E(t) name the columns "
-        "'time' and 'E(t)', without a row at an infinite time"
+        "modulus E(t): `readers.read_prony` reads a series; for E(t) name the time and the modulus "
+        "by `columns`, and leave out a row at an infinite time"
     )
 
 
-def _stated(lines: Sequence[str], units: dict) -> tuple[dict[str, float], str | None]:
-    """The instantaneous and the long-time modulus that lines name, in the unit of the moduli."""
+def _stated(
+    lines: Sequence[str], unit: str | None
+) -> tuple[dict[str, float], str | None, str | None]:
+    """The instantaneous and the long-time modulus that lines name, their unit, and tension or shear.
+
+    The unit is that of the moduli of the table, if it has one.
+    """
     stated, letter = {}, None
     for kind, pattern in _STATED.items():
-        for line in lines:
-            if found := re.search(f"({pattern}){_NUMBER}", line):
-                unit = parse_unit(found[2] or "") or parse_unit(found[4])
-                unit = unit if unit in UNITS["modulus"] else None
-                units["modulus"] = units["modulus"] or unit
-                factor = 1.0
-                if unit and units["modulus"] in UNITS["modulus"]:
-                    factor = UNITS["modulus"][unit] / UNITS["modulus"][units["modulus"]]
-                stated[kind] = factor * float(found[3])
-                sign = re.search(r"\b([EG])_?\W?\w*$|(?i:(young|tensile)|(shear))", found[1])
-                if sign:
-                    letter = "shear" if sign[1] == "G" or sign[3] else "tension"
-                break
-    return stated, letter
+        found = next((f for line in lines if (f := re.search(f"({pattern}){_NUMBER}", line))), None)
+        if found is None:
+            continue
+        own = parse_unit(found[2] or "") or parse_unit(found[4])
+        own = own if own in UNITS["modulus"] else unit
+        unit = unit or own
+        factor = UNITS["modulus"][own] / UNITS["modulus"][unit] if own and unit else 1.0
+        stated[kind] = factor * float(found[3])
+        if sign := re.search(r"\b([EG])_?\W?\w*$|(?i:(young|tensile)|(shear))", found[1]):
+            letter = "shear" if sign[1] == "G" or sign[3] else "tension"
+    return stated, unit, letter

@@ -233,10 +233,11 @@ def _moduli_on(sheet: Sheet, options: Options) -> MeasuredTable:
         measured = understand(sheet, options)
     except ValueError as error:
         refusal = error
-    if measured is None or measured.kind in ("relaxation", "creep"):
-        # A table that may be either is what the user says by `columns`.
-        if modes_on(sheet, "moduli" if options.columns else "refused") is not None:
-            raise ValueError(SERIES)
+    # A table that may be either is what the user says by `columns`.
+    doubtful = "moduli" if options.columns else "refused"
+    other = measured is None or measured.kind in ("relaxation", "creep")
+    if other and modes_on(sheet, doubtful) is not None:
+        raise ValueError(SERIES)
     if measured is None:
         raise refusal
     return measured

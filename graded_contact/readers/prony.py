@@ -128,6 +128,6 @@ def _chosen(sheet: str | None, series: Mapping[str, Series]) -> str:
     """The name of the series to read."""
     if sheet is None and len(series) == 1:
         return next(iter(series))
-    if sheet not in series:
+    if sheet is None or sheet not in series:
         raise Refusal(f"it holds Prony series named {list(series)}: pass one of them as `sheet`")
     return sheet

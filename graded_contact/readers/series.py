@@ -1,7 +1,7 @@
 """A Prony series as a file has it, and the material that it becomes.
 
-The unit, the modulus that ratios are of, tension or shear are stated by the file, given by the user,
-or asked for. Of decks, which state no units, the usual ones are assumed if they are credible.
+The units, the modulus that ratios are of, tension or shear are stated by the file, given by the
+user, or asked for. Of decks, which state no units, the usual ones are assumed if they are credible.
 """
 
 import math
@@ -19,7 +19,7 @@ from .units import UNITS
 
 # Instantaneous moduli of solids lie between 10 kPa and 1 TPa: numbers of a deck without units.
 _LEAST, _MOST = 1e4, 1e12  # Pa
-_NEGLIGIBLE = 1e-4  # of a modulus
+_NEGLIGIBLE = 1e-3  # of a modulus
 _ROUNDED = 1e-3  # of the instantaneous modulus: how far rounded ratios may add up to more than 1
 
 
@@ -46,6 +46,7 @@ class Series(NamedTuple):
     - `deformation`: "tension" or "shear", of the moduli.
     - `poisson`: ν [1].
     - `shift`, `measured`: as in `Prony`.
+    - `assumed`: what its numbers rest on, if the file says so.
     - `lines`: those of the file without numbers of the series.
     - `layout`: what the file is, in words.
     """
@@ -62,6 +63,7 @@ class Series(NamedTuple):
     poisson: float | None = None
     shift: AbstractShift | None = None
     measured: MeasuredRange | None = None
+    assumed: Sequence[str] = ()
     lines: Sequence[str] = ()
     layout: str = ""
 
@@ -71,6 +73,7 @@ def material_of(
     glassy: float | None, equilibrium: float | None, poisson: float | None,
 ) -> Prony:  # fmt: skip
     """Returns the material of a series; the options are those of the user, moduli in Pa."""
+    log.assume(*series.assumed)
     modulus, second = _units(series, log, units, [glassy, equilibrium])
     times = second * np.asarray(series.times, float)
     last, shares = np.isinf(times), np.asarray(series.strengths, float)
@@ -131,8 +134,10 @@ def _units(
             unit = "s" if name == "time" else _credible(series)
             if unit is not None:
                 other = "ms" if name == "time" else {"Pa": "MPa", "MPa": "Pa"}[unit]
-                log.assume(f"The {name} is assumed to be in {unit}, as the deck states no unit; "
-                           f"otherwise pass it, for instance `units={ {name: other} }`.")  # fmt: skip
+                log.assume(
+                    f"The {name} is assumed to be in {unit}, as the deck states no unit; otherwise "
+                    f"pass it, for instance `units={ {name: other} }`."
+                )
         if unit is None and needed:
             usual = {"modulus": "MPa", "time": "s"}[name]
             raise ValueError(f"the {name} has no unit: pass for instance `units={ {name: usual} }`")
@@ -178,7 +183,7 @@ def _of_ratios(
     if np.any(last) and abs(total - 1) > _ROUNDED:
         raise ValueError(f"the ratios with that of the equilibrium add up to {total:.6g}, not to 1")
     if glassy is None:
-        if not remainder:
+        if not remainder or rest is None:
             raise ValueError(
                 "the ratios add up to 1, so nothing is left at equilibrium: pass `glassy`"
             )

@@ -8,7 +8,7 @@ temperature (of merged cells only the first has one) belongs to the temperature 
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from .cells import Row, is_number, stripped
 from .tables import Segment, Table
@@ -125,7 +125,7 @@ def _ordered(row: Row, order: list[int], width: int) -> Row:
     return row._replace(cells=[row.cells[i] if i < len(row.cells) else "" for i in order])
 
 
-def _with_titles(table: Table, kelvins: list[float], assumed: tuple[str, ...]) -> Table:
+def _with_titles(table: Table, kelvins: Sequence[float | None], assumed: tuple[str, ...]) -> Table:
     """The table with its temperatures as the last line above each segment."""
     size = len(table.names)
     cells = [part for kelvin in kelvins for part in (f"{kelvin:.10g} K", *[""] * (size - 1))]

@@ -20,7 +20,7 @@ from ..units import OFFSETS, UNITS, parse_unit
 # Material constants of hyperelastic laws: how many shear constants a potential has, of G = 2 Σ C.
 _POTENTIALS = {"NEOHOOKE": 1, "MOONEYRIVLIN": 2, "YEOH": 1}
 _BULK_AT = {"NEOHOOKE": 1, "MOONEYRIVLIN": 2, "YEOH": 3}  # the place of D_1 = 2/K
-_UNITS = re.compile(r"(?i)\bunits?\b[ \t]*(?:are|:|=|in)?[ \t]*([^\n]*)")
+_UNITS = re.compile(r"(?i)\bunits?\b[ \t]*(?:are|:|=|in)[ \t]*([^\n]*)")
 _WARMEST_CELSIUS = 150.0  # a reference temperature below it is in °C
 
 

@@ -40,5 +40,6 @@ def _series(name: str, table: dict[str, Any]) -> Series:
         poisson=table.get("poisson", 0.5),
         shift=LAWS[shift.pop("kind")](**shift) if shift else None,
         measured=MeasuredRange(**measured) if measured else None,
+        assumed=table.get("assumed", ()),
         layout=f"the material {name!r} of a scene, in SI units",
     )  # fmt: skip
