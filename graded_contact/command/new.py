@@ -90,8 +90,9 @@ def new(
         fit.write_fit(stem, found, ("toml",))
         if surface.grid.ndim == 2 and material.equilibrium == 0:
             raise ValueError(f"[materials.{name}] {LIQUID}")
-        known = [] if material.shift is None else [float(material.shift.reference)]
-        kelvins = np.array(temperatures or measured or known)
+        reference = getattr(material.shift, "reference", None)
+        usual = [] if reference is None else [float(reference)]
+        kelvins = np.array(temperatures or measured or usual)
         load = proposed_load(material, surface, kelvins, every=bool(temperatures))
         path = os.path.relpath(surface_file.absolute(), stem.parent)
         entries = {"kind": "file", "path": Path(path).as_posix(), **read}
@@ -100,7 +101,8 @@ def new(
         if found.errors is not None:
             of_fit = "of the fit; friction then has its standard error"
             card += f'\nerrors = "{name}-errors.csv"  # {of_fit}'
-        lines = partial(_lines, title, scene, name, entries, card, load)
+        known = material.measured is not None
+        lines = partial(_lines, title, scene, name, entries, card, load, known)
         # What the comments say is computed from the scene, as `run` does.
         draft, areas, shares = parse_scene("\n".join(lines()), stem.parent), [], [0.0]
         for _, stack in draft.blocks():
@@ -127,13 +129,16 @@ def _check_temperatures(material: Prony, temperatures: list[float]) -> None:
 
 
 def _lines(
-    title: str, scene: Path, name: str, surface: dict[str, Any], card: str, load: Load,
+    title: str, scene: Path, name: str, surface: dict[str, Any], card: str, load: Load, known: bool,
     areas: Sequence[float] = (0.0,), share: float = 0.0,
 ) -> list[str]:  # fmt: skip
-    """The lines of the scene; `areas` of contact and `share` of friction not measured [1]."""
+    """The lines of the scene; `areas` of contact and `share` of friction not measured [1].
+
+    `known` says whether the material knows where it was measured.
+    """
     low, high = load.velocity
     area = " to ".join(dict.fromkeys(f"{end:.0%}" for end in (min(areas), max(areas))))
-    where = ", at measured frequencies" if share <= EXTRAPOLATED else ""
+    where = ", at measured frequencies" if known and share <= EXTRAPOLATED else ""
     command = f"graded-contact run {scene.name}"
     lines = [
         in_comment(f"{title}, by `graded-contact new`. Change what you know better.", "#"),

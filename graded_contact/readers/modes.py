@@ -8,11 +8,12 @@ E(t) as well, the table is refused with both meanings.
 import functools
 import re
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..core.files import Refusal
+from ..materials.shift import LAWS, TabulatedShift
 from .cells import Row, Sheet, holds_data, is_infinite, is_missing, is_number
 from .series import Doubt, Series
 from .units import UNITS, parse_heading, parse_unit, split_heading
@@ -37,6 +38,7 @@ _STATED = {
                    rf"long[- ]?(?:term|time)|relaxed|rubbery)(?:{_WORDS})?))",
 }  # fmt: skip
 _POISSON = re.compile(r"(?i)(?:poisson\S*(?:\s+(?:ratio|number))?|\bnu\b|ν)\s*[=:;,]?\s*(0?\.\d+)")
+_LAW = re.compile(r"time-temperature shift (\w+?)(?:Shift)?\(([^)]*)\)")  # of `export_prony`
 _REPTATE = re.compile(r"(?i)generated with reptate|^\W*reptate")  # whose modes are in s and Pa
 
 
@@ -140,9 +142,22 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
         units={name: unit for name, unit in units.items() if unit is not None},
         deformation=letter if ratios else names[strength].deformation or letter,
         poisson=next((float(n[1]) for line in lines if (n := _POISSON.search(line))), None),
+        **_law(lines),
         lines=lines,
         layout=f"a table of {len(modes)} relaxation times, line {sheet.rows[start].line}",
     )
+
+
+def _law(lines: Sequence[str]) -> dict[str, Any]:
+    """The shift that a CSV of `export_prony` names; one in a table is left out, with a caveat."""
+    found = next((found for line in lines if (found := _LAW.search(line))), None)
+    if found is None:
+        return {}
+    law = LAWS.get(found[1].lower(), TabulatedShift)
+    if law is TabulatedShift:
+        return {"assumed": ["The table of shift factors in the file is left out: take its TOML."]}
+    pairs = re.findall(r"(\w+)=([^\s,]+)", found[2])
+    return {"shift": law(**{name: float(value) for name, value in pairs})}
 
 
 def _first_table(rows: Sequence[Row]) -> Iterator[Row]:
@@ -183,7 +198,7 @@ def _is_series(time: _Name, strength: _Name, times: list, strengths: list, doubt
 def _stated(
     lines: Sequence[str], unit: str | None
 ) -> tuple[dict[str, float], str | None, str | None]:
-    """The instantaneous and the long-time modulus that lines name, their unit, and tension or shear.
+    """The instantaneous and the long-time modulus of lines, their unit, and tension or shear.
 
     The unit is that of the moduli of the table, if it has one.
     """

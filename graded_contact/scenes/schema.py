@@ -229,7 +229,8 @@ def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
     if tuple[int, ...] in parts:
         return tuple(entries)
     single = any(_is_array(part) and not part.dims for part in parts)
-    return entries if is_list or (rows and not single) else entries[0]
+    whole = list[str] in parts or (rows and not single)
+    return entries if is_list or whole else entries[0]
 
 
 def classes_of(parts: Sequence[Any]) -> tuple[type, ...]:
