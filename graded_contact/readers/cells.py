@@ -281,6 +281,6 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     decimal = max(".,", key=lambda mark: _score([texts], mark, 2))
     padded = []
     for line, row in rows:
-        cells = [_with_point(str(cell).strip(" \ufeff\t\r\n\xa0"), decimal) for cell in row]
+        cells = [_with_point(str(cell).replace("\ufeff", "").strip(), decimal) for cell in row]
         padded.append(Row(line, cells + [""] * (width - len(row))))
     return Sheet(name, padded, f"sheet {name!r} of a workbook")

@@ -42,6 +42,7 @@ _LAW = re.compile(r"time-temperature shift (\w+?)(?:Shift)?\(([^)]*)\)")  # of `
 _REPTATE = re.compile(r"(?i)generated with reptate|^\W*reptate")  # whose modes are in s and Pa
 
 
+_TIMES = re.compile(r"(?i)tau|τ|lambda|λ|time|zeit|temps|\bt")  # in every name of a time
 _LONGEST = 60  # characters of a name
 
 
@@ -66,7 +67,8 @@ def modes_on(sheet: Sheet, doubtful: Doubt) -> Series | None:
     """
     data = [holds_data(row) for row in sheet.rows]
     for i, row in enumerate(sheet.rows):
-        if data[i] or not any(data[i + 1 : i + 3]):  # no names: a row of units may be between
+        # A row of units may stand between names and numbers.
+        if data[i] or not any(data[i + 1 : i + 3]) or not _TIMES.search(row.text):
             continue
         names = [_understood(cell) for cell in row.cells]
         kinds = [name.kind for name in names]

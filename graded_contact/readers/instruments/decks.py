@@ -56,14 +56,14 @@ def _knows(file: File, pattern: str) -> bool:
 def _blocks(text: str) -> list[_Block]:
     """The keywords of a deck; a line that ends in a comma goes on in the next."""
     blocks: list[_Block] = []
-    lines = [line.strip() for line in text.splitlines()]
-    lines = [line for line in lines if line and not line.startswith("**")]
-    for i, line in enumerate(lines):
+    lines = (line.strip() for line in text.splitlines())
+    rest = (line for line in lines if line and not line.startswith("**"))
+    for line in rest:
         if line.startswith("*"):
-            while line.endswith(",") and i + 1 < len(lines):
-                i += 1
-                line += lines[i]
-            name, *options = (part.strip() for part in line[1:].split(","))
+            parts = [line]
+            while parts[-1].endswith(",") and (more := next(rest, None)) is not None:
+                parts.append(more)
+            name, *options = (part.strip() for part in "".join(parts)[1:].split(","))
             pairs = (option.partition("=") for option in options if option)
             found = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
             blocks.append(_Block(_bare(name), found, []))
