@@ -14,6 +14,7 @@ import typer
 from typer import Argument, Option
 
 from ..core.checks import nearest
+from ..core.escaping import in_comment
 from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_prony
@@ -335,7 +336,7 @@ def write_fit(stem: Path, found: MaterialFit, cards: Sequence[str]) -> None:
     for card in cards:
         ending, comment = CARDS[card]
         path = f"{stem}{ending}"
-        caveats = "".join(f"{comment} Caveat: {' '.join(s.split())}\n" for s in found.assumed)
+        caveats = "".join(f"{in_comment(f'Caveat: {each}', comment)}\n" for each in found.assumed)
         try:
             exported = export_prony(found.material, card, name=stem.name)
             write_whole(path, table if card == "toml" else caveats + exported)

@@ -23,7 +23,7 @@ _NAMES = {
     "time": r"(?:tau|τ|lambda|λ)[ijkn]?|t[ijkn]|\w*relax\w*(?:time|zeit)s?\w*|reltime\w*"
             r"|temps\w*relax\w*|relax\w*temps|timeconst\w*",
     "modulus": r"(?:(?:young'?s?|shear)?modulus)?[EG][ijkn]|modulus[ijkn]|\w*mode\w*modul\w*"
-               r"|modul\w*mode\w*|(?:branch|spring|maxwell)\w*|\w*strengths?[ijkn]?",
+               r"|modul\w*mode\w*|(?:branch|spring|maxwell)\w*modul\w*|\w*strengths?[ijkn]?",
     "ratio": r"(?:g|e|alpha|α|w|p|c)[ijkn](?:prony|p)?|rel(?:ative)?mod\w*|\w*weights?"
              r"|\w*fractions?|\w*ratios?|pronycoeff\w*",
     "bulk": r"k[ijkn](?:prony|p)?",
