@@ -56,6 +56,5 @@ def settled(what: str, stated: str | None, given: str | None, *, option: str, al
     if stated is None or given is None:
         return stated if given is None else given
     if not alike(stated, given):
-        reason = f"the file states {stated!r}, and {option} is of another kind: leave it out"
-        raise Refusal(f"{what}: {reason}")
+        raise Refusal(f"{what}: the file states {stated!r}; leave out {option}")
     return given

@@ -36,8 +36,8 @@ def test_dynamic_compliances_are_read_as_such(tmp_path, names, columns, deformat
 @pytest.mark.parametrize(
     "options, expected",
     [
-        ({"units": {"modulus": "MPa"}}, r"J'' \[1/MPa\].: the file states '1/MPa', and `units="),
-        ({"columns": {"storage": 2, "loss": 3}}, "states 'storage_compliance', and `columns="),
+        ({"units": {"modulus": "MPa"}}, r"J'' \[1/MPa\].: the file states '1/MPa'; leave out `units="),
+        ({"columns": {"storage": 2, "loss": 3}}, "states 'storage_compliance'; leave out `columns="),
         ({"columns": {"storage": 2, "loss": 3}, "units": {"modulus": "MPa"}, "kind": "frequency"},
          "states 'storage_compliance'"),
     ],
@@ -55,7 +55,7 @@ def test_a_unit_of_another_kind_is_no_unit_of_a_modulus(tmp_path):
     text = "f [Hz],E' [MPa],E'' [1/MPa]\n" + rows(HERTZ, STORAGE, LOSS, separator=",")
     with pytest.raises(ValueError, match="has '1/MPa' as unit, which is none of a modulus"):
         read(tmp_path, text)
-    with pytest.raises(ValueError, match=r"states '1/MPa', and `units=\{'modulus': 'MPa'\}`"):
+    with pytest.raises(ValueError, match=r"states '1/MPa'; leave out `units=\{'modulus': 'MPa'\}`"):
         read(tmp_path, text, units={"modulus": "MPa"})
 
 
@@ -138,7 +138,7 @@ def test_tension_that_nobody_states_is_a_caveat(tmp_path, head):
 
 def test_an_option_makes_no_tension_of_shear_moduli(tmp_path):
     text = BARE.replace("Storage modulus", "G'").replace("Loss modulus", "G''")
-    with pytest.raises(ValueError, match="states 'shear', and `deformation='tension'`"):
+    with pytest.raises(ValueError, match="states 'shear'; leave out `deformation='tension'`"):
         read(tmp_path, text, deformation="tension")
 
 

@@ -141,8 +141,8 @@ def test_a_sweep_beside_modes_is_read_and_so_are_the_modes(tmp_path):
     [
         (PRONY.replace(" [s]", ""), {}, r"the time has no unit: .*`units=\{'time': 's'\}`"),
         (PRONY.replace(" [MPa]", ""), {}, r"modulus has no unit: .*`units=\{'modulus': 'MPa'\}`"),
-        (PRONY, {"units": {"modulus": "1/MPa"}}, "states 'MPa', and `units=.* is of another kind"),
-        (PRONY, {"deformation": "shear"}, "states 'tension', and `deformation='shear'` is of an"),
+        (PRONY, {"units": {"modulus": "1/MPa"}}, "states 'MPa'; leave out `units=.*"),
+        (PRONY, {"deformation": "shear"}, "states 'tension'; leave out `deformation='shear'`"),
         (PRONY, {"equilibrium": 1e6}, "it has a row of the equilibrium: leave out `equilibrium`"),
         (PRONY.replace("tau", "relaxation time").replace("E_i", "modulus"), {},
          "says tension or shear: pass `deformation='tension'` or `deformation='shear'`"),
