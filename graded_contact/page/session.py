@@ -199,7 +199,6 @@ class Session(param.Parameterized):
         def show() -> None:
             with pn.io.hold():
                 self.param.update(**values)
-            values.clear()  # Bokeh keeps this function for long, and fields are large
 
         if not self._ended:
             pn.state.execute(show, schedule=True)

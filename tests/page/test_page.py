@@ -294,23 +294,6 @@ def test_pages_that_open_together_compile_one_after_the_other(document, tmp_path
     assert done == ["curves"] * 4 and max(together) == 1
 
 
-def test_a_change_of_the_page_keeps_nothing_alive(document, tmp_path, monkeypatch):
-    """Bokeh holds functions of the past for long."""
-    held, session = [], Session(document, tmp_path)
-    monkeypatch.setattr("panel.state.execute", lambda change, **_: held.append(change) or change())
-    large = Large()
-    gone = weakref.ref(large)
-    session.show(pinned=large)
-    assert session.pinned is large
-    del large
-    session.pinned = None
-    assert held and gone() is None
-
-
-class Large:
-    """Something that a weak reference can see vanish."""
-
-
 def test_four_clicks_add_four_layers_with_names(document, tmp_path, monkeypatch):
     def refused(*_):
         raise ValueError("enough")
