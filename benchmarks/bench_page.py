@@ -105,8 +105,9 @@ def page(scene=None, sessions=20, moves=200, points=1800):
         begun = {}
         for _ in range(sessions):
             tabs.append(browser.new_page(viewport={"width": 1280, "height": 800}))
+            tabs[-1].set_default_timeout(1e3 * SECONDS)
             begun[tabs[-1]] = time.perf_counter()
-            tabs[-1].goto(address)
+            tabs[-1].goto(address, wait_until="commit")
         row("first contact", waited(tabs, begun, lambda page: page.locator(".head b").count()))
         row("first derivatives", waited(tabs, begun, rests))
         for each in tabs:
@@ -138,7 +139,7 @@ def page(scene=None, sessions=20, moves=200, points=1800):
                 large.get_by_label(name).press("Enter")
             begun[large] = time.perf_counter()
             large.locator("input[type=file]").nth(1).set_input_files(heights)
-            large.locator(".title", has_text="on heights.npy").wait_for(timeout=1e3 * SECONDS)
+            large.locator(".title", has_text="on heights.npy").wait_for()
             row("large surface", waited([large], begun, rests))
         for each in tabs:
             each.close()
