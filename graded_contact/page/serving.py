@@ -1,6 +1,7 @@
 """Serves a page to each tab of a browser, or to the cell of a notebook."""
 
 import asyncio
+import logging
 import os
 import re
 import socket
@@ -92,6 +93,8 @@ def new_server(
         {"/": page}, address=address, port=port, show=show, title=TITLE, start=False,
         location=False, websocket_max_message_size=MESSAGE, prefix=prefix.rstrip("/"),
     )  # fmt: skip
+    # That a tab is closed while it is written to is nothing to report.
+    logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
     server.io_loop.asyncio_loop.set_exception_handler(_report)
     server._tornado.transforms.append(Framing)
     foreign = Foreign({address, "localhost", socket.gethostname(), *host_names})

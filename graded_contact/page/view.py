@@ -70,7 +70,7 @@ class Page(pn.viewable.Viewer):
         self._plots, self._knobs = pn.Column(**WIDE), pn.Column(**WIDE)
         self._layers = pn.Column(**WIDE)
         self._chosen: Any = pn.widgets.Select(
-            label="Add a layer of", options={NEW_MATERIAL: None}, **SMALL
+            label="Add a layer of", options={NEW_MATERIAL: ""}, value="", **SMALL
         )
         self._material: Any = pn.widgets.Select(label="of material", **SMALL)
         self._field: Any = pn.widgets.RadioButtonGroup(
@@ -128,11 +128,11 @@ class Page(pn.viewable.Viewer):
         """The tab that adds layers, above those of the scene: so its button stays in its place."""
         name: Any = pn.widgets.TextInput(
             label="name of the new material", value=tables.NEW_NAME, max_length=LONGEST_NAME,
-            disabled=self._chosen.param.value.rx.is_not(None), **SMALL,
+            disabled=self._chosen.param.value.rx.bool(), **SMALL,
         )  # fmt: skip
         add = pn.widgets.Button(label="Add layer", color="primary", **SMALL)
         add.on_click(lambda _: self.session.change(
-            partial(tables.with_layer, material=self._chosen.value, name=name.value)
+            partial(tables.with_layer, material=self._chosen.value or None, name=name.value)
         ))  # fmt: skip
         return pn.Column(self._chosen, name, add, self._layers, **SMALL)
 
@@ -246,7 +246,7 @@ class Page(pn.viewable.Viewer):
         """The layers of the scene, each with a button that removes it."""
         change, names = self.session.change, list(content["materials"])
         self._material.options = names
-        self._chosen.options = {NEW_MATERIAL: None} | {name: name for name in names}
+        self._chosen.options = {NEW_MATERIAL: ""} | {name: name for name in names}
         rows = []
         for i, layer in enumerate(content.get("layers", [])):
             button = pn.widgets.Button(label="Remove", width=80, margin=(2, 8), align="center")

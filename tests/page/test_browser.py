@@ -201,4 +201,5 @@ def test_ctrl_c_ends_the_server(served):
     process.send_signal(signal.SIGINT)
     assert process.wait(SECONDS) == 0
     # Tabs were closed, some of them in the middle of a solve.
-    assert "Traceback" not in (served[1].parent / "terminal.txt").read_text()
+    terminal = (served[1].parent / "terminal.txt").read_text()
+    assert "Traceback" not in terminal and "WARNING" not in terminal
