@@ -111,7 +111,8 @@ class AbstractSliding(eqx.Module):
         """The same contact with fewer points and fewer times, see `Neighbours`; kept."""
         near = vars(self).get("_near")
         if near is None:
-            near = neighbours_of(self)
+            # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.
+            near = neighbours_of(jax.tree.map(lambda leaf: leaf, self))
             if all(map(is_concrete, jax.tree.leaves(near))):
                 vars(self)["_near"] = near
         return near
