@@ -8,6 +8,7 @@ each after the drawing of the last one ended. Times are from the key to the end 
 which the browser draws the changed data.
 """
 
+import contextlib
 import re
 import shutil
 import socket
@@ -15,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 
 import numpy as np
 from playwright.sync_api import sync_playwright
@@ -40,6 +42,7 @@ WATCH = """() => {
     window.drawn = {}; window.pressed = performance.now();
   }, true);
 }"""
+RESTED = re.compile(r"derivatives \d+ ms")  # the words of a page whose work is done
 TARGETS = {"curves": 0.2, "contact": 0.3, "derivatives": 1.0}  # s
 
 
@@ -59,16 +62,40 @@ def wait_for(port: int) -> None:
         time.sleep(0.1)
 
 
-def measure(address: str, keys: int, screenshot: str | None) -> dict[str, list[float]]:
-    """Returns the seconds from each key to the pictures."""
-    found: dict[str, list[float]] = {name: [] for name in TARGETS}
+@contextlib.contextmanager
+def served(scene: str | None, **options) -> Iterator[tuple[str, subprocess.Popen]]:
+    """The address of a page in a process of its own, and this process; `options` of `Popen`."""
+    port = free_port()
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "graded_contact", "explore", *([scene] if scene else [])]
+        more = ["--no-browser", "--port", str(port), "-o", folder]
+        server = subprocess.Popen([*command, *more], **options)
+        try:
+            wait_for(port)
+            yield f"http://127.0.0.1:{port}/", server
+        finally:
+            server.terminate()
+            server.wait()
+
+
+@contextlib.contextmanager
+def chromium() -> Iterator:
+    """A browser."""
     with sync_playwright() as driver:
         path = shutil.which("chromium") or shutil.which("google-chrome")
         browser = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+def measure(address: str, keys: int, screenshot: str | None) -> dict[str, list[float]]:
+    """Returns the seconds from each key to the pictures."""
+    found: dict[str, list[float]] = {name: [] for name in TARGETS}
+    with chromium() as browser:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.set_default_timeout(600_000)
         page.goto(address)
-        page.get_by_text(re.compile(r"derivatives \d+ ms")).wait_for()
+        page.get_by_text(RESTED).wait_for()
         page.evaluate(WATCH)
         sliders = page.locator("input[type=range]")
         for i in range(keys + 1):
@@ -80,21 +107,13 @@ def measure(address: str, keys: int, screenshot: str | None) -> dict[str, list[f
             time.sleep(0.3)
         if screenshot:
             page.screenshot(path=screenshot)
-        browser.close()
     return {name: values[1:] for name, values in found.items()}
 
 
 def explore(scene=None, keys=20, screenshot=None):
     """Seconds of each picture; `--screenshot` is the PNG of the page afterwards."""
-    port = free_port()
-    with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "graded_contact", "explore", *([scene] if scene else [])]
-        server = subprocess.Popen([*command, "--no-browser", "--port", str(port), "-o", folder])
-        try:
-            wait_for(port)
-            found = measure(f"http://127.0.0.1:{port}/", keys, screenshot)
-        finally:
-            server.terminate()
+    with served(scene) as (address, _):
+        found = measure(address, keys, screenshot)
     for name, target in TARGETS.items():
         median, slow = np.percentile(found[name], (50, 90))
         row = {"picture": name, "median [s]": median, "nine of ten within [s]": slow}

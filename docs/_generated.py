@@ -58,7 +58,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene.Tables: keys_of(scene.Tables)},
     **{f'[surface], kind = "{kind}"': takers for kind, takers in surface_source.SURFACES.items()},
     "[grid]": {Grid: keys_of(Grid)},
-    "[materials.NAME], any kind": {gc.studies.read_errors: (block.ERRORS,)},
+    "[materials.NAME], any kind": {gc.studies.read_errors: (block.ERRORS, block.ASSUMED)},
     **{
         f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
         for kind, make in {
@@ -97,6 +97,7 @@ MEANINGS = {
     "rms_slope": "rms slope [1], instead of `rms_height`.",
     "q_low": "lowest wavenumber [rad/m]; by default 2π over the longest edge of the grid.",
     "errors": "file NAME-errors.csv of `graded-contact fit`: friction then has its standard error.",
+    "assumed": "what its numbers rest on and nobody stated; each is a caveat of the results.",
 }
 LONG = 30  # rows that are shown only when asked for
 
@@ -317,7 +318,7 @@ def words(key: Key) -> str:
             return "table with a `kind`"
     found = " or ".join(WORDS[kind] for kind in classes_of(parts)) or "table"
     rows = any(getattr(part, "dims", ()) for part in parts) or list[float] in parts
-    if rows or Sequence[Any] in parts or tuple[int, ...] in parts:
+    if rows or any(part in parts for part in (Sequence[Any], tuple[int, ...], list[str])):
         return f"{found}, or a list of them"
     return found
 

@@ -15,7 +15,7 @@ from ..studies.interruption import interruptible
 from ..studies.store import Store
 from ..surfaces.surface import Surface
 from . import terminal
-from .result_tables import print_read, print_scene
+from .result_tables import print_caveats, print_read, print_scene
 
 
 def design(
@@ -49,8 +49,8 @@ def design(
             write_whole(f"{stem}.json", json.dumps(designed_values(results), indent=2) + "\n")
             write_whole(f"{stem}.txt", f"{text}\n")
             typer.echo(f"\n{text}\n")
-            for sentence in getattr(rough, "caveats", ()):  # of a surface from a file
-                typer.secho(f"Caveat: {sentence}", fg="yellow")
+            # A surface from a file has caveats.
+            print_caveats((*study.scene.assumed, *getattr(rough, "caveats", ())))
             typer.echo(f"wrote {stem}.json\nwrote {stem}.txt")
             interruption.check()
             terminal.save_figure(plot_design(results), Path(f"{stem}.{form}"), form)

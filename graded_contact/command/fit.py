@@ -9,10 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
 
+import numpy as np
 import typer
 from typer import Argument, Option
 
 from ..core.checks import nearest
+from ..core.escaping import in_comment
 from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_prony
@@ -22,16 +24,19 @@ from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
 from ..readers.moduli import read_moduli
+from ..readers.prony import prony_in
+from ..scenes.schema import entry_text
 from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import Errors, write_errors
 from ..studies.uncertainty import errors_of
+from .result_tables import print_caveats
 from .terminal import Output, checked_place, refusing, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Cards of the material: endings of their files, by format.
-CARDS = {"toml": ".toml", "abaqus": ".inp", "ansys": ".mac"}
+# Cards of the material: endings of their files and comments in them, by format.
+CARDS = {"toml": (".toml", "#"), "abaqus": (".inp", "**"), "ansys": (".mac", "!")}
 # The words of `--kind`, by the argument that they are a value of.
 KINDS = {"kind": ("frequency", "relaxation", "creep"), "deformation": ("tension", "shear")}
 # Options of the command, by the arguments that messages about moduli and their fits name.
@@ -41,7 +46,7 @@ _FIT_OPTIONS = {
     "unit": "--height-unit", "shift_std": "--law LAW:STD",
     "vertical_shift_std": "--law LAW:STD:STD",
     **{name: f"--{name}" for name in (
-        "kind", "poisson", "sheet", "step", "terms", "law", "equilibrium", "temperatures",
+        "kind", "poisson", "sheet", "step", "terms", "law", "equilibrium", "glassy", "temperatures",
     )},
 }  # fmt: skip
 
@@ -58,7 +63,9 @@ ModuliFiles = Annotated[list[Path], Argument(
 Terms = Annotated[
     int | None, Option(min=1, help="Number of terms (default: that of the lowest BIC).")
 ]
-Poisson = Annotated[float, Option(help="Poisson's ratio of the material.")]
+Poisson = Annotated[
+    float | None, Option(help="Poisson's ratio of the material (default: as in the file, or 0.5).")
+]
 DataKind = Annotated[list[str] | None, Option(
     metavar="WORD", help="What the file does not say: frequency, relaxation or creep; tension or "
     "shear. May be repeated.",
@@ -74,7 +81,9 @@ ColumnTexts = Annotated[list[str] | None, Option(
     "--column", metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated."
 )]  # fmt: skip
 
-Sheet = Annotated[str | None, Option(help="Name of the sheet of a workbook.")]
+Sheet = Annotated[
+    str | None, Option(help="Name of the sheet of a workbook, or of the material of a deck.")
+]
 Steps = Annotated[list[str] | None, Option(
     metavar="NAME", help="Number or title of a step to read; may be repeated."
 )]  # fmt: skip
@@ -85,6 +94,9 @@ Law = Annotated[str, Option(
 Equilibrium = Annotated[float | None, Option(
     metavar="PASCAL", help="E_eq if known; 0 for a liquid."
 )]  # fmt: skip
+Glassy = Annotated[float | None, Option(
+    metavar="PASCAL", help="Instantaneous modulus E_0, of which a Prony series has ratios g_i."
+)]  # fmt: skip
 Robust = Annotated[bool, Option(
     "--robust", help="Leave out rows that no smooth positive spectrum explains."
 )]  # fmt: skip
@@ -94,33 +106,33 @@ def fit(
     moduli_files: ModuliFiles,
     output: Output = None,
     terms: Terms = None,
-    poisson: Poisson = 0.5,
+    poisson: Poisson = None,
     kind: DataKind = None,
     temperature: Temperatures = None,
     sheet: Sheet = None,
     step: Steps = None,
     law: Law = "wlf",
     equilibrium: Equilibrium = None,
+    glassy: Glassy = None,
     robust: Robust = False,
     unit: UnitTexts = None,
     column: ColumnTexts = None,
 ) -> None:
     """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
 
-    Writes cards for Abaqus and Ansys too. Several isotherms, in one file or several, are shifted
-    into a master curve. With a topography `graded-contact new` fits and writes the whole scene.
+    Writes cards for Abaqus and Ansys too. A file that holds a Prony series is only converted: a
+    table of relaxation times and moduli, a deck of Abaqus or Ansys. Several isotherms, in one file
+    or several, are shifted into a master curve. With a topography `graded-contact new` fits and
+    writes the whole scene.
     """
     given = locals()
     with refusing(with_options):
         shifts = law_arguments(law)
         folder = output or f"{moduli_files[0].stem}-fit"
         stem = checked_place(folder, material_name(moduli_files[0]))
-        measured = read_measured(
-            moduli_files, column, unit, temperature, kind, poisson=poisson, sheet=sheet, step=step
-        )
-        found = fitted(
-            looked_through(measured, robust), terms=terms, poisson=poisson,
-            equilibrium=equilibrium, **shifts,
+        found, _ = material_of(
+            moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, robust=robust,
+            terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,
         )  # fmt: skip
         write_fit(stem, found, tuple(CARDS))
     words = shlex.join([*map(str, moduli_files), *_typed(given)])
@@ -175,21 +187,35 @@ def with_options(message: str) -> str:
 
 def read_measured(moduli_files, column, unit, temperature, kind, **options) -> Measured:
     """Reads moduli with options as texts, and prints how they were understood."""
-    for word in kind or []:
-        name = next((name for name, words in KINDS.items() if word in words), None)
-        if name is None:
-            allowed = [word for words in KINDS.values() for word in words]
-            raise ValueError(f"`--kind {word}` is not known; {nearest(word, allowed)}")
-        options[name] = word
+    options |= _kinds(kind)
     columns = _pairs("column", column)  # a number counts the columns from 1
     measured = read_moduli(
         moduli_files, units=_pairs("unit", unit), **options,
         columns={key: int(v) if v.isdecimal() else v for key, v in columns.items()},
         temperature=temperature[0] if temperature and len(temperature) == 1 else temperature,
     )  # fmt: skip
-    for sentence in measured.history:
-        typer.echo(with_options(sentence))
+    print_history(measured.history, measured.assumed)
     return measured
+
+
+def print_history(history: Sequence[str], assumed: Sequence[str]) -> None:
+    """Prints how a file was read, and what was assumed."""
+    for sentence in history:
+        if sentence not in assumed:
+            typer.echo(with_options(sentence))
+    print_caveats(map(with_options, assumed))
+
+
+def _kinds(kind: list[str] | None) -> dict[str, str]:
+    """The arguments that the words of `--kind` are values of."""
+    found = {}
+    for word in kind or []:
+        name = next((name for name, words in KINDS.items() if word in words), None)
+        if name is None:
+            allowed = [word for words in KINDS.values() for word in words]
+            raise ValueError(f"`--kind {word}` is not known; {nearest(word, allowed)}")
+        found[name] = word
+    return found
 
 
 def looked_through(measured: Measured, robust: bool) -> Measured:
@@ -221,12 +247,68 @@ def material_name(path: Path) -> str:
 
 
 class MaterialFit(NamedTuple):
-    """A material with its errors, a report, and figures by the ends of their names."""
+    """A material with its errors, a report, and figures by the ends of their names.
+
+    The errors of a series that was only converted are not known. `assumed` has sentences.
+    """
 
     material: Prony
-    errors: Errors
+    errors: Errors | None
     report: str
     figures: "dict[str, Figure]"
+    assumed: tuple[str, ...] = ()
+
+
+def material_of(
+    moduli_files: Sequence[Path], column, unit, temperature, kind, *, sheet, step, robust: bool,
+    glassy: float | None, poisson: float | None, equilibrium: float | None, **arguments: Any,
+) -> tuple[MaterialFit, list[float]]:  # fmt: skip
+    """Returns the fit to moduli, or the Prony series in a file, and the temperatures [K] if known.
+
+    `arguments` are of `fitted`.
+    """
+    ratio = 0.5 if poisson is None else poisson
+    try:
+        measured = read_measured(
+            moduli_files, column, unit, temperature, kind, poisson=ratio, sheet=sheet, step=step
+        )
+    except ValueError:
+        found = _converted(moduli_files, unit, kind, (glassy, equilibrium), poisson, sheet)
+        if found is None:
+            raise
+        return found, []
+    if glassy is not None:
+        raise ValueError("`glassy` is refused: it is for the ratios of a Prony series.")
+    found = fitted(
+        looked_through(measured, robust), poisson=ratio, equilibrium=equilibrium, **arguments
+    )
+    caveats = "".join(f"\nCaveat: {with_options(sentence)}" for sentence in measured.assumed)
+    means = [part.temperature for part in measured.isotherms() if part.temperature is not None]
+    found = found._replace(report=found.report + caveats, assumed=measured.assumed)
+    return found, [float(np.mean(part)) for part in means]
+
+
+def _converted(
+    files: Sequence[Path], unit, kind, moduli: tuple[float | None, float | None],
+    poisson: float | None, sheet: str | None,
+) -> MaterialFit | None:  # fmt: skip
+    """The Prony series in the only file; None if it holds none."""
+    if len(files) > 1:
+        return None
+    deformation = _kinds(kind).get("deformation")
+    read = prony_in(files[0], _pairs("unit", unit), *moduli, deformation, poisson, sheet)
+    if read is None:
+        return None
+    material, log = read
+    print_history(log.history, log.assumed)
+    report = "The file holds a Prony series: nothing is fitted."
+    return MaterialFit(material, None, report, {}, tuple(log.assumed))
+
+
+def scene_table(found: MaterialFit, name: str) -> str:
+    """Returns the table [materials.NAME] of a scene, with what the numbers rest on."""
+    lines = export_prony(found.material, "toml", name=name)
+    return lines + f"assumed = {entry_text(list(found.assumed))}\n" * bool(found.assumed)
 
 
 def fitted(measured: Measured, law: str, **arguments: Any) -> MaterialFit:
@@ -249,15 +331,20 @@ def fitted(measured: Measured, law: str, **arguments: Any) -> MaterialFit:
 def write_fit(stem: Path, found: MaterialFit, cards: Sequence[str]) -> None:
     """Prints the report and the table for a scene, and writes files that begin with `stem`."""
     stem.parent.mkdir(parents=True, exist_ok=True)
-    typer.echo(f"\n{found.report}\n\n{export_prony(found.material, 'toml', name=stem.name)}")
+    table = scene_table(found, stem.name)
+    typer.echo(f"\n{found.report}\n\n{table}")
     for card in cards:
-        path = f"{stem}{CARDS[card]}"
+        ending, comment = CARDS[card]
+        path = f"{stem}{ending}"
+        caveats = "".join(f"{in_comment(f'Caveat: {each}', comment)}\n" for each in found.assumed)
         try:
-            write_whole(path, export_prony(found.material, card, name=stem.name))
+            exported = export_prony(found.material, card, name=stem.name)
+            write_whole(path, table if card == "toml" else caveats + exported)
             typer.echo(f"wrote {path}")
         except ValueError as error:
             typer.echo(f"no {path}: {error}")
-    write_errors(f"{stem}-errors.csv", found.errors)
-    typer.echo(f"wrote {stem}-errors.csv")
+    if found.errors is not None:
+        write_errors(f"{stem}-errors.csv", found.errors)
+        typer.echo(f"wrote {stem}-errors.csv")
     for ending, figure in found.figures.items():
         save_figure(figure, Path(f"{stem}{ending}.png"), "png")

@@ -158,7 +158,8 @@ def _mean_field(
         raise typer.Exit(interruption.exit_code)
     if not _varies(scene) and "temperature" in found.dims:  # no axis of the scene
         found = found.isel(temperature=0, drop=True)
-    return found.assign_attrs(title=scene.title, scene=scene.text)
+    caveats = "\n".join((*surface.caveats, *scene.assumed))
+    return found.assign_attrs(title=scene.title, scene=scene.text, caveats=caveats)
 
 
 def _print_theory(theory: "Dataset") -> None:

@@ -13,7 +13,6 @@ from typer import Argument, Option
 from ..blocks.stack import LIQUID
 from ..core.escaping import in_comment
 from ..core.warnings import EXTRAPOLATED
-from ..exports.prony_cards import export_prony
 from ..materials.material import Prony
 from ..plot.words import kelvin
 from ..readers.topography import read_surface
@@ -46,7 +45,7 @@ def new(
         help="How its edges are joined: harmonic, mirror, window or none."
     )] = "harmonic",
     terms: fit.Terms = None,
-    poisson: fit.Poisson = 0.5,
+    poisson: fit.Poisson = None,
     kind: fit.DataKind = None,
     temperature: fit.Temperatures = None,
     temperatures: Annotated[list[float] | None, Option(
@@ -57,6 +56,7 @@ def new(
     step: fit.Steps = None,
     law: fit.Law = "wlf",
     equilibrium: fit.Equilibrium = None,
+    glassy: fit.Glassy = None,
     robust: fit.Robust = False,
     unit: fit.UnitTexts = None,
     column: fit.ColumnTexts = None,
@@ -81,26 +81,28 @@ def new(
         read["shape"] = tuple(min(2 * n, most) for n in surface.grid.shape)
         surface = read_surface(surface_file, **read)
         print_surface(surface)
-        measured = fit.read_measured(
-            moduli_files, column, unit, temperature, kind, poisson=poisson, sheet=sheet, step=step
-        )
-        measured = fit.looked_through(measured, robust)
-        found = fit.fitted(
-            measured, terms=terms, poisson=poisson, equilibrium=equilibrium, **shifts
-        )
+        found, measured = fit.material_of(
+            moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, robust=robust,
+            terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,
+        )  # fmt: skip
         material = found.material
         _check_temperatures(material, temperatures or [])
         fit.write_fit(stem, found, ("toml",))
         if surface.grid.ndim == 2 and material.equilibrium == 0:
             raise ValueError(f"[materials.{name}] {LIQUID}")
-        parts = [part.temperature for part in measured.isotherms()]
-        kelvins = temperatures or [np.mean(part) for part in parts if part is not None]
-        load = proposed_load(material, surface, np.array(kelvins), every=bool(temperatures))
+        reference = getattr(material.shift, "reference", None)
+        usual = [] if reference is None else [float(reference)]
+        kelvins = np.array(temperatures or measured or usual)
+        load = proposed_load(material, surface, kelvins, every=bool(temperatures))
         path = os.path.relpath(surface_file.absolute(), stem.parent)
         entries = {"kind": "file", "path": Path(path).as_posix(), **read}
         title = f"{name} under {surface_file.stem}"
-        card = export_prony(material, "toml", name=name)
-        lines = partial(_lines, title, scene, name, entries, card, load)
+        card = fit.scene_table(found, name).rstrip()
+        if found.errors is not None:
+            of_fit = "of the fit; friction then has its standard error"
+            card += f'\nerrors = "{name}-errors.csv"  # {of_fit}'
+        known = material.measured is not None
+        lines = partial(_lines, title, scene, name, entries, card, load, known)
         # What the comments say is computed from the scene, as `run` does.
         draft, areas, shares = parse_scene("\n".join(lines()), stem.parent), [], [0.0]
         for _, stack in draft.blocks():
@@ -127,13 +129,16 @@ def _check_temperatures(material: Prony, temperatures: list[float]) -> None:
 
 
 def _lines(
-    title: str, scene: Path, name: str, surface: dict[str, Any], card: str, load: Load,
+    title: str, scene: Path, name: str, surface: dict[str, Any], card: str, load: Load, known: bool,
     areas: Sequence[float] = (0.0,), share: float = 0.0,
 ) -> list[str]:  # fmt: skip
-    """The lines of the scene; `areas` of contact and `share` of friction not measured [1]."""
+    """The lines of the scene; `areas` of contact and `share` of friction not measured [1].
+
+    `known` says whether the material knows where it was measured.
+    """
     low, high = load.velocity
     area = " to ".join(dict.fromkeys(f"{end:.0%}" for end in (min(areas), max(areas))))
-    where = ", at measured frequencies" if share <= EXTRAPOLATED else ""
+    where = ", at measured frequencies" if known and share <= EXTRAPOLATED else ""
     command = f"graded-contact run {scene.name}"
     lines = [
         in_comment(f"{title}, by `graded-contact new`. Change what you know better.", "#"),
@@ -146,8 +151,7 @@ def _lines(
         "[surface]  # without `shape` the points of the file; more of them resolve the contact",
         *(f"{key} = {entry_text(value)}" for key, value in surface.items()),
         "",
-        card.rstrip(),
-        f'errors = "{name}-errors.csv"  # of the fit; friction then has its standard error',
+        card,
         "",
         "[base]  # layers go on top of it, each as [[layers]] with `material` and `thickness` [m]",
         'kind = "half_space"',

@@ -1,6 +1,6 @@
 """Results as tables on the screen."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -158,10 +158,18 @@ def print_scene(scene: Scene) -> None:
 
 def print_read(scene: Scene, surface: Surface | None) -> None:
     """Prints how the files of a scene were read, and the warnings about its surface."""
-    for sentence in filter(None, (scene.title, *scene.notes)):
+    told = (note for note in scene.notes if note not in scene.assumed)
+    for sentence in filter(None, (scene.title, *told)):
         typer.echo(sentence)
+    print_caveats(scene.assumed)
     if surface is not None:
         print_surface(surface)
+
+
+def print_caveats(sentences: Iterable[str]) -> None:
+    """Prints why numbers are in doubt."""
+    for sentence in sentences:
+        typer.secho(f"Caveat: {sentence}", fg="yellow")
 
 
 def print_surface(surface: Surface) -> None:
@@ -169,8 +177,7 @@ def print_surface(surface: Surface) -> None:
     for sentence in surface.history:
         typer.echo(f"surface: {sentence}")
     print_steps(surface)
-    for sentence in surface.caveats:
-        typer.secho(f"Caveat: {sentence}", fg="yellow")
+    print_caveats(surface.caveats)
 
 
 def print_steps(surface: Surface) -> None:

@@ -131,7 +131,7 @@ def info(
     with terminal.refusing():
         results = read_results(result_file)
     for name, value in results.attrs.items():
-        hidden = name in ("scene", "caveats", "kept") or name.startswith("surface_")
+        hidden = name in ("scene", "caveats", "assumed", "kept") or name.startswith("surface_")
         if value != "" and not hidden:
             typer.echo(f"{name:22} {str(value).replace(chr(10), chr(10) + 23 * ' ')}")
     surface = surface_of(results)

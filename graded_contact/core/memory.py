@@ -50,6 +50,12 @@ def keep_freed_memory() -> bool:
     return True
 
 
+def return_freed_memory() -> None:
+    """Returns freed memory to the system, also in a process that keeps it for its next fields."""
+    if platform.libc_ver()[0] == "glibc":
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 def memory_of(fields: float, shape: tuple[int, ...], itemsize: int = 8) -> float:
     """Returns the bytes of a solve that takes so many fields of a shape."""
     field = math.prod(shape) * itemsize

@@ -248,3 +248,9 @@ class TabulatedShift(AbstractShift):
             allowed = f"{covered}. Use a law, such as `WLF`, to go beyond what was measured"
             low, high = coldest - NEAR, hottest + NEAR
             check_values(name, temperature, allowed, at_least=low, at_most=high)
+
+
+# By their names in tables of scenes.
+LAWS: dict[str, type[AbstractShift]] = {
+    "wlf": WLF, "arrhenius": Arrhenius, "tabulated": TabulatedShift,
+}  # fmt: skip

@@ -25,9 +25,11 @@ from ..readers.topography import read_surface
 from ..scenes.scene import Scene, parse_scene, refuse_tables
 from ..scenes.schema import MOST_BYTES, parse_toml, toml_text
 from ..studies.dataset import write_whole
+from .wording import worded
 
 FINEST_DROP = 256  # along the longer edge of a topography that the user drops
 FIRST_THICKNESS = 1e-4  # m, of a layer on a bare base
+NEW_NAME = "coat"  # of a new material
 
 
 class Document(NamedTuple):
@@ -121,18 +123,19 @@ def base_name(content: dict[str, Any]) -> str:
     return content["base"].get("material", content["base"]["kind"])
 
 
-def with_layer(document: Document, material: str | None) -> Document:
+def with_layer(document: Document, material: str | None, name: str = "") -> Document:
     """Returns the scene with one more layer on top, as thick as the layer below it.
 
     **Arguments:**
 
     - `document`: the scene.
     - `material`: a name of [materials]; None for a new elastic material.
+    - `name`: of a new material, with a number behind it if another material has the name.
     """
     document = document.copied()
     content = document.content
     if material is None:
-        material = free_name("coat", content["materials"])
+        material = free_name(name.strip() or NEW_NAME, content["materials"])
         content["materials"][material] = {"kind": "elastic", "modulus": 1e7, "poisson": 0.49}
     below = content.get("layers", [])
     thickness = below[0]["thickness"] if below else FIRST_THICKNESS
@@ -143,7 +146,10 @@ def with_layer(document: Document, material: str | None) -> Document:
 def without_layer(document: Document, index: int) -> Document:
     """Returns the scene without one layer, counted from the surface; its material stays."""
     document = document.copied()
-    del document.content["layers"][index]
+    layers = document.content["layers"]
+    if index >= len(layers):  # a second click, before the page had changed
+        raise ValueError(f"Layer {index + 1} is removed already.")
+    del layers[index]
     return document
 
 
@@ -158,7 +164,7 @@ def with_moduli(document: Document, path: Path, name: str) -> Document:
     table = dict(kind="tabulated", path=str(path), extrapolate="plateau", poisson=poisson)
     if old["kind"] == "tabulated" and "shift" in old:
         table["shift"] = old["shift"]
-    with within(f"{path.name}:"):
+    with within(f"{path.name}:"), worded(read_moduli):
         isotherms = read_moduli(path, kind="frequency", poisson=poisson).isotherms()
         if len(isotherms) > 1:
             table = material_table(master_curve(isotherms, poisson=poisson).exported())
@@ -185,7 +191,7 @@ def with_topography(document: Document, path: Path, options: dict[str, Any]) -> 
     """
     document = document.copied()
     content = document.content
-    with within(f"{path.name}:"):
+    with within(f"{path.name}:"), worded(read_surface):
         periodic = {"periodic": None} if options.get("periodic") == "none" else {}
         shape = read_surface(path, **{**options, **periodic}).grid.shape
     content["surface"] = {"kind": "file", "path": str(path), **options}
@@ -211,7 +217,8 @@ def with_file(
     **Raises:** the errors of the scene with the file; the folder then stays unchanged.
     """
     name = Path(name.replace("\\", "/")).name
-    check_name(name)
+    with worded(check_name):
+        check_name(name)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
     # A link may lead out of the folder.
@@ -238,7 +245,8 @@ def save_document(document: Document, folder: Path, name: str, replace: bool) ->
 
     **Raises:** `ValueError` for a bad name, or for an existing file unless `replace`; `OSError`.
     """
-    check_name(name)
+    with worded(check_name):
+        check_name(name)
     path = folder / f"{name}.toml"
     if path.exists() and not replace:
         raise ValueError(f"{path} exists: choose another name.")

@@ -4,8 +4,6 @@ A knob acts on the built block, so that JAX can trace its value and differentiat
 writes the value into its tables.
 """
 
-import contextlib
-import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
@@ -17,12 +15,12 @@ from ..blocks.stack import Stack
 from ..core.parameters import paths, with_values
 from ..materials.material import BulkShear, Elastic, Prony
 from ..materials.shift import WLF, TabulatedShift, shifts_in
-from ..plot.words import ZERO_CELSIUS
 from ..scenes.scene import Scene
 from ..scenes.surface_source import RandomSurface
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
 from .document import Document, material_table
+from .entries import read_entry
 
 WIDE_FACTOR, ROUGH_FACTOR = 50.0, 10.0  # the range of a knob in both directions; of roughness
 COLDER, HOTTER = 40.0, 80.0  # K
@@ -107,23 +105,20 @@ class Knob(NamedTuple):
         return f"{self.label} {self.step_size(value):+g}{unit}".replace("-", "−")
 
     def read(self, text: str) -> float:
-        """Returns the value [SI] of a text, with or without a unit: "2.5", "2,5 µm", "20 °C".
+        """Returns the value [SI] of a text, see `read_entry`.
 
-        **Raises:** `ValueError` for other texts, and out of range.
+        **Raises:** `ValueError` for other texts, units of another dimension, and out of range.
         """
-        number, zero, value = text.strip().replace(",", "."), 0.0, math.nan
-        if self.unit == "K" and number.endswith("C"):
-            number, zero = number.rstrip("°C"), ZERO_CELSIUS
-        elif self.unit != "1":
-            number = number.removesuffix(self.unit)
-        with contextlib.suppress(ValueError):
-            value = float(f"{(float(number) + zero) / self.factor:.12g}")
-        if self.low <= value <= self.high:  # NaN is not
-            return value
         low, high = (f"{at * self.factor:.6g}" for at in (self.low, self.high))
         said, unit = text.strip()[:40] or "nothing", f" {self.unit}".removesuffix(" 1")
         allowed = f"Enter a number between {low} and {high}{unit}."
-        raise ValueError(f"`{self.label}`: {said} is refused. {allowed}")
+        try:
+            value = read_entry(text, self.unit)
+        except ValueError as error:
+            raise ValueError(f"`{self.label}`: {said} is refused: {error}. {allowed}") from error
+        if not self.low <= value <= self.high:
+            raise ValueError(f"`{self.label}`: {said} is refused. {allowed}")
+        return value
 
 
 def knobs_of(document: Document, scene: Scene, surface: Surface) -> tuple[Knob, ...]:

@@ -1,10 +1,16 @@
 """Serves a page to each tab of a browser, or to the cell of a notebook."""
 
+import asyncio
+import logging
 import os
+import re
 import socket
+import weakref
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..core.memory import return_freed_memory
 from .document import open_document
 
 TITLE = "graded-contact explore"
@@ -35,30 +41,41 @@ def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = "
     return Page(open_document(None if path is None else Path(path)), Path(folder).absolute())
 
 
-def serve(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> None:
-    """Serves pages of a scene until Ctrl-C.
+def serve(path: Path | None, folder: Path, **where: Any) -> None:
+    """Serves pages of a scene until Ctrl-C; arguments and errors are those of `new_server`."""
+    server = new_server(path, folder, **where)
+    server.start()
+    server.io_loop.start()
+
+
+def new_server(
+    path: Path | None, folder: Path, *, address: str, port: int, show: bool,
+    host_names: Sequence[str] = (), prefix: str = "",
+) -> Any:  # fmt: skip
+    """Returns a server of pages of a scene, before it starts.
 
     **Arguments:**
 
     - `path`, `folder`: as in `explore`.
     - `address`, `port`: where the server listens.
     - `show`: whether to open a browser.
+    - `host_names`: other names of the server, such as that of a reverse proxy.
+    - `prefix`: path of the page on the server, such as "/lab".
 
-    **Raises:** as `explore`; `OSError` if the port is taken.
+    **Raises:** as `explore`; `ValueError` for a bad name or path; `OSError` if the port is taken.
     """
-    server = new_server(path, folder, address=address, port=port, show=show)
-    server.start()
-    server.io_loop.start()
-
-
-def new_server(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> Any:
-    """Returns the server of `serve`, before it starts."""
+    for name in host_names:
+        if not re.fullmatch(r"[\w.-]+", name):
+            reason = "it needs a bare name, such as lab.example.org, without scheme and port"
+            raise ValueError(f"`host_name={name}` is refused: {reason}.")
+    if not re.fullmatch(r"(/[\w.~@%+-]+)*/?", prefix):
+        raise ValueError(f"`prefix={prefix}` is refused: it needs a path, such as /lab/page.")
     pn = _panel()
     from bokeh.settings import settings
     from tornado.routing import Rule
     from tornado.web import ErrorHandler
 
-    from .foreign import Foreign
+    from .foreign import Foreign, Framing
     from .view import Page
 
     pn.config.raw_css = [DARK]
@@ -67,17 +84,31 @@ def new_server(path: Path | None, folder: Path, *, address: str, port: int, show
     def page() -> Any:
         new = Page(open_document(path), folder.absolute())
         pn.state.on_session_destroyed(lambda _: new.session.end())
+        # Once the page is collected, what it had is returned.
+        weakref.finalize(new, server.io_loop.add_callback, return_freed_memory).atexit = False
         return new
 
     settings.allowed_ws_origin = ["*"]  # `Foreign` decides, also about what Bokeh does not ask
     server = pn.serve(
         {"/": page}, address=address, port=port, show=show, title=TITLE, start=False,
-        location=False, websocket_max_message_size=MESSAGE,
+        location=False, websocket_max_message_size=MESSAGE, prefix=prefix.rstrip("/"),
     )  # fmt: skip
-    foreign = Foreign({address, "localhost", socket.gethostname()})
+    # That a tab is closed while it is written to is nothing to report.
+    logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
+    server.io_loop.asyncio_loop.set_exception_handler(_report)
+    server._tornado.transforms.append(Framing)
+    foreign = Foreign({address, "localhost", socket.gethostname(), *host_names})
     # Before all other rules, those of WebSockets too.
     server._tornado.add_handlers(".*", [Rule(foreign, ErrorHandler, {"status_code": 403})])
     return server
+
+
+def _report(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Reports an error that nobody awaits, unless a tab was closed while it was written to."""
+    from tornado.websocket import WebSocketClosedError
+
+    if not isinstance(context.get("exception"), WebSocketClosedError):
+        loop.default_exception_handler(context)
 
 
 def _panel() -> Any:

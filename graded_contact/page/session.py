@@ -1,24 +1,25 @@
 """The session of a page: its scene, the values of the sliders, and the order of the computation.
 
 For each change the session computes the curves first, then the contact, then the derivatives. A new
-change replaces an earlier one between these stages. Everything is computed in a thread, one stage
-at a time; all else runs on the event loop.
+change replaces an earlier one between these stages. Everything is computed in threads, one stage
+of a page at a time; all else runs on the event loop. One thread reads the scenes of all pages and
+computes what compiles: tabs that open together wait for one compilation, not for one each.
 """
 
 import asyncio
-import contextlib
 import logging
-import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import panel as pn
 import param
 
 from ..contacts.solution import RESULTS
+from ..core.memory import return_freed_memory
 from .document import Document, save_document, with_file
 from .downloads import Shown
 from .model import Model
@@ -26,9 +27,14 @@ from .model import Model
 # Seconds to rest before each stage: no derivatives while a slider moves.
 STAGES = {"curves": 0.0, "contact": 0.0, "derivatives": 0.25}
 EXPECTED = (ValueError, OSError, ImportError, MemoryError)  # errors of the package for bad input
-_COMPILING = threading.Lock()
+_COMPILER = ThreadPoolExecutor(1, "compiling")
 
 Change = Callable[[Document], Document]
+T = TypeVar("T")
+
+
+class _Closed(Exception):
+    """The page was closed."""
 
 
 class Session(param.Parameterized):
@@ -119,13 +125,17 @@ class Session(param.Parameterized):
                 stale = self._ended or call != self._call or model is None
                 if stale or not await self._compute(call, stage, model, values):
                     return
+        await asyncio.to_thread(return_freed_memory)
 
     async def _read(self, change: Change) -> None:
         """Changes the scene, and builds its model."""
         self.show(status="reading the scene", busy=True)
         old, values = self._newest, self._values
+        build = lambda: Model(change(old and old.changed(values)))  # noqa: E731
         try:
-            model = await asyncio.to_thread(lambda: Model(change(old and old.changed(values))))
+            model = await self._in_thread(_COMPILER, build)
+        except _Closed:
+            return
         except Exception as error:
             self._fail("the scene", error)
             return
@@ -137,15 +147,12 @@ class Session(param.Parameterized):
         first = stage not in self._seconds
         if first:
             self.show(status=f"compiling: {stage}", busy=True)
-
-        def compute() -> Any:
-            # Another page may be compiling the same function.
-            with _COMPILING if first else contextlib.nullcontext():
-                return getattr(model, stage)(values)
-
         started = time.perf_counter()
+        compute = partial(getattr(model, stage), values)
         try:
-            found = await asyncio.to_thread(compute)
+            found = await self._in_thread(_COMPILER if first else None, compute)
+        except _Closed:
+            return False
         except Exception as error:
             if call == self._call:
                 self._fail(stage, error)
@@ -163,6 +170,16 @@ class Session(param.Parameterized):
         if stage == "contact" and found.sliding.result != RESULTS.successful:
             self.show_message(RESULTS[found.sliding.result])
         return True
+
+    async def _in_thread(self, threads: ThreadPoolExecutor | None, work: Callable[[], T]) -> T:
+        """Returns what `work` returns; raises `_Closed` if the page is closed before its turn."""
+
+        def run() -> T:
+            if self._ended:
+                raise _Closed
+            return work()
+
+        return await asyncio.get_running_loop().run_in_executor(threads, run)
 
     def _fail(self, stage: str, error: Exception) -> None:
         """Shows the error that ended a stage. Unexpected errors are logged."""

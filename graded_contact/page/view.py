@@ -14,6 +14,7 @@ from ..core.escaping import in_html
 from ..plot.contact import masked_fields
 from . import document as tables
 from .downloads import Shown, to_csv, to_hdf5
+from .entries import read_entry
 from .figures import Bars, BlockPicture, Map, new_lines
 from .session import Session
 from .widgets import LARGEST_DROP, Browser, Dropper, Slider
@@ -50,6 +51,7 @@ EDGES = {
     "tapered to zero": "window", "periodic already": "none",
 }  # fmt: skip
 NEW_MATERIAL = "a new elastic material"
+LONGEST_NAME = 40  # of a new material
 
 
 class Page(pn.viewable.Viewer):
@@ -66,7 +68,10 @@ class Page(pn.viewable.Viewer):
         self.session = Session(document, folder)
         self.sliders: list[Slider] = []
         self._plots, self._knobs = pn.Column(**WIDE), pn.Column(**WIDE)
-        self._layers = pn.Column(**SMALL)
+        self._layers = pn.Column(**WIDE)
+        self._chosen: Any = pn.widgets.Select(
+            label="Add a layer of", options={NEW_MATERIAL: ""}, value="", **SMALL
+        )
         self._material: Any = pn.widgets.Select(label="of material", **SMALL)
         self._field: Any = pn.widgets.RadioButtonGroup(
             options=MAPS, variant="outline", color="primary", margin=(4, 48),
@@ -99,7 +104,7 @@ class Page(pn.viewable.Viewer):
             lambda event: session.show(pinned=session.shown if event.new else None), "value"
         )
         tabs = pn.Tabs(
-            ("Sliders", self._knobs), ("Layers", self._layers), ("Data", self._data()),
+            ("Sliders", self._knobs), ("Layers", self._adding()), ("Data", self._data()),
             ("Save", self._saving()), sizing_mode="stretch_width", margin=(2, 4),
         )  # fmt: skip
         browser = Browser(width=0, margin=0)
@@ -119,6 +124,18 @@ class Page(pn.viewable.Viewer):
         main = pn.Column(self._plots, **WIDE, styles=_flex("1000 1 600px"))
         return pn.FlexBox(head, side, main, styles={"background": "white"}, gap="0", **WIDE)
 
+    def _adding(self) -> pn.Column:
+        """The tab that adds layers, above those of the scene: so its button stays in its place."""
+        name: Any = pn.widgets.TextInput(
+            label="name of the new material", value=tables.NEW_NAME, max_length=LONGEST_NAME,
+            disabled=self._chosen.param.value.rx.bool(), **SMALL,
+        )  # fmt: skip
+        add = pn.widgets.Button(label="Add layer", color="primary", **SMALL)
+        add.on_click(lambda _: self.session.change(
+            partial(tables.with_layer, material=self._chosen.value or None, name=name.value)
+        ))  # fmt: skip
+        return pn.Column(self._chosen, name, add, self._layers, **SMALL)
+
     def _data(self) -> pn.Column:
         """The tab that takes files of the user."""
         options: dict[str, Any] = {
@@ -126,26 +143,37 @@ class Page(pn.viewable.Viewer):
             "size": pn.widgets.TextInput(placeholder="1e-3", label="edge length [m]", **HALF),
             "periodic": pn.widgets.Select(label="its edges", options=EDGES, **SMALL),
         }
-        tab, last = pn.Column(**SMALL), []
+        tab = pn.Column(**SMALL)
+        last: list[Any] = []  # name and data of the last topography
 
         def moduli(name: str, data: bytes) -> None:
             change = partial(tables.with_moduli, name=str(self._material.value))
             self.session.take_file(name, data, change)
 
         def topography(name: str, data: bytes) -> None:
+            if last:  # the fields are those of the file before
+                last.clear()
+                for field, widget in options.items():
+                    widget.value = "harmonic" if field == "periodic" else ""
             last[:] = [name, data]
-            values = {name: widget.value for name, widget in options.items() if widget.value}
+            read_again()
+
+        def read_again(*_: Any) -> None:
+            if not last:
+                return
+            (file, data), given = last, options.items()
+            values = {name: widget.value for name, widget in given if widget.value}
             try:
                 if size := values.pop("size", ""):
-                    values["size"] = float(size.replace(",", "."))
-            except ValueError:
-                text = f"`edge length`: {size} is refused. Enter metres, such as 1e-3."
+                    values["size"] = read_entry(size, "m")
+            except ValueError as error:
+                text = f"`edge length`: {size} is refused: {error}. Enter a length, such as 1 mm."
                 self.session.show_message(text)
                 return
-            self.session.take_file(name, data, partial(tables.with_topography, options=values))
+            self.session.take_file(file, data, partial(tables.with_topography, options=values))
 
         for widget in options.values():
-            widget.param.watch(lambda _: topography(*last) if last else None, "value")
+            widget.param.watch(read_again, "value")
 
         def dropper(take: Callable[[str, bytes], None]) -> Dropper:
             def dropped(event: Any) -> None:
@@ -166,7 +194,8 @@ class Page(pn.viewable.Viewer):
             _heading("Your topography"),
             pn.Row(options["unit"], options["size"], **WIDE), options["periodic"],
             dropper(topography),
-            _heading("Unit, length and edges also apply to the file that you dropped last."),
+            _heading("Unit, length and edges apply to the file that you dropped last; for the next "
+                     "one they are empty again."),
             _heading(f"At most {LARGEST_DROP} MB; stored in {self.session.folder.name}"),
         ]  # fmt: skip
         return tab
@@ -214,22 +243,17 @@ class Page(pn.viewable.Viewer):
         self._show_layers(model.document.content)
 
     def _show_layers(self, content: dict[str, Any]) -> None:
-        """The tab that adds and removes layers."""
+        """The layers of the scene, each with a button that removes it."""
         change, names = self.session.change, list(content["materials"])
         self._material.options = names
-        chosen: Any = pn.widgets.Select(
-            label="Add a layer of", options={NEW_MATERIAL: None} | {name: name for name in names},
-            **SMALL,
-        )  # fmt: skip
-        add = pn.widgets.Button(label="Add layer", color="primary", **SMALL)
-        add.on_click(lambda _: change(partial(tables.with_layer, material=chosen.value)))
+        self._chosen.options = {NEW_MATERIAL: ""} | {name: name for name in names}
         rows = []
         for i, layer in enumerate(content.get("layers", [])):
             button = pn.widgets.Button(label="Remove", width=80, margin=(2, 8), align="center")
             button.on_click(lambda _, i=i: change(partial(tables.without_layer, index=i)))
             rows.append(pn.Row(_heading(f"{i + 1}  {tables.layer_name(layer)}"), button, **WIDE))
         top, base = "From the loaded surface downwards", f"base  {tables.base_name(content)}"
-        self._layers[:] = [_heading(top), *rows, _heading(base), chosen, add]
+        self._layers[:] = [_heading(top), *rows, _heading(base)]
 
     def _show_curves(self, *events: Any) -> None:
         pinned = self.session.pinned
@@ -294,8 +318,8 @@ def _warnings(shown: Shown | None) -> str:
         return ""
     of_law = "Curves of the mean field are those of a hard wall, without [law]."
     known = [of_law] if shown.model.scene.law is not None else []
-    told = *shown.model.surface.caveats, *shown.contact.sliding.caveats
-    return _words(" ".join([*told, *known]))
+    of_files = *shown.model.scene.assumed, *shown.model.surface.caveats
+    return _words(" ".join([*of_files, *shown.contact.sliding.caveats, *known]))
 
 
 def _headline(shown: Shown | None, pinned: Shown | None) -> str:

@@ -76,7 +76,7 @@ export function render({model}) {
   })
   model.on("value", draw)
   model.on("msg:custom", refused => {
-    draw()
+    if (!refused) draw()
     field.setAttribute("aria-invalid", refused)
   })
   draw()
@@ -96,7 +96,7 @@ export function render({model}) {
         self.enter(str(data))
 
     def enter(self, text: str) -> None:
-        """Takes the text of the field, or says why not; the field then shows the value again."""
+        """Takes the text of the field, or says why not; the field then keeps it, to be mended."""
         self.refusal = ""
         try:
             self.value = self._knob.read(text)

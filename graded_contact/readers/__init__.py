@@ -1,6 +1,7 @@
-"""Measured files as objects: moduli and topographies."""
+"""Measured files as objects: moduli, Prony series and topographies."""
 
 from .moduli import read_moduli, read_strain_sweep
+from .prony import read_prony
 from .topography import read_surface
 
-__all__ = ["read_moduli", "read_strain_sweep", "read_surface"]
+__all__ = ["read_moduli", "read_prony", "read_strain_sweep", "read_surface"]

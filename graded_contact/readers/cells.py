@@ -31,9 +31,11 @@ _GROUPED = {
     mark: re.compile(rf"[-+−]?[1-9]\d{{0,2}}([{other}'’\s]\d{{3}})+([{mark}]\d*)?")
     for mark, other in (".,", ",.")
 }
+_INFINITE = {"inf", "infinity", "infty", "∞"}
 _MISSING = {
     "", "-", "--", "---", "n/a", "n.a.", "na", "#n/a", "#nv", "nan", "-nan", "+nan", "null", "none",
-    "inf", "-inf", "+inf", "infinity", "-infinity", "#num!", "#div/0!", "#value!", "#ref!",
+    "#num!", "#div/0!", "#value!", "#ref!",
+    *(sign + word for sign in ("", "+", "-") for word in _INFINITE),
 }  # fmt: skip
 COMMENT = re.compile(r"^\s*(#+|%+(?![\t;,])|//|!|\*+)\s*")  # a "%" in its own cell is a unit
 _REMARK = re.compile(r"(?<=[\d\s])(#|//|!).*$")  # behind numbers
@@ -113,6 +115,11 @@ def is_number(cell: str) -> bool:
 def is_missing(cell: str) -> bool:
     """Whether a cell is empty or marks a missing value."""
     return cell.lower() in _MISSING
+
+
+def is_infinite(cell: str) -> bool:
+    """Whether a cell says infinite, as a relaxation time of the equilibrium is."""
+    return cell.lower().lstrip("+") in _INFINITE
 
 
 def holds_data(row: Row) -> bool:
@@ -274,6 +281,6 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     decimal = max(".,", key=lambda mark: _score([texts], mark, 2))
     padded = []
     for line, row in rows:
-        cells = [_with_point(str(cell).strip(), decimal) for cell in row]
+        cells = [_with_point(str(cell).replace("\ufeff", "").strip(), decimal) for cell in row]
         padded.append(Row(line, cells + [""] * (width - len(row))))
     return Sheet(name, padded, f"sheet {name!r} of a workbook")

@@ -1,5 +1,6 @@
 """Which column of a table of measurements is which quantity, in which unit."""
 
+import operator
 import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -7,9 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.display import short
+from .decisions import Log, settled
+from .other_tables import check_others
 from .registry import Options
-from .tables import Column, Table, tension_above, value_above
-from .units import DIMENSIONS, OF_SHEAR, PER_SECOND, UNITS
+from .tables import Column, Table, value_above
+from .units import DIMENSIONS, PER_SECOND, UNITS, Heading
 
 
 class Way(NamedTuple):
@@ -39,13 +42,26 @@ WAYS = (
     Way("frequency", "magnitude phase", lambda size, phase: size * np.exp(1j * phase)),
     Way("frequency", "loss tan_delta", lambda loss, tan: loss * (1 / tan + 1j)),
     Way("frequency", "loss phase", lambda loss, phase: loss * (1 / np.tan(phase) + 1j)),
+    *(
+        Way("frequency", quantities, value)  # E* = 1/D*, with D* = D' - iD''
+        for quantities, value in {
+            "storage_compliance loss_compliance": lambda real, loss: 1 / (real - 1j * loss),
+            "storage_compliance tan_delta": lambda real, tan: 1 / (real * (1 - 1j * tan)),
+            "storage_compliance phase": lambda real, delta: 1 / (real * (1 - 1j * np.tan(delta))),
+            "compliance_magnitude tan_delta": lambda size, tan: np.exp(1j * np.arctan(tan)) / size,
+            "compliance_magnitude phase": lambda size, delta: np.exp(1j * delta) / size,
+            "loss_compliance tan_delta": lambda loss, tan: 1 / (loss * (1 / tan - 1j)),
+            "loss_compliance phase": lambda loss, delta: 1 / (loss * (1 / np.tan(delta) - 1j)),
+        }.items()
+    ),
     Way("relaxation", "modulus", lambda modulus: modulus),
     Way("creep", "compliance", lambda compliance: compliance),
     Way("relaxation", "stress strain", lambda stress, strain: stress / strain),
     Way("creep", "strain stress", lambda strain, stress: strain / stress),
     Way("relaxation", "stress", lambda stress, strain: stress / strain),
     Way("creep", "strain", lambda strain, stress: strain / stress),
-)
+)  # fmt: skip
+_PARTS = ("storage loss", "storage_compliance loss_compliance")  # whose ratio is tan delta
 AT_LOAD = WAYS[-2:]  # if the constant load is known
 SWEEPS = tuple(way._replace(kind="strain") for way in WAYS if way.kind == "frequency")
 # In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
@@ -53,7 +69,11 @@ _STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formatio
 _NO_AMPLITUDE = re.compile(r"(?i)\bcmd\b|command|ratio|constant")  # as TRIOS has beside the strain
 ALIKE = 0.02  # columns whose values differ by less are the same
 CONSTANT = 0.05  # what a test holds constant varies by less
+_TURNS = 3  # changes of sign that make a signal of a column; noise about 0 of both is none
 SAME = 1e-3  # relative, between frequencies that are meant to be equal
+
+
+_ASSUMED = "assumed by its name; if it is not, pass `units={'frequency': 'rad/s'}`"
 
 
 class Unclear(ValueError):
@@ -69,9 +89,8 @@ class MeasuredTable(NamedTuple):
     - `load`: the constant stress of a creep test [Pa], or strain of a relaxation test [1], if no
       column holds it.
     - `table`: its rows.
-    - `shear`: the name of another column, which only a test in shear has.
     - `unused`: names of the other columns.
-    - `notes`: what was understood, decided and left out, in sentences; the reading adds to them.
+    - `log`: what was understood, assumed and left out; the reading adds to it.
     """
 
     way: Way
@@ -79,9 +98,8 @@ class MeasuredTable(NamedTuple):
     check: Column | None
     load: float | None
     table: Table
-    shear: str | None
     unused: list[str]
-    notes: list[str]
+    log: Log
 
     @property
     def kind(self) -> str:
@@ -102,7 +120,10 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     if all(entries):
         first = f"line {table.rows[0].line} has {entries[0]} entries"
         raise ValueError(f"{first}, unlike {table.place} with {table.listed()}")
-    notes: list[str] = []
+    stated = {heading.quantity for heading in table.headings}
+    if not any(set(way.names) <= stated for way in WAYS):
+        check_others(table, options.columns.values())
+    log = Log()
     width, numbers = len(table.names), [n for n in options.columns.values() if isinstance(n, int)]
     if table.blocks > 1 and max(numbers, default=0) > width:  # one of the curves side by side
         names, units = table.names * table.blocks, table.units * table.blocks
@@ -116,7 +137,7 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     way = _way(table, places, load is not None, options)
     beside = {"frequency" if way.kind == "strain" else "temperature"} & set(places)
     needed = {name: places[name] for name in (*way.names, *beside)}
-    found = {name: _distinct(table, name, needed[name], options, notes) for name in needed}
+    found = {name: _distinct(table, name, needed[name], options, log) for name in needed}
     columns = {name: each[0] for name, each in found.items() if each[0] is not None}
     lacking = []
     several = {name: needed[name] for name, each in found.items() if len(each) > 1}
@@ -124,26 +145,56 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
         lacking.append(f"{' and '.join(map(table.label, where))} may be the {name}")
     if several:
         lacking.append(_choice(table, several))
-    for name in (name for name in needed if name not in columns):
-        place, (first, *rest) = needed[name][0], UNITS[DIMENSIONS[name]]
-        unit = table.unit(place) or table.units[place]
-        allowed = f"pass for instance `units={ {DIMENSIONS[name]: first} }`; others are {rest}"
-        lacking.append(f"{table.label(place)}, the {name}, has {unit!r} as unit; {allowed}")
+    lacking += [
+        _without_unit(table, name, needed[name][0]) for name in needed if name not in columns
+    ]
     used = {column.place for column in columns.values()}
     others = [name for i, name in enumerate(table.names) if name and i not in used]
-    shear = next(filter(OF_SHEAR.search, others), None)
-    if shear and tension_above(titles) and not any(c.deformation for c in columns.values()):
-        reason = f"only a test in shear has a column {shear!r}"
-        lacking.append(f"lines above name tension or bending, but {reason}: pass `deformation`")
     if lacking:
         abscissa = Column(way.names[0], needed[way.names[0]][0])
         swept = len(np.unique(abscissa.known(table.rows))) > 1
         raise (Unclear if swept else ValueError)(f"{table.place}: {'; '.join(lacking)}")
-    tangents = places.get("tan_delta", []) if way.quantities == "storage loss" else []
+    _check_reciprocal(columns, options)
+    tangents = places.get("tan_delta", []) if way.quantities in _PARTS else []
     check = _column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None
     load = load if way in AT_LOAD else None
-    notes = [*(column.sentence for column in columns.values()), *notes]
-    return MeasuredTable(way, columns, check, load, table, shear, others, notes)
+    understood = Log()
+    for column in columns.values():
+        add = understood.assume if column.source == _ASSUMED else understood.note
+        add(column.sentence)
+    understood.assume(*table.assumed)
+    understood.note(*log.history)
+    return MeasuredTable(way, columns, check, load, table, others, understood)
+
+
+def _without_unit(table: Table, name: str, place: int) -> str:
+    """How to give the unit of a column, or why the column is not what it was taken for."""
+    dimension, unit = _dimension(table, name, place), table.unit(place) or table.units[place]
+    start = f"{table.label(place)}, the {name}, has {unit!r} as unit"
+    if _of_another_kind(unit, dimension):
+        return f"{start}, which is none of a {dimension}: choose another column by `columns`"
+    first, *rest = UNITS[dimension]
+    return f"{start}; pass for instance `units={ {dimension: first} }`; others are {rest}"
+
+
+def _dimension(table: Table, quantity: str, place: int) -> str:
+    """The dimension of the numbers in a column."""
+    return "time" if table.headings[place].period else DIMENSIONS[quantity]
+
+
+def _of_another_kind(unit: str | None, dimension: str) -> bool:
+    """Whether a unit is known, but not one of a dimension."""
+    return unit not in UNITS[dimension] and any(unit in units for units in UNITS.values())
+
+
+def _check_reciprocal(columns: dict[str, Column], options: Options) -> None:
+    """Refuses units of a modulus for compliances, and of a compliance for moduli."""
+    for given, other in (("modulus", "compliance"), ("compliance", "modulus")):
+        used = {column.dimension: column for column in columns.values()}
+        if given in options.units and other in used and given not in used:
+            option = f"`units={ {given: options.units[given]} }`"
+            settled(used[other].label, used[other].unit, options.units[given], option=option,
+                    alike=lambda stated, unit: False)  # fmt: skip
 
 
 def _choice(table: Table, several: dict[str, list[int]]) -> str:
@@ -180,8 +231,21 @@ def _places(table: Table, options: Options) -> dict[str, list[int]]:
             same = f"{len(found) or 'no'} columns have that name or number"
             reason = f"`columns` names {short(name)}, but {same}; there are {table.listed()}"
             raise ValueError(f"{table.place}: {reason}")
+        settled(table.label(found[0]), _stated_role(table, found[0]), quantity,
+                option=f"`columns={ {quantity: name} }`", alike=_alike)  # fmt: skip
         places[quantity] = found
     return places
+
+
+def _stated_role(table: Table, place: int) -> str | None:
+    """The quantity that a name states; a letter alone does not: T may be a torque."""
+    name, quantity = table.names[place], table.headings[place].quantity
+    return quantity if len(re.split(r"[\s\[(/,]", name.strip())[0]) > 1 else None
+
+
+def _alike(stated: str, given: str) -> bool:
+    """Whether a column of one quantity may be that of the other, as their units say."""
+    return UNITS[DIMENSIONS[stated]] == UNITS[DIMENSIONS[given]]
 
 
 def _ways(kind: str | None) -> list[Way]:
@@ -193,6 +257,10 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
     ways = _ways(options.kind)
     possible = [way for way in ways if loaded or way not in AT_LOAD]
     possible = [way for way in possible if set(way.names) <= set(places)]
+    sized = any(DIMENSIONS[name] in ("modulus", "compliance") for name in places)
+    if {"tan_delta", "phase"} & set(places) and not sized:
+        remedy = "export E' or |E*| (G' or a compliance) with it, or name its column by `columns`"
+        raise ValueError(f"{table.place}: the loss tangent alone has no modulus: {remedy}")
     if not possible:
         shortest = {way.kind: ", ".join(way.names) for way in reversed(ways)}
         known = f" (understood: {', '.join(sorted(places))})" if places else ""
@@ -202,6 +270,8 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
             f"{there} {table.listed()}{known}. Name them with `columns`: "
             f"{'; or '.join(reversed(shortest.values()))}{order}"
         )
+    if possible[0].kind != "frequency" and {"stress", "strain"} <= set(places):
+        _check_signal(table, places)
     if [way.kind for way in possible[:2]] != ["relaxation", "creep"]:
         return possible[0]
     if possible[0].quantities == "modulus":
@@ -211,8 +281,7 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
     # Creep is at constant stress, relaxation at constant strain.
     constant = []
     for way, quantity in zip(possible, ("strain", "stress"), strict=False):
-        place = places[quantity][0]
-        values = Column(quantity, place, base=table.headings[place].base).numbers(table.rows)
+        values = _numbers(table, quantity, places)
         values = values[values > 0.5 * np.nanmax(values, initial=0)]
         if len(values) and np.mean(np.abs(values / np.median(values) - 1) < CONSTANT) > 0.9:
             constant.append(way)
@@ -222,7 +291,22 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
     return constant[0]
 
 
-def _distinct(table: Table, quantity: str, places, options: Options, notes: list[str]) -> list:
+def _numbers(table: Table, quantity: str, places: dict) -> np.ndarray:
+    """The numbers of a quantity, in any unit."""
+    place = places[quantity][0]
+    return Column(quantity, place, base=table.headings[place].base).numbers(table.rows)
+
+
+def _check_signal(table: Table, places: dict) -> None:
+    """Refuses stress and strain that oscillate in time: the signal of a dynamic test."""
+    signs = [np.sign(_numbers(table, quantity, places)) for quantity in ("stress", "strain")]
+    signs = [each[np.abs(each) == 1] for each in signs]
+    if all(np.sum(np.diff(each) != 0) >= _TURNS for each in signs):
+        what = "stress and strain change their signs again and again: it is the signal of a dynamic"
+        raise ValueError(f"{table.place}: {what} test; export its moduli E' and E'' or G' and G''")
+
+
+def _distinct(table: Table, quantity: str, places, options: Options, log: Log) -> list:
     """The columns of a quantity, without those that repeat the first one."""
     if quantity == "time" and len(places) > 1:
         places = [i for i in places if table.headings[i].step] or places
@@ -235,24 +319,40 @@ def _distinct(table: Table, quantity: str, places, options: Options, notes: list
         both = np.isfinite(first) & np.isfinite(other) & (first != 0)
         if not np.any(both) or np.max(np.abs(other[both] / first[both] - 1)) > ALIKE:
             return columns
-    notes.append(f"{' and '.join(map(table.label, places))} are the same; the first is used.")
+    log.note(f"{' and '.join(map(table.label, places))} are the same; the first is used.")
     return columns[:1]
 
 
 def _column(table: Table, quantity: str, place: int, options: Options) -> Column | None:
     """The column of a quantity; None if its unit is not known."""
-    heading, dimension = table.headings[place], DIMENSIONS[quantity]
-    unit, source = table.unit(place), "as in the file"
-    if dimension in options.units:
-        unit, source = options.units[dimension], options.source
-    elif unit not in UNITS[dimension]:
-        # A cell below the name that is no unit, such as "mPa", may still be meant as one.
-        absent = unit == PER_SECOND or not (unit or table.units[place])
-        if dimension == "ratio":
-            unit, source = "1", "as usual"
-        elif dimension == "frequency" and absent and heading.quantity == quantity:
-            unit, source = ("rad/s" if heading.angular else "Hz"), "by its name"
-        else:
-            return None
-    deformation = options.deformation or heading.deformation
-    return Column(quantity, place, table.label(place), unit, source, deformation, heading.base)
+    heading, label = table.headings[place], table.label(place)
+    dimension = _dimension(table, quantity, place)
+    stated, given = table.unit(place), options.units.get(dimension)
+    if given is None:
+        unit, source = _unit_in_file(heading, stated or table.units[place], dimension, quantity)
+    else:
+        unit, source = settled(
+            label, stated, given, option=f"`units={ {dimension: given} }`",
+            alike=lambda stated, given: not _of_another_kind(stated, dimension),
+        ), options.source  # fmt: skip
+    if unit is None:
+        return None
+    deformation = settled(
+        label, heading.deformation, options.deformation,
+        option=f"`deformation={options.deformation!r}`", alike=operator.eq,
+    )  # fmt: skip
+    return Column(quantity, place, label, unit, source, deformation, heading.base, heading.period)
+
+
+def _unit_in_file(
+    heading: Heading, unit: str | None, dimension: str, quantity: str
+) -> tuple[str | None, str]:
+    """The unit that a file gives a column, and where it comes from; None if it has to be asked."""
+    if unit in UNITS[dimension]:
+        return unit, "as in the file"
+    if dimension == "ratio":
+        return "1", "as usual"
+    # A cell below the name that is no unit, such as "mPa", may still be meant as one.
+    if dimension == "frequency" and unit in ("", None, PER_SECOND) and heading.quantity == quantity:
+        return ("rad/s", "by its name") if heading.angular else ("Hz", _ASSUMED)
+    return None, ""

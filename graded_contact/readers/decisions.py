@@ -56,5 +56,5 @@ def settled(what: str, stated: str | None, given: str | None, *, option: str, al
     if stated is None or given is None:
         return stated if given is None else given
     if not alike(stated, given):
-        raise Refusal(f"{what} is in {stated!r}, as the file states; leave out {option}")
+        raise Refusal(f"{what}: the file states {stated!r}; leave out {option}")
     return given

@@ -1,9 +1,9 @@
 """Measured moduli and compliances from files of rheometers, DMAs and spreadsheets.
 
-Columns, units and temperatures that the file names are used; an error lists what is missing. Only a
-frequency without a unit goes by its name (f is in Hz, omega in rad/s), and a modulus is Young's
-unless its name or another column implies shear. `Measured.history` records, in sentences, what was
-understood.
+Columns, units and temperatures that the file names are used; an error lists what is missing. Two
+things are assumed, with a caveat: a frequency that is not called angular is in Hz without a unit,
+and a modulus is Young's if nothing in the file says tension or shear. `Measured.history` records,
+in sentences, what was understood, `Measured.assumed` what was assumed.
 """
 
 import dataclasses
@@ -18,10 +18,13 @@ from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
 from ..materials.measured import Measured, distinct, joined
-from .cells import LARGEST, Sheet
+from .cells import LARGEST, Sheet, holds_data
 from .columns import WAYS, MeasuredTable, Unclear
+from .modes import modes_on
 from .points import measured_points, one_each
+from .prony import check_no_series
 from .registry import Options, opened, read
+from .series import SERIES
 from .steps import rank, understand
 from .units import DIMENSIONS, UNITS
 
@@ -43,12 +46,14 @@ def read_moduli(
 
     Files: text with commas, semicolons, tabs or spaces, with decimal points or commas; Excel
     workbooks (the extra `io`); the JSON of TRIOS; RepTate's `.tts`, `.osc`, `.gt` and `.creep`.
-    Columns have a line of names, such as "f, E', tan delta", "Storage modulus [MPa]", "log10 G'" or
-    "G_loss_pa", and may have a line of units below it. Several isotherms may be in one table with a
-    column of temperature (steps above 1 K), below one another with "25 °C" above each, side by
-    side, or on several sheets. Creep and relaxation may be columns of stress and strain; a constant
-    stress may be in a line above the table ("stress: 2 kPa"). Rows may be in any order. A row that
-    cannot be used is left out and reported. Every argument but the first overrides the file.
+    Columns have a line of names, such as "f, E', tan delta", "Storage modulus [MPa]", "log10 G'",
+    "J'' [1/MPa]", "Period [s]" or "G_loss_pa", and may have a line of units below it. Several
+    isotherms may be in one table with a column of temperature (steps above 1 K), below one another
+    with "25 °C" above each, side by side with "25 °C" above their columns, or on several sheets.
+    Creep and relaxation may be columns of stress and strain; a constant stress may be in a line
+    above the table ("stress: 2 kPa"). Rows may be in any order. A row that cannot be used is left
+    out and reported. An argument fills what the file leaves open, and corrects a unit by one of its
+    kind; it never overrides what the file states of another kind.
 
     **Arguments:**
 
@@ -56,8 +61,9 @@ def read_moduli(
     - `kind`: "frequency", "relaxation" or "creep"; for a file without names it also sets the order
       of the columns: frequency, storage, loss; time, modulus; time, compliance.
     - `columns`: which column, by name or by number from 1, is the "frequency", "time",
-      "temperature", "storage", "loss", "magnitude", "tan_delta", "phase", "modulus" (relaxation),
-      "compliance", "stress" or "strain".
+      "temperature", "storage", "loss", "magnitude", "tan_delta", "phase", "storage_compliance",
+      "loss_compliance", "compliance_magnitude", "modulus" (relaxation), "compliance" (creep),
+      "stress" or "strain".
     - `units`: of "frequency", "time", "modulus", "compliance", "temperature", "angle", "ratio",
       "stress", "strain", such as "MPa".
     - `deformation`: "tension" (E) or "shear" (G).
@@ -67,10 +73,11 @@ def read_moduli(
     - `step`: of a test of several steps: numbers from 1, or titles or parts of them. By default
       steps at one frequency are left out if others sweep the frequency.
 
-    **Returns:** isotherms, with a history of the reading, see `Measured`.
+    **Returns:** isotherms, with a history of the reading and what was assumed, see `Measured`.
 
     **Raises:** `FileNotFoundError` for a missing file; `ValueError` for a file that is not
-    understood, naming the line and the arguments that would help.
+    understood, naming the line and the arguments that would help, and for a table of other numbers,
+    such as a Prony series, by its name.
     """
     paths = [path] if isinstance(path, str | os.PathLike) else path
     named = isinstance(paths, list | tuple) and len(paths) > 0
@@ -166,8 +173,10 @@ def _options(columns, units, step, kind=None, deformation=None) -> Options:
 def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
     """The measurements in one file."""
     with opened(path, LARGEST) as file:
+        check_no_series(file)
         sheets, fixed = read(file, "moduli")
     try:
+        lines = [row.text for sheet in sheets for row in sheet.rows if not holds_data(row)]
         names = [sheet.name for sheet in sheets]
         if name is not None:
             if name not in names:
@@ -183,8 +192,8 @@ def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
         parts = []
         for (sheet, measured), kelvin in zip(understood, kelvins, strict=True):
             rows = f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."
-            measured.notes.insert(0, rows)
-            parts.append(measured_points(path, measured, poisson, kelvin))
+            measured.log.history.insert(0, rows)
+            parts.append(measured_points(path, measured, poisson, kelvin, lines))
         names = [sheet.name for sheet, _ in understood]
         if len(parts) > 1 and not distinct(parts):
             same = "have similar tables at one temperature"
@@ -202,7 +211,7 @@ def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, Meas
     found, refusals = [], {}
     for sheet in sheets:
         try:
-            found.append((sheet, understand(sheet, options)))
+            found.append((sheet, _moduli_on(sheet, options)))
         except ValueError as error:
             refusals[sheet.name] = error
     swept = [name for name, error in refusals.items() if isinstance(error, Unclear)]
@@ -219,3 +228,20 @@ def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, Meas
 
     _, first = max(found, key=lambda pair: rank(pair[1]))
     return [pair for pair in found if key(pair[1]) == key(first)]
+
+
+def _moduli_on(sheet: Sheet, options: Options) -> MeasuredTable:
+    """The moduli on a sheet; raises `ValueError` for a Prony series, by its name."""
+    measured, refusal = None, ValueError()
+    try:
+        measured = understand(sheet, options)
+    except ValueError as error:
+        refusal = error
+    # A table that may be either is what the user says by `columns`.
+    doubtful = "moduli" if options.columns else "refused"
+    other = measured is None or measured.kind in ("relaxation", "creep")
+    if other and modes_on(sheet, doubtful) is not None:
+        raise ValueError(SERIES)
+    if measured is None:
+        raise refusal
+    return measured

@@ -1,6 +1,6 @@
 """From the columns of a table to moduli in SI units, point by point, and their isotherms.
 
-Each function adds to `notes` what it understood or did, in sentences; every row that is left out is
+Each function adds to the log what it understood or did, in sentences; every row that is left out is
 reported, with the reason.
 """
 
@@ -14,8 +14,9 @@ import numpy as np
 from ..core.checks import Numbers
 from ..materials.measured import ISOTHERM_GAP, Measured, grouped
 from ..materials.shift import check_kelvin
-from .cells import Row, is_missing
+from .cells import Row, is_infinite, is_missing
 from .columns import CONSTANT, SAME, MeasuredTable
+from .deformation import converted
 from .tables import LIMIT, Column, value_above
 from .units import DIMENSIONS, SI
 
@@ -26,9 +27,11 @@ HOTTEST = 1e4  # K
 RAMP = 5.0  # K over which no isotherm drifts
 
 
-def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -> Measured:
-    """Returns the points of a table; `poisson` and `temperature` as in `read_moduli`."""
-    table, kind, notes = measured.table, measured.kind, measured.notes
+def measured_points(
+    path: Path, measured: MeasuredTable, poisson, temperature, lines: Sequence[str]
+) -> Measured:
+    """Returns the points of a table, converted by `poisson`; `lines` are those without numbers."""
+    table, kind, log = measured.table, measured.kind, measured.log
     points = _points(measured)
     kelvin = _temperatures(measured, points, temperature)
     if kelvin is not None:
@@ -36,26 +39,25 @@ def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -
     points["isotherm"] = _isotherms(points, separate=table.blocks > 1)
     points = _at_constant_load(measured, points)
     if len(points) < (total := len(table.rows) * table.blocks):
-        notes.append(f"{len(points)} of {total} points are used.")
+        log.note(f"{len(points)} of {total} points are used.")
     numbers = [points[name].to_numpy() for name in measured.way.names[1:]]
     values = measured.way.value(*numbers, *[measured.load] * (measured.load is not None))
     _note_unusual(measured, points, 1 / values if kind == "creep" else values)
-    deformation, factor = _deformation(measured, poisson)
+    deformation, factor = converted(measured, poisson, lines)
     points["values"] = values / factor if kind == "creep" else factor * values
     # Stable: points that repeat a frequency keep the order of the file.
     points = points.sort_values(["isotherm", "abscissa"])
     _note_isotherms(measured, points)
     if table.blocks == 1 and not points["line"].is_monotonic_increasing:
-        notes.append("Sorted the rows.")
+        log.note("Sorted the rows.")
     _check_abscissa(measured, points)
     if measured.unused:
-        notes.append(f"Not used: {', '.join(map(repr, dict.fromkeys(measured.unused)))}.")
+        log.note(f"Not used: {', '.join(map(repr, dict.fromkeys(measured.unused)))}.")
     names = ("abscissa", "values", "isotherm", "line")
-    abscissa, values, isotherm, lines = (np.array(points[name]) for name in names)
+    abscissa, values, isotherm, places = (np.array(points[name]) for name in names)
     kelvin = None if kelvin is None else np.array(points["temperature"])
-    return Measured(
-        kind, deformation, abscissa, values, kelvin, isotherm, lines, path, tuple(notes)
-    )
+    told = tuple(log.history), tuple(log.assumed)
+    return Measured(kind, deformation, abscissa, values, kelvin, isotherm, places, path, *told)
 
 
 # Rows to numbers.
@@ -70,6 +72,7 @@ def _points(measured: MeasuredTable) -> Any:
     for name, column in measured.columns.items():
         points[name] = column.si(each[column.place] for each in cells)
     points["abscissa"] = points[measured.abscissa]
+    _check_finite(measured, rows, cells)
     if measured.check is not None:
         points["check"] = measured.check.si(each[measured.check.place] for each in cells)
     left_out, unusable, good = [], 0, np.ones(len(points), bool)
@@ -83,8 +86,19 @@ def _points(measured: MeasuredTable) -> Any:
         reason = f"{np.sum(good)} complete rows are left; at least 2 and half of all are needed"
         raise ValueError(f"{reason}. {' '.join(left_out)} Check `columns` and `units`")
     words = [(row.line, "") for segment in measured.table.segments for row in segment.words]
-    measured.notes.extend(left_out + [_left_out("having no numbers", words)] * bool(words))
+    measured.log.note(*left_out, *[_left_out("having no numbers", words)] * bool(words))
     return points[good].reset_index(drop=True)
+
+
+def _check_finite(measured: MeasuredTable, rows: Sequence[Row], cells: Sequence) -> None:
+    """Refuses an infinite time, which a relaxation or creep test has not, but a Prony series."""
+    place = measured.columns[measured.abscissa].place
+    lines = [row.line for row, each in zip(rows, cells, strict=True) if is_infinite(each[place])]
+    if measured.kind in ("relaxation", "creep") and lines:
+        raise ValueError(
+            f"line {lines[0]} has an infinite time: `readers.read_prony` reads a Prony series; of "
+            "a test leave out this row"
+        )
 
 
 def _reasons(measured: MeasuredTable, points, rows: Sequence[Row], cells: Sequence) -> Iterator:
@@ -96,9 +110,11 @@ def _reasons(measured: MeasuredTable, points, rows: Sequence[Row], cells: Sequen
         yield f"{count} entries in {width} columns", entries == count, True, None
     places = [column.place for column in columns.values()]
     empty = np.array([[is_missing(each[place]) for place in places] for each in cells])
+    infinite = np.array([any(is_infinite(each[place]) for place in places) for each in cells])
     for block in range(blocks) if blocks > 1 else ():  # a curve may end above the others
         ended = empty.all(axis=1) & (curve % blocks == block)
         yield f"an empty curve {block + 1} of {blocks}", ended, False, None
+    yield "an infinite value", infinite, False, None
     yield "a missing value", empty.any(axis=1), False, None
     for name, column in columns.items():
         wrong = name not in ("stress", "strain")  # there is none before and after a test
@@ -143,45 +159,20 @@ def _at_constant_load(measured: MeasuredTable, points) -> Any:
     if not {"stress", "strain"} <= set(measured.columns):
         return points
     quantity = "stress" if measured.kind == "creep" else "strain"
-    notes, good = measured.notes, np.ones(len(points), bool)
+    log, good = measured.log, np.ones(len(points), bool)
     for _, load in points[quantity].groupby(points["isotherm"]):
         typical = np.median(load[load > 0.5 * np.max(load)])  # neither rest nor recovery
         good[load.index] = np.abs(load / typical - 1) < 2 * CONSTANT
-        notes.append(f"Constant {quantity}: {typical:.4g} {SI[quantity]}.")
+        log.note(f"Constant {quantity}: {typical:.4g} {SI[quantity]}.")
     if not np.all(good):
         lines = [(line, "") for line in points["line"][~good].tolist()]
-        notes.append(_left_out(f"a {quantity} that differs from it by {2 * CONSTANT:.0%}", lines))
+        log.note(_left_out(f"a {quantity} that differs from it by {2 * CONSTANT:.0%}", lines))
     if np.sum(good) < max(2, 0.5 * len(good)):
         needs = f"the {quantity} is not constant, as {measured.kind} needs"
-        raise ValueError(f"{needs}. {' '.join(notes[-2:])}")
+        raise ValueError(f"{needs}. {' '.join(log.history[-2:])}")
     points = points.loc[good].copy()
     points["isotherm"] = np.unique(points["isotherm"], return_inverse=True)[1]
     return points
-
-
-def _deformation(measured: MeasuredTable, poisson: float | None) -> tuple[str, float]:
-    """Tension or shear, and the factor that converts the modulus."""
-    notes = measured.notes
-    if measured.kind == "strain":
-        return "shear", 1.0  # only ratios of the moduli count
-    named = {column.deformation for column in measured.columns.values()} - {None}
-    if len(named) > 1:
-        labels = ", ".join(column.label for column in measured.columns.values())
-        raise ValueError(f"{labels} mix tension and shear; choose matching ones by `columns`")
-    if not named and measured.shear:
-        named = {"shear"}
-        reason = f"Read as shear, because of the column {measured.shear!r}"
-        notes.append(f"{reason}; otherwise pass `deformation='tension'`.")
-    if not named:
-        notes.append("Read as tension (Young's modulus); otherwise pass `deformation='shear'`.")
-    if named != {"shear"}:
-        return "tension", 1.0
-    if poisson is None:
-        notes.append("These are shear moduli (G); `poisson` converts them to Young's moduli (E).")
-        return "shear", 1.0
-    factor = 2 * (1 + poisson)
-    notes.append(f"Converted from shear to tension by `poisson`: E = {factor:.6g} G.")
-    return "tension", factor
 
 
 # Isotherms.
@@ -216,7 +207,7 @@ def _temperatures(measured: MeasuredTable, points, given) -> Any:
     if None in found:
         return None
     listed = ", ".join(f"{value:.2f}" for value in found)
-    measured.notes.append(f"Took the temperature from the lines above the numbers: {listed} K.")
+    measured.log.note(f"Took the temperature from the lines above the numbers: {listed} K.")
     return np.array(found)[curve]
 
 
@@ -255,12 +246,12 @@ def _drift(kelvin: np.ndarray, isotherm: np.ndarray) -> float:
 
 def _note_isotherms(measured: MeasuredTable, points) -> None:
     """Reports the number of isotherms; refuses temperatures that change during a sweep."""
-    notes, table = measured.notes, measured.table
+    log, table = measured.log, measured.table
     isotherm = points["isotherm"].to_numpy()
     count = np.max(isotherm) + 1
     if "temperature" not in points:
         if count > 1:
-            notes.append(f"{count} curves of unknown temperature; pass their `temperature`s [K].")
+            log.note(f"{count} curves of unknown temperature; pass their `temperature`s [K].")
         return
     kelvin = points["temperature"].to_numpy()
     drift = _drift(kelvin, isotherm)
@@ -269,20 +260,20 @@ def _note_isotherms(measured: MeasuredTable, points) -> None:
         beyond = f"numbers above {len(table.names)} in `columns` choose one curve"
         raise ValueError(changes + f"; of those side by side, {beyond}" * (table.blocks > 1))
     ends = f"{np.min(kelvin):.2f} to {np.max(kelvin):.2f} K"
-    notes.append(f"{count} isotherm(s), {ends}, each constant within {drift:.2g} K.")
+    log.note(f"{count} isotherm(s), {ends}, each constant within {drift:.2g} K.")
     if drift > 2 * ISOTHERM_GAP:
         drifts = f"a temperature drifts by {drift:.3g} K without a step above {ISOTHERM_GAP:g} K"
-        notes.append(f"Warning: {drifts}; these may not be isotherms.")
+        log.note(f"Warning: {drifts}; these may not be isotherms.")
 
 
 def _note_unusual(measured: MeasuredTable, points, values: Any) -> None:
     """Reports moduli of unusual size, and compares a column of tan delta with them."""
-    stiffness, notes, lines = values.real, measured.notes, points["line"].to_numpy()
+    stiffness, log, lines = values.real, measured.log, points["line"].to_numpy()
     odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
     if np.any(odd):
         where = ", ".join(_ranges(np.unique(lines[odd]).tolist()))
         span = f"moduli from {np.min(stiffness):.3g} to {np.max(stiffness):.3g} Pa"
-        notes.append(f"Warning: {span} are unusual in line {where}: is the unit right?")
+        log.note(f"Warning: {span} are unusual in line {where}: is the unit right?")
     if measured.check is None:
         return
     tangent, label = points["check"].to_numpy(), measured.check.label
@@ -290,16 +281,16 @@ def _note_unusual(measured: MeasuredTable, points, values: Any) -> None:
         error = np.where(tangent > 0, np.abs(values.imag / stiffness / tangent - 1), 0)
     worst = int(np.argmax(error))
     if error[worst] < 0.02:
-        notes.append(f"The tan delta of {label} agrees with loss over storage modulus.")
+        log.note(f"The tan delta of {label} agrees with loss over storage modulus.")
         return
     where = f"{100 * error[worst]:.2g} % in line {lines[worst]}"
     words = f"tan delta of {label} differs from loss over storage modulus by {where}"
-    notes.append(f"Warning: the {words}: are the columns right?")
+    log.note(f"Warning: the {words}: are the columns right?")
 
 
 def _check_abscissa(measured: MeasuredTable, points) -> None:
     """Refuses points without a sweep; reports points that repeat others."""
-    name, notes = measured.abscissa, measured.notes
+    name, log = measured.abscissa, measured.log
     parts = ("abscissa", "values", "line", "isotherm")
     abscissa, values, lines, isotherm = (points[part].to_numpy() for part in parts)
     if name == "strain" and "frequency" in points:
@@ -318,9 +309,9 @@ def _check_abscissa(measured: MeasuredTable, points) -> None:
         return
     first, second = lines[twice[0] : twice[0] + 2]
     where = f"first in lines {first} and {second}"
-    notes.append(f"{len(twice)} points repeat the {name} of another ({where}); all are used.")
+    log.note(f"{len(twice)} points repeat the {name} of another ({where}); all are used.")
     difference = np.median(np.abs(values[twice + 1] / values[twice] - 1))
     if len(twice) >= 0.25 * len(lines) and difference > 0.1:
         remedy = "`step`" if "temperature" in points else "a column of temperature"
         differ = f"repeated points differ by {difference:.0%}: several isotherms or tests?"
-        notes.append(f"Warning: {differ} Then {remedy} is needed.")
+        log.note(f"Warning: {differ} Then {remedy} is needed.")

@@ -1,7 +1,7 @@
 """Readers of files, each registered with what it knows; the content decides which one reads a file.
 
 A module in `instruments/` is found without being named anywhere. Its functions take a `File` and
-return a `Scan` (heights) or `Tables` (moduli), or raise `Refusal`.
+return a `Scan` (heights), `Tables` (moduli) or `Series` (Prony), or raise `Refusal`.
 """
 
 import codecs
@@ -69,12 +69,12 @@ class File:
             codes += [code] * (half.count(0) > 0.9 * max(len(half), 1))
         if codes:
             text = self.content.decode(codes[0], errors="replace")
-            return None if "\0" in text else (text, "UTF-16")
+            return None if "\0" in text else (_without_marks(text), "UTF-16")
         if b"\0" in self.content:
             return None
         with contextlib.suppress(UnicodeDecodeError):
-            return self.content.decode("utf-8-sig"), "UTF-8"
-        return self.content.decode("cp1252", errors="replace"), "Latin-1"
+            return _without_marks(self.content.decode()), "UTF-8"
+        return _without_marks(self.content.decode("cp1252", errors="replace")), "Latin-1"
 
     @functools.cached_property
     def text(self) -> str | None:
@@ -97,6 +97,11 @@ class File:
             raise Refusal("it has too many zips in one another")
         changes = {"name": PurePath(name), "content": content, "channel": channel}
         return read(dataclasses.replace(self, **changes, depth=self.depth + 1), "heights")
+
+
+def _without_marks(text: str) -> str:
+    """The text without marks of byte order, also those read in another encoding."""
+    return text.replace("\ufeff", "").replace("ï»¿", "")
 
 
 @contextlib.contextmanager
@@ -147,7 +152,7 @@ class Reader(NamedTuple):
     rank: int
 
 
-READERS: dict[str, list[Reader]] = {"heights": [], "moduli": []}
+READERS: dict[str, list[Reader]] = {"heights": [], "moduli": [], "prony": []}
 
 
 def extra(package: str) -> Any:
@@ -167,7 +172,8 @@ def reader(name: str, gives: str, *, knows: Callable[[File], bool], rank: int = 
     **Arguments:**
 
     - `name`: of the kind of file.
-    - `gives`: "heights" for a function that returns a `Scan`, "moduli" for `Tables`.
+    - `gives`: "heights" for a function that returns a `Scan`, "moduli" for `Tables`, "prony" for a
+      `Series` by the name of each material.
     - `knows`: whether the function reads a file: by its first bytes, a heading, or its extension.
     - `rank`: 0 for a format that is told by its content, 1 for a library of many formats, 2 for
       what is tried after it.

@@ -16,6 +16,7 @@ from ..materials.measured import ISOTHERM_GAP
 from .cells import Row, Sheet
 from .columns import CONSTANT, SAME, MeasuredTable, measured_table
 from .registry import Options
+from .side_by_side import isotherms_beside
 from .tables import Column, Table, credible, find_tables, title_above
 from .units import SI
 
@@ -57,6 +58,10 @@ def understand(sheet: Sheet, options: Options) -> MeasuredTable:
     """
     named = [name for name in options.columns.values() if isinstance(name, str)]
     tables = find_tables(sheet, named)
+    if not any(isinstance(name, int) for name in options.columns.values()):
+        tables = [
+            isotherms_beside(table, options.units) for table in tables
+        ]  # else numbers count columns
     steps = _steps(tables)
     if options.step:
         steps = [step for name in options.step for step in _steps_named(steps, str(name))]
@@ -77,13 +82,13 @@ def understand(sheet: Sheet, options: Options) -> MeasuredTable:
     chosen, measured = max(found, key=lambda pair: rank(pair[1]))
     if options.step:
         read = ", ".join(str(step) for step in steps if step.within(chosen))
-        measured.notes.append(f"Read only {read}.")
+        measured.log.note(f"Read only {read}.")
     others = []
     for table in (table for table in tables if table is not chosen):
         titled = ", ".join(str(step) for step in steps if step.title and step.within(table))
         others.append(f"{table.place} with {titled}" if titled else table.place)
     if others:
-        measured.notes.append(f"Left out tables of other columns: {', '.join(others)}.")
+        measured.log.note(f"Left out tables of other columns: {', '.join(others)}.")
     return measured
 
 
@@ -164,8 +169,8 @@ def _swept(measured: MeasuredTable, steps: list[Step]) -> MeasuredTable:
             name, low, high = amplitudes[0]
             changes = f", and {name!r} goes from {low:.4g} to {high:.4g}"
         at = f"its frequency is constant at {omega:.4g} {SI['frequency']}"
-        measured.notes.append(f"Left out {step}: {at}{changes}.")
-    measured.notes.append("`step` chooses other steps, by their number or title.")
+        measured.log.note(f"Left out {step}: {at}{changes}.")
+    measured.log.note("`step` chooses other steps, by their number or title.")
     return measured._replace(table=table.only({row.line for row in remaining}))
 
 

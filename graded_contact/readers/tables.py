@@ -33,6 +33,7 @@ class Column(NamedTuple):
     - `source`: where the unit comes from.
     - `deformation`: "tension", "shear" or None, by its name.
     - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
+    - `period`: whether it holds the periods T of frequencies, ω = 2π/T.
     """
 
     quantity: str
@@ -42,25 +43,32 @@ class Column(NamedTuple):
     source: str = ""
     deformation: str | None = None
     base: str | None = None
+    period: bool = False
+
+    @property
+    def dimension(self) -> str:
+        """The dimension of the numbers in the file."""
+        return "time" if self.period else DIMENSIONS[self.quantity]
 
     @property
     def sentence(self) -> str:
         """How the column is understood."""
         of = {None: "", "10": "decimal logarithm of ", "e": "natural logarithm of "}[self.base]
-        start = f"{self.label[0].upper()}{self.label[1:]}: {of}{self.quantity} in {self.unit}"
-        dimension = DIMENSIONS[self.quantity]
-        factor = UNITS[dimension][self.unit]
-        times = factor != 1 and dimension != "temperature"  # whose zero moves too
-        return f"{start}, {self.source}" + times * f"; times {factor:.6g} in {SI[dimension]}" + "."
+        named = "period (ω = 2π/T)" if self.period else self.quantity.replace("_", " ")
+        start = f"{self.label[0].upper()}{self.label[1:]}: {of}{named} in {self.unit}"
+        factor = UNITS[self.dimension][self.unit]
+        times = factor != 1 and self.dimension != "temperature"  # whose zero moves too
+        si = f"; times {factor:.6g} in {SI[self.dimension]}"
+        return f"{start}, {self.source}" + times * si + "."
 
     def si(self, cells: Iterable[str]) -> np.ndarray:
         """Returns numbers in SI units; NaN for words, infinity for what is too large."""
         values = np.array([float(cell) if is_number(cell) else np.nan for cell in cells])
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", divide="ignore"):
             if self.base is not None:
                 values = np.exp(values * (np.log(10) if self.base == "10" else 1))
-            factor = UNITS[DIMENSIONS[self.quantity]].get(self.unit, 1.0)
-            return factor * values + OFFSETS.get(self.unit, 0.0)
+            values = UNITS[self.dimension].get(self.unit, 1.0) * values
+            return 2 * np.pi / values if self.period else values + OFFSETS.get(self.unit, 0.0)
 
     def numbers(self, rows: Iterable[Row]) -> np.ndarray:
         """Returns the numbers of the first block in SI units, NaN where there is none."""
@@ -85,6 +93,7 @@ class Table(NamedTuple):
     - `place`: the line of its names, for messages.
     - `blocks`: how often the columns are repeated side by side.
     - `spaced`: whether spaces separate the cells, so that none can be empty.
+    - `assumed`: what had to be assumed of the lines above, in sentences.
     """
 
     place: str
@@ -93,6 +102,7 @@ class Table(NamedTuple):
     blocks: int
     segments: list[Segment]
     spaced: bool
+    assumed: tuple[str, ...] = ()
 
     @property
     def headings(self) -> list[Heading]:
@@ -158,7 +168,7 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
         below = rows[start + 1 : end]
         has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
         units = below.pop(0).cells if has_units else []
-        table = _headed(rows[start], units, sheet.spaced)
+        table = _headed(_named(rows[start], rows[last:start], below), units, sheet.spaced)
         key = tuple(table.names)
         if key in tables and has_units and tables[key].units != table.units:
             key = (*table.names, *table.units)
@@ -170,6 +180,21 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
             table.segments.append(Segment(rows[last:start], data, words))
             last = rows.index(data[-1], start) + 1
     return [table for table in tables.values() if table.rows]
+
+
+def _named(names: Row, above: Sequence[Row], below: Sequence[Row]) -> Row:
+    """A row of names whose empty cells have their name in the row above or below."""
+    cells = list(names.cells)
+    near = [below[0].cells] if below and not holds_data(below[0]) else []
+    near += [above[-1].cells] if above else []
+    for i, cell in enumerate(cells):
+        others = [row[i] for row in near if i < len(row) and not cell]
+        # A temperature in the row above is that of the columns beside it.
+        stated = (
+            name for name in others if parse_heading(name).quantity not in (None, "temperature")
+        )
+        cells[i] = next(stated, cell)
+    return names._replace(cells=cells)
 
 
 def _headed(row: Row, units: list[str], spaced: bool) -> Table:
@@ -209,10 +234,6 @@ _VALUES = {
     "temperature": rf"(?<![\w.,]){_VALUE}\s*(?:°|º|deg\.?)?\s*([CK])\b(?!\s*(?:/|\^|min|per))",
     "stress": rf"(?i)\b(?:schub)?(?:stress|spannung)\b[^\w+-]*{_VALUE}\s*([a-z][a-z0-9/^²]*)",
 }
-_TENSION = re.compile(
-    r"(?i)(?:geometr|clamp|fixture|holder|halter|probe).*"
-    r"(?:tension|tensile|compression|bending|cantilever|zug|biege|druck)"
-)
 _TEST = re.compile(
     r"(?i)sweep|ramp|hold|relax|creep|soak|step|test|balayage|rampe|fluage|paliers?|essai|kriech|versuch"
 )
@@ -242,11 +263,6 @@ def value_above(rows: Sequence[Row], quantity: str) -> float | None:
             if unit in units and not _SETTING.search(row.cells[0]):
                 found.add(float(number.replace(",", ".")) * units[unit] + OFFSETS.get(unit, 0.0))
     return found.pop() if len(found) == 1 else None
-
-
-def tension_above(rows: Sequence[Row]) -> bool:
-    """Returns whether a row names a geometry of tension, compression or bending."""
-    return any(_TENSION.search(row.text) for row in rows)
 
 
 def parameters(row: Row) -> dict[str, str]:

@@ -17,6 +17,8 @@ DIMENSIONS = {
     "storage": "modulus", "loss": "modulus", "magnitude": "modulus",
     "tan_delta": "ratio", "phase": "angle",
     "modulus": "modulus", "compliance": "compliance", "stress": "stress", "strain": "strain",
+    "storage_compliance": "compliance", "loss_compliance": "compliance",
+    "compliance_magnitude": "compliance",
 }  # fmt: skip
 
 _MODULUS = {
@@ -33,7 +35,7 @@ UNITS: dict[str, dict[str, float]] = {
     "modulus": _MODULUS,
     "stress": _MODULUS,
     "compliance": {**{f"1/{unit}": 1 / factor for unit, factor in _MODULUS.items()},
-                   "m2/N": 1.0, "mm2/N": 1e-6, "cm2/dyn": 10.0},
+                   "m2/N": 1.0, "mm2/N": 1e-6, "cm2/N": 1e-4, "cm2/dyn": 10.0},
     "ratio": {"1": 1.0, "%": 0.01},
     "strain": {"1": 1.0, "%": 0.01},
     "angle": {"rad": 1.0, "deg": np.pi / 180},
@@ -53,6 +55,7 @@ _SPELLINGS = {
     "dyne/cm2": "dyn/cm2", "cm2/dyne": "cm2/dyn", "°": "deg", "degrees": "deg", "-": "1", "–": "1",
     "mm/mm": "1", "m/m": "1", "percent": "%", "pct": "%",
     **{f"{unit.lower()}-1": f"1/{unit}" for unit in _MODULUS},
+    "m2n-1": "m2/N", "mm2n-1": "mm2/N", "cm2dyn-1": "cm2/dyn",
 }  # fmt: skip
 _EXACT = {unit for units in UNITS.values() for unit in units}
 
@@ -84,6 +87,9 @@ _LETTERS = {
     "E'": "tension storage", "E''": "tension loss", "G'": "shear storage", "G''": "shear loss",
     "E1": "tension storage", "E2": "tension loss", "G1": "shear storage", "G2": "shear loss",
     "E*": "tension magnitude", "G*": "shear magnitude",
+    "D'": "tension storage compliance", "D''": "tension loss compliance",
+    "J'": "shear storage compliance", "J''": "shear loss compliance",
+    "D*": "tension magnitude compliance", "J*": "shear magnitude compliance",
     "σ": "stress", "τ": "shear stress", "ε": "strain", "γ": "shear strain",
 }  # fmt: skip
 _WORDS = {
@@ -92,6 +98,7 @@ _WORDS = {
         "frequency": "frequency freq frequenz hz frequence",
         "angular": "angular ang omega kreisfrequenz pulsation angulaire",
         "time": "time zeit temps",
+        "period": "period periode periodendauer schwingungsdauer",
         "temperature": "temperature temp temperatur",
         "storage": "storage stor speichermodul elastic real conservation stockage elastique",
         "loss": "loss verlustmodul viscous imag imaginary perte pertes visqueux amortissement"
@@ -120,7 +127,10 @@ _WORDS = {
 # Which words, together, mean which quantity, beside its own name; "modulus" and the deformation may
 # be left out.
 _SPELLED = {
-    "frequency": ("angular", "angular frequency"),
+    "frequency": ("angular", "angular frequency", "period"),
+    "storage_compliance": ("storage compliance",),
+    "loss_compliance": ("loss compliance",),
+    "compliance_magnitude": ("magnitude compliance",),
     "tan_delta": ("tan delta", "factor delta", "loss factor", "loss factor tan delta"),
     "phase": ("delta", "phase delta", "phase loss"),
     "modulus": ("", "relaxation"),
@@ -131,10 +141,6 @@ _MEANINGS = {
     for quantity in DIMENSIONS
     for words in (quantity, *_SPELLED.get(quantity, ()))
 }
-# Words of columns that only a test in shear has.
-OF_SHEAR = re.compile(
-    r"(?i)shear|schub|scher|cisaill|torque|drehmoment|\bmoment\b|\bcouple\b|rotation|vis[ck]osit"
-)
 _LOGARITHM = re.compile(r"(log10|log|lg|ln)(?![a-z0-9])[\s_]*", re.I)
 
 
@@ -147,6 +153,7 @@ class Heading(NamedTuple):
     - `angular`: whether a frequency is called angular.
     - `step`: whether a time is called one of the step or interval.
     - `base`: "10" or "e" of a column of logarithms.
+    - `period`: whether it names the period T of a frequency f = 1/T.
     """
 
     quantity: str | None
@@ -155,6 +162,7 @@ class Heading(NamedTuple):
     angular: bool = False
     step: bool = False
     base: str | None = None
+    period: bool = False
 
 
 def metres(unit: str) -> float | None:
@@ -176,12 +184,12 @@ def _folded(text: str) -> str:
 def parse_unit(text: str) -> str | None:
     """Returns the unit of `UNITS`, or `PER_SECOND`, that `text` spells; None if there is none."""
     bare = re.sub(r"^\[(.*)\]$|^\((.*)\)$", r"\1\2", text.strip())
-    for old, new in (("²", "2"), ("⁻¹", "-1"), ("º", "°"), ("˚", "°")):
+    for old, new in (("²", "2"), ("⁻¹", "-1"), ("−1", "-1"), ("º", "°"), ("˚", "°")):
         bare = bare.replace(old, new)
     bare = re.sub(r"[\s^·*]", "", bare)
     if bare in _EXACT:
         return bare
-    if bare == "mPa":  # not a megapascal
+    if "mPa" in bare:  # not a megapascal
         return None
     folded = bare.lower()
     # Lower case is common in names such as E_mpa; mhz could be either of two.
@@ -192,8 +200,7 @@ def parse_unit(text: str) -> str | None:
 @functools.lru_cache(maxsize=512)  # each heading is looked at many times
 def parse_heading(text: str) -> Heading:
     """Returns the quantity and unit that the heading of a column names."""
-    inner, base = _without_logarithm(text.strip())
-    name, unit = _split_unit(inner.strip())
+    name, unit, base = split_heading(text)
     words: set[str] = set()
     for word in _words(name):
         letters = unicodedata.normalize("NFD", word.lower())  # accents as letters of their own
@@ -207,7 +214,15 @@ def parse_heading(text: str) -> Heading:
     if not words - {"step"} or len(deformations) > 1:
         quantity = None
     deformation = next(iter(deformations), None)
-    return Heading(quantity, unit, deformation, "angular" in words, "step" in words, base)
+    said = ("angular" in words, "step" in words, base, "period" in words)
+    return Heading(quantity, unit, deformation, *said)
+
+
+def split_heading(text: str) -> tuple[str, str | None, str | None]:
+    """Returns the name in a heading, its unit, and the base of a logarithm."""
+    inner, base = _without_logarithm(text.strip())
+    name, unit = _split_unit(inner.strip())
+    return name, unit, base
 
 
 def _without_logarithm(text: str) -> tuple[str, str | None]:

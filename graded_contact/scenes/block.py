@@ -19,13 +19,14 @@ from ..contacts.adhesion import AdhesiveLJ, ExponentialAdhesion
 from ..contacts.law import AbstractLaw, HardWall, RepulsiveLJ
 from ..core.checks import nearest, within
 from ..core.warnings import unusual
+from ..fields.grid import Grid
 from ..materials.library import tyre_tread
 from ..materials.material import AbstractMaterial, BulkShear, Elastic, Prony
-from ..materials.shift import WLF, AbstractShift, Arrhenius, TabulatedShift
+from ..materials.shift import LAWS, AbstractShift
 from ..materials.softening import StrainSoftening
 from ..materials.table import Tabulated
 from ..readers.moduli import read_moduli, strain_sweep
-from ..readers.recorded_motion import read_motion
+from ..readers.recorded_motion import motion_in, read_motion
 from ..readers.units import DIMENSIONS, UNITS
 from ..sliding.motion import Motion, sinusoidal, start_stop
 from ..sliding.shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
@@ -43,7 +44,7 @@ MATERIALS = {
 }
 BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
 KINDS = {
-    AbstractShift: {"wlf": WLF, "arrhenius": Arrhenius, "tabulated": TabulatedShift},
+    AbstractShift: LAWS,
     AbstractShape: {
         "linear": Linear,
         "sinusoidal": Sinusoidal,
@@ -61,7 +62,9 @@ KINDS = {
     AbstractShear: {"constant": ConstantShear, "coulomb": Coulomb, "peaked": PeakedShear},
     Motion: {"sinusoidal": sinusoidal, "start_stop": start_stop, "recorded": read_motion},
 }
-ERRORS = Key("errors", os.PathLike, None)  # of every material
+# Of every material.
+ERRORS = Key("errors", os.PathLike, None)
+ASSUMED = Key("assumed", list[str], None)
 
 
 def extremes(temperature: np.ndarray | None) -> list[float]:
@@ -76,7 +79,8 @@ class Block:
 
     - `materials`: by name, those that were read; `names` are all.
     - `errors`: of the numbers of some of them, by name.
-    - `notes`: what was understood of tables of moduli.
+    - `notes`: what was understood of tables of moduli, and of a recorded motion.
+    - `assumed`: those of them that neither a file nor the scene states; each is a caveat.
     - `reader`: converts the tables.
     """
 
@@ -85,6 +89,7 @@ class Block:
         self.names: list[str] = []
         self.errors: dict[str, Errors] = {}
         self.notes: list[str] = []
+        self.assumed: list[str] = []
         self.reader = Reader(folder, KINDS, {AbstractMaterial: self._named})
 
     def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
@@ -93,18 +98,21 @@ class Block:
         self.names = [*tables]  # to tell a material further down from one that is not there
         # A material may use those above it: the order of the file counts.
         for name, table in tables.items():
-            understood, place = len(self.notes), f"[materials.{name}]"
+            understood, assumed = len(self.notes), len(self.assumed)
+            place = f"[materials.{name}]"
             kind, entries = kind_of(place, table, kinds)
             keys = keys_of(kinds[kind])
-            found, known = self.reader.arguments(place, entries, keys, (ERRORS,))
+            found, known = self.reader.arguments(place, entries, keys, (ERRORS, ASSUMED))
             with within(place):
                 self.materials[name] = kinds[kind](**found)
-            if known:
+            if "errors" in known:
                 with within(f"{place} `errors`:"):
                     self.errors[name] = read_errors(known["errors"])
                     with within(f"`path={known['errors']}`:"):
                         check_errors(self.errors[name], self.materials[name])
+            self.assumed += known.get("assumed", [])
             self.notes[understood:] = [f"{name}: {note}" for note in self.notes[understood:]]
+            self.assumed[assumed:] = [f"{name}: {note}" for note in self.assumed[assumed:]]
         # Refused here, by name, before a solve meets a temperature below a law's limit.
         for name, material in self.materials.items():
             for at in extremes(temperature):
@@ -179,6 +187,7 @@ class Block:
             path, kind="frequency", deformation=deformation, poisson=poisson, **options
         )
         self.notes += found.history
+        self.assumed += found.assumed
         return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)
 
     def strain_sweep(
@@ -202,5 +211,19 @@ class Block:
         """
         sweep = strain_sweep(path, columns, units, sheet, step)
         self.notes += sweep.history
+        self.assumed += sweep.assumed
         soft = StrainSoftening.from_sweep(material, sweep.abscissa, sweep.values)
         return dataclasses.replace(soft, amplitude=amplitude)
+
+    def recorded(
+        self,
+        path: os.PathLike,
+        period: ScalarLike,
+        num_times: int | None = None,
+        grid: Grid | None = None,
+    ) -> Motion:
+        """Returns the motion of a table, as `read_motion`; its history goes to the notes."""
+        motion, log = motion_in(path, period, num_times, grid)
+        self.notes += [f"motion: {sentence}" for sentence in log.history]
+        self.assumed += [f"motion: {sentence}" for sentence in log.assumed]
+        return motion

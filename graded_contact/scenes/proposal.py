@@ -51,8 +51,9 @@ def proposed_load(
     - `every`: whether the load has all of them; by default few, whose velocities overlap.
     """
     stack, times = Stack(base=HalfSpace(material)), np.asarray(material.times)
-    ends = coverage(stack) or (1 / np.max(times), 1 / np.min(times))
-    low, high = (float(end) for end in ends)
+    low, high = (float(end) for end in coverage(stack) or (0.0, np.inf))
+    if not 0 < low < high < np.inf:  # a series that was not measured, but given
+        low, high = 1 / np.max(times), 1 / np.min(times)
     # In the middle of the measured frequencies, on the logarithm.
     modulus = abs(material.modulus(np.sqrt(low * high))) / (1 - float(material.poisson) ** 2)
     pressure = float(CONTACT_SHARE / 2 * modulus * statistics(surface).rms_slope)

@@ -159,6 +159,7 @@ def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
         "scene": scene.text,
         "inputs": "\n".join(digests),
         "moduli": "\n".join(scene.notes),
+        "assumed": "\n".join(scene.assumed),
         "dtype": str(surface.heights.dtype),
         "rtol": scene.rtol,
         **package_versions(),
@@ -225,9 +226,10 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     """Returns why numbers are doubtful although solved, and the solves that are concerned."""
     everywhere = has_numbers(results).values
     rules = CYCLE_RULES if "time" in results.dims else RULES
-    # Caveats of the surface concern every solve.
-    of_surface = (Caveat(text, everywhere) for text in surface_of(results).caveats)
-    return *of_surface, *caveats_of(results, rules)
+    # Caveats of the surface, and of what was assumed of files, concern every solve.
+    assumed = filter(None, results.attrs.get("assumed", "").split("\n"))
+    of_files = (Caveat(text, everywhere) for text in (*surface_of(results).caveats, *assumed))
+    return *of_files, *caveats_of(results, rules)
 
 
 def of_each(caveat: Caveat, results: "Dataset") -> bool:

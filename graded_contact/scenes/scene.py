@@ -156,6 +156,7 @@ class Scene:
     - `errors`: of materials: name, material of the stack, and errors of its numbers.
     - `inputs`: the files that the scene names, by table and key.
     - `notes`: what was understood of its tables of moduli, one sentence each.
+    - `assumed`: those of them that neither a file nor the scene states: caveats of the results.
     """
 
     text: str
@@ -186,6 +187,7 @@ class Scene:
     errors: tuple[tuple[str, AbstractMaterial, Errors], ...]
     inputs: dict[tuple[str, str], Path]
     notes: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     @property
     def axes(self) -> dict[str, np.ndarray]:
@@ -340,7 +342,8 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     motion = step = None
     if tables.motion is not None:
         line = _along(surface, direction)
-        motion = reader.build_kind("[motion]", tables.motion, KINDS[Motion], grid=line)
+        motions = {**KINDS[Motion], "recorded": block.recorded}
+        motion = reader.build_kind("[motion]", tables.motion, motions, grid=line)
         step = float(motion.largest_step(line))
         load.setdefault("velocity", np.array([float(motion.highest_speed)]))
     stack = block.stack(tables.layers, tables.base, accuracy.pop("graded_solver", None))
@@ -351,7 +354,8 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     materials = {at: name for name, part in block.materials.items() for at in places(stack, part)}
     found = Scene(
         text=text, surface=surface, stack=stack, materials=materials, errors=errors, inputs=inputs,
-        notes=tuple(block.notes), solver=algorithm, motion=motion, step=step,
+        notes=tuple(block.notes), assumed=tuple(block.assumed), solver=algorithm, motion=motion,
+        step=step,
         **own, **load, **accuracy, **output,
     )  # fmt: skip
     _check_numbers(found)

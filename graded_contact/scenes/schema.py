@@ -39,7 +39,7 @@ REQUIRED = inspect.Parameter.empty
 # The classes of plain values, and of the entries of lists, by the types of annotations.
 CLASSES: dict[Any, type] = {
     float: float, list[float]: float, Sequence[Any]: float, int: int, tuple[int, ...]: int,
-    bool: bool, str: str, os.PathLike: str, Path: str, list[dict]: dict,
+    bool: bool, str: str, os.PathLike: str, Path: str, list[dict]: dict, list[str]: str,
 }  # fmt: skip
 
 # The time of tomllib grows with the square of the parts of a key. No search begins inside a part.
@@ -215,7 +215,7 @@ def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
             raise ValueError(f"`{name}={short(value)}` must be a list of tables.")
         return value
     rows = list[float] in parts or any(_is_array(part) and part.dims for part in parts)
-    takes_list = rows or Sequence[Any] in parts or tuple[int, ...] in parts
+    takes_list = rows or any(part in parts for part in (Sequence[Any], tuple[int, ...], list[str]))
     entries = value if is_list and takes_list else [value]
     if not entries:
         raise ValueError(f"`{name}` is an empty list; at least one number is needed.")
@@ -229,7 +229,8 @@ def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
     if tuple[int, ...] in parts:
         return tuple(entries)
     single = any(_is_array(part) and not part.dims for part in parts)
-    return entries if is_list or (rows and not single) else entries[0]
+    whole = list[str] in parts or (rows and not single)
+    return entries if is_list or whole else entries[0]
 
 
 def classes_of(parts: Sequence[Any]) -> tuple[type, ...]:

@@ -56,7 +56,8 @@ def neighbours_of(found: Found) -> Neighbours:
     """
     near = vars(found).get("_near")
     if near is None:
-        near = _neighbours(found)
+        # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.
+        near = _neighbours(jax.tree.map(lambda leaf: leaf, found))
         if all(map(is_concrete, jax.tree.leaves(near))):
             vars(found)["_near"] = near
     return near

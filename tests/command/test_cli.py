@@ -488,6 +488,57 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     assert parse_scene(scene).stack.base.material.poisson == 0.49
 
 
+def test_fit_converts_a_prony_series_and_says_what_it_assumed(tmp_path):
+    """Into the numbers of the file, whatever `--kind` says; a deck states no units."""
+    path = tmp_path / "series.csv"
+    path.write_text("tau [s],E_i [MPa]\n1e-3,4\n1e-1,2\n10,1\ninf,3\n")
+    result = command("fit", path, "-o", tmp_path, "--kind", "relaxation", "--poisson", 0.49)
+    assert result.exit_code == 0, result.output
+    assert "nothing is fitted" in result.stdout and "Caveat" not in result.stdout
+    table = tomllib.loads((tmp_path / "series.toml").read_text())["materials"]["series"]
+    assert table == {
+        "kind": "prony", "equilibrium": 3e6, "strengths": [4e6, 2e6, 1e6],
+        "times": [1e-3, 0.1, 10.0], "poisson": 0.49,
+    }  # fmt: skip
+    assert not (tmp_path / "series-errors.csv").exists()
+    deck = (tmp_path / "series.inp").read_text()
+    path.write_text("\n".join(line for line in deck.splitlines() if line[:2] != "**"))
+    result = command("fit", path, "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    caveat = "The modulus is assumed to be in Pa, as the deck states no unit"
+    assert (
+        f"Caveat: {caveat}; otherwise pass it, for instance `--unit modulus=MPa`" in result.stdout
+    )
+    again = tomllib.loads((tmp_path / "series.toml").read_text())["materials"]["series"]
+    np.testing.assert_allclose(again["strengths"], table["strengths"], rtol=1e-12)
+    assert again["assumed"][0].startswith(caveat)
+    assert f"** Caveat: {caveat}" in (tmp_path / "series.inp").read_text()
+    scene = SCENE.replace(
+        '[materials.tread]\nkind = "tyre_tread"', (tmp_path / "series.toml").read_text()
+    )
+    scene = parse_scene(scene.replace('material = "tread"', 'material = "series"'))
+    assert scene.assumed[0].startswith(f"series: {caveat}")
+    path.write_text("tau_i [s],g_i\n1e-3,0.4\n1e-1,0.2\n")
+    asked = command("fit", path, "-o", tmp_path)
+    assert asked.exit_code == 2 and "pass the instantaneous one as `--glassy" in asked.stderr
+    given = command("fit", path, "-o", tmp_path, "--glassy", 1e7)
+    assert "E_eq = 4e+06 Pa, and 2 branches" in given.stdout, given.output
+
+
+def test_a_fit_to_moduli_that_may_be_of_shear_has_a_caveat(tmp_path):
+    path = moduli_file(tmp_path / "tread.csv", [20.0])
+    path.write_text(
+        path.read_text()
+        .replace("E'", "storage modulus")
+        .replace("storage modulus'", "loss modulus")
+    )
+    result = command("fit", path, "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count("Caveat: The moduli are assumed to be Young's (tension)") == 2
+    assert "pass `--kind shear`" in result.stdout
+    assert 'assumed = ["The moduli are assumed' in (tmp_path / "tread.toml").read_text()
+
+
 @pytest.mark.filterwarnings("ignore:Error writing persistent compilation cache")
 def test_an_earlier_fit_stays_if_the_disk_is_full(tmp_path, monkeypatch):
     path = moduli_file(tmp_path / "tread.csv", [20.0])
@@ -566,7 +617,7 @@ def test_new_takes_the_options_of_fit_and_temperatures(tmp_path):
     road_file(tmp_path / "road.txt")
     assert "Caveat: The highest point is" in melt.stdout
     assert melt.exit_code == 2 and "[materials.tread] is a liquid" in melt.stderr
-    assert "(`--equilibrium` of the commands `fit` and `new`)" in melt.stderr
+    assert "(`--equilibrium` of `fit` and `new`)" in melt.stderr
     assert (tmp_path / "out" / "tread.toml").exists()
     assert not (tmp_path / "out" / "scene.toml").exists()
     options = ("--equilibrium", 3e6, "--law", "arrhenius:0.2:0.05", "--robust")

@@ -38,7 +38,8 @@ def served(tmp_path_factory):
     port = free_port()
     words = ["explore", scene, "--no-browser", "--port", port, "-o", folder / "out"]
     command = [sys.executable, "-m", "graded_contact", *map(str, words)]
-    process = subprocess.Popen(command)
+    with open(folder / "terminal.txt", "wb") as terminal:
+        process = subprocess.Popen(command, stderr=terminal)
     until(lambda: listens(port))
     yield f"http://127.0.0.1:{port}/", folder / "out", process
     process.kill()
@@ -145,15 +146,43 @@ def test_two_users_have_a_scene_each_and_a_closed_tab_stops_nobody(opened):
     other.close()
 
 
+def test_a_tab_that_closes_in_a_solve_stops_nobody(opened):
+    one, other = opened(), opened()
+    before = friction(other).inner_text()
+    for text in ("310", "320", "330"):
+        enter(one, text)
+    one.close()
+    enter(other, "340")
+    playwright.expect(friction(other)).not_to_have_text(before)
+    other.close()
+
+
+def test_each_of_four_quick_clicks_adds_a_layer(opened):
+    page = opened()
+    page.get_by_text("Layers", exact=True).click()
+    page.get_by_label("name of the new material").fill("soft")
+    box = page.get_by_role("button", name="Add layer").bounding_box()
+    for _ in range(4):  # at one place, as with a mouse
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    playwright.expect(page.get_by_role("button", name="Remove")).to_have_count(5)
+    for name in ("1 soft4", "2 soft3", "3 soft2", "4 soft", "5 coat"):
+        playwright.expect(page.get_by_text(name, exact=True)).to_be_visible()
+    page.close()
+
+
 def test_bad_things_are_refused_on_the_page(opened, served, tmp_path):
     page = opened()
     for text in ("0", "much"):
         enter(page, text)
         message = f"`pressure`: {text} is refused"
         playwright.expect(refusal(page)).to_contain_text(message)
+        # The refused text stays, marked, until it is right.
+        playwright.expect(field_of(page)).to_have_value(text)
+        playwright.expect(field_of(page)).to_have_attribute("aria-invalid", "true")
+        enter(page, "0.4 MPa")
+        playwright.expect(refusal(page)).to_have_count(0)
         playwright.expect(field_of(page)).to_have_value("400")
-    enter(page, "400 kPa")
-    playwright.expect(refusal(page)).to_have_count(0)
+        playwright.expect(field_of(page)).to_have_attribute("aria-invalid", "false")
     page.get_by_text("Data", exact=True).click()
     bad, large = tmp_path / "bad.txt", tmp_path / "large.bin"
     bad.write_text("this is no topography\n")
@@ -171,3 +200,6 @@ def test_ctrl_c_ends_the_server(served):
     process = served[2]
     process.send_signal(signal.SIGINT)
     assert process.wait(SECONDS) == 0
+    # Tabs were closed, some of them in the middle of a solve.
+    terminal = (served[1].parent / "terminal.txt").read_text()
+    assert "Traceback" not in terminal and "WARNING" not in terminal

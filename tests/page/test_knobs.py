@@ -1,6 +1,7 @@
 """Scenes of pages: their tables, what can be turned in them, and what is saved."""
 
 import math
+import re
 import tomllib
 
 import jax
@@ -18,7 +19,8 @@ from graded_contact.page.document import (
     with_topography,
     without_layer,
 )
-from graded_contact.page.knobs import changed_document, changed_stack, knobs_of
+from graded_contact.page.entries import read_entry
+from graded_contact.page.knobs import PAGE_UNITS, changed_document, changed_stack, knobs_of
 from graded_contact.scenes.scene import read_scene
 from graded_contact.scenes.schema import toml_text
 
@@ -99,7 +101,7 @@ def test_a_knob_of_a_shared_material_changes_all_its_layers(opened):
     assert [float(layer.material.young) for layer in block.layers] == [5e6, 5e6]
 
 
-@pytest.mark.parametrize("text", ["1e12", "", "abc", "nan", "20 °C", "3 MPa"])
+@pytest.mark.parametrize("text", ["1e12", "", "abc", "nan", "1e999", "30 MPa"])
 def test_a_text_that_is_no_value_is_refused_with_the_range(opened, text):
     pressure = knobs_by_label(opened(TEXT))["pressure"]
     with pytest.raises(ValueError, match=r"`pressure`: .* is refused.* between 8 and 20000 kPa"):
@@ -109,8 +111,38 @@ def test_a_text_that_is_no_value_is_refused_with_the_range(opened, text):
 def test_a_field_reads_units_commas_and_degrees(opened):
     knobs = knobs_by_label(opened(changed("velocity =", WARM, 'kind = "tyre_tread"', SHIFT)))
     assert knobs["pressure"].read(" 312,5 kPa ") == 312500.0
-    assert knobs["rms slope"].read("0.31") == 0.31
+    for text in ("0.5 MPa", "500 kPa", "500000 Pa", "5 bar", "0,5N/mm²"):
+        assert knobs["pressure"].read(text) == 5e5, text
+    for text in ("60", "60 um", "60 µm", "60 μm", "0.06 mm", "6e4 nm"):  # two signs for micro
+        assert knobs["layer 1 thickness"].read(text) == 6e-5, text
+    for text in ("0.5", "0.5 m/s", "500 mm/s", "1.8 km/h"):
+        assert knobs["velocity"].read(text) == 0.5, text
+    assert knobs["rms slope"].read("0.31") == knobs["rms slope"].read("31 %") == 0.31
     assert knobs["temperature"].read("20 °C") == knobs["temperature"].read("293.15") == 293.15
+
+
+@pytest.mark.parametrize(
+    ("label", "text", "reason"),
+    [
+        ("pressure", "60 um", "um is a unit of length"),
+        ("pressure", "20 °C", "°C is a unit of temperature"),
+        ("layer 1 thickness", "3 MPa", "MPa is a unit of pressure"),
+        ("velocity", "10 Hz", "Hz is a unit of frequency"),
+        ("velocity", "1 mm²/s", "mm²/s is a unit of diffusivity"),
+        ("pressure", "3 mPa", "the unit mPa is not known"),  # a megapascal, or a thousandth of one
+        ("rms slope", "3 furlongs", "the unit furlongs is not known"),
+        ("pressure", "much", "no number"),
+    ],
+)
+def test_a_unit_of_another_dimension_is_refused_by_its_name(opened, label, text, reason):
+    knob = knobs_by_label(opened(TEXT))[label]
+    with pytest.raises(ValueError, match=f"`{label}`: {text} is refused: {re.escape(reason)}"):
+        knob.read(text)
+
+
+def test_every_unit_of_the_page_is_read_as_itself():
+    for unit, factor in PAGE_UNITS.values():
+        assert read_entry(f"3 {unit}", unit) == pytest.approx(3 / factor, rel=1e-11)
 
 
 def test_a_poissons_ratio_of_one_half_steps_down(opened):
@@ -163,6 +195,11 @@ def test_layers_come_and_go(opened):
     more = with_layer(with_layer(document, None), None)
     names = [layer["material"] for layer in more.content["layers"]]
     assert names == ["coat3", "coat2", "coat"]
+    named = with_layer(with_layer(document, None, " soft "), None, "soft")
+    assert [layer["material"] for layer in named.content["layers"]] == ["soft2", "soft", "coat"]
+    assert named.scene().stack.layers[0].material.young == 1e7
+    with pytest.raises(ValueError, match="Layer 2 is removed already"):
+        without_layer(document, 1)
     assert without_layer(more, 1).scene().stack.layers[1].thickness == 2e-5
     assert document.content["layers"] == [{"material": "coat", "thickness": 2e-5}]
 
@@ -184,10 +221,26 @@ def test_a_topography_needs_its_unit_and_its_size(opened, tmp_path):
     path = tmp_path / "heights.txt"
     heights = jax.random.normal(jax.random.key(0), (48, 24))
     path.write_text("\n".join(" ".join(f"{h:.4f}" for h in row) for row in heights))
-    with pytest.raises(ValueError, match="pass `unit`"):
+    with pytest.raises(ValueError, match=r"fill in “unit of its heights”, for .* “edge length”"):
         with_topography(opened(TEXT), path, {})
     document = with_topography(opened(TEXT), path, {"unit": "um", "size": 1e-4})
     assert sorted(document.scene().surface.build().grid.shape) == [24, 48]
     path.write_text("not a topography\n")
     with pytest.raises(ValueError, match=r"heights\.txt"):
         with_topography(opened(TEXT), path, {})
+
+
+def test_errors_speak_of_what_the_page_has(opened, tmp_path):
+    table, heights = tmp_path / "dma.csv", tmp_path / "heights.txt"
+    table.write_text("frequency,E',E''\n" + "".join(f"{f},{2e6 * f},3e5\n" for f in (1, 3, 9, 27)))
+    with pytest.raises(ValueError, match=r"dma.csv: .*") as refused:
+        with_moduli(opened(TEXT), table, "tread")
+    text = str(refused.value)
+    assert "`units=" in text and "has no field for `units`: `read_moduli` in Python" in text
+    heights.write_text("\n".join("3 1 4 1 5 9 2 6" for _ in range(8)))
+    with pytest.raises(ValueError, match="“unit of its heights” 'ell' is not a length"):
+        with_topography(opened(TEXT), heights, {"unit": "ell", "size": 1e-3})
+    with pytest.raises(
+        ValueError, match=r"“name” '../out' is refused: names cannot contain '/'\.$"
+    ):
+        save_document(opened(TEXT), tmp_path, "../out", replace=False)

@@ -4,6 +4,7 @@ import asyncio
 import io
 import sys
 import threading
+import time
 import weakref
 from functools import partial, partialmethod
 
@@ -20,9 +21,12 @@ from graded_contact.page.model import Model
 from graded_contact.scenes.scene import read_scene
 
 pytest.importorskip("panel")
+import panel as pn
+
 from graded_contact.page import widgets
 from graded_contact.page.downloads import Shown, to_csv, to_hdf5
 from graded_contact.page.figures import log_ticks
+from graded_contact.page.session import Session
 from graded_contact.page.view import Page
 
 SECONDS = 600  # of a compilation
@@ -261,6 +265,84 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
         assert session.model.values[0] == 3e5 and session.shown.model is session.model
 
     asyncio.run(steps())
+
+
+def test_pages_that_open_together_compile_one_after_the_other(document, tmp_path, monkeypatch):
+    """And a page that is closed before its turn computes nothing."""
+    running, together, done = [], [], []
+
+    def recorded(model, values, stage):
+        running.append(stage)
+        together.append(len(running))
+        time.sleep(0.02)  # long enough to be seen by another thread
+        running.remove(stage)
+        done.append(stage)
+        raise ValueError("enough")
+
+    for stage in ("curves", "contact", "derivatives"):
+        monkeypatch.setattr(Model, stage, partialmethod(recorded, stage=stage))
+
+    async def steps():
+        pages = [Page(document, tmp_path) for _ in range(5)]
+        opening = [asyncio.ensure_future(page.session.update()) for page in pages]
+        while not running:
+            await asyncio.sleep(0.001)
+        pages[-1].session.end()
+        await asyncio.gather(*opening)
+
+    asyncio.run(steps())
+    assert done == ["curves"] * 4 and max(together) == 1
+
+
+def test_four_clicks_add_four_layers_with_names(document, tmp_path, monkeypatch):
+    def refused(*_):
+        raise ValueError("enough")
+
+    monkeypatch.setattr(Model, "curves", refused)
+
+    async def steps():
+        page = Page(document, tmp_path)
+        await page.session.update()
+        _, name, add, rows = page.__panel__().select(pn.Tabs)[0][1]
+        for _ in range(4):
+            add.clicks += 1
+        await rest()
+        names = [layer["material"] for layer in page.session.model.document.content["layers"]]
+        assert names == ["coat5", "coat4", "coat3", "coat2", "coat"]
+        shown = [row[0].object for row in rows if isinstance(row, pn.Row)]
+        for i, (text, layer) in enumerate(zip(shown, names, strict=True), start=1):
+            assert f"{i}  {layer}" in text
+        # The button is still there, and a name of the user is taken.
+        name.value = "rubber & <b>"
+        add.clicks += 1
+        await rest()
+        layers = page.session.model.document.content["layers"]
+        assert layers[0]["material"] == "rubber & <b>" and len(layers) == 6
+        assert "1  rubber &amp; &lt;b&gt;" in rows[1][0].object
+
+    asyncio.run(steps())
+
+
+def test_the_fields_of_a_topography_are_empty_for_the_next(document, tmp_path, monkeypatch):
+    taken = []
+
+    def take(session, name, data, change):
+        taken.append((name, change.keywords["options"]))
+
+    monkeypatch.setattr(Session, "take_file", take)
+    page = Page(document, tmp_path)
+    tab = page.__panel__().select(pn.Tabs)[0][2]
+    (unit, size), edges = tab[4], tab[5]
+    unit.value, size.value = "um", "8 mm"  # before the first file: they are of that
+    tab[6].value = {"a.txt": b"1"}
+    assert taken == [("a.txt", {"unit": "um", "size": 8e-3, "periodic": "harmonic"})]
+    edges.value = "mirror"  # the file is read again
+    assert taken[-1] == ("a.txt", {"unit": "um", "size": 8e-3, "periodic": "mirror"})
+    tab[6].value = {"b.txt": b"2"}
+    assert taken[2:] == [("b.txt", {"periodic": "harmonic"})]
+    assert unit.value == size.value == ""
+    size.value = "3 kPa"
+    assert len(taken) == 3 and "kPa is a unit of pressure" in page.session.message
 
 
 def upload(name, chunk=1):

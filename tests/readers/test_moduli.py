@@ -285,7 +285,8 @@ def test_poissons_ratio_converts_shear_moduli_and_compliances(tmp_path):
     with pytest.raises(ValueError, match=r"in shear; a table needs"):
         measured.table()
     check(read_moduli(path, poisson=0.4), modulus=2.8 * MODULUS)
-    check(read_moduli(path, deformation="tension"))
+    with pytest.raises(ValueError, match="states 'shear'; leave out `deformation='tension'`"):
+        read_moduli(path, deformation="tension")
     path = written(tmp_path, ["t [min]", "G(t) [kPa]"], [[0.0, 1, 10], [9.0, 5, 2]])
     measured = read_moduli(path, poisson=0.25)
     assert (measured.kind, measured.deformation) == ("relaxation", "tension")

@@ -1,5 +1,6 @@
 """Scenes are run point by point; what is kept is not computed again."""
 
+import dataclasses
 from pathlib import Path
 
 import jax
@@ -46,6 +47,16 @@ def test_a_run_gives_what_slide_gives(scene, results):
     assert results.attrs["scene"] == TEXT
     assert results.attrs["seed"] == 3
     assert results.attrs["dtype"] == "float64"
+
+
+def test_what_is_assumed_of_a_file_is_a_caveat_of_every_solve(scene, capsys):
+    told = dataclasses.replace(scene, assumed=("tread: Read as tension.",))
+    found = run_scene(told)
+    assert found.attrs["caveats"].startswith("tread: Read as tension.")
+    first = warnings_of(found)[0]
+    assert first.sentence == "tread: Read as tension." and np.all(first.where)
+    print_table(found)
+    assert "(each solve) tread: Read as tension." in capsys.readouterr().out
 
 
 def test_an_observable_is_one_function(capsys):

@@ -56,6 +56,11 @@ def test_a_recorded_motion_is_read_from_a_table(tmp_path, head):
     expected = gc.sliding.recorded(times, moved, 0.1, 16)
     np.testing.assert_allclose(scene.motion.displacement, expected.displacement, atol=1e-15)
     assert scene.inputs == {("[motion]", "path"): tmp_path / "s.csv"}
+    # Units that nobody states are caveats.
+    told = ["motion: The times are assumed to be in s", "motion: The displacements are assumed to"]
+    assert [
+        sentence[: len(start)] for sentence, start in zip(scene.assumed, told, strict=False)
+    ] == ([] if head else told)
 
 
 def test_headings_give_units_of_a_recorded_motion(tmp_path):
@@ -66,6 +71,26 @@ def test_headings_give_units_of_a_recorded_motion(tmp_path):
     (tmp_path / "s.csv").write_text("1;2\n3\n4;5\n")
     with pytest.raises(ValueError, match=r"`path=.*` is refused: two columns of numbers"):
         read_motion(tmp_path / "s.csv", 0.1)
+    for head, wrong in (("s (mm);time [ms]", "times are in 'mm'"), ("t [s];v [m/s]", "in 'm/s'")):
+        (tmp_path / "s.csv").write_text(f"{head}\n0;0\n25;0,1\n50;0\n75;-0,1\n")
+        with pytest.raises(ValueError, match=wrong):
+            read_motion(tmp_path / "s.csv", 0.1)
+
+
+def test_what_is_assumed_of_a_material_is_a_caveat_of_the_scene(tmp_path):
+    """Of a table that says neither tension nor shear, and of a table that says so itself."""
+    rows = "".join(f"{f:g},{2e6 + f},{1e5}\n" for f in np.geomspace(1e-3, 1e9, 25))
+    (tmp_path / "a.csv").write_text(
+        "Frequency [Hz],Storage modulus [Pa],Loss modulus [Pa]\n" + rows
+    )
+    table = 'kind = "tabulated"\npath = "a.csv"\n'
+    scene = parse_scene(BARE.replace('kind = "tyre_tread"\n', table), tmp_path)
+    (sentence,) = scene.assumed
+    assert sentence.startswith("tread: The moduli are assumed to be Young's (tension)")
+    assert sentence in scene.notes
+    stated = table + 'deformation = "tension"\nassumed = ["Of another batch."]\n'
+    scene = parse_scene(BARE.replace('kind = "tyre_tread"\n', stated), tmp_path)
+    assert scene.assumed == ("tread: Of another batch.",)
 
 
 def test_shear_and_heating_are_those_of_the_constructors():

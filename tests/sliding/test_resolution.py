@@ -1,5 +1,8 @@
 """Errors by the grid and by the times, against finer grids and more times."""
 
+import gc as garbage
+import weakref
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -55,6 +58,20 @@ def test_the_total_is_the_sum_of_its_parts_and_prints_behind_the_number(coarse):
     row = next(line for line in repr(coarse).splitlines() if " friction " in line)
     assert f"(solver {parts[0]:.1e}, grid {parts[1]:.1e})" in row
     assert "friction_grid_error" not in repr(coarse)
+
+
+def test_a_result_that_is_dropped_gives_its_memory_back_at_once(coarse):
+    """Python would find it in a circle of references only after many more results."""
+    found = jax.tree.map(lambda leaf: leaf, coarse)  # the programs are compiled
+    gone = weakref.ref(known(found))
+    assert found.friction_error > 0
+    garbage.collect()
+    garbage.disable()
+    try:
+        del found
+        assert gone() is None
+    finally:
+        garbage.enable()
 
 
 def test_a_surface_with_waves_that_half_the_grid_lacks_has_an_error_too():

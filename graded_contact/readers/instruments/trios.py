@@ -18,8 +18,8 @@ _NUMBERS = ("Number", "Integer")
 def _tree(file: File) -> Any:
     """The value of a JSON, None for other files."""
     try:
-        start = file.content.lstrip(b"\xef\xbb\xbf \t\r\n")[:1]
-        return json.loads(file.content.decode("utf-8-sig")) if start == b"{" else None
+        text = file.text or ""
+        return json.loads(text) if text.lstrip()[:1] == "{" else None
     except (ValueError, RecursionError):
         return None
 

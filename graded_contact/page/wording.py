@@ -1,0 +1,47 @@
+"""Errors of readers, in the words of the page."""
+
+import contextlib
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+# The fields of the page, by the arguments for which messages ask.
+FIELDS = {
+    "unit": "unit of its heights", "size": "edge length", "periodic": "its edges", "name": "name",
+}  # fmt: skip
+
+
+@contextlib.contextmanager
+def worded(function: Callable[..., Any]) -> Iterator[None]:
+    """Errors of a function name the fields of the page in place of its arguments."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(for_page(str(error), function)) from error
+
+
+def for_page(text: str, function: Callable[..., Any]) -> str:
+    """Returns the text of an error of a function, for a user who sees the page only.
+
+    A sentence is added about arguments for which the page has no field.
+    """
+    arguments, lacking = inspect.signature(function).parameters, []
+
+    def in_words(found: re.Match) -> str:
+        verb, name, value = found.groups()
+        if name in FIELDS:
+            given = f" {value}" if value else ""
+            return f"{'fill in ' if verb else ''}“{FIELDS[name]}”{given}"
+        if name in arguments and name not in (*lacking, "path"):
+            lacking.append(name)
+        return found[0]
+
+    text = text.replace("; `directory` sets the folder", "")
+    text = re.sub(r"`path=[^`]*` is refused: ", "", text)  # its name stands before
+    text = re.sub(r"(pass )?`(\w+)(?:=([^`]*))?`", in_words, text)
+    if lacking:
+        names = ", ".join(f"`{name}`" for name in lacking)
+        text = f"{text.rstrip('.')}. The page has no field for {names}: `{function.__name__}` in "
+        text += "Python takes it."
+    return text
