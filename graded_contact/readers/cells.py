@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from ..core.files import UNPACKED_TEXT, Refusal, check_archive, may_unpack
+from ..core.files import UNPACKED_BOOK, Refusal, check_archive, may_unpack
 from .registry import File, Options, extra
 
 LARGEST = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
@@ -266,7 +266,7 @@ def _xls(file: File) -> Iterator[tuple[str, Iterable]]:
 
 def _xlsx(file: File) -> Iterator[tuple[str, Iterable]]:
     openpyxl = extra("openpyxl")
-    check_archive(file.content, may_unpack(file.packed, UNPACKED_TEXT))
+    check_archive(file.content, may_unpack(file.packed, UNPACKED_BOOK))
     book = openpyxl.load_workbook(io.BytesIO(file.content), read_only=True, data_only=True)
     with contextlib.closing(book):
         for sheet in book.worksheets:
