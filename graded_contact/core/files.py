@@ -192,14 +192,17 @@ def _unpacked(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[byte
     if entry.flag_bits & 1:
         raise Refusal(f"its part {entry.filename[:80]!r} is encrypted")
     beyond = copy.copy(entry)  # Python would stop at the stated size, and say nothing
-    beyond.file_size += 1
-    size = 0
+    beyond.file_size, beyond.CRC = entry.file_size + 1, None  # type: ignore[assignment]
+    size = checksum = 0
     with archive.open(beyond) as stream:
         while chunk := stream.read(min(CHUNK, beyond.file_size - size)):
             size += len(chunk)
             if size > entry.file_size:
                 raise Refusal(f"its part {entry.filename[:80]!r} is larger than its zip states")
+            checksum = zlib.crc32(chunk, checksum)
             yield chunk
+    if (size, checksum) != (entry.file_size, entry.CRC):
+        raise Refusal(f"its part {entry.filename[:80]!r} is damaged")
 
 
 def check_hdf5(content: bytes, at_most: float) -> None:
@@ -253,7 +256,9 @@ def _check_chunks(item: Any, name: str) -> None:
     shuffle, deflate = h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE
     packing = [each for each in filters if each != h5py.h5z.FILTER_FLETCHER32]  # a checksum
     if packing not in ([], [shuffle], [deflate], [shuffle, deflate]):
-        raise Refusal(f'its dataset {name!r} is packed by another filter than "gzip": pack it again')
+        raise Refusal(
+            f'its dataset {name!r} is packed by another filter than "gzip": pack it again'
+        )
     if deflate not in packing:
         return
     chunks: list[Any] = []

@@ -278,7 +278,8 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     rows: list[tuple[int, list[Any]]] = []
     width = 0
     for line, values in enumerate(table, start=1):
-        if row := stripped(["" if value is None else value for value in values or ()]):
+        # Libraries give a million empty rows before a far one.
+        if values and (row := stripped(["" if value is None else value for value in values])):
             rows.append((line, row))
             width = max(width, len(row))
         if line > MOST_ROWS or width * len(rows) > MOST_CELLS:

@@ -238,10 +238,10 @@ def _isotherms(points, separate: bool) -> np.ndarray:
 
 
 def _drift(kelvin: np.ndarray, isotherm: np.ndarray) -> float:
-    import pandas as pd
-
-    groups = pd.Series(kelvin).groupby(isotherm)
-    return float((groups.max() - groups.min()).max())
+    high, low = np.full((2, np.max(isotherm) + 1), [[-np.inf], [np.inf]])
+    np.maximum.at(high, isotherm, kelvin)
+    np.minimum.at(low, isotherm, kelvin)
+    return float(np.max(high - low))
 
 
 # What is reported, and what looks wrong.

@@ -2,9 +2,9 @@
 
 A file is HDF5 as xarray writes it, after `SEAL` bytes with a checksum of the rest: a damaged HDF5
 file may make HDF5 hang or return other numbers. HDF5 skips these bytes, so
-`xarray.open_dataset(path, engine="h5netcdf")` opens the file too. A file that HDF5 opens for writing
-has other bytes at its start, even if nothing is written: those are restored before the checksum is
-compared. Files are written under another name, flushed to the disk and renamed.
+`xarray.open_dataset(path, engine="h5netcdf")` opens the file too. HDF5 changes bytes at the start
+of a file that it opens for writing, even if nothing is written: those are restored before the
+checksum is compared. Files are written under another name, flushed to the disk and renamed.
 """
 
 import contextlib

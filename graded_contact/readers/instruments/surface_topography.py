@@ -17,7 +17,7 @@ _RAW = (
     "no mark in it tells what it is; raw numbers are read by `numpy.fromfile(path, dtype)` and "
     "saved by `numpy.save` as .npy, which is read here"
 )
-# The two bytes that a stream of zlib begins with: method and window, then what makes 31 divide them.
+# The two bytes that begin a stream of zlib: method and window, then what makes 31 divide them.
 _HEADS = re.compile(
     b"|".join(
         re.escape(bytes([window, check]))
