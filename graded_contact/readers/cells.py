@@ -12,7 +12,7 @@ import math
 import operator
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from ..core.files import UNPACKED_BOOK, Refusal, check_archive, may_unpack
@@ -122,9 +122,9 @@ def is_missing(cell: str) -> bool:
     return len(cell) <= LONGEST_NUMBER and cell.lower() in _MISSING
 
 
-def _is_written(cell: str, numbers: re.Pattern) -> bool:
-    """Whether a cell is one of these numbers."""
-    return len(cell) <= LONGEST_NUMBER and numbers.fullmatch(cell) is not None
+def _is_written(cell: str, fullmatch: Callable[[str], Any]) -> bool:
+    """Whether a cell is a number of this form."""
+    return len(cell) <= LONGEST_NUMBER and fullmatch(cell) is not None
 
 
 def is_infinite(cell: str) -> bool:
@@ -166,7 +166,9 @@ def text_layout(lines: Iterable[str], least: int) -> TextLayout:
     layouts = [TextLayout(separator, decimal) for decimal in ".," for separator in _SEPARATORS]
     best = max(layouts, key=lambda each: _score(map(each.split, sample), each.decimal, least))
     cells = itertools.chain.from_iterable(map(best.split, sample))
-    return best._replace(grouped=any(_is_written(cell, _GROUPED[best.decimal]) for cell in cells))
+    return best._replace(
+        grouped=any(_is_written(cell, _GROUPED[best.decimal].fullmatch) for cell in cells)
+    )
 
 
 def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, int]:
@@ -177,8 +179,8 @@ def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, i
     """
     total, plain = 0, 0
     for cells in table:
-        plains = sum(_is_written(cell, _PLAIN[decimal]) for cell in cells)
-        numbers = plains + sum(_is_written(cell, _GROUPED[decimal]) for cell in cells)
+        plains = sum(_is_written(cell, _PLAIN[decimal].fullmatch) for cell in cells)
+        numbers = plains + sum(_is_written(cell, _GROUPED[decimal].fullmatch) for cell in cells)
         words = len(cells) - numbers - sum(map(is_missing, cells))
         if numbers >= least and 2 * numbers > words:  # not a sentence with numbers in it
             total += 2 * numbers - words
@@ -186,12 +188,17 @@ def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, i
     return total, plain
 
 
+def _shortened(cell: str) -> str:
+    """The start of a cell; with a mark, so that digits do not become a number."""
+    return cell if len(cell) <= LONGEST_WORDS else cell[:LONGEST_WORDS] + "…"
+
+
 def _with_point(cell: str, decimal: str) -> str:
     """A number with a decimal point and nothing between thousands; of other cells the start."""
-    if _is_written(cell, _GROUPED[decimal]):
+    if _is_written(cell, _GROUPED[decimal].fullmatch):
         cell = re.sub(rf"[^-+−\d{decimal}]", "", cell)
-    elif not _is_written(cell, _PLAIN[decimal]):
-        return cell[:LONGEST_WORDS]
+    elif not _is_written(cell, _PLAIN[decimal].fullmatch):
+        return _shortened(cell)
     return cell.replace("−", "-").replace(",", ".").replace("d", "e").replace("D", "e")
 
 
@@ -224,7 +231,7 @@ def text_sheet(
         width = max((len(row.cells) for row in itertools.compress(rows, data)), default=0)
         for i in itertools.compress(range(len(rows)), map(operator.not_, data)):
             line = COMMENT.sub("", lines[rows[i].line - 1], count=1).strip()
-            names = [name[:LONGEST_WORDS] for name in re.split(r"\t|\s{2,}", line)]
+            names = list(map(_shortened, re.split(r"\t|\s{2,}", line)))
             rows[i] = rows[i]._replace(cells=names if len(names) == width else rows[i].cells)
     return Sheet("", rows, f"{encoding} text with {layout}", layout.separator is None)
 
@@ -288,7 +295,9 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     # Numbers may be cells of text: these decide about the decimal mark.
     texts = [cell.strip() for _, row in rows for cell in row if isinstance(cell, str)]
     marked = (*_PLAIN.values(), *_GROUPED.values())
-    texts = [text for text in texts if any(_is_written(text, number) for number in marked)]
+    texts = [
+        text for text in texts if any(_is_written(text, number.fullmatch) for number in marked)
+    ]
     decimal = max(".,", key=lambda mark: _score([texts], mark, 2))
     padded = []
     for line, row in rows:

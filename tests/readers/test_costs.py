@@ -85,7 +85,7 @@ def test_no_number_is_looked_for_in_long_cells(tmp_path, monkeypatch, line):
         for mark, pattern in patterns.items():
             monkeypatch.setitem(patterns, mark, Counting(pattern))
     (tmp_path / "a.csv").write_text(40 * f"{line}\n")
-    with pytest.raises(ValueError, match=r"a\.csv`"):
+    with pytest.raises(ValueError, match="no table of numbers is found"):
         read_moduli(tmp_path / "a.csv")
     assert max(seen, default=0) <= cells.LONGEST_NUMBER
     assert sum(seen) < 20 * 41 * len(line)
