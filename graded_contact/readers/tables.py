@@ -174,7 +174,8 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
         below = rows[start + 1 : end]
         has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
         units = below.pop(0).cells if has_units else []
-        table = _headed(_named(rows[start], rows[last:start], below), units, sheet.spaced)
+        above = rows[max(last, start - 1) : start]
+        table = _headed(_named(rows[start], above, below), units, sheet.spaced)
         key = tuple(table.names)
         if key in tables and has_units and tables[key].units != table.units:
             key = (*table.names, *table.units)

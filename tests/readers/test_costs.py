@@ -68,7 +68,9 @@ def test_calls_grow_no_faster_than_the_bytes_of_a_text(tmp_path, kind):
         assert counts[2] < 5 * counts[1], counts
 
 
-@pytest.mark.parametrize("line", ["7" * 3000 + ",7" * 9, "1" + " 777" * 750 + ",x", "-" * 3000])
+@pytest.mark.parametrize(
+    "line", ["7" * 3000 + ",7" * 9, "1" + " 777" * 750 + ",x", "1," + "-" * 3000]
+)
 def test_no_number_is_looked_for_in_long_cells(tmp_path, monkeypatch, line):
     """The search for numbers sees each character a few times, and no cell of thousands of them."""
     seen = []
@@ -85,9 +87,9 @@ def test_no_number_is_looked_for_in_long_cells(tmp_path, monkeypatch, line):
         for mark, pattern in patterns.items():
             monkeypatch.setitem(patterns, mark, Counting(pattern))
     (tmp_path / "a.csv").write_text(40 * f"{line}\n")
-    with pytest.raises(ValueError, match="no table of numbers is found"):
+    with pytest.raises(ValueError, match=r"no table of numbers is found|columns without names"):
         read_moduli(tmp_path / "a.csv")
-    assert max(seen, default=0) <= cells.LONGEST_NUMBER
+    assert max(seen) <= cells.LONGEST_NUMBER
     assert sum(seen) < 20 * 41 * len(line)
 
 
@@ -113,6 +115,9 @@ def test_a_workbook_of_many_rows_in_few_bytes_is_refused_before_a_row_is_read(
 
 def test_a_long_number_of_all_digits_is_read_and_a_long_word_is_no_name(tmp_path):
     digits = f"{1e306:f}"
+    (tmp_path / "b.csv").write_text(40 * f"{'7' * 3000},{'7' * 3000}\n")
+    with pytest.raises(ValueError, match="no table of numbers is found"):
+        read_moduli(tmp_path / "b.csv")
     assert cells.is_number(digits) and not cells.is_number(2 * digits)
     rows = "".join(f"{i},{i + 1}e6\n" for i in range(1, 6))
     (tmp_path / "a.csv").write_text(f"{'word ' * 1000}\ntime [s],modulus [Pa]\n{rows}")
