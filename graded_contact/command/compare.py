@@ -1,16 +1,19 @@
 """The job `compare`: several results in one figure."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..core.files import check_folder
 from ..page.document import described
 from ..plot import plot_compare
-from ..scenes.results import read_results
+from ..scenes.results import older_meaning, read_results
 from ..scenes.schema import parse_toml
 from .terminal import FigureFormat, refusing, save_figure
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 
 def compare(
@@ -40,12 +43,11 @@ def compare(
                 f"`--label` is given {len(label)} times for {len(results)} results: give it once "
                 "for each."
             )
+        for path, one in zip(result_files, results, strict=True):
+            if older := older_meaning(one):
+                typer.secho(f"Warning: {path} is {older}.", fg="yellow", err=True)
         titles = [str(one.attrs["title"]) for one in results]
-        contents = [parse_toml(one.attrs["scene"]) for one in results]
-        blocks = [
-            described(content, [layer["thickness"] for layer in content.get("layers", [])])
-            for content in contents
-        ]
+        blocks = list(map(_block_and_surface, result_files, results))
         names = (label or titles, blocks, [str(path) for path in result_files])
         chosen = next((n for n in names if all(n) and len({*n}) == len(n)), names[0])
         figure = plot_compare(results, chosen)
@@ -56,3 +58,13 @@ def compare(
         check_folder(output.parent)
         output.parent.mkdir(parents=True, exist_ok=True)
         save_figure(figure, output.with_suffix(f".{ending}"), ending)
+
+
+def _block_and_surface(path: Path, results: "Dataset") -> str:
+    """The layers, the base and the surface of the scene of results."""
+    try:
+        content = parse_toml(results.attrs["scene"])
+        return described(content, [layer["thickness"] for layer in content.get("layers", [])])
+    except Exception as error:  # of many kinds, as what lacks in the scene
+        reason = f"{type(error).__name__}: {error}"
+        raise ValueError(f"`path={path}` has no scene that is understood ({reason}).") from error

@@ -25,6 +25,7 @@ from ..scenes.results import (
     has_numbers,
     kept_solves,
     lost_solves,
+    older_meaning,
     over_seeds,
     read_results,
     surface_of,
@@ -143,6 +144,8 @@ def info(
     kept = ", ".join(map(str, kept_solves(results))) or "none"
     typer.echo(f"{'fields kept':22} {kept} ({', '.join(map(str, results['message'].dims))})")
     print_table(results, all_seeds, full)
+    if older := older_meaning(results):
+        typer.secho(f"Warning: this result is {older}.", fg="yellow", err=True)
 
 
 def run_scene_into(
@@ -195,12 +198,14 @@ def _prepared(
     names = point_names(scene, surface)
     remedy = "Give another --output, or --replace to replace it."
     try:
-        lost, earlier = (0, {}) if replace else lost_solves(file, names)
+        lost, earlier = (0, None) if replace else lost_solves(file, names)
     except ValueError as error:
         raise ValueError(f"{error} {remedy}") from error
-    if lost:  # a result of another scene
-        versions = package_versions()
-        there = [*earlier["scene"].splitlines(), *(f"{k} = {earlier.get(k)}" for k in versions)]
+    if lost and earlier is not None:  # a result of another scene, or of an older version
+        if older := older_meaning(earlier):
+            raise ValueError(f"{file} is {older}: they would stand beside others. {remedy}")
+        versions, about = package_versions(), earlier.attrs
+        there = [*about["scene"].splitlines(), *(f"{k} = {about.get(k)}" for k in versions)]
         here = [*scene.text.splitlines(), *(f"{k} = {v}" for k, v in versions.items())]
         # The first line that the other does not have; none is if only a file of data changed.
         old, new = (
@@ -208,7 +213,7 @@ def _prepared(
             for one, other in ((there, here), (here, there))
         )
         raise ValueError(
-            f"{file} contains {lost} solves of {earlier['title'] or 'another scene'!r} that this "
+            f"{file} contains {lost} solves of {about['title'] or 'another scene'!r} that this "
             f"scene does not have (file: `{old}`, scene: `{new}`). {remedy}"
         )
     print_read(scene, surface)

@@ -12,20 +12,24 @@ import math
 import operator
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from ..core.files import UNPACKED_TEXT, Refusal, check_archive, may_unpack
+from ..core.files import UNPACKED_BOOK, Refusal, check_archive, may_unpack
 from .registry import File, Options, extra
 
 LARGEST = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
 MOST_CELLS = 5_000_000  # of a sheet of moduli; lines of any text
 MOST_ROWS = 2**20  # of a sheet, as in Excel
 LONGEST = 100_000  # characters of a line of moduli
+LONGEST_NUMBER = 400  # characters: 1e308 with all digits has 309
+LONGEST_WORDS = 200  # characters of other cells that are kept
+LONGEST_TEXT = 1000  # characters of a row that are looked at for titles
 
-# By the decimal mark: numbers, and those with marks between thousands.
+# By the decimal mark: numbers, and those with marks between thousands. Where a pattern may match in
+# one way only, a cell that it does not match costs no more than its length.
 _PLAIN = {
-    mark: re.compile(rf"[-+−]?(\d+[{mark}]?\d*|[{mark}]\d+)([eEdD][-+]?\d+)?") for mark in ".,"
+    mark: re.compile(rf"[-+−]?(\d+([{mark}]\d*)?|[{mark}]\d+)([eEdD][-+]?\d+)?") for mark in ".,"
 }
 _GROUPED = {
     mark: re.compile(rf"[-+−]?[1-9]\d{{0,2}}([{other}'’\s]\d{{3}})+([{mark}]\d*)?")
@@ -55,7 +59,8 @@ class Row(NamedTuple):
 
     @property
     def text(self) -> str:
-        return " ".join(self.cells)
+        """Its start, with single spaces between the cells that are not empty."""
+        return " ".join(filter(None, self.cells[:LONGEST_TEXT]))[:LONGEST_TEXT]
 
 
 class Sheet(NamedTuple):
@@ -107,14 +112,19 @@ class TextLayout(NamedTuple):
 
 def is_number(cell: str) -> bool:
     try:
-        return "_" not in cell and math.isfinite(float(cell))
+        return len(cell) <= LONGEST_NUMBER and "_" not in cell and math.isfinite(float(cell))
     except ValueError:
         return False
 
 
 def is_missing(cell: str) -> bool:
     """Whether a cell is empty or marks a missing value."""
-    return cell.lower() in _MISSING
+    return len(cell) <= LONGEST_NUMBER and cell.lower() in _MISSING
+
+
+def _is_written(cell: str, fullmatch: Callable[[str], Any]) -> bool:
+    """Whether a cell is a number of this form."""
+    return len(cell) <= LONGEST_NUMBER and fullmatch(cell) is not None
 
 
 def is_infinite(cell: str) -> bool:
@@ -156,7 +166,9 @@ def text_layout(lines: Iterable[str], least: int) -> TextLayout:
     layouts = [TextLayout(separator, decimal) for decimal in ".," for separator in _SEPARATORS]
     best = max(layouts, key=lambda each: _score(map(each.split, sample), each.decimal, least))
     cells = itertools.chain.from_iterable(map(best.split, sample))
-    return best._replace(grouped=any(map(_GROUPED[best.decimal].fullmatch, cells)))
+    return best._replace(
+        grouped=any(_is_written(cell, _GROUPED[best.decimal].fullmatch) for cell in cells)
+    )
 
 
 def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, int]:
@@ -167,8 +179,8 @@ def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, i
     """
     total, plain = 0, 0
     for cells in table:
-        plains = sum(_PLAIN[decimal].fullmatch(cell) is not None for cell in cells)
-        numbers = plains + sum(_GROUPED[decimal].fullmatch(cell) is not None for cell in cells)
+        plains = sum(_is_written(cell, _PLAIN[decimal].fullmatch) for cell in cells)
+        numbers = plains + sum(_is_written(cell, _GROUPED[decimal].fullmatch) for cell in cells)
         words = len(cells) - numbers - sum(map(is_missing, cells))
         if numbers >= least and 2 * numbers > words:  # not a sentence with numbers in it
             total += 2 * numbers - words
@@ -176,12 +188,17 @@ def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, i
     return total, plain
 
 
+def _shortened(cell: str) -> str:
+    """The start of a cell; with a mark, so that digits do not become a number."""
+    return cell if len(cell) <= LONGEST_WORDS else cell[:LONGEST_WORDS] + "…"
+
+
 def _with_point(cell: str, decimal: str) -> str:
-    """A number with a decimal point and nothing between thousands; other cells unchanged."""
-    if _GROUPED[decimal].fullmatch(cell):
+    """A number with a decimal point and nothing between thousands; of other cells the start."""
+    if _is_written(cell, _GROUPED[decimal].fullmatch):
         cell = re.sub(rf"[^-+−\d{decimal}]", "", cell)
-    elif not _PLAIN[decimal].fullmatch(cell):
-        return cell
+    elif not _is_written(cell, _PLAIN[decimal].fullmatch):
+        return _shortened(cell)
     return cell.replace("−", "-").replace(",", ".").replace("d", "e").replace("D", "e")
 
 
@@ -214,7 +231,7 @@ def text_sheet(
         width = max((len(row.cells) for row in itertools.compress(rows, data)), default=0)
         for i in itertools.compress(range(len(rows)), map(operator.not_, data)):
             line = COMMENT.sub("", lines[rows[i].line - 1], count=1).strip()
-            names = re.split(r"\t|\s{2,}", line)
+            names = list(map(_shortened, re.split(r"\t|\s{2,}", line)))
             rows[i] = rows[i]._replace(cells=names if len(names) == width else rows[i].cells)
     return Sheet("", rows, f"{encoding} text with {layout}", layout.separator is None)
 
@@ -256,7 +273,7 @@ def _xls(file: File) -> Iterator[tuple[str, Iterable]]:
 
 def _xlsx(file: File) -> Iterator[tuple[str, Iterable]]:
     openpyxl = extra("openpyxl")
-    check_archive(file.content, may_unpack(file.packed, UNPACKED_TEXT))
+    check_archive(file.content, may_unpack(file.packed, UNPACKED_BOOK))
     book = openpyxl.load_workbook(io.BytesIO(file.content), read_only=True, data_only=True)
     with contextlib.closing(book):
         for sheet in book.worksheets:
@@ -268,7 +285,8 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     rows: list[tuple[int, list[Any]]] = []
     width = 0
     for line, values in enumerate(table, start=1):
-        if row := stripped(["" if value is None else value for value in values or ()]):
+        # Libraries give a million empty rows before a far one.
+        if values and (row := stripped(["" if value is None else value for value in values])):
             rows.append((line, row))
             width = max(width, len(row))
         if line > MOST_ROWS or width * len(rows) > MOST_CELLS:
@@ -277,7 +295,9 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     # Numbers may be cells of text: these decide about the decimal mark.
     texts = [cell.strip() for _, row in rows for cell in row if isinstance(cell, str)]
     marked = (*_PLAIN.values(), *_GROUPED.values())
-    texts = [text for text in texts if any(number.fullmatch(text) for number in marked)]
+    texts = [
+        text for text in texts if any(_is_written(text, number.fullmatch) for number in marked)
+    ]
     decimal = max(".,", key=lambda mark: _score([texts], mark, 2))
     padded = []
     for line, row in rows:

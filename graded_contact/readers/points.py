@@ -230,15 +230,18 @@ def _isotherms(points, separate: bool) -> np.ndarray:
         # A slow ramp, on which each sweep is a separate isotherm.
         steps = np.diff(np.log(abscissa), prepend=np.log(abscissa[0]))
         curve = np.cumsum(steps * np.sign(np.median(steps)) < 0)
-    names, curve = np.unique(curve, return_inverse=True)
-    means = np.array([np.mean(kelvin[curve == i]) for i in range(len(names))])
+    curve = np.unique(curve, return_inverse=True)[1]
+    means = np.bincount(curve, kelvin) / np.bincount(curve)
     if separate:  # replicates side by side, of one temperature, are one isotherm
         return grouped(means)[curve]
     return np.argsort(np.argsort(means, kind="stable"))[curve]
 
 
 def _drift(kelvin: np.ndarray, isotherm: np.ndarray) -> float:
-    return max(float(np.ptp(kelvin[isotherm == i])) for i in np.unique(isotherm))
+    high, low = np.full((2, np.max(isotherm) + 1), [[-np.inf], [np.inf]])
+    np.maximum.at(high, isotherm, kelvin)
+    np.minimum.at(low, isotherm, kelvin)
+    return float(np.max(high - low))
 
 
 # What is reported, and what looks wrong.

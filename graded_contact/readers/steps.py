@@ -47,9 +47,6 @@ class Step(NamedTuple):
         lines = f"lines {self.rows[0].line}-{self.rows[-1].line}"
         return f"step {self.number}{title} ({lines}, {len(self.rows)} rows)"
 
-    def within(self, table: Table) -> bool:
-        return any(row is self.rows[0] for row in table.rows)
-
 
 def understand(sheet: Sheet, options: Options) -> MeasuredTable:
     """Returns the longest table on a sheet whose columns are understood, of frequency sweeps first.
@@ -71,22 +68,23 @@ def understand(sheet: Sheet, options: Options) -> MeasuredTable:
     if not tables or len(tables[0].rows) < 2:
         raise ValueError("no table of numbers is found; rows of at least two numbers are needed")
     found, refusals = [], []
-    for table in tables:
+    each_with_steps = list(zip(tables, _each(tables, steps), strict=True))
+    for table, own in each_with_steps:
         try:
             measured = measured_table(table, options)
-            found.append((table, measured if options.step else _swept(measured, steps)))
+            found.append((table, measured if options.step else _swept(measured, own)))
         except ValueError as error:
             refusals.append(error)
     if not found:
         raise refusals[0]
     chosen, measured = max(found, key=lambda pair: rank(pair[1]))
-    if options.step:
-        read = ", ".join(str(step) for step in steps if step.within(chosen))
-        measured.log.note(f"Read only {read}.")
     others = []
-    for table in (table for table in tables if table is not chosen):
-        titled = ", ".join(str(step) for step in steps if step.title and step.within(table))
-        others.append(f"{table.place} with {titled}" if titled else table.place)
+    for table, own in each_with_steps:
+        titled = ", ".join(str(step) for step in own if step.title)
+        if table is not chosen:
+            others.append(f"{table.place} with {titled}" if titled else table.place)
+        elif options.step:
+            measured.log.note(f"Read only {', '.join(map(str, own))}.")
     if others:
         measured.log.note(f"Left out tables of other columns: {', '.join(others)}.")
     return measured
@@ -115,6 +113,16 @@ def _steps(tables: Sequence[Table]) -> list[Step]:
             parts += _parts(segment.data, title, places if table.blocks == 1 else [])
     parts.sort(key=lambda part: part[1][0].line)
     return [Step(number, *part) for number, part in enumerate(parts, start=1)]
+
+
+def _each(tables: Sequence[Table], steps: Sequence[Step]) -> list[list[Step]]:
+    """The steps of each table."""
+    table_at = {row.line: i for i, table in enumerate(tables) for row in table.rows}
+    found: list[list[Step]] = [[] for _ in tables]
+    for step in steps:
+        if (i := table_at.get(step.rows[0].line)) is not None:
+            found[i].append(step)
+    return found
 
 
 def _parts(rows: list[Row], title: str, places: list[int]) -> list[tuple[str, list[Row]]]:
@@ -146,12 +154,12 @@ def _steps_named(steps: list[Step], text: str) -> list[Step]:
 
 
 def _swept(measured: MeasuredTable, steps: list[Step]) -> MeasuredTable:
-    """The table without its steps at one frequency, if others sweep the frequency."""
+    """The table without those of its steps at one frequency, if others sweep the frequency."""
     table = measured.table
     if measured.kind != "frequency" or table.blocks > 1:
         return measured
     constant = []
-    for step in (step for step in steps if step.within(table)):
+    for step in steps:
         constant += [step._replace(rows=rows) for rows in _constant_runs(measured, step)]
     left = {row.line for step in constant for row in step.rows}
     remaining = [row for row in table.rows if row.line not in left]

@@ -16,6 +16,7 @@ from .cells import Row, Sheet, holds_data, is_missing, is_number, stripped
 from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse_unit
 
 LIMIT = 1e100  # in SI units; of shifted frequencies and times
+MOST_COLUMNS = 1000  # of a table; a hundred curves side by side have a few hundred
 
 
 def credible(values: np.ndarray) -> np.ndarray:
@@ -150,11 +151,16 @@ class Table(NamedTuple):
 def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
     """Returns the tables of numbers; `named` are names of columns that are known."""
     rows = sheet.rows
+    if not any(map(holds_data, rows)):
+        return []
+    if (width := max(len(row.cells) for row in rows)) > MOST_COLUMNS:
+        raise ValueError(f"it has {width} columns; at most {MOST_COLUMNS} are read")
     # Universal Analysis writes names below one another, "Sig1 Time (min)", "Sig2 ...": as one row.
     signals = [row for row in rows if re.fullmatch(r"Sig\d+", row.cells[0])]
     if len(signals) > 1:
         names = Row(signals[-1].line, [" ".join(row.cells[1:]) for row in signals])
-        rows = [names if row is signals[-1] else row for row in rows if row not in signals[:-1]]
+        last_of = {id(row) for row in signals[:-1]}
+        rows = [names if row is signals[-1] else row for row in rows if id(row) not in last_of]
     starts = _starts(rows, set(named))
     if not starts:
         data = [row for row in rows if holds_data(row)]
@@ -168,7 +174,8 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
         below = rows[start + 1 : end]
         has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
         units = below.pop(0).cells if has_units else []
-        table = _headed(_named(rows[start], rows[last:start], below), units, sheet.spaced)
+        above = rows[max(last, start - 1) : start]
+        table = _headed(_named(rows[start], above, below), units, sheet.spaced)
         key = tuple(table.names)
         if key in tables and has_units and tables[key].units != table.units:
             key = (*table.names, *table.units)
@@ -202,12 +209,29 @@ def _headed(row: Row, units: list[str], spaced: bool) -> Table:
     names = stripped(row.cells)
     below = (units + [""] * len(names))[: len(names)]
     columns = list(zip(names, below, strict=True))
-    for width in range(2, len(names)):
-        whole = columns + [("", "")] * (-len(names) % width)  # an empty column between blocks
-        blocks = len(whole) // width
-        if whole == columns[:width] * blocks:
+    for width in _periods(columns):
+        blocks, rest = divmod(len(names), width)
+        if width > 1 and not (rest and any(map(any, columns[rest:width]))):
+            blocks += rest > 0  # an empty column between blocks
             return Table(f"line {row.line}", names[:width], below[:width], blocks, [], spaced)
     return Table(f"line {row.line}", names, below, 1, [], spaced)
+
+
+def _periods(columns: Sequence[tuple[str, str]]) -> Iterator[int]:
+    """Yields the numbers of columns after which these repeat, rising, in linear time.
+
+    The longest start of the list that is its end, too, follows from those of its starts (Knuth,
+    Morris and Pratt).
+    """
+    borders = [0] * len(columns)
+    for i in range(1, len(columns)):
+        length = borders[i - 1]
+        while length and columns[i] != columns[length]:
+            length = borders[length - 1]
+        borders[i] = length + (columns[i] == columns[length])
+    length = len(columns)
+    while length and (length := borders[length - 1]):
+        yield len(columns) - length
 
 
 def _starts(rows: list[Row], named: set[str]) -> list[int]:

@@ -43,6 +43,7 @@ UNITS: dict[str, dict[str, float]] = {
 SI = {dimension: next(iter(units)) for dimension, units in UNITS.items()}
 OFFSETS = {"C": 273.15, "K": 0.0, "F": 459.67 * 5 / 9}
 
+LONGEST_UNIT = 40  # characters, with brackets and spaces
 PER_SECOND = "1/s"  # may mean Hz or rad/s: the name of the column decides
 
 # Other spellings, after the folding of `parse_unit`.
@@ -183,6 +184,8 @@ def _folded(text: str) -> str:
 
 def parse_unit(text: str) -> str | None:
     """Returns the unit of `UNITS`, or `PER_SECOND`, that `text` spells; None if there is none."""
+    if len(text) > LONGEST_UNIT:
+        return None
     bare = re.sub(r"^\[(.*)\]$|^\((.*)\)$", r"\1\2", text.strip())
     for old, new in (("²", "2"), ("⁻¹", "-1"), ("−1", "-1"), ("º", "°"), ("˚", "°")):
         bare = bare.replace(old, new)

@@ -47,6 +47,12 @@ KEPT_FIELDS = {
 }  # fmt: skip
 SEED_ERROR = "_seed_error"
 NO_NUMBERS = tuple(RESULTS[end] for end in FAILURES)  # messages of solves without numbers
+# What the numbers of a file mean: its attribute `format` counts the changes. Each entry says what
+# was different before. Files without the attribute are of the first two formats.
+FORMATS = {
+    2: "± were errors of the solver alone, not total errors, and areas were counts of points",
+}
+FORMAT = max(FORMATS)
 
 
 def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
@@ -156,6 +162,7 @@ def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
     digests = [f"{hashlib.sha256(read_file(path)).hexdigest()}  {path}" for path in files]
     attributes = {
         "title": scene.title,
+        "format": FORMAT,
         "scene": scene.text,
         "inputs": "\n".join(digests),
         "moduli": "\n".join(scene.notes),
@@ -180,24 +187,46 @@ def read_results(path: str | os.PathLike) -> "Dataset":
 
     **Returns:** an `xarray.Dataset`, bit for bit as it was written; see `run_scene`.
 
-    **Raises:** `FileNotFoundError`; `ValueError` for another file, or a damaged one.
+    **Raises:** `FileNotFoundError`; `ValueError` for another file, a damaged one, one that another
+    program is changing, and one of a later format.
     """
     if Path(path).suffix == ".toml":
         raise ValueError(
             f"`path={path}` is a scene, which has no numbers yet: run `graded-contact run {path}` "
             "and give its results, a file that ends in .h5."
         )
-    results = read(path)
+    results, older = read(path), ""
     try:
+        older = older_meaning(results)
         needed = ("message", "point", "heights", "friction", "contact_area")
         _ = [results.variables[name] for name in (*needed, *results["message"].dims)]
-        _ = results.attrs["title"], surface_of(results), kept_solves(results), warnings_of(results)
+        _ = surface_of(results), kept_solves(results), warnings_of(results)
+        _ = [str(results.attrs[name]) for name in ("title", "scene")]
     except Exception as error:  # of many kinds, as what lacks in the file
         raise ValueError(
             f"`path={path}` does not contain the results of a scene, or another version wrote it "
-            f"({type(error).__name__}: {error})."
+            f"({type(error).__name__}: {error})" + f"; it is {older}" * bool(older) + "."
         ) from error
+    if (number := format_of(results)) > FORMAT:
+        raise ValueError(
+            f"`path={path}` has results of format {number}, this version knows formats up to "
+            f"{FORMAT}: read it by the version that wrote it, or a later one."
+        )
     return results
+
+
+def format_of(results: "Dataset") -> int:
+    """Returns the number of the format of results, see `FORMATS`."""
+    if "format" in results.attrs:
+        return int(results.attrs["format"])
+    # The second format was in use before the number was written.
+    return 2 if any(str(name).endswith("_solver_error") for name in results) else 1
+
+
+def older_meaning(results: "Dataset") -> str:
+    """Returns what the numbers of results mean in another way than today; usually nothing."""
+    found = "; ".join(was for number, was in FORMATS.items() if number > format_of(results))
+    return f"of an older format, in which {found}" if found else ""
 
 
 def solve_states(results: "Dataset") -> "DataArray":
@@ -329,8 +358,8 @@ def contact_at(results: "Dataset", index: tuple[int, ...]) -> tuple["Dataset", S
     return fields, surface
 
 
-def lost_solves(path: str | os.PathLike, point: np.ndarray) -> tuple[int, dict]:
-    """Returns how many solves the file at `path` has that are not in `point`, and its attributes.
+def lost_solves(path: str | os.PathLike, point: np.ndarray) -> tuple[int, "Dataset | None"]:
+    """Returns how many solves the file at `path` has that are not in `point`, and its results.
 
     A file that has any must not be replaced by one with only the solves of these names. Solves that
     were not started, or whose worker died, do not count; there are none if there is no file.
@@ -338,8 +367,8 @@ def lost_solves(path: str | os.PathLike, point: np.ndarray) -> tuple[int, dict]:
     **Raises:** as `read_results`.
     """
     if not Path(path).exists():
-        return 0, {}
+        return 0, None
     earlier = read_results(path)
     # What was not started or lost its worker has no numbers to lose.
     finished = ~np.isin(earlier["message"], (NOT_STARTED, LOST))
-    return int(np.sum(~np.isin(earlier["point"].values[finished], point))), earlier.attrs
+    return int(np.sum(~np.isin(earlier["point"].values[finished], point))), earlier

@@ -2,8 +2,9 @@
 
 A file is HDF5 as xarray writes it, after `SEAL` bytes with a checksum of the rest: a damaged HDF5
 file may make HDF5 hang or return other numbers. HDF5 skips these bytes, so
-`xarray.open_dataset(path, engine="h5netcdf")` opens the file too. Files are written under another
-name, flushed to the disk and renamed.
+`xarray.open_dataset(path, engine="h5netcdf")` opens the file too. HDF5 changes bytes at the start
+of a file that it opens for writing, even if nothing is written: those are restored before the
+checksum is compared. Files are written under another name, flushed to the disk and renamed.
 """
 
 import contextlib
@@ -12,6 +13,7 @@ import hashlib
 import io
 import os
 import uuid
+import warnings
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -19,7 +21,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from ..core.escaping import in_csv
-from ..core.files import LARGEST_FILE, Refusal, check_hdf5, read_file
+from ..core.files import LARGEST_FILE, Refusal, check_hdf5, is_open_for_writing, read_file
 from ..core.memory import available_memory
 from ..core.quantities import in_brackets, quantity_of
 
@@ -86,19 +88,32 @@ def write_sealed(path: str | os.PathLike, content: bytes) -> None:
 
 
 def read_sealed(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes:
-    """Returns the content of a file that `write_sealed` wrote, of `at_most` bytes.
+    """Returns the content that `write_sealed` wrote to a file of `at_most` bytes.
 
     **Raises:** `FileNotFoundError`; `ValueError` if the file differs from what was written.
     """
     whole = read_file(path, at_most)
-    content = whole[SEAL:]
-    if whole[:SEAL] != _header(content):
-        raise ValueError(f"`path={path}` is damaged, or another program or version wrote it.")
-    return content
+    for content in (whole[SEAL:], _closed(whole[SEAL:])):
+        if whole[:SEAL] == _header(content):
+            return content
+    if is_open_for_writing(path):
+        raise ValueError(f"`path={path}` is open in another program: close it there.")
+    raise ValueError(f"`path={path}` is damaged, or another program or version wrote it.")
 
 
 def _header(content: bytes) -> bytes:
     return f"graded_contact\n{hashlib.sha256(content).hexdigest()}\n".encode().ljust(SEAL)
+
+
+def _closed(content: bytes) -> bytes:
+    """The content of HDF5 before a program opened it for writing (superblock of version 0).
+
+    HDF5 then marks the file as open, and counts the bytes of the seal.
+    """
+    closed = bytearray(content)
+    closed[20:32] = bytes(12)
+    closed[40:48] = len(content).to_bytes(8, "little")
+    return bytes(closed)
 
 
 def write(path: str | os.PathLike, dataset: "Dataset") -> None:
@@ -118,15 +133,20 @@ def write(path: str | os.PathLike, dataset: "Dataset") -> None:
 def read(path: str | os.PathLike) -> "Dataset":
     """Returns the dataset that `write` wrote, bit for bit.
 
-    **Raises:** `FileNotFoundError`; `ValueError` for another file, or a damaged one.
+    **Raises:** `FileNotFoundError`; `ValueError` for another file, a damaged one, or one that
+    another program is changing.
     """
     import xarray
 
     most = available_memory() or float("inf")
     content = read_sealed(path, most)  # damaged HDF5 never reaches the HDF5 library
     try:
-        check_hdf5(content, most)
-        return xarray.load_dataset(io.BytesIO(content), engine="h5netcdf")
+        # HDF5 that something else wrote may be odd in ways that libraries warn of.
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)
+            warnings.simplefilter("error", RuntimeWarning)
+            check_hdf5(content, most)
+            return xarray.load_dataset(io.BytesIO(content), engine="h5netcdf")
     except Refusal as error:
         raise ValueError(f"`path={path}` is refused: {error}.") from error
     except Exception as error:  # of many kinds, of HDF5 that something else wrote

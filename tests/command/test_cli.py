@@ -448,6 +448,33 @@ def test_results_are_compared_in_a_figure(folder, tmp_path):
         assert result.exit_code == 2 and expected in " ".join(result.stderr.split())
 
 
+def test_a_result_of_an_older_version_is_named_and_not_mixed_with_todays(rerun, folder, tmp_path):
+    results = read_results(folder / "out" / "small.h5")
+    parts = [n for n in results if str(n).endswith(("_solver_error", "_grid_error"))]
+    older = results.drop_vars(parts).assign(point=results.point + "0")
+    older.attrs.pop("format")
+    path = tmp_path / "out" / "small.h5"
+    write(path, older)
+    before = path.read_bytes()
+    meant = "± were errors of the solver alone, not total errors, and areas were counts of points"
+    compared = ("compare", folder / "out" / "small.h5", path, "-o", tmp_path / "a")
+    for result in (command("info", path), command(*compared), refused := rerun()):
+        assert meant in " ".join(result.stderr.split())
+    assert refused.exit_code == 2 and "--replace" in refused.stderr
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("scene", [None, "a = [", "a = 1"])
+def test_results_without_a_scene_are_refused_by_compare(folder, tmp_path, scene):
+    first, second = folder / "out" / "small.h5", tmp_path / "b.h5"
+    results = read_results(first).assign_attrs(scene=scene or "")
+    if scene is None:
+        results.attrs.pop("scene")
+    write(second, results)
+    result = command("compare", first, second, "-o", tmp_path / "a")
+    assert result.exit_code == 2 and "b.h5` " in result.stderr and "scene" in result.stderr
+
+
 def moduli_file(path, temperatures, off=0.0):
     """Isotherms of a tyre tread, 2 % of noise; a column of temperature if there are several.
 

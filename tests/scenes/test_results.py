@@ -8,10 +8,12 @@ import xarray
 import graded_contact as gc
 from graded_contact.core.quantities import numbers_of
 from graded_contact.scenes.results import (
+    FORMAT,
     KEPT_FIELDS,
     contact_at,
     kept_solves,
     lost_solves,
+    older_meaning,
     over_seeds,
     read_results,
     solve_states,
@@ -121,7 +123,7 @@ def test_other_files_are_refused(tmp_path):
             read_results(path)
 
 
-@pytest.mark.parametrize("lacking", ["surface_history", "period", "friction", "heights"])
+@pytest.mark.parametrize("lacking", ["surface_history", "period", "friction", "heights", "scene"])
 def test_a_file_without_what_results_have_is_refused(tmp_path, lacking):
     results = make_results()
     for attributes in (results.attrs, results.x.attrs):
@@ -143,11 +145,40 @@ def test_results_that_refer_to_another_file_are_refused(tmp_path):
 
 def test_what_a_file_would_lose_is_what_was_finished_in_it_alone(tmp_path):
     path = tmp_path / "a.h5"
-    assert lost_solves(path, np.array([])) == (0, {})
+    assert lost_solves(path, np.array([])) == (0, None)
     results = make_results()
     write(path, results)
     for names, expected in ((list("abcdf"), 0), (list("abc"), 2), ([], 5)):
-        lost, attributes = lost_solves(path, np.array(names))
-        assert lost == expected and attributes["title"] == "glatt, 50 µm"
+        lost, earlier = lost_solves(path, np.array(names))
+        assert lost == expected and earlier.identical(results)
     write(path, results.assign(message=results.message.where(results.message == "", LOST)))
     assert lost_solves(path, np.array([]))[0] == 3
+
+
+def test_results_of_an_older_format_say_what_their_numbers_meant(tmp_path):
+    """Total errors and areas with edges between the points came together."""
+    results = make_results()
+    assert older_meaning(results) == ""  # without a number, but with errors by the solver
+    parts = [name for name in results if str(name).endswith(("_solver_error", "_grid_error"))]
+    meant = "± were errors of the solver alone, not total errors, and areas were counts of points"
+    assert meant in older_meaning(results.drop_vars(parts))
+    assert older_meaning(results.drop_vars(parts).assign_attrs(format=FORMAT)) == ""
+    write(tmp_path / "a.h5", results.drop_vars(parts))
+    assert meant in older_meaning(read_results(tmp_path / "a.h5"))
+    write(tmp_path / "a.h5", results.assign_attrs(format=FORMAT + 1))
+    with pytest.raises(ValueError, match=rf"of format {FORMAT + 1}, this version knows .*{FORMAT}"):
+        read_results(tmp_path / "a.h5")
+
+
+@pytest.mark.filterwarnings("error")
+def test_warnings_of_libraries_for_a_forged_file_are_a_refusal(tmp_path):
+    """h5netcdf warns of a variable whose fill value is none of its enumeration."""
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        kind = h5py.enum_dtype({"a": 1, "b": 2}, np.int8)
+        file.create_dataset("z", data=np.ones(3, np.int8), dtype=kind)
+        file["x"] = np.arange(3.0)
+        file["x"].make_scale()
+        file["z"].dims[0].attach_scale(file["x"])
+    write_sealed(tmp_path / "a.h5", (tmp_path / "b.h5").read_bytes())
+    with pytest.raises(ValueError, match=r"a\.h5` does not contain"):
+        read_results(tmp_path / "a.h5")

@@ -2,6 +2,7 @@
 
 import os
 
+import h5py
 import numpy as np
 import pytest
 import xarray
@@ -54,6 +55,31 @@ def test_damage_is_refused(tmp_path):
             read(path)
     with pytest.raises(FileNotFoundError):
         read(tmp_path / "b.h5")
+
+
+def test_a_file_that_another_program_opens_for_writing_keeps_its_data(tmp_path):
+    """HDF5 marks it as open and counts the seal, also if nothing is written."""
+    path, data = tmp_path / "a.h5", example()
+    write(path, data)
+    written = path.read_bytes()
+    for mode in ("r+", "a"):
+        with h5py.File(path, mode) as file:
+            assert file["friction"].shape == (2, 9) and path.read_bytes() != written
+            assert read(path).identical(data)
+        assert path.read_bytes() != written and read(path).identical(data)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows lets nobody read a file that is written")
+def test_a_file_that_another_program_is_changing_is_open_not_damaged(tmp_path):
+    path = tmp_path / "a.h5"
+    write(path, example())
+    with h5py.File(path, "r+") as file:
+        file["friction"][0, 0] = 3.0
+        file.flush()
+        with pytest.raises(ValueError, match=r"a\.h5` is open in another program: close it"):
+            read(path)
+    with pytest.raises(ValueError, match="is damaged"):
+        read(path)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the limit on the size of files is that of POSIX")

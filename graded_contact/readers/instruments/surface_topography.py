@@ -8,15 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from ...core.files import check_unpacked
+from ...core.files import check_unpacked, inflated
 from ..registry import File, extra, reader
 from ..scan import Scan, check_points, chosen, from_lines
 from ..units import metres
 
-CHUNK = 2**16  # bytes
 _RAW = (
     "no mark in it tells what it is; raw numbers are read by `numpy.fromfile(path, dtype)` and "
     "saved by `numpy.save` as .npy, which is read here"
+)
+# The two bytes that begin a stream of zlib: method and window, then what makes 31 divide them.
+_HEADS = re.compile(
+    b"|".join(
+        re.escape(bytes([window, check]))
+        for window in range(0x08, 0x88, 0x10)
+        for check in range(256)
+        if (256 * window + check) % 31 == 0 and not check & 0x20  # which needs a dictionary
+    )
 )
 _BACK = re.compile(r"(?i)re-?trace|backward|\bbwd\b|rückw")  # the way back of a scan
 
@@ -28,7 +36,7 @@ def read_instrument(file: File) -> Scan:
     Raises `Refusal` for more than `at_most` bytes, unpacked. Zips and HDF5 are checked before.
     """
     content, at_most = file.content, file.at_most
-    if content.startswith((b"MATLAB", b"\xd0\xcf\x11\xe0")):
+    if file.text is None and not content.startswith(b"PK"):
         _check_streams(content, at_most)
     SurfaceTopography = extra("SurfaceTopography")  # takes seconds
     with SurfaceTopography.open_topography(io.BytesIO(content)) as library:
@@ -92,17 +100,12 @@ def _usual(channels: list[Any], default: Any) -> Any:
 def _check_streams(content: bytes, at_most: float) -> None:
     """Raises `Refusal` if the streams of zlib in a file unpack to more bytes.
 
-    SurfaceTopography's readers of MAT and MNT unpack without a limit.
+    Readers of MAT, MNT and TIFF unpack without a limit.
     """
     size = 0
-    for head in re.finditer(rb"\x78[\x01\x5e\x9c\xda]", content):
-        stream = zlib.decompressobj()
+    whole = memoryview(content)
+    for head in _HEADS.finditer(content):
         with contextlib.suppress(zlib.error):  # the two bytes may mean anything
-            for start in range(head.start(), len(content), CHUNK):
-                part = content[start : start + CHUNK]
-                while part and not stream.eof:
-                    size += len(stream.decompress(part, CHUNK))
-                    check_unpacked(size, at_most)
-                    part = stream.unconsumed_tail
-                if stream.eof:
-                    break
+            for length in inflated(whole[head.start() :], at_most):
+                size += length
+                check_unpacked(size, at_most)
