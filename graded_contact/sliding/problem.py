@@ -29,6 +29,7 @@ from .motion import components, rate_of
 from .numerics import Numerics
 from .shear import ShearStress
 
+Range = tuple[Float[Array, "..."], Float[Array, "..."]]
 Load = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m]; the others are None
 
 
@@ -99,13 +100,13 @@ class SteadyProblem(eqx.Module):
     heights: Float[Array, "..."]
     grid: Grid
     law: AbstractLaw
-    measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None
-    prescribed: str = eqx.field(static=True)
+    measured_range: Range | None = eqx.field(default=None, kw_only=True)
+    prescribed: str = eqx.field(default="pressure", static=True, kw_only=True)
     velocity: Float[Array, "..."]
-    measured: Float[Array, "..."] | None
-    kernel_error: Inexact[Array, "..."] | None
-    shear: ShearStress | None
-    coupling: Coupling | None
+    measured: Float[Array, "..."] | None = None
+    kernel_error: Inexact[Array, "..."] | None = None
+    shear: ShearStress | None = None
+    coupling: Coupling | None = None
     thickness: Float[Array, "..."] | None = None
     ground: bool = eqx.field(default=False, static=True)
 
@@ -162,12 +163,12 @@ class CycleProblem(eqx.Module):
     heights: Float[Array, "..."]
     grid: Grid
     law: AbstractLaw
-    measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None
-    prescribed: str = eqx.field(static=True)
+    measured_range: Range | None = eqx.field(default=None, kw_only=True)
+    prescribed: str = eqx.field(default="pressure", static=True, kw_only=True)
     displacement: Float[Array, "nt ..."]
     period: Float[Array, ""]
-    shear: ShearStress | None
-    coupling: Coupling | None
+    shear: ShearStress | None = None
+    coupling: Coupling | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:

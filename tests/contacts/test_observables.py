@@ -9,6 +9,7 @@ from graded_contact.contacts import area as area_of
 from graded_contact.contacts.operator import Steady, work_of_waves
 from graded_contact.fields.frequency import wave_frequencies
 from graded_contact.sliding.observables import dissipation_of_waves
+from graded_contact.sliding.problem import SteadyProblem
 
 GRID = gc.Grid((64, 64), 1.0)
 
@@ -21,7 +22,7 @@ def moved_by(pressure, kernel):
 def sliding(contact, kernel, heights, velocity=SPEED, grid=GRID):
     """The result of a contact of which only the kernel is known."""
     given = {"heights": jnp.asarray(heights), "velocity": jnp.asarray(velocity), "grid": grid}
-    return gc.Sliding(contact=contact, operator=Steady(kernel), law=gc.HardWall(), **given)
+    return gc.Sliding(contact, SteadyProblem(operator=Steady(kernel), law=gc.HardWall(), **given))
 
 
 def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():

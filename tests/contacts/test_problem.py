@@ -11,6 +11,7 @@ from graded_contact.contacts import splitting
 from graded_contact.contacts.operator import Steady
 from graded_contact.core import anderson
 from graded_contact.fields.grid import half_shape, wavenumber, wavevector
+from graded_contact.sliding.problem import SteadyProblem
 
 SMALL = gc.Grid((16, 16), 1.0)
 GRID = gc.Grid((64, 64), 1.0)
@@ -146,10 +147,11 @@ def test_double_sinusoid_meets_its_light_and_heavy_limits():
         (0.98, 1 - 3 / (2 * np.pi) * 0.02, 1e-3),
     ):
         s = gc.solve_contact(half_space(grid), wave, ratio * full)
-        found = gc.Sliding(
-            contact=s, operator=Steady(half_space(grid)), heights=jnp.asarray(wave), grid=grid,
+        problem = SteadyProblem(
+            operator=Steady(half_space(grid)), heights=jnp.asarray(wave), grid=grid,
             law=gc.HardWall(), velocity=jnp.zeros(()),
         )  # fmt: skip
+        found = gc.Sliding(s, problem)
         area = found.contact_area
         assert abs(float(area) - expected) <= atol
 

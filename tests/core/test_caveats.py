@@ -12,6 +12,7 @@ import graded_contact as gc
 from graded_contact.contacts.operator import Steady
 from graded_contact.contacts.solution import RESULTS, ContactSolution
 from graded_contact.core.warnings import caveats_of, caveats_of_steps
+from graded_contact.sliding.problem import SteadyProblem
 from graded_contact.surfaces.surface import Step, step
 
 
@@ -105,10 +106,11 @@ def sliding(pressure, displacement, grid, measured=None):
     fields |= {"pressure": pressure, "displacement": displacement, "gap": 0 * pressure}
     fields |= {"correction": 0 * pressure, "result": RESULTS.successful}
     kernel = jnp.ones((*grid.shape[:-1], grid.shape[-1] // 2 + 1))
-    return gc.Sliding(
-        contact=ContactSolution(**fields), operator=Steady(kernel), heights=displacement,
-        grid=grid, velocity=jnp.array(1.0), law=gc.HardWall(), measured=measured,
+    problem = SteadyProblem(
+        operator=Steady(kernel), heights=displacement, grid=grid, velocity=jnp.array(1.0),
+        law=gc.HardWall(), measured=measured,
     )  # fmt: skip
+    return gc.Sliding(ContactSolution(**fields), problem)
 
 
 def test_the_slope_in_contact_is_that_of_the_touching_part():

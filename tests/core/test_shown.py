@@ -17,6 +17,7 @@ from graded_contact.core.quantities import quantity_of
 from graded_contact.fitting.quality import FitErrors, Floor
 from graded_contact.scenes.design_scene import Stiffness
 from graded_contact.scenes.run_design import Candidate
+from graded_contact.sliding.problem import SteadyProblem
 from graded_contact.studies.search import Run
 from graded_contact.studies.uncertainty import Sensitivity
 from graded_contact.surfaces.statistics import Statistics
@@ -36,10 +37,11 @@ def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful, **numbers)
     field = jnp.zeros(shape)
     fields |= {"pressure": field, "displacement": field, "gap": field, "correction": field}
     contact = ContactSolution(**fields | {"mean_gap": jnp.array(6.13e-5), "result": result})
-    found = gc.Sliding(
-        contact=contact, operator=Steady(field), heights=field, grid=gc.Grid(shape, 1.0),
-        velocity=jnp.array(0.0), law=gc.HardWall(),
+    problem = SteadyProblem(
+        operator=Steady(field), heights=field, grid=gc.Grid(shape, 1.0), velocity=jnp.array(0.0),
+        law=gc.HardWall(),
     )  # fmt: skip
+    found = gc.Sliding(contact, problem)
     vars(found).update(dict.fromkeys(found.numbers, jnp.array(0.0)))
     numbers |= {"friction": jnp.array(friction), "friction_error": jnp.array(1.7e-4)}
     numbers |= {"friction_grid_error": jnp.array(1.7e-4)}

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.sliding import resolution
-from graded_contact.sliding.half_grid import resampled
+from graded_contact.sliding.half_grid import halved, resampled
 from graded_contact.sliding.resolution import neighbours_of
 
 CELL, Q0 = 8e-3, 2 * np.pi / 8e-3
@@ -166,7 +165,7 @@ def test_an_area_of_few_points_is_in_doubt_without_friction_too():
 
 
 def test_on_the_smallest_grids_the_error_is_not_known():
-    assert resolution._halved((6, 6)) == (6, 6) and resolution._halved((8, 6)) == (4, 6)
+    assert halved((6, 6)) == (6, 6) and halved((8, 6)) == (4, 6)
     assert np.isnan(slide(rough(6, 2)).mean_gap_error)
 
 

@@ -68,7 +68,7 @@ def test_shear_in_the_contact_holds_for_both_methods(monkeypatch):
     with pytest.raises(TypeError, match="no argument `shear`: give one of `slide` in"):
         friction_table(STACK, PROFILE, shear=shear, **axes)
     # What the mean field refuses is refused before a contact is solved.
-    monkeypatch.setattr(gc.sliding.Case, "solve", None)
+    monkeypatch.setattr("graded_contact.studies.friction_tables.solve", None)
     heating = gc.sliding.Heating(0.2, 1e-7)
     for refused in ({"heating": heating}, {"law": gc.contacts.HardWall(1e7)}):
         with pytest.raises(ValueError, match=f"`{next(iter(refused))}.* is refused"):
