@@ -11,11 +11,19 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ..core.display import number, with_unit
+from ..core.display import UNKNOWN, number, with_unit
 from ..core.quantities import AXES, OBSERVABLES, in_brackets
 from ..page.document import described
 from ..plot.words import title_of
-from ..scenes.results import SEED_ERROR, of_each, over_seeds, solve_states, surface_of, warnings_of
+from ..scenes.results import (
+    SEED_ERROR,
+    is_shown,
+    of_each,
+    over_seeds,
+    solve_states,
+    surface_of,
+    warnings_of,
+)
 from ..scenes.scene import Scene
 from ..scenes.schema import parse_toml
 from ..sliding.half_grid import grid_estimate
@@ -28,7 +36,7 @@ if TYPE_CHECKING:
 
 # Text about solves that did not succeed, by their state.
 STATES = {
-    "not converged": "did not converge; their numbers are partial results",
+    "not converged": "did not converge; the file has their partial results",
     "failed": "failed",
     "not started": "were not started",
 }
@@ -60,7 +68,11 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
             f"Numbers are means of {every.sizes['seed']} surfaces. The standard error of the mean "
             'is "± over surfaces", the largest error of a surface "±".'
         )
-    axes, columns = results["message"].dims, _columns(results, full)
+    axes, columns, shown = (
+        results["message"].dims,
+        _columns(results, full),
+        is_shown(results).values,
+    )
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in (*_heads(results), *(head for head, _ in columns.values()), "state"):
         table.add_column(Text(head), justify="right", no_wrap=True)
@@ -68,7 +80,10 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     load_unit = 1e6 if axes[-2] == "pressure" else 1
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
-        cells = [_cell(results, name, index, form) for name, (_, form) in columns.items()]
+        cells = [
+            _cell(results, name, index, form) if shown[index] else UNKNOWN
+            for name, (_, form) in columns.items()
+        ]
         doubts = [mark for mark, c in numbered if c.where[index] and mark.isdigit()]
         mark = f"[bold red]{states[index]}[/] " if states[index] else "" if doubts else "solved"
         mark += f"[yellow]doubtful ({','.join(doubts)})[/]" if doubts else ""

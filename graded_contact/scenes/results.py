@@ -47,6 +47,13 @@ KEPT_FIELDS = {
 }  # fmt: skip
 SEED_ERROR = "_seed_error"
 NO_NUMBERS = tuple(RESULTS[end] for end in FAILURES)  # messages of solves without numbers
+# Messages of solves whose numbers are in the file, but not printed.
+PARTIAL = tuple(
+    RESULTS[end]
+    for end in (
+        RESULTS.max_steps_reached, RESULTS.rounding, RESULTS.unresolved, RESULTS.not_settled,
+    )
+)  # fmt: skip
 # What the numbers of a file mean: its attribute `format` counts the changes. Each entry says what
 # was different before. Files without the attribute are of the first two formats.
 FORMATS = {
@@ -249,6 +256,11 @@ def has_numbers(results: "Dataset") -> "DataArray":
     # Of a cycle one time with a friction is enough.
     found = friction.notnull().any(set(friction.dims) - set(state.dims))
     return (state == "") | (state == "not converged") & found
+
+
+def is_shown(results: "Dataset") -> "DataArray":
+    """Returns for each solve whether its numbers are printed; partial results are not."""
+    return ~results["message"].isin(PARTIAL)
 
 
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
