@@ -77,7 +77,7 @@ def test_texts_in_a_csv_are_no_formulas_and_numbers_stay_numbers(tmp_path, text)
 @each_text
 def test_a_proposed_scene_has_its_title_in_a_comment_and_as_a_text(text):
     load = Load(1e5, (0.1, 1.0), ())
-    lines = _lines(text, Path(f"{text}.toml"), "a", {}, "[materials.a]", load)
+    lines = _lines(text, Path(f"{text}.toml"), "a", {}, "[materials.a]", load, known=True)
     assert tomllib.loads("\n".join(lines))["title"] == text
 
 

@@ -4,7 +4,6 @@ import asyncio
 import io
 import sys
 import threading
-import time
 import weakref
 from functools import partial, partialmethod
 
@@ -269,12 +268,12 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
 
 def test_pages_that_open_together_compile_one_after_the_other(document, tmp_path, monkeypatch):
     """And a page that is closed before its turn computes nothing."""
-    running, together, done = [], [], []
+    running, together, done, closed = [], [], [], threading.Event()
 
     def recorded(model, values, stage):
         running.append(stage)
         together.append(len(running))
-        time.sleep(0.02)  # long enough to be seen by another thread
+        assert closed.wait(900)  # meanwhile another thread would be seen
         running.remove(stage)
         done.append(stage)
         raise ValueError("enough")
@@ -288,6 +287,7 @@ def test_pages_that_open_together_compile_one_after_the_other(document, tmp_path
         while not running:
             await asyncio.sleep(0.001)
         pages[-1].session.end()
+        closed.set()
         await asyncio.gather(*opening)
 
     asyncio.run(steps())
