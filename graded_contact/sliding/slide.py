@@ -155,6 +155,8 @@ def solve(
     - `solution`: `.contact` of an earlier solve of this case. Nothing is solved then: the same
       numbers are returned, with derivatives.
 
+    **Returns:** friction, areas, errors and the contact itself.
+
     **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
     """
     how = how.of(case.stack, case.rough)

@@ -1,5 +1,6 @@
 """Stress under pressure and traction: closed form of a line contact, equilibrium, derivatives."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
