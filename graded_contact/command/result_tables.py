@@ -17,7 +17,6 @@ from ..page.document import described
 from ..plot.words import title_of
 from ..scenes.results import (
     SEED_ERROR,
-    is_shown,
     of_each,
     over_seeds,
     solve_states,
@@ -71,7 +70,7 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     axes, columns, shown = (
         results["message"].dims,
         _columns(results, full),
-        is_shown(results).values,
+        has_numbers(results).values,
     )
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in (*_heads(results), *(head for head, _ in columns.values()), "state"):

@@ -34,7 +34,8 @@ class RESULTS(eqx.Enumeration):
     not_finite = (
         "The solve failed: the kernel, the heights, the pressure or the approach is not finite or "
         "too large (a negative thickness, modulus or shear, a liquid (`equilibrium=0`) at rest, "
-        "an approach beyond the window's length). In float32, enable `jax_enable_x64`."
+        "heat that grows without end, an approach beyond the window's length). In float32, enable "
+        "`jax_enable_x64`."
     )
     unresolved = (
         "The attraction of the law rises too steeply for the grid: the computed equilibrium may be "
@@ -139,13 +140,14 @@ class ContactSolution(eqx.Module):
     def noise(self) -> dict[str, float]:
         """The size of rounding by the unit of a number: prints show less as 0.
 
-        The heights and the pressures are the scales.
+        The heights, the pressures and 1 are the scales.
         """
         if np.ndim(self.error):
             return {}
         heights, pressure = np.asarray(self.displacement - self.gap), np.asarray(self.pressure)
         eps = ROUNDING * np.finfo(heights.dtype).eps
-        return {"m": float(eps * np.std(heights)), "Pa": float(eps * np.mean(np.abs(pressure)))}
+        scales = {"m": np.std(heights), "Pa": np.mean(np.abs(pressure)), "1": 1.0}
+        return {unit: float(eps * scale) for unit, scale in scales.items()}
 
     @property
     def state(self) -> str:

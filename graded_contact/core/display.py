@@ -131,11 +131,20 @@ def _causes_of(name: str, parts: Mapping[str, Any]) -> dict[str, str]:
 
 
 def number(value: Any, form: str, error: float = 0.0) -> str:
-    """Returns a number in a format of Python; below its error the bound of its size, "<0.031"."""
+    """Returns a number in a format of Python, with no digits beyond the second of its error.
+
+    Below its error it is the bound of its size, "<0.031".
+    """
     if np.isnan(value):
         return UNKNOWN
-    below = abs(value) < error < np.inf
-    return f"<{_bound(value, error):.3g}" if below else format(value, form)
+    if abs(value) < error < np.inf:
+        return f"<{_bound(value, error):.3g}"
+    text = format(value, form)
+    _, point, decimals = text.partition(".")
+    if not (point and decimals.isdecimal() and 0 < error < np.inf):
+        return text
+    known = max(0, 1 - int(np.floor(np.log10(error))))
+    return format(value, f".{min(known, len(decimals))}f")
 
 
 def _bound(value: float, error: float) -> float:

@@ -101,7 +101,7 @@ def _remarks(table: "Dataset") -> list[str]:
     for name, words in ERRORS.items():
         if name in table:
             share = table[name].values / friction
-            lines.append(f"{words}: {np.min(share):.2%} to {np.max(share):.2%}")
+            lines.append(f"{words}: {100 * np.min(share):.2g} % to {100 * np.max(share):.2g} %")
     if "mean_field.friction" in table:
         ratio = table["mean_field.friction"].values / friction
         known = ratio[np.isfinite(ratio)]

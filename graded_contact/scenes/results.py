@@ -251,26 +251,27 @@ def solve_states(results: "Dataset") -> "DataArray":
 
 
 def has_numbers(results: "Dataset") -> "DataArray":
-    """Returns for each solve whether it succeeded, or has a friction as a partial result."""
+    """Returns for each solve whether its numbers are told; partial results are not."""
     state, friction = solve_states(results), results["friction"]
     # Of a cycle one time with a friction is enough.
     found = friction.notnull().any(set(friction.dims) - set(state.dims))
-    return (state == "") | (state == "not converged") & found
-
-
-def is_shown(results: "Dataset") -> "DataArray":
-    """Returns for each solve whether its numbers are printed; partial results are not."""
-    return ~results["message"].isin(PARTIAL)
+    told = (state == "not converged") & ~results["message"].isin(PARTIAL)
+    return (state == "") | told & found
 
 
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     """Returns why numbers are doubtful although solved, and the solves that are concerned."""
-    everywhere = has_numbers(results).values
+    known = has_numbers(results)
     rules = CYCLE_RULES if "time" in results.dims else RULES
     # Caveats of the surface, and of what was assumed of files, concern every solve.
     assumed = filter(None, results.attrs.get("assumed", "").split("\n"))
-    of_files = (Caveat(text, everywhere) for text in (*surface_of(results).caveats, *assumed))
-    return *of_files, *caveats_of(results, rules)
+    of_files = (Caveat(text, known.values) for text in (*surface_of(results).caveats, *assumed))
+    told = {
+        name: variable.where(known)
+        for name, variable in results.data_vars.items()
+        if variable.dtype.kind == "f" and {*known.dims} <= {*variable.dims} <= {*known.dims, "time"}
+    }
+    return *of_files, *caveats_of(results.assign(told), rules)
 
 
 def of_each(caveat: Caveat, results: "Dataset") -> bool:

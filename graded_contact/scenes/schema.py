@@ -16,11 +16,12 @@ A parameter of any other type is no key.
 
 import dataclasses
 import inspect
+import itertools
 import json
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
@@ -297,9 +298,22 @@ def parse_toml(text: str) -> dict[str, Any]:
         if long := _LONG_KEY.search(text):
             raise ValueError(f"the key {long.group()[:20]}... has more than 100 parts.")
         try:
-            return tomllib.loads(text)
+            tables = tomllib.loads(text)
+            if any("\0" in text for text in _texts(tables)):
+                raise ValueError("it has the character \\u0000, which no file of results can hold.")
+            return tables
         except RecursionError as error:  # of tomllib, at some thousand brackets
             raise ValueError("its lists or tables are nested too deeply.") from error
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """The keys and texts in a value of TOML."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        yield from itertools.chain(value, *map(_texts, value.values()))
+    elif isinstance(value, list):
+        yield from itertools.chain.from_iterable(map(_texts, value))
 
 
 def toml_text(content: dict[str, Any]) -> str:

@@ -164,3 +164,12 @@ def test_no_number_of_a_failed_solve_is_printed(end):
     others = ("contact", "result", "grid_errors", "caveats")
     assert {words[name] for name in words if name not in others} == {"—", "16 × 12 float64"}
     assert words["friction"] == words["contact_area"] == "—" and words["caveats"] == "none"
+
+
+def test_a_cell_of_a_table_has_no_digits_beyond_the_second_of_its_error():
+    for value, error, expected in (
+        (0.51175, 0.43, "0.51"), (0.51175, 1e-3, "0.5118"), (0.51175, 1e-9, "0.51175"),
+        (0.51175, 0.0, "0.51175"), (0.2, 0.3, "<0.5"), (np.nan, 0.1, "—"),
+    ):  # fmt: skip
+        assert number(value, ".5f", error) == expected
+    assert number(1.234e-7, ".3e", 1e-8) == "1.234e-07"

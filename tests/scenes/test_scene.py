@@ -287,3 +287,9 @@ def test_a_scene_of_many_megabytes_is_refused_before_it_is_parsed(tmp_path):
         read_scene(path)
     with pytest.raises(ValueError, match=r"The text has 2 MB; at most 1 MB are read"):
         parse_scene("#" * 2_000_000)
+
+
+def test_a_text_that_no_file_can_hold_is_refused_before_anything_is_solved():
+    for line in ('title = "a\\u0000b"', '"a\\u0000" = 1', 'x = [{y = "\\u0000"}]'):
+        with pytest.raises(ValueError, match=r"it has the character \\u0000"):
+            parse_scene(line)
