@@ -86,6 +86,7 @@ def _neighbours(found: Found) -> Neighbours:
 def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int) -> Found:
     """The contact on another grid of the cell; of a cycle with other times."""
     problem, load, start, shift = _given(found, shape, heights, num_times)
+    problem = eqx.tree_at(lambda one: one.heights, problem, heights)
     # In a program of the user, Newton steps would take long to compile and are seldom needed.
     solver = DouglasRachford(newton=is_concrete(load))
     how = Numerics(rtol=RTOL, solver=solver, throw=False)
@@ -119,4 +120,6 @@ def _given(
     start = jnp.clip(resampled(found.pressure, (*over, *shape)), low, high)
     shift = lift(found)
     shift = resampled(shift, (*over, *shape)) if shift.ndim else shift
-    return found.problem.on(shape, heights, num_times), load, start, shift
+    # A program would return a copy of the heights.
+    problem = found.problem.on(shape, jnp.zeros((), heights.dtype), num_times)
+    return problem, load, start, shift
