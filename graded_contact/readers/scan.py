@@ -15,6 +15,8 @@ from ..core.files import Refusal
 MOST_POINTS = 2**28
 BYTES_OF_POINT = 4  # unpacked; fewer in files that are hardly packed
 MARK = 0.99e37  # in any unit; 1e37, 1e38 and the largest float32 are in use
+_FEWEST = 3  # equal heights that look like marks
+_FAR = 10  # times the range of all others, from which on they do
 
 
 class Scan(NamedTuple):
@@ -49,14 +51,31 @@ class Scan(NamedTuple):
         return self._replace(source=f"{self.source} of {name!r}")
 
     def without_marks(self) -> "Scan":
-        """Returns the heights with NaN for marks of missing points; instruments have no NaN."""
+        """Returns the heights with NaN for marks of missing points; instruments have no NaN.
+
+        Equal heights far from all others are kept, as they may be measured; `assumed` names them.
+        """
         marked = np.abs(self.heights) >= MARK
         if not np.any(marked):
-            return self
+            return self._replace(assumed=(*self.assumed, *_perhaps_marks(self.heights)))
         least = np.min(np.abs(self.heights[marked]))
         note = f"{np.sum(marked)} heights of {least:.2g} or more count as missing."
         heights = np.where(marked, np.nan, self.heights)
-        return self._replace(heights=heights, notes=(*self.notes, note))
+        return self._replace(heights=heights, notes=(*self.notes, note)).without_marks()
+
+
+def _perhaps_marks(heights: np.ndarray) -> list[str]:
+    """Sentences on lowest or highest heights that look like marks of missing points."""
+    known, found = heights[np.isfinite(heights)], []
+    for value in (np.min(known, initial=np.inf), np.max(known, initial=-np.inf)):
+        others = known[known != value]
+        count, spread = len(known) - len(others), np.ptp(others) if len(others) else 0.0
+        if count >= _FEWEST and spread and np.min(np.abs(others - value)) > _FAR * spread:
+            seem = f"{count} heights of {value:.8g} lie far from all others, like marks of missing"
+            found.append(
+                f"{seem} points, and count as heights; otherwise write NaN there."
+            )
+    return found
 
 
 def from_lines(lines: np.ndarray) -> np.ndarray:

@@ -248,6 +248,43 @@ def test_an_esri_grid_is_in_metres_unless_given_and_its_mark_is_missing(tmp_path
         refused(tmp_path, text, match)
 
 
+def test_without_its_mark_an_esri_grid_has_the_standards_and_nan_is_a_mark(tmp_path):
+    holes = np.random.default_rng(2).random((N, N)) < 0.3
+    silent = ESRI.replace("NODATA_value -9999\n", "")
+    for head, mark, caveat in [
+        (silent, -9999, f"{np.sum(holes)} heights of -9999 count as missing"),
+        (ESRI.replace("-9999", "nan"), np.nan, None),
+        (ESRI.replace("-9999", "-1"), -1, None),
+    ]:
+        surface = read(tmp_path, head + rows(np.where(holes, mark, LINES), " "), unit="um")
+        missing = np.asarray(surface.measured)[:N, :N] == 0
+        np.testing.assert_array_equal(missing, holes[::-1].T)
+        assert [text.startswith(caveat) for text in surface.assumed] == [True] * bool(caveat)
+    surface = read(tmp_path, silent + rows(LINES, " "), unit="um")  # it has none
+    check(surface)
+    assert not surface.assumed
+
+
+@pytest.mark.parametrize("mark", [-9999.0, 32767.0, 0.0])
+def test_equal_heights_far_from_all_others_are_a_caveat_in_any_format(tmp_path, mark):
+    lines = LINES + 20
+    lines[4:7, 5] = mark
+    np.save(tmp_path / "a.npy", lines)
+    options = {"unit": "um", "size": SIZE, "periodic": "mirror"}
+    with_mark = [
+        read(tmp_path, rows(lines), **options),
+        read_surface(tmp_path / "a.npy", **options),
+        read(tmp_path, ESRI.replace("-9999", "-1") + rows(lines, " "), **options),
+    ]
+    for surface in with_mark:
+        assert surface.measured is None  # all are
+        told = [text for text in surface.assumed if "like marks of missing points" in text]
+        assert len(told) == 1 and told[0].startswith(f"3 heights of {mark:g} lie far from all")
+        assert "otherwise write NaN there" in told[0] and told[0] in surface.caveats
+    for honest in (LINES, np.sign(LINES), np.where(lines == mark, 20.5, lines)):
+        assert not read(tmp_path, rows(honest), **options).assumed
+
+
 def surfer(kind, values):
     """A grid of Surfer; its first line is the lowest, and its nodes lie on the edges."""
     end, ends = STEP * (N - 1), (values.min(), values.max())

@@ -1,6 +1,7 @@
 """Heights in grids of maps: ESRI ASCII (`.asc`) and Golden Software's Surfer (`.grd`).
 
 ESRI's header has the number of columns and rows, the size of a cell, and a mark of missing points;
+without that mark -9999 counts as missing, as in the standard;
 its first row is the northernmost. Lengths are those of the map's projection, nearly always metres.
 Surfer's grids begin with "DSAA" (text), "DSBB" (binary) or "DSRB" (binary of version 7); their
 nodes lie on the edges, and the first row is the southernmost. They state no unit, and heights of
@@ -13,7 +14,7 @@ import struct
 import numpy as np
 
 from ...core.files import Refusal
-from ..cells import is_number
+from ..cells import is_missing, is_number
 from ..decisions import Log
 from ..registry import File, reader
 from ..scan import Scan, check_points, from_lines
@@ -21,6 +22,7 @@ from ..scan import Scan, check_points, from_lines
 _ESRI = re.compile(rb"\s*(ncols|nrows)\s+\d+\s+(ncols|nrows|[xy]ll|cellsize|dx|dy|nodata)", re.I)
 _KEYS = re.compile(r"(?i)ncols|nrows|[xy]ll(corner|center|centre)|cellsize|dx|dy|nodata(_value)?")
 _LINES = 20  # of a header
+_MARK = -9999.0  # of missing points where the header names none
 
 
 @reader("esri", "heights", knows=lambda file: _ESRI.match(_start(file)) is not None)
@@ -30,19 +32,24 @@ def read_esri(file: File) -> Scan:
     header: dict[str, str] = {}
     while lines:
         key, *value = lines[0].split() or [""]
-        if not (_KEYS.fullmatch(key) and len(value) == 1 and is_number(_with_point(value[0]))):
+        cell = _with_point("".join(value[:1]))
+        known = is_number(cell) or (key.lower().startswith("nodata") and is_missing(cell))  # nan
+        if not (_KEYS.fullmatch(key) and len(value) == 1 and known):
             break
-        header[key.lower()] = _with_point(value[0])
+        header[key.lower()] = cell
         del lines[0]
     rest = "\n".join(lines)
     shape = tuple(int(_number(header, name)) for name in ("ncols", "nrows"))
     steps = [_number(header, name, "cellsize") for name in ("dx", "dy")]
     check_points(shape, file.at_most)
     heights = from_lines(_table(rest, shape))
-    mark = header.get("nodata_value", header.get("nodata"))
-    if mark is not None:
-        heights[heights == float(mark)] = np.nan
     log = Log()
+    mark = header.get("nodata_value", header.get("nodata"))
+    if mark is None and (num := np.sum(heights == _MARK)):
+        default = f"{num} heights of {_MARK:g} count as missing, as its header names no mark"
+        log.assume(f"{default}; otherwise state another NODATA_value there.")
+    if not is_missing(mark or str(_MARK)):  # of a word the cells are NaN already
+        heights[heights == float(mark or _MARK)] = np.nan
     if file.unit is None:
         log.assume("The map is in metres, of which its file says nothing; otherwise pass `unit`.")
     unit = "m" if file.unit is None else None
