@@ -210,6 +210,8 @@ def check_values(
     for array, corner in _parts(value):
         if array.dtype == object:  # whole numbers beyond 64 bits
             array = array.astype(float)
+        if array.dtype.kind in "SU":
+            raise ValueError(f"`{name}={short(array.tolist())}` is refused: {allowed}.")
         good = np.isfinite(array)
         # NaN fails every comparison, and is refused without limits, too.
         good &= True if above is None else array > above

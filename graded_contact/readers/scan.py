@@ -72,9 +72,7 @@ def _perhaps_marks(heights: np.ndarray) -> list[str]:
         count, spread = len(known) - len(others), np.ptp(others) if len(others) else 0.0
         if count >= _FEWEST and spread and np.min(np.abs(others - value)) > _FAR * spread:
             seem = f"{count} heights of {value:.8g} lie far from all others, like marks of missing"
-            found.append(
-                f"{seem} points, and count as heights; otherwise write NaN there."
-            )
+            found.append(f"{seem} points, and count as heights; otherwise write NaN there.")
     return found
 
 

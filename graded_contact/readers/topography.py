@@ -125,12 +125,28 @@ def _read(path: Path, options: dict[str, Any], periodic) -> tuple[Scan, float, A
         scan = read(file, "heights").without_marks()
         if file.columns and not scan.named:
             raise Refusal("it is no table of columns; leave out `columns`")
+        if (ndim := scan.heights.ndim) not in (1, 2):
+            shape = f"{scan.source} has {ndim} axes, its shape is {scan.heights.shape}"
+            raise Refusal(f"{shape}: heights have one axis or two")
         factor, edges = _scales(scan, options["size"], options["unit"])
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
     kinds = UserWarning | RuntimeWarning
     told = [entry.message for entry in caught if issubclass(entry.category, kinds)]
-    return scan, factor, edges, [f"The reader warned: {message}" for message in told]
+    notes = [f"The reader warned: {message}" for message in told]
+    unit = options["unit"]
+    if unit is not None and scan.unit is not None and _without_unit(scan, options["size"]):
+        stated = f"as the file states the heights in {scan.unit!r}"
+        notes.append(f"`unit={unit!r}` counts for its edges alone, {stated}.")
+    return scan, factor, edges, notes
+
+
+def _without_unit(scan: Scan, size: Any) -> list[str]:
+    """The numbers that count and whose unit the file does not state, in words."""
+    found = ["the heights"] * (scan.unit is None)
+    if scan.size is not None and scan.lateral_unit is None and size is None:
+        found.append(f"the edges {' x '.join(f'{edge:.6g}' for edge in scan.size)}")
+    return found
 
 
 def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
@@ -140,14 +156,18 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
         _metres(name, f"{scan.source} in {name!r}")
     option = f"`unit={unit!r}`"
     given = np.nan if unit is None else _metres(unit, option)
-    asked = scan.unit is None or (None in stated and size is None)
-    lacking = ["`unit`, for instance 'um'"] * (asked and unit is None)
-    lacking += ["`size` [m]"] * (scan.size is None and size is None)
+    fills = _without_unit(scan, size)  # then it is no unit of what is stated
+    lacking, wanted = [], []
+    if fills and unit is None:
+        lacking.append(f"the unit of {' and of '.join(fills)}")
+        edges = f"`size` [m], or the `unit` of these edges; the heights are in {scan.unit!r}"
+        wanted.append(edges if scan.unit else "`unit`, for instance 'um'")
+    if scan.size is None and size is None:
+        lacking.append("the edge lengths")
+        wanted.append("`size` [m]")
     if lacking:
-        of = "" if scan.unit else f" of {scan.source}"
-        wanted = ", and ".join(lacking)
-        raise Refusal(f"it does not state all that is needed{of}; pass {wanted}")
-    fills = None in stated  # then it is no unit of what is stated
+        missing, options = " and ".join(lacking), ", and ".join(wanted)
+        raise Refusal(f"it does not state {missing} of {scan.source}; pass {options}")
     own = settled("a height", scan.unit, None if fills else unit, option=option, alike=same_unit)
     factor = given if own is None else _metres(own, option)
     if scan.size is None:

@@ -178,6 +178,46 @@ def test_a_unit_where_axes_cross_is_a_caveat_for_the_heights(tmp_path):
     check(surface, LINES.T, unit=1e-9)
 
 
+def test_the_unit_of_edges_alone_is_asked_for_by_name_and_does_not_scale_the_heights(tmp_path):
+    def silent(file):
+        file["height"] = LINES
+        attributes(file["height"], units="um", dx=2e-7, dy=2e-7)
+
+    def sized(file):
+        file["height"] = LINES
+        attributes(file["height"], units="um", size=[SIZE, SIZE])
+
+    asked = r"the unit of the edges 6\.4e-06.* of .*pass `size` \[m\], or the `unit` of these edges"
+    for fill in (silent, sized):
+        with pytest.raises(ValueError, match=asked + "; the heights are in 'um'"):
+            hdf5(tmp_path, fill)
+        check(hdf5(tmp_path, fill, size=SIZE), LINES)
+        surface = hdf5(tmp_path, fill, unit="m")
+        check(surface, LINES)
+        assert any("`unit='m'` counts for its edges alone" in note for note in surface.history)
+        with pytest.raises(ValueError, match="states 'um'; leave out `unit='nm'`"):
+            hdf5(tmp_path, fill, size=SIZE, unit="nm")
+    line = np.stack([STEP * np.arange(N), LINES[0]], 1)
+    text = "z in um\n" + rows(line, " ")
+    refused(tmp_path, text, r"the unit of the edges 6\.4 of a line scan; pass `size`")
+    surface = read(tmp_path, text, unit="mm")
+    assert surface.grid.size[0] == pytest.approx(2e-3 * N * STEP)
+    assert surface.steps[0].rms_height == pytest.approx(1e-6 * np.std(LINES[0]), rel=1e-5)
+    refused(tmp_path, rows(line), r"the unit of the heights and of the edges 6\.4 of a line scan")
+
+
+@pytest.mark.parametrize("size", ["4mm", b"4", [1e-3, "4mm"]])
+def test_a_size_in_words_is_refused_with_what_is_allowed(tmp_path, size):
+    refused(tmp_path, rows(LINES), r"`size=.*4.*must be a positive number \[m\]", size=size)
+
+
+def test_an_array_of_three_axes_is_refused_by_its_shape(tmp_path):
+    np.save(tmp_path / "a.npy", np.stack([LINES, LINES]))
+    match = r"3 axes, its shape is \(2, 32, 32\): heights have one axis or two"
+    with pytest.raises(ValueError, match=match):
+        read_surface(tmp_path / "a.npy", unit="um", size=(SIZE, SIZE))
+
+
 # Columns
 
 
