@@ -137,7 +137,8 @@ def caption(figure: "Figure") -> str:
         if axes.get_label() != COLOUR_BAR:
             shown = f"{title}: {shown}" if title and bars else title or shown
             panels.append(f"{axes.get_title(loc='left')} {shown}".strip())
-    shown = re.sub(r" \[[^]]*\]", "", "; ".join(panels))
+    shown = " ".join("; ".join(panels).split())  # labels of axes have several lines
+    shown = re.sub(r" \[[^]]*\]", "", shown)
     sentences = filter(None, (shown, *_titles(figure)))
     text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences)
     text = re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text)

@@ -228,7 +228,5 @@ def read(file: File, gives: str) -> Any:
     error = next((each for each in errors if isinstance(each, ImportError)), errors[-1])
     if isinstance(error, ImportError):
         raise error
-    reason = "its format is not known, or the file is damaged"
-    if type(error).__name__ != "CannotDetectFileFormat":
-        reason += " (" + " ".join(f"{type(error).__name__}: {error}".split())[:300] + ")"
-    raise Refusal(reason) from error
+    reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+    raise Refusal(f"its format is not known, or the file is damaged ({reason})") from error

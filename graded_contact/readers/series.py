@@ -177,7 +177,7 @@ def _of_ratios(
     total = math.fsum(shares)
     if total > 1 + _ROUNDED:
         raise ValueError(
-            f"the ratios add up to {total:.6g}, which is more than 1: are they moduli?"
+            f"the ratios add up to {total:.6g}, which is more than 1; perhaps they are moduli"
         )
     remainder = max(0.0, math.fsum([1.0, *-shares[~last]]))
     if np.any(last) and abs(total - 1) > _ROUNDED:

@@ -186,6 +186,16 @@ def test_a_caption_has_no_formulas_of_tex():
     )
 
 
+def test_line_ends_of_labels_are_spaces_in_a_caption():
+    figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))
+    figure.axes[0].set_ylabel("height into the solid\noutliers up to 223 nm")
+    figure.axes[1].set_ylabel("ln(fit/measured)\n[%]")
+    assert caption(figure) == (
+        "(a) height into the solid outliers up to 223 nm against wavenumber q; "
+        "(b) ln(fit/measured) against wavenumber q."
+    )
+
+
 def test_each_title_of_a_figure_is_a_sentence_of_its_caption():
     """A title that is broken over two lines is still one sentence."""
     figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))

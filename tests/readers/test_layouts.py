@@ -443,7 +443,9 @@ def test_bytes_without_a_mark_are_refused_whatever_their_name_and_length(tmp_pat
     for length in (50, 20_000, 20_402):
         for content in (rng.bytes(length), np.arange(length // 2, dtype="<i2").tobytes()):
             refused(tmp_path, content, "is refused", name, unit="um", size=1e-5)
-    refused(tmp_path, rng.bytes(20_000), r"numpy\.fromfile", name, unit="um", size=1e-5)
+    for content in (rng.bytes(20_000), *(LINES.astype(form).tobytes() for form in ("f4", "f8"))):
+        match = r"numpy\.fromfile.*numpy\.save"
+        refused(tmp_path, content, match, name, unit="um", size=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,11 @@ def read_instrument(file: File) -> Scan:
     if file.text is None and not content.startswith(b"PK"):
         _check_streams(content, at_most)
     SurfaceTopography = extra("SurfaceTopography")  # takes seconds
-    with SurfaceTopography.open_topography(io.BytesIO(content)) as library:
+    try:
+        opened = SurfaceTopography.open_topography(io.BytesIO(content))
+    except SurfaceTopography.Exceptions.CannotDetectFileFormat:
+        raise ValueError(_RAW) from None
+    with opened as library:
         if type(library).__name__ == "HGTReader":  # it takes any 2 n² bytes
             raise ValueError(_RAW)
         channels: list[Any] = list(library.channels)
