@@ -104,6 +104,35 @@ def test_whole_numbers_with_a_unit_or_another_step_are_coordinates(tmp_path):
     refused(tmp_path, "# unit: um\n" + framed(count, count), r"pass `size` \[m\]")
 
 
+@pytest.mark.parametrize("separator", [",", "\t", ";"])
+@pytest.mark.parametrize("columns", ["col{}", "{}"])
+def test_labels_in_words_count_the_points_and_a_size_is_asked_for(tmp_path, columns, separator):
+    head = separator.join(["", *(columns.format(i) for i in range(N))])
+    lines = rows(LINES, separator).splitlines()
+    text = "\n".join([head, *(f"row{i}{separator}{line}" for i, line in enumerate(lines))])
+    refused(tmp_path, text, r"the edge lengths of a matrix of heights.*; pass .*`size`")
+    surface = read(tmp_path, text, unit="um", size=SIZE)
+    check(surface)
+    assert "Left out the labels of its lines, such as 'row0'." in surface.history
+    refused(tmp_path, "a\n" + "row one,1\n" * 9, r"no table of numbers; it ends with \['row one'")
+
+
+@pytest.mark.parametrize(("edge", "unit"), [("{:.4f} mm", 1e-3), ("{:g}µm", 1e-6)])
+def test_lengths_with_a_unit_beside_a_matrix_are_its_coordinates(tmp_path, edge, unit):
+    apart = [edge.format(i * SIZE / N / unit) for i in range(N)]
+    lines = rows(LINES).splitlines()
+    body = "\n".join(f"{y},{line}" for y, line in zip(apart, lines, strict=True))
+    for corner, options in (("", {"unit": "um"}), ("z [um]", {})):
+        check(read(tmp_path, ",".join([corner, *apart]) + "\n" + body, **options), LINES.T)
+    refused(tmp_path, ",".join(["", *apart]) + "\n" + body, "unit of the heights of a matrix")
+    named = ",".join(["", *(f"col{i}" for i in range(N))])
+    refused(
+        tmp_path, f"{named}\n{body}", "lengths of one unit are needed along both axes", unit="um"
+    )
+    uneven = ",".join(["", *apart]).replace(apart[3], edge.format(3.5 * SIZE / N / unit))
+    refused(tmp_path, f"{uneven}\n{body}", "not equally spaced", unit="um")
+
+
 def test_counters_in_lists_of_points_are_no_positions(tmp_path):
     points = np.stack([X.ravel(), Y.ravel(), LINES.ravel()], 1)
     for text in ("x,y,z\n" + rows(points), rows(points), rows(points, labels=np.arange(N * N))):

@@ -1,8 +1,9 @@
 """Heights in plain text: a matrix, a line scan x z, or points x y z, in any usual layout.
 
 A row of text is a line along x, as in the exports of microscopes. Lines before the numbers are a
-header. Words between the numbers ("nan", "---", "BAD") are missing points, and are reported. What
-could be read in two ways is refused.
+header. Words between the numbers ("nan", "---", "BAD") are missing points, and are reported; labels
+of lines and columns are left out, or are coordinates if they are lengths ("2 um"). What could be
+read in two ways is refused.
 """
 
 import dataclasses
@@ -19,6 +20,7 @@ from ..length_headings import Units, counts_points, units_above, units_in, units
 from ..point_lists import by_names, grid_points, line_scan, named_places, picked, without_index
 from ..registry import File, reader
 from ..scan import MOST_POINTS, Scan, counters, equally_spaced, from_lines
+from ..units import metres
 
 _LONGEST = 10_000_000  # characters of a line
 _MOST_WORDS = 8  # different ones that can all mean a missing point
@@ -54,18 +56,20 @@ def heights_in(sheet: Sheet, file: File) -> Scan:
     """Returns the heights in the rows of a sheet of a file, or raises `Refusal`."""
     if file.columns:
         sheet = picked(sheet, file.columns)
-    known = (row for row in sheet.rows if not row.comment)
+    sheet, notes = (sheet, []) if file.columns else _without_labels(sheet)
+    known = [row for row in sheet.rows if not row.comment]
     body = list(itertools.dropwhile(lambda row: not _is_data(row.cells), known))
     if not body:
         named = None if file.columns else by_names(sheet.rows)
         if named is None:
-            raise Refusal("it holds no table of numbers")
+            last = f"; it ends with {known[-1].cells[:4]}" if known else ""
+            raise Refusal(f"it holds no table of numbers{last}")
         return heights_in(sheet, dataclasses.replace(file, columns=named))  # others have words
     used = _used(body)
     width = len(body[0].cells)
     header = [row._replace(cells=row.cells[used]) if len(row.cells) == width else row
               for row in sheet.rows if row.line < body[0].line]  # fmt: skip
-    values = _values([row._replace(cells=row.cells[used]) for row in body], notes := [])
+    values = _values([row._replace(cells=row.cells[used]) for row in body], notes)
     if not file.columns:
         if found := named_places(header, values.shape[1]):
             places, others = found
@@ -85,6 +89,56 @@ def heights_in(sheet: Sheet, file: File) -> Scan:
     if sheet.name:
         return scan._replace(source=sheet.layout, notes=(*notes, *scan.notes))
     return scan._replace(notes=(f"Read as {sheet.layout}.", *notes, *scan.notes))
+
+
+def _without_labels(sheet: Sheet) -> tuple[Sheet, list[str]]:
+    """A matrix without the words that label its lines, or with numbers for lengths; and a note.
+
+    The unit of the lengths is written where row and column cross.
+    """
+    rows = [row for row in sheet.rows if not row.comment]
+    body = list(itertools.dropwhile(lambda row: not _is_labelled(row), rows))
+    labels = [row.cells[0] for row in body]
+    apart = len(set(labels)) == len(labels) >= 4
+    if not (apart and all(map(_is_labelled, body))) or by_names(sheet.rows):
+        return sheet, []
+    head = rows[len(rows) - len(body) - 1] if len(body) < len(rows) else Row(0, [""])
+    edges = [_length(cell) for cell in (*head.cells[1:], *labels)]
+    if any(edges):
+        units = {edge and metres(edge[1]) for edge in edges}
+        if None in units or len(units) > 1 or len(head.cells) != len(body[0].cells):
+            raise Refusal(
+                f"its lines begin with {labels[0]!r} and so on, below {head.cells[:3]}: lengths of "
+                "one unit are needed along both axes, or none"
+            )
+        numbers = [edge[0] for edge in edges if edge]
+        corner = f"{head.cells[0]}; x, y [{next(edge[1] for edge in edges if edge)}]"
+        width = len(head.cells) - 1
+        changed = {head.line: [corner, *numbers[:width]]}
+        changed |= {row.line: [number, *row.cells[1:]]
+                    for row, number in zip(body, numbers[width:], strict=True)}  # fmt: skip
+        note = "Lengths in its first row and first column are x and y."
+    else:
+        cut = [head, *body] if _is_data(head.cells[1:]) else body
+        changed = {row.line: row.cells[1:] for row in cut}
+        note = f"Left out the labels of its lines, such as {labels[0]!r}."
+    rows = [row._replace(cells=changed.get(row.line, row.cells)) for row in sheet.rows]
+    return sheet._replace(rows=rows), [note]
+
+
+def _is_labelled(row: Row) -> bool:
+    """Whether a row is a word and at least four numbers."""
+    label, *others = row.cells or [""]
+    word = not (is_number(label) or is_missing(label))
+    return word and len(others) >= 4 and _is_data(others)
+
+
+def _length(cell: str) -> tuple[str, str] | None:
+    """A number and its unit of length, as "2 um" has them."""
+    found = re.fullmatch(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*([^\W\d]+)", cell[:40])
+    number, unit = found.groups() if found else ("", "")
+    number = number.replace(",", ".")
+    return (number, unit) if is_number(number) and metres(unit) else None
 
 
 def _cells(row: Row, places: list[int], values: np.ndarray) -> Row:
@@ -151,6 +205,8 @@ def _matrix_scan(values: np.ndarray, header: list[Row], given: str | None) -> Sc
         coordinates = known or not any(counted)
         lines = values[1:, 1:]
         scan = _with_axes(lines, steps) if coordinates else _counted(lines, *labels)
+    elif corner.lengths is not None:
+        raise Refusal("its x in the first row or y in the first column are not equally spaced")
     elif counters(values[0]) and not known:
         scan = _counted(values[1:], along=values[0])
     elif counters(values[:, 0]) and not known:
