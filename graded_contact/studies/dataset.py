@@ -98,7 +98,9 @@ def read_sealed(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes
             return content
     if is_open_for_writing(path):
         raise ValueError(f"`path={path}` is open in another program: close it there.")
-    raise ValueError(f"`path={path}` is damaged, or another program or version wrote it: compute it again.")
+    raise ValueError(
+        f"`path={path}` is damaged, or another program or version wrote it: compute it again."
+    )
 
 
 def _header(content: bytes) -> bytes:
