@@ -12,10 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..core.display import short
 from ..core.files import Refusal
 from ..materials.shift import LAWS, TabulatedShift
 from .cells import Row, Sheet, holds_data, is_infinite, is_missing, is_number
 from .series import Doubt, Series
+from .stated_moduli import AGREE, Statement, agreed, is_statement, statements_in
 from .units import UNITS, parse_heading, parse_unit, split_heading
 
 # Names without units, spaces and marks; [ijkn] is an index.
@@ -27,21 +29,20 @@ _NAMES = {
     "ratio": r"(?:g|e|alpha|α|w|p|c)[ijkn](?:prony|p)?|rel(?:ative)?mod\w*|\w*weights?"
              r"|\w*fractions?|\w*ratios?|pronycoeff\w*",
     "bulk": r"k[ijkn](?:prony|p)?",
-    "glassy": r"[EG]0|[EG]inst\w*|(?:instantaneous|glassy|unrelaxed)\w*",
-    "equilibrium": r"[EG](?:inf\w*|∞|eq|e|oo)|(?:equilibrium|longterm|relaxed|rubbery)\w*",
-}  # fmt: skip
-_NUMBER = r"\s*(?:[\[(]([^\])]*)[\])])?\s*[=:;,]?\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*([^\s,;)]*)"
-_WORDS = r"(?:[-_ ]?(?:young'?s|shear|tensile))?[-_ ]?modul\w*(?:[-_ ,]*\(?[EG]_?\w*\)?)?"
-_STATED = {
-    "glassy": rf"(?:\b[EG]_?0\b|(?i:\b(?:instantaneous|glassy|unrelaxed|short[- ]?term){_WORDS}))",
-    "equilibrium": r"(?:\b[EG]_?\{?(?:inf(?:ty|inity)?|∞|eq|e)\}?(?!\w)|(?i:\b(?:equilibrium|"
-                   rf"long[- ]?(?:term|time)|relaxed|rubbery)(?:{_WORDS})?))",
+    "glassy": r"[EG]0|[EG]inst\w*|(?:instantaneous|glassy|unrelaxed|glasmodul|kurzzeit)\w*",
+    "equilibrium": r"[EG](?:inf\w*|∞|eq|e|oo)|(?:equilibrium|longterm|relaxed|rubbery"
+                   r"|gleichgewicht|langzeit)\w*",
 }  # fmt: skip
 _POISSON = re.compile(r"(?i)(?:poisson\S*(?:\s+(?:ratio|number))?|\bnu\b|ν)\s*[=:;,]?\s*(0?\.\d+)")
 _LAW = re.compile(r"time-temperature shift (\w+?)(?:Shift)?\(([^)]*)\)")  # of `export_prony`
 _REPTATE = re.compile(r"(?i)generated with reptate|^\W*reptate")  # whose modes are in s and Pa
 
 
+_NUMERIC = re.compile(r"\W*\d")  # a number, with whatever behind it
+_LAST = re.compile(  # in the place of an infinite time
+    r"(?i)\+?(?:inf\w*|∞|oo|unendlich|eq\w*|gleichgewicht\w*|[ée]quilibre|rubbery|long[- ]?term"
+    r"|langzeit)\.?"
+)
 _TIMES = re.compile(r"(?i)tau|τ|lambda|λ|time|zeit|temps|\bt")  # in every name of a time
 _LONGEST = 60  # characters of a name
 
@@ -65,16 +66,22 @@ def modes_on(sheet: Sheet, doubtful: Doubt) -> Series | None:
     - `doubtful`: what a table is that may be a relaxation modulus as well; "refused" raises
       `Refusal`.
     """
-    data = [holds_data(row) for row in sheet.rows]
-    for i, row in enumerate(sheet.rows):
+    for i, names in _headings(sheet.rows):
+        return _series(sheet, i, names, doubtful)
+    return None
+
+
+def _headings(rows: Sequence[Row]) -> Iterator[tuple[int, list[_Name]]]:
+    """The rows that name a time and a modulus or ratio, by their places."""
+    data = [holds_data(row) for row in rows]
+    for i, row in enumerate(rows):
         # A row of units may stand between names and numbers.
         if data[i] or not any(data[i + 1 : i + 3]) or not _TIMES.search(row.text):
             continue
         names = [_understood(cell) for cell in row.cells]
-        kinds = [name.kind for name in names]
-        if "time" in kinds and {"modulus", "ratio"} & set(kinds):
-            return _series(sheet, i, names, doubtful)
-    return None
+        kinds = {name.kind for name in names}
+        if "time" in kinds and {"modulus", "ratio"} & kinds:
+            yield i, names
 
 
 @functools.lru_cache(maxsize=512)
@@ -106,14 +113,21 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
     ratios = names[strength].kind == "ratio"
     below = sheet.rows[start + 1 :]
     units_below = below[0].cells if not holds_data(below[0]) else []
-    modes = [row for row in _first_table(below) if _is_mode(row, time, strength)]
+    rows = list(_rows(below, time, strength))
+    faults = {row.line: _fault(row, len(names), time, strength) for row in rows}
+    modes = [row for row in rows if not faults[row.line]]
     if not modes:
         return None
 
     def numbers(place: int) -> list[float]:
         base = {None: None, "10": 10.0, "e": np.e}[names[place].base]
-        cells = [row.cells[place] if place < len(row.cells) else "" for row in modes]
-        found = [np.inf if is_infinite(c) else float(c) if is_number(c) else 0.0 for c in cells]
+        cells = [_cell(row, place) for row in modes]
+        found = [float(c) if is_number(c) else 0.0 for c in cells]
+        if place == time:
+            found = [
+                np.inf if _is_last(row, time, strength) else value
+                for row, value in zip(modes, found, strict=True)
+            ]
         return found if base is None else [base**value for value in found]
 
     def unit(place: int, dimension: str) -> str | None:
@@ -123,26 +137,42 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
     times, strengths = numbers(time), numbers(strength)
     if not _is_series(names[time], names[strength], times, strengths, doubtful):
         return None
+    if fault := next(filter(None, faults.values()), None):
+        raise Refusal(fault)
+    _check_only_series(sheet, names, numbers, max(row.line for row in modes))
     kept = {row.line for row in modes}
-    lines = [row.text for row in sheet.rows if row.line not in kept]
+    others = [row for row in sheet.rows if row.line not in kept]
+    lines = [row.text for row in others]
     seconds, pascals = unit(time, "time"), None if ratios else unit(strength, "modulus")
     if any(map(_REPTATE.search, lines)):
         seconds, pascals = seconds or "s", pascals or "Pa"
-    stated, pascals, letter = _stated(lines, pascals)
-    for kind in {"glassy", "equilibrium"} & set(places):  # it is repeated in every row
-        stated[kind] = numbers(places[kind])[0]
-        pascals = pascals or unit(places[kind], "modulus")
-        letter = letter or names[places[kind]].deformation
+    inside = {row.line for row in below if not row.comment and is_number(_cell(row, strength))}
+    stated = [
+        # A number in the column of the moduli has their unit.
+        *statements_in(f"{r.text} {pascals or ''}" if r.line in inside else r.text for r in others),
+        *(
+            Statement(kind, value, unit(place, "modulus"), names[place].deformation, kind)
+            for place, name in enumerate(names)
+            if (kind := name.kind) in ("glassy", "equilibrium")
+            for value in numbers(place)
+        ),
+    ]
+    pascals = pascals or next((each.unit for each in stated if each.unit), None)
+    letter = None if ratios else names[strength].deformation
+    counting = agreed(stated, pascals, letter)
+    letters = {kind: each.deformation for kind, each in counting.items() if each.deformation}
     units = {"time": seconds, "modulus": pascals}
     return Series(
         strengths,
         times,
         ratios,
         numbers(places["bulk"]) if "bulk" in places and ratios else None,
-        equilibrium=stated.get("equilibrium"),
-        glassy=stated.get("glassy"),
+        equilibrium=counting["equilibrium"].value if "equilibrium" in counting else None,
+        glassy=counting["glassy"].value if "glassy" in counting else None,
+        bare=next((e.words for e in counting.values() if pascals and not e.unit), None),
+        letters=letters,
         units={name: unit for name, unit in units.items() if unit is not None},
-        deformation=letter if ratios else names[strength].deformation or letter,
+        deformation=letter or next(iter(letters.values()), None),
         poisson=next((float(n[1]) for line in lines if (n := _POISSON.search(line))), None),
         **_law(lines),
         lines=lines,
@@ -162,23 +192,66 @@ def _law(lines: Sequence[str]) -> dict[str, Any]:
     return {"shift": law(**{name: float(value) for name, value in pairs})}
 
 
-def _first_table(rows: Sequence[Row]) -> Iterator[Row]:
-    """The rows up to the names of another table."""
+def _cell(row: Row, place: int) -> str:
+    return row.cells[place] if place < len(row.cells) else ""
+
+
+def _rows(rows: Sequence[Row], time: int, strength: int) -> Iterator[Row]:
+    """The rows of the series, whole or not, up to the names of another table."""
     begun = False
-    for row in rows:
-        words = sum(not is_number(cell) and not is_missing(cell) for cell in row.cells)
-        if begun and words > 1 and not holds_data(row):
+    for i, row in enumerate(rows):
+        cells = _cell(row, time), _cell(row, strength)
+        units = i == 0 and parse_unit(cells[0]) in UNITS["time"]
+        if row.comment or units or is_statement(row.text) or _POISSON.search(row.text):
+            continue
+        if any(_NUMERIC.match(cell) or is_infinite(cell) for cell in cells):
+            begun = True
+            yield row
+        elif begun and sum(not is_missing(cell) for cell in row.cells) > 1:
             return
-        begun |= holds_data(row)
-        yield row
 
 
-def _is_mode(row: Row, time: int, strength: int) -> bool:
-    """Whether a row holds a relaxation time and a modulus or ratio."""
-    if len(row.cells) <= max(time, strength) or row.comment:
-        return False
-    finite = is_number(row.cells[time]) or is_infinite(row.cells[time])
-    return finite and is_number(row.cells[strength])
+def _fault(row: Row, width: int, time: int, strength: int) -> str | None:
+    """Why a row is no relaxation time with a modulus or ratio, None if it is."""
+    remedy = "correct it; if the line is a remark, begin it with #"
+    last = _is_last(row, time, strength)
+    for place, what in ((time, "relaxation time"), (strength, "modulus or ratio")):
+        cell = _cell(row, place)
+        if not is_number(cell) and not (last and place == time):
+            return f"line {row.line} has {short(cell)} as {what}, which is no number: {remedy}"
+    if any(map(is_number, row.cells[width:])):
+        return f"line {row.line} has {len(row.cells)} entries under {width} names: {remedy}"
+    return None
+
+
+def _is_last(row: Row, time: int, strength: int) -> bool:
+    """Whether a row is that of the equilibrium: by its time, or by its label if it has no time."""
+    cells = [_cell(row, time)]
+    if is_missing(cells[0]):
+        cells += [cell for i, cell in enumerate(row.cells) if i != strength]
+    return any(is_infinite(cell) or _LAST.fullmatch(cell) for cell in cells)
+
+
+def _check_only_series(sheet: Sheet, names: list[_Name], numbers, end: int) -> None:
+    """Refuses a second series, beside the first one or below it."""
+    remedy = "write one series per file, or one per sheet of a workbook"
+    for kind in ("time", "modulus", "ratio", "bulk"):
+        places = [i for i, name in enumerate(names) if name.kind == kind]
+        for other in places[1:]:
+            factors = [
+                UNITS["time" if kind == "time" else "modulus"].get(names[place].unit or "", 1.0)
+                for place in (places[0], other)
+            ]
+            values = [f * np.asarray(numbers(p)) for f, p in zip(factors, (places[0], other), strict=True)]
+            if not np.allclose(*values, rtol=AGREE, atol=0):
+                raise Refusal(
+                    f"its columns {places[0] + 1} and {other + 1} are both of a {kind}, with "
+                    f"other numbers: {remedy}"
+                )
+    for i, others in _headings(sheet.rows):
+        line = sheet.rows[i].line
+        if line > end and any(name.kind == "time" and name.sure for name in others):
+            raise Refusal(f"line {line} begins a second Prony series: {remedy}")
 
 
 def _is_series(time: _Name, strength: _Name, times: list, strengths: list, doubtful: Doubt) -> bool:
@@ -195,25 +268,3 @@ def _is_series(time: _Name, strength: _Name, times: list, strengths: list, doubt
         "modulus E(t): `readers.read_prony` reads a series; for E(t) name the time and the modulus "
         "by `columns`, and leave out a row at an infinite time"
     )
-
-
-def _stated(
-    lines: Sequence[str], unit: str | None
-) -> tuple[dict[str, float], str | None, str | None]:
-    """The instantaneous and the long-time modulus of lines, their unit, and tension or shear.
-
-    The unit is that of the moduli of the table, if it has one.
-    """
-    stated, letter = {}, None
-    for kind, pattern in _STATED.items():
-        found = next((f for line in lines if (f := re.search(f"({pattern}){_NUMBER}", line))), None)
-        if found is None:
-            continue
-        own = parse_unit(found[2] or "") or parse_unit(found[4])
-        own = own if own in UNITS["modulus"] else unit
-        unit = unit or own
-        factor = UNITS["modulus"][own] / UNITS["modulus"][unit] if own and unit else 1.0
-        stated[kind] = factor * float(found[3])
-        if sign := re.search(r"\b([EG])_?\W?\w*$|(?i:(young|tensile)|(shear))", found[1]):
-            letter = "shear" if sign[1] == "G" or sign[3] else "tension"
-    return stated, unit, letter

@@ -19,6 +19,7 @@ from .units import UNITS
 
 # Instantaneous moduli of solids lie between 10 kPa and 1 TPa: numbers of a deck without units.
 _LEAST, _MOST = 1e4, 1e12  # Pa
+_FOREVER = 1e30  # s
 _NEGLIGIBLE = 1e-3  # of a modulus
 _ROUNDED = 1e-3  # of the instantaneous modulus: how far rounded ratios may add up to more than 1
 
@@ -41,6 +42,8 @@ class Series(NamedTuple):
     - `ratios`: whether `strengths` are shares.
     - `bulk`: shares of the bulk modulus, if these differ from those of the shear modulus.
     - `equilibrium`, `glassy`: long-time and instantaneous modulus.
+    - `bare`: words that state one of both without a unit, though other moduli have one.
+    - `letters`: "tension" or "shear" of `equilibrium` and `glassy`, if the file states it.
     - `units`: those that the file states, of "modulus" and "time".
     - `deck`: whether it is a deck, which states no units as a rule.
     - `deformation`: "tension" or "shear", of the moduli.
@@ -57,6 +60,8 @@ class Series(NamedTuple):
     bulk: Sequence[float] | None = None
     equilibrium: float | None = None
     glassy: float | None = None
+    bare: str | None = None
+    letters: Mapping[str, str] = {}
     units: Mapping[str, str] = {}
     deck: bool = False
     deformation: str | None = None
@@ -76,7 +81,9 @@ def material_of(
     log.assume(*series.assumed)
     modulus, second = _units(series, log, units, [glassy, equilibrium])
     times = second * np.asarray(series.times, float)
-    last, shares = np.isinf(times), np.asarray(series.strengths, float)
+    last, shares = times >= _FOREVER, np.asarray(series.strengths, float)
+    if np.any(last & np.isfinite(times)):
+        log.note(f"Times from {_FOREVER:g} s on are taken as infinite, as that of the equilibrium.")
     stated = {
         "glassy": None if series.glassy is None else modulus * series.glassy,
         "equilibrium": None if series.equilibrium is None else modulus * series.equilibrium,
