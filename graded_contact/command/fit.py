@@ -38,7 +38,10 @@ if TYPE_CHECKING:
 # Cards of the material: endings of their files and comments in them, by format.
 CARDS = {"toml": (".toml", "#"), "abaqus": (".inp", "**"), "ansys": (".mac", "!")}
 # The words of `--kind`, by the argument that they are a value of.
-KINDS = {"kind": ("frequency", "relaxation", "creep"), "deformation": ("tension", "shear")}
+KINDS = {
+    "kind": ("frequency", "relaxation", "creep"), "deformation": ("tension", "shear"),
+    "doubtful": ("series",),  # a Prony series, also if the names may mean E(t)
+}  # fmt: skip
 # Options of the command, by the arguments that messages about moduli and their fits name.
 _FIT_OPTIONS = {
     "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
@@ -68,7 +71,7 @@ Poisson = Annotated[
 ]
 DataKind = Annotated[list[str] | None, Option(
     metavar="WORD", help="What the file does not say: frequency, relaxation or creep; tension or "
-    "shear. May be repeated.",
+    "shear; series, a Prony series. May be repeated.",
 )]  # fmt: skip
 Temperatures = Annotated[list[float] | None, Option(
     "--temperature", metavar="KELVIN",
@@ -182,6 +185,7 @@ def with_options(message: str) -> str:
             spelt += " " + shlex.quote(value.strip("'"))
         return f"`{spelt}`" if spelt else found[0]
 
+    message = message.replace("`readers.read_prony`", "`--kind series`")
     return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)
 
 
@@ -269,6 +273,8 @@ def material_of(
     """
     ratio = 0.5 if poisson is None else poisson
     try:
+        if "series" in (kind or []):
+            raise ValueError("`--kind series` is refused: no file, or not one alone, holds one.")
         measured = read_measured(
             moduli_files, column, unit, temperature, kind, poisson=ratio, sheet=sheet, step=step
         )
@@ -295,8 +301,11 @@ def _converted(
     """The Prony series in the only file; None if it holds none."""
     if len(files) > 1:
         return None
-    deformation = _kinds(kind).get("deformation")
-    read = prony_in(files[0], _pairs("unit", unit), *moduli, deformation, poisson, sheet)
+    kinds = _kinds(kind)
+    read = prony_in(
+        files[0], _pairs("unit", unit), *moduli, kinds.get("deformation"), poisson, sheet,
+        doubtful="series" if "doubtful" in kinds else "refused",
+    )  # fmt: skip
     if read is None:
         return None
     material, log = read

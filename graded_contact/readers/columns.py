@@ -62,6 +62,11 @@ WAYS = (
     Way("creep", "strain", lambda strain, stress: strain / stress),
 )  # fmt: skip
 _PARTS = ("storage loss", "storage_compliance loss_compliance")  # whose ratio is tan delta
+# What a modulus or a compliance beside a loss tangent may be.
+_EITHER = {
+    "modulus": ("storage", "magnitude"),
+    "compliance": ("storage_compliance", "compliance_magnitude"),
+}
 AT_LOAD = WAYS[-2:]  # if the constant load is known
 SWEEPS = tuple(way._replace(kind="strain") for way in WAYS if way.kind == "frequency")
 # In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
@@ -258,9 +263,16 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
     possible = [way for way in ways if loaded or way not in AT_LOAD]
     possible = [way for way in possible if set(way.names) <= set(places)]
     sized = any(DIMENSIONS[name] in ("modulus", "compliance") for name in places)
-    if {"tan_delta", "phase"} & set(places) and not sized:
+    tangent = {"tan_delta", "phase"} & set(places)
+    if tangent and not sized:
         remedy = "export E' or |E*| (G' or a compliance) with it, or name its column by `columns`"
         raise ValueError(f"{table.place}: the loss tangent alone has no modulus: {remedy}")
+    for name, roles in _EITHER.items():
+        if tangent and not possible and name in places:
+            raise ValueError(
+                f"{table.place}: {table.label(places[name][0])} may be the storage part or the size "
+                f"of the {name}: name it by `columns`, {' or '.join(map(repr, roles))}"
+            )
     if not possible:
         shortest = {way.kind: ", ".join(way.names) for way in reversed(ways)}
         known = f" (understood: {', '.join(sorted(places))})" if places else ""

@@ -27,7 +27,7 @@ _NAMES = {
     "modulus": r"(?:(?:young'?s?|shear)?modulus)?[EG][ijkn]|modulus[ijkn]|\w*mode\w*modul\w*"
                r"|modul\w*mode\w*|(?:branch|spring|maxwell)\w*modul\w*|\w*strengths?[ijkn]?",
     "ratio": r"(?:g|e|alpha|α|w|p|c)[ijkn](?:prony|p)?|rel(?:ative)?mod\w*|\w*weights?"
-             r"|\w*fractions?|\w*ratios?|pronycoeff\w*",
+             r"|\w*fractions?|(?!poisson)\w*ratios?|pronycoeff\w*",
     "bulk": r"k[ijkn](?:prony|p)?",
     "glassy": r"[EG]0|[EG]inst\w*|(?:instantaneous|glassy|unrelaxed|glasmodul|kurzzeit)\w*",
     "equilibrium": r"[EG](?:inf\w*|∞|eq|e|oo)|(?:equilibrium|longterm|relaxed|rubbery"
@@ -123,7 +123,7 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
         base = {None: None, "10": 10.0, "e": np.e}[names[place].base]
         cells = [_cell(row, place) for row in modes]
         found = [float(c) if is_number(c) else 0.0 for c in cells]
-        if place == time:
+        if names[place].kind == "time":
             found = [
                 np.inf if _is_last(row, time, strength) else value
                 for row, value in zip(modes, found, strict=True)
@@ -138,7 +138,7 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
     if not _is_series(names[time], names[strength], times, strengths, doubtful):
         return None
     if fault := next(filter(None, faults.values()), None):
-        raise Refusal(fault)
+        raise Refusal(f"it holds a Prony series, but {fault}")
     _check_only_series(sheet, names, numbers, max(row.line for row in modes))
     kept = {row.line for row in modes}
     others = [row for row in sheet.rows if row.line not in kept]
@@ -154,7 +154,8 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
             Statement(kind, value, unit(place, "modulus"), names[place].deformation, kind)
             for place, name in enumerate(names)
             if (kind := name.kind) in ("glassy", "equilibrium")
-            for value in numbers(place)
+            for row, value in zip(modes, numbers(place), strict=True)
+            if is_number(_cell(row, place))
         ),
     ]
     pascals = pascals or next((each.unit for each in stated if each.unit), None)
@@ -202,7 +203,8 @@ def _rows(rows: Sequence[Row], time: int, strength: int) -> Iterator[Row]:
     for i, row in enumerate(rows):
         cells = _cell(row, time), _cell(row, strength)
         units = i == 0 and parse_unit(cells[0]) in UNITS["time"]
-        if row.comment or units or is_statement(row.text) or _POISSON.search(row.text):
+        words = not is_number(cells[0]) and (is_statement(row.text) or _POISSON.search(row.text))
+        if row.comment or units or words:
             continue
         if any(_NUMERIC.match(cell) or is_infinite(cell) for cell in cells):
             begun = True
@@ -218,6 +220,7 @@ def _fault(row: Row, width: int, time: int, strength: int) -> str | None:
     for place, what in ((time, "relaxation time"), (strength, "modulus or ratio")):
         cell = _cell(row, place)
         if not is_number(cell) and not (last and place == time):
+            remedy = "write inf for the equilibrium, or " * (place == time) + remedy
             return f"line {row.line} has {short(cell)} as {what}, which is no number: {remedy}"
     if any(map(is_number, row.cells[width:])):
         return f"line {row.line} has {len(row.cells)} entries under {width} names: {remedy}"
@@ -242,7 +245,9 @@ def _check_only_series(sheet: Sheet, names: list[_Name], numbers, end: int) -> N
                 UNITS["time" if kind == "time" else "modulus"].get(names[place].unit or "", 1.0)
                 for place in (places[0], other)
             ]
-            values = [f * np.asarray(numbers(p)) for f, p in zip(factors, (places[0], other), strict=True)]
+            values = [
+                f * np.asarray(numbers(p)) for f, p in zip(factors, (places[0], other), strict=True)
+            ]
             if not np.allclose(*values, rtol=AGREE, atol=0):
                 raise Refusal(
                     f"its columns {places[0] + 1} and {other + 1} are both of a {kind}, with "

@@ -15,6 +15,7 @@ from ..materials.material import Prony
 from ..materials.shift import AbstractShift
 from .decisions import Log, settled
 from .deformation import deformation_in
+from .stated_moduli import differ
 from .units import UNITS
 
 # Instantaneous moduli of solids lie between 10 kPa and 1 TPa: numbers of a deck without units.
@@ -100,22 +101,30 @@ def material_of(
         series, log, deformation, any(x is not None for x in (glassy, equilibrium))
     )
     poisson = series.poisson if poisson is None else poisson
+    if mixed := set(series.letters.values()) - {whose}:
+        if poisson is None:
+            raise ValueError(
+                f"it states moduli in {whose} and in {mixed.pop()}: pass `poisson`, which converts"
+            )
     if poisson is None:
         poisson = 0.5
         log.note("Poisson's ratio is 0.5, unless `poisson` is given.")
     # The user gives Young's moduli.
-    factor = 2 * (1 + poisson) if whose == "shear" else 1.0
+    factors = {"shear": 2 * (1 + poisson), "tension": 1.0}
+    factor = factors[whose]
     if factor != 1:
         log.note(f"Converted from shear to tension by Poisson's ratio: E = {factor:.6g} G.")
-    first = factor * stated["glassy"] if stated["glassy"] is not None else glassy
-    rest = factor * stated["equilibrium"] if stated["equilibrium"] is not None else equilibrium
+    first, rest = (
+        given if stated[name] is None else factors[series.letters.get(name, whose)] * stated[name]
+        for name, given in (("glassy", glassy), ("equilibrium", equilibrium))
+    )
     if np.any(times <= 0) or np.any(shares < 0) or not np.all(np.isfinite(shares)):
         raise ValueError("relaxation times must be positive, and moduli or ratios not negative")
     if series.ratios:
         strengths, rest = _of_ratios(shares, last, first, rest)
     else:
         strengths = factor * modulus * shares
-        rest = _rest(strengths, last, first, rest, log)
+        rest = _rest(strengths, last, first, rest, equilibrium is not None, log)
     if series.bulk is not None:
         _note_bulk(series, log, poisson)
     used = ~last & (strengths > 0)
@@ -130,6 +139,11 @@ def _units(
 ) -> tuple[float, float]:
     """Pascals per unit of the moduli, and seconds per unit of the times."""
     found = {}
+    if series.bare and "modulus" not in units:
+        raise ValueError(
+            f"{series.bare!r} has no unit: write it behind the number, or pass the unit of all "
+            "moduli of the file, for instance `units={'modulus': 'MPa'}`"
+        )
     absolute = not series.ratios or series.glassy is not None or series.equilibrium is not None
     for name, needed in (("modulus", absolute), ("time", True)):
         given = units.get(name)
@@ -195,31 +209,50 @@ def _of_ratios(
                 "the ratios add up to 1, so nothing is left at equilibrium: pass `glassy`"
             )
         glassy = rest / remainder
+    elif rest is not None:
+        _check_sum(glassy, rest, math.fsum(glassy * shares[~last]))
     return glassy * shares, remainder * glassy if rest is None else rest
 
 
 def _rest(
-    strengths: np.ndarray, last: np.ndarray, glassy: float | None, rest: float | None, log: Log
-) -> float:
-    """The equilibrium modulus [Pa] of a table of moduli."""
+    strengths: np.ndarray, last: np.ndarray, glassy: float | None, rest: float | None,
+    given: bool, log: Log,
+) -> float:  # fmt: skip
+    """The equilibrium modulus [Pa] of a table of moduli; `given` says whether the user gave it."""
     total = math.fsum(strengths[~last])
     if np.any(last):
-        if rest is not None:
+        row = math.fsum(strengths[last])
+        if given:
             raise ValueError("it has a row of the equilibrium: leave out `equilibrium`")
-        return math.fsum(strengths[last])
-    if rest is not None:
-        return rest
+        if rest is not None and differ(rest, row):
+            raise ValueError(
+                f"its row of the equilibrium has {row:.6g} Pa, but it states {rest:.6g} Pa too"
+            )
+        rest = row
     if glassy is not None:
-        if total > glassy * (1 + _ROUNDED):
+        rest = glassy - total if rest is None else rest
+        if rest < -_ROUNDED * glassy:
             raise ValueError(
                 f"the moduli add up to {total:.6g} Pa, more than the glassy {glassy:.6g}"
             )
-        return max(0.0, glassy - total)
+        rest = max(0.0, rest)
+        _check_sum(glassy, rest, total)
+    if rest is not None:
+        return rest
     log.assume(
         "It is assumed to be of a liquid, with the equilibrium modulus 0, because the file names "
         "none; otherwise pass `equilibrium`."
     )
     return 0.0
+
+
+def _check_sum(glassy: float, rest: float, total: float) -> None:
+    """Refuses moduli [Pa] that contradict each other: E_0 = E_eq + the sum of the branches."""
+    if differ(glassy, rest + total):
+        raise ValueError(
+            f"the instantaneous modulus {glassy:.6g} Pa is not the sum of the long-time modulus "
+            f"{rest:.6g} Pa and of its branches, {total:.6g} Pa: a branch lacks, or one is wrong"
+        )
 
 
 def _note_bulk(series: Series, log: Log, poisson: float) -> None:

@@ -13,7 +13,7 @@ _NUMBER = (
     r"\s*(?:[\[(]([^\])]*)[\])])?\s*[=:;,≈~]?\s*"
     r"([-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\s,;)]*)"
 )
-_WORDS = r"(?:[-_ ]?(?:young'?s?|shear|tensile))?[-_ ]?modul\w*(?:[-_ ,]*\(?[EG]_?\w*\)?)?"
+_WORDS = r"(?:[-_ ]?(?:young['’]?s?|shear|tensile))?[-_ ]?modul\w*(?:[-_ ,]*\(?[EG]_?\w*\)?)?"
 _WORDS_AFTER = r"(?:[-_ ]?(?:E|G|schub|elastizitäts))?-?modul\w*"  # in German
 _PATTERNS = {
     "glassy": rf"(?:\b[EG]_?0\b|(?i:\b(?:instantaneous|glassy|unrelaxed|short[- ]?term){_WORDS}"
@@ -27,7 +27,9 @@ _PATTERNS = {
                    r"|caoutchouti\w*|(?:à|a|de) long terme)))",
 }  # fmt: skip
 _STATEMENTS = {kind: re.compile(f"({words}){_NUMBER}") for kind, words in _PATTERNS.items()}
-_LETTER = re.compile(r"\b([EG])_?\W?\w*$|(?i:(young|tensile)|(shear|schub))")
+_LETTER = re.compile(
+    r"\b([EG])_?\{?(?:0|inf(?:ty|inity)?|∞|oo|eq|e)?\}?\)?$|(?i:(young|tensile)|(shear|schub))"
+)
 
 
 class Statement(NamedTuple):

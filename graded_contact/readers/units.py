@@ -104,7 +104,7 @@ _WORDS = {
         "storage": "storage stor speichermodul elastic real conservation stockage elastique",
         "loss": "loss verlustmodul viscous imag imaginary perte pertes visqueux amortissement"
         " d'amortissement",
-        "magnitude": "magnitude abs complex komplexer complexe",
+        "magnitude": "magnitude abs complex komplexer complexe dynamic dynamischer dynamique",
         "tan": "tan",
         "delta": "delta",
         "tan delta": "tand tanδ tandelta",
