@@ -64,8 +64,8 @@ WAYS = (
 _PARTS = ("storage loss", "storage_compliance loss_compliance")  # whose ratio is tan delta
 # What a modulus or a compliance beside a loss tangent may be.
 _EITHER = {
-    "modulus": ("storage", "magnitude"),
-    "compliance": ("storage_compliance", "compliance_magnitude"),
+    "modulus": "'storage' or 'magnitude'",
+    "compliance": "'storage_compliance' or 'compliance_magnitude'",
 }
 AT_LOAD = WAYS[-2:]  # if the constant load is known
 SWEEPS = tuple(way._replace(kind="strain") for way in WAYS if way.kind == "frequency")
@@ -269,10 +269,8 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
         raise ValueError(f"{table.place}: the loss tangent alone has no modulus: {remedy}")
     for name, roles in _EITHER.items():
         if tangent and not possible and name in places:
-            raise ValueError(
-                f"{table.place}: {table.label(places[name][0])} may be the storage part or the size "
-                f"of the {name}: name it by `columns`, {' or '.join(map(repr, roles))}"
-            )
+            which = f"{table.place}: {table.label(places[name][0])} may be the storage part or the"
+            raise ValueError(f"{which} size of the {name}: name it by `columns`, {roles}")
     if not possible:
         shortest = {way.kind: ", ".join(way.names) for way in reversed(ways)}
         known = f" (understood: {', '.join(sorted(places))})" if places else ""

@@ -36,8 +36,6 @@ _NAMES = {
 _POISSON = re.compile(r"(?i)(?:poisson\S*(?:\s+(?:ratio|number))?|\bnu\b|ν)\s*[=:;,]?\s*(0?\.\d+)")
 _LAW = re.compile(r"time-temperature shift (\w+?)(?:Shift)?\(([^)]*)\)")  # of `export_prony`
 _REPTATE = re.compile(r"(?i)generated with reptate|^\W*reptate")  # whose modes are in s and Pa
-
-
 _NUMERIC = re.compile(r"\W*\d")  # a number, with whatever behind it
 _LAST = re.compile(  # in the place of an infinite time
     r"(?i)\+?(?:inf\w*|∞|oo|unendlich|eq\w*|gleichgewicht\w*|[ée]quilibre|rubbery|long[- ]?term"
@@ -66,9 +64,8 @@ def modes_on(sheet: Sheet, doubtful: Doubt) -> Series | None:
     - `doubtful`: what a table is that may be a relaxation modulus as well; "refused" raises
       `Refusal`.
     """
-    for i, names in _headings(sheet.rows):
-        return _series(sheet, i, names, doubtful)
-    return None
+    first = next(_headings(sheet.rows), None)
+    return None if first is None else _series(sheet, *first, doubtful)
 
 
 def _headings(rows: Sequence[Row]) -> Iterator[tuple[int, list[_Name]]]:
@@ -203,19 +200,25 @@ def _rows(rows: Sequence[Row], time: int, strength: int) -> Iterator[Row]:
     for i, row in enumerate(rows):
         cells = _cell(row, time), _cell(row, strength)
         units = i == 0 and parse_unit(cells[0]) in UNITS["time"]
-        words = not is_number(cells[0]) and (is_statement(row.text) or _POISSON.search(row.text))
-        if row.comment or units or words:
+        label = not is_number(cells[0]) and not _LAST.fullmatch(cells[0])
+        stated = label and (is_statement(row.text) or _POISSON.search(row.text))
+        if row.comment or units or stated:
             continue
-        if any(_NUMERIC.match(cell) or is_infinite(cell) for cell in cells):
+        # A row of words between rows of numbers is one of them; other tables stand apart.
+        amid = rows[i - 1].line + 1 == row.line and any(map(holds_data, rows[i + 1 : i + 2]))
+        words = sum(not is_missing(cell) for cell in row.cells) > 1
+        if any(_NUMERIC.match(cell) or is_infinite(cell) for cell in cells) or (
+            begun and words and amid
+        ):
             begun = True
             yield row
-        elif begun and sum(not is_missing(cell) for cell in row.cells) > 1:
+        elif begun and words:
             return
 
 
 def _fault(row: Row, width: int, time: int, strength: int) -> str | None:
     """Why a row is no relaxation time with a modulus or ratio, None if it is."""
-    remedy = "correct it; if the line is a remark, begin it with #"
+    remedy = "correct it; begin a remark with #, and leave an empty line above another table"
     last = _is_last(row, time, strength)
     for place, what in ((time, "relaxation time"), (strength, "modulus or ratio")):
         cell = _cell(row, place)
@@ -240,15 +243,10 @@ def _check_only_series(sheet: Sheet, names: list[_Name], numbers, end: int) -> N
     remedy = "write one series per file, or one per sheet of a workbook"
     for kind in ("time", "modulus", "ratio", "bulk"):
         places = [i for i, name in enumerate(names) if name.kind == kind]
-        for other in places[1:]:
-            factors = [
-                UNITS["time" if kind == "time" else "modulus"].get(names[place].unit or "", 1.0)
-                for place in (places[0], other)
-            ]
-            values = [
-                f * np.asarray(numbers(p)) for f, p in zip(factors, (places[0], other), strict=True)
-            ]
-            if not np.allclose(*values, rtol=AGREE, atol=0):
+        units = UNITS["time" if kind == "time" else "modulus"]
+        values = [units.get(names[i].unit or "", 1.0) * np.asarray(numbers(i)) for i in places]
+        for other, each in zip(places[1:], values[1:], strict=True):
+            if not np.allclose(values[0], each, rtol=AGREE, atol=0):
                 raise Refusal(
                     f"its columns {places[0] + 1} and {other + 1} are both of a {kind}, with "
                     f"other numbers: {remedy}"

@@ -101,11 +101,10 @@ def material_of(
         series, log, deformation, any(x is not None for x in (glassy, equilibrium))
     )
     poisson = series.poisson if poisson is None else poisson
-    if mixed := set(series.letters.values()) - {whose}:
-        if poisson is None:
-            raise ValueError(
-                f"it states moduli in {whose} and in {mixed.pop()}: pass `poisson`, which converts"
-            )
+    if poisson is None and (mixed := set(series.letters.values()) - {whose}):
+        raise ValueError(
+            f"it states moduli in {whose} and in {mixed.pop()}: pass `poisson`, which converts"
+        )
     if poisson is None:
         poisson = 0.5
         log.note("Poisson's ratio is 0.5, unless `poisson` is given.")

@@ -47,8 +47,10 @@ def statements_in(lines: Iterable[str]) -> Iterator[Statement]:
     for line in lines:
         for kind, pattern in _STATEMENTS.items():
             for found in pattern.finditer(line):
-                if re.fullmatch(r"[-+]?[1-9]\d{0,2},\d{3}", found[3]):
-                    raise Refusal(f"{found[0]!r}: is the comma a decimal mark? Write a point")
+                if found[4][:1].isdecimal() or re.fullmatch(r"[-+]?[1-9]\d{0,2},\d{3}", found[3]):
+                    raise Refusal(
+                        f"{found[0]!r}: are its digits one number? Write it with a decimal point"
+                    )
                 own = parse_unit(found[2] or "") or parse_unit(found[4])
                 letter = _LETTER.search(found[1])
                 shear = letter and (letter[1] == "G" or letter[3])

@@ -33,6 +33,22 @@ def test_dynamic_compliances_are_read_as_such(tmp_path, names, columns, deformat
     check(read(tmp_path, text), deformation=deformation)
 
 
+def test_a_dynamic_modulus_with_a_phase_is_the_size_of_the_modulus(tmp_path):
+    text = "f [Hz];Dynamic modulus (Pa);Phase angle (°)\n"
+    check(read(tmp_path, text + rows(HERTZ, np.abs(MODULUS), DEGREES, separator=";")))
+
+
+@pytest.mark.parametrize("name, size, roles", [
+    ("Compliance [1/MPa]", SIZE, ("storage_compliance", "compliance_magnitude")),
+    ("Modulus [Pa]", np.abs(MODULUS), ("storage", "magnitude")),
+])  # fmt: skip
+def test_a_number_beside_a_loss_tangent_may_be_a_part_or_the_size(tmp_path, name, size, roles):
+    text = f"f [Hz];{name};tan δ\n" + rows(HERTZ, size, TANGENT, separator=";")
+    with pytest.raises(ValueError, match=f"by `columns`, '{roles[0]}' or '{roles[1]}'"):
+        read(tmp_path, text)
+    check(read(tmp_path, text, columns={roles[1]: 2}))
+
+
 @pytest.mark.parametrize(
     "options, expected",
     [
