@@ -114,7 +114,7 @@ def material_of(
     if factor != 1:
         log.note(f"Converted from shear to tension by Poisson's ratio: E = {factor:.6g} G.")
     first, rest = (
-        given if stated[name] is None else factors[series.letters.get(name, whose)] * stated[name]
+        given if (own := stated[name]) is None else factors[series.letters.get(name, whose)] * own
         for name, given in (("glassy", glassy), ("equilibrium", equilibrium))
     )
     if np.any(times <= 0) or np.any(shares < 0) or not np.all(np.isfinite(shares)):

@@ -518,6 +518,20 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     assert parse_scene(scene).stack.base.material.poisson == 0.49
 
 
+def test_fit_reads_a_table_that_may_be_e_of_t_as_the_series_that_the_user_says_it_is(tmp_path):
+    path = tmp_path / "series.csv"
+    path.write_text("Relaxationszeit [s];Modul [MPa]\n0.001;4\n0.1;2\n10;1\n")
+    words = ("fit", path, "-o", tmp_path, "--kind", "tension", "--equilibrium", 3e6)
+    result = command(*words)
+    assert "`--kind series` reads a series" in " ".join(result.output.split())
+    command(*words, "--kind", "series")
+    table = tomllib.loads((tmp_path / "series.toml").read_text())["materials"]["series"]
+    assert (table["equilibrium"], table["strengths"]) == (3e6, [4e6, 2e6, 1e6])
+    path.write_text("f [Hz],E' [MPa],E'' [MPa]\n1,4,1\n10,5,1\n")
+    result = command(*words, "--kind", "series")
+    assert "`--kind series` is refused" in " ".join(result.output.split())
+
+
 def test_fit_converts_a_prony_series_and_says_what_it_assumed(tmp_path):
     """Into the numbers of the file, whatever `--kind` says; a deck states no units."""
     path = tmp_path / "series.csv"
