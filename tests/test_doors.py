@@ -213,7 +213,8 @@ def outcomes(kinds, names=None):
                     wrong.append(f"{place} ended in {type(error).__name__}: {str(error)[:200]}")
                 else:
                     if isinstance(result, gc.Sliding):  # a range may be without an end
-                        result = dataclasses.replace(result, measured_range=None)
+                        problem = dataclasses.replace(result.problem, measured_range=None)
+                        result = dataclasses.replace(result, problem=problem)
                     leaves = [x for x in jax.tree.leaves(result) if isinstance(x, jax.Array)]
                     numbers = [x for x in leaves if jnp.issubdtype(x.dtype, jnp.inexact)]
                     if not all(bool(jnp.all(jnp.isfinite(x))) for x in numbers):

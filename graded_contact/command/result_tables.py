@@ -17,6 +17,7 @@ from ..page.document import described
 from ..plot.words import title_of
 from ..scenes.results import (
     SEED_ERROR,
+    has_numbers,
     of_each,
     over_seeds,
     solve_states,
@@ -67,11 +68,8 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
             f"Numbers are means of {every.sizes['seed']} surfaces. The standard error of the mean "
             'is "± over surfaces", the largest error of a surface "±".'
         )
-    axes, columns, shown = (
-        results["message"].dims,
-        _columns(results, full),
-        has_numbers(results).values,
-    )
+    axes, columns = results["message"].dims, _columns(results, full)
+    shown = has_numbers(results).values
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in (*_heads(results), *(head for head, _ in columns.values()), "state"):
         table.add_column(Text(head), justify="right", no_wrap=True)

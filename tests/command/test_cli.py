@@ -29,7 +29,7 @@ from graded_contact.command import new as new_job
 from graded_contact.command import result_tables
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
-from graded_contact.core.display import with_error
+from graded_contact.core.display import number, with_error
 from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
 from graded_contact.scenes.run_scene import build_surface
 from graded_contact.scenes.scene import parse_scene, read_scene
@@ -176,8 +176,10 @@ def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path, no_co
     assert kept_solves(results) == [(1, 0, 0)]
     friction = results.friction.values
     mean, error = friction.mean(0)[0], friction.std(0, ddof=1)[0] / 3**0.5
-    for pair in zip(mean, error, strict=True):
-        assert f"{pair[0]:#.4g}" in result.stdout and f"{pair[1]:.1e}" in result.stdout
+    worst = results.friction_error.values.max(0)[0]
+    for here, spread, wrong in zip(mean, error, worst, strict=True):
+        for text in (number(here, "#.4g", wrong), f"{spread:.1e}"):
+            assert text in result.stdout
     with open(tmp_path / "s.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["surfaces"] for row in rows] == ["3", "3"]

@@ -286,9 +286,9 @@ def test_a_table_of_a_graded_kernel_is_as_good_as_it_says(monkeypatch):
     monkeypatch.setattr(kernels, "_FEW_POINTS", 100)
     grid, period = gc.Grid((64,), 1.0), jnp.asarray(0.71)
     graded = gc.GradedLayer(gc.Blend(gc.Elastic(1.0, 0.4), rubber().base.material), 0.1)
-    stack = gc.Stack(layers=(graded,), base=rubber().base)
     solver = gc.blocks.Layering(rtol=1e-6)
-    kernel, error = periodic_kernel(stack, grid, 16, period, solver)
+    stack = gc.Stack(layers=(graded,), base=rubber().base, graded_solver=solver)
+    kernel, error = periodic_kernel(stack, grid, 16, period)
     q, omega = 2 * np.pi * np.arange(1, 33), 2 * np.pi * np.arange(9) / 0.71
     expected = gc.surface_compliance(stack, q, omega[:, None], rtol=1e-8)
     off = np.max(np.abs(kernel[:9, 1:] / expected - 1))
