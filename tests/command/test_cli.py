@@ -408,16 +408,16 @@ def test_a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been(tmp_pat
     def words(output):
         return "run", scene, "-o", tmp_path / output
 
-    for number, code in ((signal.SIGKILL, -9), (signal.SIGINT, 130), (signal.SIGTERM, 143)):
+    for sent, code in ((signal.SIGKILL, -9), (signal.SIGINT, 130), (signal.SIGTERM, 143)):
         before = {path: path.read_bytes() for path in folder.glob("*.point")}
         pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
         with subprocess.Popen(
             [sys.executable, "-c", HELD, *words("out")], text=True, **pipes
         ) as process:
             assert "held\n" in process.stdout
-            process.send_signal(number)
+            process.send_signal(sent)
             noted = any("Stopping after this step" in line for line in process.stderr)
-            assert noted or number == signal.SIGKILL
+            assert noted or sent == signal.SIGKILL
             process.stdin.close()
             assert "Traceback" not in process.stderr.read()
         assert process.returncode == code
