@@ -44,7 +44,7 @@ from ..sliding.shear import AbstractShear, shear_stress
 from ..studies.parameter_covariance import Errors
 from ..surfaces.surface import Surface
 from .block import KINDS, Block, extremes
-from .schema import LINEAR, LOGARITHMIC, MOST_BYTES, ROOT, keys_of, parse_toml
+from .schema import LINEAR, LOGARITHMIC, MOST_BYTES, ROOT, check_texts, keys_of, parse_toml
 from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_source
 
 Axis = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
@@ -316,7 +316,8 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     """Returns the scene that a TOML text describes; its paths are relative to `folder`."""
     block = Block(Path(folder))
     reader = block.reader
-    tables: Tables = reader.build(ROOT, parse_toml(text), Tables)
+    entries = parse_toml(text)
+    tables: Tables = reader.build(ROOT, entries, Tables)
     (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
     if ("pressure" in load) == ("approach" in load):
         both = "has `pressure` and `approach`; give" if "pressure" in load else "lacks"
@@ -360,6 +361,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     )  # fmt: skip
     _check_numbers(found)
     _check_tables(found)
+    check_texts(entries)
     return found
 
 

@@ -298,12 +298,15 @@ def parse_toml(text: str) -> dict[str, Any]:
         if long := _LONG_KEY.search(text):
             raise ValueError(f"the key {long.group()[:20]}... has more than 100 parts.")
         try:
-            tables = tomllib.loads(text)
-            if any("\0" in text for text in _texts(tables)):
-                raise ValueError("it has the character \\u0000, which no file of results can hold.")
-            return tables
+            return tomllib.loads(text)
         except RecursionError as error:  # of tomllib, at some thousand brackets
             raise ValueError("its lists or tables are nested too deeply.") from error
+
+
+def check_texts(tables: dict[str, Any]) -> None:
+    """Raises `ValueError` for a text or a key that no file of results can hold."""
+    if any("\0" in text for text in _texts(tables)):
+        raise ValueError("A text has the character \\u0000, which no file of results can hold.")
 
 
 def _texts(value: Any) -> Iterator[str]:

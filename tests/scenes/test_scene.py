@@ -290,6 +290,12 @@ def test_a_scene_of_many_megabytes_is_refused_before_it_is_parsed(tmp_path):
 
 
 def test_a_text_that_no_file_can_hold_is_refused_before_anything_is_solved():
-    for line in ('title = "a\\u0000b"', '"a\\u0000" = 1', 'x = [{y = "\\u0000"}]'):
-        with pytest.raises(ValueError, match=r"it has the character \\u0000"):
-            parse_scene(line)
+    named = (
+        "[materials.coat]",
+        '[materials."a\\u0000"]',
+        'material = "coat"',
+        'material = "a\\u0000"',
+    )
+    for pairs in (("a small one", "a\\u0000b"), named):
+        with pytest.raises(ValueError, match=r"the character \\u0000"):
+            parse_scene(changed(*pairs))
