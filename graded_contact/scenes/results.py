@@ -251,7 +251,7 @@ def solve_states(results: "Dataset") -> "DataArray":
 
 
 def has_numbers(results: "Dataset") -> "DataArray":
-    """Returns for each solve whether its numbers are told; partial results are not."""
+    """Returns for each solve whether its numbers are printed and drawn; partial results are not."""
     state, friction = solve_states(results), results["friction"]
     # Of a cycle one time with a friction is enough.
     found = friction.notnull().any(set(friction.dims) - set(state.dims))
