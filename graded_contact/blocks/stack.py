@@ -222,7 +222,7 @@ def moduli_of(material: AbstractMaterial, omega: Array) -> tuple[Array, Array]:
     return jnp.asarray(material.modulus(omega)), jnp.asarray(material.poisson_ratio(omega))
 
 
-def of_each(function: Callable[[Any], tuple], things: Sequence[Any]) -> tuple[list[tuple], Any]:
+def by_kind(function: Callable[[Any], tuple], things: Sequence[Any]) -> tuple[list[tuple], Any]:
     """Returns function(thing) of each thing, arrays of one kind on a first axis, and their order.
 
     Concatenated over the kinds, `[order]` sorts them as the things. Those of one kind are computed
@@ -245,7 +245,7 @@ def moduli_of_all(materials: Sequence[AbstractMaterial], omega: Array) -> tuple[
     if not materials:
         none = jnp.zeros((0, *[1] * omega.ndim), omega.dtype)
         return none, none
-    rows, order = of_each(lambda material: moduli_of(material, omega), materials)
+    rows, order = by_kind(lambda material: moduli_of(material, omega), materials)
     modulus, poisson = (concatenated(parts, omega.ndim)[order] for parts in zip(*rows, strict=True))
     return modulus, poisson
 

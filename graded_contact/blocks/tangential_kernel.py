@@ -12,18 +12,16 @@ graded layers on large grids.
 from functools import partial
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Inexact
+from jaxtyping import Array, Bool
 
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart
-from ..fields.grid import Grid, nyquist_lines, wavenumber, wavevector, zero_mode
+from ..fields.grid import Grid, Waves, nyquist_lines, wavenumber, wavevector, zero_mode
 from .grading import check_profiles, graded_tolerance
 from .kernel import of_waves
 from .matrix import compliance_parts
 from .periodic_kernel import of_period, period_frequencies
 from .stack import Stack, check_at_rest, is_graded
-
-Waves = Inexact[Array, "*half"]
 
 
 def tangential_kernels(

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..fields.grid import Grid, mode_numbers, multiplicity
-from .operator import Field, Scalar, Waves
+from ..fields.grid import Grid, Waves, mode_numbers, multiplicity
+from .operator import Field, Scalar
 
 
 def counted_area(contact: Bool[Array, "*shape"]) -> Scalar:

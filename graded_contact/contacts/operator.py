@@ -24,10 +24,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact, Int, Shaped
 
-from ..fields.grid import Grid, multiplicity, resample_spectrum, to_field, to_spectrum
+from ..fields.grid import Grid, Waves, multiplicity, resample_spectrum, to_field, to_spectrum
 
 Field = Float[Array, "*shape"]  # on the surface, or on the cell of a window
-Waves = Inexact[Array, "*half"]  # one number for each wave of a half spectrum
 Scalar = Float[Array, ""]
 
 

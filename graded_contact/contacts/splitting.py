@@ -23,17 +23,27 @@ each step and not stored.
 
 import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core.anderson import CYCLE, History, accelerate, sums
-from ..fields.grid import multiplicity
+from ..core.anderson import STEPS_OF_CYCLE, Iterates, accelerate, sums
+from ..fields.grid import Waves, multiplicity
 from .abstract_solver import in_precision, participation_of, run_steps, slope
 from .operator import Field, Scalar, Solid, root_mean_square, stiffness_bound
 
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
+
+
+class Moved(NamedTuple):
+    """One step: z⁺, the waves of z, and the pressures x of the solid and y of the law."""
+
+    z: Field
+    waves: Waves
+    x: Field
+    y: Field
 
 
 class Splitting(eqx.Module):
@@ -59,25 +69,39 @@ class Splitting(eqx.Module):
     relaxation: float = eqx.field(default=0.95, static=True)
     history_length: int = eqx.field(default=5, static=True)
 
-    def init(self, start: Field) -> History:
+    def init(self, start: Field) -> Iterates:
         """Returns the state of a z."""
-        return History.empty(start, self.history_length + 1)
+        return Iterates.empty(start, self.history_length + 1)
 
-    def done(self, state: History) -> Bool[Array, ""]:
+    def done(self, state: Iterates) -> Bool[Array, ""]:
         """Returns whether the error is below `rtol`, or rounding hides the residual."""
         return ~state.running
 
-    def step(self, state: History) -> History:
-        """Returns the state after two steps of z, an estimate of the error and an acceleration."""
+    def step(self, state: Iterates) -> Iterates:
+        """Returns the state after two steps of z and an acceleration."""
         z, cycles = state.z, state.cycles
         filter = self._recomputed(cycles).filter
-        between, before, *_ = self._move(z, filter)
+        first = self._moved(z, filter)
         if self._is_large:
             filter = self._recomputed(cycles + 1).filter
-        image, after, x, y = self._move(between, filter)
+        last = self._moved(first.z, filter)
         stiffness = self._recomputed(cycles + 2).stiffness
+        error, lost = self.pressure_error(z, first, last, stiffness)
+        # Steps never raise the residual of a law without attraction, acceleration may: the
+        # last image has at most the residual that ended the loop.
+        return accelerate(state, last.z, error, (error > self.rtol) & ~lost)
+
+    def pressure_error(
+        self, z: Field, first: "Moved", last: "Moved", stiffness: Waves
+    ) -> tuple[Scalar, Bool[Array, ""]]:
+        """Returns the estimated relative error of the pressure x, and whether rounding hides it.
+
+        The iteration stops where the error is at most `rtol`, or hidden. `first` and `last` are two
+        steps from z; `stiffness` is that of each wave.
+        """
+        between, (image, after, x, y) = first.z, last
         # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
-        moved = (after - before) / (2 * self.relaxation)
+        moved = (after - first.waves) / (2 * self.relaxation)
         power = (moved.real**2 + moved.imag**2) * _weight_of_modes(z)
         defect, stiff = sums(power, power * stiffness**2)
         v = 2 * x - between
@@ -101,16 +125,13 @@ class Splitting(eqx.Module):
         if self.least is not None:
             least, least_stiff = self.least * jnp.sqrt(scale / unit)
             lost |= error <= _error(least, least_stiff, share)
-        # Steps never raise the residual of a law without attraction, acceleration may: the
-        # last image has at most the residual that ended the loop.
-        return accelerate(state, image, error, (error > self.rtol) & ~lost)
+        return error, lost
 
-    def _move(self, z, filter):
-        """z⁺, the waves of z, x and y."""
+    def _moved(self, z: Field, filter: Waves) -> "Moved":
         waves = self.solid.operator.to_waves(z)
         x = self.shift + self.solid.operator.to_field(filter * waves, z.shape)
         y = self.proximal(2 * x - z)
-        return z + (2 * self.relaxation) * (y - x), waves, x, y
+        return Moved(z + (2 * self.relaxation) * (y - x), waves, x, y)
 
     @property
     def _is_large(self) -> bool:
@@ -138,7 +159,7 @@ def draft(splitting: Splitting, z: Field, *, max_steps: Array | int) -> tuple[Fi
     rounding = 4 * jnp.finfo(begin.dtype).eps * jnp.stack([jnp.ones_like(sharpness), sharpness])
     last = run_steps(dataclasses.replace(single, least=rounding), begin, max_steps)
     # A start that is as good already keeps its digits.
-    return jnp.where(last.cycles > 1, last.z.astype(z.dtype), z), last.cycles * CYCLE
+    return jnp.where(last.cycles > 1, last.z.astype(z.dtype), z), last.cycles * STEPS_OF_CYCLE
 
 
 def check_relaxation(relaxation: float) -> None:

@@ -13,10 +13,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from ..fields.grid import Grid, half_shape, to_spectrum
+from ..fields.grid import Grid, Waves, half_shape, to_spectrum
 from .abstract_solver import Inputs, Loading
 from .law import AbstractLaw
-from .operator import AbstractOperator, Field, Steady, Waves, first_mode, positions
+from .operator import AbstractOperator, Field, Steady, first_mode, positions
 from .solution import ContactSolution
 
 

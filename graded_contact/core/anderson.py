@@ -20,10 +20,10 @@ from jaxtyping import Bool, Float
 # (`bench_contact.py overhead`).
 SAMPLED_FROM = 2**16
 _SAMPLE = 4
-CYCLE = 2  # steps of a contact between accelerations
+STEPS_OF_CYCLE = 2  # steps of a contact between accelerations
 
 
-class History(eqx.Module):
+class Iterates(eqx.Module):
     """State of the iteration and its history. Cycle i is in slot i mod m of every array."""
 
     z: Float[Array, "*shape"]
@@ -39,10 +39,10 @@ class History(eqx.Module):
 
     @property
     def num_steps(self) -> Array:
-        return self.cycles * CYCLE
+        return self.cycles * STEPS_OF_CYCLE
 
     @classmethod
-    def empty(cls, z: Float[Array, "*shape"], m: int) -> "History":
+    def empty(cls, z: Float[Array, "*shape"], m: int) -> "Iterates":
         """Returns the state at a start z, before its first image."""
         stored = jnp.float32 if z.size >= SAMPLED_FROM else z.dtype
         fields = jnp.zeros((m, *z.shape), stored)
@@ -52,7 +52,7 @@ class History(eqx.Module):
         return cls(z, z, fields, changes, products, none, infinite, none, infinite, running)
 
 
-def accelerate(state: History, image, error, running) -> History:
+def accelerate(state: Iterates, image, error, running) -> Iterates:
     """Returns the next state: an affine combination of images whose changes nearly cancel.
 
     The newest image alone if the iteration is not `running` any more.
@@ -80,7 +80,7 @@ def accelerate(state: History, image, error, running) -> History:
     back = jnp.where(running & jnp.all(jnp.isfinite(back)), back, 0)
     z = image - sum(back[i] * differences[i] for i in range(m))
     best = jnp.where(forget, size, jnp.minimum(state.best, size))
-    return History(
+    return Iterates(
         z, image, differences, changes, products, count, best, state.cycles + 1, error, running
     )
 

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .anderson import History, accelerate
+from .anderson import Iterates, accelerate
 from .checks import is_concrete
 from .compilation import alone
 from .derivative import still
@@ -34,7 +34,7 @@ class FixedPoint(NamedTuple):
     - `state`: what the function carries from one step to the next, such as its start.
     """
 
-    history: History
+    history: Iterates
     low: Float[Array, "..."]
     high: Float[Array, "..."]
     best: Float[Array, ""]
@@ -78,7 +78,7 @@ def find_fixed_point(
 @jax.jit
 def _first(start: Array) -> FixedPoint:
     far = jnp.full_like(start, jnp.inf)
-    return FixedPoint(History.empty(start, _MEMORY), -far, far, far.ravel()[0], None)
+    return FixedPoint(Iterates.empty(start, _MEMORY), -far, far, far.ravel()[0], None)
 
 
 @partial(jax.jit, static_argnames="ordered")

@@ -126,7 +126,6 @@ RESULTS = _table([
     ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),
     ("friction_standard_error", "", "1", "standard error of the friction by that of materials"),
     ("GapFlow.conductance", "K", "m³", "conductance of the gap along x and along y"),
-    ("GapFlow.estimate", "K", "m³", "conductance of the effective medium along x and along y"),
     ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),

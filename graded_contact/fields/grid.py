@@ -25,6 +25,8 @@ from ..core.display import shown
 from . import transforms as _fft
 from .devices import num_devices, put_on, sharding_on, whole_along
 
+Waves = Inexact[Array, "*half"]  # one number for each wave of a half spectrum
+
 
 @shown(units=False)
 class Grid(eqx.Module):

@@ -65,7 +65,7 @@ from ..surfaces.surface import Surface
 from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
-from .quadrature import Field, Rules, add_up, integrate
+from .quadrature import FieldInputs, Rules, add_up, integrate
 from .roughness import as_roughness
 
 _NOT_REACHED = (
@@ -187,7 +187,7 @@ def mean_field_friction(
                 raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
         if not spectrum.periodic:
             raise ValueError("`spectrum` is a `Surface` on a window; a periodic one is needed.")
-        field = Field(stack, spectrum, None, load, velocity, ratio)
+        field = FieldInputs(stack, spectrum, None, load, velocity, ratio)
         found, heated = _summed(field, correction, shear, temperature), None
     else:
         roughness = as_roughness(spectrum)
@@ -201,7 +201,7 @@ def mean_field_friction(
                     "space: give one `conductivity` and one `diffusivity`."
                 )
             stack = stack.at(check_bulk(temperature))
-        field = Field(stack, roughness, own, load, velocity, ratio)
+        field = FieldInputs(stack, roughness, own, load, velocity, ratio)
         found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
     q, x, friction, error, share, sheared = found
     solution = MeanField(
@@ -243,7 +243,7 @@ def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanFiel
     return mean_field_friction(case.stack, rough, **given)
 
 
-def _summed(field: Field, correction, shear, temperature):
+def _summed(field: FieldInputs, correction, shear, temperature):
     """As `_integrated`, by the modes of a surface."""
     surface, strain = field.roughness, None
     if field.strain_per_slope is not None:
@@ -298,7 +298,7 @@ def _integrated(rules: Rules, given, rises=None):
     return q, x, *found, _sheared(field, shear, temperature, x)
 
 
-def _sheared(field: Field, shear, temperature, x):
+def _sheared(field: FieldInputs, shear, temperature, x):
     """Friction by shear up to each cut-off [1]."""
     stress = shear_stress(shear, direction_and_speed(field.velocity)[1], temperature)
     if stress is None:

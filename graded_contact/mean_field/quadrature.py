@@ -41,10 +41,10 @@ from .diffusion import Correction, area, mean_square_growth, slowed, slowing
 from .heating_by_scale import between_scales
 from .roughness import Roughness, joined_edges
 
-SAFETY = 5.0  # of the changes by twice the nodes
+_SAFETY = 5.0  # of the changes by twice the nodes
 
 
-class Field(eqx.Module):
+class FieldInputs(eqx.Module):
     """What a mean field is integrated from.
 
     Block, roughness of the track and of the block itself, pressure, velocity, and the strain
@@ -73,7 +73,7 @@ class Rules(NamedTuple):
 @eqx.filter_jit
 @eqx.filter_checkpoint
 def integrate(
-    field: Field, rules: Rules, temperatures: Float[Array, " scales"] | None = None
+    field: FieldInputs, rules: Rules, temperatures: Float[Array, " scales"] | None = None
 ) -> tuple[Array, ...]:
     """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, and the error.
 
@@ -168,7 +168,7 @@ def _rates(values, at_q, at_angle, rules):
 
 
 @eqx.filter_jit
-def add_up(field: Field, correction: Correction, kernel: Array) -> tuple[Array, ...]:
+def add_up(field: FieldInputs, correction: Correction, kernel: Array) -> tuple[Array, ...]:
     """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, of a surface.
 
     At last the share of friction [1] from frequencies at which a material was not measured. The
@@ -226,7 +226,7 @@ def _error(ends, product):
     friction = jnp.abs(result[0])
     rounding = jnp.finfo(friction.dtype).eps * product / jnp.where(friction == 0, 1, friction)
     changes = change(result, closer) + change(coarse, coarse_closer)
-    return SAFETY * jnp.max(changes) + 4 * rounding
+    return _SAFETY * jnp.max(changes) + 4 * rounding
 
 
 def _nodes(edges, lengths, num_intervals):

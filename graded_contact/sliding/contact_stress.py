@@ -23,7 +23,7 @@ from .heat_source import as_depths, shear_traction
 from .result import Sliding
 
 _SAME = 1e-3  # relative difference of two kernels of one block, in float32 and of tables
-Kind = Literal["von_mises", "tension", "shear", "opening"]
+StressKind = Literal["von_mises", "tension", "shear", "opening"]
 
 
 @shown()
@@ -76,7 +76,7 @@ class ContactStress(eqx.Module):
         """σ_zz [Pa]: where it is positive, it pulls a layer off another."""
         return self.stress[..., 2, 2]
 
-    def largest(self, kind: Kind) -> LargestStress:
+    def largest(self, kind: StressKind) -> LargestStress:
         """Returns the largest value of "von_mises", "tension", "shear" or "opening".
 
         The largest of the points: between them it may be more.

@@ -16,9 +16,9 @@ import jax.numpy as jnp
 from ..blocks.grading import graded_tolerance
 from ..blocks.periodic_kernel import periodic_kernel
 from ..blocks.tangential_kernel import periodic_tangential_kernels
+from ..contacts.inputs import loading_of
 from ..contacts.law import check_one_law
 from ..contacts.solution import RESULTS
-from ..contacts.solve import loading_of
 from ..contacts.space_time import SpaceTime, in_motion
 from ..core.checks import check_squares
 from ..core.derivative import derivative_apart

@@ -11,18 +11,7 @@ is a sum over these links. At the minimum a change of p changes nothing to first
 derivative of K by the conductance of a link is the square of its drop.
 
 N. Patir & H. S. Cheng, J. Lubr. Technol. 100 (1978) 12, doi:10.1115/1.3453103; B. N. J. Persson &
-C. Yang, J. Phys.: Condens. Matter 20 (2008) 315011, doi:10.1088/0953-8984/20/31/315011 (effective
-medium of an isotropic gap).
-
-The estimate of an anisotropic gap is that of ellipses, each with its own u³, in a medium with Kx
-and Ky. Their axes along x and y have the ratio γ of the rms slopes of the gap along y and along x.
-In coordinates that make the medium isotropic they have the depolarisation factors
-Lx = s/(γ + s), s² = Kx/Ky, and Ly = 1 - Lx. On average they do not disturb the flow:
-
-    ⟨(u³ - Ki)/(Ki + Li (u³ - Ki))⟩ = 0,   i = x, y.
-
-For γ = 1 this is the equation of an isotropic gap. For grooves along y, γ = 0, Kx is the harmonic
-mean and Ky the arithmetic one, which are exact. Both vanish if half of the gap is closed.
+C. Yang, J. Phys.: Condens. Matter 20 (2008) 315011, doi:10.1088/0953-8984/20/31/315011.
 """
 
 from functools import partial
@@ -39,8 +28,6 @@ from ..fields.grid import Grid
 from .observables import Found, contact_indicator, of_steady, shared
 
 _SHEETS = 5  # copies of the cell in which a path that winds around it ends on another one
-_HALVINGS = 50  # of the logarithm of an estimate
-_LONGEST = 1e12  # ratio of squared slopes that counts as that of grooves
 ALONG = {"entries": ("along x", "along y")}  # how arrays print
 
 
@@ -54,12 +41,10 @@ class GapFlow(eqx.Module):
       gradient of the pressure. Over the cube of the mean gap it is the flow factor of Patir and
       Cheng.
     - `percolates`: whether the gap is connected along x and along y; without, K is 0.
-    - `estimate`: K of an effective medium with the same gaps and slopes, along x and along y [m³].
     """
 
     conductance: Float[Array, "2"] = eqx.field(metadata=ALONG)
     percolates: Bool[Array, "2"] = eqx.field(metadata=ALONG)
-    estimate: Float[Array, "2"] = eqx.field(metadata=ALONG)
 
 
 @check_types
@@ -76,7 +61,7 @@ def gap_flow(gap: Numbers, grid: Grid, *, contact: Numbers | None = None) -> Gap
     - `contact`: closed points as a mask, such as `sliding.pressure > 0`, whose gap is 0 only up to
       the solver's error.
 
-    **Returns:** conductance, percolation, and the estimate of the effective medium.
+    **Returns:** conductance and percolation.
 
     **Raises:** `ValueError` for a refused argument.
     """
@@ -142,8 +127,7 @@ def _gap_flow(gap, grid: Grid) -> GapFlow:
     # No derivative through the pressures: to first order K does not change with them.
     found = jnp.sum(weights * drops**2, axis=(1, 2, 3)) / area
     unit = jnp.where(known, unit, jnp.nan)
-    estimate = _effective_medium(cube, _elongation(open_gap, spacing)) * unit**3
-    return GapFlow(jnp.where(percolates, found, 0) * unit**3, percolates, estimate)
+    return GapFlow(jnp.where(percolates, found, 0) * unit**3, percolates)
 
 
 def _solve(weights, spacing, *, dtype):
@@ -199,55 +183,3 @@ def _winds(open_, first, second, points, axis) -> bool:
     _, label = csgraph.connected_components(graph, directed=False)
     label = label.reshape(_SHEETS, -1)
     return bool(np.any(label[0] == label[1]))
-
-
-def _elongation(gap, spacing):
-    """log γ; 0 for parallel plates."""
-    slopes = [(jnp.roll(gap, -1, axis) - gap) / spacing[axis] for axis in (0, 1)]
-    along, across = (jnp.mean(slope**2) for slope in slopes)
-    total = along + across
-    least = jnp.where(total > 0, total / _LONGEST, 1)
-    return jnp.log((across + least) / (along + least)) / 2
-
-
-def _effective_medium(cube, elongation):
-    """The conductances along x and along y; 0 if half of the points are closed."""
-    fixed = jax.lax.stop_gradient((cube, elongation))
-    lowest = jnp.log(jnp.finfo(cube.dtype).tiny)
-
-    def excess(log_k, part, cube):
-        k = jnp.exp(log_k)
-        return jnp.mean((cube - k) / (k + part * (cube - k)))
-
-    def depolarisation(logs, elongation):
-        return jax.nn.sigmoid((logs[0] - logs[1]) / 2 - elongation)
-
-    def residual(logs, cube, elongation):
-        part = depolarisation(logs, elongation)
-        return jnp.stack([excess(logs[0], part, cube), excess(logs[1], 1 - part, cube)])
-
-    def bisected(is_above, low, high):
-        def halve(_, bracket):
-            middle = jnp.mean(bracket)
-            return jnp.where(is_above(middle), bracket.at[0].set(middle), bracket.at[1].set(middle))
-
-        ends = jnp.stack([low, high]).astype(cube.dtype)
-        return jnp.mean(jax.lax.fori_loop(0, _HALVINGS, halve, ends))
-
-    # Bisection of logarithms: the conductances of gaps span many decades.
-    def with_parts(logit):
-        parts = jax.nn.sigmoid(logit), jax.nn.sigmoid(-logit)
-        of = [lambda log_k, part=part: excess(log_k, part, fixed[0]) > 0 for part in parts]
-        return jnp.stack([bisected(is_above, lowest, 0 * lowest) for is_above in of])
-
-    def is_above(logit):  # Kx falls and Ky rises with the part: there is one root
-        return depolarisation(with_parts(logit), fixed[1]) > jax.nn.sigmoid(logit)
-
-    root = with_parts(bisected(is_above, lowest / 4, -lowest / 4))
-    # One step of Newton's method has the derivative of the root.
-    (a, b), (c, d) = jax.jacfwd(residual)(root, *fixed)
-    percolates = jnp.mean(fixed[0] > 0) > 0.5
-    factor = 1 / jnp.where(percolates, a * d - b * c, 1)
-    first, second = residual(root, cube, elongation)
-    step = jnp.stack([d * first - b * second, a * second - c * first]) * factor
-    return jnp.where(percolates, jnp.exp(root - step), 0)

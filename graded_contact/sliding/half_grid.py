@@ -8,14 +8,14 @@ from jaxtyping import Array, Float
 from ..contacts.operator import nonzero
 from ..fields.grid import Grid, derivative, resample_spectrum, to_field, to_spectrum
 
-LEAST = 4  # points along an axis that are not halved again
+_FEWEST = 4  # points along an axis that are not halved again
 LACKING = 8.0  # times the share of the squared slope that half the grid lacks
-SAME = 1e-5  # of the squared slope: below it half the grid lacks nothing
+NOTHING_LACKS = 1e-5  # of the squared slope: below it half the grid lacks nothing
 
 
 def halved(shape: tuple[int, ...]) -> tuple[int, ...]:
     """Returns half as many points along each axis that has enough."""
-    return tuple(n if n < 2 * LEAST else n // 2 for n in shape)
+    return tuple(n if n < 2 * _FEWEST else n // 2 for n in shape)
 
 
 def grid_estimate(heights: Float[Array, "*shape"], grid: Grid, window: bool) -> str:
@@ -24,7 +24,7 @@ def grid_estimate(heights: Float[Array, "*shape"], grid: Grid, window: bool) -> 
     if half == heights.shape:
         return "not known: the grid has too few points"
     missing = float(heights_on(heights, grid, half, window)[2])
-    if missing <= SAME:
+    if missing <= NOTHING_LACKS:
         return "from half the grid"
     return f"from half the grid, without the waves it lacks, times {1 + LACKING * missing:.2g}"
 

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks.profile import Aged, Blend
-from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths, of_each
+from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, by_kind, interface_depths
 from ..blocks.stress import stress_field
 from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
 from ..fields.frequency import direction_and_speed, wave_frequencies
@@ -183,7 +183,7 @@ def _series_in(stack: Stack, depth):
     parts = [*stack.layers, stack.base] if isinstance(stack.base, HalfSpace) else stack.layers
     # The bottom of the base has no effect.
     places = [*zip(parts, [*tops[1:], depth], strict=False)]
-    rows, order = of_each(lambda place: _series_of(place[0], place[1], depth), places)
+    rows, order = by_kind(lambda place: _series_of(place[0], place[1], depth), places)
     most = max(row[1].shape[-1] for row in rows)
     # Branches without strength, of the time 1 s, make all parts alike.
     fills = (0, 0, 0, 1, 0)

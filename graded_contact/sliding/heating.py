@@ -71,7 +71,7 @@ from .observables import lengths, shear_power
 from .result import CyclicSliding, Found, Sliding
 
 NUM_CELLS = 8  # of the depth, each at one temperature
-SAFETY = 4.0  # of the change of friction by twice the cells
+_SAFETY = 4.0  # of the change of friction by twice the cells
 _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
 
 
@@ -182,7 +182,7 @@ def _errors(s: Found, closer: Found):
 def _differences(found, closer):
     """The errors of friction and area from both, indicators and pressures."""
     by_friction, by_area = (
-        SAFETY * jnp.max(jnp.abs(a - b)) for a, b in zip(found[:2], closer[:2], strict=True)
+        _SAFETY * jnp.max(jnp.abs(a - b)) for a, b in zip(found[:2], closer[:2], strict=True)
     )
     return by_friction, jnp.maximum(by_area, area_in_doubt(found[2], closer[3] - found[3]))
 

@@ -16,14 +16,15 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..contacts.abstract_solver import Inputs
+from ..contacts.inputs import as_start, loading_of
 from ..contacts.law import AbstractLaw
-from ..contacts.operator import AbstractOperator, Field, Steady, Waves
+from ..contacts.operator import AbstractOperator, Field, Steady
 from ..contacts.solution import RESULTS, ContactSolution
-from ..contacts.solve import as_start, contact_of, loading_of, solve_contact
+from ..contacts.solve import contact_of, solve_contact
 from ..contacts.space_time import SpaceTime, in_motion
 from ..contacts.window import Window, operator_of
 from ..core.checks import Numbers
-from ..fields.grid import Grid, resample_spectrum
+from ..fields.grid import Grid, Waves, resample_spectrum
 from .half_grid import resampled
 from .motion import components, rate_of
 from .numerics import Numerics

@@ -22,7 +22,7 @@ from ..contacts.solution import RESULTS
 from ..core.checks import is_concrete
 from ..core.derivative import largest
 from ..fields.grid import interpolate
-from .half_grid import LACKING, SAME, halved, heights_on, resampled
+from .half_grid import LACKING, NOTHING_LACKS, halved, heights_on, resampled
 from .numerics import Numerics
 from .observables import lift
 from .problem import Problem
@@ -73,7 +73,7 @@ def _neighbours(found: Found) -> Neighbours:
     times = len(found.displacement) if isinstance(found, CyclicSliding) else 0
     on_half, cut, missing = heights_on(found.heights, found.grid, half, "window" in found.facts)
     same, fewer = found, None
-    if not (is_concrete(missing) and missing <= SAME):
+    if not (is_concrete(missing) and missing <= NOTHING_LACKS):
         same = _solved(found, shape, cut, times)
     if times >= 2 * _LEAST_TIMES:
         fewer = _solved(found, shape, found.heights, times // 2)

@@ -11,9 +11,9 @@ from jaxtyping import Array
 from ..blocks.kernel import attempted_kernel, stack_kernel
 from ..blocks.stack import Rigid, interface_depths
 from ..blocks.window_compliance import doubled, has_ground, long_cell, without_images
+from ..contacts.inputs import LEAST_GAP
 from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.solution import RESULTS
-from ..contacts.solve import LEAST_GAP
 from ..contacts.window import operator_of
 from ..core.checks import Numbers, as_float, check_values, is_concrete
 from ..core.compilation import jit

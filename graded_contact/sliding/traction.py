@@ -35,10 +35,10 @@ from jaxtyping import Array, Bool
 
 from ..blocks.tangential_kernel import tangential_kernels
 from ..blocks.window_compliance import without_images
-from ..contacts.operator import Waves, first_mode
+from ..contacts.operator import first_mode
 from ..core.checks import is_concrete
 from ..fields.frequency import direction_and_speed
-from ..fields.grid import Grid, wavenumber
+from ..fields.grid import Grid, Waves, wavenumber
 from .case import Case
 from .observables import (
     FOUR,

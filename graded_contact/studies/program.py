@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend import core
 
-from ..contacts.solve import RESULTS
+from ..contacts.solution import RESULTS
 from ..core.checks import nearest
 from ..sliding.result import with_observables
 from .dataset import FAILED, package_versions

@@ -34,7 +34,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 
-UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
+_UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 
 
 @shown(units=False)
@@ -208,7 +208,7 @@ def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float
         raise ValueError(f"Exactly one of `rms_height` and `rms_slope` is needed, not {given}.")
     name = "rms_slope" if rms_height is None else "rms_height"
     value = as_scalar(rms_slope if rms_height is None else rms_height, name)
-    check_positive(name, value, UNITS[name], squares=False)
+    check_positive(name, value, _UNITS[name], squares=False)
     return name, value
 
 
@@ -219,7 +219,7 @@ def check_square(name: str, value: Array, logarithms: Sequence[float] = (0.0,)) 
     kind = jnp.finfo(value.dtype)
     ends = np.log(float(kind.tiny)) - min(logarithms), np.log(float(kind.max)) - max(logarithms)
     least, most = np.exp(np.array(ends) / 2)
-    limits = f"it must be from {least:.2g} to {most:.2g} {UNITS[name]}"
+    limits = f"it must be from {least:.2g} to {most:.2g} {_UNITS[name]}"
     allowed = f"{limits}, so that squares and the spectrum stay in the range of {value.dtype}"
     check_values(name, value, allowed, at_least=least, at_most=most)
 
@@ -271,7 +271,7 @@ def _relative_moment(spectrum: SelfAffine, order, ndim: int, lib: Any = jnp, alo
             offset = np.pi / 2 * fraction
             part = {None: 1.0, True: np.sin(offset) ** 2, False: np.cos(offset) ** 2}[along]
             share = lib.asarray(share * part, y.dtype)
-            stretch = lib.log(stretched(spectrum.anisotropy, lib.asarray(offset, y.dtype), lib))
+            stretch = lib.log(across_lay(spectrum.anisotropy, lib.asarray(offset, y.dtype), lib))
             narrow = lib.logaddexp(0.0, 2 * (y[:, None] + stretch))
             narrow = narrow - lib.logaddexp(0.0, 2 * y)[:, None]
             exponent = exponent + lib.log(lib.exp(power * narrow) @ share)
@@ -308,14 +308,14 @@ _LAST = 16.0  # logarithm of the distance of the last node from its end
 NUM_DIRECTIONS = 128  # of moments and of the mean over directions, good to rounding
 
 
-def stretched(anisotropy: Any, offset: Any, lib: Any = jnp) -> Any:
+def across_lay(anisotropy: Any, offset: Any, lib: Any = jnp) -> Any:
     """Returns k/q [1] at angles [rad] from the direction across the lay."""
     return lib.sqrt(lib.cos(offset) ** 2 + (anisotropy * lib.sin(offset)) ** 2)
 
 
 def narrowing(spectrum: SelfAffine, x: Array, offset: Array) -> Array:
     """Returns C at x = q/q_roll and angles from the direction across the lay, over C across [1]."""
-    narrow = jnp.log1p((x * stretched(spectrum.anisotropy, offset)) ** 2) - jnp.log1p(x**2)
+    narrow = jnp.log1p((x * across_lay(spectrum.anisotropy, offset)) ** 2) - jnp.log1p(x**2)
     return jnp.exp(-(1 + spectrum.hurst) * narrow)
 
 

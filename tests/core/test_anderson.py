@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from graded_contact.core.anderson import History, accelerate
+from graded_contact.core.anderson import Iterates, accelerate
 
 step = partial(jax.jit(accelerate), running=True)
 
@@ -12,7 +12,7 @@ step = partial(jax.jit(accelerate), running=True)
 def run(matrix, b, memory, cycles):
     """Accelerated iteration z -> Az + b from zero; the errors of its states."""
     exact = np.linalg.solve(np.eye(len(b)) - matrix, b)
-    state, errors = History.empty(jnp.zeros(len(b)), memory + 1), []
+    state, errors = Iterates.empty(jnp.zeros(len(b)), memory + 1), []
     for _ in range(cycles):
         image = matrix @ state.z + b
         state = step(state, image, jnp.linalg.norm(image - state.z))
@@ -43,7 +43,7 @@ def test_short_memory_still_helps_a_rotation_that_contracts():
 
 def test_misleading_history_is_forgotten():
     """After a jump of the map, changes five times the least so far start it anew."""
-    start = History.empty(jnp.zeros(2), 4)
+    start = Iterates.empty(jnp.zeros(2), 4)
     near = step(start, jnp.array([1e-3, 0.0]), jnp.asarray(1.0))
     far = step(near, near.z + jnp.array([1.0, 1.0]), jnp.asarray(1.0))
     assert near.count == 1
@@ -52,7 +52,7 @@ def test_misleading_history_is_forgotten():
 
 
 def test_last_step_is_the_image_alone():
-    start = History.empty(jnp.zeros(2), 4)
+    start = Iterates.empty(jnp.zeros(2), 4)
     first = step(start, jnp.array([1.0, 0.0]), jnp.asarray(1.0))
     image = jnp.array([1.5, 0.1])
     last = accelerate(first, image, jnp.asarray(0.1), running=jnp.asarray(False))

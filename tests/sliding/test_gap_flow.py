@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import fsolve
 
 import graded_contact as gc
 from graded_contact.sliding import gap_flow
@@ -23,29 +22,11 @@ def test_grooves_have_the_closed_forms():
         expected = exact[::-1] if gap.shape == (8, 32) else exact
         np.testing.assert_allclose(found.conductance, expected, rtol=1e-7)
         assert np.all(found.percolates)
-        np.testing.assert_allclose(found.estimate, expected, rtol=1e-5)  # exact for grooves
 
 
-def test_the_estimate_solves_the_equations_of_both_directions():
-    """By SciPy, of a gap that is twice as long along y, with closed points; prints have units."""
+def test_a_gap_that_is_long_along_y_conducts_along_y_and_prints_units():
     gap = np.random.default_rng(2).uniform(-0.1, 1.0, (12, 12)).clip(0) * 1e-6
-    gap = np.repeat(gap, 2, axis=1)
-    found = gap_flow(gap, gc.Grid((12, 24), (1.0, 2.0)))
-    slopes = [np.roll(gap, -1, axis) - gap for axis in (0, 1)]
-    gamma = np.sqrt(np.mean(slopes[1] ** 2) / np.mean(slopes[0] ** 2))
-    cube = gap**3 / np.max(gap) ** 3
-
-    def off(logs):
-        kx, ky = np.exp(logs)
-        part = np.sqrt(kx) / (gamma * np.sqrt(ky) + np.sqrt(kx))
-        pairs = ((kx, part), (ky, 1 - part))
-        return [np.mean((cube - k) / (k + lk * (cube - k))) for k, lk in pairs]
-
-    wanted = np.exp(
-        fsolve(off, np.log(found.estimate / np.max(gap) ** 3) + np.array([0.2, -0.1]), xtol=1e-13)
-    )
-    np.testing.assert_allclose(found.estimate, wanted * np.max(gap) ** 3, rtol=1e-8)
-    assert found.estimate[1] > 1.3 * found.estimate[0]
+    found = gap_flow(np.repeat(gap, 2, axis=1), gc.Grid((12, 24), (1.0, 2.0)))
     assert found.conductance[1] > 1.3 * found.conductance[0]
     printed = " ".join(str(found).split())
     number = f"{float(found.conductance[0]):.6g}"
@@ -55,14 +36,13 @@ def test_the_estimate_solves_the_equations_of_both_directions():
 
 
 def test_checkerboard_conducts_as_the_geometric_mean():
-    """Also its effective medium does; corners make the grid converge slowly."""
+    """Corners make the grid converge slowly."""
     errors = []
     for n in (32, 128):
         side = np.arange(n) // (n // 2)
         cube = np.where((side[:, None] + side[None]) % 2, 1.0, 10.0)
         found = gap_flow(np.cbrt(cube), gc.Grid((n, n), 1.0))
         errors.append(np.max(np.abs(found.conductance / np.sqrt(10) - 1)))
-        np.testing.assert_allclose(found.estimate, np.sqrt(10), rtol=1e-10)
     assert errors[0] < 0.08 and errors[1] < 0.03
 
 
@@ -102,7 +82,6 @@ def test_closed_gaps_and_detours():
     pocket[2:5, 2:5] = 1.0
     found = gap_flow(pocket, grid)
     assert not np.any(found.percolates) and not np.any(found.conductance)
-    assert not np.any(found.estimate)
     stairs = np.zeros((8, 8))
     for i in range(8):
         stairs[i, [i, (i + 1) % 8]] = 1.0
@@ -119,8 +98,7 @@ def test_derivatives_match_differences_and_batches_work():
 
     @jax.jit
     def number(gap):
-        found = gap_flow(gap, grid, contact=closed)
-        return found.conductance @ jnp.array([1.0, 0.6]) + found.estimate @ jnp.array([0.3, 1.0])
+        return gap_flow(gap, grid, contact=closed).conductance @ jnp.array([1.0, 0.6])
 
     slope, step = jnp.sum(jax.grad(number)(gap) * ahead), 1e-5
     difference = (number(gap + step * ahead) - number(gap - step * ahead)) / (2 * step)
@@ -142,4 +120,3 @@ def test_contacts_percolate_near_the_area_of_simulations():
             flow = gap_flow(found.gap, surface.grid, contact=found.pressure > 0)
             np.testing.assert_allclose(found.contact_area, area, atol=0.015)
             assert np.all(flow.percolates == percolates)
-            assert np.all(flow.conductance < 0.5 * flow.estimate) and np.all(flow.estimate > 0)

@@ -1,0 +1,156 @@
+"""What a contact is computed from: heights, kernel, start and loading, checked."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ScalarLike
+
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_positive,
+    check_shape,
+    check_squares,
+    check_values,
+    is_concrete,
+)
+from ..core.derivative import largest
+from ..fields.grid import half_shape
+from .abstract_solver import Loading
+from .law import AbstractLaw, HardWall, check_pressure
+from .operator import AbstractOperator, Field, first_mode
+from .window import Window
+
+LEAST_GAP = 1e-12  # mean gaps over the rms height below this are rounding
+
+
+def check_heights(heights: Array) -> None:
+    """Raises `ValueError` for heights [m] of another shape or dtype, or that are not finite."""
+    if heights.ndim not in (1, 2) or heights.size < 2:
+        raise ValueError(
+            f"`heights` has shape {heights.shape}; one or two axes, and two points at least, are "
+            "needed."
+        )
+    if heights.dtype not in (jnp.float32, jnp.float64):
+        raise ValueError(f"`heights` has dtype {heights.dtype}; float32 or float64 is needed.")
+    check_values("heights", heights, "heights [m] must be finite")
+    check_squares("heights", heights, "m")
+
+
+def check_kernel(kernel: Array, shape: tuple[int, ...], on_window: bool, throw: bool) -> None:
+    """Raises `ValueError` for a kernel [m/Pa] of another shape or with Re M <= 0 but at q = 0."""
+    remedy = ""
+    if on_window:
+        remedy = (
+            ". A stiff coat, or a plate on a `Free()` base, spreads the load over the window: put "
+            "the body into a periodic cell several windows wide, with lower heights around it"
+        )
+    else:
+        check_shape("kernel", kernel, half_shape(shape))
+    if is_concrete(kernel):
+        real, imag = _compliances(kernel, throw)
+        check_positive("kernel.real", real, f"[m/Pa] for every q but 0{remedy}", squares=False)
+        check_values("kernel.imag", imag, "it must be finite")
+
+
+@functools.partial(jax.jit, static_argnames="throw")
+def _compliances(kernel, throw: bool):
+    """Real and imaginary part of the kernel, 1 and 0 where it is ignored."""
+    ignored = first_mode(kernel.shape)
+    if not throw:
+        ignored = ignored | ~jnp.isfinite(kernel)  # `.result` reports them
+    checked = jnp.where(ignored, 1, kernel)
+    return checked.real, checked.imag
+
+
+def as_start(start: Numbers | None, heights: Array, law: AbstractLaw) -> Array | None:
+    """Returns a checked pressure to start from, if there is one."""
+    if start is None:
+        return None
+    start = as_float(start, "start")
+    check_shape("start", start, heights.shape)
+    low = law.bounds[0]
+    if is_concrete(low):
+        # A solution's own pressures may be an ulp below after a change of units.
+        allowed = f"pressures [Pa] must be at least {float(low):g}"
+        check_values("start", start, allowed, at_least=float(low) * (1 + 1e-5))
+    return start
+
+
+def loading_on(
+    operator: AbstractOperator,
+    law: AbstractLaw,
+    heights: Field,
+    *,
+    pressure: ScalarLike | None,
+    mean_gap: ScalarLike | None,
+    approach: ScalarLike | None,
+) -> Loading:
+    """Returns the loading in a periodic cell, or on a window.
+
+    **Raises:** `ValueError` unless one of the two that the operator allows is given.
+    """
+    on_window = isinstance(operator, Window)
+    gaps = {"mean_gap": mean_gap, "approach": approach}
+    own, other = ("approach", "mean_gap") if on_window else ("mean_gap", "approach")
+    if gaps[other] is not None:
+        only = "in a periodic cell" if on_window else "on a window (see `Surface.periodic`)"
+        raise ValueError(
+            f"`{other}={gaps[other]}` is refused: only a body {only} has one. Prescribe `{own}`."
+        )
+    loading = loading_of(law, heights, None, pressure=pressure, **{own: gaps[own]})
+    known = approach is not None and is_concrete(operator.kernel)
+    if known and np.asarray(operator.kernel).flat[0] == 0:  # not by JAX: a loop would trace it
+        raise ValueError(
+            f"`approach={approach}` is refused: the displacement of this block has no limit far "
+            "away, as of all blocks in one dimension but slabs on a `Rigid()` base. Prescribe "
+            "`pressure`."
+        )
+    return loading
+
+
+def loading_of(
+    law: AbstractLaw, heights: Field, num_times: int | None = None, **given: Numbers | None
+) -> Loading:
+    """Returns the loading: one number, or one for each of `num_times`, the heights' first axis.
+
+    `given` are the `pressure` and the `mean_gap` or `approach`; one of the two is None.
+    """
+    named = [(name, value) for name, value in given.items() if value is not None]
+    if len(named) != 1:
+        both = " and ".join(f"`{name}={value}`" for name, value in given.items())
+        raise ValueError(f"{both}: give exactly one of the two.")
+    [(name, value)] = named
+    value = spread = as_float(value, name)
+    if num_times is None or value.ndim:
+        check_shape(name, value, () if num_times is None else (num_times,))
+    if num_times is not None:  # an array that broadcasts to the heights
+        spread = jnp.broadcast_to(value, num_times).reshape(-1, *[1] * (heights.ndim - 1))
+    if name == "pressure":
+        parted = "; where the surfaces part, prescribe `mean_gap`" if num_times else ""
+        check_pressure(value, law, parted)
+        return Loading(spread, None)
+    check_values(name, value, f"the {name.replace('_', ' ')} [m] must be finite")
+    if name == "approach":
+        return Loading(None, _undeformed_gap(value, law, heights))
+    if isinstance(law, HardWall) and is_concrete(heights) and is_concrete(value):
+        least = LEAST_GAP * float(jnp.std(heights))
+        for gap in np.ravel(value):
+            if abs(gap) <= least or (law.hardness is None and gap < 0):
+                raise ValueError(
+                    f"`mean_gap={gap:g}` is refused: at a hard wall it must be above {least:.2g} m "
+                    f"(or, with a `hardness`, below -{least:.2g} m), since in full contact it is 0 "
+                    "at every pressure: prescribe `pressure`."
+                )
+    return Loading(None, spread)
+
+
+def _undeformed_gap(approach, law: AbstractLaw, heights):
+    """The mean gap on a window if the block did not deform."""
+    if isinstance(law, HardWall):  # at the first touch, nothing touches; else rounding decides
+        least = LEAST_GAP * jnp.maximum(jnp.std(heights), jnp.finfo(heights.dtype).tiny ** 0.5)
+        at_touch = jnp.abs(approach) <= least
+        approach = approach + jax.lax.stop_gradient(jnp.where(at_touch, -least - approach, 0))
+    return largest(heights) - jnp.mean(heights) - approach
