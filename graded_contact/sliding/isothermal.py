@@ -25,8 +25,8 @@ from ..fields.devices import required
 from ..fields.frequency import wave_frequencies
 from .case import Case
 from .cycle import cycle_problem
+from .formulas import lift
 from .numerics import Numerics
-from .observables import lift
 from .problem import Load, Posed, Problem
 from .result import CyclicSliding, Found, result_of
 from .shear import Coulomb

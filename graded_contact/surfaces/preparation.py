@@ -20,15 +20,16 @@ from ..core.checks import Numbers, check_types, check_whole
 from ..core.display import with_unit
 from ..fields.grid import Grid
 from .holes import fill_holes, grown, region_note
+from .reading_steps import ReadingStep, step
 from .rescaling import resample
 from .scan_lines import Lines, jump_caveats, levelled
-from .surface import Step, Surface, step
+from .surface import Surface
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
-MOST = 1.1  # factor that restores the slope: on forms without roughness it would have no limit
+MOST_STRETCH = 1.1  # factor that restores the slope: forms without roughness would have no limit
 Periodic = Literal["harmonic", "mirror", "window", "open"]
 Fill = Literal["low", "harmonic"]
-LARGEST = 1e5  # [m], higher than any mountain
+HIGHEST = 1e5  # [m], higher than any mountain
 
 
 @check_types
@@ -43,7 +44,7 @@ def surface_from_heights(
     rim: int = 0,
     level_lines: Lines | None = None,
     history: tuple[str, ...] = (),
-    steps: tuple[Step, ...] = (),
+    steps: tuple[ReadingStep, ...] = (),
     assumed: tuple[str, ...] = (),
 ) -> Surface:
     """Returns measured heights as a periodic surface of zero mean.
@@ -90,7 +91,7 @@ def surface_from_heights(
     edges = np.asarray(Grid(values.shape, size).size, float)  # refuses a wrong number of axes
     _check_measured(values[np.isfinite(values)])
     highest = np.nanmax(np.abs(values))
-    if highest > LARGEST:
+    if highest > HIGHEST:
         raise ValueError(f"`heights` reach {highest:.3g} m: damaged, or of another `unit`.")
     spacing = edges / np.array(values.shape)
     prepared = _Prepared(values, spacing, list(history), list(steps), list(assumed))
@@ -114,7 +115,7 @@ class _Prepared:
     values: np.ndarray
     spacing: np.ndarray
     notes: list[str]
-    rows: list[Step]
+    rows: list[ReadingStep]
     assumed: list[str]
 
     def record(self, name: str, *notes: str) -> None:
@@ -213,7 +214,7 @@ class _Prepared:
         if after.rms_height <= 1e-12 * before.rms_height:
             raise ValueError("`heights` has no roughness left after its edges were joined.")
         # Waves near the edges lost some slope; a form without roughness must not be blown up.
-        factor = min(before.rms_slope / after.rms_slope, MOST)
+        factor = min(before.rms_slope / after.rms_slope, MOST_STRETCH)
         self.values = factor * self.values
         less = (
             f"subtracting a harmonic function of rms height {with_unit(float(np.std(joint)), 'm')}"
