@@ -6,14 +6,13 @@ from jaxtyping import Array
 
 from ..contacts.area import area_in_doubt, counted_area, sub_pixel_area
 from ..contacts.estimates import error_of
-from ..core.caveats import DOUBTFUL
-from ..core.quantities import TOTAL, Above, observable, of_cycle, of_steady
+from ..core.quantities import TOTAL, observable, of_cycle, of_steady
 from .errors import (
     add_errors,
     change_by_grid,
     changes_by_kernel,
     gap_by_solver,
-    over_area,
+    over_number,
     with_chance,
 )
 from .formulas import indicator_of, share_of, touching
@@ -92,15 +91,7 @@ def _area_by_kernel(found: Sliding) -> Array:
 
 
 add_errors(
-    "contact_area", of_steady, TOTAL,
-    warns={
-        "grid": Above(
-            DOUBTFUL,
-            "The grid does not resolve the contact: the contact area has an error of about "
-            "{value:.0%}. Take more points, or a smoother surface.",
-            of=over_area,
-        )
-    },
+    "contact_area", of_steady, TOTAL, over=over_number,
     solver=_area_by_solver, grid=_area_by_grid, kernel=_area_by_kernel,
     temperature=lambda found: found.heated.area_error,
 )  # fmt: skip

@@ -4,8 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..contacts.operator import nonzero
-from ..core.caveats import DOUBTFUL
-from ..core.quantities import FOUR, TOTAL, Above, of_cycle
+from ..core.quantities import FOUR, TOTAL, of_cycle
 from .energy import dissipation_of_waves, exchange
 from .errors import add_errors, by_times, change_by_grid, over_friction, solver_errors
 from .facts import SHEARED
@@ -111,24 +110,10 @@ def _by_temperature(found: Found, index: int) -> Array:
     return found.heated.friction_error * jnp.abs(both[index]) / nonzero(jnp.abs(both[0]))
 
 
-_DOUBTS = {
-    "grid": Above(
-        DOUBTFUL,
-        "The grid does not resolve the contact: the mean friction has an error of about "
-        "{value:.0%}. Take more points, or a smoother surface.",
-        of=over_friction("mean_friction", "mean_friction_grid_error"),
-    ),
-    "time": Above(
-        DOUBTFUL,
-        "The times do not resolve the motion: the mean friction has an error of about "
-        "{value:.0%}. Take more times.",
-        of=over_friction("mean_friction", "mean_friction_time_error"),
-    ),
-}
-for _number, _index, _warns in (("mean_friction", 0, _DOUBTS), ("peak_friction", 1, {})):
+for _number, _index, _over in (("mean_friction", 0, over_friction), ("peak_friction", 1, None)):
     add_errors(
-        _number, of_cycle, TOTAL, warns=_warns, grid=change_by_grid(_number),
-        time=by_times(_number, friction_of_cycle),
+        _number, of_cycle, TOTAL, over=_over,
+        grid=change_by_grid(_number), time=by_times(_number, friction_of_cycle),
         solver=lambda found, index=_index: solver_errors(found)[index],
         temperature=lambda found, index=_index: _by_temperature(found, index),
     )  # fmt: skip

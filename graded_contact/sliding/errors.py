@@ -5,7 +5,7 @@ pressure (`contacts/estimates.py`), the errors by the grid and by the times from
 (`resolution.py`).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection
 from typing import Any
 
 import jax.numpy as jnp
@@ -15,6 +15,7 @@ from jaxtyping import Array
 from ..contacts.estimates import error_of
 from ..contacts.operator import nonzero
 from ..contacts.window import Window
+from ..core.caveats import DOUBTFUL
 from ..core.quantities import OBSERVABLES, Above, NumberOf
 from ..fields.grid import interpolate
 from .facts import HEATED, WINDOW
@@ -30,6 +31,12 @@ CAUSES: dict[str, tuple[str, list[str]]] = {
     "temperature": ("the temperatures of the contact", [HEATED]),
     "kernel": ("the kernel of the window", [WINDOW]),
 }
+UNRESOLVED = {
+    "grid": "The grid does not resolve the contact: the NUMBER has an error of about {value:.0%}. "
+    "Take more points, or a smoother surface.",
+    "time": "The times do not resolve the motion: the NUMBER has an error of about {value:.0%}. "
+    "Take more times.",
+}
 NO_FRICTION = 1e-12  # of the slope: friction below it is rounding
 _IDLE = 1e-3  # friction over slope below which a contact counts as without friction
 _MEANINGLESS = 10.0  # share of an error above which a number means nothing
@@ -39,8 +46,8 @@ def add_errors(
     name: str,
     kind: Any,
     column: tuple[str, str] | None = None,
-    needs: tuple[str, ...] = (),
-    warns: Mapping[str, Above] = {},
+    needs: Collection[str] = (),
+    over: Callable[[str, str], Callable[[NumberOf], Any]] | None = None,
     **parts: Callable[[Any], Any],
 ) -> None:
     """Registers `NAME_error`, the sum of its parts, and each part as `NAME_PART_error`.
@@ -51,7 +58,8 @@ def add_errors(
     - `kind`: `of_steady` or `of_cycle`.
     - `column`: of the total, see `Observable`.
     - `needs`: facts of the contacts that have the errors.
-    - `warns`: when the parts are doubtful, by their causes.
+    - `over`: what an error is compared with: `over_number` or `over_friction`. A part above a share
+      of `DOUBTFUL` is a caveat, if `UNRESOLVED` has its cause; None: no part is.
     - `parts`: the formulas by their causes, see `CAUSES`.
     """
     symbol, unit, meaning = OBSERVABLES[name].quantity[1:]
@@ -63,9 +71,12 @@ def add_errors(
 
         of_part.__name__ = f"{name}_{part}_error"
         of_part.__doc__ = f"The part of `{name}_error` by {cause} [{unit}]."
+        warns = None
+        if over is not None and part in UNRESOLVED:
+            sentence = UNRESOLVED[part].replace("NUMBER", name.replace("_", " "))
+            warns = Above(DOUBTFUL, sentence, of=over(name, of_part.__name__))
         kind(
-            "", unit, f"error of the {meaning} by {cause}",
-            needs=(*needs, *fact), warns=warns.get(part),
+            "", unit, f"error of the {meaning} by {cause}", needs=(*needs, *fact), warns=warns,
             beside=neighbours_of if part in ("grid", "time") else None,
         )(of_part)  # fmt: skip
 
@@ -152,7 +163,7 @@ def gap_by_solver(found: Found) -> Array:
 
 
 def over_friction(name: str, error: str) -> Callable[[NumberOf], Any]:
-    """Returns what `Above` compares: an error over the friction; 0 where nothing is dissipated."""
+    """Returns the function of an error over the friction [1]; 0 where nothing is dissipated."""
 
     def share(number):
         friction, wrong, slope = map(number, (name, error, "slope_in_contact"))
@@ -163,7 +174,14 @@ def over_friction(name: str, error: str) -> Callable[[NumberOf], Any]:
     return share
 
 
-def over_area(number: NumberOf) -> Any:
-    """The error of the contact area by the grid over the area [1]; 0 without contact."""
-    share, wrong = number("contact_area"), number("contact_area_grid_error")
-    return np.where(share > 0, np.minimum(wrong / np.where(share > 0, share, 1), _MEANINGLESS), 0.0)
+def over_number(name: str, error: str) -> Callable[[NumberOf], Any]:
+    """Returns the function of an error over its number [1]; 0 where the number is 0."""
+
+    def share(number):
+        size, wrong = map(number, (name, error))
+        size = np.abs(size)
+        return np.where(
+            size > 0, np.minimum(wrong / np.where(size > 0, size, 1), _MEANINGLESS), 0.0
+        )
+
+    return share

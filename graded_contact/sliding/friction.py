@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array
 
 from ..contacts.estimates import error_of
-from ..core.caveats import DOUBTFUL
 from ..core.quantities import FOUR, TOTAL, Above, NumberOf, observable, of_cycle, of_steady
 from .energy import dissipation_of_waves
 from .errors import (
@@ -199,15 +198,7 @@ def _friction_by_grid(found: Found) -> Array:
 
 
 add_errors(
-    "friction", of_steady, TOTAL,
-    warns={
-        "grid": Above(
-            DOUBTFUL,
-            "The grid does not resolve the contact: the friction has an error of about "
-            "{value:.0%}. Take more points, or a smoother surface.",
-            of=over_friction("friction", "friction_grid_error"),
-        )
-    },
+    "friction", of_steady, TOTAL, over=over_friction,
     solver=_friction_by_solver, grid=_friction_by_grid,
     kernel=_image_error, temperature=lambda found: found.heated.friction_error,
 )  # fmt: skip

@@ -30,7 +30,7 @@ def approach(found: Sliding) -> Array:
     Relative to the block far away; NaN if that displacement has no limit, see `solve_contact`.
     Negative if nothing touches.
     """
-    if "window" not in found.facts:
+    if WINDOW not in found.facts:
         raise ValueError("Only a body on a window has an `approach`; use `mean_gap`.")
     moved, mean = moved_where_loaded(found, found.operator, found.heights + found.gap)
     ground = found.kernel[(0,) * found.kernel.ndim] != 0

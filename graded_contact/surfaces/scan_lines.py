@@ -22,7 +22,7 @@ STRONGER = 12.0  # times the waves that vary along a line
 SHORT = 0.25  # 1/points: waves of four points and less across the lines
 VARYING = slice(1, 5)  # waves along a line
 LAY = 2.0  # rms slope across the lines over that along them, without jumps
-EQUAL = 1e-12  # of the square of the slope: heights that are equal along all lines
+EQUAL_LINES = 1e-12  # of the square of the slope: heights that are equal along all lines
 FOLLOWING = 0.25  # correlation of neighbouring changes: -0.5 of random shifts, 0.5 of a groove
 
 
@@ -86,7 +86,7 @@ def _rise(lines: np.ndarray, along: float, across: float) -> float:
     follows = _excess(steps[:, 1:], steps[:, :-1]) / _excess(steps, steps)
     with_jumps, rest = _squares(filled, along, across), _squares(filled - mean, along, across)
     lay = rest[1] > LAY**2 * rest[0]
-    if follows > FOLLOWING or lay or np.sum(rest) <= EQUAL * np.sum(with_jumps):
+    if follows > FOLLOWING or lay or np.sum(rest) <= EQUAL_LINES * np.sum(with_jumps):
         return 0.0
     return float(np.sqrt(np.sum(with_jumps) / np.sum(rest)) - 1)
 
