@@ -178,10 +178,8 @@ def over_number(name: str, error: str) -> Callable[[NumberOf], Any]:
     """Returns the function of an error over its number [1]; 0 where the number is 0."""
 
     def share(number):
-        size, wrong = map(number, (name, error))
-        size = np.abs(size)
-        return np.where(
-            size > 0, np.minimum(wrong / np.where(size > 0, size, 1), _MEANINGLESS), 0.0
-        )
+        size, wrong = np.abs(number(name)), number(error)
+        part = np.minimum(wrong / np.where(size > 0, size, 1), _MEANINGLESS)
+        return np.where(size > 0, part, 0.0)
 
     return share
