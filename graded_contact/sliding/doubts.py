@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from ..contacts.operator import nonzero
@@ -143,6 +144,21 @@ def compression(found: Sliding) -> Array:
     if found.problem.thickness is None:
         return jnp.zeros((), found.pressure.dtype)
     return approach(found) / found.problem.thickness
+
+
+@of_steady(
+    "", "1", "share of the load on the rim of the window", needs=[WINDOW],
+    warns=Above(
+        1e-3,
+        "{value:.2g} of the load acts on the rim of the window. Take a larger window, unless the "
+        "body ends there.",
+    ),
+)  # fmt: skip
+def rim_load(found: Sliding) -> Array:
+    """Share of the load on the outermost points of a window [1]; NaN without a load."""
+    rim = np.full(found.grid.shape, WINDOW in found.facts)
+    rim[(slice(1, -1),) * found.grid.ndim] = False
+    return jnp.sum(found.pressure, where=rim) / jnp.sum(found.pressure)
 
 
 @of_cycle(

@@ -1,12 +1,11 @@
 """What presses a body on the block: load, approach, moment."""
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from ..contacts.estimates import error_of
 from ..core.derivative import largest
-from ..core.quantities import FOUR, Above, of_steady
+from ..core.quantities import FOUR, of_steady
 from ..fields.grid import coordinates
 from .errors import add_errors, change_by_grid, changes_by_kernel, gap_by_solver, with_chance
 from .facts import GIVEN_LOAD, GROUND, LOAD_FOLLOWS, WINDOW
@@ -35,21 +34,6 @@ def approach(found: Sliding) -> Array:
     moved, mean = moved_where_loaded(found, found.operator, found.heights + found.gap)
     ground = found.kernel[(0,) * found.kernel.ndim] != 0
     return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
-
-
-@of_steady(
-    "", "1", "share of the load on the rim of the window", needs=[WINDOW],
-    warns=Above(
-        1e-3,
-        "{value:.2g} of the load acts on the rim of the window. Take a larger window, unless the "
-        "body ends there.",
-    ),
-)  # fmt: skip
-def rim_load(found: Sliding) -> Array:
-    """Share of the load on the outermost points of a window [1]; NaN without a load."""
-    rim = np.full(found.grid.shape, WINDOW in found.facts)
-    rim[(slice(1, -1),) * found.grid.ndim] = False
-    return jnp.sum(found.pressure, where=rim) / jnp.sum(found.pressure)
 
 
 @of_steady("M", "N m", "moment of the pressure about the middle of the window", stored=False)

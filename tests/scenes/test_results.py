@@ -82,6 +82,15 @@ def test_warnings_follow_from_the_numbers(tmp_path):
     np.testing.assert_array_equal(unmeasured, (results.unmeasured_friction > 0.1).values & solved)
 
 
+def test_a_number_with_the_name_of_a_method_of_datasets_is_the_number():
+    results = make_results()
+    apart = results.assign(load=((*results.message.dims, "time"), np.zeros((2, 3, 4))))
+    (caveat,) = (c for c in warnings_of(apart) if "never touch" in c.sentence)
+    np.testing.assert_array_equal(caveat.where, solve_states(results).isin(["", "not converged"]))
+    touching = apart.assign(load=apart["load"] + np.eye(4)[0])
+    assert not any("never touch" in c.sentence for c in warnings_of(touching))
+
+
 def test_each_solve_has_a_state():
     words = [["", "", "not converged"], ["", "not started", "failed"]]
     np.testing.assert_array_equal(solve_states(make_results()), words)

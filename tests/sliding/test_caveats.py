@@ -83,6 +83,13 @@ def test_the_slope_in_contact_is_that_of_the_touching_part():
     assert sliding(0 * p, w, grid).slope_in_contact == 0
 
 
+def test_a_result_keeps_its_numbers_and_a_copy_starts_with_none():
+    found = sliding(jnp.ones(8), jnp.zeros(8), gc.Grid((8,), 1.0))
+    (area,) = found.compute("unmeasured_area")
+    assert found.kept.numbers == {"unmeasured_area": area} and found.kept.formulas is None
+    assert jax.tree.map(lambda leaf: leaf, found).kept.numbers == {}
+
+
 def test_shares_of_points_not_measured_are_sums_over_them():
     """A tooth on each flank of a wave: all of the work on the one that was filled, or half."""
     grid = gc.Grid((32,), 1.0)
