@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.display import UNKNOWN, number, with_unit
-from ..core.quantities import OBSERVABLES, VARIED, in_brackets
+from ..core.quantities import AXES, OBSERVABLES, in_brackets
 from ..page.document import described
 from ..plot.words import title_of
 from ..scenes.results import (
@@ -114,7 +114,7 @@ def _heads(results: "Dataset") -> Iterator[str]:
     yield "pressure\n[MPa]" if load == "pressure" else "approach\n[m]"
     for name in map(str, others):
         unit = results[name].attrs.get("units", "1")
-        head = name if name in VARIED else title_of(name, results.attrs["scene"])
+        head = name if name in AXES else title_of(name, results.attrs["scene"])
         yield head.replace(" ", "\n", 1) + in_brackets(unit)
 
 

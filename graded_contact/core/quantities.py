@@ -44,7 +44,7 @@ def _table(quantities: Iterable[tuple[str, str, str, str]]) -> dict[str, Quantit
 
 
 # What a study varies.
-VARIED = _table([
+AXES = _table([
     ("velocity", "v", "m/s", "sliding velocity"),
     ("pressure", r"\sigma_0", "Pa", "mean pressure"),
     ("approach", r"\delta", "m", "approach"),
@@ -279,7 +279,7 @@ def quantity_of(name: str, owner: str = "") -> Quantity | None:
     """Returns the entry of a field of the class `owner`, or of the last part of a path, or None."""
     # "layers[0].thickness" and "times[2]" are a thickness and a time.
     last = name.rpartition(".")[2].partition("[")[0]
-    found = _ALL.get(f"{owner}.{last}") or VARIED.get(last)
+    found = _ALL.get(f"{owner}.{last}") or AXES.get(last)
     if found is None and last in OBSERVABLES:
         return OBSERVABLES[last].quantity
     return found or _ALL.get(last)

@@ -4,7 +4,7 @@ import re
 from typing import TYPE_CHECKING
 
 from ..core.display import unit_of
-from ..core.quantities import VARIED, quantity_of
+from ..core.quantities import AXES, quantity_of
 from ..scenes.schema import parse_toml
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
@@ -25,8 +25,8 @@ def title_of(name: str, scene: str = "") -> str:
     - `name`: of an axis, or the path of a number of the block.
     - `scene`: the TOML text, which names the materials; without it layers have numbers.
     """
-    if name in VARIED:
-        return VARIED[name].meaning
+    if name in AXES:
+        return AXES[name].meaning
     path = re.fullmatch(r"(?:layers\[(\d+)\]|(base))\.(.*?)(?:\[(\d+)\])?", name)
     quantity = quantity_of(name)
     if path is None or quantity is None:

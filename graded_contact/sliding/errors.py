@@ -62,7 +62,7 @@ def add_errors(
       of `DOUBTFUL` is a caveat, if `UNRESOLVED` has its cause; None: no part is.
     - `parts`: the formulas by their causes, see `CAUSES`.
     """
-    symbol, unit, meaning = OBSERVABLES[name].quantity[1:]
+    symbol, unit, meaning = OBSERVABLES[name].quantity[1:4]
     for part, formula in parts.items():
         cause, fact = CAUSES[part]
 

@@ -31,7 +31,7 @@ from .numerics import Numerics
 from .shear import ShearStress
 
 Range = tuple[Float[Array, "..."], Float[Array, "..."]]
-Load = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m]; the others are None
+Prescribed = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m]; the others are None
 
 
 class Coupling(eqx.Module):
@@ -118,7 +118,7 @@ class SteadyProblem(eqx.Module):
 
     def contact(
         self,
-        load: Load,
+        load: Prescribed,
         shift: Field | None,
         how: Numerics,
         start: Numbers | None,
@@ -205,7 +205,7 @@ class CycleProblem(eqx.Module):
 
     def contact(
         self,
-        load: Load,
+        load: Prescribed,
         shift: Field | None,
         how: Numerics,
         start: Numbers | None,
@@ -250,5 +250,5 @@ class Posed(NamedTuple):
     """
 
     problem: Problem
-    load: Load
+    load: Prescribed
     ends: tuple[tuple[Any, RESULTS], ...] = ()

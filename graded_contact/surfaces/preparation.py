@@ -26,10 +26,10 @@ from .scan_lines import Lines, jump_caveats, levelled
 from .surface import Surface
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
-MOST_STRETCH = 1.1  # factor that restores the slope: forms without roughness would have no limit
+MOST = 1.1  # factor that restores the slope: on forms without roughness it would have no limit
 Periodic = Literal["harmonic", "mirror", "window", "open"]
 Fill = Literal["low", "harmonic"]
-HIGHEST = 1e5  # [m], higher than any mountain
+LARGEST = 1e5  # [m], higher than any mountain
 
 
 @check_types
@@ -91,7 +91,7 @@ def surface_from_heights(
     edges = np.asarray(Grid(values.shape, size).size, float)  # refuses a wrong number of axes
     _check_measured(values[np.isfinite(values)])
     highest = np.nanmax(np.abs(values))
-    if highest > HIGHEST:
+    if highest > LARGEST:
         raise ValueError(f"`heights` reach {highest:.3g} m: damaged, or of another `unit`.")
     spacing = edges / np.array(values.shape)
     prepared = _Prepared(values, spacing, list(history), list(steps), list(assumed))
@@ -214,7 +214,7 @@ class _Prepared:
         if after.rms_height <= 1e-12 * before.rms_height:
             raise ValueError("`heights` has no roughness left after its edges were joined.")
         # Waves near the edges lost some slope; a form without roughness must not be blown up.
-        factor = min(before.rms_slope / after.rms_slope, MOST_STRETCH)
+        factor = min(before.rms_slope / after.rms_slope, MOST)
         self.values = factor * self.values
         less = (
             f"subtracting a harmonic function of rms height {with_unit(float(np.std(joint)), 'm')}"

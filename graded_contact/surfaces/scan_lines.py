@@ -14,7 +14,7 @@ import numpy as np
 from ..core.caveats import DOUBTFUL
 
 Lines = Literal["x", "y"]
-FEWEST_LINES = 24  # lines, and points of a line
+LEAST = 24  # lines, and points of a line
 # Limits lie between random surfaces and measured ones (constant waves at most 3 times as strong,
 # with a lay of 30:1 up to 5 times) and lines shifted by half a step between neighbours (50 times).
 MEASURED = 0.5  # part of a line; the mean of fewer points is no height of the line
@@ -22,7 +22,7 @@ STRONGER = 12.0  # times the waves that vary along a line
 SHORT = 0.25  # 1/points: waves of four points and less across the lines
 VARYING = slice(1, 5)  # waves along a line
 LAY = 2.0  # rms slope across the lines over that along them, without jumps
-EQUAL_LINES = 1e-12  # of the square of the slope: heights that are equal along all lines
+ROUNDING = 1e-12  # of the square of the slope: heights that are equal along all lines
 FOLLOWING = 0.25  # correlation of neighbouring changes: -0.5 of random shifts, 0.5 of a groove
 
 
@@ -34,7 +34,7 @@ def jump_caveats(values: np.ndarray, spacing: np.ndarray) -> tuple[str, ...]:
     - `values`: heights [m] without their plane, shape `(nx, ny)` or `(nx,)`; NaN where missing.
     - `spacing`: of the points [m].
     """
-    if values.ndim == 1 or min(values.shape) < FEWEST_LINES:
+    if values.ndim == 1 or min(values.shape) < LEAST:
         return ()
     rises = {"x": _rise(values, *spacing), "y": _rise(values.T, *spacing[::-1])}
     return tuple(
@@ -68,7 +68,7 @@ def _rise(lines: np.ndarray, along: float, across: float) -> float:
     """The part by which jumps between lines `[:, j]` raise the rms slope; 0 if there are none."""
     lines = lines[:, np.mean(np.isfinite(lines), axis=0) >= MEASURED]
     num, count = lines.shape
-    if count < FEWEST_LINES:
+    if count < LEAST:
         return 0.0
     mean = np.nanmean(lines, axis=0)
     filled = np.where(np.isfinite(lines), lines, mean)
@@ -86,7 +86,7 @@ def _rise(lines: np.ndarray, along: float, across: float) -> float:
     follows = _excess(steps[:, 1:], steps[:, :-1]) / _excess(steps, steps)
     with_jumps, rest = _squares(filled, along, across), _squares(filled - mean, along, across)
     lay = rest[1] > LAY**2 * rest[0]
-    if follows > FOLLOWING or lay or np.sum(rest) <= EQUAL_LINES * np.sum(with_jumps):
+    if follows > FOLLOWING or lay or np.sum(rest) <= ROUNDING * np.sum(with_jumps):
         return 0.0
     return float(np.sqrt(np.sum(with_jumps) / np.sum(rest)) - 1)
 
