@@ -32,7 +32,7 @@ from .result import CyclicSliding, Found, Sliding
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
 # Small strains neglect slope²/2, the excess of an arc over its chord.
-LARGE_SLOPE = (2 * DOUBTFUL) ** 0.5
+STEEPEST = (2 * DOUBTFUL) ** 0.5
 
 
 def _unmeasured(what: str) -> str:
@@ -67,9 +67,9 @@ def energy_imbalance(found: Found) -> Array:
 @observable(
     "", "1", "rms slope of the block, weighted by the pressure",
     warns=Above(
-        LARGE_SLOPE,
+        STEEPEST,
         "The block's rms slope where it carries the load is {value:.2g}. The model assumes small "
-        f"strains: above an rms slope of {LARGE_SLOPE:.2g} the neglected terms exceed {DOUBTFUL:.0%}.",
+        f"strains: above an rms slope of {STEEPEST:.2g} the neglected terms exceed {DOUBTFUL:.0%}.",
     ),
 )  # fmt: skip
 def slope_in_contact(found: Found) -> Array:
