@@ -12,7 +12,6 @@ from typer import Argument, Option
 
 from ..blocks.stack import LIQUID
 from ..core.escaping import in_comment
-from ..core.warnings import EXTRAPOLATED
 from ..materials.material import Prony
 from ..plot.words import kelvin
 from ..readers.topography import read_surface
@@ -20,6 +19,7 @@ from ..scenes.proposal import Load, proposed_load
 from ..scenes.scene import parse_scene
 from ..scenes.schema import entry_text
 from ..scenes.theory import excites_unknown, mean_fields
+from ..sliding.doubts import EXTRAPOLATED
 from ..studies.dataset import write_whole
 from . import fit
 from .result_tables import print_surface

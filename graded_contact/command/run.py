@@ -14,7 +14,6 @@ import typer
 from .. import plot
 from ..core.checks import nearest, within
 from ..core.escaping import in_figure
-from ..core.warnings import ROUNDING
 from ..fields.frequency import velocity_along
 from ..plot.style import entitle
 from ..plot.sweeps import NOTHING
@@ -35,6 +34,7 @@ from ..scenes.run_scene import build_surface, check_run, point_names, run_scene
 from ..scenes.scene import Scene, parse_scene, read_scene
 from ..scenes.schema import parse_toml
 from ..scenes.theory import mean_field_at, what_decides
+from ..sliding.errors import NO_FRICTION
 from ..sliding.magnification import cumulative_friction
 from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..studies.interruption import Interruption, interruptible
@@ -285,7 +285,7 @@ def _contacts(
         if whole and surface.periodic:
             theory = mean_field_at(scene, surface, index)
             figures["distributions"] = plot.plot_distributions(fields, theory, surface)
-            if abs(solve["friction"]) > ROUNDING * solve["slope_in_contact"]:
+            if abs(solve["friction"]) > NO_FRICTION * solve["slope_in_contact"]:
                 pressure, moved = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
                 waves = cumulative_friction(pressure, moved, surface.grid, velocity)
                 curves = {"contact": waves}

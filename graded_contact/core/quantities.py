@@ -1,10 +1,12 @@
 """Quantities: name, symbol, unit, meaning; and the registry of observables.
 
 Prints, columns of tables, attributes of datasets, labels of axes and the documentation take their
-words from here. An observable is one function under `@observable`, see `sliding/observables.py`.
+words from here. An observable is one function under `@observable`: its entry says all of a number,
+also what makes it doubtful. `sliding/observables.py` lists the modules that have them.
 """
 
 from collections.abc import Callable, Collection, Iterable
+from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -117,7 +119,7 @@ PARAMETERS = _table([
 ])  # fmt: skip
 
 # Of periodic motions, and other numbers of results.
-RESULTS = _table([
+OF_RESULTS = _table([
     *((name, "s", "m", "displacement of the surface over the block") for name in
       ("CyclicSliding.displacement", "Motion.displacement", "surface_displacement")),
     ("time", "t/T", "1", "time over the period"),
@@ -164,6 +166,32 @@ RESULTS = _table([
 ])  # fmt: skip
 
 
+# Formats of columns: of numbers, and head and format of total errors.
+FOUR = "#.4g"
+TOTAL = ("±", ".1e")
+
+# Returns a number of a result by its name, see `caveats_of`.
+NumberOf = Callable[[str], Any]
+
+
+class Above(NamedTuple):
+    """What makes a number doubtful: that it exceeds a limit.
+
+    **Fields:**
+
+    - `limit`: above it there is a caveat.
+    - `sentence`: the caveat; `{value}` is the number; of several solves, the ends of their range.
+    - `of`: what is compared instead of the observable: a function of `NumberOf`. Numbers have any
+      shape, and are NaN where a solve has none.
+    - `cycle`: True for a caveat of cycles alone, False for one of steady sliding alone.
+    """
+
+    limit: float
+    sentence: str
+    of: Callable[[NumberOf], Any] | None = None
+    cycle: bool | None = None
+
+
 class Observable(NamedTuple):
     """A number, or a field, of a contact.
 
@@ -176,6 +204,7 @@ class Observable(NamedTuple):
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
     - `column`: head and format in the table of the command, if it has a column there.
+    - `warns`: when it is doubtful, if there is a limit; see `core/caveats.py`.
     - `beside`: what it needs beside its contact, computed before: such as the contact on half the
       grid, see `sliding/resolution.py`.
     """
@@ -187,6 +216,7 @@ class Observable(NamedTuple):
     stored: bool = True
     needs: Collection[str] = ()
     column: tuple[str, str] | None = None
+    warns: Above | None = None
     beside: Callable[[Any], Any] | None = None
 
     @property
@@ -233,13 +263,16 @@ def observable(symbol: str, unit: str, meaning: str, **options: Any) -> Callable
     return register
 
 
+of_steady, of_cycle = (partial(observable, cycle=kind) for kind in (False, True))
+
+
 def numbers_of(motion: bool, facts: Collection[str] = ()) -> tuple[str, ...]:
     """Returns the names of the observables that prints and results of such contacts contain."""
     return tuple(n for n, o in OBSERVABLES.items() if o.stored and o.is_of(motion, facts))
 
 
 # The pressure of an axis comes before that of a field.
-_ALL = PARAMETERS | RESULTS | FIELDS
+_ALL = PARAMETERS | OF_RESULTS | FIELDS
 
 
 def quantity_of(name: str, owner: str = "") -> Quantity | None:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..core.caveats import Caveat
 from ..core.escaping import in_figure
 from ..core.quantities import OBSERVABLES, in_brackets
-from ..core.warnings import Caveat
 from ..scenes.results import SEED_ERROR, has_numbers, of_each, over_seeds, solve_states, warnings_of
 from ..studies.dataset import NOT_STARTED
 from . import style

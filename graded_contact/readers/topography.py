@@ -16,8 +16,9 @@ from ..core.checks import Numbers, check_positive, check_types, short
 from ..core.display import with_unit
 from ..core.files import Refusal
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
+from ..surfaces.reading_steps import ReadingStep, step
 from ..surfaces.scan_lines import Lines
-from ..surfaces.surface import Step, Surface, step
+from ..surfaces.surface import Surface
 from .decisions import settled
 from .length_headings import same_unit
 from .registry import opened, read
@@ -204,7 +205,7 @@ def _scaled(edges: np.ndarray, size: Any) -> np.ndarray:
     return units * edges
 
 
-def _equally_spaced(positions, heights, notes: list[str], steps: list[Step]) -> tuple:
+def _equally_spaced(positions, heights, notes: list[str], steps: list[ReadingStep]) -> tuple:
     """A line scan at equal steps, NaN in its gaps, and its length [m]."""
     # The roughness as read, each slope counted by its length.
     apart = np.diff(positions)

@@ -18,7 +18,6 @@ from ..blocks.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from ..contacts.adhesion import AdhesiveLJ, ExponentialAdhesion
 from ..contacts.law import AbstractLaw, HardWall, RepulsiveLJ
 from ..core.checks import nearest, within
-from ..core.warnings import unusual
 from ..fields.grid import Grid
 from ..materials.library import tyre_tread
 from ..materials.material import AbstractMaterial, BulkShear, Elastic, Prony
@@ -31,6 +30,7 @@ from ..readers.units import DIMENSIONS, UNITS
 from ..sliding.motion import Motion, sinusoidal, start_stop
 from ..sliding.shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
 from ..studies.parameter_covariance import Errors, check_errors, read_errors
+from ..surfaces.reading_steps import unusual
 from .schema import Key, Reader, check_keys, keys_of, kind_of
 
 # What a `kind` makes; its keys are the parameters. `Block` makes those of files.

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.parameters import paths
-from ..core.warnings import EXTRAPOLATED
+from ..sliding.doubts import EXTRAPOLATED
 from .design_quantities import BY_MEAN_FIELD, band_tangents, limited_modulus, total_thickness
 from .design_scene import LIMITED
 from .design_search import ROOM

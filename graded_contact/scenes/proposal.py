@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ..blocks.stack import HalfSpace, Stack
-from ..core.warnings import EXTRAPOLATED
 from ..materials.coverage import coverage
 from ..materials.material import Prony
 from ..mean_field.mean_field import mean_field_friction
+from ..sliding.doubts import EXTRAPOLATED
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
 

@@ -21,17 +21,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..blocks.window_compliance import has_ground
 from ..contacts.solution import FAILURES, RESULTS
+from ..core.caveats import Caveat, caveats_of
 from ..core.files import read_file
 from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
-from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of
 from ..fields.grid import Grid
 from ..materials.shift import shifts_in
-from ..sliding.shear import is_coupled
+from ..sliding.facts import facts_of
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions, read
 from ..studies.store import Point, together
-from ..surfaces.surface import Step, Surface
+from ..surfaces.reading_steps import ReadingStep
+from ..surfaces.surface import Surface
 from .scene import Scene
 from .surface_source import RandomSurface
 from .theory import errors_of_stack
@@ -64,18 +64,10 @@ FORMAT = max(FORMATS)
 
 def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     """The numbers of a solve but those of the axes; a standard error if errors are known."""
-    facts = {
-        "heated": scene.heating is not None,
-        "sheared": scene.shear is not None,
-        "coupled": is_coupled(scene.shear),
-        **dataclasses.asdict(scene.observe),
-        "window": not surface.periodic,
-        "ground": not surface.periodic and has_ground(scene.stack, surface.grid),
-        "load follows": scene.approach is not None,
-        "given load": scene.approach is None,
-    }
+    case = scene.case({name: at[0] for name, at in scene.axes.items()}, surface)
+    asked = [name for name, asked in dataclasses.asdict(scene.observe).items() if asked]
+    known = facts_of(case) | {*asked}
     # What is varied is a coordinate, and no result.
-    known = [fact for fact, holds in facts.items() if holds]
     names = [n for n in numbers_of(scene.motion is not None, known) if n not in scene.axes]
     return *names, *(["friction_standard_error"] if errors_of_stack(scene) is not None else [])
 
@@ -262,16 +254,15 @@ def has_numbers(results: "Dataset") -> "DataArray":
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     """Returns why numbers are doubtful although solved, and the solves that are concerned."""
     known = has_numbers(results)
-    rules = CYCLE_RULES if "time" in results.dims else RULES
     # Caveats of the surface, and of what was assumed of files, concern every solve.
     assumed = filter(None, results.attrs.get("assumed", "").split("\n"))
     of_files = (Caveat(text, known.values) for text in (*surface_of(results).caveats, *assumed))
     told = {
-        name: variable.where(known)
+        name: variable.where(known).values
         for name, variable in results.data_vars.items()
         if variable.dtype.kind == "f" and {*known.dims} <= {*variable.dims} <= {*known.dims, "time"}
     }
-    return *of_files, *caveats_of(results.assign(told), rules)
+    return *of_files, *caveats_of(lambda name: told.get(name, 0.0), "time" in results.dims)
 
 
 def of_each(caveat: Caveat, results: "Dataset") -> bool:
@@ -340,7 +331,7 @@ def surface_of(results: "Dataset") -> Surface:
         grid=Grid(heights.shape, jnp.asarray(size)),
         history=tuple(filter(None, history.split("\n"))),
         measured=jnp.asarray(results["measured"].values) if "measured" in results else None,
-        steps=tuple(Step(*step) for step in json.loads(results.attrs["surface_steps"])),
+        steps=tuple(ReadingStep(*step) for step in json.loads(results.attrs["surface_steps"])),
         periodic=bool(results.attrs.get("surface_periodic", True)),
         assumed=tuple(filter(None, assumed.split("\n"))),
     )

@@ -19,13 +19,13 @@ from ..blocks.periodic_kernel import period_frequencies
 from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.parameters import places
-from ..core.warnings import EXTRAPOLATED
 from ..fields.frequency import velocity_along, wave_frequencies
 from ..fields.grid import Grid
 from ..materials.coverage import check_frequencies, coverage, is_unknown
 from ..materials.material import Prony
 from ..materials.shift import require_shift
 from ..mean_field.mean_field import MeanField, mean_field_of
+from ..sliding.doubts import EXTRAPOLATED
 from ..studies.parameter_covariance import Errors
 from ..studies.uncertainty import Sensitivity, sensitivity
 from ..surfaces.statistics import radial_spectrum

@@ -1,6 +1,6 @@
 """Sliding contact: the case, its observables and results, motion in time, shear and heat."""
 
-from . import caveats, errors  # noqa: F401 (they register observables, in this order)
+from . import observables  # noqa: F401 (first: it decides their order)
 from .case import Case, Heating
 from .contact_stress import ContactStress, LargestStress, contact_stress
 from .gap_flow import GapFlow, gap_flow

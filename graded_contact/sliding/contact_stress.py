@@ -19,6 +19,7 @@ from ..core.display import shown
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import Grid, coordinates, wavenumber
 from ..materials.softening import softens
+from .facts import WINDOW
 from .heat_source import as_depths, shear_traction
 from .result import Sliding
 
@@ -116,7 +117,7 @@ def contact_stress(
 
     **Raises:** `ValueError` for a refused argument, such as another block than that of the contact.
     """
-    if "window" in sliding.facts:
+    if WINDOW in sliding.facts:
         raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
     depths = as_depths(depths)
     _check_block(sliding, stack)

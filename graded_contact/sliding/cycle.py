@@ -28,6 +28,7 @@ from ..fields.grid import Grid
 from ..materials.coverage import coverage
 from ..surfaces.surface import check_periodic
 from .case import Case
+from .facts import facts_of
 from .motion import components
 from .numerics import Numerics
 from .problem import Coupling, CycleProblem, Posed
@@ -61,7 +62,7 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
         operator=_operator(unless_negative(kernel, sheared), case.displacement, grid),
         heights=surface.heights, grid=grid, law=law, displacement=case.displacement, period=period,
         shear=sheared, coupling=coupling, measured_range=coverage(stack),
-        prescribed=case.prescribed,
+        prescribed=case.prescribed, facts=facts_of(case),
     )  # fmt: skip
     return Posed(problem, load, () if how.throw else ((reached, RESULTS.inaccurate_kernel),))
 

@@ -24,8 +24,11 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import Numbers, as_float, check_shape, check_type, check_types, check_values
 from ..core.display import shown
+from ..core.quantities import of_steady
 from ..fields.grid import Grid
-from .observables import Found, contact_indicator, of_steady, shared
+from .facts import FLOW
+from .formulas import indicator_of, shared
+from .result import Found
 
 _SHEETS = 5  # copies of the cell in which a path that winds around it ends on another one
 ALONG = {"entries": ("along x", "along y")}  # how arrays print
@@ -78,11 +81,11 @@ def gap_flow(gap: Numbers, grid: Grid, *, contact: Numbers | None = None) -> Gap
 
 @shared
 def _flow(found: Found) -> GapFlow:
-    return gap_flow(found.gap, found.grid, contact=contact_indicator(found) > 0)
+    return gap_flow(found.gap, found.grid, contact=indicator_of(found) > 0)
 
 
 @of_steady(
-    "K_x", "m³", "conductance of the gap for a fluid along x", needs=["flow"],
+    "K_x", "m³", "conductance of the gap for a fluid along x", needs=[FLOW],
     column=("flow along\nx [m³]", ".3e"),
 )  # fmt: skip
 def flow_along_x(found: Found) -> Float[Array, ""]:
@@ -91,7 +94,7 @@ def flow_along_x(found: Found) -> Float[Array, ""]:
 
 
 @of_steady(
-    "K_y", "m³", "conductance of the gap for a fluid along y", needs=["flow"],
+    "K_y", "m³", "conductance of the gap for a fluid along y", needs=[FLOW],
     column=("flow along\ny [m³]", ".3e"),
 )  # fmt: skip
 def flow_along_y(found: Found) -> Float[Array, ""]:

@@ -27,7 +27,7 @@ from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, to_field, to_spectrum
 from ..materials.material import AbstractMaterial, Elastic, Prony
 from ..materials.softening import StrainSoftening
-from .observables import tractions_on
+from .formulas import tractions_on
 from .result import Sliding
 from .traction import slip
 

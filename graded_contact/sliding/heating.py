@@ -54,6 +54,8 @@ from ..materials.shift import as_temperature
 from ..materials.softening import at_strain
 from ..surfaces.surface import check_periodic
 from .case import Case, Heating
+from .facts import facts_of
+from .formulas import lengths, shear_power
 from .heat_source import (
     as_depths,
     check_series,
@@ -67,7 +69,6 @@ from .heat_source import (
 from .isothermal import solve_isothermal
 from .motion import refined
 from .numerics import Numerics
-from .observables import lengths, shear_power
 from .result import CyclicSliding, Found, Sliding
 
 NUM_CELLS = 8  # of the depth, each at one temperature
@@ -148,6 +149,7 @@ def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -
     return dataclasses.replace(
         found,
         contact=dataclasses.replace(solution, num_fft_pairs=pairs),
+        problem=dataclasses.replace(found.problem, facts=facts_of(case)),
         heated=HeatedContact(block, x[0], x[1:], edges, point.error, *errors),
     )
 

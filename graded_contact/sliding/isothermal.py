@@ -25,9 +25,9 @@ from ..fields.devices import required
 from ..fields.frequency import wave_frequencies
 from .case import Case
 from .cycle import cycle_problem
+from .formulas import lift
 from .numerics import Numerics
-from .observables import lift
-from .problem import Load, Posed, Problem
+from .problem import Posed, Prescribed, Problem
 from .result import CyclicSliding, Found, result_of
 from .shear import Coulomb
 from .steady import steady_problem
@@ -88,7 +88,7 @@ def _check_speeds(cycle: CyclicSliding) -> None:
 
 def _lagged(
     problem: Problem,
-    load: Load,
+    load: Prescribed,
     how: Numerics,
     start: Numbers | None,
     solution: ContactSolution | None,

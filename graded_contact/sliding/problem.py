@@ -31,7 +31,7 @@ from .numerics import Numerics
 from .shear import ShearStress
 
 Range = tuple[Float[Array, "..."], Float[Array, "..."]]
-Load = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m]; the others are None
+Prescribed = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m]; the others are None
 
 
 class Coupling(eqx.Module):
@@ -94,7 +94,7 @@ class SteadyProblem(eqx.Module):
     - `shear`: shear stress [Pa] as a function of the pressure, or None.
     - `coupling`: how its traction moves the surface of the block, or None.
     - `thickness`: of the layers between a window and a rigid base [m], else None.
-    - `ground`: whether the block of a window does not move far away. Static.
+    - `facts`: of the contact, see `facts_of`. Static.
     """
 
     operator: Steady | Window
@@ -109,7 +109,7 @@ class SteadyProblem(eqx.Module):
     shear: ShearStress | None = None
     coupling: Coupling | None = None
     thickness: Float[Array, "..."] | None = None
-    ground: bool = eqx.field(default=False, static=True)
+    facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -118,7 +118,7 @@ class SteadyProblem(eqx.Module):
 
     def contact(
         self,
-        load: Load,
+        load: Prescribed,
         shift: Field | None,
         how: Numerics,
         start: Numbers | None,
@@ -143,7 +143,7 @@ class SteadyProblem(eqx.Module):
             measured_range=self.measured_range, prescribed=self.prescribed, velocity=self.velocity,
             measured=None, kernel_error=None, shear=self.shear,
             coupling=_coupling_on(self.coupling, old, new), thickness=self.thickness,
-            ground=self.ground,
+            facts=self.facts,
         )  # fmt: skip
 
 
@@ -158,6 +158,7 @@ class CycleProblem(eqx.Module):
     - `prescribed`: what is given: "pressure" or "mean_gap". Static.
     - `displacement`: s(t) of the surface [m], shape `(nt,)` or `(nt, 2)`.
     - `period`: T [s].
+    - `facts`: as in `SteadyProblem`. Static.
     """
 
     operator: SpaceTime
@@ -170,6 +171,7 @@ class CycleProblem(eqx.Module):
     period: Float[Array, ""]
     shear: ShearStress | None = None
     coupling: Coupling | None = None
+    facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -203,7 +205,7 @@ class CycleProblem(eqx.Module):
 
     def contact(
         self,
-        load: Load,
+        load: Prescribed,
         shift: Field | None,
         how: Numerics,
         start: Numbers | None,
@@ -231,6 +233,7 @@ class CycleProblem(eqx.Module):
             law=self.law, measured_range=self.measured_range, prescribed=self.prescribed,
             displacement=moved.reshape(num_times, *self.displacement.shape[1:]),
             period=self.period, shear=self.shear, coupling=_coupling_on(self.coupling, old, new),
+            facts=self.facts,
         )  # fmt: skip
 
 
@@ -247,5 +250,5 @@ class Posed(NamedTuple):
     """
 
     problem: Problem
-    load: Load
+    load: Prescribed
     ends: tuple[tuple[Any, RESULTS], ...] = ()

@@ -22,9 +22,10 @@ from ..contacts.solution import RESULTS
 from ..core.checks import is_concrete
 from ..core.derivative import largest
 from ..fields.grid import interpolate
+from .facts import WINDOW
+from .formulas import lift
 from .half_grid import LACKING, NOTHING_LACKS, halved, heights_on, resampled
 from .numerics import Numerics
-from .observables import lift
 from .problem import Problem
 from .result import CyclicSliding, Found, Sliding
 
@@ -54,12 +55,12 @@ def neighbours_of(found: Found) -> Neighbours:
 
     They are kept with the result, unless they are traced.
     """
-    near = vars(found).get("_near")
+    near = found.kept.near
     if near is None:
         # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.
         near = _neighbours(jax.tree.map(lambda leaf: leaf, found))
         if all(map(is_concrete, jax.tree.leaves(near))):
-            vars(found)["_near"] = near
+            found.kept.near = near
     return near
 
 
@@ -71,7 +72,7 @@ def _neighbours(found: Found) -> Neighbours:
         # Without a contact there is nothing to compare.
         return Neighbours(found, found, found, jnp.ones_like(pressure))
     times = len(found.displacement) if isinstance(found, CyclicSliding) else 0
-    on_half, cut, missing = heights_on(found.heights, found.grid, half, "window" in found.facts)
+    on_half, cut, missing = heights_on(found.heights, found.grid, half, WINDOW in found.facts)
     same, fewer = found, None
     if not (is_concrete(missing) and missing <= NOTHING_LACKS):
         same = _solved(found, shape, cut, times)

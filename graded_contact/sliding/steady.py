@@ -26,6 +26,7 @@ from ..materials.softening import as_strain_per_slope
 from ..surfaces.statistics import slope_up_to
 from ..surfaces.surface import Surface, check_periodic
 from .case import Case
+from .facts import facts_of
 from .numerics import Numerics
 from .problem import Posed, SteadyProblem
 from .shear import is_coupled, shear_stress, unless_negative
@@ -45,7 +46,7 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
         shear=sheared, coupling=coupling, measured_range=_coverage(stack),
         kernel_error=kernel_error, prescribed=case.prescribed,
         thickness=interface_depths(stack)[-1] if on_window and on_rigid else None,
-        ground=on_window and has_ground(stack, surface.grid),
+        facts=facts_of(case),
     )  # fmt: skip
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)
     if case.approach is not None:

@@ -27,9 +27,9 @@ from ..contacts.adjoint import LinearSolver, LinearSplitting, opening_by_load
 from ..contacts.area import contact_shares, edge_stiffness
 from ..contacts.operator import Steady, first_mode
 from ..core.checks import as_scalar, check_positive, check_type, check_types
+from ..core.quantities import FOUR, TOTAL, of_steady
 from ..fields.grid import wavenumber
-from .errors import TOTAL
-from .observables import FOUR, of_steady
+from .facts import CONDUCTANCE, STIFFNESS, WINDOW
 from .resolution import neighbours_of
 from .result import Sliding
 
@@ -40,9 +40,7 @@ _YIELDING = {1: 1.0, 2: 0.8}  # compliance of half a point over that of the bloc
 _FROM_HALF, _SOFTER = 0.75, 1.25
 
 
-@of_steady(
-    "k", "Pa/m", "contact stiffness", needs=["stiffness"], column=("stiffness\n[Pa/m]", FOUR)
-)
+@of_steady("k", "Pa/m", "contact stiffness", needs=[STIFFNESS], column=("stiffness\n[Pa/m]", FOUR))
 @check_types
 def contact_stiffness(
     sliding: Sliding,
@@ -68,7 +66,7 @@ def contact_stiffness(
 
 
 @of_steady(
-    r"\delta k", "Pa/m", "estimated error of the contact stiffness", needs=["stiffness"],
+    r"\delta k", "Pa/m", "estimated error of the contact stiffness", needs=[STIFFNESS],
     column=TOTAL, beside=neighbours_of,
 )  # fmt: skip
 @check_types
@@ -131,7 +129,7 @@ def contact_conductance(
 
 @of_steady(
     r"G\varrho", "1/m", "contact conductance times the sum of both resistivities",
-    needs=["conductance"], column=("conductance\n× resistivity\n[1/m]", FOUR),
+    needs=[CONDUCTANCE], column=("conductance\n× resistivity\n[1/m]", FOUR),
 )  # fmt: skip
 def specific_conductance(sliding: Sliding) -> Float[Array, ""]:
     """`contact_conductance` times the sum of the resistivities of both bodies [1/m].
@@ -143,7 +141,7 @@ def specific_conductance(sliding: Sliding) -> Float[Array, ""]:
 
 @of_steady(
     r"\delta G\varrho", "1/m", "estimated error of the conductance times the resistivities",
-    needs=["conductance"], column=TOTAL, beside=neighbours_of,
+    needs=[CONDUCTANCE], column=TOTAL, beside=neighbours_of,
 )  # fmt: skip
 def specific_conductance_error(sliding: Sliding) -> Float[Array, ""]:
     """Estimated error of `specific_conductance`, the same part of it as that of the stiffness."""
@@ -153,7 +151,7 @@ def specific_conductance_error(sliding: Sliding) -> Float[Array, ""]:
 
 def _check(sliding: Sliding) -> None:
     check_type("sliding", sliding, Sliding)
-    if "window" in sliding.facts:
+    if WINDOW in sliding.facts:
         raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
 
 

@@ -37,24 +37,14 @@ from ..blocks.tangential_kernel import tangential_kernels
 from ..blocks.window_compliance import without_images
 from ..contacts.operator import first_mode
 from ..core.checks import is_concrete
+from ..core.quantities import FOUR, of_cycle, of_steady
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid, Waves, wavenumber
 from .case import Case
-from .observables import (
-    FOUR,
-    along_motion,
-    friction,
-    load,
-    loaded,
-    of_cycle,
-    of_steady,
-    rates_of,
-    shear_friction,
-    shear_power,
-    tractions_of,
-    tractions_on,
-    waves_of,
-)
+from .energy import rates_of, waves_of
+from .facts import COUPLED
+from .formulas import along_motion, loaded, mean_load, shear_power, tractions_of, tractions_on
+from .friction import friction, shear_friction
 from .problem import Coupling
 from .result import CyclicSliding, Sliding
 from .shear import Coulomb
@@ -113,7 +103,7 @@ def slip(found: Sliding) -> Array:
 
 
 @of_steady(
-    r"\mu_\mathrm{block}", "1", "friction lost in the block", needs=["coupled"],
+    r"\mu_\mathrm{block}", "1", "friction lost in the block", needs=[COUPLED],
     column=("lost in\nthe block", FOUR),
 )  # fmt: skip
 def block_friction(found: Sliding) -> Array:
@@ -122,7 +112,7 @@ def block_friction(found: Sliding) -> Array:
 
 
 @of_steady(
-    r"\mu_\mathrm{int}", "1", "friction that heats the interface", needs=["coupled"],
+    r"\mu_\mathrm{int}", "1", "friction that heats the interface", needs=[COUPLED],
     column=("heat of the\ninterface", FOUR),
 )  # fmt: skip
 def interface_friction(found: Sliding) -> Array:
@@ -130,11 +120,11 @@ def interface_friction(found: Sliding) -> Array:
     if found.coupling is None:
         return shear_friction(found)
     (stress,) = tractions_on(found)
-    return jnp.mean(stress * slip(found)) / load(found)
+    return jnp.mean(stress * slip(found)) / mean_load(found)
 
 
 @of_steady(
-    "", "1", "what the slope adds to the friction of shear, to first order", needs=["coupled"],
+    "", "1", "what the slope adds to the friction of shear, to first order", needs=[COUPLED],
     stored=False,
 )  # fmt: skip
 def slope_friction(found: Sliding) -> Array:
@@ -147,10 +137,10 @@ def slope_friction(found: Sliding) -> Array:
     pressure, moved = loaded(found)
     rise = jax.jvp(found.shear, (pressure,), (jnp.ones_like(pressure),))[1]
     (stress,) = tractions_on(found)
-    return tractions_of(found, stress * rise, moved)[0] / load(found)
+    return tractions_of(found, stress * rise, moved)[0] / mean_load(found)
 
 
-@of_cycle(r"P_\mathrm{int}", "W/m²", "mean power that heats the interface", needs=["coupled"])
+@of_cycle(r"P_\mathrm{int}", "W/m²", "mean power that heats the interface", needs=[COUPLED])
 def interface_power(found: CyclicSliding) -> Array:
     """Mean power that heats the interface per area [W/m²].
 

@@ -5,7 +5,7 @@ from scipy.ndimage import binary_dilation
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import cg
 
-from .surface import step
+from .reading_steps import step
 
 LOW = 0.01  # the share of measured heights below the level to which filled holes sink
 STEEPER = 1.5  # than its rms slope the surface sinks from the mean height into a hole

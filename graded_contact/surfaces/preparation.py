@@ -20,9 +20,10 @@ from ..core.checks import Numbers, check_types, check_whole
 from ..core.display import with_unit
 from ..fields.grid import Grid
 from .holes import fill_holes, grown, region_note
+from .reading_steps import ReadingStep, step
 from .rescaling import resample
 from .scan_lines import Lines, jump_caveats, levelled
-from .surface import Step, Surface, step
+from .surface import Surface
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
 MOST = 1.1  # factor that restores the slope: on forms without roughness it would have no limit
@@ -43,7 +44,7 @@ def surface_from_heights(
     rim: int = 0,
     level_lines: Lines | None = None,
     history: tuple[str, ...] = (),
-    steps: tuple[Step, ...] = (),
+    steps: tuple[ReadingStep, ...] = (),
     assumed: tuple[str, ...] = (),
 ) -> Surface:
     """Returns measured heights as a periodic surface of zero mean.
@@ -114,7 +115,7 @@ class _Prepared:
     values: np.ndarray
     spacing: np.ndarray
     notes: list[str]
-    rows: list[Step]
+    rows: list[ReadingStep]
     assumed: list[str]
 
     def record(self, name: str, *notes: str) -> None:

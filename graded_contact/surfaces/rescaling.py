@@ -11,9 +11,10 @@ from ..core.checks import check_positive, check_types, is_concrete
 from ..core.memory import SURFACE, check_memory
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
+from .reading_steps import step
 from .spectrum import check_square, one_of_height_and_slope
 from .statistics import statistics
-from .surface import Surface, check_periodic, step
+from .surface import Surface, check_periodic
 
 
 @check_types

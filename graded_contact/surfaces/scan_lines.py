@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..core.warnings import LIMIT
+from ..core.caveats import DOUBTFUL
 
 Lines = Literal["x", "y"]
 LEAST = 24  # lines, and points of a line
@@ -41,7 +41,7 @@ def jump_caveats(values: np.ndarray, spacing: np.ndarray) -> tuple[str, ...]:
         f"The heights jump from line to line along {axis}, which raises the rms slope by "
         f"{rise:.0%}: pass `level_lines={axis!r}`, unless they are grooves along {axis}."
         for axis, rise in rises.items()
-        if rise > LIMIT
+        if rise > DOUBTFUL
     )
 
 

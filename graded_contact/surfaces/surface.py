@@ -1,7 +1,5 @@
 """Rough surfaces: heights h [m] that point into the solid, on a grid."""
 
-from typing import NamedTuple
-
 import equinox as eqx
 import numpy as np
 from jax import Array
@@ -9,29 +7,9 @@ from jaxtyping import Float
 
 from ..core.checks import Numbers, as_float, check_shape, check_type, check_values
 from ..core.display import shown
-from ..core.warnings import caveats_of_steps
 from ..fields.devices import spread
 from ..fields.grid import Grid
-
-
-@shown()
-class Step(NamedTuple):
-    """The roughness after one step of reading a measured surface, see `step`.
-
-    **Fields:**
-
-    - `name`: of the step.
-    - `rms_height`: about the mean [m].
-    - `rms_slope`: between neighbouring measured points [1].
-    - `peak`: the largest distance from the mean over the rms height [1].
-    - `missing`: the share of points without a height [1].
-    """
-
-    name: str
-    rms_height: float
-    rms_slope: float
-    peak: float
-    missing: float
+from .reading_steps import ReadingStep, caveats_of_steps
 
 
 @shown("grid", "heights", "periodic", "measured", "history", "caveats", units=False)
@@ -57,7 +35,7 @@ class Surface(eqx.Module):
     history: tuple[str, ...] = eqx.field(static=True)
     # Not Boolean: `jax.grad` by a surface needs numbers in every leaf.
     measured: Float[Array, "*shape"] | None
-    steps: tuple[Step, ...] = eqx.field(static=True)
+    steps: tuple[ReadingStep, ...] = eqx.field(static=True)
     periodic: bool = eqx.field(static=True)
     assumed: tuple[str, ...] = eqx.field(static=True)
 
@@ -67,7 +45,7 @@ class Surface(eqx.Module):
         grid: Grid,
         history: tuple[str, ...] = (),
         measured: Numbers | None = None,
-        steps: tuple[Step, ...] = (),
+        steps: tuple[ReadingStep, ...] = (),
         periodic: bool = True,
         assumed: tuple[str, ...] = (),
     ):
@@ -102,15 +80,3 @@ def _on_grid(name: str, field: Numbers, grid: Grid) -> Array:
     field = as_float(field, name)
     check_shape(name, field, grid.shape)
     return spread(field, grid.size)
-
-
-def step(name: str, heights: Numbers, spacing: Numbers) -> Step:
-    """Returns the roughness of heights [m], NaN where missing, at distances `spacing` [m]."""
-    values = np.asarray(heights, float)
-    deviation = values - np.nanmean(values)
-    rms = float(np.sqrt(np.nanmean(deviation**2)))
-    slopes = (np.diff(values, axis=axis) / apart for axis, apart in enumerate(np.asarray(spacing)))
-    squares = [np.mean(slope[np.isfinite(slope)] ** 2) for slope in slopes]
-    peak = float(np.nanmax(np.abs(deviation)) / rms) if rms > 0 else 0.0
-    missing = float(np.mean(np.isnan(values)))
-    return Step(name, rms, float(np.sqrt(np.sum(squares))), peak, missing)

@@ -37,7 +37,7 @@ from graded_contact.scenes.theory import mean_field_at
 from graded_contact.studies import interruption
 from graded_contact.studies.dataset import write
 from graded_contact.studies.store import Store
-from graded_contact.surfaces.surface import Step
+from graded_contact.surfaces.reading_steps import ReadingStep
 
 # A room lists a function of this module's name.
 SOLVER = sys.modules["graded_contact.scenes.run_scene"]
@@ -108,7 +108,7 @@ def test_file_csv_table_and_info_hold_the_same_numbers(folder):
 
 def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):
     results = read_results(folder / "out" / "small.h5")
-    steps = (Step("read", 1e-6, 0.2, 4.0, 0.31), Step("filled", 1e-6, 0.2, 4.0, 0.0))
+    steps = (ReadingStep("read", 1e-6, 0.2, 4.0, 0.31), ReadingStep("filled", 1e-6, 0.2, 4.0, 0.0))
     write(tmp_path / "a.h5", results.assign_attrs(surface_steps=json.dumps(steps)))
     printed = " ".join(command("info", tmp_path / "a.h5").stdout.split())
     for text in ("read 1 µm 0.2 4 31.0%", "(each solve) 31% of the points were not measured"):

@@ -8,7 +8,7 @@ import graded_contact as gc
 from graded_contact.contacts import area as area_of
 from graded_contact.contacts.operator import Steady, work_of_waves
 from graded_contact.fields.frequency import wave_frequencies
-from graded_contact.sliding.observables import dissipation_of_waves
+from graded_contact.sliding.energy import dissipation_of_waves
 from graded_contact.sliding.problem import SteadyProblem
 
 GRID = gc.Grid((64, 64), 1.0)

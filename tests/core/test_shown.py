@@ -20,14 +20,14 @@ from graded_contact.scenes.run_design import Candidate
 from graded_contact.sliding.problem import SteadyProblem
 from graded_contact.studies.search import Run
 from graded_contact.studies.uncertainty import Sensitivity
+from graded_contact.surfaces.reading_steps import ReadingStep
 from graded_contact.surfaces.statistics import Statistics
-from graded_contact.surfaces.surface import Step
 
 RESULT_CLASSES = (
     gc.Sliding, gc.ContactSolution, gc.contacts.ContactPath, gc.surfaces.CutoffCurve,
     gc.mean_field.MeanField, Statistics, InteriorFields, Sensitivity, gc.Layer, gc.Elastic,
     gc.Prony, gc.materials.StrainSoftening, gc.WLF, gc.Grid, gc.Surface,
-    Candidate, Run, Stiffness, Floor, FitErrors, Step, gc.HardWall, gc.AdhesiveLJ,
+    Candidate, Run, Stiffness, Floor, FitErrors, ReadingStep, gc.HardWall, gc.AdhesiveLJ,
 )  # fmt: skip
 
 
@@ -42,10 +42,10 @@ def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful, **numbers)
         law=gc.HardWall(),
     )  # fmt: skip
     found = gc.Sliding(contact, problem)
-    vars(found).update(dict.fromkeys(found.numbers, jnp.array(0.0)))
+    found.kept.numbers.update(dict.fromkeys(found.numbers, jnp.array(0.0)))
     numbers |= {"friction": jnp.array(friction), "friction_error": jnp.array(1.7e-4)}
     numbers |= {"friction_grid_error": jnp.array(1.7e-4)}
-    vars(found).update(numbers)
+    found.kept.numbers.update(numbers)
     return found
 
 
@@ -157,7 +157,7 @@ def test_rounding_of_the_heights_is_printed_as_zero_and_a_small_number_is_not():
 def test_no_number_of_a_failed_solve_is_printed(end):
     found = sliding(result=end, friction=np.nan)
     failed = dataclasses.replace(found, contact=if_known(end, found.contact))
-    vars(failed).update({name: jnp.array(np.nan) for name in failed.numbers})
+    failed.kept.numbers.update({name: jnp.array(np.nan) for name in failed.numbers})
     first, *rows = (row.strip() for row in repr(failed).splitlines())
     assert first == "Sliding (failed: no numbers)"
     words = {row.partition("  ")[0]: row.partition("  ")[2].strip() for row in rows}

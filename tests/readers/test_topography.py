@@ -10,9 +10,9 @@ from scene_texts import damaged
 from graded_contact import read_surface, surface_from_heights
 from graded_contact.fields.grid import Grid
 from graded_contact.surfaces.random_surface import random_surface
+from graded_contact.surfaces.reading_steps import step
 from graded_contact.surfaces.spectrum import SelfAffine
 from graded_contact.surfaces.statistics import statistics
-from graded_contact.surfaces.surface import step
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "surfaces"
 ROAD = {"size": (5.0, 3.08), "unit": "m"}

@@ -47,6 +47,7 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
     )
     assert np.all(results.message == "")
     at = results.isel(direction=0, pressure=0, velocity=1)
+    assert cycle.numbers == numbers_of_scene(scene, build_surface(scene))
     names = "mean_friction", "mean_shear_friction", "peak_friction", "work"
     names += "dissipated_power", "phase", "load", "friction"
     numbers = dict(zip(names, cycle.compute(*names), strict=True))  # by one program

@@ -11,7 +11,7 @@ from scene_texts import TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
-from graded_contact.core.quantities import OBSERVABLES, observable
+from graded_contact.core.quantities import OBSERVABLES, Above, observable
 from graded_contact.fields.frequency import wave_frequencies
 from graded_contact.scenes.results import contact_at, kept_solves, shift_factors, warnings_of
 from graded_contact.scenes.run_scene import build_surface, check_run, point_names, run_scene
@@ -60,9 +60,10 @@ def test_what_is_assumed_of_a_file_is_a_caveat_of_every_solve(scene, capsys):
 
 
 def test_an_observable_is_one_function(capsys):
-    """Its attribute, print, dataset, unit and column follow from its entry."""
+    """Its attribute, print, dataset, unit, column and caveat follow from its entry."""
+    doubt = Above(1.0, "The largest pressure is {value:.2g} Pa.")
 
-    @observable("F", "Pa", "largest pressure", column=("largest\npressure", "#.4g"))
+    @observable("F", "Pa", "largest pressure", column=("largest\npressure", "#.4g"), warns=doubt)
     def largest_pressure(found):
         """The largest pressure [Pa]."""
         return jnp.max(found.pressure)
@@ -75,6 +76,9 @@ def test_an_observable_is_one_function(capsys):
         assert "largest_pressure [Pa]" in repr(sliding)
         np.testing.assert_allclose(results.largest_pressure[-1, -1], np.max(sliding.pressure), 1e-4)
         assert results.largest_pressure.attrs == {"units": "Pa", "long_name": "largest pressure"}
+        here, stored = sliding.caveats[-1], results.attrs["caveats"].split("\n")[-1]
+        assert here == f"The largest pressure is {sliding.largest_pressure:.2g} Pa."
+        assert "largest pressure is" in stored and f" to {here.split()[-2]} Pa." in stored
         print_table(results, full=True)
         assert "largest" in capsys.readouterr().out
     finally:

@@ -6,8 +6,7 @@ import re
 import numpy as np
 
 from ...core.files import Refusal
-from ...core.warnings import USUAL
-from ...surfaces.surface import step
+from ...surfaces.reading_steps import USUAL, step
 from ..registry import File, reader
 from ..scan import Scan, check_points, chosen
 from ..units import length_unit, metres

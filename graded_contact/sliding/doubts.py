@@ -1,39 +1,45 @@
-"""Observables that show whether the numbers of a contact can be trusted.
-
-`core/warnings.py` has the limits above which they are caveats.
-"""
+"""Observables that show whether the numbers of a contact can be trusted."""
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from ..contacts.operator import nonzero
+from ..core.caveats import DOUBTFUL
 from ..core.derivative import largest
-from ..core.quantities import observable
+from ..core.quantities import Above, observable, of_cycle, of_steady
 from ..fields.grid import to_field, to_spectrum
 from ..materials.coverage import is_unknown
-from .motion import Motion, rate_of
-from .observables import (
+from .area import mean_gap
+from .cycle_numbers import load_work
+from .energy import dissipation_of_waves, exchange, frequencies, rates_of
+from .facts import WINDOW
+from .formulas import (
     all_tractions,
     along_motion,
-    approach,
     displaced,
-    dissipation_of_waves,
-    exchange,
-    frequencies,
     lengths,
-    load,
-    load_work,
-    mean_gap,
-    of_cycle,
-    of_steady,
-    rates_of,
+    mean_load,
     rests,
     slopes,
     touching,
     tractions_on,
 )
+from .load import approach
+from .motion import Motion, rate_of
 from .result import CyclicSliding, Found, Sliding
+
+EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
+# Small strains neglect slope²/2, the excess of an arc over its chord.
+STEEPEST = (2 * DOUBTFUL) ** 0.5
+
+
+def _unmeasured(what: str) -> str:
+    return (
+        f"{{value:.0%}} of the {what} on points that were filled or tapered, not measured. "
+        "Crop to a `region` without them, or read with `periodic='mirror'`."
+    )
 
 
 def _share_unmeasured(found: Sliding, weight: Array) -> Array:
@@ -58,7 +64,14 @@ def energy_imbalance(found: Found) -> Array:
     return jax.lax.stop_gradient(imbalance)  # of rounding
 
 
-@observable("", "1", "rms slope of the block, weighted by the pressure")
+@observable(
+    "", "1", "rms slope of the block, weighted by the pressure",
+    warns=Above(
+        STEEPEST,
+        "The block's rms slope where it carries the load is {value:.2g}. The model assumes small "
+        f"strains: above an rms slope of {STEEPEST:.2g} the neglected terms exceed {DOUBTFUL:.0%}.",
+    ),
+)  # fmt: skip
 def slope_in_contact(found: Found) -> Array:
     """Rms slope of the block where it carries the load [1], the largest of all times.
 
@@ -67,7 +80,10 @@ def slope_in_contact(found: Found) -> Array:
     return largest(slopes(found, *displaced(found)))
 
 
-@of_steady("", "1", "share of the contact area on filled or tapered points")
+@of_steady(
+    "", "1", "share of the contact area on filled or tapered points",
+    warns=Above(DOUBTFUL, _unmeasured("contact area lies")),
+)  # fmt: skip
 def unmeasured_area(found: Sliding) -> Array:
     """Share of the contact area on points that were filled or tapered, not measured [1].
 
@@ -79,6 +95,7 @@ def unmeasured_area(found: Sliding) -> Array:
 @of_steady(
     "", "1", "share of the hysteresis on filled or tapered points",
     column=("on points not\nmeasured", ".1%"),
+    warns=Above(DOUBTFUL, _unmeasured("friction arises")),
 )  # fmt: skip
 def unmeasured_friction(found: Sliding) -> Array:
     """The same share of the tangential traction |σ ∂w/∂x_v| [1].
@@ -91,7 +108,14 @@ def unmeasured_friction(found: Sliding) -> Array:
     return _share_unmeasured(found, found.operator.on_surface(jnp.abs(pressure * slope)))
 
 
-@observable("", "1", "share of the friction where no modulus was measured")
+@observable(
+    "", "1", "share of the friction where no modulus was measured",
+    warns=Above(
+        EXTRAPOLATED,
+        "{value:.0%} of the friction comes from frequencies or a temperature at which a material "
+        "was not measured: its modulus there is an extrapolation.",
+    ),
+)  # fmt: skip
 def extrapolated_friction(found: Found) -> Array:
     """Share of the dissipation at frequencies at which a material was not measured [1].
 
@@ -104,7 +128,14 @@ def extrapolated_friction(found: Found) -> Array:
     return jnp.sum(jnp.where(outside, lost, 0)) / nonzero(jnp.sum(lost))
 
 
-@of_steady("", "1", "approach over the thickness of layers on a rigid base", needs=["window"])
+@of_steady(
+    "", "1", "approach over the thickness of layers on a rigid base", needs=[WINDOW],
+    warns=Above(
+        0.2 - 1e-3,  # from 20 % on, whatever the error of the solve
+        "The body moved into the layers by {value:.0%} of their thickness above the rigid base. "
+        f"The model assumes small strains: above 20% the neglected terms exceed {DOUBTFUL:.0%}.",
+    ),
+)  # fmt: skip
 def compression(found: Sliding) -> Array:
     """How far a body on a window moved into layers on a rigid base, over their thickness [1].
 
@@ -115,24 +146,62 @@ def compression(found: Sliding) -> Array:
     return approach(found) / found.problem.thickness
 
 
-@of_cycle("", "1", "difference of two forms of the load's work, over the dissipation")
+@of_steady(
+    "", "1", "share of the load on the rim of the window", needs=[WINDOW],
+    warns=Above(
+        1e-3,
+        "{value:.2g} of the load acts on the rim of the window. Take a larger window, unless the "
+        "body ends there.",
+    ),
+)  # fmt: skip
+def rim_load(found: Sliding) -> Array:
+    """Share of the load on the outermost points of a window [1]; NaN without a load."""
+    rim = np.full(found.grid.shape, WINDOW in found.facts)
+    rim[(slice(1, -1),) * found.grid.ndim] = False
+    return jnp.sum(found.pressure, where=rim) / jnp.sum(found.pressure)
+
+
+@of_cycle(
+    "", "1", "difference of two forms of the load's work, over the dissipation",
+    warns=Above(
+        DOUBTFUL,
+        "The work of the load has an error of about {value:.0%} of the dissipated energy: the "
+        "load or the gap changes too fast for the number of times. Take more times, or let a "
+        "jump last several of them.",
+    ),
+)  # fmt: skip
 def load_mismatch(found: CyclicSliding) -> Array:
     """Difference of `load_work` from -∮ σ0 dū, its other form, over the energy dissipated [1].
 
     It is the error of grid and times; 0 without dissipation.
     """
-    by_gap = -jnp.mean(load(found) * rate_of(mean_gap(found), found.period))
+    by_gap = -jnp.mean(mean_load(found) * rate_of(mean_gap(found), found.period))
     lost = jnp.sum(dissipation_of_waves(found))
     return jnp.abs(load_work(found) / found.period - by_gap) / nonzero(lost)
 
 
-@of_cycle("", "1", "largest step from one time to the next, in spacings of the grid")
+@of_cycle(
+    "", "1", "largest step from one time to the next, in spacings of the grid",
+    warns=Above(
+        1.0 + DOUBTFUL,
+        "The surface moves by up to {value:.2g} spacings of the grid from one time to the next: "
+        "the times do not resolve how the shortest waves move. Take more times.",
+    ),
+)  # fmt: skip
 def largest_step(found: CyclicSliding) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
     return Motion(found.displacement, found.period).largest_step(found.grid)
 
 
-@of_cycle("", "1", "extent of the motion that comes back, over the cell")
+@of_cycle(
+    "", "1", "extent of the motion that comes back, over the cell",
+    warns=Above(
+        1 + 1e-3,  # a stroke as long as the cell may be rounded
+        "The stroke is {value:.3g} times as long as the cell: the surface is periodic, so that "
+        "the next copy of each asperity follows in its track before it turns. Take a larger cell "
+        "or a shorter stroke.",
+    ),
+)  # fmt: skip
 def stroke_over_cell(found: CyclicSliding) -> Array:
     """Extent of the motion along an axis over the edge of the cell [1], the larger one.
 
@@ -142,7 +211,15 @@ def stroke_over_cell(found: CyclicSliding) -> Array:
     return jnp.max(jnp.ptp(back, axis=0) / found.grid.size[: back.shape[1]])
 
 
-@of_cycle("", "1", "ripple of the traction before a start, over its peak")
+@of_cycle(
+    "", "1", "ripple of the traction before a start, over its peak",
+    warns=Above(
+        0.01,  # smooth starts have 0.3 % or less
+        "At rest, before it starts, the friction ripples by {value:.1%} of its peak. This ripple "
+        "is numerical: the motion starts too suddenly for the times. Take more times, or a "
+        "smoother start.",
+    ),
+)  # fmt: skip
 def ripple_at_rest(found: CyclicSliding) -> Array:
     """Ripple of the traction at rest, before a start, over the largest traction [1].
 
@@ -157,7 +234,14 @@ def ripple_at_rest(found: CyclicSliding) -> Array:
     return jnp.max(before) / nonzero(jnp.max(lengths(tractions)))
 
 
-@of_cycle("", "1", "share of the velocity at the upper half of the frequencies")
+@of_cycle(
+    "", "1", "share of the velocity at the upper half of the frequencies",
+    warns=Above(
+        DOUBTFUL,
+        "{value:.0%} of the velocity is at the upper half of the frequencies that the times "
+        "resolve: the motion has kinks or jumps. Take more times, or a smoother motion.",
+    ),
+)  # fmt: skip
 def unresolved_motion(found: CyclicSliding) -> Array:
     """Share of the velocity at the upper half of the frequencies [1]."""
     waves = jnp.abs(jnp.fft.rfft(found.motion_of_surface[0], axis=0)) ** 2

@@ -1,0 +1,268 @@
+"""What several observables share: fields, tractions and slopes of a contact under sliding.
+
+The formulas hold for steady sliding, for cycles and on windows: the operator of the contact knows
+its fields (`contacts/operator.py`). Arrays over time are those of a cycle.
+
+On the moving surface the pressure σ exerts the traction τ = -⟨σ ∇w⟩ [Pa] against the motion; w is
+the displacement of the block.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..contacts import area
+from ..contacts.operator import nonzero
+from ..core.derivative import largest
+from ..fields.frequency import direction_and_speed, wave_frequencies
+from ..fields.grid import derivative, odd_wavevector
+from .facts import WINDOW
+from .motion import refined
+from .result import CyclicSliding, Found, Sliding
+from .shear import shear_field, shear_parts
+
+
+def shared(formula: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Returns a formula that each program computes once, see `Kept`."""
+
+    @functools.wraps(formula)
+    def run(found):
+        known = found.kept.formulas
+        if known is None:
+            return formula(found)
+        if formula not in known:
+            known[formula] = formula(found)
+        return known[formula]
+
+    return run
+
+
+def mean_load(found: Found, pressure: Array | None = None) -> Array:
+    """The mean pressure, in a cycle at each time [Pa]."""
+    # Of the cell, which is larger than a window.
+    on_cell = loaded(found)[0] if pressure is None else pressure
+    return found.operator.at_each_time(jnp.mean, on_cell)
+
+
+def friction_of_cycle(found: Found) -> Array:
+    """The friction at each time of a cycle [1], hysteresis and shear together."""
+    return over_load(found, all_tractions(found))
+
+
+@shared
+def loaded(found: Found) -> tuple[Array, Array]:
+    """The pressure on the cell, and its own displacement, which balances energy to rounding."""
+    pressure = found.operator.on_cell(found.pressure)
+    return pressure, found.operator.displace(pressure) + lift(found)
+
+
+@shared
+def tractions_on(found: Found) -> list[Array]:
+    """The tangential traction on the block along each of its components [Pa], on the cell."""
+    pressure, indicator, stress = found.pressure, indicator_of(found), found.shear
+    assert stress is not None
+    if isinstance(found, CyclicSliding):
+        speeds = lengths(found.motion_of_surface[0])
+        at = lambda p, i, speed: shear_field(p, i, dataclasses.replace(stress, speed=speed))  # noqa: E731
+        size = jax.vmap(at)(pressure, indicator, speeds)
+    else:
+        size = shear_field(pressure, indicator, stress)
+    return [found.operator.on_cell(size * part) for part in found.directions]
+
+
+@shared
+def lift(found: Found) -> Array:
+    """The displacement along z under the traction that the kernel does not contain [m]."""
+    if found.coupling is None or found.coupling.in_kernel:
+        return jnp.zeros((), found.pressure.dtype)
+    return found.coupling.lifted(found.operator, tractions_on(found))
+
+
+def displaced(found: Found) -> tuple[Array, Array]:
+    """Pressure and displacement on the cell; the solution's own where it has one everywhere."""
+    if WINDOW in found.facts:
+        return loaded(found)
+    return found.pressure, found.contact.displacement
+
+
+def along_motion(found: Found) -> list[Array]:
+    """q of each wave along the velocity [rad/m]; in a cycle along each axis that it moves on."""
+    if isinstance(found, CyclicSliding):
+        return list(odd_wavevector(found.grid)[: found.moved.shape[1]])
+    # ω = -q·v of a unit velocity, with the other sign.
+    return [-wave_frequencies(found.cell, direction_and_speed(found.velocity)[0])]
+
+
+def tractions_of(found: Found, pressure: Array, profile: Array) -> Array:
+    """-⟨σ ∂f/∂x⟩ [Pa] on the cell, along the motion on the last axis."""
+    parts = [found.operator.traction(pressure, profile, q) for q in along_motion(found)]
+    return jnp.stack(parts, axis=-1)
+
+
+@shared
+def own_tractions(found: Found) -> Array:
+    return tractions_of(found, *loaded(found))
+
+
+@shared
+def all_tractions(found: Found) -> Array:
+    """The traction against the motion in a cycle, of slopes and of shear [Pa]."""
+    return own_tractions(found) + sheared(found)[0]
+
+
+def over_load(found: Found, tractions: Array) -> Array:
+    """Tractions over the load along the motion, NaN without contact."""
+    if isinstance(found, Sliding):
+        return tractions[0] / mean_load(found)
+    # Times without contact must not spoil the derivatives of the others.
+    size = mean_load(found)[:, None]
+    over = jnp.where(size > 0, tractions / jnp.where(size > 0, size, 1), jnp.nan)
+    return over.reshape(found.displacement.shape)
+
+
+def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
+    """The friction of steady sliding, or mean and peak friction of a cycle, under a pressure.
+
+    That of a cycle contains the shear, which acts where the indicator of contact is positive.
+    """
+    tractions = tractions_of(found, pressure, found.operator.displace(pressure) + lift(found))
+    size = mean_load(found, pressure)
+    if isinstance(found, Sliding):
+        return tractions / size
+    over = tractions / jnp.where(size > 0, size, 1)[:, None]
+    between, rubbing = refined(over), power_of(found, tractions)
+    if found.shear is not None:
+        (at, _), (along, sheared_power) = (
+            shear_of_cycle(found, pressure, indicator, fine) for fine in (False, True)
+        )
+        over = over + at / jnp.where(size > 0, size, 1)[:, None]
+        fine_size = refined(size)[:, None]
+        between = between + along / jnp.where(fine_size > 0, fine_size, 1)
+        rubbing = rubbing + sheared_power
+    # The peak lies between two times; after a jump of the load, waves between them would be noise.
+    peak = jnp.where(jnp.min(size) > 0, largest(lengths(between)), largest(lengths(over)))
+    # Work over load and path: a mean of ratios would count times with little load too much.
+    return jnp.stack([rubbing / nonzero(loaded_path(found, size)), peak])
+
+
+def loaded_path(found: Found, size: Array) -> Array:
+    """The mean of load times speed [W/m²] of a cycle."""
+    # At a turn the speed has a kink, which few times would smooth.
+    return jnp.mean(refined(size) * lengths(refined(found.motion_of_surface[0])))
+
+
+def shear_of_cycle(
+    found: Found, pressure: Array, indicator: Array, fine: bool
+) -> tuple[Array, Array]:
+    """The traction of shear along the motion [Pa], at its times or `refined`, and its mean power.
+
+    The law holds at the pressure and the speed of each time. At rest it has no direction and is 0.
+    """
+    rate, at_rest = found.motion_of_surface[0], rests(found)
+    fastest = jnp.max(lengths(rate))
+    times = refined if fine else (lambda over_time: over_time)
+
+    def law(speed):
+        # At rest a law, such as a power of the speed, may have no derivative.
+        assert found.shear is not None
+        return dataclasses.replace(found.shear, speed=jnp.where(speed > 0, speed, fastest))
+
+    def at(pressure, indicator, speed):
+        added = shear_parts(pressure, law(speed))[1]
+        return area.sub_pixel_area(indicator), jnp.mean(added)
+
+    touches, added = map(times, jax.vmap(at)(pressure, indicator, lengths(rate)))
+    rate = times(rate)
+    speed = lengths(rate)
+    # Between the times the area is smooth, but near a turn the stress without pressure is not.
+    least = jax.vmap(lambda speed: law(speed)(jnp.zeros((), pressure.dtype)))(speed)
+    stress = least * touches + added
+    # The Fourier series of a stop ripples.
+    still = at_rest & jnp.roll(at_rest, 1)
+    still = jnp.repeat(at_rest, len(speed) // len(at_rest)) if fine else still
+    moves = ~still & (speed > 1e-9 * fastest)
+    along = jnp.where(moves, stress / jnp.where(moves, speed, 1), 0)
+    return along[:, None] * rate, jnp.mean(stress * speed)
+
+
+def slopes(found: Found, pressure: Array, displacement: Array) -> Array:
+    """The rms slope weighted by |pressure|, at each time; 0 without contact."""
+
+    def slope(p, w):
+        squared = sum(derivative(w, found.cell, axis) ** 2 for axis in range(found.cell.ndim))
+        # With adhesion some pressures are negative.
+        weight = jnp.abs(p)
+        return _root(jnp.mean(weight * squared) / nonzero(jnp.mean(weight)))
+
+    return found.operator.at_each_time(slope, pressure, displacement)
+
+
+def _root(squared: Array) -> Array:
+    """The square root, with the derivative 0 at 0."""
+    return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
+
+
+def lengths(vectors: Array) -> Array:
+    """The lengths of vectors on the second axis, with the derivative 0 at 0."""
+    return _root(jnp.sum(vectors**2, axis=1))
+
+
+def rests(found: Found) -> Array:
+    """Whether the surface rests from each time of a cycle to the next one."""
+    moved, size = found.moved, found.grid.size[: found.moved.shape[1]]
+    steps = jnp.roll(moved, -1, axis=0) - moved
+    steps = lengths(steps - size * jnp.round(steps / size))  # the last may be by whole cells
+    return steps <= 1e-6 * jnp.max(steps)
+
+
+def power_of(found: Found, tractions: Array) -> Array:
+    """The mean power of tractions over a cycle [W/m²]."""
+    return jnp.mean(jnp.sum(tractions * found.motion_of_surface[0], axis=1))
+
+
+@shared
+def touching(found: Found) -> Array:
+    return indicator_of(found) > 0
+
+
+def share_of(found: Found, formula: Callable[..., Array], *fields: Array) -> Array:
+    """An area at each time, in the dtype of the pressure."""
+    return found.operator.at_each_time(formula, *fields).astype(found.pressure.dtype)
+
+
+def moved_where_loaded(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
+    """How far a window moves where it is loaded, less a field; and the block's mean part of it."""
+    pressure, weight = operator.on_cell(found.pressure), jnp.abs(found.pressure)
+    weight = jax.lax.stop_gradient(jnp.where(jnp.sum(weight) > 0, weight, 1))
+    moved = operator.on_surface(operator.displace(pressure)) - field
+    mean = operator.kernel[(0,) * operator.kernel.ndim].real * jnp.mean(pressure)
+    return jnp.stack([jnp.sum(weight * moved) / jnp.sum(weight), mean])
+
+
+@shared
+def indicator_of(found: Found) -> Array:
+    """How far points are inside contact or outside [Pa], see `AbstractLaw.contact_indicator`."""
+    stiffness = area.edge_stiffness(found.operator.at_edges, found.cell)
+    return found.law.contact_indicator(found.pressure, found.gap, stiffness)
+
+
+# Shear in the contact.
+
+
+@shared
+def sheared(found: Found) -> tuple[Array, Array]:
+    """The tractions of shear along the motion at the times of a cycle [Pa], and the mean power."""
+    if found.shear is None:
+        return jnp.zeros_like(found.moved), jnp.zeros((), found.pressure.dtype)
+    given = found, loaded(found)[0], indicator_of(found)
+    return shear_of_cycle(*given, False)[0], shear_of_cycle(*given, True)[1]
+
+
+def shear_power(found: Found) -> Array:
+    """Mean power of shear in a cycle [W/m²]."""
+    return sheared(found)[1]
