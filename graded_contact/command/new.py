@@ -22,7 +22,7 @@ from ..scenes.theory import excites_unknown, mean_fields
 from ..sliding.doubts import EXTRAPOLATED
 from ..studies.dataset import write_whole
 from . import fit
-from .result_tables import print_surface
+from .result_tables import print_caveats, print_surface
 from .terminal import Output, Replace, checked_place, refusing
 
 FINEST_EDGE = 512  # points along an edge, for results within minutes
@@ -81,6 +81,7 @@ def new(
         read["shape"] = tuple(min(2 * n, most) for n in surface.grid.shape)
         surface = read_surface(surface_file, **read)
         print_surface(surface)
+        print_caveats(surface.caveats)
         found, measured = fit.material_of(
             moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, robust=robust,
             terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,

@@ -169,11 +169,10 @@ def print_scene(scene: Scene) -> None:
 
 
 def print_read(scene: Scene, surface: Surface | None) -> None:
-    """Prints how the files of a scene were read, and the warnings about its surface."""
+    """Prints how the files of a scene were read."""
     told = (note for note in scene.notes if note not in scene.assumed)
     for sentence in filter(None, (scene.title, *told)):
         typer.echo(sentence)
-    print_caveats(scene.assumed)
     if surface is not None:
         print_surface(surface)
 
@@ -185,11 +184,10 @@ def print_caveats(sentences: Iterable[str]) -> None:
 
 
 def print_surface(surface: Surface) -> None:
-    """Prints the changes of a surface, its roughness after each, and the warnings about it."""
+    """Prints the changes of a surface, and its roughness after each."""
     for sentence in surface.history:
         typer.echo(f"surface: {sentence}")
     print_steps(surface)
-    print_caveats(surface.caveats)
 
 
 def print_steps(surface: Surface) -> None:

@@ -32,7 +32,7 @@ def export_friction(table: "Dataset", format: str, *, name: str = "friction") ->
 
     **Arguments:**
 
-    - `table`: of `friction_table`, or of `run_scene` without further axes.
+    - `table`: of `friction_table`, or of `Plan.run` without further axes.
     - `format`: one of `FORMATS`.
     - `name`: of the surface interaction.
 

@@ -23,7 +23,7 @@ from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed, velocity_along
 from ..mean_field.mean_field import mean_field_friction
-from ..scenes.run_scene import build_surface
+from ..scenes.plan import build_surface
 from ..scenes.scene import refuse_liquids
 from ..scenes.surface_source import RandomSurface
 from ..sliding.case import Case, Heating

@@ -29,7 +29,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
 
     **Arguments:**
 
-    - `cycle`: a solution of `slide_cycle` for a motion along x, or the result of `run_scene` for a
+    - `cycle`: a solution of `slide_cycle` for a motion along x, or the result of `Plan.run` for a
       scene with [motion]: one line for each of its solves.
     """
     lines = _over_time(cycle)

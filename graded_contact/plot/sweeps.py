@@ -65,7 +65,7 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
 
     **Arguments:**
 
-    - `results`: the result of `run_scene`.
+    - `results`: the result of `Plan.run`.
     - `all_seeds`: draws a thin line for each surface in addition.
 
     **Raises:** `ValueError` if no solve succeeded, and for the results of a scene with [motion].
@@ -83,7 +83,7 @@ def plot_reduced(results: "Dataset") -> "Figure":
 
     **Arguments:**
 
-    - `results`: the result of `run_scene` for several temperatures.
+    - `results`: the result of `Plan.run` for several temperatures.
 
     **Raises:** `ValueError` with the reason if there is no such curve.
     """
@@ -101,7 +101,7 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
 
     **Arguments:**
 
-    - `results`: the result of `run_scene`, over the same axes. Points may differ; axes of one point
+    - `results`: the result of `Plan.run`, over the same axes. Points may differ; axes of one point
       and seeds do not matter.
     - `names`: of the results, for the legend.
 

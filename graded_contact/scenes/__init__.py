@@ -1,7 +1,7 @@
 """A scene from its file to its results; designs of scenes."""
 
+from .plan import Plan, plan
 from .results import read_results
-from .run_scene import run_scene
 from .scene import Scene, read_scene
 
-__all__ = ["Scene", "read_results", "read_scene", "run_scene"]
+__all__ = ["Plan", "Scene", "plan", "read_results", "read_scene"]

@@ -27,7 +27,7 @@ from .design_quantities import (
     objective_of,
 )
 from .design_scene import DesignScene
-from .run_scene import scene_fields
+from .plan import fields_in_memory
 from .surface_source import RandomSurface
 
 STARTS = 8  # of the mean field
@@ -182,4 +182,4 @@ def design_fields(study: DesignScene, *, searched: bool) -> float:
     seeds = (source.seeds or 1) if isinstance(source, RandomSurface) else 1
     count = max(seeds, study.verify if study.polish else 0)
     fields = scene.num_times * (2 * count + DERIVATIVE) if searched else 1
-    return fields + scene_fields(dataclasses.replace(scene, fields="none"))
+    return fields + fields_in_memory(dataclasses.replace(scene, fields="none"))

@@ -73,9 +73,7 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
 
 
 def fields_of(scene: Scene) -> tuple[str, ...]:
-    """The fields of the solves that are kept: heights if each seed has its own."""
-    if scene.fields == "none":
-        return ()
+    """The fields of a solve that may be kept: heights if each seed has its own."""
     return tuple(name for name in KEPT_FIELDS if name != "heights" or "seed" in scene.axes)
 
 
@@ -126,7 +124,7 @@ def collect(
             variables["reduced_velocity"] = ("temperature", "velocity"), reduced
     attributes["kept"] = " ".join(map(str, kept))
     one = points[int(np.ravel_multi_index(kept, shape))]
-    for name in fields_of(scene):
+    for name in fields_of(scene) if scene.fields != "none" else ():
         about = {"units": FIELDS[name].unit, "long_name": FIELDS[name].meaning}
         inner = dict(zip(places, surface.grid.shape, strict=True))
         inner = inner if name == "heights" else times | inner  # heights are the same at all times
@@ -178,13 +176,13 @@ def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
 
 
 def read_results(path: str | os.PathLike) -> "Dataset":
-    """Returns the results that `run_scene`, or the command `run`, gave.
+    """Returns the results that `Plan.run`, or the command `run`, gave.
 
     **Arguments:**
 
     - `path`: of the HDF5 file.
 
-    **Returns:** an `xarray.Dataset`, bit for bit as it was written; see `run_scene`.
+    **Returns:** an `xarray.Dataset`, bit for bit as it was written; see `Plan.run`.
 
     **Raises:** `FileNotFoundError`; `ValueError` for another file, a damaged one, one that another
     program is changing, and one of a later format.

@@ -129,7 +129,7 @@ class Scene:
     - `text`: the TOML text.
     - `title`: one line for the reader.
     - `stack`: the block of the file; `block` returns that of a point.
-    - `surface`: where the surface comes from; `build_surface` makes it.
+    - `surface`: where the surface comes from; `plan` makes it.
     - `sweep`: other values for numbers of the stack, by their paths.
     - `pressure`: mean pressures [Pa], an axis; none with an approach.
     - `approach`: of a body on a window since its first touch [m], an axis in place of the pressure.

@@ -13,8 +13,8 @@ import graded_contact as gc
 from graded_contact.command.result_tables import print_table
 from graded_contact.core.quantities import OBSERVABLES, Above, observable
 from graded_contact.fields.frequency import wave_frequencies
+from graded_contact.scenes.plan import build_surface, plan
 from graded_contact.scenes.results import contact_at, kept_solves, shift_factors, warnings_of
-from graded_contact.scenes.run_scene import build_surface, check_run, point_names, run_scene
 from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import check_frequencies_of
 from graded_contact.studies.store import Store
@@ -30,7 +30,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def results(scene):
-    return run_scene(scene)
+    return plan(scene).run()
 
 
 def test_a_run_gives_what_slide_gives(scene, results):
@@ -51,7 +51,7 @@ def test_a_run_gives_what_slide_gives(scene, results):
 
 def test_what_is_assumed_of_a_file_is_a_caveat_of_every_solve(scene, capsys):
     told = dataclasses.replace(scene, assumed=("tread: Read as tension.",))
-    found = run_scene(told)
+    found = plan(told).run()
     assert found.attrs["caveats"].startswith("tread: Read as tension.")
     first = warnings_of(found)[0]
     assert first.sentence == "tread: Read as tension." and np.all(first.where)
@@ -70,7 +70,7 @@ def test_an_observable_is_one_function(capsys):
 
     try:
         scene = parse_scene(changed("shape = [32, 32]", "shape = [16, 16]", "8e4", "4e4"))
-        results = run_scene(scene)
+        results = plan(scene).run()
         sliding = gc.slide(scene.stack, build_surface(scene), pressure=4e5, velocity=1.0)
         assert sliding.largest_pressure == np.max(sliding.pressure)
         assert "largest_pressure [Pa]" in repr(sliding)
@@ -104,7 +104,7 @@ def test_friction_from_frequencies_that_were_not_measured_is_refused_before_solv
         r"velocities \(1 to 1 m/s\).*`extrapolate = true` in \[load\]"
     )
     with pytest.raises(ValueError, match=refusal):
-        run_scene(scene)
+        plan(scene)
     # The last wave alone lies outside: less than a hundredth of the friction, and no refusal.
     surface = build_surface(scene)
     fastest = np.max(np.abs(wave_frequencies(surface.grid, 1.0)))
@@ -112,7 +112,7 @@ def test_friction_from_frequencies_that_were_not_measured_is_refused_before_solv
 
 
 def test_extrapolated_friction_that_is_allowed_is_reported_and_marked():
-    results = run_scene(parse_scene(measured_tread("[1.0, 1e4]", "extrapolate = true")))
+    results = plan(parse_scene(measured_tread("[1.0, 1e4]", "extrapolate = true"))).run()
     assert np.all(results.extrapolated_friction[:, 0] == 0)
     assert np.all(results.extrapolated_friction[:, 1] > 0.05)
     (caveat,) = (c for c in warnings_of(results) if "not measured" in c.sentence)
@@ -140,12 +140,12 @@ def solved(monkeypatch):
 
 def test_scenes_share_the_solves_that_they_have_in_common(scene, results, solved, tmp_path):
     with Store(tmp_path) as store:
-        run_scene(scene, store=store)
+        plan(scene).run(store=store)
         more = parse_scene(changed("[0.01, 1.0]", "[1.0, 0.1]", 'title = "a small', 'title = "a'))
-        found = run_scene(more, store=store)
+        found = plan(more).run(store=store)
         assert solved[4:] == found.point.values[:, 1].tolist()
-        assert found.identical(run_scene(more))
-        assert run_scene(scene, store=store).identical(results) and len(solved) == 6
+        assert found.identical(plan(more).run())
+        assert plan(scene).run(store=store).identical(results) and len(solved) == 6
 
 
 def test_whatever_decides_the_numbers_of_a_solve_decides_its_name(scene, results):
@@ -155,8 +155,7 @@ def test_whatever_decides_the_numbers_of_a_solve_decides_its_name(scene, results
         ("[solver]", "[solver]\nmax_steps = 7"), ("seed = 3", "seed = 3\nseeds = 1"),
     ):  # fmt: skip
         different = parse_scene(changed(*other))
-        names = point_names(different, build_surface(different))
-        assert not np.any(np.isin(names, results.point)), other
+        assert not np.any(np.isin(plan(different).points, results.point)), other
 
 
 VARIED = changed(
@@ -169,7 +168,7 @@ VARIED = changed(
 @pytest.fixture(scope="module")
 def varied():
     scene = parse_scene(VARIED)
-    return scene, run_scene(scene)
+    return scene, plan(scene).run()
 
 
 def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
@@ -225,7 +224,7 @@ def test_errors_act_wherever_their_material_lies_and_not_on_what_is_swept(tmp_pa
         'temperature = [290, 300]\n[sweep]\n"layers[1].material.modulus" = [2e7, 4e7]\n[solver]',
     )  # fmt: skip
     scene = parse_scene(text, tmp_path)
-    results = run_scene(scene)
+    results = plan(scene).run()
     assert np.all(results.message == "") and results.friction_standard_error.shape == (2, 2, 1, 1)
     surface, index = build_surface(scene), (1, 1, 0, 0)
 
@@ -244,8 +243,7 @@ def test_errors_act_wherever_their_material_lies_and_not_on_what_is_swept(tmp_pa
     np.testing.assert_allclose(found, np.linalg.norm(slopes), rtol=1e-3)
     # Errors decide the name of a solve.
     bare = parse_scene(text.replace('errors = "e.csv"\n', ""), tmp_path)
-    names = point_names(bare, surface)
-    assert not np.any(np.isin(names, results.point))
+    assert not np.any(np.isin(plan(bare).points, results.point))
 
 
 def test_frequencies_that_no_table_covers_are_refused_at_any_temperature(tmp_path):
@@ -258,7 +256,7 @@ def test_frequencies_that_no_table_covers_are_refused_at_any_temperature(tmp_pat
         .replace("[solver]", "temperature = [293.15, 350]\n[solver]")
     )
     with pytest.raises(ValueError, match=r"At temperature = .*covers"):
-        run_scene(parse_scene(text, tmp_path))
+        plan(parse_scene(text, tmp_path))
 
 
 MELT = 'kind = "prony"\nequilibrium = 0.0\nstrengths = [1e6]\ntimes = [1e-2]'
@@ -282,7 +280,5 @@ BLEND = 'bottom = "coat"\ntop = "melt"\nshape = {kind = "linear"}'
 )  # fmt: skip
 def test_a_liquid_is_refused_by_the_name_of_its_material(name, pairs):
     scene = parse_scene(changed(*pairs))
-    surface = build_surface(scene)
-    for check in (lambda: check_run(scene, surface), lambda: run_scene(scene, surface=surface)):
-        with pytest.raises(ValueError, match=rf"^\[materials.{name}\] is a liquid .*--equilibrium"):
-            check()
+    with pytest.raises(ValueError, match=rf"^\[materials.{name}\] is a liquid .*--equilibrium"):
+        plan(scene)
