@@ -24,6 +24,7 @@ from typer.testing import CliRunner
 import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import terminal as session
+from graded_contact.core.memory import check_memory
 from graded_contact.core.parameters import paths
 from graded_contact.page.document import (
     open_document,
@@ -37,7 +38,7 @@ from graded_contact.scenes import schema
 from graded_contact.scenes.design_scene import parse_design, read_design
 from graded_contact.scenes.plan import fields_in_memory, plan
 from graded_contact.scenes.scene import parse_scene
-from graded_contact.scenes.surface_source import RandomSurface
+from graded_contact.scenes.surface_source import RandomSurface, SurfaceFile
 
 SEED = 20261
 REFUSALS = (ValueError, OSError, ImportError)
