@@ -51,11 +51,11 @@ TITLES = {
     "blocks.shapes": "Shapes of graded layers",
 }  # fmt: skip
 
-# Keys and tables that have a kind, in the order of `block.KINDS`.
+# Keys and tables that have a kind, in the order of `block.KIND_MAKERS`.
 SHORT = ("shift", "shape", "graded_solver", "[law]", "[shear]", "[motion]")
 # Keys of scenes, by table and by what takes them.
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
-    "The scene": {scene.Tables: keys_of(scene.Tables)},
+    "The scene": {scene.SceneTables: keys_of(scene.SceneTables)},
     **{f'[surface], kind = "{kind}"': takers for kind, takers in surface_source.SURFACES.items()},
     "[grid]": {Grid: keys_of(Grid)},
     "[materials.NAME], any kind": {gc.studies.read_errors: (block.ERRORS, block.ASSUMED)},
@@ -82,7 +82,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "[output]": {scene.Scene: scene.KEYS["[output]"]},
     **{
         f'{place}, kind = "{kind}"': {make: keys_of(make, "grid")}
-        for place, kinds in zip(SHORT, block.KINDS.values(), strict=True)
+        for place, kinds in zip(SHORT, block.KIND_MAKERS.values(), strict=True)
         for kind, make in kinds.items()
     },
     "[design]": {DesignScene: keys_of(DesignScene, "scene", "spectrum")},
@@ -314,7 +314,7 @@ def words(key: Key) -> str:
             return f"number, list, or {{from, to, points}}, {part.words}"
         if part is AbstractMaterial:
             return "NAME of a material"
-        if part in block.KINDS:
+        if part in block.KIND_MAKERS:
             return "table with a `kind`"
     found = " or ".join(WORDS[kind] for kind in classes_of(parts)) or "table"
     rows = any(getattr(part, "dims", ()) for part in parts) or list[float] in parts
@@ -327,7 +327,7 @@ def default_text(key: Key) -> str:
     """Returns the value of a key that is missing."""
     if key.default is REQUIRED:
         return "required"
-    names = {make: kind for kinds in block.KINDS.values() for kind, make in kinds.items()}
+    names = {make: kind for kinds in block.KIND_MAKERS.values() for kind, make in kinds.items()}
     if type(key.default) in names:
         return f'"{names[type(key.default)]}"'
     return entry_text(key.default) if isinstance(key.default, int | float | str) else ""

@@ -21,7 +21,7 @@ from ..scenes.scene import Scene, read_scene, refuse_liquids, refuse_tables
 from ..scenes.schema import parse_toml
 from ..scenes.theory import check_frequencies_of, errors_of_stack, roughness_of
 from ..studies.dataset import FAILED, write, write_whole
-from ..studies.friction_tables import Method, conditions, friction_table
+from ..studies.friction_tables import TableMethod, conditions, friction_table
 from ..studies.interruption import Interruption, interruptible
 from ..surfaces.surface import Surface
 from . import terminal
@@ -41,7 +41,7 @@ def table(
     scene_file: terminal.SceneFile,
     output: terminal.Output = None,
     replace: terminal.Replace = False,
-    method: Annotated[Method, Option(
+    method: Annotated[TableMethod, Option(
         help="Contact solves; or the mean field (Persson's theory), which takes seconds."
     )] = "contact",
 ) -> None:  # fmt: skip
@@ -131,7 +131,7 @@ def _print_theory(theory: "Dataset") -> None:
     typer.echo(f"By the mean field, with the error of its quadrature:\n{text}")
 
 
-def _about(scene: Scene, surface: Surface, method: Method) -> dict[str, str]:
+def _about(scene: Scene, surface: Surface, method: TableMethod) -> dict[str, str]:
     """The method of a table, and what it holds for, in lines."""
     thickness = [float(layer.thickness) for layer in scene.stack.layers]
     lines = [
@@ -146,7 +146,7 @@ def _about(scene: Scene, surface: Surface, method: Method) -> dict[str, str]:
     return {"method": method, "conditions": "\n".join(lines)}
 
 
-def _say_failures(found: "Dataset", method: Method) -> None:
+def _say_failures(found: "Dataset", method: TableMethod) -> None:
     """Prints that points failed, why, and what the other method offers."""
     reasons = found["message"].values[found["message"].values != ""]
     by, remedy = METHODS_IN_WORDS[method]

@@ -18,7 +18,7 @@ from ..plot.words import title_of
 from ..scenes.results import (
     SEED_ERROR,
     has_numbers,
-    of_each,
+    is_of_each,
     over_seeds,
     solve_states,
     surface_of,
@@ -59,7 +59,9 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     """
     every, warnings = results, list(warnings_of(results))
     # What holds for each of several solves is said once, below the table.
-    marks = ["each solve" if of_each(c, every) else str(n) for n, c in enumerate(warnings, start=1)]
+    marks = [
+        "each solve" if is_of_each(c, every) else str(n) for n, c in enumerate(warnings, start=1)
+    ]
     if "seed" in every["message"].dims and not all_seeds:
         results = over_seeds(every)
         seeds = every["message"].dims.index("seed")

@@ -20,8 +20,8 @@ from ..plot.sweeps import NOTHING
 from ..plot.words import label_of, not_gaussian, title_of
 from ..scenes.plan import Plan, plan
 from ..scenes.results import (
-    contact_at,
     has_numbers,
+    kept_contact,
     kept_solves,
     lost_solves,
     older_meaning,
@@ -276,7 +276,7 @@ def _contacts(
     scene: Scene, results: "Dataset", index: tuple[int, ...], num_kept: int, whole: bool
 ) -> Iterator[tuple[str, "Figure"]]:
     """Yields each figure of a solve that was kept; only the maps if the run was interrupted."""
-    fields, surface = contact_at(results, index)
+    fields, surface = kept_contact(results, index)
     if not np.any(fields["pressure"] > 0):
         typer.echo("The surfaces do not touch: no maps are drawn.")
         return

@@ -68,7 +68,7 @@ def plot_film(
 
     **Arguments:**
 
-    - `cycle`: a solution of `slide_cycle`, or the first of `contact_at(results, index)`.
+    - `cycle`: a solution of `slide_cycle`, or the first of `kept_contact(results, index)`.
     - `surface`: the surface that moves.
     - `times`: numbers of the times; by default four, a quarter of the period T apart.
     """

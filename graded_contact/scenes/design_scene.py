@@ -24,7 +24,7 @@ from ..fields.grid import Grid
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .scene import Scene, check_paths, parse_scene, refuse_tables
-from .schema import MOST_BYTES, Reader, parse_toml
+from .schema import MOST_BYTES, TableReader, parse_toml
 from .surface_source import RandomSurface
 
 Objective = Literal[
@@ -276,7 +276,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     source, stack = scene.surface, scene.block({})
     spectrum = source.spectrum if isinstance(source, RandomSurface) else source.build()
     scene = dataclasses.replace(scene, stack=stack, temperature=None)
-    study = Reader(Path(folder)).build(
+    study = TableReader(Path(folder)).build(
         "[design]", table, DesignScene, scene=scene, spectrum=spectrum
     )
     with within("[design.parameters]"):

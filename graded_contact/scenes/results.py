@@ -28,7 +28,7 @@ from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
 from ..fields.grid import Grid
 from ..materials.shift import shifts_in
 from ..sliding.facts import facts_of
-from ..studies.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions, read
+from ..studies.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions, read_dataset
 from ..studies.store import Point, together
 from ..surfaces.reading_steps import ReadingStep
 from ..surfaces.surface import Surface
@@ -192,7 +192,7 @@ def read_results(path: str | os.PathLike) -> "Dataset":
             f"`path={path}` is a scene, which has no numbers yet: run `graded-contact run {path}` "
             "and give its results, a file that ends in .h5."
         )
-    results, older = read(path), ""
+    results, older = read_dataset(path), ""
     try:
         older = older_meaning(results)
         needed = ("message", "point", "heights", "friction", "contact_area")
@@ -263,7 +263,7 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     return *of_files, *caveats_of(lambda name: told.get(name, 0.0), "time" in results.dims)
 
 
-def of_each(caveat: Caveat, results: "Dataset") -> bool:
+def is_of_each(caveat: Caveat, results: "Dataset") -> bool:
     """Returns whether a warning is true of each of several solves with numbers."""
     known = has_numbers(results).values
     return bool(np.sum(known) > 1 and np.all(caveat.where[known]))
@@ -346,7 +346,7 @@ def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:
     return [kept] if kept in found else []
 
 
-def contact_at(results: "Dataset", index: tuple[int, ...]) -> tuple["Dataset", Surface]:
+def kept_contact(results: "Dataset", index: tuple[int, ...]) -> tuple["Dataset", Surface]:
     """Returns `pressure`, `gap` and `displacement` of a solve that was kept, and its surface."""
     kept = {new: name for name, new in KEPT_FIELDS.items() if new in results}
     fields = results[[*kept]]

@@ -43,7 +43,7 @@ from ..sliding.numerics import Numerics
 from ..sliding.shear import AbstractShear, shear_stress
 from ..studies.parameter_covariance import Errors
 from ..surfaces.surface import Surface
-from .block import KINDS, Block, extremes
+from .block import KIND_MAKERS, Block, extremes
 from .schema import LINEAR, LOGARITHMIC, MOST_BYTES, ROOT, check_texts, keys_of, parse_toml
 from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_source
 
@@ -71,7 +71,7 @@ class Observe:
 
 
 @dataclasses.dataclass(frozen=True)
-class Tables:
+class SceneTables:
     """The tables of a scene; those that need others are converted after them.
 
     **Fields:**
@@ -317,7 +317,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     block = Block(Path(folder))
     reader = block.reader
     entries = parse_toml(text)
-    tables: Tables = reader.build(ROOT, entries, Tables)
+    tables: SceneTables = reader.build(ROOT, entries, SceneTables)
     (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
     if ("pressure" in load) == ("approach" in load):
         both = "has `pressure` and `approach`; give" if "pressure" in load else "lacks"
@@ -343,7 +343,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     motion = step = None
     if tables.motion is not None:
         line = _along(surface, direction)
-        motions = {**KINDS[Motion], "recorded": block.recorded}
+        motions = {**KIND_MAKERS[Motion], "recorded": block.recorded}
         motion = reader.build_kind("[motion]", tables.motion, motions, grid=line)
         step = float(motion.largest_step(line))
         load.setdefault("velocity", np.array([float(motion.highest_speed)]))

@@ -93,7 +93,7 @@ def keys_of(make: Callable, *without: str) -> tuple[Key, ...]:
     return tuple(found)
 
 
-class Reader:
+class TableReader:
     """Makes objects of tables.
 
     **Arguments:**

@@ -26,7 +26,7 @@ from .sweep import sweep
 if TYPE_CHECKING:
     from xarray import Dataset
 
-Method = Literal["contact", "mean_field"]
+TableMethod = Literal["contact", "mean_field"]
 _ENGINE = ("store", "workers", "client", "progress")  # arguments of `sweep`
 
 
@@ -39,7 +39,7 @@ def friction_table(
     velocity: Numbers,
     temperature: Numbers | None = None,
     direction: float = 0.0,
-    method: Method = "contact",
+    method: TableMethod = "contact",
     errors: Errors | None = None,
     **options: Any,
 ) -> "Dataset":
@@ -101,7 +101,7 @@ def friction_table(
 
 def _check_table(
     stack: Stack, roughness: Any, pressure: Numbers, velocity: Numbers, direction: float,
-    method: Method,
+    method: TableMethod,
 ) -> None:  # fmt: skip
     """Raises `ValueError` for what no table has."""
     is_surface = isinstance(roughness, Surface)
@@ -135,7 +135,7 @@ def _by_mean_field(options: dict[str, Any], case: Case) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def conditions(direction: float, shear: Any, heating: Any, method: Method) -> str:
+def conditions(direction: float, shear: Any, heating: Any, method: TableMethod) -> str:
     """Returns in a sentence what a table of friction holds for."""
     parts = [
         f"Steady sliding at {direction:g} rad from the x axis",

@@ -8,7 +8,7 @@ import graded_contact as gc
 from graded_contact.command.result_tables import print_table
 from graded_contact.scenes.plan import build_surface, plan
 from graded_contact.scenes.results import (
-    contact_at,
+    kept_contact,
     kept_solves,
     numbers_of_scene,
     read_results,
@@ -76,7 +76,7 @@ def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(c
     again = read_results(tmp_path / "r.h5")
     assert again.identical(results)
     assert kept_solves(again) == [(1, 0, 1)]
-    fields, surface = contact_at(again, (1, 0, 1))
+    fields, surface = kept_contact(again, (1, 0, 1))
     assert fields["pressure"].shape == (8, 16, 16) and surface.periodic
     np.testing.assert_allclose(
         fields["pressure"].mean(("x", "y")), again["load"][1, 0, 1], rtol=1e-9
@@ -170,4 +170,4 @@ def test_a_sphere_in_a_scene_has_the_pressure_of_hertz():
     moved = plan(parse_scene(text.replace(load, f"approach = {results.approach.item()}"))).run()
     assert moved["message"].dims == ("approach", "velocity")
     np.testing.assert_allclose(moved.mean_pressure.item(), 1e-2 / 36e-8, rtol=1e-4)
-    assert not contact_at(results, (0, 0))[1].periodic
+    assert not kept_contact(results, (0, 0))[1].periodic

@@ -14,7 +14,7 @@ from graded_contact.command.result_tables import print_table
 from graded_contact.core.quantities import OBSERVABLES, Above, observable
 from graded_contact.fields.frequency import wave_frequencies
 from graded_contact.scenes.plan import build_surface, plan
-from graded_contact.scenes.results import contact_at, kept_solves, shift_factors, warnings_of
+from graded_contact.scenes.results import kept_contact, kept_solves, shift_factors, warnings_of
 from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import check_frequencies_of
 from graded_contact.studies.store import Store
@@ -185,7 +185,7 @@ def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
     for name in ("friction", "contact_area", "mean_gap"):
         np.testing.assert_allclose(results[name][index], getattr(sliding, name), rtol=1e-6)
     assert kept_solves(results) == [index]
-    fields, own = contact_at(results, index)
+    fields, own = kept_contact(results, index)
     np.testing.assert_allclose(fields.pressure, sliding.pressure, rtol=1e-3, atol=1)
     np.testing.assert_allclose(own.heights, surface.heights, atol=1e-15)
     np.testing.assert_array_equal(results.heights, build_surface(scene).heights)

@@ -21,7 +21,7 @@ from graded_contact.exports import export_friction
 from graded_contact.scenes.scene import KEYS
 from graded_contact.sliding import ConstantShear
 from graded_contact.studies import friction_table
-from graded_contact.studies.dataset import read
+from graded_contact.studies.dataset import read_dataset
 from graded_contact.studies.parameter_covariance import Errors
 from graded_contact.studies.store import fingerprint
 
@@ -228,7 +228,7 @@ def test_the_command_writes_what_python_computes(invoke, tmp_path):
     call = (*MEAN_FIELD, "--output", "~/out")
     done = invoke(*call)
     assert done.exit_code == 0, done.output
-    written = read(tmp_path / "out" / "small-friction.h5")
+    written = read_dataset(tmp_path / "out" / "small-friction.h5")
     assert written.attrs["method"] == "mean_field"
     for form, ending in (("abaqus", "inp"), ("csv", "csv")):
         text = (tmp_path / "out" / f"small-friction.{ending}").read_text()
@@ -246,7 +246,7 @@ def test_the_command_writes_what_python_computes(invoke, tmp_path):
 def test_the_table_is_of_contacts_and_says_so(invoke, tmp_path):
     done = invoke("-o", str(tmp_path))
     assert done.exit_code == 0, done.output
-    written = read(tmp_path / "small-friction.h5")
+    written = read_dataset(tmp_path / "small-friction.h5")
     scene = gc.read_scene(tmp_path / "small.toml")
     alone = gc.slide(scene.stack, scene.surface.build(), pressure=2e5, velocity=1.0)
     np.testing.assert_allclose(written.friction[0, 1], alone.friction, rtol=1e-8)
@@ -270,7 +270,7 @@ def test_a_point_that_fails_by_one_method_offers_the_other(invoke, tmp_path, mon
     assert "2 of 2 points failed by the mean field. The first: The mean field did not" in text
     assert "No card is written. `--method contact` writes cards of contact." in text
     assert "By the mean field, with the error of its quadrature:" in failed.stdout
-    assert np.all(np.isnan(read(tmp_path / "small-friction.h5").friction))
+    assert np.all(np.isnan(read_dataset(tmp_path / "small-friction.h5").friction))
 
 
 MEASURED = (
@@ -284,7 +284,7 @@ def test_the_caveats_of_a_table_are_those_of_a_run(invoke, tmp_path):
     load = "[1.0]\nextrapolate = true"
     done = invoke(*MEAN_FIELD, "-o", str(tmp_path), replaced=MEASURED, load=load)
     assert done.exit_code == 0, done.output
-    of_theory = read(tmp_path / "small-friction.h5").attrs["caveats"].splitlines()
+    of_theory = read_dataset(tmp_path / "small-friction.h5").attrs["caveats"].splitlines()
     assert of_theory[0] == "tread: Read as tension."
     share = r"^\d+% of the friction comes from frequencies or a temperature at which a material"
     assert re.search(share, of_theory[1]) and len(of_theory) == 2
@@ -292,7 +292,7 @@ def test_the_caveats_of_a_table_are_those_of_a_run(invoke, tmp_path):
         assert f"Caveat: {sentence}" in done.stdout
     scene = gc.read_scene(tmp_path / "small.toml")
     assert invoke("-o", str(tmp_path), "--replace", replaced=MEASURED, load=load).exit_code == 0
-    of_contact = read(tmp_path / "small-friction.h5").attrs["caveats"]
+    of_contact = read_dataset(tmp_path / "small-friction.h5").attrs["caveats"]
     assert of_contact == gc.plan(scene).run().attrs["caveats"]
     assert "tread: Read as tension." in of_contact
 

@@ -16,7 +16,7 @@ import graded_contact as gc
 from graded_contact.contacts.solve import RESULTS
 from graded_contact.studies import program as program_module
 from graded_contact.studies import workers as workers_module
-from graded_contact.studies.dataset import LOST, read, write
+from graded_contact.studies.dataset import LOST, read_dataset, write
 from graded_contact.studies.program import trace
 from graded_contact.studies.store import Point, Store
 from graded_contact.studies.sweep import sweep
@@ -62,7 +62,7 @@ def test_a_list_of_points_has_one_axis_and_a_file_holds_it(tmp_path):
     assert study.friction.values.tolist() == [grid.friction[0, 1], grid.friction[2, 0]]
     np.testing.assert_array_equal(study.velocity, [0.1, 10.0])
     write(tmp_path / "study.h5", study)
-    assert same(read(tmp_path / "study.h5"), study)
+    assert same(read_dataset(tmp_path / "study.h5"), study)
 
 
 def test_a_rerun_solves_what_is_missing_to_the_same_bits(tmp_path):
