@@ -105,7 +105,7 @@ def of_materials():
 
 def of_studies():
     texts = (SCENE, SCENE.replace("[base]", COAT + "[base]"))
-    results = [gc.run_scene(parse_scene(text)) for text in texts]
+    results = [gc.plan(parse_scene(text)).run() for text in texts]
     save("compare", gc.plot.plot_compare(results, ["bare", "100 µm coat"]))
     spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=32 * Q0)
 

@@ -1,6 +1,7 @@
 """Scenes are run point by point; what is kept is not computed again."""
 
 import dataclasses
+import sys
 from pathlib import Path
 
 import jax
@@ -11,16 +12,22 @@ from scene_texts import TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
+from graded_contact.core.parameters import paths, with_values
 from graded_contact.core.quantities import OBSERVABLES, Above, observable
 from graded_contact.fields.frequency import wave_frequencies
 from graded_contact.scenes.plan import build_surface, plan
 from graded_contact.scenes.results import kept_contact, kept_solves, shift_factors, warnings_of
-from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.scenes.scene import Scene, parse_scene, read_scene
+from graded_contact.scenes.surface_source import RandomSurface
 from graded_contact.scenes.theory import check_frequencies_of
+from graded_contact.studies.dataset import package_versions
 from graded_contact.studies.store import Store
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 EXAMPLES = Path(__file__).parents[2] / "examples"
+# Rooms list functions of the names of these modules.
+PLAN = sys.modules["graded_contact.scenes.plan"]
+SWEEP, PROGRAM = (sys.modules[f"graded_contact.studies.{name}"] for name in ("sweep", "program"))
 
 
 @pytest.fixture(scope="module")
@@ -148,14 +155,123 @@ def test_scenes_share_the_solves_that_they_have_in_common(scene, results, solved
         assert plan(scene).run(store=store).identical(results) and len(solved) == 6
 
 
+LINE = changed(
+    "[32, 32]", "[16]", "8e4", "4e4", "[2e5, 4e5]", "2e5", '"tyre_tread"',
+    '"prony"\nequilibrium = 6e6\nstrengths = [2e7]\ntimes = [1e-3]\nshift = {kind = "wlf", '
+    "c1 = 4.0, c2 = 100.0, reference = 290.0}", "[solver]", "temperature = 300.0\n[shear]\n"
+    'kind = "peaked"\nlevel = 1e5\npeak = 2e5\nvelocity = 0.1\nwidth = 2.0\n[solver]',
+)  # fmt: skip
+
+
+def other_numbers() -> dict[str, Scene]:
+    """A scene with one other number, by what is other: each number of a scene that has any."""
+    scene = parse_scene(LINE)
+    found = {}
+    for name in ("stack", "shear"):
+        for path, value in paths(getattr(scene, name)).items():
+            if not path.endswith("]"):
+                tree = with_values(getattr(scene, name), {path: value * (1 + 1e-15)})
+                found[f"{name}.{path}"] = dataclasses.replace(scene, **{name: tree})
+    for name in ("temperature", "direction", "rtol"):
+        value = getattr(scene, name) or 1.0
+        found[name] = dataclasses.replace(scene, **{name: value * (1 + 1e-15)})
+    return found
+
+
 def test_whatever_decides_the_numbers_of_a_solve_decides_its_name(scene, results):
     for other in (
-        ("2e-5", "3e-5"), ("1e-6", "1e-7"), ("0.4\n", "0.41\n"), ("seed = 3", ""),
-        ("[solver]", "temperature = 290\n[solver]"), ("[solver]", "direction = 0.1\n[solver]"),
+        ("1e-6", "1e-7"), ("seed = 3", ""), ("[32, 32]", "[48, 48]"), ("1e-3", "1.1e-3"),
+        ("[solver]", "[observe]\nstiffness = true\n[solver]"),
         ("[solver]", "[solver]\nmax_steps = 7"), ("seed = 3", "seed = 3\nseeds = 1"),
     ):  # fmt: skip
-        different = parse_scene(changed(*other))
-        assert not np.any(np.isin(plan(different).points, results.point)), other
+        assert not np.any(np.isin(plan(parse_scene(changed(*other))).points, results.point)), other
+
+
+def test_every_number_of_a_scene_decides_the_names_of_its_solves():
+    """By their last bits: of block, shear, load, heights and measured points; and the precision."""
+    planned = plan(parse_scene(LINE))
+    names = {"as it is": planned.points}
+    names |= {what: plan(other).points for what, other in other_numbers().items()}
+    heights, scene = planned.surface.heights, planned.scene
+    higher = dataclasses.replace(planned.surface, heights=heights.at[3].multiply(1 + 1e-15))
+    filled = dataclasses.replace(planned.surface, measured=jnp.arange(16) != 3)
+    names |= {"heights": plan(scene, surface=higher).points}
+    names |= {"measured": plan(scene, surface=filled).points}
+    with jax.enable_x64(False):
+        names |= {"precision": plan(parse_scene(LINE.replace("1e-6", "1e-3"))).points}
+    distinct = {point for points in names.values() for point in points.flat}
+    assert len(distinct) == 2 * len(names), {what: n[0, 0][:6] for what, n in names.items()}
+
+
+def test_another_version_decides_the_names_of_solves_and_what_decides_no_number_does_not(
+    scene, results, monkeypatch
+):
+    """The planned names are those of the results; neither order nor number of other points counts."""
+    for other in (
+        ("a small one", "another"), ("[2e5, 4e5]", "[3e5, 4e5, 2e5]"), ("[0.01, 1.0]", "1.0"),
+        ("[solver]", '[output]\nfields = "none"\nname = "n"\n[solver]'),
+        ("[solver]", "extrapolate = true\n[solver]"),
+    ):  # fmt: skip
+        planned = plan(parse_scene(changed(*other)))
+        axes = planned.scene.axes
+        for i, j in np.ndindex(planned.points.shape):
+            known = results.point.where(
+                (results.pressure == axes["pressure"][i])
+                & (results.velocity == axes["velocity"][j]),
+                drop=True,
+            )
+            assert known.values.size == (axes["pressure"][i] != 3e5), other
+            assert not known.size or known.item() == planned.points[i, j], other
+    versions = package_versions() | {"version_graded_contact": "0"}
+    monkeypatch.setattr(PROGRAM, "package_versions", lambda: versions)
+    assert not np.any(np.isin(plan(scene).points, results.point))
+
+
+def test_a_plan_draws_and_traces_once_and_solves_nothing(scene, monkeypatch):
+    """For any number of points; a run then compiles what the plan has traced."""
+    calls = []
+
+    def counted(room, name):
+        own = getattr(room, name)
+        monkeypatch.setattr(room, name, lambda *a: calls.append(name) or own(*a))
+
+    counted(PLAN, "trace")
+    counted(RandomSurface, "build")
+    for room, name in ((SWEEP, "compiled"), (PLAN, "collect")):
+        monkeypatch.setattr(room, name, None)
+    many = changed("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 50}")
+    planned = plan(parse_scene(many))
+    assert calls == ["build", "trace"] and planned.points.shape == (2, 50)
+    text = str(planned)
+    assert "32 x 32 points" in text and "contact solves         100" in text
+    assert len(set(planned.points.flat)) == 100
+    monkeypatch.undo()
+    counted(PLAN, "trace")
+    counted(SWEEP, "trace")
+    counted(RandomSurface, "build")
+    plan(scene).run()
+    assert calls[2:] == ["build", "trace"]
+
+
+def test_a_plan_names_what_makes_every_number_doubtful(scene):
+    told = dataclasses.replace(scene, assumed=("tread: Read as tension.",))
+    assert str(plan(told)).splitlines()[-1] == "Caveat: tread: Read as tension."
+
+
+def test_a_scene_that_needs_more_memory_than_there_is_is_refused(scene, monkeypatch, tmp_path):
+    """Before it is drawn; a file when its points are known."""
+    monkeypatch.setattr("graded_contact.core.memory.available_memory", lambda: 2.0**30)
+    np.savetxt(tmp_path / "h.txt", np.random.default_rng(0).normal(size=(8, 8)) * 1e-6)
+    of_file = changed(
+        'kind = "self_affine"\nrms_slope = 0.2\nhurst = 0.8\nq_roll = 2e4\nq_high = 8e4\nseed = 3',
+        'kind = "file"\npath = "h.txt"\nsize = 1e-3\nunit = "m"\nshape = [2048, 2048]',
+        "[grid]\nshape = [32, 32]\nsize = 1e-3\n", "",
+    )  # fmt: skip
+    with pytest.raises(ValueError, match=r"^\[surface\] `shape` is refused: this scene of 2048"):
+        plan(parse_scene(of_file, tmp_path))
+    monkeypatch.setattr(RandomSurface, "build", None)
+    with pytest.raises(ValueError, match=r"^\[grid\] `shape` is refused: this scene of 2048"):
+        plan(parse_scene(changed("[32, 32]", "[2048, 2048]")))
 
 
 VARIED = changed(
