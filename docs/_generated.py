@@ -27,17 +27,10 @@ from graded_contact.contacts.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
 from graded_contact.fields.grid import Grid
 from graded_contact.materials.material import AbstractMaterial
-from graded_contact.scenes import block, scene, surface_source
+from graded_contact.scenes import block, scene, scene_file, surface_source
 from graded_contact.scenes.design_scene import DesignScene, Limits, Stiffness
-from graded_contact.scenes.schema import (
-    REQUIRED,
-    Key,
-    Spacing,
-    classes_of,
-    entry_text,
-    keys_of,
-    parts_of,
-)
+from graded_contact.scenes.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
+from graded_contact.scenes.toml import entry_text
 from graded_contact.sliding.case import Heating
 
 ROOT = Path(__file__).parents[1]
@@ -55,7 +48,7 @@ TITLES = {
 SHORT = ("shift", "shape", "graded_solver", "[law]", "[shear]", "[motion]")
 # Keys of scenes, by table and by what takes them.
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
-    "The scene": {scene.SceneTables: keys_of(scene.SceneTables)},
+    "The scene": {scene_file.SceneTables: keys_of(scene_file.SceneTables)},
     **{f'[surface], kind = "{kind}"': takers for kind, takers in surface_source.SURFACES.items()},
     "[grid]": {Grid: keys_of(Grid)},
     "[materials.NAME], any kind": {gc.studies.read_errors: (block.ERRORS, block.ASSUMED)},
@@ -71,15 +64,15 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
         HalfSpace: keys_of(HalfSpace)
     },
-    "[load]": {scene.Scene: scene.KEYS["[load]"]},
+    "[load]": {scene.Scene: scene_file.KEYS["[load]"]},
     "[heating]": {Heating: keys_of(Heating)},
     "[observe]": {scene.Observe: keys_of(scene.Observe)},
     "[solver]": {
-        scene.Scene: scene.KEYS["[solver]"][:1],
-        Stack: scene.KEYS["[solver]"][1:],
+        scene.Scene: scene_file.KEYS["[solver]"][:1],
+        Stack: scene_file.KEYS["[solver]"][1:],
         DouglasRachford: keys_of(DouglasRachford),
     },
-    "[output]": {scene.Scene: scene.KEYS["[output]"]},
+    "[output]": {scene.Scene: scene_file.KEYS["[output]"]},
     **{
         f'{place}, kind = "{kind}"': {make: keys_of(make, "grid")}
         for place, kinds in zip(SHORT, block.KIND_MAKERS.values(), strict=True)

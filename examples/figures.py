@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import graded_contact as gc
-from graded_contact.scenes.scene import parse_scene
+from graded_contact.scenes.scene_file import parse_scene
 
 jax.config.update("jax_enable_x64", True)
 FOLDER = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "figures")

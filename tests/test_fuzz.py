@@ -37,7 +37,7 @@ from graded_contact.readers.recorded_motion import read_motion
 from graded_contact.scenes import schema
 from graded_contact.scenes.design_scene import parse_design, read_design
 from graded_contact.scenes.plan import fields_in_memory, plan
-from graded_contact.scenes.scene import parse_scene
+from graded_contact.scenes.scene_file import parse_scene
 from graded_contact.scenes.surface_source import RandomSurface, SurfaceFile
 
 SEED = 20261

@@ -25,7 +25,7 @@ from ..materials.measured import Measured
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
 from ..readers.moduli import read_moduli
 from ..readers.prony import prony_in
-from ..scenes.schema import entry_text
+from ..scenes.toml import entry_text
 from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import Errors, write_errors
 from ..studies.uncertainty import errors_of_fit

@@ -17,9 +17,11 @@ from ..exports.friction_cards import export_friction
 from ..page.document import described
 from ..plot.words import kelvin
 from ..scenes.plan import build_surface, plan
-from ..scenes.scene import Scene, read_scene, refuse_liquids, refuse_tables
-from ..scenes.schema import parse_toml
+from ..scenes.scene import Scene
+from ..scenes.scene_checks import refuse_liquids, refuse_tables
+from ..scenes.scene_file import read_scene
 from ..scenes.theory import check_frequencies_of, errors_of_stack, roughness_of
+from ..scenes.toml import parse_toml
 from ..studies.dataset import FAILED, write, write_whole
 from ..studies.friction_tables import TableMethod, conditions, friction_table
 from ..studies.interruption import Interruption, interruptible

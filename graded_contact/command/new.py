@@ -17,9 +17,10 @@ from ..plot.words import kelvin
 from ..readers.topography import read_surface
 from ..scenes.plan import plan
 from ..scenes.proposal import ProposedLoad, proposed_load
-from ..scenes.scene import Scene, parse_scene
-from ..scenes.schema import entry_text
+from ..scenes.scene import Scene
+from ..scenes.scene_file import parse_scene
 from ..scenes.theory import excites_unknown, mean_fields
+from ..scenes.toml import entry_text
 from ..sliding.doubts import EXTRAPOLATED
 from ..studies.dataset import write_whole
 from ..surfaces.surface import Surface

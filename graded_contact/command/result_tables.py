@@ -25,7 +25,7 @@ from ..scenes.results import (
     warnings_of,
 )
 from ..scenes.scene import Scene
-from ..scenes.schema import parse_toml
+from ..scenes.toml import parse_toml
 from ..sliding.half_grid import grid_estimate
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics

@@ -30,9 +30,10 @@ from ..scenes.results import (
     surface_of,
     warnings_of,
 )
-from ..scenes.scene import Scene, parse_scene, read_scene
-from ..scenes.schema import parse_toml
+from ..scenes.scene import Scene
+from ..scenes.scene_file import parse_scene, read_scene
 from ..scenes.theory import mean_field_at, what_decides
+from ..scenes.toml import parse_toml
 from ..sliding.errors import NO_FRICTION
 from ..sliding.magnification import cumulative_friction
 from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv

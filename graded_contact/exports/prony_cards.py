@@ -23,7 +23,7 @@ from ..core.escaping import in_comment
 from ..materials.coverage import MeasuredRange
 from ..materials.material import AbstractMaterial, Prony
 from ..materials.shift import WLF, AbstractShift
-from ..scenes.schema import entry_text
+from ..scenes.toml import entry_text
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6

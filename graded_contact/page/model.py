@@ -24,7 +24,7 @@ from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed, velocity_along
 from ..mean_field.mean_field import mean_field_friction
 from ..scenes.plan import build_surface
-from ..scenes.scene import refuse_liquids
+from ..scenes.scene_checks import refuse_liquids
 from ..scenes.surface_source import RandomSurface
 from ..sliding.case import Case, Heating
 from ..sliding.numerics import Numerics

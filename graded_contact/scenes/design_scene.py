@@ -23,9 +23,12 @@ from ..core.parameters import with_values
 from ..fields.grid import Grid
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
-from .scene import Scene, check_paths, parse_scene, refuse_tables
-from .schema import MOST_BYTES, TableReader, parse_toml
+from .scene import Scene
+from .scene_checks import check_paths, refuse_tables
+from .scene_file import parse_scene
+from .schema import TableReader
 from .surface_source import RandomSurface
+from .toml import MOST_BYTES, parse_toml
 
 Objective = Literal[
     "maximise_friction", "minimise_friction", "maximise_contact_area", "minimise_contact_area",

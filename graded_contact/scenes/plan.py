@@ -36,7 +36,8 @@ from ..studies.store import Store, open_store
 from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
 from .results import collect, fields_of, numbers_of_scene
-from .scene import Scene, refuse_liquids
+from .scene import Scene
+from .scene_checks import refuse_liquids
 from .surface_source import RandomSurface, SurfaceFile
 from .theory import check_frequencies_of, errors_of_stack
 

@@ -44,7 +44,7 @@ from .design_search import (
     not_in_mean_field,
     search_design,
 )
-from .scene import refuse_liquids
+from .scene_checks import refuse_liquids
 from .surface_source import RandomSurface
 from .theory import refuse_extrapolated
 

@@ -30,7 +30,8 @@ from ..studies.parameter_covariance import Errors
 from ..studies.uncertainty import Sensitivity, sensitivity
 from ..surfaces.statistics import radial_spectrum
 from ..surfaces.surface import Surface
-from .scene import Scene, refuse_tables
+from .scene import Scene
+from .scene_checks import refuse_tables
 from .surface_source import RandomSurface
 
 MODULI_PER_DECADE = 8  # frequencies of a table of moduli

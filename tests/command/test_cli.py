@@ -32,7 +32,7 @@ from graded_contact.command import terminal as session
 from graded_contact.core.display import number, with_error
 from graded_contact.scenes.plan import build_surface
 from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
-from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.scenes.scene_file import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at
 from graded_contact.studies import interruption
 from graded_contact.studies.dataset import write

@@ -9,7 +9,7 @@ from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.exports.prony_cards import PRONY_CARDS, export_prony
-from graded_contact.scenes.scene import parse_scene
+from graded_contact.scenes.scene_file import parse_scene
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)
 TABLE = gc.materials.TabulatedShift(

@@ -13,7 +13,7 @@ from graded_contact.scenes.results import (
     numbers_of_scene,
     read_results,
 )
-from graded_contact.scenes.scene import parse_scene
+from graded_contact.scenes.scene_file import parse_scene
 from graded_contact.studies.dataset import write, write_csv
 
 SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")

@@ -17,7 +17,8 @@ from graded_contact.core.quantities import OBSERVABLES, Above, observable
 from graded_contact.fields.frequency import wave_frequencies
 from graded_contact.scenes.plan import build_surface, plan
 from graded_contact.scenes.results import kept_contact, kept_solves, shift_factors, warnings_of
-from graded_contact.scenes.scene import Scene, parse_scene, read_scene
+from graded_contact.scenes.scene import Scene
+from graded_contact.scenes.scene_file import parse_scene, read_scene
 from graded_contact.scenes.surface_source import RandomSurface
 from graded_contact.scenes.theory import check_frequencies_of
 from graded_contact.studies.dataset import package_versions

@@ -14,7 +14,7 @@ from graded_contact.contacts import AdhesiveLJ, ExponentialAdhesion, RepulsiveLJ
 from graded_contact.readers.recorded_motion import read_motion
 from graded_contact.scenes.plan import plan
 from graded_contact.scenes.results import numbers_of_scene
-from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.scenes.scene_file import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at, roughness_of
 
 STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")

@@ -18,7 +18,7 @@ from graded_contact import cli
 from graded_contact.command import friction_table as table_job
 from graded_contact.command import terminal as session
 from graded_contact.exports import export_friction
-from graded_contact.scenes.scene import KEYS
+from graded_contact.scenes.scene_file import KEYS
 from graded_contact.sliding import ConstantShear
 from graded_contact.studies import friction_table
 from graded_contact.studies.dataset import read_dataset
