@@ -9,10 +9,10 @@ import numpy as np
 import typer
 from typer import Option
 
+from ..core.caveats import caveats_of
 from ..core.checks import check_values
 from ..core.display import UNKNOWN
 from ..core.quantities import in_brackets
-from ..core.warnings import SLIDING_RULES, caveats_of
 from ..exports.friction_cards import export_friction
 from ..page.document import described
 from ..plot.words import kelvin
@@ -118,7 +118,8 @@ def _mean_field(scene: Scene, interruption: Interruption) -> "Dataset":
     if "temperature" in found.dims and "temperature" not in scene.axes:
         found = found.isel(temperature=0, drop=True)
     _print_theory(found)
-    doubts = caveats_of(found[["extrapolated_friction"]], SLIDING_RULES)
+    shares = {"extrapolated_friction": found["extrapolated_friction"]}
+    doubts = caveats_of(lambda number: shares.get(number, 0.0), motion=False)
     caveats = [*surface.caveats, *scene.assumed, *(caveat.sentence for caveat in doubts)]
     print_caveats(caveats)
     about = {"title": scene.title, "scene": scene.text, "caveats": "\n".join(caveats)}
