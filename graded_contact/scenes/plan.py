@@ -35,7 +35,7 @@ from ..studies.program import Program, trace
 from ..studies.store import Store, open_store
 from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
-from .results import collect, fields_of, numbers_of_scene
+from .collect import collect, fields_of, numbers_of_scene
 from .scene import Scene
 from .scene_checks import refuse_liquids
 from .surface_source import RandomSurface, SurfaceFile

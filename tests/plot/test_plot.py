@@ -23,7 +23,7 @@ from graded_contact.core.display import unit_of
 from graded_contact.core.quantities import numbers_of
 from graded_contact.plot.style import caption, entitle
 from graded_contact.plot.words import title_of
-from graded_contact.scenes.results import surface_variables
+from graded_contact.scenes.collect import surface_variables
 from graded_contact.scenes.toml import entry_text
 from graded_contact.studies.dataset import attach, write_csv
 from graded_contact.surfaces.spectrum import CutoffCurve

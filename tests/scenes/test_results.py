@@ -7,6 +7,7 @@ import xarray
 
 import graded_contact as gc
 from graded_contact.core.quantities import numbers_of
+from graded_contact.scenes.collect import surface_variables
 from graded_contact.scenes.results import (
     FORMAT,
     KEPT_FIELDS,
@@ -18,7 +19,6 @@ from graded_contact.scenes.results import (
     read_results,
     solve_states,
     surface_of,
-    surface_variables,
     warnings_of,
 )
 from graded_contact.studies.dataset import LOST, NOT_STARTED, SEAL, attach, write, write_sealed

@@ -6,13 +6,9 @@ from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
+from graded_contact.scenes.collect import numbers_of_scene
 from graded_contact.scenes.plan import build_surface, plan
-from graded_contact.scenes.results import (
-    kept_contact,
-    kept_solves,
-    numbers_of_scene,
-    read_results,
-)
+from graded_contact.scenes.results import kept_contact, kept_solves, read_results
 from graded_contact.scenes.scene_file import parse_scene
 from graded_contact.studies.dataset import write, write_csv
 

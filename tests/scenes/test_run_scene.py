@@ -15,8 +15,9 @@ from graded_contact.command.result_tables import print_table
 from graded_contact.core.parameters import paths, with_values
 from graded_contact.core.quantities import OBSERVABLES, Above, observable
 from graded_contact.fields.frequency import wave_frequencies
+from graded_contact.scenes.collect import shift_factors
 from graded_contact.scenes.plan import build_surface, plan
-from graded_contact.scenes.results import kept_contact, kept_solves, shift_factors, warnings_of
+from graded_contact.scenes.results import kept_contact, kept_solves, warnings_of
 from graded_contact.scenes.scene import Scene
 from graded_contact.scenes.scene_file import parse_scene, read_scene
 from graded_contact.scenes.surface_source import RandomSurface

@@ -12,8 +12,8 @@ from scene_texts import BARE
 import graded_contact as gc
 from graded_contact.contacts import AdhesiveLJ, ExponentialAdhesion, RepulsiveLJ
 from graded_contact.readers.recorded_motion import read_motion
+from graded_contact.scenes.collect import numbers_of_scene
 from graded_contact.scenes.plan import plan
-from graded_contact.scenes.results import numbers_of_scene
 from graded_contact.scenes.scene_file import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at, roughness_of
 
