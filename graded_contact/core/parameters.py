@@ -90,9 +90,9 @@ def _name(tree, path):
         called = field and field.metadata.get("argument")
         words.append(jax.tree_util.GetAttrKey(called) if called else key)
         place: Any = getattr(key, "idx", getattr(key, "key", None))
-        if field:
-            node = getattr(node, field.name)
-        else:  # what is neither a module nor a list, tuple or dict has no words of its own
+        if isinstance(key, jax.tree_util.GetAttrKey):  # of a module or a named tuple
+            node = getattr(node, key.name, None)
+        else:  # what is neither of these nor a list, tuple or dict has no words of its own
             node = node[place] if isinstance(node, list | tuple | dict) else None
     return jax.tree_util.keystr(tuple(words)).removeprefix(".")
 

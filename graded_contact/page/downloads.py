@@ -7,8 +7,10 @@ import pandas as pd
 import xarray as xr
 
 from ..core.quantities import FIELDS, OBSERVABLES, in_brackets
+from ..sliding.result import Sliding
 from ..studies.dataset import package_versions
-from .model import Contact, Derivatives, Model
+from .document import Document
+from .model import Derivatives, Model
 
 
 class Shown(NamedTuple):
@@ -25,8 +27,13 @@ class Shown(NamedTuple):
     model: Model
     values: tuple[float, ...]
     curves: xr.Dataset
-    contact: Contact
+    contact: Sliding
     derivatives: Derivatives | None = None
+
+    @property
+    def document(self) -> Document:
+        """The scene at these values."""
+        return self.model.changed(self.values)
 
 
 def to_csv(shown: Shown) -> bytes:
@@ -41,22 +48,23 @@ def to_csv(shown: Shown) -> bytes:
 
 def to_hdf5(shown: Shown) -> bytes:
     """Returns curves, contact and derivatives as groups of xarray, with the scene as attribute."""
-    about = {"scene": shown.model.changed(shown.values).text, **package_versions()}
-    sliding, heights = shown.contact.sliding, shown.contact.heights
+    about = {"scene": shown.document.text, **package_versions()}
+    contact = shown.contact
+    heights = np.asarray(contact.heights)
     axes = ("x", "y")[: heights.ndim]
     found: dict[str, Any] = {"heights": (axes, heights)}
     for axis, length, points in zip(axes, shown.model.size, heights.shape, strict=True):
         found[axis] = (axis, np.arange(points) * (length / points))
     for name in ("pressure", "gap", "displacement"):
-        found[name] = (axes, np.asarray(getattr(sliding, name)))
-    found |= {name: ((), np.asarray(getattr(sliding, name))) for name in sliding.numbers}
+        found[name] = (axes, np.asarray(getattr(contact, name)))
+    found |= {name: ((), np.asarray(getattr(contact, name))) for name in contact.numbers}
     # The pressure of a contact is a field, not an axis.
     known = {name: FIELDS.get(name) or OBSERVABLES[name].quantity for name in found}
-    contact = xr.Dataset({
+    fields_and_numbers = xr.Dataset({
         name: (*values, {"units": known[name].unit, "long_name": known[name].meaning})
         for name, values in found.items()
     })  # fmt: skip
-    groups = {"/": shown.curves.assign_attrs(about), "/contact": contact}
+    groups = {"/": shown.curves.assign_attrs(about), "/contact": fields_and_numbers}
     if shown.derivatives is not None:
         about = {"units": "%", "long_name": "change by a step of the slider"}
         changes = shown.derivatives._asdict().items()

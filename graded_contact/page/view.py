@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import panel as pn
 
-from ..core.display import number, with_error, with_unit
+from ..core.display import number, with_error
 from ..core.escaping import in_html
 from ..plot.contact import masked_fields
+from ..scenes.described import base_name, layer_name, layers_in_words
 from . import document as tables
 from .downloads import Shown, to_csv, to_hdf5
 from .entries import read_entry
@@ -227,7 +228,7 @@ class Page(pn.viewable.Viewer):
             slider.param.watch(lambda event, set_value=set_value: set_value(event.new), "value")
             slider.param.watch(lambda event: self.session.show_message(event.new), "refusal")
         self._knobs[:] = self.sliders
-        heated = model.scene.heating is not None
+        heated = model.document.scene.heating is not None
         self._lines, self._bars = new_lines(model.waves, heated), Bars(model.knobs, heated)
         self._block, self._map = BlockPicture(), Map(model.size)
         lines, chart = self._lines, pn.Column(self._field, _drawn(self._map.figure), **WIDE)
@@ -251,8 +252,8 @@ class Page(pn.viewable.Viewer):
         for i, layer in enumerate(content.get("layers", [])):
             button = pn.widgets.Button(label="Remove", width=80, margin=(2, 8), align="center")
             button.on_click(lambda _, i=i: change(partial(tables.without_layer, index=i)))
-            rows.append(pn.Row(_heading(f"{i + 1}  {tables.layer_name(layer)}"), button, **WIDE))
-        top, base = "From the loaded surface downwards", f"base  {tables.base_name(content)}"
+            rows.append(pn.Row(_heading(f"{i + 1}  {layer_name(layer)}"), button, **WIDE))
+        top, base = "From the loaded surface downwards", f"base  {base_name(content)}"
         self._layers[:] = [_heading(top), *rows, _heading(base)]
 
     def _show_curves(self, *events: Any) -> None:
@@ -266,10 +267,11 @@ class Page(pn.viewable.Viewer):
         """Draws the chosen field of the contact."""
         if self.session.shown is None:
             return
-        name, (sliding, heights, _) = str(self._field.value), self.session.shown.contact
-        fields = masked_fields(sliding) | {"heights": heights - np.mean(heights)}
+        name, contact = str(self._field.value), self.session.shown.contact
+        heights = np.asarray(contact.heights)
+        fields = masked_fields(contact) | {"heights": heights - np.mean(heights)}
         if name == "displacement":
-            fields[name] = np.asarray(sliding.displacement)
+            fields[name] = np.asarray(contact.displacement)
         self._map.show(name, fields[name])
 
     def _show_point(self, event: Any) -> None:
@@ -279,18 +281,15 @@ class Page(pn.viewable.Viewer):
             self._bars.show(shown.model.stepped(shown.values), shown.derivatives)
             return
         self._show_map()
-        sliding, velocity = contact.sliding, contact.velocity
+        content = shown.document.content
         for name in ("friction", "contact_area"):
-            number, error = (float(getattr(sliding, n)) for n in (name, f"{name}_error"))
-            self._lines[name].mark(velocity, number, error)
-        content, thickness = shown.model.document.content, shown.model.thickness(shown.values)
-        names = [
-            f"{tables.layer_name(layer)}, {with_unit(depth, 'm')}"
-            for layer, depth in zip(content.get("layers", []), thickness, strict=True)
-        ]
+            number, error = (float(getattr(contact, n)) for n in (name, f"{name}_error"))
+            self._lines[name].mark(content["load"]["velocity"], number, error)
+        names = [*layers_in_words(content, ", "), base_name(content)]
+        thickness = [layer["thickness"] for layer in content.get("layers", [])]
         self._block.show(
-            np.array(thickness), [*names, tables.base_name(content)], content["base"]["kind"],
-            contact.heights, float(shown.model.size[0]),
+            np.array(thickness), names, content["base"]["kind"], np.asarray(contact.heights),
+            float(shown.model.size[0]),
         )  # fmt: skip
 
 
@@ -317,16 +316,17 @@ def _warnings(shown: Shown | None) -> str:
     if shown is None:
         return ""
     of_law = "Curves of the mean field are those of a hard wall, without [law]."
-    known = [of_law] if shown.model.scene.law is not None else []
-    of_files = *shown.model.scene.assumed, *shown.model.surface.caveats
-    return _words(" ".join([*of_files, *shown.contact.sliding.caveats, *known]))
+    scene = shown.model.document.scene
+    known = [of_law] if scene.law is not None else []
+    of_files = *scene.assumed, *shown.model.surface.caveats
+    return _words(" ".join([*of_files, *shown.contact.caveats, *known]))
 
 
 def _headline(shown: Shown | None, pinned: Shown | None) -> str:
     """Title and numbers of a point, with their differences from a pinned one."""
     if shown is None:
         return ""
-    now, before = shown.contact.sliding, pinned and pinned.contact.sliding
+    now, before = shown.contact, pinned and pinned.contact
     cells = {
         "friction": ("friction μ", lambda μ: with_error(μ, float(now.friction_error))),
         "contact_area": (
@@ -340,7 +340,7 @@ def _headline(shown: Shown | None, pinned: Shown | None) -> str:
     }
     if now.heated is not None:
         cells["surface_rise"] = ("contact above bulk", lambda rise: f"{number(rise, '.3g')} K")
-    text = f'<div class="title">{in_html(shown.model.title(shown.values))}</div>'
+    text = f'<div class="title">{in_html(shown.document.content["title"])}</div>'
     for name, (words, spelt) in cells.items():
         value, change = float(getattr(now, name)), ""
         old = np.nan if before is None else float(getattr(before, name))

@@ -52,7 +52,7 @@ def errors_of(
     **parts: Callable[[Any], Any],
 ) -> None:
     """Registers `NAME_error`, the sum of its parts, and each part as `NAME_PART_error`."""
-    symbol, unit, meaning = OBSERVABLES[name].quantity[1:]
+    symbol, unit, meaning = OBSERVABLES[name].quantity[1:4]
     for part, formula in parts.items():
         cause, fact = CAUSES[part]
 
