@@ -30,12 +30,17 @@ def paths(tree: object) -> dict[str, jax.Array]:
     **Returns:** arrays by path.
     """
     found = {}
-    for path, leaf in jax.tree_util.tree_leaves_with_path(eqx.filter(tree, eqx.is_array)):
-        name = _name(tree, path)
+    for name, leaf in arrays(tree).items():
         found[name] = leaf
         if leaf.ndim == 1:
             found |= {f"{name}[{i}]": leaf[i] for i in range(len(leaf))}
     return found
+
+
+def arrays(tree: object) -> dict[str, jax.Array]:
+    """Returns all numbers and arrays in `tree` by their path, without single entries."""
+    leaves = jax.tree_util.tree_leaves_with_path(eqx.filter(tree, eqx.is_array))
+    return {_name(tree, path): leaf for path, leaf in leaves}
 
 
 @check_types

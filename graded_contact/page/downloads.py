@@ -1,6 +1,8 @@
 """The downloads of a page: curves (CSV), and everything that it shows (HDF5)."""
 
-from typing import Any, NamedTuple
+import dataclasses
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,7 +15,8 @@ from .document import Document
 from .model import Derivatives, Model
 
 
-class Shown(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False)
+class ShownPoint:
     """What a page shows at one point.
 
     **Fields:**
@@ -30,13 +33,13 @@ class Shown(NamedTuple):
     contact: Sliding
     derivatives: Derivatives | None = None
 
-    @property
+    @cached_property
     def document(self) -> Document:
         """The scene at these values."""
         return self.model.changed(self.values)
 
 
-def to_csv(shown: Shown) -> bytes:
+def to_csv(shown: ShownPoint) -> bytes:
     """Returns the curves, side by side, with their units in the heading."""
     curves = shown.curves
     tables = [curves.drop_dims(other).to_dataframe().reset_index() for other in ("speed", "q")]
@@ -46,7 +49,7 @@ def to_csv(shown: Shown) -> bytes:
     return pd.concat(tables, axis=1).rename(columns=titles).to_csv(index=False).encode()
 
 
-def to_hdf5(shown: Shown) -> bytes:
+def to_hdf5(shown: ShownPoint) -> bytes:
     """Returns curves, contact and derivatives as groups of xarray, with the scene as attribute."""
     about = {"scene": shown.document.text, **package_versions()}
     contact = shown.contact

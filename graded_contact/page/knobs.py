@@ -6,12 +6,12 @@ Every number with a usual range (`core/quantities.py`) has a knob, which acts by
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..core.parameters import paths, with_values
+from ..core.parameters import arrays, with_values
 from ..core.quantities import Usual, quantity_of
 from ..materials.material import Prony
 from ..materials.shift import WLF, TabulatedShift, shifts_in
 from .entries import read_entry
-from .scenery import Scenery, key_of, layer_of, part_at
+from .scenery import Scenery, layer_of, part_at, table_key
 
 ABOVE_VOGEL = 10.0  # K above the Vogel temperature, where WLF diverges
 
@@ -95,8 +95,8 @@ def knobs_of(
     **Raises:** `ValueError` for a layer of zero thickness.
     """
     found: dict[str, Knob] = {}
-    for path, number in sorted(paths(scenery).items(), key=_group):
-        (owner, _, last), key = path.rpartition("."), key_of(scenery, path)
+    for path, number in sorted(arrays(scenery).items(), key=_group):
+        (owner, _, last), key = path.rpartition("."), table_key(scenery, path)
         part = part_at(scenery, owner) if owner else scenery
         is_series = isinstance(part, Prony) and last == "equilibrium"
         if is_series and number == 0:  # a liquid has no relaxed modulus
@@ -105,7 +105,7 @@ def knobs_of(
         usual = None if quantity is None or number.ndim else quantity.usual
         # The bulk and shear parts of a material do not use their Poisson's ratio.
         unused = last == "poisson" and owner.endswith((".bulk", ".shear"))
-        if usual is None or unused or path.endswith("]") or (path == "temperature" and not laws):
+        if usual is None or unused or (path == "temperature" and not laws):
             continue
         value, name = float(number), materials.get(owner.removeprefix("stack."))
         label = usual.label if name is None else f"{name}: {usual.label}"
@@ -145,7 +145,7 @@ def _within_laws(low: float, high: float, laws: Sequence[Any]) -> tuple[float, f
 
 def turned(scenery: Scenery, knobs: Sequence[Knob], values: Any) -> Scenery:
     """Returns the scenery with its knobs at other values [SI], which JAX may trace."""
-    numbers, changed = paths(scenery), {}
+    numbers, changed = arrays(scenery), {}
     for knob, value in zip(knobs, values, strict=True):
         for path in knob.paths:
             changed[path] = numbers[path] * (value / knob.value) if knob.scales else value

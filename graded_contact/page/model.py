@@ -83,7 +83,7 @@ class Model:
 
         The response is over `q` [rad/m] at the chosen velocity, the mean field over `speed` [m/s].
         """
-        found = _curves(self._at(values), self._waves, self._speeds)
+        found = _response_and_theory(self._at(values), self._waves, self._speeds)
         modulus, friction, area = (np.asarray(numbers) for numbers in found)
         tangent = np.imag(modulus) / np.real(modulus)
         meaning = "composite modulus |2/(q M_zz)|"
@@ -161,7 +161,7 @@ def _case(scenery: Scenery) -> Case:
 
 
 @eqx.filter_jit
-def _curves(scenery, waves, speeds):
+def _response_and_theory(scenery, waves, speeds):
     case = scenery.case()
     speed = direction_and_speed(case.velocity)[1]
     modulus = effective_modulus(case.stack, waves, waves * speed)

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw
-from ..core.parameters import paths
+from ..core.parameters import arrays
 from ..fields.frequency import velocity_along
 from ..materials.shift import shifts_in
 from ..scenes.scene import Scene
@@ -26,10 +26,10 @@ from ..surfaces.surface import Surface
 from .document import Document, material_table
 
 Number = Float[Array, ""]
-KEPT = ("errors", "assumed")  # keys of a material whose series is written branch by branch
+KEPT_KEYS = ("errors", "assumed")  # keys of a material whose series is written branch by branch
 
 
-class Measured(eqx.Module):
+class ReadSurface(eqx.Module):
     """A surface that was read, rescaled to a rms height [m]."""
 
     rms_height: Number
@@ -56,7 +56,7 @@ class Scenery(eqx.Module):
     velocity: Number
     temperature: Number | None
     stack: Stack
-    surface: RandomSurface | Sphere | Measured
+    surface: RandomSurface | Sphere | ReadSurface
     shear: AbstractShear | None
     heating: Heating | None
     law: AbstractLaw
@@ -86,12 +86,12 @@ class Scenery(eqx.Module):
 
 def scenery_of(scene: Scene, surface: Surface) -> Scenery:
     """Returns the numbers of a scene of one point, whose surface is built."""
-    number, temperature = jnp.asarray, _temperature(scene)
+    number, temperature = jnp.asarray, _common_temperature(scene)
     source, spectrum = scene.surface, None
     if isinstance(source, Sphere):
         source = source._replace(radius=number(source.radius))
     elif not isinstance(source, RandomSurface):
-        source = Measured(statistics(surface).rms_height, surface)
+        source = ReadSurface(statistics(surface).rms_height, surface)
     if not isinstance(source, RandomSurface) and surface.grid.ndim == 2:
         q, density = map(np.asarray, radial_spectrum(surface))
         known, square = density > 0, jnp.var(surface.heights)
@@ -104,7 +104,7 @@ def scenery_of(scene: Scene, surface: Surface) -> Scenery:
     )  # fmt: skip
 
 
-def _temperature(scene: Scene) -> float | None:
+def _common_temperature(scene: Scene) -> float | None:
     if scene.temperature is not None:
         return float(scene.temperature)
     references = {round(float(law.reference), 6) for law in shifts_in(scene.stack)}
@@ -124,7 +124,7 @@ def part_at(tree: Any, path: str) -> Any:
     return tree
 
 
-def key_of(scenery: Scenery, path: str) -> str:
+def table_key(scenery: Scenery, path: str) -> str:
     """Returns the key of the tables for the number at a path."""
     if path == "surface.spectrum.amplitude":
         return scenery.surface.spectrum.prescribed
@@ -142,16 +142,16 @@ def with_numbers(document: Document, before: Scenery, after: Scenery) -> Documen
     A series with a changed modulus is written branch by branch.
     """
     document, materials = document.copied(), document.scene.materials
-    content, new = document.content, paths(after)
-    for path, old in paths(before).items():
-        if path.endswith("]") or np.array_equal(old, new[path]):
-            continue  # the entries of an array are written with it
+    content, new = document.content, arrays(after)
+    for path, old in arrays(before).items():
+        if np.array_equal(old, new[path]):
+            continue
         owner, _, last = path.rpartition(".")
         head, name = path.partition(".")[0], materials.get(owner.removeprefix("stack."))
         if name is not None:
             table = content["materials"][name]
             if last in ("equilibrium", "strengths"):
-                kept = {key: table[key] for key in KEPT if key in table}
+                kept = {key: table[key] for key in KEPT_KEYS if key in table}
                 content["materials"][name] = material_table(part_at(after, owner)) | kept
                 continue
         elif head == "stack":
@@ -159,7 +159,7 @@ def with_numbers(document: Document, before: Scenery, after: Scenery) -> Documen
         else:
             table = content[head if owner else "load"]
         # The digits that tell the number from its neighbours in its precision.
-        table[key_of(after, path)] = float(str(np.asarray(new[path])))
+        table[table_key(after, path)] = float(str(np.asarray(new[path])))
         if path == "surface.rms_height":
             table.pop("rms_slope", None)  # a file takes one of the two
     return document

@@ -21,13 +21,13 @@ import param
 from ..contacts.solution import RESULTS
 from ..core.memory import return_freed_memory
 from .document import Document, save_document, with_file
-from .downloads import Shown
+from .downloads import ShownPoint
 from .model import Model
 
 # Seconds to rest before each stage: no derivatives while a slider moves.
 STAGES = {"curves": 0.0, "contact": 0.0, "derivatives": 0.25}
 EXPECTED = (ValueError, OSError, ImportError, MemoryError)  # errors of the package for bad input
-_COMPILER = ThreadPoolExecutor(1, "compiling")
+_COMPILE_THREAD = ThreadPoolExecutor(1, "compiling")
 
 Change = Callable[[Document], Document]
 T = TypeVar("T")
@@ -48,8 +48,8 @@ class Session(param.Parameterized):
 
     model: Any = param.Parameter(doc="The `Model` of the scene; None until it is read.")
     curves: Any = param.Parameter(doc="The last curves.")
-    pinned: Any = param.Parameter(doc="The point to compare with, `Shown`, or None.")
-    shown: Any = param.Parameter(doc="The last point with a contact, `Shown`.")
+    pinned: Any = param.Parameter(doc="The point to compare with, `ShownPoint`, or None.")
+    shown: Any = param.Parameter(doc="The last point with a contact, `ShownPoint`.")
     message = param.String(doc="What the user must know.")
     error = param.Boolean(doc="Whether the message reports an error.")
     status = param.String("reading the scene")
@@ -132,7 +132,7 @@ class Session(param.Parameterized):
         old, values = self._newest, self._values
         build = lambda: Model(change(old and old.changed(values)))  # noqa: E731
         try:
-            model = await self._in_thread(_COMPILER, build)
+            model = await self._in_thread(_COMPILE_THREAD, build)
         except _Closed:
             return
         except Exception as error:
@@ -151,7 +151,7 @@ class Session(param.Parameterized):
         started = time.perf_counter()
         compute = partial(getattr(model, stage), values)
         try:
-            found.append(await self._in_thread(_COMPILER if first else None, compute))
+            found.append(await self._in_thread(_COMPILE_THREAD if first else None, compute))
         except _Closed:
             return False
         except Exception as error:
@@ -162,7 +162,7 @@ class Session(param.Parameterized):
         if stage == "curves":
             self.show(curves=found[0])
             return True
-        self.show(shown=Shown(model, values, *found), **self._timing())
+        self.show(shown=ShownPoint(model, values, *found), **self._timing())
         result = found[1].result
         if stage == "contact" and result != RESULTS.successful:
             self.show_message(RESULTS[result])

@@ -87,7 +87,8 @@ SCENES = {
     "softened": changed('[[layers]]\nmaterial = "coat"\n', SOFT),
     "sphere": changed(RANDOM, SPHERE),
     "file": changed(RANDOM, FILE),
-    "shear and heat": changed("velocity = [0.01, 1.0]", "velocity = 1.0\ntemperature = 300.0") + LAWS,
+    "shear and heat": changed("velocity = [0.01, 1.0]", "velocity = 1.0\ntemperature = 300.0")
+    + LAWS,
 }
 
 

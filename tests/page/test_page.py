@@ -23,7 +23,7 @@ pytest.importorskip("panel")
 import panel as pn
 
 from graded_contact.page import widgets
-from graded_contact.page.downloads import Shown, to_csv, to_hdf5
+from graded_contact.page.downloads import ShownPoint, to_csv, to_hdf5
 from graded_contact.page.figures import log_ticks
 from graded_contact.page.session import Session
 from graded_contact.page.view import Page
@@ -166,7 +166,7 @@ def test_a_liquid_has_curves_and_is_refused_by_name(tmp_path):
 def test_downloads_have_units_and_everything_that_is_shown(model):
     values = model.values
     stages = (model.curves, model.contact, model.derivatives)
-    shown = Shown(model, values, *(stage(values) for stage in stages))
+    shown = ShownPoint(model, values, *(stage(values) for stage in stages))
     rows = to_csv(shown).decode().splitlines()
     assert rows[0].startswith("q [rad/m],modulus [Pa],loss_tangent,speed [m/s]")
     assert float(rows[1].split(",")[1]) == shown.curves.modulus[0]
