@@ -97,7 +97,7 @@ def knobs_of(
     found: dict[str, Knob] = {}
     for path, number in sorted(arrays(scenery).items(), key=_group):
         (owner, _, last), key = path.rpartition("."), table_key(scenery, path)
-        part = part_at(scenery, owner) if owner else scenery
+        part: Any = part_at(scenery, owner) if owner else scenery
         is_series = isinstance(part, Prony) and last == "equilibrium"
         if is_series and number == 0:  # a liquid has no relaxed modulus
             key, number = "glassy", part.glassy

@@ -126,7 +126,7 @@ def part_at(tree: Any, path: str) -> Any:
 
 def table_key(scenery: Scenery, path: str) -> str:
     """Returns the key of the tables for the number at a path."""
-    if path == "surface.spectrum.amplitude":
+    if path == "surface.spectrum.amplitude" and isinstance(scenery.surface, RandomSurface):
         return scenery.surface.spectrum.prescribed
     return path.rpartition(".")[2]
 

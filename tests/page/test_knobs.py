@@ -150,6 +150,11 @@ def test_a_saved_scene_has_the_numbers_that_the_page_uses(opened, tmp_path, text
         assert new[label].value == pytest.approx(0.9 * knob.value + 0.1 * knob.low, rel=1e-9)
 
 
+def test_a_softened_block_keeps_its_strain_on_the_page(opened):
+    text = SCENES["softened"].replace("velocity =", "strain_per_slope = 0.5\nvelocity =")
+    assert turn(opened(text)).case().strain_per_slope == 0.5
+
+
 def test_a_turned_modulus_of_a_series_scales_all_its_moduli(opened):
     document = opened(TEXT)
     old = document.scene.stack.base.material
