@@ -56,8 +56,8 @@ def to_hdf5(shown: ShownPoint) -> bytes:
     heights = np.asarray(contact.heights)
     axes = ("x", "y")[: heights.ndim]
     found: dict[str, Any] = {"heights": (axes, heights)}
-    for axis, length, points in zip(axes, shown.model.size, heights.shape, strict=True):
-        found[axis] = (axis, np.arange(points) * (length / points))
+    for axis, spacing, points in zip(axes, contact.grid.spacing, heights.shape, strict=True):
+        found[axis] = (axis, np.arange(points) * float(spacing))
     for name in ("pressure", "gap", "displacement"):
         found[name] = (axes, np.asarray(getattr(contact, name)))
     found |= {name: ((), np.asarray(getattr(contact, name))) for name in contact.numbers}

@@ -70,11 +70,6 @@ class Model:
         """The values of the knobs in the scene as opened [SI]."""
         return tuple(knob.value for knob in self.knobs)
 
-    @property
-    def size(self) -> np.ndarray:
-        """Edge lengths of the cell [m]."""
-        return np.asarray(self.surface.grid.size)
-
     def _at(self, values: Any) -> Scenery:
         return turned(self._scenery, self.knobs, values)
 

@@ -111,7 +111,7 @@ class Page(pn.viewable.Viewer):
         self._knobs[:] = self.sliders
         heated = model.document.scene.heating is not None
         self._lines, self._bars = new_lines(model.waves, heated), Bars(model.knobs, heated)
-        self._block, self._map = BlockPicture(), Map(model.size)
+        self._block, self._map = BlockPicture(), Map(np.asarray(model.surface.grid.size))
         lines, chart = self._lines, pn.Column(self._field, _pane_of(self._map.figure), **WIDE)
         chart.styles = _flex("0 1 480px")
         upper = (self._block, lines["friction"], lines["contact_area"])
@@ -157,7 +157,7 @@ class Page(pn.viewable.Viewer):
         thickness = [layer["thickness"] for layer in content.get("layers", [])]
         self._block.show(
             np.array(thickness), names, content["base"]["kind"], np.asarray(contact.heights),
-            float(shown.model.size[0]),
+            float(shown.model.surface.grid.size[0]),
         )  # fmt: skip
 
 
@@ -186,24 +186,20 @@ def _headline(shown: ShownPoint | None, pinned: ShownPoint | None) -> str:
     if shown is None:
         return ""
     now, before = shown.contact, pinned and pinned.contact
-    cells = {
-        "friction": ("friction μ", lambda μ: with_error(μ, float(now.friction_error))),
-        "contact_area": (
-            "contact area A/A₀ [%]",
-            lambda area: with_error(100 * area, 100 * float(now.contact_area_error)),
-        ),
-        "mean_gap": (
-            "mean gap",
-            lambda gap: with_error(gap, float(now.mean_gap_error), "m", now.noise.get("m", 0.0)),
-        ),
-    }
+    cells = {"friction": ("friction μ", 1, ""), "contact_area": ("contact area A/A₀ [%]", 100, ""),
+             "mean_gap": ("mean gap", 1, "m")}  # fmt: skip
     if now.heated is not None:
-        cells["surface_rise"] = ("contact above bulk", lambda rise: f"{number(rise, '.3g')} K")
+        cells["surface_rise"] = ("contact above bulk", 1, "K")
     text = f'<div class="title">{in_html(shown.document.content["title"])}</div>'
-    for name, (title, spelt) in cells.items():
+    for name, (title, scale, unit) in cells.items():
         value, change = float(getattr(now, name)), ""
+        if unit == "K":  # it has no error of its own
+            spelt = f"{number(value, '.3g')} K"
+        else:
+            error, noise = float(getattr(now, f"{name}_error")), now.noise.get(unit, 0.0)
+            spelt = with_error(scale * value, scale * error, unit, noise)
         old = np.nan if before is None else float(getattr(before, name))
         if old and np.isfinite(value / old):
             change = f"<i>{100 * (value / old - 1):+.3g} % from pinned</i>"
-        text += f"<div><span>{title}</span><b>{spelt(value)}</b>{change}</div>"
+        text += f"<div><span>{title}</span><b>{spelt}</b>{change}</div>"
     return f'<div class="head">{text}</div>'
