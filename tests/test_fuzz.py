@@ -550,7 +550,7 @@ def check_drop(case: int, folder: Path, document) -> bool:
     else:
         material = pick(draw, [*document.content["materials"], text()])
         change = partial(with_moduli, name=material)
-    with only(explored, *document.scene().inputs.values()):
+    with only(explored, *document.scene.inputs.values()):
         try:
             changed = with_file(document, explored, name, content, change)
             path = save_document(changed, explored, pick(draw, [f"{case}", text()]), replace=False)

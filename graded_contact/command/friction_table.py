@@ -14,8 +14,8 @@ from ..core.display import UNKNOWN
 from ..core.quantities import in_brackets
 from ..exports.friction_cards import export_friction
 from ..mean_field.diffusion import Correction
-from ..page.document import described
 from ..plot.words import kelvin
+from ..scenes.described import described
 from ..scenes.run_scene import build_surface, run_scene
 from ..scenes.scene import Scene, read_scene, refuse_liquids, refuse_tables
 from ..scenes.schema import parse_toml
@@ -176,11 +176,10 @@ def _varies(scene: Scene) -> bool:
 
 def _conditions(scene: Scene, surface: Surface, method: Method) -> str:
     """What a table holds for, in lines."""
-    thickness = [float(layer.thickness) for layer in scene.stack.layers]
     points = " x ".join(map(str, surface.grid.shape))
     warm = [] if _varies(scene) else [f"Temperature: {_temperature(scene)}"]
     return "\n".join([
-        f"Block: {described(parse_toml(scene.text), thickness)}",
+        f"Block: {described(parse_toml(scene.text))}",
         f"Surface: {points} points, {size_of(surface)}",
         *warm,
         conditions(scene.direction, scene.shear, scene.heating, method),
