@@ -10,7 +10,7 @@ import pytest
 from scene_texts import TEXT, changed
 
 from graded_contact.core.parameters import paths
-from graded_contact.core.quantities import AXES, PARAMETERS, RESULTS
+from graded_contact.core.quantities import AXES, OF_RESULTS, PARAMETERS
 from graded_contact.page.document import (
     open_document,
     save_document,
@@ -218,7 +218,7 @@ def test_a_unit_of_another_dimension_is_refused_by_its_name(opened, label, text,
 
 
 def test_every_usual_unit_is_read_as_itself_and_has_the_dimension_of_its_quantity():
-    quantities = [*AXES.values(), *PARAMETERS.values(), *RESULTS.values()]
+    quantities = [*AXES.values(), *PARAMETERS.values(), *OF_RESULTS.values()]
     known = [quantity for quantity in quantities if quantity.usual]
     assert len(known) == 19
     for quantity in known:
