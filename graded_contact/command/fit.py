@@ -23,6 +23,7 @@ from ..fitting.wild import wild_values, without
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
+from ..readers.decisions import Options
 from ..readers.moduli import read_moduli
 from ..readers.prony import prony_in
 from ..scenes.schema import entry_text
@@ -279,10 +280,20 @@ def material_of(
             moduli_files, column, unit, temperature, kind, poisson=ratio, sheet=sheet, step=step
         )
     except ValueError:
-        found = _converted(moduli_files, unit, kind, (glassy, equilibrium), poisson, sheet)
-        if found is None:
+        if len(moduli_files) > 1:
             raise
-        return found, []
+        kinds = _kinds(kind)
+        options = Options(
+            units=_pairs("unit", unit), deformation=kinds.get("deformation"), poisson=poisson,
+            sheet=sheet, glassy=glassy, equilibrium=equilibrium,
+        )  # fmt: skip
+        read = prony_in(moduli_files[0], options, "series" if "doubtful" in kinds else "refused")
+        if read is None:
+            raise
+        series, log = read
+        print_history(log.history, log.assumed)
+        report = "The file holds a Prony series: nothing is fitted."
+        return MaterialFit(series, None, report, {}, tuple(log.assumed)), []
     if glassy is not None:
         raise ValueError("`glassy` is refused: it is for the ratios of a Prony series.")
     found = fitted(
@@ -292,26 +303,6 @@ def material_of(
     means = [part.temperature for part in measured.isotherms() if part.temperature is not None]
     found = found._replace(report=found.report + caveats, assumed=measured.assumed)
     return found, [float(np.mean(part)) for part in means]
-
-
-def _converted(
-    files: Sequence[Path], unit, kind, moduli: tuple[float | None, float | None],
-    poisson: float | None, sheet: str | None,
-) -> MaterialFit | None:  # fmt: skip
-    """The Prony series in the only file; None if it holds none."""
-    if len(files) > 1:
-        return None
-    kinds = _kinds(kind)
-    read = prony_in(
-        files[0], _pairs("unit", unit), *moduli, kinds.get("deformation"), poisson, sheet,
-        doubtful="series" if "doubtful" in kinds else "refused",
-    )  # fmt: skip
-    if read is None:
-        return None
-    material, log = read
-    print_history(log.history, log.assumed)
-    report = "The file holds a Prony series: nothing is fitted."
-    return MaterialFit(material, None, report, {}, tuple(log.assumed))
 
 
 def scene_table(found: MaterialFit, name: str) -> str:

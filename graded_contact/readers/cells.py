@@ -16,7 +16,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from ..core.files import UNPACKED_BOOK, Refusal, check_archive, may_unpack
-from .registry import File, Options, extra
+from .decisions import Options
+from .registry import File, extra
 
 LARGEST = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
 MOST_CELLS = 5_000_000  # of a sheet of moduli; lines of any text
@@ -47,11 +48,17 @@ _SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", None: "spaces"}
 
 
 class Row(NamedTuple):
-    """One line of a file: its number, counted from 1, its cells, and whether it is a comment."""
+    """One line of a file: its number, counted from 1, its cells, and whether it is a comment.
+
+    In a table, `segment` counts the lines of names above it from 0, `step` the steps of a test
+    from 1.
+    """
 
     line: int
     cells: list[str]
     comment: bool = False
+    segment: int = 0
+    step: int = 0
 
     @property
     def num_numbers(self) -> int:
@@ -69,24 +76,19 @@ class Sheet(NamedTuple):
     - `name`: of the sheet; empty for a text file.
     - `layout`: its encoding, separator and decimal mark, in words.
     - `spaced`: whether spaces separate its cells, so that no cell can be empty.
+    - `fixed`: what its format says of its moduli.
     """
 
     name: str
     rows: list[Row]
     layout: str
     spaced: bool = False
+    fixed: Options = Options()
 
     def numbers_only(self, width: int) -> "Sheet":
         """Returns the first cells of the rows of numbers."""
         rows = [row._replace(cells=row.cells[:width]) for row in self.rows if holds_data(row)]
         return self._replace(rows=rows)
-
-
-class Tables(NamedTuple):
-    """Rows of cells with lines of names, on sheets, and what their format fixes."""
-
-    sheets: list[Sheet]
-    fixed: Options = Options()
 
 
 class TextLayout(NamedTuple):

@@ -2,73 +2,23 @@
 
 import operator
 import re
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..core.display import short
-from .decisions import Log, settled
+from .decisions import Log, Options, settled
 from .other_tables import check_others
-from .registry import Options
-from .tables import Column, Table, value_above
+from .tables import Column, Table, credible, value_above
 from .units import DIMENSIONS, PER_SECOND, UNITS, Heading
+from .ways import AT_LOAD, SWEEPS, WAYS, Way
 
-
-class Way(NamedTuple):
-    """A way to measure: its kind, quantities beside the abscissa, and the value at each point.
-
-    `value` takes the numbers of the quantities in SI units, and behind them the constant load.
-    """
-
-    kind: str
-    quantities: str
-    value: Callable[..., Any]
-
-    @property
-    def names(self) -> list[str]:
-        """The abscissa and the other quantities."""
-        abscissa = "time" if self.kind in ("relaxation", "creep") else self.kind
-        return [abscissa, *self.quantities.split()]
-
-
-# The most direct ones first; in the order of the first of a kind the columns of a file without
-# names are read.
-WAYS = (
-    Way("frequency", "storage loss", lambda storage, loss: storage + 1j * loss),
-    Way("frequency", "storage tan_delta", lambda storage, tan: storage * (1 + 1j * tan)),
-    Way("frequency", "storage phase", lambda storage, phase: storage * (1 + 1j * np.tan(phase))),
-    Way("frequency", "magnitude tan_delta", lambda size, tan: size * np.exp(1j * np.arctan(tan))),
-    Way("frequency", "magnitude phase", lambda size, phase: size * np.exp(1j * phase)),
-    Way("frequency", "loss tan_delta", lambda loss, tan: loss * (1 / tan + 1j)),
-    Way("frequency", "loss phase", lambda loss, phase: loss * (1 / np.tan(phase) + 1j)),
-    *(
-        Way("frequency", quantities, value)  # E* = 1/D*, with D* = D' - iD''
-        for quantities, value in {
-            "storage_compliance loss_compliance": lambda real, loss: 1 / (real - 1j * loss),
-            "storage_compliance tan_delta": lambda real, tan: 1 / (real * (1 - 1j * tan)),
-            "storage_compliance phase": lambda real, delta: 1 / (real * (1 - 1j * np.tan(delta))),
-            "compliance_magnitude tan_delta": lambda size, tan: np.exp(1j * np.arctan(tan)) / size,
-            "compliance_magnitude phase": lambda size, delta: np.exp(1j * delta) / size,
-            "loss_compliance tan_delta": lambda loss, tan: 1 / (loss * (1 / tan - 1j)),
-            "loss_compliance phase": lambda loss, delta: 1 / (loss * (1 / np.tan(delta) - 1j)),
-        }.items()
-    ),
-    Way("relaxation", "modulus", lambda modulus: modulus),
-    Way("creep", "compliance", lambda compliance: compliance),
-    Way("relaxation", "stress strain", lambda stress, strain: stress / strain),
-    Way("creep", "strain stress", lambda strain, stress: strain / stress),
-    Way("relaxation", "stress", lambda stress, strain: stress / strain),
-    Way("creep", "strain", lambda strain, stress: strain / stress),
-)  # fmt: skip
 _PARTS = ("storage loss", "storage_compliance loss_compliance")  # whose ratio is tan delta
 # What a modulus or a compliance beside a loss tangent may be.
 _EITHER = {
     "modulus": "'storage' or 'magnitude'",
     "compliance": "'storage_compliance' or 'compliance_magnitude'",
 }
-AT_LOAD = WAYS[-2:]  # if the constant load is known
-SWEEPS = tuple(way._replace(kind="strain") for way in WAYS if way.kind == "frequency")
 # In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
 _STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formation|dehnung)")
 _NO_AMPLITUDE = re.compile(r"(?i)\bcmd\b|command|ratio|constant")  # as TRIOS has beside the strain
@@ -93,9 +43,11 @@ class MeasuredTable(NamedTuple):
     - `check`: the column of tan delta, if the moduli do without it.
     - `load`: the constant stress of a creep test [Pa], or strain of a relaxation test [1], if no
       column holds it.
-    - `table`: its rows.
+    - `table`: the names, and the lines above.
+    - `points`: a frame with the line, curve, step, cells and, if the row does not fit the columns,
+      number of cells of each point; and in SI units its numbers, by quantity and as "check".
     - `unused`: names of the other columns.
-    - `log`: what was understood, assumed and left out; the reading adds to it.
+    - `options`: of the user, completed by the format.
     """
 
     way: Way
@@ -103,8 +55,17 @@ class MeasuredTable(NamedTuple):
     check: Column | None
     load: float | None
     table: Table
+    points: Any
     unused: list[str]
-    log: Log
+    options: Options
+
+    @property
+    def log(self) -> Log:
+        return self.table.log
+
+    @property
+    def num_rows(self) -> int:
+        return len(self.points) // self.table.blocks
 
     @property
     def kind(self) -> str:
@@ -121,14 +82,12 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
 
     Raises `ValueError` that names the line, and all arguments that would help.
     """
-    entries = [table.misfit(row) for row in table.rows]
-    if all(entries):
-        first = f"line {table.rows[0].line} has {entries[0]} entries"
+    if all(map(table.misfit, table.rows)):
+        first = f"line {table.rows[0].line} has {table.misfit(table.rows[0])} entries"
         raise ValueError(f"{first}, unlike {table.place} with {table.listed()}")
     stated = {heading.quantity for heading in table.headings}
     if not any(set(way.names) <= stated for way in WAYS):
         check_others(table, options.columns.values())
-    log = Log()
     width, numbers = len(table.names), [n for n in options.columns.values() if isinstance(n, int)]
     if table.blocks > 1 and max(numbers, default=0) > width:  # one of the curves side by side
         names, units = table.names * table.blocks, table.units * table.blocks
@@ -136,13 +95,15 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     places = _places(table, options)
     if options.temperature is not None:
         places.pop("temperature", None)
-    titles = [row for segment in table.segments for row in segment.titles]
-    stress = None if options.kind == "relaxation" else value_above(titles, "stress")
+    above = [row for segment in {row.segment for row in table.rows} for row in table.above[segment]]
+    stress = None if options.kind == "relaxation" else value_above(above, "stress")
     load = stress if options.load is None else options.load
     way = _way(table, places, load is not None, options)
     beside = {"frequency" if way.kind == "strain" else "temperature"} & set(places)
     needed = {name: places[name] for name in (*way.names, *beside)}
-    found = {name: _distinct(table, name, needed[name], options, log) for name in needed}
+    if len(times := needed.get("time", ())) > 1:
+        needed["time"] = [i for i in times if table.headings[i].step] or times
+    found = {name: _distinct(table, name, needed[name], options) for name in needed}
     columns = {name: each[0] for name, each in found.items() if each[0] is not None}
     lacking = []
     several = {name: needed[name] for name, each in found.items() if len(each) > 1}
@@ -157,19 +118,42 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     others = [name for i, name in enumerate(table.names) if name and i not in used]
     if lacking:
         abscissa = Column(way.names[0], needed[way.names[0]][0])
-        swept = len(np.unique(abscissa.known(table.rows))) > 1
+        swept = len(np.unique(credible(abscissa.numbers(table.rows)))) > 1
         raise (Unclear if swept else ValueError)(f"{table.place}: {'; '.join(lacking)}")
     _check_reciprocal(columns, options)
+    for name, column in columns.items():
+        (table.log.assume if column.source == _ASSUMED else table.log.note)(column.sentence)
+        if len(needed[name]) > len(found[name]):
+            alike = " and ".join(map(table.label, needed[name]))
+            table.log.note(f"{alike} are the same; the first is used.")
     tangents = places.get("tan_delta", []) if way.quantities in _PARTS else []
     check = _column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None
+    points = _points(table, columns | ({"check": check} if check else {}))
     load = load if way in AT_LOAD else None
-    understood = Log()
-    for column in columns.values():
-        add = understood.assume if column.source == _ASSUMED else understood.note
-        add(column.sentence)
-    understood.assume(*table.assumed)
-    understood.note(*log.history)
-    return MeasuredTable(way, columns, check, load, table, others, understood)
+    return MeasuredTable(way, columns, check, load, table, points, others, options)
+
+
+def _points(table: Table, columns: dict[str, Column]) -> Any:
+    """The frame of `MeasuredTable`: a point for each row of each block."""
+    import pandas as pd
+
+    width, blocks = len(table.names), range(table.blocks)
+    pairs = [(row, block) for row in table.rows for block in blocks]
+    entries = {row.line: table.misfit(row) for row in table.rows}
+    cells = [
+        (row.cells[block * width : (block + 1) * width] + [""] * width)[:width]
+        for row, block in pairs
+    ]
+    points: dict[str, Any] = {
+        "line": [row.line for row, _ in pairs],
+        "curve": [row.segment * len(blocks) + block for row, block in pairs],
+        "step": [row.step for row, _ in pairs],
+        "entries": [entries[row.line] for row, _ in pairs],
+        "cells": cells,
+    }
+    for name, column in columns.items():
+        points[name] = column.si(each[column.place] for each in cells)
+    return pd.DataFrame(points)
 
 
 def _without_unit(table: Table, name: str, place: int) -> str:
@@ -316,10 +300,8 @@ def _check_signal(table: Table, places: dict) -> None:
         raise ValueError(f"{table.place}: {what} test; export its moduli E' and E'' or G' and G''")
 
 
-def _distinct(table: Table, quantity: str, places, options: Options, log: Log) -> list:
+def _distinct(table: Table, quantity: str, places: list[int], options: Options) -> list:
     """The columns of a quantity, without those that repeat the first one."""
-    if quantity == "time" and len(places) > 1:
-        places = [i for i in places if table.headings[i].step] or places
     columns = [_column(table, quantity, place, options) for place in places]
     known = [column for column in columns if column]
     if len(known) < max(2, len(columns)) or len({column.deformation for column in known}) > 1:
@@ -329,7 +311,6 @@ def _distinct(table: Table, quantity: str, places, options: Options, log: Log) -
         both = np.isfinite(first) & np.isfinite(other) & (first != 0)
         if not np.any(both) or np.max(np.abs(other[both] / first[both] - 1)) > ALIKE:
             return columns
-    log.note(f"{' and '.join(map(table.label, places))} are the same; the first is used.")
     return columns[:1]
 
 

@@ -62,18 +62,15 @@ def _short(line: str) -> str:
     return repr(line if len(line) <= 60 else line[:57] + "...")
 
 
-def converted(
-    measured: MeasuredTable, poisson: float | None, lines: Sequence[str]
-) -> tuple[str, float]:
+def converted(measured: MeasuredTable, lines: Sequence[str]) -> tuple[str, float]:
     """Returns tension or shear, and the factor that converts the moduli of a table to it.
 
     **Arguments:**
 
-    - `measured`: the table; its log gets what was understood, or assumed.
-    - `poisson`: Poisson's ratio, to convert shear to tension; None to leave shear as it is.
+    - `measured`: the table; without a Poisson's ratio in its options shear remains shear.
     - `lines`: as of `deformation_in`.
     """
-    log = measured.log
+    log, poisson = measured.log, measured.options.poisson
     if measured.kind == "strain":
         return "shear", 1.0  # only ratios of the moduli count
     named = {column.deformation for column in measured.columns.values()} - {None}

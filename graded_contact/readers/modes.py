@@ -8,14 +8,15 @@ E(t) as well, the table is refused with both meanings.
 import functools
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..core.display import short
 from ..core.files import Refusal
-from ..materials.shift import LAWS, TabulatedShift
+from ..materials.shift import LAWS, AbstractShift, TabulatedShift
 from .cells import Row, Sheet, holds_data, is_infinite, is_missing, is_number
+from .decisions import Log
 from .series import Doubt, Series
 from .stated_moduli import AGREE, Statement, agreed, is_statement, statements_in
 from .units import UNITS, parse_heading, parse_unit, split_heading
@@ -160,7 +161,10 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
     counting = agreed(stated, pascals, letter)
     letters = {kind: each.deformation for kind, each in counting.items() if each.deformation}
     units = {"time": seconds, "modulus": pascals}
+    log = Log()
     return Series(
+        f"a table of {len(modes)} relaxation times, line {sheet.rows[start].line}",
+        log,
         strengths,
         times,
         ratios,
@@ -172,22 +176,22 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
         units={name: unit for name, unit in units.items() if unit is not None},
         deformation=letter or next(iter(letters.values()), None),
         poisson=next((float(n[1]) for line in lines if (n := _POISSON.search(line))), None),
-        **_law(lines),
+        shift=_law(lines, log),
         lines=lines,
-        layout=f"a table of {len(modes)} relaxation times, line {sheet.rows[start].line}",
     )
 
 
-def _law(lines: Sequence[str]) -> dict[str, Any]:
+def _law(lines: Sequence[str], log: Log) -> AbstractShift | None:
     """The shift that a CSV of `export_prony` names; one in a table is left out, with a caveat."""
     found = next((found for line in lines if (found := _LAW.search(line))), None)
     if found is None:
-        return {}
+        return None
     law = LAWS.get(found[1].lower(), TabulatedShift)
     if law is TabulatedShift:
-        return {"assumed": ["The table of shift factors in the file is left out: take its TOML."]}
+        log.assume("The table of shift factors in the file is left out: take its TOML.")
+        return None
     pairs = re.findall(r"(\w+)=([^\s,]+)", found[2])
-    return {"shift": law(**{name: float(value) for name, value in pairs})}
+    return law(**{name: float(value) for name, value in pairs})
 
 
 def _cell(row: Row, place: int) -> str:

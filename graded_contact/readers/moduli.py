@@ -17,16 +17,19 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
+from ..core.files import Refusal
 from ..materials.measured import Measured, distinct, joined
 from .cells import LARGEST, Sheet, holds_data
-from .columns import WAYS, MeasuredTable, Unclear
+from .columns import MeasuredTable, Unclear
+from .decisions import Options
 from .modes import modes_on
 from .points import measured_points, one_each
-from .prony import check_no_series
-from .registry import Options, opened, read
+from .prony import written_series
+from .registry import opened, read
 from .series import SERIES
 from .steps import rank, understand
 from .units import DIMENSIONS, UNITS
+from .ways import WAYS
 
 
 @check_types
@@ -93,10 +96,11 @@ def read_moduli(
             words = f"`temperature={short(temperature)}` is refused: numbers [K] are needed."
             raise ValueError(words) from None
         check_positive("temperature", temperature, "[K]")
-    options = _options(columns, units, step, kind, deformation)
+    options = _options(columns, units, sheet, step, kind, deformation)
+    options = dataclasses.replace(options, poisson=poisson)
     each = [temperature] if len(paths) == 1 else one_each(temperature, len(paths), "files")
     parts = [
-        _read(Path(file), dataclasses.replace(options, temperature=kelvin), poisson, sheet)
+        _read(Path(file), dataclasses.replace(options, temperature=kelvin))
         for file, kelvin in zip(paths, each, strict=True)
     ]
     return parts[0] if len(parts) == 1 else joined(parts)
@@ -137,8 +141,8 @@ def read_strain_sweep(
 
 def strain_sweep(path, columns, units, sheet, step) -> Measured:
     """Returns the moduli over the strain amplitude [1], arguments as in `read_strain_sweep`."""
-    options = dataclasses.replace(_options(columns, units, step), kind="strain")
-    sweep = _read(Path(path), options, None, sheet)
+    options = dataclasses.replace(_options(columns, units, sheet, step), kind="strain")
+    sweep = _read(Path(path), options)
     strains = sweep.abscissa[np.argsort(sweep.lines)]
     strains = strains if strains[0] < strains[-1] else strains[::-1]
     back = np.any(strains < _BACK * np.maximum.accumulate(strains))
@@ -150,7 +154,7 @@ def strain_sweep(path, columns, units, sheet, step) -> Measured:
     return sweep
 
 
-def _options(columns, units, step, kind=None, deformation=None) -> Options:
+def _options(columns, units, sheet, step, kind=None, deformation=None) -> Options:
     """The arguments of `read_moduli`, checked."""
     columns, units = columns or {}, units or {}
     checks: list[tuple[str, Any, Any, Any]] = [  # name, value, the part to check, what is allowed
@@ -167,33 +171,33 @@ def _options(columns, units, step, kind=None, deformation=None) -> Options:
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
     source = "as given in `units`" if units else ""
-    return Options(kind, columns, units, deformation, step=tuple(steps), source=source)
+    return Options(kind, columns, units, deformation, sheet=sheet, step=tuple(steps), source=source)
 
 
-def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
+def _read(path: Path, options: Options) -> Measured:
     """The measurements in one file."""
     with opened(path, LARGEST) as file:
-        check_no_series(file)
-        sheets, fixed = read(file, "moduli")
+        if written_series(file) is not None:
+            raise Refusal(SERIES)
+        sheets: list[Sheet] = read(file, "moduli")
     try:
         lines = [row.text for sheet in sheets for row in sheet.rows if not holds_data(row)]
         names = [sheet.name for sheet in sheets]
-        if name is not None:
-            if name not in names:
-                raise ValueError(f"there is no `sheet={name!r}`, only {names}")
-            sheets = [sheets[names.index(name)]]
-        if fixed.columns and not options.columns:  # others may follow, without a name
-            sheets = [sheet.numbers_only(len(fixed.columns)) for sheet in sheets]
-        options = options.completed(fixed)
+        if options.sheet is not None:
+            if options.sheet not in names:
+                raise ValueError(f"there is no `sheet={options.sheet!r}`, only {names}")
+            sheets = [sheets[names.index(options.sheet)]]
         understood = _understood(sheets, options)
-        kelvins = [options.temperature]
         if len(understood) > 1:  # otherwise there may be one temperature for each curve
             kelvins = one_each(options.temperature, len(understood), "sheets")
+            each = [dataclasses.replace(options, temperature=kelvin) for kelvin in kelvins]
+            pairs = zip(understood, each, strict=True)
+            understood = [(sheet, table._replace(options=own)) for (sheet, table), own in pairs]
         parts = []
-        for (sheet, measured), kelvin in zip(understood, kelvins, strict=True):
-            rows = f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."
-            measured.log.history.insert(0, rows)
-            parts.append(measured_points(path, measured, poisson, kelvin, lines))
+        for sheet, measured in understood:
+            rows = f"Read {measured.num_rows} rows of {path.name}, {sheet.layout}."
+            measured.log.begin(rows)
+            parts.append(measured_points(path, measured, lines))
         names = [sheet.name for sheet, _ in understood]
         if len(parts) > 1 and not distinct(parts):
             same = "have similar tables at one temperature"
@@ -232,6 +236,9 @@ def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, Meas
 
 def _moduli_on(sheet: Sheet, options: Options) -> MeasuredTable:
     """The moduli on a sheet; raises `ValueError` for a Prony series, by its name."""
+    if sheet.fixed.columns and not options.columns:  # others may follow, without a name
+        sheet = sheet.numbers_only(len(sheet.fixed.columns))
+    options = options.completed(sheet.fixed)
     measured, refusal = None, ValueError()
     try:
         measured = understand(sheet, options)

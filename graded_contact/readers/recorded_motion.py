@@ -48,7 +48,7 @@ def motion_in(
     """Returns the motion of a table and the log of the reading, arguments as in `read_motion`."""
     log = Log()
     with opened(path, LARGEST) as file:
-        rows = read(file, "moduli").sheets[0].rows
+        rows = read(file, "moduli")[0].rows
         data = [row.cells[:2] for row in rows if holds_data(row)]
         try:
             time, displacement = np.array(data, float).T

@@ -1,7 +1,7 @@
 """Readers of files, each registered with what it knows; the content decides which one reads a file.
 
 A module in `instruments/` is found without being named anywhere. Its functions take a `File` and
-return a `Scan` (heights), `Tables` (moduli) or `Series` (Prony), or raise `Refusal`.
+return a `Scan` (heights), a list of `Sheet` (moduli) or `Series` (Prony), or raise `Refusal`.
 """
 
 import codecs
@@ -15,8 +15,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from ..core.files import (
     LARGEST_FILE,
@@ -114,35 +112,6 @@ def opened(path: str | os.PathLike, at_most: float = LARGEST_FILE, **known: Any)
         raise ValueError(f"`path={path}` is refused: {str(error).rstrip('.')}.") from None
 
 
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """What is known of tables of moduli; empty where the tables decide.
-
-    - `kind`: "frequency", "relaxation", "creep" or "strain".
-    - `columns`: name, or number counted from 1, of the column of a quantity.
-    - `units`: unit of a dimension.
-    - `deformation`: "tension" or "shear".
-    - `temperature`: [K], so that a column of it is not needed.
-    - `step`: numbers, or parts of titles, of the steps to read.
-    - `load`: the constant stress of a creep test [Pa], the strain of a relaxation test [1].
-    - `source`: where the units come from, in words.
-    """
-
-    kind: str | None = None
-    columns: Mapping[str, str | int] = dataclasses.field(default_factory=dict)
-    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    deformation: str | None = None
-    temperature: Any = None
-    step: tuple[str | int, ...] = ()
-    load: float | None = None
-    source: str = ""
-
-    def completed(self, fixed: "Options") -> "Options":
-        """Returns these options, and where they are silent those that the format fixes."""
-        own = {name: value for name, value in vars(self).items() if np.ndim(value) or value}
-        return dataclasses.replace(fixed, **{**own, "units": {**fixed.units, **self.units}})
-
-
 class Reader(NamedTuple):
     """A function that reads a kind of file, and whether it knows one."""
 
@@ -172,8 +141,8 @@ def reader(name: str, gives: str, *, knows: Callable[[File], bool], rank: int = 
     **Arguments:**
 
     - `name`: of the kind of file.
-    - `gives`: "heights" for a function that returns a `Scan`, "moduli" for `Tables`, "prony" for a
-      `Series` by the name of each material.
+    - `gives`: "heights" for a function that returns a `Scan`, "moduli" for a list of `Sheet`,
+      "prony" for a `Series` by the name of each material.
     - `knows`: whether the function reads a file: by its first bytes, a heading, or its extension.
     - `rank`: 0 for a format that is told by its content, 1 for a library of many formats, 2 for
       what is tried after it.

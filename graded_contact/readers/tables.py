@@ -13,15 +13,21 @@ from typing import NamedTuple
 import numpy as np
 
 from .cells import Row, Sheet, holds_data, is_missing, is_number, stripped
+from .decisions import Log
 from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse_unit
 
 LIMIT = 1e100  # in SI units; of shifted frequencies and times
 MOST_COLUMNS = 1000  # of a table; a hundred curves side by side have a few hundred
 
 
+def is_credible(values: np.ndarray) -> np.ndarray:
+    """Whether a measurement can have these values, so that their ratios are finite."""
+    return (values > 1 / LIMIT) & (values < LIMIT)
+
+
 def credible(values: np.ndarray) -> np.ndarray:
-    """Returns the values that a measurement can have, so that their ratios are finite."""
-    return values[(values > 1 / LIMIT) & (values < LIMIT)]
+    """Returns the values that a measurement can have."""
+    return values[is_credible(values)]
 
 
 class Column(NamedTuple):
@@ -75,57 +81,39 @@ class Column(NamedTuple):
         """Returns the numbers of the first block in SI units, NaN where there is none."""
         return self.si("".join(row.cells[self.place : self.place + 1]) for row in rows)
 
-    def known(self, rows: Iterable[Row]) -> np.ndarray:
-        """Returns the numbers that a measurement can have."""
-        return credible(self.numbers(rows))
-
-
-class Segment(NamedTuple):
-    """A part of a table: the `titles` above it, its rows of numbers, and its other rows."""
-
-    titles: list[Row]
-    data: list[Row]
-    words: list[Row]
-
 
 class Table(NamedTuple):
-    """Names and units of the columns of one block, and the segments below them.
+    """Names and units of the columns of one block, and the rows of all segments below them.
 
     - `place`: the line of its names, for messages.
     - `blocks`: how often the columns are repeated side by side.
     - `spaced`: whether spaces separate the cells, so that none can be empty.
-    - `assumed`: what had to be assumed of the lines above, in sentences.
+    - `above`: the rows above each segment.
+    - `rows`: those of numbers; `words` are the others.
+    - `log`: of the reading of this table.
+    - `kelvins`: the temperature of each block [K], if its columns state it.
     """
 
     place: str
     names: list[str]
     units: list[str]
     blocks: int
-    segments: list[Segment]
     spaced: bool
-    assumed: tuple[str, ...] = ()
+    above: list[list[Row]]
+    rows: list[Row]
+    words: list[Row]
+    log: Log
+    kelvins: Sequence[float] | None = None
 
     @property
     def headings(self) -> list[Heading]:
         return list(map(parse_heading, self.names))
-
-    @property
-    def rows(self) -> list[Row]:
-        return [row for segment in self.segments for row in segment.data]
 
     def misfit(self, row: Row) -> int:
         """Returns the number of entries of a row if these cannot be assigned to columns, else 0."""
         entries, width = len(stripped(row.cells)), self.blocks * len(self.names)
         # Where spaces separate, a missing entry would move those after it.
         return entries if entries > width or (self.spaced and entries < width) else 0
-
-    def curves(self) -> Iterator[tuple[int, Row, list[str]]]:
-        """Yields each row of each block, with the number of its curve and its cells."""
-        width = len(self.names)
-        for i, segment in enumerate(self.segments):
-            for row, block in itertools.product(segment.data, range(self.blocks)):
-                cells = [*row.cells, *[""] * (self.blocks * width)]
-                yield i * self.blocks + block, row, cells[block * width :]
 
     def label(self, place: int) -> str:
         name = self.names[place]
@@ -140,12 +128,6 @@ class Table(NamedTuple):
         if any(self.names):
             return "the columns " + ", ".join(map(repr, self.names))
         return f"{len(self.names)} columns without names"
-
-    def only(self, lines: set[int]) -> "Table":
-        """Returns the table with the rows of numbers on these lines."""
-        kept = ([row for row in each.data if row.line in lines] for each in self.segments)
-        pairs = zip(self.segments, kept, strict=True)
-        return self._replace(segments=[each._replace(data=data) for each, data in pairs if data])
 
 
 def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
@@ -163,11 +145,10 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
         rows = [names if row is signals[-1] else row for row in rows if id(row) not in last_of]
     starts = _starts(rows, set(named))
     if not starts:
-        data = [row for row in rows if holds_data(row)]
+        data = list(filter(holds_data, rows))
         empty = [""] * max((len(row.cells) for row in data), default=0)
         above = list(itertools.takewhile(lambda row: not holds_data(row), rows))
-        segments = [Segment(above, data, [])]
-        return [Table("no line of names", empty, empty, 1, segments, sheet.spaced)] * bool(data)
+        return [Table("no line of names", empty, empty, 1, sheet.spaced, [above], data, [], Log())]
     tables: dict[tuple[str, ...], Table] = {}
     last = 0  # behind the numbers above
     for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
@@ -183,8 +164,10 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
         data = [row for row in below if holds_data(row) and not _POINTS.match(row.cells[0])]
         if data:
             lines = {row.line for row in data}
-            words = [row for row in below if row.line not in lines]
-            table.segments.append(Segment(rows[last:start], data, words))
+            for row in below:
+                kept = table.rows if row.line in lines else table.words
+                kept.append(row._replace(segment=len(table.above)))
+            table.above.append(rows[last:start])
             last = rows.index(data[-1], start) + 1
     return [table for table in tables.values() if table.rows]
 
@@ -213,8 +196,11 @@ def _headed(row: Row, units: list[str], spaced: bool) -> Table:
         blocks, rest = divmod(len(names), width)
         if width > 1 and not (rest and any(map(any, columns[rest:width]))):
             blocks += rest > 0  # an empty column between blocks
-            return Table(f"line {row.line}", names[:width], below[:width], blocks, [], spaced)
-    return Table(f"line {row.line}", names, below, 1, [], spaced)
+            names, below = names[:width], below[:width]
+            break
+    else:
+        blocks = 1
+    return Table(f"line {row.line}", names, below, blocks, spaced, [], [], [], Log())
 
 
 def _periods(columns: Sequence[tuple[str, str]]) -> Iterator[int]:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from ...core.files import Refusal
 from ...materials.shift import WLF
 from ..cells import is_number
+from ..decisions import Log
 from ..registry import File, reader
 from ..series import Series
 from ..units import OFFSETS, UNITS, parse_unit
@@ -104,12 +105,11 @@ def _of_abaqus(name: str, blocks: dict[str, _Block], about: dict[str, Any]) -> S
     shear, bulk, times = (list(part) for part in zip(*rows, strict=True))
     shift = blocks.get("TRS")
     return Series(
-        shear, times, True, bulk,
+        f"a deck of Abaqus, material {name!r}", Log(), shear, times, True, bulk,
         equilibrium=None if instantaneous else modulus,
         glassy=modulus if instantaneous else None,
         deformation=deformation, poisson=poisson, deck=True, units=about["units"],
         shift=shift and _wlf(shift.options.get("DEFINITION", "WLF"), shift.rows[0], about),
-        layout=f"a deck of Abaqus, material {name!r}",
     )  # fmt: skip
 
 
@@ -205,11 +205,11 @@ def _of_ansys(name: str, constants: dict[str, float], tables: dict, about: dict)
         poisson = _poisson(hyper[1], hyper.get(2, 0.0))
     shift = tables.get((name, "SHIF", "WLF"))
     return Series(
+        f"a deck of Ansys, material {name}", Log(),
         [shear.get(time, 0.0) for time in times], times, True,
         [bulk.get(time, 0.0) for time in times], glassy=glassy, deformation=deformation,
         poisson=poisson, deck=True, units=about["units"],
         shift=_wlf("WLF", [shift[i] for i in sorted(shift)], about) if shift else None,
-        layout=f"a deck of Ansys, material {name}",
     )  # fmt: skip
 
 

@@ -5,8 +5,9 @@ parameter of its first line is the constant load; without a strain, "stress" is 
 """
 
 from ...core.files import Refusal
-from ..cells import Tables, is_number, sheets_of
-from ..registry import File, Options, reader
+from ..cells import Sheet, is_number, sheets_of
+from ..decisions import Options
+from ..registry import File, reader
 from ..tables import parameters
 from ..units import DIMENSIONS, OFFSETS, UNITS, parse_unit
 
@@ -20,7 +21,7 @@ _FORMS = {
 
 
 @reader("reptate", "moduli", knows=lambda file: file.name.suffix.lower() in _FORMS)
-def read_reptate(file: File) -> Tables:
+def read_reptate(file: File) -> list[Sheet]:
     """Returns the table; temperature [°C] and load are in the first line."""
     kind, columns, load, usual = _FORMS[file.name.suffix.lower()]
     sheet = sheets_of(file)[0]
@@ -41,4 +42,4 @@ def read_reptate(file: File) -> Tables:
         load=known.get(load, usual),
         source="as in the file" if own else "as in all of RepTate's",
     )
-    return Tables([sheet], fixed)
+    return [sheet._replace(fixed=fixed)]

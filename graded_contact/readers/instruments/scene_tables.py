@@ -8,6 +8,7 @@ from typing import Any
 from ...core.files import Refusal
 from ...materials.coverage import MeasuredRange
 from ...materials.shift import LAWS
+from ..decisions import Log
 from ..registry import File, reader
 from ..series import Series
 
@@ -34,12 +35,13 @@ def read_scene_tables(file: File) -> dict[str, Series]:
 
 def _series(name: str, table: dict[str, Any]) -> Series:
     shift, measured = dict(table.get("shift") or {}), table.get("measured")
+    log = Log()
+    log.assume(*table.get("assumed", ()))
     return Series(
+        f"the material {name!r} of a scene, in SI units", log,
         table["strengths"], table["times"], equilibrium=table["equilibrium"],
         units={"modulus": "Pa", "time": "s"}, deformation="tension",
         poisson=table.get("poisson", 0.5),
         shift=LAWS[shift.pop("kind")](**shift) if shift else None,
         measured=MeasuredRange(**measured) if measured else None,
-        assumed=table.get("assumed", ()),
-        layout=f"the material {name!r} of a scene, in SI units",
     )  # fmt: skip
