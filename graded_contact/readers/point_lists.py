@@ -6,6 +6,7 @@ import numpy as np
 
 from ..core.files import Refusal
 from .cells import Row, Sheet, is_number
+from .decisions import Log
 from .length_headings import (
     MOST_CELLS,
     MOST_ROWS,
@@ -113,13 +114,12 @@ def _units(header: list[Row], width: int) -> tuple[list[str | None], str | None,
     return [u or above.lengths for u in lengths], heights or above.of_heights, above.shared
 
 
-def line_scan(values: np.ndarray, header: list[Row], given: bool) -> Scan:
+def line_scan(values: np.ndarray, header: list[Row], given: bool, log: Log) -> Scan:
     """Returns a line scan of columns x z; whether x was `given` by the user."""
     x, z = values.T
-    notes = []
     known = np.isfinite(x)
     if not np.all(known):
-        notes.append(f"Left out {np.sum(~known)} lines without a position.")
+        log.note(f"Left out {np.sum(~known)} lines without a position.")
         x, z = x[known], z[known]
     steps = np.diff(x)
     if np.sum(steps < 0) > np.sum(steps > 0):
@@ -128,7 +128,7 @@ def line_scan(values: np.ndarray, header: list[Row], given: bool) -> Scan:
     if back > 0.01 * len(steps):
         raise Refusal(f"its first column (the position) goes back and forth; {NAMED} names others")
     if back:
-        notes.append(f"Sorted {back} points whose position stepped back.")
+        log.note(f"Sorted {back} points whose position stepped back.")
         x, first = np.unique(x, return_index=True)
         z = z[first]
     num = len(x)
@@ -141,14 +141,14 @@ def line_scan(values: np.ndarray, header: list[Row], given: bool) -> Scan:
             raise Refusal("most of its points are missing")
         heights[np.rint(x - x[0]).astype(int)] = z
         source = f"a column of heights {COUNTED}"
-        return Scan(heights, source, unit=unit, notes=tuple(notes))
+        return Scan(heights, source, unit=unit, log=log)
     size = np.array([(x[-1] - x[0]) * num / (num - 1)])
     positions = None if equally_spaced(x, EQUAL) else x - x[0]
     lateral = lateral or shared
-    return Scan(z, "a line scan", size, unit, lateral, positions, notes=tuple(notes))
+    return Scan(z, "a line scan", size, unit, lateral, positions, log=log)
 
 
-def grid_points(values: np.ndarray, header: list[Row], given: bool) -> Scan:
+def grid_points(values: np.ndarray, header: list[Row], given: bool, log: Log) -> Scan:
     """Returns points x y z of a grid, in any order; those that the file leaves out are missing."""
     x, y, z = values.T
     if not np.all(np.isfinite(x) & np.isfinite(y)):
@@ -167,11 +167,12 @@ def grid_points(values: np.ndarray, header: list[Row], given: bool) -> Scan:
         raise Refusal(f"its x is in {lateral!r} and its y in {across!r}")
     counted = counters(np.unique(x)) or counters(np.unique(y))
     if counts_points(lateral) or (lateral is None and not given and counted):
-        return Scan(heights, f"points x y z {COUNTED}", unit=unit)
+        return Scan(heights, f"points x y z {COUNTED}", unit=unit, log=log)
     size = np.array(shape) * np.array(steps)
-    scan = Scan(heights, "points x y z", size, unit, lateral or shared)
-    note = f"Its x and y lie up to {off:.1%} of a step beside a grid; the heights are taken on it."
-    return scan._replace(notes=(note,)) if off > _SAID else scan
+    if off > _SAID:
+        beside = f"Its x and y lie up to {off:.1%} of a step beside a grid"
+        log.note(f"{beside}; the heights are taken on it.")
+    return Scan(heights, "points x y z", size, unit, lateral or shared, log=log)
 
 
 def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float, float]:

@@ -19,7 +19,7 @@ from ..surfaces.preparation import Fill, Periodic, surface_from_heights
 from ..surfaces.reading_steps import ReadingStep, step
 from ..surfaces.scan_lines import Lines
 from ..surfaces.surface import Surface
-from .decisions import settled
+from .decisions import Log, settled
 from .length_headings import same_unit
 from .registry import opened, read
 from .scan import Scan
@@ -83,28 +83,28 @@ def read_surface(
     if columns is not None:
         _check_columns(columns)
     options = {"channel": channel, "size": size, "unit": unit, "columns": columns}
-    scan, factor, known, warned = _read(path, options, periodic)
+    scan, factor, known = _read(path, options, periodic)
     heights = factor * scan.heights
     points = " x ".join(map(str, heights.shape))
     lengths = " x ".join(with_unit(float(edge), "m") for edge in known)
-    source = f"Read {points} points of {lengths} from {scan.source} of {path.name}."
-    notes, steps = [source, *scan.notes, *warned], []
+    log, steps = scan.log, []
+    log.begin(f"Read {points} points of {lengths} from {scan.source} of {path.name}.")
     if scan.positions is not None:
         # The period of a line is its span and one mean step.
         count = len(scan.positions)
         period = float(np.ptp(scan.positions)) * count / (count - 1)
         positions = scan.positions * (known[0] / period)
-        heights, known = _equally_spaced(positions, heights, notes, steps)
+        heights, known = _equally_spaced(positions, heights, log, steps)
     elif heights.ndim == 2 and min(heights.shape) > 0:
         pixel = known / np.array(heights.shape)
         if np.max(pixel) > 1.05 * np.min(pixel):
             pixels = f"Its pixels of {pixel[0]:.3g} m by {pixel[-1]:.3g} m are not square"
-            notes.append(f"{pixels}: if the file was cut short, its heights are stretched.")
+            log.note(f"{pixels}: if the file was cut short, its heights are stretched.")
     try:
         return surface_from_heights(
             heights, known, periodic=periodic, shape=shape, region=region, fill=fill, rim=rim,
-            level_lines=level_lines, history=tuple(notes), steps=tuple(steps),
-            assumed=scan.assumed,
+            level_lines=level_lines, history=tuple(log.history), steps=tuple(steps),
+            assumed=tuple(log.assumed),
         )  # fmt: skip
     except ValueError as error:
         raise ValueError(f"`path={path}`: {error}") from error
@@ -119,8 +119,8 @@ def _check_columns(columns: Any) -> None:
         raise ValueError(f"`columns={short(columns)}` must be names, or numbers from 1.")
 
 
-def _read(path: Path, options: dict[str, Any], periodic) -> tuple[Scan, float, Any, list[str]]:
-    """The heights in a file, metres per unit, edge lengths [m], and warnings of the reader."""
+def _read(path: Path, options: dict[str, Any], periodic) -> tuple[Scan, float, Any]:
+    """The heights in a file, metres per unit, and edge lengths [m]."""
     with opened(path, **options) as file, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         scan = read(file, "heights").without_marks()
@@ -133,13 +133,14 @@ def _read(path: Path, options: dict[str, Any], periodic) -> tuple[Scan, float, A
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
     kinds = UserWarning | RuntimeWarning
-    told = [entry.message for entry in caught if issubclass(entry.category, kinds)]
-    notes = [f"The reader warned: {message}" for message in told]
+    for entry in caught:
+        if issubclass(entry.category, kinds):
+            scan.log.note(f"The reader warned: {entry.message}")
     unit = options["unit"]
     if unit is not None and scan.unit is not None and _without_unit(scan, options["size"]):
         stated = f"as the file states the heights in {scan.unit!r}"
-        notes.append(f"`unit={unit!r}` counts for its edges alone, {stated}.")
-    return scan, factor, edges, notes
+        scan.log.note(f"`unit={unit!r}` counts for its edges alone, {stated}.")
+    return scan, factor, edges
 
 
 def _without_unit(scan: Scan, size: Any) -> list[str]:
@@ -205,7 +206,7 @@ def _scaled(edges: np.ndarray, size: Any) -> np.ndarray:
     return units * edges
 
 
-def _equally_spaced(positions, heights, notes: list[str], steps: list[ReadingStep]) -> tuple:
+def _equally_spaced(positions, heights, log: Log, steps: list[ReadingStep]) -> tuple:
     """A line scan at equal steps, NaN in its gaps, and its length [m]."""
     # The roughness as read, each slope counted by its length.
     apart = np.diff(positions)
@@ -228,5 +229,5 @@ def _equally_spaced(positions, heights, notes: list[str], steps: list[ReadingSte
     ends = f"{np.min(apart):.3g} to {np.max(apart):.3g} m apart"
     new = f"interpolated linearly to {num} points {typical:.4g} m apart"
     lost = f"{np.sum(np.isnan(values))} in gaps of more than {GAP} steps count as missing"
-    notes.append(f"Its points, {ends}, are not equally spaced: {new}; {lost}.")
+    log.note(f"Its points, {ends}, are not equally spaced: {new}; {lost}.")
     return values, np.array([typical * num])

@@ -55,8 +55,7 @@ def read_esri(file: File) -> Scan:
     unit = "m" if file.unit is None else None
     lateral = unit if file.size is None else None
     size = np.array(steps) * shape
-    scan = Scan(heights, "an ESRI grid", size, unit, lateral)
-    return scan._replace(notes=(*log.history,), assumed=(*log.assumed,))
+    return Scan(heights, "an ESRI grid", size, unit, lateral, log=log)
 
 
 @reader("surfer", "heights", knows=lambda file: file.content[:4] in (b"DSAA", b"DSBB", b"DSRB"))

@@ -64,11 +64,12 @@ def read_hdf5(file: File) -> Scan:
         node = nodes[name]
         check_points(node.shape, file.at_most)
         own, above = _facts(node.attrs), _above(node)
-        heights, unit = _scaled(np.squeeze(node[...]), own, above, log := Log())
+        log = Log()
+        heights, unit = _scaled(np.squeeze(node[...]), own, above, log)
         common = _text(above, r"units?")
         unit = _text(own, r"units?") or unit or _text(above, _HEIGHT_UNIT) or common
         unit = unit or length_unit(name.rpartition("/")[2])
-        scan = _placed(heights, node, own | {k: v for k, v in above.items() if k not in own})
+        scan = _placed(heights, node, own | {k: v for k, v in above.items() if k not in own}, log)
         masks = [
             other for other, part in nodes.items()
             if other != name and part.shape == node.shape and _MASK.search(other.lower())
@@ -78,8 +79,7 @@ def read_hdf5(file: File) -> Scan:
         used = "may mark points that were not measured; all points are used. Write NaN there"
         log.assume(f"Its {masks} {used} to leave them out.")
     lateral = (scan.lateral_unit or common) if scan.size is not None else None
-    named = {"source": f"dataset {name!r}", "unit": unit, "lateral_unit": lateral}
-    return scan._replace(**named, notes=(*scan.notes, *log.history), assumed=(*log.assumed,))
+    return scan.but(source=f"dataset {name!r}", unit=unit, lateral_unit=lateral)
 
 
 def _is_generic(content: bytes) -> bool:
@@ -221,7 +221,7 @@ def _scaled(raw: np.ndarray, own: Facts, above: Facts, log: Log) -> tuple[Any, s
     return heights, scale and scale.unit
 
 
-def _placed(heights: np.ndarray, node: Any, facts: Facts) -> Scan:
+def _placed(heights: np.ndarray, node: Any, facts: Facts, log: Log) -> Scan:
     """The heights as `[x, y]`, with the size that coordinates, steps or extents state."""
     axes = [_label(node, axis) for axis in range(node.ndim) if node.shape[axis] > 1]
     order = "yx" if [axis[:1] for axis in axes] == ["y", "x"] else "xy"
@@ -239,10 +239,10 @@ def _placed(heights: np.ndarray, node: Any, facts: Facts) -> Scan:
         edges, unit = _edges(points, order, facts)
     if order == "yx":
         heights, edges = heights.T, None if edges is None else edges[::-1]
-    told = (
-        "Its dimensions are y and x." if order == "yx" else "Its dimensions were taken as x and y."
-    )
-    return Scan(heights, "", edges, None, unit, notes=(told,) if heights.ndim == 2 else ())
+    if heights.ndim == 2:
+        known = "are y and x" if order == "yx" else "were taken as x and y"
+        log.note(f"Its dimensions {known}.")
+    return Scan(heights, "", edges, None, unit, log=log)
 
 
 def _label(node: Any, axis: int) -> str:

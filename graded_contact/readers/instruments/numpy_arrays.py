@@ -48,7 +48,7 @@ def read_arrays(file: File) -> Scan:
     own = length_unit(name) or next(iter(units), None)
     scan = Scan(_real(arrays[name], file.at_most), f"array {name!r}", unit=own)
     scan = scan if file.size is not None else _with_size(scan, arrays, file.unit)
-    return scan._replace(unit=None) if file.unit is not None else scan
+    return scan.but(unit=None) if file.unit is not None else scan
 
 
 def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> Scan:
@@ -65,7 +65,7 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
             continue
         size = np.broadcast_to(np.ravel(array) * (1 if whole else shape), shape.shape).astype(float)
         lateral = suffix or _lateral_unit(name, scan, size, unit or scan.unit)
-        found[name] = scan._replace(size=size, lateral_unit=lateral)
+        found[name] = scan.but(size=size, lateral_unit=lateral)
     edges = [
         (metres(str(each.lateral_unit)) or 1.0) * np.array(each.size) for each in found.values()
     ]

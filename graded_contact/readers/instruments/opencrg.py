@@ -11,6 +11,7 @@ import re
 import numpy as np
 
 from ...core.files import Refusal
+from ..decisions import Log
 from ..registry import File, reader
 from ..scan import Scan, equally_spaced
 from ..units import metres
@@ -59,13 +60,14 @@ def read_road(file: File) -> Scan:
         if len(heights) < count - 1:  # rows without any elevation at the end are dropped
             raise Refusal(f"it has {len(heights)} of {count:.0f} rows of elevations: cut short")
     names = [channels[i][0] for i in sides]
-    heights, width, notes = _interpolated(heights, names, road)
+    log = Log()
+    heights, width = _interpolated(heights, names, road, log)
     if len(sides) < len(channels):
-        notes.append("Heading, slope and banking of the reference line were left out.")
+        log.note("Heading, slope and banking of the reference line were left out.")
     if left_out := ", ".join(sorted(set(changes) - {"SCALE_Z_GRID"})):
-        notes.append(f"The file's modifiers {left_out} were left out.")
+        log.note(f"The file's modifiers {left_out} were left out.")
     size = np.array([len(heights) * step, heights.shape[1] * width])
-    return Scan(heights, "an OpenCRG road", size, "m", "m", notes=tuple(notes))
+    return Scan(heights, "an OpenCRG road", size, "m", "m", log=log)
 
 
 def _sections(header: str) -> dict[str, list[str]]:
@@ -116,8 +118,10 @@ def _text_numbers(text: str, width: int, num_channels: int) -> list[float]:
     return values
 
 
-def _interpolated(heights: np.ndarray, names: list[str], road: dict[str, float]) -> tuple:
-    """Heights at equal steps across the road, the step [m], and what was done."""
+def _interpolated(
+    heights: np.ndarray, names: list[str], road: dict[str, float], log: Log
+) -> tuple[np.ndarray, float]:
+    """Heights at equal steps across the road, and the step [m]."""
     given = [match for match in map(_POSITION.search, names) if match]
     if given and len(given) < len(names):
         raise Refusal("only some of its long sections have a position")
@@ -134,13 +138,13 @@ def _interpolated(heights: np.ndarray, names: list[str], road: dict[str, float])
     if not (np.all(np.isfinite(gaps)) and np.all(gaps > 0)):
         raise Refusal("the positions of its long sections do not ascend")
     if equally_spaced(across, 1e-3):
-        return heights, float(np.mean(gaps)), []
+        return heights, float(np.mean(gaps))
     step = float(np.min(gaps))
     num = round((across[-1] - across[0]) / step) + 1
     if num > 100 * len(across):
         raise Refusal("its long sections are spaced too unequally")
     even = np.linspace(across[0], across[-1], num)
     apart = f"{step:.3g} to {np.max(gaps):.3g} m apart"
-    note = f"Long sections {apart} were interpolated linearly to {num} equally spaced ones."
+    log.note(f"Long sections {apart} were interpolated linearly to {num} equally spaced ones.")
     heights = np.stack([np.interp(even, across, row) for row in heights])
-    return heights, float(even[1] - even[0]), [note]
+    return heights, float(even[1] - even[0])

@@ -71,10 +71,13 @@ def read_instrument(file: File) -> Scan:
         size = None if sizes is None else np.asarray(sizes, float)
         # Of two quantities, such as a length and a voltage, it is a pair.
         unit = None if info.unit is None else str(info.unit)
-        scan = Scan(heights, f"channel {info.name!r}", size, unit, unit, positions)
+        scan = Scan(
+            heights, f"channel {info.name!r}", size, unit, unit, positions, bool(info.is_periodic)
+        )
         others = ", ".join(repr(name) for name in dict.fromkeys(names) if name != info.name)
-        notes = (f"It also has the channels {others}; `channel` chooses.",) if others else ()
-        return scan._replace(periodic=bool(info.is_periodic), notes=notes)
+        if others:
+            scan.log.note(f"It also has the channels {others}; `channel` chooses.")
+        return scan
 
 
 def _usual(channels: list[Any], default: Any) -> Any:
