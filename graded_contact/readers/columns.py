@@ -9,11 +9,11 @@ import numpy as np
 from ..core.display import short
 from .decisions import Log, Options, settled
 from .other_tables import check_others
-from .tables import Column, Table, credible, value_above
+from .tables import DataColumn, DataTable, credible, value_above
 from .units import DIMENSIONS, PER_SECOND, UNITS, Heading
-from .ways import AT_LOAD, SWEEPS, WAYS, Way
+from .ways import ALL_WAYS, AT_LOAD, SWEEPS, Way
 
-_PARTS = ("storage loss", "storage_compliance loss_compliance")  # whose ratio is tan delta
+_WITH_TANGENT = ("storage loss", "storage_compliance loss_compliance")  # whose ratio is tan delta
 # What a modulus or a compliance beside a loss tangent may be.
 _EITHER = {
     "modulus": "'storage' or 'magnitude'",
@@ -24,11 +24,11 @@ _STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formatio
 _NO_AMPLITUDE = re.compile(r"(?i)\bcmd\b|command|ratio|constant")  # as TRIOS has beside the strain
 ALIKE = 0.02  # columns whose values differ by less are the same
 CONSTANT = 0.05  # what a test holds constant varies by less
-_TURNS = 3  # changes of sign that make a signal of a column; noise about 0 of both is none
-SAME = 1e-3  # relative, between frequencies that are meant to be equal
+_SIGN_CHANGES = 3  # changes of sign that make a signal of a column; noise about 0 of both is none
+SAME_FREQUENCY = 1e-3  # relative, between frequencies that are meant to be equal
 
 
-_ASSUMED = "assumed by its name; if it is not, pass `units={'frequency': 'rad/s'}`"
+_HZ_ASSUMED = "assumed by its name; if it is not, pass `units={'frequency': 'rad/s'}`"
 
 
 class Unclear(ValueError):
@@ -38,7 +38,7 @@ class Unclear(ValueError):
 class MeasuredTable(NamedTuple):
     """A table whose columns are understood.
 
-    - `way`: of `WAYS` or `SWEEPS`.
+    - `way`: of `ALL_WAYS` or `SWEEPS`.
     - `columns`: those needed, by quantity.
     - `check`: the column of tan delta, if the moduli do without it.
     - `load`: the constant stress of a creep test [Pa], or strain of a relaxation test [1], if no
@@ -51,10 +51,10 @@ class MeasuredTable(NamedTuple):
     """
 
     way: Way
-    columns: dict[str, Column]
-    check: Column | None
+    columns: dict[str, DataColumn]
+    check: DataColumn | None
     load: float | None
-    table: Table
+    table: DataTable
     points: Any
     unused: list[str]
     options: Options
@@ -77,7 +77,7 @@ class MeasuredTable(NamedTuple):
         return self.way.names[0]
 
 
-def measured_table(table: Table, options: Options) -> MeasuredTable:
+def measured_table(table: DataTable, options: Options) -> MeasuredTable:
     """Returns which column of a table is which quantity.
 
     Raises `ValueError` that names the line, and all arguments that would help.
@@ -86,13 +86,13 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
         first = f"line {table.rows[0].line} has {table.misfit(table.rows[0])} entries"
         raise ValueError(f"{first}, unlike {table.place} with {table.listed()}")
     stated = {heading.quantity for heading in table.headings}
-    if not any(set(way.names) <= stated for way in WAYS):
+    if not any(set(way.names) <= stated for way in ALL_WAYS):
         check_others(table, options.columns.values())
     width, numbers = len(table.names), [n for n in options.columns.values() if isinstance(n, int)]
     if table.blocks > 1 and max(numbers, default=0) > width:  # one of the curves side by side
         names, units = table.names * table.blocks, table.units * table.blocks
         table = table._replace(names=names, units=units, blocks=1)
-    places = _places(table, options)
+    places = _candidates(table, options)
     if options.temperature is not None:
         places.pop("temperature", None)
     above = [row for segment in {row.segment for row in table.rows} for row in table.above[segment]]
@@ -103,37 +103,37 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     needed = {name: places[name] for name in (*way.names, *beside)}
     if len(times := needed.get("time", ())) > 1:
         needed["time"] = [i for i in times if table.headings[i].step] or times
-    found = {name: _distinct(table, name, needed[name], options) for name in needed}
+    found = {name: _unrepeated(table, name, needed[name], options) for name in needed}
     columns = {name: each[0] for name, each in found.items() if each[0] is not None}
     lacking = []
     several = {name: needed[name] for name, each in found.items() if len(each) > 1}
     for name, where in several.items():
         lacking.append(f"{' and '.join(map(table.label, where))} may be the {name}")
     if several:
-        lacking.append(_choice(table, several))
+        lacking.append(_how_to_choose(table, several))
     lacking += [
-        _without_unit(table, name, needed[name][0]) for name in needed if name not in columns
+        _unit_needed(table, name, needed[name][0]) for name in needed if name not in columns
     ]
     used = {column.place for column in columns.values()}
     others = [name for i, name in enumerate(table.names) if name and i not in used]
     if lacking:
-        abscissa = Column(way.names[0], needed[way.names[0]][0])
+        abscissa = DataColumn(way.names[0], needed[way.names[0]][0])
         swept = len(np.unique(credible(abscissa.numbers(table.rows)))) > 1
         raise (Unclear if swept else ValueError)(f"{table.place}: {'; '.join(lacking)}")
     _check_reciprocal(columns, options)
     for name, column in columns.items():
-        (table.log.assume if column.source == _ASSUMED else table.log.note)(column.sentence)
+        (table.log.assume if column.source == _HZ_ASSUMED else table.log.note)(column.sentence)
         if len(needed[name]) > len(found[name]):
             alike = " and ".join(map(table.label, needed[name]))
             table.log.note(f"{alike} are the same; the first is used.")
-    tangents = places.get("tan_delta", []) if way.quantities in _PARTS else []
+    tangents = places.get("tan_delta", []) if way.quantities in _WITH_TANGENT else []
     check = _column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None
-    points = _points(table, columns | ({"check": check} if check else {}))
+    points = _points_frame(table, columns | ({"check": check} if check else {}))
     load = load if way in AT_LOAD else None
     return MeasuredTable(way, columns, check, load, table, points, others, options)
 
 
-def _points(table: Table, columns: dict[str, Column]) -> Any:
+def _points_frame(table: DataTable, columns: dict[str, DataColumn]) -> Any:
     """The frame of `MeasuredTable`: a point for each row of each block."""
     import pandas as pd
 
@@ -156,7 +156,7 @@ def _points(table: Table, columns: dict[str, Column]) -> Any:
     return pd.DataFrame(points)
 
 
-def _without_unit(table: Table, name: str, place: int) -> str:
+def _unit_needed(table: DataTable, name: str, place: int) -> str:
     """How to give the unit of a column, or why the column is not what it was taken for."""
     dimension, unit = _dimension(table, name, place), table.unit(place) or table.units[place]
     start = f"{table.label(place)}, the {name}, has {unit!r} as unit"
@@ -166,7 +166,7 @@ def _without_unit(table: Table, name: str, place: int) -> str:
     return f"{start}; pass for instance `units={ {dimension: first} }`; others are {rest}"
 
 
-def _dimension(table: Table, quantity: str, place: int) -> str:
+def _dimension(table: DataTable, quantity: str, place: int) -> str:
     """The dimension of the numbers in a column."""
     return "time" if table.headings[place].period else DIMENSIONS[quantity]
 
@@ -176,7 +176,7 @@ def _of_another_kind(unit: str | None, dimension: str) -> bool:
     return unit not in UNITS[dimension] and any(unit in units for units in UNITS.values())
 
 
-def _check_reciprocal(columns: dict[str, Column], options: Options) -> None:
+def _check_reciprocal(columns: dict[str, DataColumn], options: Options) -> None:
     """Refuses units of a modulus for compliances, and of a compliance for moduli."""
     for given, other in (("modulus", "compliance"), ("compliance", "modulus")):
         used = {column.dimension: column for column in columns.values()}
@@ -186,7 +186,7 @@ def _check_reciprocal(columns: dict[str, Column], options: Options) -> None:
                     alike=lambda stated, unit: False)  # fmt: skip
 
 
-def _choice(table: Table, several: dict[str, list[int]]) -> str:
+def _how_to_choose(table: DataTable, several: dict[str, list[int]]) -> str:
     """How to choose between columns that may be the same quantity."""
     first = {name: where[0] + 1 for name, where in several.items()}
     kinds = {table.headings[place].deformation for where in several.values() for place in where}
@@ -196,7 +196,7 @@ def _choice(table: Table, several: dict[str, list[int]]) -> str:
     return f"choose, for instance by `columns={first}`{by}{curves}"
 
 
-def _places(table: Table, options: Options) -> dict[str, list[int]]:
+def _candidates(table: DataTable, options: Options) -> dict[str, list[int]]:
     """The columns that may be each quantity, by the options or by the headings."""
     places: dict[str, list[int]] = {}
     for i, heading in enumerate(table.headings):
@@ -226,7 +226,7 @@ def _places(table: Table, options: Options) -> dict[str, list[int]]:
     return places
 
 
-def _stated_role(table: Table, place: int) -> str | None:
+def _stated_role(table: DataTable, place: int) -> str | None:
     """The quantity that a name states; a letter alone does not: T may be a torque."""
     name, quantity = table.names[place], table.headings[place].quantity
     return quantity if len(re.split(r"[\s\[(/,]", name.strip())[0]) > 1 else None
@@ -238,10 +238,14 @@ def _alike(stated: str, given: str) -> bool:
 
 
 def _ways(kind: str | None) -> list[Way]:
-    return [way for way in (*WAYS, *SWEEPS) if way.kind == kind or (kind is None and way in WAYS)]
+    return [
+        way
+        for way in (*ALL_WAYS, *SWEEPS)
+        if way.kind == kind or (kind is None and way in ALL_WAYS)
+    ]
 
 
-def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
+def _way(table: DataTable, places: dict, loaded: bool, options: Options) -> Way:
     """The kind of measurement and the quantities to take it from."""
     ways = _ways(options.kind)
     possible = [way for way in ways if loaded or way not in AT_LOAD]
@@ -275,7 +279,7 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
     # Creep is at constant stress, relaxation at constant strain.
     constant = []
     for way, quantity in zip(possible, ("strain", "stress"), strict=False):
-        values = _numbers(table, quantity, places)
+        values = _values_of(table, quantity, places)
         values = values[values > 0.5 * np.nanmax(values, initial=0)]
         if len(values) and np.mean(np.abs(values / np.median(values) - 1) < CONSTANT) > 0.9:
             constant.append(way)
@@ -285,22 +289,22 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
     return constant[0]
 
 
-def _numbers(table: Table, quantity: str, places: dict) -> np.ndarray:
+def _values_of(table: DataTable, quantity: str, places: dict) -> np.ndarray:
     """The numbers of a quantity, in any unit."""
     place = places[quantity][0]
-    return Column(quantity, place, base=table.headings[place].base).numbers(table.rows)
+    return DataColumn(quantity, place, base=table.headings[place].base).numbers(table.rows)
 
 
-def _check_signal(table: Table, places: dict) -> None:
+def _check_signal(table: DataTable, places: dict) -> None:
     """Refuses stress and strain that oscillate in time: the signal of a dynamic test."""
-    signs = [np.sign(_numbers(table, quantity, places)) for quantity in ("stress", "strain")]
+    signs = [np.sign(_values_of(table, quantity, places)) for quantity in ("stress", "strain")]
     signs = [each[np.abs(each) == 1] for each in signs]
-    if all(np.sum(np.diff(each) != 0) >= _TURNS for each in signs):
+    if all(np.sum(np.diff(each) != 0) >= _SIGN_CHANGES for each in signs):
         what = "stress and strain change their signs again and again: it is the signal of a dynamic"
         raise ValueError(f"{table.place}: {what} test; export its moduli E' and E'' or G' and G''")
 
 
-def _distinct(table: Table, quantity: str, places: list[int], options: Options) -> list:
+def _unrepeated(table: DataTable, quantity: str, places: list[int], options: Options) -> list:
     """The columns of a quantity, without those that repeat the first one."""
     columns = [_column(table, quantity, place, options) for place in places]
     known = [column for column in columns if column]
@@ -314,7 +318,7 @@ def _distinct(table: Table, quantity: str, places: list[int], options: Options) 
     return columns[:1]
 
 
-def _column(table: Table, quantity: str, place: int, options: Options) -> Column | None:
+def _column(table: DataTable, quantity: str, place: int, options: Options) -> DataColumn | None:
     """The column of a quantity; None if its unit is not known."""
     heading, label = table.headings[place], table.label(place)
     dimension = _dimension(table, quantity, place)
@@ -332,7 +336,9 @@ def _column(table: Table, quantity: str, place: int, options: Options) -> Column
         label, heading.deformation, options.deformation,
         option=f"`deformation={options.deformation!r}`", alike=operator.eq,
     )  # fmt: skip
-    return Column(quantity, place, label, unit, source, deformation, heading.base, heading.period)
+    return DataColumn(
+        quantity, place, label, unit, source, deformation, heading.base, heading.period
+    )
 
 
 def _unit_in_file(
@@ -345,5 +351,5 @@ def _unit_in_file(
         return "1", "as usual"
     # A cell below the name that is no unit, such as "mPa", may still be meant as one.
     if dimension == "frequency" and unit in ("", None, PER_SECOND) and heading.quantity == quantity:
-        return ("rad/s", "by its name") if heading.angular else ("Hz", _ASSUMED)
+        return ("rad/s", "by its name") if heading.angular else ("Hz", _HZ_ASSUMED)
     return None, ""

@@ -19,17 +19,17 @@ from jaxtyping import Float
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
 from ..core.files import Refusal
 from ..materials.measured import Measured, distinct, joined
-from .cells import LARGEST, Sheet, holds_data
+from .cells import TABLE_BYTES, Sheet, holds_data
 from .columns import MeasuredTable, Unclear
 from .decisions import Options
 from .modes import modes_on
 from .points import measured_points, one_each
 from .prony import written_series
-from .registry import opened, read
+from .registry import opening, read_as
 from .series import SERIES
 from .steps import rank, understand
 from .units import DIMENSIONS, UNITS
-from .ways import WAYS
+from .ways import ALL_WAYS
 
 
 @check_types
@@ -96,17 +96,17 @@ def read_moduli(
             words = f"`temperature={short(temperature)}` is refused: numbers [K] are needed."
             raise ValueError(words) from None
         check_positive("temperature", temperature, "[K]")
-    options = _options(columns, units, sheet, step, kind, deformation)
+    options = _checked_options(columns, units, sheet, step, kind, deformation)
     options = dataclasses.replace(options, poisson=poisson)
     each = [temperature] if len(paths) == 1 else one_each(temperature, len(paths), "files")
     parts = [
-        _read(Path(file), dataclasses.replace(options, temperature=kelvin))
+        _moduli_in(Path(file), dataclasses.replace(options, temperature=kelvin))
         for file, kelvin in zip(paths, each, strict=True)
     ]
     return parts[0] if len(parts) == 1 else joined(parts)
 
 
-_BACK = 0.9  # of a strain reached before: amplitudes that are measured scatter
+_REACHED = 0.9  # of a strain reached before: amplitudes that are measured scatter
 
 
 @check_types
@@ -141,11 +141,11 @@ def read_strain_sweep(
 
 def strain_sweep(path, columns, units, sheet, step) -> Measured:
     """Returns the moduli over the strain amplitude [1], arguments as in `read_strain_sweep`."""
-    options = dataclasses.replace(_options(columns, units, sheet, step), kind="strain")
-    sweep = _read(Path(path), options)
+    options = dataclasses.replace(_checked_options(columns, units, sheet, step), kind="strain")
+    sweep = _moduli_in(Path(path), options)
     strains = sweep.abscissa[np.argsort(sweep.lines)]
     strains = strains if strains[0] < strains[-1] else strains[::-1]
-    back = np.any(strains < _BACK * np.maximum.accumulate(strains))
+    back = np.any(strains < _REACHED * np.maximum.accumulate(strains))
     if back or len(np.unique(strains)) < len(strains) or np.max(sweep.isotherm) > 0:
         reason = (
             "its strains go up and down: choose one curve by `step`, or write one file for each"
@@ -154,11 +154,11 @@ def strain_sweep(path, columns, units, sheet, step) -> Measured:
     return sweep
 
 
-def _options(columns, units, sheet, step, kind=None, deformation=None) -> Options:
+def _checked_options(columns, units, sheet, step, kind=None, deformation=None) -> Options:
     """The arguments of `read_moduli`, checked."""
     columns, units = columns or {}, units or {}
     checks: list[tuple[str, Any, Any, Any]] = [  # name, value, the part to check, what is allowed
-        ("kind", kind, kind, tuple(dict.fromkeys(way.kind for way in WAYS))),
+        ("kind", kind, kind, tuple(dict.fromkeys(way.kind for way in ALL_WAYS))),
         ("deformation", deformation, deformation, ("tension", "shear")),
         *(("columns", {key: name}, key, DIMENSIONS) for key, name in columns.items()),
         *(("units", {key: unit}, key, UNITS) for key, unit in units.items()),
@@ -174,12 +174,12 @@ def _options(columns, units, sheet, step, kind=None, deformation=None) -> Option
     return Options(kind, columns, units, deformation, sheet=sheet, step=tuple(steps), source=source)
 
 
-def _read(path: Path, options: Options) -> Measured:
+def _moduli_in(path: Path, options: Options) -> Measured:
     """The measurements in one file."""
-    with opened(path, LARGEST) as file:
+    with opening(path, TABLE_BYTES) as file:
         if written_series(file) is not None:
             raise Refusal(SERIES)
-        sheets: list[Sheet] = read(file, "moduli")
+        sheets: list[Sheet] = read_as(file, "moduli")
     try:
         lines = [row.text for sheet in sheets for row in sheet.rows if not holds_data(row)]
         names = [sheet.name for sheet in sheets]
@@ -187,7 +187,7 @@ def _read(path: Path, options: Options) -> Measured:
             if options.sheet not in names:
                 raise ValueError(f"there is no `sheet={options.sheet!r}`, only {names}")
             sheets = [sheets[names.index(options.sheet)]]
-        understood = _understood(sheets, options)
+        understood = _sheets_understood(sheets, options)
         if len(understood) > 1:  # otherwise there may be one temperature for each curve
             kelvins = one_each(options.temperature, len(understood), "sheets")
             each = [dataclasses.replace(options, temperature=kelvin) for kelvin in kelvins]
@@ -210,7 +210,7 @@ def _read(path: Path, options: Options) -> Measured:
     return dataclasses.replace(whole, history=(*whole.history, *notes))
 
 
-def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, MeasuredTable]]:
+def _sheets_understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, MeasuredTable]]:
     """The sheet that ranks first of those understood, and those of the same columns, in order."""
     found, refusals = [], {}
     for sheet in sheets:

@@ -15,15 +15,15 @@ from ..core.checks import Numbers
 from ..materials.measured import ISOTHERM_GAP, Measured, grouped
 from ..materials.shift import check_kelvin
 from .cells import Row, is_infinite, is_missing
-from .columns import CONSTANT, SAME, MeasuredTable
-from .deformation import converted
-from .tables import LIMIT, Column, value_above
+from .columns import CONSTANT, SAME_FREQUENCY, MeasuredTable
+from .deformation import as_young
+from .tables import HUGE, DataColumn, value_above
 from .units import DIMENSIONS, SI
 
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.
-LIMITS = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
-HOTTEST = 1e4  # K
+HUGE_OF = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
+HOTTEST_TEST = 1e4  # K
 RAMP = 5.0  # K over which no isotherm drifts
 
 
@@ -32,7 +32,7 @@ def measured_points(path: Path, measured: MeasuredTable, lines: Sequence[str]) -
     kind, log, total = measured.kind, measured.log, len(measured.points)
     segments = np.unique(measured.points["curve"] // measured.table.blocks).tolist()
     points = _usable(measured, segments)
-    kelvin = _temperatures(measured, points, segments)
+    kelvin = _kelvins_of(measured, points, segments)
     if kelvin is not None:
         points["temperature"] = kelvin
     points["isotherm"] = _isotherms(points, measured.abscissa, separate=measured.table.blocks > 1)
@@ -42,7 +42,7 @@ def measured_points(path: Path, measured: MeasuredTable, lines: Sequence[str]) -
     numbers = [points[name].to_numpy() for name in measured.way.names[1:]]
     values = measured.way.value(*numbers, *[measured.load] * (measured.load is not None))
     _note_unusual(measured, points, 1 / values if kind == "creep" else values)
-    deformation, factor = converted(measured, lines)
+    deformation, factor = as_young(measured, lines)
     points["values"] = values / factor if kind == "creep" else factor * values
     # Stable: points that repeat a frequency keep the order of the file.
     points = points.sort_values(["isotherm", measured.abscissa])
@@ -115,24 +115,24 @@ def _reasons(measured: MeasuredTable, points) -> Iterator:
     yield "a missing value", empty.any(axis=1), False, None
     for name, column in columns.items():
         wrong = name not in ("stress", "strain")  # there is none before and after a test
-        for condition, bad in _conditions(column, points[name].to_numpy()):
+        for condition, bad in _limits_of(column, points[name].to_numpy()):
             yield f"{column.label}, where the {name} {condition}", bad, wrong, column.place
     yield "the time 0", (points[measured.abscissa] == 0).to_numpy(), False, None
 
 
-def _conditions(column: Column, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+def _limits_of(column: DataColumn, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Conditions, and which numbers in SI units do not meet them."""
     yield "must be a number", np.isnan(values)
     if column.quantity == "temperature":
-        bad = ~((values > 0) & (values < HOTTEST))
-        yield f"must lie between absolute zero and {HOTTEST:g} K", bad
+        bad = ~((values > 0) & (values < HOTTEST_TEST))
+        yield f"must lie between absolute zero and {HOTTEST_TEST:g} K", bad
         return
     begins = (column.quantity == "time") & (values == 0)
     if column.base is None:
         yield "must be a positive number", (values <= 0) & ~begins
     if column.quantity == "phase":
         yield "must be an angle below 90°", values >= np.pi / 2
-    limit, unit = LIMITS.get(DIMENSIONS[column.quantity], LIMIT), SI[DIMENSIONS[column.quantity]]
+    limit, unit = HUGE_OF.get(DIMENSIONS[column.quantity], HUGE), SI[DIMENSIONS[column.quantity]]
     bad = ~((values >= 1 / limit) & (values <= limit)) & ~begins
     yield f"must lie between {1 / limit:g} and {limit:g} {unit}", bad
 
@@ -187,7 +187,7 @@ def one_each(temperature: Numbers | None, count: int, what: str) -> Any:
     return np.broadcast_to(kelvin, (count,))
 
 
-def _temperatures(measured: MeasuredTable, points, segments: Sequence[int]) -> Any:
+def _kelvins_of(measured: MeasuredTable, points, segments: Sequence[int]) -> Any:
     """The temperatures [K]: as given, of a column, or of titles above curves ("25 °C")."""
     table, curve, given = measured.table, points["curve"].to_numpy(), measured.options.temperature
     if given is not None:
@@ -303,7 +303,7 @@ def _check_abscissa(measured: MeasuredTable, points) -> None:
     if least == most or (single and most < (1 + CONSTANT) * least):
         hint = " (`readers.read_strain_sweep` reads those over strain)" * (name == "frequency")
         raise ValueError(f"the {name} is the same in every row: no sweep over {name}{hint}")
-    near = np.diff(abscissa) <= SAME * abscissa[:-1]
+    near = np.diff(abscissa) <= SAME_FREQUENCY * abscissa[:-1]
     twice = np.flatnonzero(near & (np.diff(isotherm) == 0))
     if not len(twice):
         return

@@ -4,15 +4,16 @@ import logging
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types
 from ..core.files import Refusal
 from ..materials.material import Prony
-from .cells import LARGEST
+from .cells import TABLE_BYTES
 from .decisions import Log, Options
 from .modes import modes_on
-from .registry import READERS, File, find_readers, opened, read
-from .series import Doubt, Series, material_of
+from .registry import READERS, File, find_readers, opening, read_as
+from .series import Doubt, Modes, material_of_series
 
 
 @check_types
@@ -51,7 +52,9 @@ def read_prony(
     unit, a modulus or its deformation, with the argument that gives it.
     """
     numbers = {"glassy": glassy, "equilibrium": equilibrium, "poisson": poisson}
-    given = {name: None if x is None else float(as_scalar(x, name)) for name, x in numbers.items()}
+    given: dict[str, Any] = {
+        name: None if x is None else float(as_scalar(x, name)) for name, x in numbers.items()
+    }
     options = Options(units=units or {}, deformation=deformation, sheet=sheet, **given)
     found = prony_in(path, options, "series")
     if found is None:
@@ -77,27 +80,29 @@ def prony_in(
         check_positive("glassy", options.glassy, "[Pa]")
     if options.poisson is not None:
         check_poisson("poisson", options.poisson)
-    with opened(path, LARGEST) as file:
+    with opening(path, TABLE_BYTES) as file:
         series = written_series(file)
         if series is None:
-            found = {each.name: modes_on(each, doubtful) for each in read(file, "moduli")}
+            found = {each.name: modes_on(each, doubtful) for each in read_as(file, "moduli")}
             series = {name: each for name, each in found.items() if each is not None}
             if not series or (options.sheet is not None and options.sheet not in series):
                 return None
-        name = next(iter(series)) if len(series) == 1 and options.sheet is None else options.sheet
-        if name not in series:
+        name = options.sheet
+        if name is None and len(series) == 1:
+            name = next(iter(series))
+        if name is None or name not in series:
             known = f"it holds Prony series named {list(series)}"
             raise Refusal(f"{known}: pass one of them as `sheet`")
         log = series[name].log
         log.begin(f"{Path(path).name} holds a Prony series: {series[name].layout}.")
         try:
-            return material_of(series[name], options), log
+            return material_of_series(series[name], options), log
         except ValueError as error:
             raise Refusal(str(error)) from None
 
 
-def written_series(file: File) -> dict[str, Series] | None:
+def written_series(file: File) -> dict[str, Modes] | None:
     """Returns the Prony series in a deck or a scene by the names of their materials, else None."""
     find_readers()
     known = any(each.knows(file) for each in READERS["prony"])
-    return read(file, "prony") if known else None
+    return read_as(file, "prony") if known else None

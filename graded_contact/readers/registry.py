@@ -1,7 +1,7 @@
 """Readers of files, each registered with what it knows; the content decides which one reads a file.
 
 A module in `instruments/` is found without being named anywhere. Its functions take a `File` and
-return a `Scan` (heights), a list of `Sheet` (moduli) or `Series` (Prony), or raise `Refusal`.
+return a `Scan` (heights), a list of `Sheet` (moduli) or `Modes` (Prony), or raise `Refusal`.
 """
 
 import codecs
@@ -94,7 +94,7 @@ class File:
         if self.depth == DEEPEST:
             raise Refusal("it has too many zips in one another")
         changes = {"name": PurePath(name), "content": content, "channel": channel}
-        return read(dataclasses.replace(self, **changes, depth=self.depth + 1), "heights")
+        return read_as(dataclasses.replace(self, **changes, depth=self.depth + 1), "heights")
 
 
 def _without_marks(text: str) -> str:
@@ -103,7 +103,7 @@ def _without_marks(text: str) -> str:
 
 
 @contextlib.contextmanager
-def opened(path: str | os.PathLike, at_most: float = LARGEST_FILE, **known: Any) -> Iterator[File]:
+def opening(path: str | os.PathLike, at_most: float = LARGEST_FILE, **known: Any) -> Iterator[File]:
     """Gives the file at a path; a `Refusal` becomes a `ValueError` that names the path."""
     content = read_file(path, at_most)
     try:
@@ -112,7 +112,7 @@ def opened(path: str | os.PathLike, at_most: float = LARGEST_FILE, **known: Any)
         raise ValueError(f"`path={path}` is refused: {str(error).rstrip('.')}.") from None
 
 
-class Reader(NamedTuple):
+class RegisteredReader(NamedTuple):
     """A function that reads a kind of file, and whether it knows one."""
 
     name: str
@@ -121,7 +121,7 @@ class Reader(NamedTuple):
     rank: int
 
 
-READERS: dict[str, list[Reader]] = {"heights": [], "moduli": [], "prony": []}
+READERS: dict[str, list[RegisteredReader]] = {"heights": [], "moduli": [], "prony": []}
 
 
 def extra(package: str) -> Any:
@@ -142,14 +142,14 @@ def reader(name: str, gives: str, *, knows: Callable[[File], bool], rank: int = 
 
     - `name`: of the kind of file.
     - `gives`: "heights" for a function that returns a `Scan`, "moduli" for a list of `Sheet`,
-      "prony" for a `Series` by the name of each material.
+      "prony" for a `Modes` by the name of each material.
     - `knows`: whether the function reads a file: by its first bytes, a heading, or its extension.
     - `rank`: 0 for a format that is told by its content, 1 for a library of many formats, 2 for
       what is tried after it.
     """
 
     def register(function: Callable[[File], Any]) -> Callable[[File], Any]:
-        READERS[gives].append(Reader(name, knows, function, rank))
+        READERS[gives].append(RegisteredReader(name, knows, function, rank))
         READERS[gives].sort(key=lambda each: each.rank)
         return function
 
@@ -176,7 +176,7 @@ def _is_refused(file: File) -> bool:
     return False
 
 
-def read(file: File, gives: str) -> Any:
+def read_as(file: File, gives: str) -> Any:
     """Returns what a reader that knows a file reads from it; raises `Refusal`.
 
     Readers are asked in turn until one returns. A `Refusal` is the last word, and so is any error
@@ -184,7 +184,7 @@ def read(file: File, gives: str) -> Any:
     """
     find_readers()
     errors: list[Exception] = []
-    for each in [Reader("none", _is_refused, lambda _: None, 0), *READERS[gives]]:
+    for each in [RegisteredReader("none", _is_refused, lambda _: None, 0), *READERS[gives]]:
         try:
             if each.knows(file):
                 return each.read(file)

@@ -14,10 +14,10 @@ import numpy as np
 from ..core.files import Refusal
 from .decisions import Log
 
-MOST_POINTS = 2**28
+MOST_HEIGHTS = 2**28
 BYTES_OF_POINT = 4  # unpacked; fewer in files that are hardly packed
-MARK = 0.99e37  # in any unit; 1e37, 1e38 and the largest float32 are in use
-_FEWEST = 3  # equal heights that look like marks
+MISSING_MARK = 0.99e37  # in any unit; 1e37, 1e38 and the largest float32 are in use
+_FEWEST_MARKS = 3  # equal heights that look like marks
 _FAR = 10  # times the range of all others, from which on they do
 
 
@@ -60,7 +60,7 @@ class Scan:
 
         Equal heights far from all others are kept, as they may be measured; the log names them.
         """
-        marked = np.abs(self.heights) >= MARK
+        marked = np.abs(self.heights) >= MISSING_MARK
         if not np.any(marked):
             self.log.assume(*_perhaps_marks(self.heights))
             return self
@@ -75,7 +75,7 @@ def _perhaps_marks(heights: np.ndarray) -> Iterator[str]:
     for value in (np.min(known, initial=np.inf), np.max(known, initial=-np.inf)):
         others = known[known != value]
         count, spread = len(known) - len(others), np.ptp(others) if len(others) else 0.0
-        if count >= _FEWEST and spread and np.min(np.abs(others - value)) > _FAR * spread:
+        if count >= _FEWEST_MARKS and spread and np.min(np.abs(others - value)) > _FAR * spread:
             seem = f"{count} heights of {value:.8g} lie far from all others, like marks of missing"
             yield f"{seem} points, and count as heights; otherwise write NaN there."
 
@@ -99,7 +99,7 @@ def counters(values: np.ndarray) -> bool:
                 and np.median(np.diff(values)) == 1)  # fmt: skip
 
 
-def chosen(channel: str | int | None, names: Sequence[str], what: str) -> int:
+def channel_of(channel: str | int | None, names: Sequence[str], what: str) -> int:
     """Returns the index of the channel; without a choice there must be only one."""
     if isinstance(channel, int) and 0 <= channel < len(names):
         return channel
@@ -111,9 +111,9 @@ def chosen(channel: str | int | None, names: Sequence[str], what: str) -> int:
     raise Refusal(f"{what}; pass `channel`, one of {list(names)[:20]}{wrong}")
 
 
-def check_points(shape: Any, at_most: float) -> None:
+def check_count(shape: Any, at_most: float) -> None:
     """Raises `Refusal` for more points than a file has that unpacks to `at_most` bytes."""
     points = math.prod(np.atleast_1d(shape).tolist())
-    most = min(MOST_POINTS, at_most / BYTES_OF_POINT)
+    most = min(MOST_HEIGHTS, at_most / BYTES_OF_POINT)
     if points > most:
         raise Refusal(f"it has {points} points; at most {most:.0f} are read at its packed size")

@@ -19,9 +19,9 @@ from .stated_moduli import differ
 from .units import UNITS
 
 # Instantaneous moduli of solids lie between 10 kPa and 1 TPa: numbers of a deck without units.
-_LEAST, _MOST = 1e4, 1e12  # Pa
+_SOFTEST, _HARDEST = 1e4, 1e12  # Pa
 _FOREVER = 1e30  # s
-_NEGLIGIBLE = 1e-3  # of a modulus
+_NEGLIGIBLE_ERROR = 1e-3  # of a modulus
 _ROUNDED = 1e-3  # of the instantaneous modulus: how far rounded ratios may add up to more than 1
 
 
@@ -33,7 +33,7 @@ SERIES = (
 )
 
 
-class Series(NamedTuple):
+class Modes(NamedTuple):
     """A Prony series as a file has it; None where the file is silent.
 
     **Fields:**
@@ -74,10 +74,10 @@ class Series(NamedTuple):
     lines: Sequence[str] = ()
 
 
-def material_of(series: Series, options: Options) -> Prony:
+def material_of_series(series: Modes, options: Options) -> Prony:
     """Returns the material of a series, with the options of the user."""
     log, glassy, equilibrium = series.log, options.glassy, options.equilibrium
-    modulus, second = _units(series, options)
+    modulus, second = _si_factors(series, options)
     times = second * np.asarray(series.times, float)
     last, shares = times >= _FOREVER, np.asarray(series.strengths, float)
     if np.any(last & np.isfinite(times)):
@@ -130,7 +130,7 @@ def material_of(series: Series, options: Options) -> Prony:
     return Prony(rest, strengths[used], times[used], poisson, series.shift, series.measured)
 
 
-def _units(series: Series, options: Options) -> tuple[float, float]:
+def _si_factors(series: Modes, options: Options) -> tuple[float, float]:
     """Pascals per unit of the moduli, and seconds per unit of the times."""
     log, units, found = series.log, options.units, {}
     if series.bare and "modulus" not in units:
@@ -146,7 +146,7 @@ def _units(series: Series, options: Options) -> tuple[float, float]:
             alike=lambda stated, unit, name=name: {stated, unit} <= set(UNITS[name]),
         )  # fmt: skip
         if unit is None and needed and series.deck:
-            unit = "s" if name == "time" else _credible(series)
+            unit = "s" if name == "time" else _credible_unit(series)
             if unit is not None:
                 other = "ms" if name == "time" else {"Pa": "MPa", "MPa": "Pa"}[unit]
                 log.assume(
@@ -162,14 +162,16 @@ def _units(series: Series, options: Options) -> tuple[float, float]:
     return found["modulus"], found["time"]
 
 
-def _credible(series: Series) -> str | None:
+def _credible_unit(series: Modes) -> str | None:
     """Pa or MPa, the usual units of decks, if only one of them makes a modulus of a solid."""
     value = series.glassy if series.glassy is not None else series.equilibrium or 0.0
-    fits = [unit for unit in ("Pa", "MPa") if _LEAST <= UNITS["modulus"][unit] * value <= _MOST]
+    fits = [
+        unit for unit in ("Pa", "MPa") if _SOFTEST <= UNITS["modulus"][unit] * value <= _HARDEST
+    ]
     return fits[0] if len(fits) == 1 else None
 
 
-def _deformation(series: Series, options: Options) -> str:
+def _deformation(series: Modes, options: Options) -> str:
     """Tension or shear, of the moduli in the file."""
     given = options.deformation
     found = settled(
@@ -247,14 +249,14 @@ def _check_sum(glassy: float, rest: float, total: float) -> None:
         )
 
 
-def _note_bulk(series: Series, poisson: float) -> None:
+def _note_bulk(series: Modes, poisson: float) -> None:
     """Says how far Young's modulus is off if the bulk modulus relaxes in another way."""
     shear, bulk = math.fsum(series.strengths), math.fsum(series.bulk or ())
     # The ratio of G to K at the end, over that at the start.
     ratio = 3 * (1 - 2 * poisson) / (2 * (1 + poisson)) * (1 - shear) / max(1 - bulk, 1e-9)
     final = (3 - 2 * ratio) / (2 * (3 + ratio))
     error = abs((1 + final) / (1 + poisson) - 1)
-    if error > _NEGLIGIBLE:
+    if error > _NEGLIGIBLE_ERROR:
         series.log.assume(
             "The bulk modulus relaxes otherwise than the shear modulus. Poisson's ratio is taken "
             f"as constant, {poisson:g}, so that E is up to {error:.1%} off; "

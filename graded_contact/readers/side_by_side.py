@@ -10,21 +10,21 @@ temperature (of merged cells only the first has one) belongs to the temperature 
 import re
 from collections.abc import Mapping, Sequence
 
-from .cells import Row, is_number, stripped
+from .cells import Row, holds_number, stripped
 from .decisions import Log
-from .tables import Table
+from .tables import DataTable
 from .units import OFFSETS, UNITS, parse_heading
 
-_NUMBER = r"[-+−]?\d+(?:[.,]\d+)?"
+_DEGREES = r"[-+−]?\d+(?:[.,]\d+)?"
 _IN_WORDS = re.compile(
-    rf"[(\[@]?\s*(?:(?:at|bei|à|T\s*[=:])\s*)?(?<![\w.,])({_NUMBER})\s*((?:°|º|deg\.?)\s*[CFK]|[CK])"
+    rf"[(\[@]?\s*(?:(?:at|bei|à|T\s*[=:])\s*)?(?<![\w.,])({_DEGREES})\s*((?:°|º|deg\.?)\s*[CFK]|[CK])"
     r"(?![\w/])\s*[)\]]?"
 )
-_ALONE = re.compile(rf"(?i)(?:t|temp\w*)?\s*[=:]?\s*({_NUMBER})\s*")
+_ALONE = re.compile(rf"(?i)(?:t|temp\w*)?\s*[=:]?\s*({_DEGREES})\s*")
 COLD = 150.0  # K or °C: below it a bare number is in °C
 
 
-def isotherms_beside(table: Table, units: Mapping[str, str]) -> Table:
+def isotherms_beside(table: DataTable, units: Mapping[str, str]) -> DataTable:
     """Returns a table with a block for each temperature, or the table as it is.
 
     `units` are those of the user; that of "temperature" counts for numbers without one.
@@ -45,8 +45,8 @@ def isotherms_beside(table: Table, units: Mapping[str, str]) -> Table:
     names = table.names
     if sum(kelvin is not None for kelvin in kelvins) < 2:
         inside = [_IN_WORDS.search(name) for name in names]
-        kelvins = [found and _kelvin(*found.groups()) for found in inside]
-        names = [_IN_WORDS.sub(" ", name).strip(" ,;_") or _title(table) for name in names]
+        kelvins = [found and _to_kelvin(*found.groups()) for found in inside]
+        names = [_IN_WORDS.sub(" ", name).strip(" ,;_") or _quantity_above(table) for name in names]
         log = Log()
     else:
         for i in range(1, width):  # the other cells of merged ones
@@ -65,12 +65,12 @@ def isotherms_beside(table: Table, units: Mapping[str, str]) -> Table:
         names=[names[i] for i in first],
         units=[table.units[i] for i in first],
         blocks=len(groups),
-        rows=[_ordered(row, order, width) for row in table.rows],
+        rows=[_reordered(row, order, width) for row in table.rows],
     )
     return _with_kelvins(split, list(groups), log)
 
 
-def _title(table: Table) -> str:
+def _quantity_above(table: DataTable) -> str:
     """The line above the names that names a quantity, as "Relaxation modulus [MPa]"; or nothing."""
     texts = [row.text.strip() for row in table.above[0]]
     return next((text for text in texts if parse_heading(text).quantity), "")
@@ -79,14 +79,14 @@ def _title(table: Table) -> str:
 def _kelvins(cells: list[str], given: str | None, log: Log) -> list[float | None]:
     """The temperatures [K] in the cells of a row."""
     kelvins: list[float | None] = [None] * len(cells)
-    label = next((parse_heading(cell) for cell in cells if cell and not is_number(cell)), None)
+    label = next((parse_heading(cell) for cell in cells if cell and not holds_number(cell)), None)
     unit = label.unit if label and label.quantity == "temperature" else None
     bare = {}
     for i, cell in enumerate(cells):
         if found := _IN_WORDS.search(cell):
-            kelvins[i], unit = _kelvin(*found.groups()), found[2][-1]
+            kelvins[i], unit = _to_kelvin(*found.groups()), found[2][-1]
         elif found := _ALONE.fullmatch(cell):
-            bare[i] = _value(found[1])
+            bare[i] = _decimal_value(found[1])
     if not bare:
         return kelvins
     unit = unit or given
@@ -109,21 +109,21 @@ def _kelvins(cells: list[str], given: str | None, log: Log) -> list[float | None
     return kelvins
 
 
-def _kelvin(number: str, unit: str) -> float:
+def _to_kelvin(number: str, unit: str) -> float:
     known = unit[-1]  # of "deg. C"
-    return round(UNITS["temperature"][known] * _value(number) + OFFSETS[known], 6)
+    return round(UNITS["temperature"][known] * _decimal_value(number) + OFFSETS[known], 6)
 
 
-def _value(number: str) -> float:
+def _decimal_value(number: str) -> float:
     return float(number.replace(",", ".").replace("−", "-"))
 
 
-def _ordered(row: Row, order: list[int], width: int) -> Row:
+def _reordered(row: Row, order: list[int], width: int) -> Row:
     if len(stripped(row.cells)) > width:
         return row  # entries that fit no column
     return row._replace(cells=[row.cells[i] if i < len(row.cells) else "" for i in order])
 
 
-def _with_kelvins(table: Table, kelvins: Sequence[float | None], log: Log) -> Table:
+def _with_kelvins(table: DataTable, kelvins: Sequence[float | None], log: Log) -> DataTable:
     """The table with the temperature of each block, to ten digits."""
     return table._replace(kelvins=[float(f"{kelvin:.10g}") for kelvin in kelvins], log=log)

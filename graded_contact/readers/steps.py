@@ -14,14 +14,14 @@ import numpy as np
 
 from ..materials.measured import ISOTHERM_GAP
 from .cells import Row, Sheet
-from .columns import CONSTANT, SAME, MeasuredTable, measured_table
+from .columns import CONSTANT, SAME_FREQUENCY, MeasuredTable, measured_table
 from .decisions import Options
 from .side_by_side import isotherms_beside
-from .tables import Column, Table, credible, find_tables, is_credible, title_above
+from .tables import DataColumn, DataTable, credible, find_tables, is_credible, title_above
 from .units import SI
 
 # The whole name of a column that holds the numbers or names of steps.
-_COLUMN = re.compile(
+_STEP_COLUMN = re.compile(
     r"(?i)(?:test\s+)?(?:action|steps?|segment|interval|sequence|schritt|abschnitt|intervalle?|[eé]tape)"
     r"(?:[\s_-]*(?:name|no|nr|number|index|id|#))?\.?(?:\s*[\[(].*[\])])?"
 )
@@ -30,7 +30,7 @@ _AMPLITUDES = (
     re.compile(r"(?i)stress|contrainte|spannung"),
 )
 WIDER = 1.5  # factor within which the amplitude of a frequency sweep stays
-FEWEST = 3  # rows, or frequencies, that show what a step holds constant
+FEWEST_ROWS = 3  # rows, or frequencies, that show what a step holds constant
 RUN = 6  # rows of one frequency and temperature inside a table that names no steps
 LONG = 10  # of them, from which on the amplitude need not be seen to grow
 
@@ -81,24 +81,24 @@ def rank(measured: MeasuredTable) -> tuple[int, int]:
     """Returns what decides between tables: a frequency sweep, then the number of rows."""
     if measured.kind != "frequency":
         return 1, measured.num_rows
-    swept = measured.table.blocks > 1 or _varies(_known(measured, "frequency"))
+    swept = measured.table.blocks > 1 or _frequency_varies(_known(measured, "frequency"))
     return 2 * swept, measured.num_rows
 
 
 # Steps of a file.
 
 
-def _with_steps(tables: Sequence[Table]) -> tuple[list[Table], dict[int, str]]:
+def _with_steps(tables: Sequence[DataTable]) -> tuple[list[DataTable], dict[int, str]]:
     """The tables with the step of each row, and the titles of the steps, counted in the file."""
     parts: list[tuple[str, list[Row], list[Row]]] = []
     numbered: list[list[Row]] = [[] for _ in tables]
     for table, rows in zip(tables, numbered, strict=True):
         # Side by side, a column of names would belong to one curve only.
-        places = [i for i, name in enumerate(table.names) if _COLUMN.fullmatch(name)]
+        places = [i for i, name in enumerate(table.names) if _STEP_COLUMN.fullmatch(name)]
         places = places if table.blocks == 1 else []
         for segment, group in itertools.groupby(table.rows, key=lambda row: row.segment):
             title = title_above(table.above[segment])
-            parts += [(*part, rows) for part in _parts(list(group), title, places)]
+            parts += [(*part, rows) for part in _split_steps(list(group), title, places)]
     parts.sort(key=lambda part: part[1][0].line)
     for number, (_, part, rows) in enumerate(parts, start=1):
         rows += [row._replace(step=number) for row in part]
@@ -110,21 +110,23 @@ def _with_steps(tables: Sequence[Table]) -> tuple[list[Table], dict[int, str]]:
 def _told(rows: Iterable[Row], titles: Mapping[int, str]) -> dict[int, str]:
     """The steps of rows in words, by their numbers."""
     groups = itertools.groupby(sorted(rows, key=lambda row: row.line), key=lambda row: row.step)
-    return {number: _step(number, titles, [row.line for row in each]) for number, each in groups}
+    return {
+        number: _step_told(number, titles, [row.line for row in each]) for number, each in groups
+    }
 
 
-def _step(number: int, titles: Mapping[int, str], lines: Sequence[int]) -> str:
+def _step_told(number: int, titles: Mapping[int, str], lines: Sequence[int]) -> str:
     title = f" {titles[number]!r}" if titles[number] else ""
     return f"step {number}{title} (lines {lines[0]}-{lines[-1]}, {len(lines)} rows)"
 
 
-def _parts(rows: list[Row], title: str, places: list[int]) -> list[tuple[str, list[Row]]]:
+def _split_steps(rows: list[Row], title: str, places: list[int]) -> list[tuple[str, list[Row]]]:
     """The rows of a segment, split where a column that names steps changes."""
     for place in places:
         runs = itertools.groupby(rows, key=lambda row: "".join(row.cells[place : place + 1]))
         parts = [(cell if title in ("", cell) else f"{title}, {cell}", list(run))
                  for cell, run in runs]  # fmt: skip
-        if FEWEST * len(parts) <= len(rows):  # a number of each point names no step
+        if FEWEST_ROWS * len(parts) <= len(rows):  # a number of each point names no step
             return parts
     return [(title, rows)]
 
@@ -158,7 +160,7 @@ def _swept(measured: MeasuredTable, titles: Mapping[int, str]) -> MeasuredTable:
     remaining = np.ones(len(step), bool)
     remaining[[place for run in constant for place in run]] = False
     omega = _known(measured, "frequency", remaining)
-    if not constant or not _varies(omega) or len(np.unique(omega)) < FEWEST:
+    if not constant or not _frequency_varies(omega) or len(np.unique(omega)) < FEWEST_ROWS:
         return measured
     lines = points["line"].to_numpy()
     for run in constant:
@@ -171,7 +173,7 @@ def _swept(measured: MeasuredTable, titles: Mapping[int, str]) -> MeasuredTable:
         elif amplitudes:
             name, low, high = amplitudes[0]
             changes = f", and {name!r} goes from {low:.4g} to {high:.4g}"
-        told = _step(int(step[run[0]]), titles, lines[run].tolist())
+        told = _step_told(int(step[run[0]]), titles, lines[run].tolist())
         at = f"its frequency is constant at {omega:.4g} {SI['frequency']}"
         measured.log.note(f"Left out {told}: {at}{changes}.")
     measured.log.note("`step` chooses other steps, by their number or title.")
@@ -187,15 +189,15 @@ def _constant_runs(
     part, omega, whole = part[known], omega[known], part
     if not len(part):
         return []
-    if not _varies(omega):
+    if not _frequency_varies(omega):
         title = titles[measured.points["step"].to_numpy()[part[0]]].casefold()
         named = title and "freq" not in title.replace("é", "e")
-        return [whole] if named or len(part) >= FEWEST else []
+        return [whole] if named or len(part) >= FEWEST_ROWS else []
     starts: list[int] = []
     first = np.inf
     for i, frequency in enumerate(omega):
         # A run is compared with its first row: a dense sweep has neighbours that differ by less.
-        if abs(frequency / first - 1) > SAME:
+        if abs(frequency / first - 1) > SAME_FREQUENCY:
             first = frequency
             starts.append(i)
     # At one temperature, and long or of varied amplitude.
@@ -211,7 +213,7 @@ def _amplitudes(measured: MeasuredTable, run: np.ndarray) -> list[tuple[str, flo
     for pattern, (place, name) in itertools.product(_AMPLITUDES, enumerate(measured.table.names)):
         if pattern.search(name) and place not in used:
             cells = (each[place] for each in measured.points["cells"].to_numpy()[run])
-            values = credible(np.abs(Column("strain", place).si(cells)))
+            values = credible(np.abs(DataColumn("strain", place).si(cells)))
             if len(values) and np.max(values) > WIDER * np.min(values):
                 found.append((name, float(values[0]), float(values[-1])))
     return found
@@ -225,5 +227,5 @@ def _known(measured: MeasuredTable, quantity: str, places: Any = slice(None)) ->
     return values if len(values) else np.zeros(1)
 
 
-def _varies(omega: np.ndarray) -> bool:
+def _frequency_varies(omega: np.ndarray) -> bool:
     return bool(np.max(omega) > (1 + CONSTANT) * np.min(omega))

@@ -12,17 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .cells import Row, Sheet, holds_data, is_missing, is_number, stripped
+from .cells import Row, Sheet, holds_data, holds_number, is_missing, stripped
 from .decisions import Log
 from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse_unit
 
-LIMIT = 1e100  # in SI units; of shifted frequencies and times
+HUGE = 1e100  # in SI units; of shifted frequencies and times
 MOST_COLUMNS = 1000  # of a table; a hundred curves side by side have a few hundred
 
 
 def is_credible(values: np.ndarray) -> np.ndarray:
     """Whether a measurement can have these values, so that their ratios are finite."""
-    return (values > 1 / LIMIT) & (values < LIMIT)
+    return (values > 1 / HUGE) & (values < HUGE)
 
 
 def credible(values: np.ndarray) -> np.ndarray:
@@ -30,7 +30,7 @@ def credible(values: np.ndarray) -> np.ndarray:
     return values[is_credible(values)]
 
 
-class Column(NamedTuple):
+class DataColumn(NamedTuple):
     """A column of a table.
 
     - `quantity`: a key of `units.DIMENSIONS`.
@@ -70,7 +70,7 @@ class Column(NamedTuple):
 
     def si(self, cells: Iterable[str]) -> np.ndarray:
         """Returns numbers in SI units; NaN for words, infinity for what is too large."""
-        values = np.array([float(cell) if is_number(cell) else np.nan for cell in cells])
+        values = np.array([float(cell) if holds_number(cell) else np.nan for cell in cells])
         with np.errstate(over="ignore", divide="ignore"):
             if self.base is not None:
                 values = np.exp(values * (np.log(10) if self.base == "10" else 1))
@@ -82,7 +82,7 @@ class Column(NamedTuple):
         return self.si("".join(row.cells[self.place : self.place + 1]) for row in rows)
 
 
-class Table(NamedTuple):
+class DataTable(NamedTuple):
     """Names and units of the columns of one block, and the rows of all segments below them.
 
     - `place`: the line of its names, for messages.
@@ -130,7 +130,7 @@ class Table(NamedTuple):
         return f"{len(self.names)} columns without names"
 
 
-def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
+def find_tables(sheet: Sheet, named: Iterable[str]) -> list[DataTable]:
     """Returns the tables of numbers; `named` are names of columns that are known."""
     rows = sheet.rows
     if not any(map(holds_data, rows)):
@@ -148,20 +148,22 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
         data = list(filter(holds_data, rows))
         empty = [""] * max((len(row.cells) for row in data), default=0)
         above = list(itertools.takewhile(lambda row: not holds_data(row), rows))
-        return [Table("no line of names", empty, empty, 1, sheet.spaced, [above], data, [], Log())]
-    tables: dict[tuple[str, ...], Table] = {}
+        return [
+            DataTable("no line of names", empty, empty, 1, sheet.spaced, [above], data, [], Log())
+        ]
+    tables: dict[tuple[str, ...], DataTable] = {}
     last = 0  # behind the numbers above
     for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
         below = rows[start + 1 : end]
         has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
         units = below.pop(0).cells if has_units else []
         above = rows[max(last, start - 1) : start]
-        table = _headed(_named(rows[start], above, below), units, sheet.spaced)
+        table = _headed(_with_near_names(rows[start], above, below), units, sheet.spaced)
         key = tuple(table.names)
         if key in tables and has_units and tables[key].units != table.units:
             key = (*table.names, *table.units)
         table = tables.setdefault(key, table)
-        data = [row for row in below if holds_data(row) and not _POINTS.match(row.cells[0])]
+        data = [row for row in below if holds_data(row) and not _COUNTER.match(row.cells[0])]
         if data:
             lines = {row.line for row in data}
             for row in below:
@@ -172,7 +174,7 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
     return [table for table in tables.values() if table.rows]
 
 
-def _named(names: Row, above: Sequence[Row], below: Sequence[Row]) -> Row:
+def _with_near_names(names: Row, above: Sequence[Row], below: Sequence[Row]) -> Row:
     """A row of names whose empty cells have their name in the row above or below."""
     cells = list(names.cells)
     near = [below[0].cells] if below and not holds_data(below[0]) else []
@@ -187,7 +189,7 @@ def _named(names: Row, above: Sequence[Row], below: Sequence[Row]) -> Row:
     return names._replace(cells=cells)
 
 
-def _headed(row: Row, units: list[str], spaced: bool) -> Table:
+def _headed(row: Row, units: list[str], spaced: bool) -> DataTable:
     """A table without rows yet, whose names may repeat: each repetition is a block."""
     names = stripped(row.cells)
     below = (units + [""] * len(names))[: len(names)]
@@ -200,7 +202,7 @@ def _headed(row: Row, units: list[str], spaced: bool) -> Table:
             break
     else:
         blocks = 1
-    return Table(f"line {row.line}", names, below, blocks, spaced, [], [], [], Log())
+    return DataTable(f"line {row.line}", names, below, blocks, spaced, [], [], [], Log())
 
 
 def _periods(columns: Sequence[tuple[str, str]]) -> Iterator[int]:
@@ -248,14 +250,14 @@ _TEST = re.compile(
     r"(?i)sweep|ramp|hold|relax|creep|soak|step|test|balayage|rampe|fluage|paliers?|essai|kriech|versuch"
 )
 # RheoCompass counts the points above the numbers: "Interval and data points: 1 29".
-_POINTS = re.compile(r"(?i)(?:interval|abschnitt).*:")
+_COUNTER = re.compile(r"(?i)(?:interval|abschnitt).*:")
 # Settings of an instrument that are no temperature of a test.
 _SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibration|span|range")
 
 
 def title_above(rows: Sequence[Row]) -> str:
     """Returns the title of the next step, such as "Frequency sweep - 2", or an empty text."""
-    titles = [row for row in rows if _TEST.search(row.text) and not _POINTS.match(row.cells[0])]
+    titles = [row for row in rows if _TEST.search(row.text) and not _COUNTER.match(row.cells[0])]
     pairs = itertools.pairwise(rows)
     titles += [row for mark, row in pairs if mark.cells[0].casefold() == "[step]"]  # TRIOS
     return next((cell for cell in reversed(titles[-1].cells) if cell), "")[:60] if titles else ""
@@ -265,8 +267,8 @@ def value_above(rows: Sequence[Row], quantity: str) -> float | None:
     """Returns the only "temperature" [K] or "stress" [Pa] that the rows name, such as "25 °C"."""
     units, found = UNITS[quantity], set()
     for row in rows:
-        given = parameters(row)
-        if quantity == "temperature" and "chem" in given and is_number(given.get("T", "")):
+        given = settings_in(row)
+        if quantity == "temperature" and "chem" in given and holds_number(given.get("T", "")):
             found.add(float(given["T"]) + OFFSETS["C"])  # as RepTate's files begin
         for number, word in re.findall(_VALUES[quantity], row.text):
             unit = parse_unit(word)
@@ -275,7 +277,7 @@ def value_above(rows: Sequence[Row], quantity: str) -> float | None:
     return found.pop() if len(found) == 1 else None
 
 
-def parameters(row: Row) -> dict[str, str]:
+def settings_in(row: Row) -> dict[str, str]:
     """Returns the parameters of a line such as "T=-35; Mw = 634.5;", as RepTate's files begin."""
     entries = [entry.split("=", 1) for entry in row.text.split(";") if entry.strip()]
     if not all(len(entry) == 2 for entry in entries):

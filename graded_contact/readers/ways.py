@@ -25,7 +25,7 @@ class Way(NamedTuple):
 
 # The most direct ones first; in the order of the first of a kind the columns of a file without
 # names are read.
-WAYS = (
+ALL_WAYS = (
     Way("frequency", "storage loss", lambda storage, loss: storage + 1j * loss),
     Way("frequency", "storage tan_delta", lambda storage, tan: storage * (1 + 1j * tan)),
     Way("frequency", "storage phase", lambda storage, phase: storage * (1 + 1j * np.tan(phase))),
@@ -52,5 +52,5 @@ WAYS = (
     Way("relaxation", "stress", lambda stress, strain: stress / strain),
     Way("creep", "strain", lambda strain, stress: strain / stress),
 )  # fmt: skip
-AT_LOAD = WAYS[-2:]  # if the constant load is known
-SWEEPS = tuple(way._replace(kind="strain") for way in WAYS if way.kind == "frequency")
+AT_LOAD = ALL_WAYS[-2:]  # if the constant load is known
+SWEEPS = tuple(way._replace(kind="strain") for way in ALL_WAYS if way.kind == "frequency")

@@ -12,11 +12,11 @@ import numpy as np
 
 from ...core.files import Refusal, file_in
 from ..registry import File, extra, reader
-from ..scan import Scan, chosen
+from ..scan import Scan, channel_of
 from ..units import metres
 
-_MOST = 1e6  # bytes of a description
-_NOTHING = (None, "", "null", "~")  # in YAML
+_LONGEST_DESCRIPTION = 1e6  # bytes of a description
+_YAML_NOTHING = (None, "", "null", "~")  # in YAML
 
 
 @reader("container", "heights", knows=lambda file: bool(_measurements(file)))
@@ -25,7 +25,7 @@ def read_container(file: File) -> Scan:
     kept = _measurements(file)
     names = {part: name for name, (part, _) in kept.items()}
     channel = names.get(str(file.channel), file.channel)
-    name = [*kept][chosen(channel, [*kept], "it is a container of measurements")]
+    name = [*kept][channel_of(channel, [*kept], "it is a container of measurements")]
     part, said = kept[name]
     source = str(said.get("data_source"))
     inner = int(source) if source.isdigit() else None
@@ -44,15 +44,15 @@ def _measurements(file: File) -> dict[str, tuple[str, dict[str, Any]]]:
     text = file_in(file.content, described)
     found = []
     try:
-        if len(text) > _MOST:
-            raise ValueError(f"it has more than {_MOST:g} bytes")
+        if len(text) > _LONGEST_DESCRIPTION:
+            raise ValueError(f"it has more than {_LONGEST_DESCRIPTION:g} bytes")
         description = json.loads(text) if described.endswith("json") else _yaml(text)
         if "surfaces" not in description:
             return {}
         for surface in description["surfaces"]:
             for each in surface["topographies"]:
                 if part := _file(each, file.parts):
-                    said = {key: value for key, value in each.items() if value not in _NOTHING}
+                    said = {key: value for key, value in each.items() if value not in _YAML_NOTHING}
                     found.append((str(said.get("name", part)), surface.get("name"), part, said))
     except ImportError:
         raise

@@ -14,15 +14,15 @@ import numpy as np
 
 from ...core.files import Refusal
 from .. import cells
-from ..cells import Row, Sheet, TextLayout, is_missing, is_number
+from ..cells import Row, Sheet, TextLayout, holds_number, is_missing
 from ..decisions import Log
 from ..length_headings import Units, counts_points, units_above, units_in, units_of_columns
 from ..point_lists import by_names, grid_points, line_scan, named_places, picked, without_index
 from ..registry import File, reader
-from ..scan import MOST_POINTS, Scan, counters, equally_spaced, from_lines
+from ..scan import MOST_HEIGHTS, Scan, counters, equally_spaced, from_lines
 from ..units import metres
 
-_LONGEST = 10_000_000  # characters of a line
+_LONGEST_LINE_OF_HEIGHTS = 10_000_000  # characters of a line
 _MOST_WORDS = 8  # different ones that can all mean a missing point
 
 
@@ -30,8 +30,8 @@ _MOST_WORDS = 8  # different ones that can all mean a missing point
 def read_text(file: File) -> Scan:
     """Returns the heights in a text without a header that SurfaceTopography knows."""
     text, encoding = file.decoded or ("", "")
-    lines = cells.lines_of(text, _LONGEST)
-    return heights_in(cells.text_sheet(lines, _layout(lines), encoding, MOST_POINTS), file)
+    lines = cells.lines_of(text, _LONGEST_LINE_OF_HEIGHTS)
+    return heights_in(cells.text_sheet(lines, _layout(lines), encoding, MOST_HEIGHTS), file)
 
 
 def _layout(lines: list[str]) -> TextLayout:
@@ -77,7 +77,7 @@ def heights_in(sheet: Sheet, file: File) -> Scan:
     if not file.columns:
         if found := named_places(header, values.shape[1]):
             places, others = found
-            values, header = values[:, places], [_cells(row, places, values) for row in header]
+            values, header = values[:, places], [_cells_at(row, places, values) for row in header]
             if others:
                 log.note(f"Left out the columns {others}.")
         elif len(without := without_index(values, header).T) < values.shape[1]:
@@ -131,7 +131,7 @@ def _without_labels(sheet: Sheet, log: Log) -> Sheet:
 def _is_labelled(row: Row) -> bool:
     """Whether a row is a word and at least four numbers."""
     label, *others = row.cells or [""]
-    word = not (is_number(label) or is_missing(label))
+    word = not (holds_number(label) or is_missing(label))
     return word and len(others) >= 4 and _is_data(others)
 
 
@@ -140,10 +140,10 @@ def _length(cell: str) -> tuple[str, str] | None:
     found = re.fullmatch(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*([^\W\d]+)", cell[:40])
     number, unit = found.groups() if found else ("", "")
     number = number.replace(",", ".")
-    return (number, unit) if is_number(number) and metres(unit) else None
+    return (number, unit) if holds_number(number) and metres(unit) else None
 
 
-def _cells(row: Row, places: list[int], values: np.ndarray) -> Row:
+def _cells_at(row: Row, places: list[int], values: np.ndarray) -> Row:
     """A row above the numbers with the cells of some columns, if it has a cell for each."""
     if len(row.cells) != values.shape[1]:
         return row
@@ -153,7 +153,7 @@ def _cells(row: Row, places: list[int], values: np.ndarray) -> Row:
 def _is_data(cells: list[str]) -> bool:
     """Whether cells hold numbers, and otherwise only marks of missing points."""
     known = [cell for cell in cells if not is_missing(cell)]
-    return bool(known) and all(map(is_number, known))
+    return bool(known) and all(map(holds_number, known))
 
 
 def _used(rows: list[Row]) -> slice:
@@ -173,7 +173,7 @@ def _values(rows: list[Row], log: Log) -> np.ndarray:
     words: dict[str, None] = {}
     for row, numbers in zip(rows, values, strict=True):
         cells = row.cells
-        good = [is_number(cell) for cell in cells]
+        good = [holds_number(cell) for cell in cells]
         numbers[good] = [float(cell) for cell, known in zip(cells, good, strict=True) if known]
         lost = [cell[:40] for cell, known in zip(cells, good, strict=True) if not known]
         if row is rows[0] and lost == [""] == cells[:1]:  # where two axes cross
@@ -196,7 +196,7 @@ def _matrix_scan(values: np.ndarray, header: list[Row], given: str | None, log: 
     units, corner = units_above(header), Units()
     if header and len(header[-1].cells) == values.shape[1]:
         first, *labels = header[-1].cells
-        if all(map(is_number, labels)):  # with a word where row and column cross
+        if all(map(holds_number, labels)):  # with a word where row and column cross
             units, corner = units_above(header[:-1]), units_in([first])
             values = np.concatenate([[[np.nan, *map(float, labels)]], values])
     lengths = units.lengths or corner.of_lengths

@@ -3,7 +3,7 @@
 from ...core.files import Refusal
 from ..cells import Sheet, sheets_of
 from ..registry import File, reader
-from ..scan import Scan, chosen
+from ..scan import Scan, channel_of
 from .surface_topography import read_instrument
 from .text import heights_in
 
@@ -30,4 +30,4 @@ def read_workbook(file: File) -> Scan:
     if not scans:
         raise refusals[-1]
     names = list(scans)
-    return scans[names[chosen(file.channel, names, "it holds several sheets of heights")]]
+    return scans[names[channel_of(file.channel, names, "it holds several sheets of heights")]]
