@@ -11,20 +11,13 @@ from .decisions import Log, Options, settled
 from .other_tables import check_others
 from .tables import DataColumn, DataTable, credible, value_above
 from .units import DIMENSIONS, PER_SECOND, UNITS, Heading
-from .ways import ALL_WAYS, AT_LOAD, SWEEPS, Way
+from .ways import ALL_WAYS, AT_LOAD, Way, way_of, ways_of_kind
 
 _WITH_TANGENT = ("storage loss", "storage_compliance loss_compliance")  # whose ratio is tan delta
-# What a modulus or a compliance beside a loss tangent may be.
-_EITHER = {
-    "modulus": "'storage' or 'magnitude'",
-    "compliance": "'storage_compliance' or 'compliance_magnitude'",
-}
 # In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
 _STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formation|dehnung)")
 _NO_AMPLITUDE = re.compile(r"(?i)\bcmd\b|command|ratio|constant")  # as TRIOS has beside the strain
 ALIKE = 0.02  # columns whose values differ by less are the same
-CONSTANT = 0.05  # what a test holds constant varies by less
-_SIGN_CHANGES = 3  # changes of sign that make a signal of a column; noise about 0 of both is none
 SAME_FREQUENCY = 1e-3  # relative, between frequencies that are meant to be equal
 
 
@@ -98,7 +91,7 @@ def measured_table(table: DataTable, options: Options) -> MeasuredTable:
     above = [row for segment in {row.segment for row in table.rows} for row in table.above[segment]]
     stress = None if options.kind == "relaxation" else value_above(above, "stress")
     load = stress if options.load is None else options.load
-    way = _way(table, places, load is not None, options)
+    way = way_of(table, places, load is not None, options)
     beside = {"frequency" if way.kind == "strain" else "temperature"} & set(places)
     needed = {name: places[name] for name in (*way.names, *beside)}
     if len(times := needed.get("time", ())) > 1:
@@ -211,7 +204,7 @@ def _candidates(table: DataTable, options: Options) -> dict[str, list[int]]:
         measured = [i for i in named if not _NO_AMPLITUDE.search(table.names[i])]
         places |= {"strain": measured or named} if named else {}
     if not places and not options.columns and options.kind is not None:
-        names = _ways(options.kind)[0].names
+        names = ways_of_kind(options.kind)[0].names
         if len(table.names) == len(names):
             places = {quantity: [i] for i, quantity in enumerate(names)}
     for quantity, name in options.columns.items():
@@ -235,73 +228,6 @@ def _stated_role(table: DataTable, place: int) -> str | None:
 def _alike(stated: str, given: str) -> bool:
     """Whether a column of one quantity may be that of the other, as their units say."""
     return UNITS[DIMENSIONS[stated]] == UNITS[DIMENSIONS[given]]
-
-
-def _ways(kind: str | None) -> list[Way]:
-    return [
-        way
-        for way in (*ALL_WAYS, *SWEEPS)
-        if way.kind == kind or (kind is None and way in ALL_WAYS)
-    ]
-
-
-def _way(table: DataTable, places: dict, loaded: bool, options: Options) -> Way:
-    """The kind of measurement and the quantities to take it from."""
-    ways = _ways(options.kind)
-    possible = [way for way in ways if loaded or way not in AT_LOAD]
-    possible = [way for way in possible if set(way.names) <= set(places)]
-    sized = any(DIMENSIONS[name] in ("modulus", "compliance") for name in places)
-    tangent = {"tan_delta", "phase"} & set(places)
-    if tangent and not sized:
-        remedy = "export E' or |E*| (G' or a compliance) with it, or name its column by `columns`"
-        raise ValueError(f"{table.place}: the loss tangent alone has no modulus: {remedy}")
-    for name, roles in _EITHER.items():
-        if tangent and not possible and name in places:
-            which = f"{table.place}: {table.label(places[name][0])} may be the storage part or the"
-            raise ValueError(f"{which} size of the {name}: name it by `columns`, {roles}")
-    if not possible:
-        shortest = {way.kind: ", ".join(way.names) for way in reversed(ways)}
-        known = f" (understood: {', '.join(sorted(places))})" if places else ""
-        order = "" if places or options.kind else ", or pass `kind` if they are in this order"
-        there = f"{table.place}: there are" if any(table.names) else "it has"
-        raise ValueError(
-            f"{there} {table.listed()}{known}. Name them with `columns`: "
-            f"{'; or '.join(reversed(shortest.values()))}{order}"
-        )
-    if possible[0].kind != "frequency" and {"stress", "strain"} <= set(places):
-        _check_signal(table, places)
-    if [way.kind for way in possible[:2]] != ["relaxation", "creep"]:
-        return possible[0]
-    if possible[0].quantities == "modulus":
-        if possible[1].quantities == "compliance":
-            raise ValueError(f"{table.place}: it has a modulus and a compliance; pass `kind`")
-        return possible[0]
-    # Creep is at constant stress, relaxation at constant strain.
-    constant = []
-    for way, quantity in zip(possible, ("strain", "stress"), strict=False):
-        values = _values_of(table, quantity, places)
-        values = values[values > 0.5 * np.nanmax(values, initial=0)]
-        if len(values) and np.mean(np.abs(values / np.median(values) - 1) < CONSTANT) > 0.9:
-            constant.append(way)
-    if len(constant) != 1:
-        which = "both of stress and strain are" if constant else "neither of stress and strain is"
-        raise ValueError(f"{table.place}: {which} constant; pass `kind`, 'relaxation' or 'creep'")
-    return constant[0]
-
-
-def _values_of(table: DataTable, quantity: str, places: dict) -> np.ndarray:
-    """The numbers of a quantity, in any unit."""
-    place = places[quantity][0]
-    return DataColumn(quantity, place, base=table.headings[place].base).numbers(table.rows)
-
-
-def _check_signal(table: DataTable, places: dict) -> None:
-    """Refuses stress and strain that oscillate in time: the signal of a dynamic test."""
-    signs = [np.sign(_values_of(table, quantity, places)) for quantity in ("stress", "strain")]
-    signs = [each[np.abs(each) == 1] for each in signs]
-    if all(np.sum(np.diff(each) != 0) >= _SIGN_CHANGES for each in signs):
-        what = "stress and strain change their signs again and again: it is the signal of a dynamic"
-        raise ValueError(f"{table.place}: {what} test; export its moduli E' and E'' or G' and G''")
 
 
 def _unrepeated(table: DataTable, quantity: str, places: list[int], options: Options) -> list:

@@ -22,18 +22,8 @@ _OF_ALL = re.compile(r"(?<![^\W_])(units?|einheit(en)?|all|alle)(?![^\W_])", re.
 _CUTS = re.compile(r"[;|\\]|,(?=\s*[^\W\d])|\s(?:/|and|und|et)\s|(?<=[\])])|\s(?=[xyz]_)", re.I)
 _BRACKETED = re.compile(r"\[\s*([^\[\]]*?)\s*\]\s*[.:;,]*$|\(\s*([^()]*?)\s*\)\s*[.:;,]*$")
 _COUNTS = {
-    "px",
-    "pixel",
-    "pixels",
-    "pt",
-    "pts",
-    "point",
-    "points",
-    "#",
-    "index",
-    "sample",
-    "samples",
-}
+    "px", "pixel", "pixels", "pt", "pts", "point", "points", "#", "index", "sample", "samples",
+}  # fmt: skip
 # Units of other kinds; in square brackets any word is a unit.
 _OTHER_UNITS = {
     "v", "mv", "µv", "a", "na", "pa", "n", "mn", "nn", "hz", "khz", "deg", "°", "rad", "s", "ms",

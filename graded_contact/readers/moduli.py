@@ -4,6 +4,9 @@ Columns, units and temperatures that the file names are used; an error lists wha
 things are assumed, with a caveat: a frequency that is not called angular is in Hz without a unit,
 and a modulus is Young's if nothing in the file says tension or shear. `Measured.history` records,
 in sentences, what was understood, `Measured.assumed` what was assumed.
+
+    a file ──> Sheet (rows of cells) ──> DataTable (names, rows with their segment and step)
+           ──> MeasuredTable (a frame of points in SI units, and what they are) ──> Measured
 """
 
 import dataclasses

@@ -15,10 +15,11 @@ from ..core.checks import Numbers
 from ..materials.measured import ISOTHERM_GAP, Measured, grouped
 from ..materials.shift import check_kelvin
 from .cells import Row, is_infinite, is_missing
-from .columns import CONSTANT, SAME_FREQUENCY, MeasuredTable
+from .columns import SAME_FREQUENCY, MeasuredTable
 from .deformation import as_young
 from .tables import HUGE, DataColumn, value_above
 from .units import DIMENSIONS, SI
+from .ways import CONSTANT
 
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.

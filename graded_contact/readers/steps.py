@@ -14,11 +14,12 @@ import numpy as np
 
 from ..materials.measured import ISOTHERM_GAP
 from .cells import Row, Sheet
-from .columns import CONSTANT, SAME_FREQUENCY, MeasuredTable, measured_table
+from .columns import SAME_FREQUENCY, MeasuredTable, measured_table
 from .decisions import Options
 from .side_by_side import isotherms_beside
 from .tables import DataColumn, DataTable, credible, find_tables, is_credible, title_above
 from .units import SI
+from .ways import CONSTANT
 
 # The whole name of a column that holds the numbers or names of steps.
 _STEP_COLUMN = re.compile(

@@ -1,9 +1,13 @@
-"""Ways to measure a modulus: the quantities of each, and the value that they give."""
+"""Ways to measure a modulus, and which one a table shows."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from .decisions import Options
+from .tables import DataColumn, DataTable
+from .units import DIMENSIONS
 
 
 class Way(NamedTuple):
@@ -54,3 +58,77 @@ ALL_WAYS = (
 )  # fmt: skip
 AT_LOAD = ALL_WAYS[-2:]  # if the constant load is known
 SWEEPS = tuple(way._replace(kind="strain") for way in ALL_WAYS if way.kind == "frequency")
+# What a modulus or a compliance beside a loss tangent may be.
+_EITHER = {
+    "modulus": "'storage' or 'magnitude'",
+    "compliance": "'storage_compliance' or 'compliance_magnitude'",
+}
+CONSTANT = 0.05  # what a test holds constant varies by less
+_SIGN_CHANGES = 3  # changes of sign that make a signal of a column; noise about 0 of both is none
+
+
+def ways_of_kind(kind: str | None) -> list[Way]:
+    return [
+        way
+        for way in (*ALL_WAYS, *SWEEPS)
+        if way.kind == kind or (kind is None and way in ALL_WAYS)
+    ]
+
+
+def way_of(table: DataTable, places: dict, loaded: bool, options: Options) -> Way:
+    """The kind of measurement and the quantities to take it from."""
+    ways = ways_of_kind(options.kind)
+    possible = [way for way in ways if loaded or way not in AT_LOAD]
+    possible = [way for way in possible if set(way.names) <= set(places)]
+    sized = any(DIMENSIONS[name] in ("modulus", "compliance") for name in places)
+    tangent = {"tan_delta", "phase"} & set(places)
+    if tangent and not sized:
+        remedy = "export E' or |E*| (G' or a compliance) with it, or name its column by `columns`"
+        raise ValueError(f"{table.place}: the loss tangent alone has no modulus: {remedy}")
+    for name, roles in _EITHER.items():
+        if tangent and not possible and name in places:
+            which = f"{table.place}: {table.label(places[name][0])} may be the storage part or the"
+            raise ValueError(f"{which} size of the {name}: name it by `columns`, {roles}")
+    if not possible:
+        shortest = {way.kind: ", ".join(way.names) for way in reversed(ways)}
+        known = f" (understood: {', '.join(sorted(places))})" if places else ""
+        order = "" if places or options.kind else ", or pass `kind` if they are in this order"
+        there = f"{table.place}: there are" if any(table.names) else "it has"
+        raise ValueError(
+            f"{there} {table.listed()}{known}. Name them with `columns`: "
+            f"{'; or '.join(reversed(shortest.values()))}{order}"
+        )
+    if possible[0].kind != "frequency" and {"stress", "strain"} <= set(places):
+        _check_signal(table, places)
+    if [way.kind for way in possible[:2]] != ["relaxation", "creep"]:
+        return possible[0]
+    if possible[0].quantities == "modulus":
+        if possible[1].quantities == "compliance":
+            raise ValueError(f"{table.place}: it has a modulus and a compliance; pass `kind`")
+        return possible[0]
+    # Creep is at constant stress, relaxation at constant strain.
+    constant = []
+    for way, quantity in zip(possible, ("strain", "stress"), strict=False):
+        values = _values_of(table, quantity, places)
+        values = values[values > 0.5 * np.nanmax(values, initial=0)]
+        if len(values) and np.mean(np.abs(values / np.median(values) - 1) < CONSTANT) > 0.9:
+            constant.append(way)
+    if len(constant) != 1:
+        which = "both of stress and strain are" if constant else "neither of stress and strain is"
+        raise ValueError(f"{table.place}: {which} constant; pass `kind`, 'relaxation' or 'creep'")
+    return constant[0]
+
+
+def _values_of(table: DataTable, quantity: str, places: dict) -> np.ndarray:
+    """The numbers of a quantity, in any unit."""
+    place = places[quantity][0]
+    return DataColumn(quantity, place, base=table.headings[place].base).numbers(table.rows)
+
+
+def _check_signal(table: DataTable, places: dict) -> None:
+    """Refuses stress and strain that oscillate in time: the signal of a dynamic test."""
+    signs = [np.sign(_values_of(table, quantity, places)) for quantity in ("stress", "strain")]
+    signs = [each[np.abs(each) == 1] for each in signs]
+    if all(np.sum(np.diff(each) != 0) >= _SIGN_CHANGES for each in signs):
+        what = "stress and strain change their signs again and again: it is the signal of a dynamic"
+        raise ValueError(f"{table.place}: {what} test; export its moduli E' and E'' or G' and G''")
