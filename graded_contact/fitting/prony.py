@@ -34,7 +34,7 @@ from .observations import Observations, Unknowns, concrete, observe
 from .quality import FitErrors, Floor, fit_errors, floor_of, jumps_of, report_of, verdict_of
 from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, objective, problem_of
 
-FLOWING = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
+FLOW_AT = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
 
 
@@ -289,7 +289,9 @@ def prony_material(theta: Unknowns, data: Observations, poisson: Numbers) -> Pro
         return Prony(equilibrium=start, strengths=strengths, times=times, **common)
     glassy = 1 / start
     if data.flows:
-        last = FLOWING * jax.lax.stop_gradient(jnp.maximum(jnp.max(data.x), jnp.max(times, initial=0)))
+        last = FLOW_AT * jax.lax.stop_gradient(
+            jnp.maximum(jnp.max(data.x), jnp.max(times, initial=0))
+        )
         strengths = jnp.append(strengths, extras[-1] * last / jnp.max(data.x))
         times = jnp.append(times, last)
     if not len(times):
