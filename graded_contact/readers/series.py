@@ -145,6 +145,9 @@ def _si_factors(series: Modes, options: Options) -> tuple[float, float]:
             f"the {name}", series.units.get(name), given, option=f"`units={ {name: given} }`",
             alike=lambda stated, unit, name=name: {stated, unit} <= set(UNITS[name]),
         )  # fmt: skip
+        if given is not None and given not in UNITS[name]:
+            allowed = list(UNITS[name])
+            raise ValueError(f"`units={ {name: given} }` is refused: use one of {allowed}")
         if unit is None and needed and series.deck:
             unit = "s" if name == "time" else _credible_unit(series)
             if unit is not None:
