@@ -14,12 +14,12 @@ import time
 import jax
 import jax.numpy as jnp
 import numpy as np
+from graded_contact.scenes.design_scene import read_design
+from graded_contact.scenes.design_search import mean_field_problem
 from rows import ROOT, run, show
 
 import graded_contact as gc
 from graded_contact.core.parameters import paths, with_values
-from graded_contact.scenes.design_scene import read_design
-from graded_contact.scenes.design_search import mean_field_problem
 from graded_contact.studies.search import minimise
 from graded_contact.studies.stochastic import minimise_expected
 

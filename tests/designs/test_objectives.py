@@ -3,10 +3,6 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import elasticities
-
-import graded_contact as gc
-from graded_contact.core.parameters import paths, with_values
 from graded_contact.studies.objectives import (
     distance,
     friction_between,
@@ -14,6 +10,10 @@ from graded_contact.studies.objectives import (
     loss_tangent,
     ripple,
 )
+from oracles import elasticities
+
+import graded_contact as gc
+from graded_contact.core.parameters import paths, with_values
 
 RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
 COATED = gc.Stack(

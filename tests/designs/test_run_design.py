@@ -11,15 +11,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
-from scene_texts import DESIGN, FLAT
-from typer.testing import CliRunner
-
-import graded_contact as gc
-from graded_contact import cli
-from graded_contact.command import design as design_job
-from graded_contact.command import terminal as session
-from graded_contact.core.parameters import paths, with_values
 from graded_contact.scenes.design_quantities import (
     contact_at,
     design_mean_field,
@@ -34,6 +25,15 @@ from graded_contact.scenes.design_search import (
     search_design,
 )
 from graded_contact.scenes.run_design import Candidate, DesignResults, check_design, run_design
+from matplotlib.figure import Figure
+from scene_texts import DESIGN, FLAT
+from typer.testing import CliRunner
+
+import graded_contact as gc
+from graded_contact import cli
+from graded_contact.command import design as design_job
+from graded_contact.command import terminal as session
+from graded_contact.core.parameters import paths, with_values
 from graded_contact.studies.search import Design, History, Run
 from graded_contact.studies.store import Store
 
