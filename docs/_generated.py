@@ -26,7 +26,7 @@ from graded_contact.cli import app
 from graded_contact.contacts.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
 from graded_contact.designs.limits import CRITERIA, LIMITS, Limits, Stiffness
-from graded_contact.designs.objectives import OBJECTIVE, FlatLossTangent, Friction
+from graded_contact.designs.objectives import OBJECTIVE, flat_loss_tangent, near_goal
 from graded_contact.designs.table import DesignScene
 from graded_contact.fields.grid import Grid
 from graded_contact.materials.material import AbstractMaterial
@@ -91,9 +91,9 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
         DesignScene: (OBJECTIVE, *keys_of(DesignScene, "scene", "spectrum", "objective", "limits")),
         Limits: keys_of(Limits),
     },
-    '[design], objective = "friction"': {Friction: keys_of(Friction, "name", "scene")},
+    '[design], objective = "friction"': {near_goal: keys_of(near_goal, "name", "scene")},
     '[design], objective = "flat_loss_tangent"': {
-        FlatLossTangent: keys_of(FlatLossTangent, "name", "scene")
+        flat_loss_tangent: keys_of(flat_loss_tangent, "name", "scene")
     },
     "[design.limits]": {Limits: tuple(Key(name, float, None) for name in LIMITS)},
     "[design.stiffness]": {Stiffness: keys_of(Stiffness)},

@@ -1,12 +1,12 @@
 """Rough contact and friction of layered and graded viscoelastic solids, differentiable, in JAX.
 
-Data flows one way: materials -> blocks -> contacts -> sliding -> studies -> scenes -> designs. The main job is
-`slide`. SI units everywhere; `docs/theory.md` and the module docstrings state conventions.
+Data flows one way: materials -> blocks -> contacts -> sliding -> studies -> scenes -> designs. The
+main job is `slide`. SI units everywhere; `docs/theory.md` and module docstrings state conventions.
 
 The names below are those that a script starts with. All others are in the rooms: `materials`,
 `blocks`, `surfaces`, `contacts`, `sliding`, `mean_field`, `fitting`, `readers`, `studies`,
-`scenes`, `designs`, `exports`, `plot`, `page`, and `reference` (closed forms). Each name of a room is also
-found here: `gc.read_errors` is `gc.studies.read_errors`.
+`scenes`, `designs`, `exports`, `plot`, `page`, and `reference` (closed forms). Each name of a room
+is also found here: `gc.read_errors` is `gc.studies.read_errors`.
 """
 
 import importlib

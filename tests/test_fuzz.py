@@ -302,7 +302,7 @@ def check_scene(text: str, folder: Path) -> bool:
                 np.testing.assert_allclose(found, written, rtol=1e-9)
     if study is not None:
         bounds = document["design"]["parameters"]
-        assert bounds == {path: [study.lower[path], study.upper[path]] for path in study.lower}
+        assert bounds == study.parameters and {*study.start} == {*bounds}
     return True
 
 

@@ -38,13 +38,12 @@ class Criterion(NamedTuple):
     of_a_cycle: bool = False
 
 
-def _friction(found: Any) -> Array:
-    return found.mean_friction if found.is_cycle else found.friction
-
-
 # Of a cycle the mean over the times, or the highest pressure of all times.
 CRITERIA = {
-    "friction": Criterion("friction coefficient", "1", _friction, in_mean_field=True),
+    "friction": Criterion(
+        "friction coefficient", "1",
+        lambda found: found.mean_friction if found.is_cycle else found.friction, in_mean_field=True,
+    ),
     "contact_area": Criterion(
         "fraction of the nominal area in contact", "1", lambda found: jnp.mean(found.contact_area),
         in_mean_field=True, at_most=1,
@@ -61,6 +60,7 @@ CRITERIA = {
 BY_MEAN_FIELD = tuple(name for name, criterion in CRITERIA.items() if criterion.in_mean_field)
 # The keys of [design.limits].
 LIMITS = {f"{end}_{name}": (name, end) for name in CRITERIA for end in ("min", "max")}
+THICKNESS, MODULUS = "all layers [m]", "|effective modulus| [Pa]"
 
 
 class Limit(NamedTuple):
@@ -101,10 +101,6 @@ class Stiffness:
         check_positive("q", self.q, "[rad/m]")
         check_values("omega", self.omega, "a frequency [rad/s] is not negative", at_least=0)
         check_positive("within", self.within, "[1]")
-
-    def modulus(self, stack: Stack) -> Float[Array, ""]:
-        """Returns |effective_modulus| [Pa] at the wave."""
-        return jnp.abs(effective_modulus(stack, self.q, self.omega))
 
 
 @shown()
@@ -154,29 +150,25 @@ class Limits:
                 margins[name + at] = limit.margins(found[limit.criterion][i])
         return margins
 
-    def block_margins(self, own: Stack, stack: Stack) -> dict[str, Float[Array, ""]]:
-        """Returns the margins of a stack, relative to the block of the scene, `own`, by name."""
-        margins, kept, most = {}, self.stiffness, self.total_thickness
-        if kept is not None:
-            # Two one-sided limits, relative as `minimise` wants them.
-            change = kept.modulus(stack) / kept.modulus(own) - 1
-            percent = f"by at most {100 * kept.within:.3g} %"
-            margins[f"stiffness higher {percent}"] = kept.within - change
-            margins[f"stiffness lower {percent}"] = kept.within + change
-        if most is not None:
-            margins[f"total thickness of at most {most:g} m"] = 1 - total_thickness(stack) / most
-        return margins
-
     def of_block(self, stack: Stack) -> dict[str, Float[Array, ""]]:
         """Returns what is limited of a block alone, by name."""
-        found = {}
+        found, wave = {}, self.stiffness
         if self.total_thickness is not None:
-            found["all layers [m]"] = total_thickness(stack)
-        if self.stiffness is not None:
-            found["|effective modulus| [Pa]"] = self.stiffness.modulus(stack)
+            layers = (layer.thickness for layer in stack.layers)
+            found[THICKNESS] = sum(layers, start=jnp.zeros(()))
+        if wave is not None:
+            found[MODULUS] = jnp.abs(effective_modulus(stack, wave.q, wave.omega))
         return found
 
-
-def total_thickness(stack: Stack) -> Float[Array, ""]:
-    """Returns the thickness of all layers [m]."""
-    return sum((layer.thickness for layer in stack.layers), start=jnp.zeros(()))
+    def block_margins(self, own: Stack, stack: Stack) -> dict[str, Float[Array, ""]]:
+        """Returns the margins of a stack, relative to the block of the scene, `own`, by name."""
+        margins, found, most = {}, self.of_block(stack), self.total_thickness
+        if self.stiffness is not None:
+            # Two one-sided limits, relative as `minimise` wants them.
+            change, within = found[MODULUS] / self.of_block(own)[MODULUS] - 1, self.stiffness.within
+            percent = f"by at most {100 * within:.3g} %"
+            margins[f"stiffness higher {percent}"] = within - change
+            margins[f"stiffness lower {percent}"] = within + change
+        if most is not None:
+            margins[f"total thickness of at most {most:g} m"] = 1 - found[THICKNESS] / most
+        return margins

@@ -4,9 +4,9 @@ The functions use the response and the mean field only, and take milliseconds. V
 their results by contact solves (`slide`).
 """
 
-import abc
 import dataclasses
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -119,150 +119,111 @@ def friction_curve(
     return jax.lax.map(lambda v: mean_field_of(dataclasses.replace(case, velocity=v)), velocities)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class AbstractObjective(abc.ABC):
-    """What a search makes small, in a scene. Other fields are keys of [design].
+class DesignObjective(NamedTuple):
+    """What a search makes small.
 
     **Fields:**
 
     - `name`: the key `objective` of [design].
-    - `scene`: its velocities are those of the design.
+    - `value`: gives it from a block, its criteria and, if `relative`, those of the scene's block.
+    - `criteria`: names of those that it needs.
+    - `goal`: friction [1] at each velocity, or if `relative` over that of the scene's block.
+    - `band`: wavenumbers [rad/m] between which the loss tangent is to be flat.
     """
 
     name: str
-    scene: Scene = dataclasses.field(repr=False)
-
-    criteria = ("friction",)  # that it needs
-    goal = None  # friction at each velocity, or if `relative`, over that of the scene's block
-    relative = False
-    band = ()  # wavenumbers [rad/m] between which a loss tangent is flat
-
-    @abc.abstractmethod
-    def value(self, stack: Stack, found: Found, before: Found) -> Float[Array, ""]:
-        """Returns a number of a block that is small if the block is good.
-
-        **Arguments:**
-
-        - `stack`: the block.
-        - `found`: its criteria.
-        - `before`: criteria of the scene's block, if the objective is `relative`.
-        """
+    value: Callable[[Stack, Found, Found], Float[Array, ""]]
+    criteria: tuple[str, ...] = ("friction",)
+    goal: Float[np.ndarray, " velocities"] | None = None
+    relative: bool = False
+    band: tuple[float, float] | None = None
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Extreme(AbstractObjective):
-    """A criterion that is made large or small: its geometric mean over the velocities.
+def extreme(name: str, scene: Scene) -> DesignObjective:
+    """Returns the objective of a large or small criterion, or ratio of friction."""
+    way, _, criterion = name.partition("_")
+    sign, count = -1 if way == "maximise" else 1, len(scene.velocity)
 
-    A friction ratio is the friction at the first of two velocities over that at the second.
-    """
-
-    def __post_init__(self):
-        count = len(self.scene.velocity)
-        if self.is_ratio and count != 2:
-            raise ValueError(
-                f'the objective "{self.name}" needs two velocities in [load], not {count}.'
-            )
-
-    @property
-    def is_ratio(self) -> bool:
-        """Whether it is the ratio of friction at two velocities."""
-        return self.name.endswith("friction_ratio")
-
-    @property
-    def criteria(self):
-        return ("friction",) if self.is_ratio else (self.name.partition("_")[2],)
-
-    def value(self, stack, found, before):
-        values = found[self.criteria[0]]
+    def mean(stack, found, before):
         # The geometric mean: a velocity with little friction counts as much as one with much.
-        mean = values[0] / values[1] if self.is_ratio else jnp.exp(jnp.mean(jnp.log(values)))
-        return -mean if self.name.startswith("maximise") else mean
+        return sign * jnp.exp(jnp.mean(jnp.log(found[criterion])))
+
+    if criterion in CRITERIA:
+        return DesignObjective(name, mean, (criterion,))
+    if count != 2:
+        raise ValueError(f'the objective "{name}" needs two velocities in [load], not {count}.')
+    return DesignObjective(
+        name, lambda stack, found, before: sign * found["friction"][0] / found["friction"][1]
+    )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Friction(AbstractObjective):
-    """Friction near a goal at each velocity.
+def near_goal(
+    name: str, scene: Scene, target: list[float] | None = None, ratio: list[float] | None = None
+) -> DesignObjective:
+    """Returns the objective of friction near a goal; other arguments are keys of [design].
 
-    **Fields:**
+    **Arguments:**
 
     - `target`: friction [1], one number or one for each velocity.
     - `ratio`: instead of `target`, to the friction of the scene's own block [1].
     """
+    if (target is None) == (ratio is None):
+        both = "has `target` and `ratio`" if target else "lacks `target` or `ratio`"
+        raise ValueError(f'the objective "{name}" {both}: give one of them.')
+    key, count = "target" if ratio is None else "ratio", len(scene.velocity)
+    given = np.array(target or ratio)
+    if len(given) not in (1, count):
+        raise ValueError(
+            f"`{key}` has {len(given)} numbers; one, or one for each of the {count} velocities, is "
+            "needed."
+        )
+    check_positive(key, given, "[1]")
+    goal = np.broadcast_to(given, count)
 
-    target: list[float] | None = None
-    ratio: list[float] | None = None
-
-    def __post_init__(self):
-        if (self.target is None) == (self.ratio is None):
-            both = "has `target` and `ratio`" if self.target else "lacks `target` or `ratio`"
-            raise ValueError(f'the objective "friction" {both}: give one of them.')
-        key, count = "ratio" if self.relative else "target", len(self.scene.velocity)
-        goal = np.array(getattr(self, key))
-        if len(goal) not in (1, count):
-            raise ValueError(
-                f"`{key}` has {len(goal)} numbers; one, or one for each of the {count} "
-                "velocities, is needed."
-            )
-        check_positive(key, goal, "[1]")
-
-    @property
-    def relative(self):
-        return self.ratio is not None
-
-    @property
-    def goal(self):
-        return np.broadcast_to(self.target or self.ratio, len(self.scene.velocity))
-
-    def value(self, stack, found, before):
-        goal = self.goal * (as_float(before["friction"]) if self.relative else 1)
+    def value(stack, found, before):
+        wanted = goal * (1 if ratio is None else as_float(before["friction"]))
         # 1 where it is reached: a value whose relative changes mean something.
-        return jnp.exp(distance(found["friction"], goal))
+        return jnp.exp(distance(found["friction"], wanted))
+
+    return DesignObjective(name, value, goal=goal, relative=ratio is not None)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class FlatLossTangent(AbstractObjective):
-    """A loss tangent that is flat over a band of wavenumbers, at each velocity.
+def flat_loss_tangent(name: str, scene: Scene, q_from: float, q_to: float) -> DesignObjective:
+    """Returns the objective of a loss tangent that is flat over a band, at each velocity.
 
-    **Fields:**
+    **Arguments:**
 
     - `q_from`, `q_to`: wavenumbers between which it is flat [rad/m].
     """
+    if not 0 < q_from < q_to < np.inf:
+        ends = f"`q_from` = {q_from}, `q_to` = {q_to}"
+        raise ValueError(f"{ends} must be positive [rad/m] and in this order.")
+    refuse_tables(scene, f'the objective "{name}"', "motion")
+    if scene.strain_per_slope is not None:
+        raise ValueError(
+            f'the objective "{name}" does not take the key `strain_per_slope` of [load]: a loss '
+            "tangent is that of the materials' own amplitudes."
+        )
+    band, velocities = (q_from, q_to), scene.velocity
 
-    q_from: float
-    q_to: float
+    def value(stack, found, before):
+        return jnp.mean(jnp.stack([ripple(t) for t in band_tangents(stack, band, velocities)]))
 
-    criteria = ()
-
-    def __post_init__(self):
-        if not 0 < self.q_from < self.q_to < np.inf:
-            raise ValueError(
-                f"`q_from` = {self.q_from}, `q_to` = {self.q_to} must be positive [rad/m] and in "
-                "this order."
-            )
-        refuse_tables(self.scene, f'the objective "{self.name}"', "motion")
-        if self.scene.strain_per_slope is not None:
-            raise ValueError(
-                f'the objective "{self.name}" does not take the key `strain_per_slope` of [load]: '
-                "a loss tangent is that of the materials' own amplitudes."
-            )
-
-    @property
-    def band(self):
-        return self.q_from, self.q_to
-
-    def tangents(self, stack: Stack) -> list[Float[Array, " waves"]]:
-        """Returns the loss tangent over the band, at each velocity."""
-        q = np.geomspace(*self.band, WAVES)
-        return [loss_tangent(stack, q, v) for v in self.scene.velocity]
-
-    def value(self, stack, found, before):
-        return jnp.mean(jnp.stack([ripple(tangent) for tangent in self.tangents(stack)]))
+    return DesignObjective(name, value, criteria=(), band=band)
 
 
-OBJECTIVES: dict[str, type[AbstractObjective]] = {
-    f"{way}_{name}": Extreme
+def band_tangents(
+    stack: Stack, band: tuple[float, float], velocities: np.ndarray
+) -> list[Float[Array, " waves"]]:
+    """Returns the loss tangent [1] over a band of wavenumbers, at each velocity."""
+    q = np.geomspace(*band, WAVES)
+    return [loss_tangent(stack, q, v) for v in velocities]
+
+
+OBJECTIVES: dict[str, Callable[..., DesignObjective]] = {
+    f"{way}_{name}": extreme
     for name in (*CRITERIA, "friction_ratio")
     for way in ("maximise", "minimise")
 }
-OBJECTIVES |= {"friction": Friction, "flat_loss_tangent": FlatLossTangent}
+OBJECTIVES |= {"friction": near_goal, "flat_loss_tangent": flat_loss_tangent}
 OBJECTIVE = Key("objective", Annotated[str, *OBJECTIVES])

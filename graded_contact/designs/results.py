@@ -14,8 +14,8 @@ from ..mean_field.mean_field import MeanField
 from ..sliding.doubts import EXTRAPOLATED
 from ..studies.search import Design
 from .limits import BY_MEAN_FIELD, CRITERIA
-from .objectives import FlatLossTangent
-from .search import ROOM, By
+from .objectives import band_tangents
+from .search import ROOM
 from .table import DesignScene
 
 ROOM_BY_MEAN_FIELD = 0.01  # it has no scatter
@@ -61,7 +61,7 @@ class DesignResults(NamedTuple):
     study: DesignScene
     design: Design
     candidates: dict[str, Candidate]
-    method: By = "mean field"
+    method: str = "mean field"
     reason: str = ""
 
     def report(self) -> str:
@@ -155,8 +155,8 @@ def _rows(study: DesignScene, candidates: list[Candidate]) -> Iterator[tuple[str
         yield row(label, (rows[label] for rows in limited))
     for i, v in enumerate(scene.velocity):
         at = f"at {v:g} m/s"
-        if isinstance(objective, FlatLossTangent):
-            bands = [objective.tangents(stack)[i] for stack in stacks]
+        if objective.band:
+            bands = [band_tangents(stack, objective.band, scene.velocity)[i] for stack in stacks]
             yield row(f"loss tangent {at}, max/min", (b.max() / b.min() for b in bands), 4)
         shares = [float(field.extrapolated_friction[i]) for field in fields]
         if max(shares, default=0) > EXTRAPOLATED:

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
 
@@ -23,14 +22,14 @@ CONTACT_STEPS = 30
 CONTACT_RTOL = 1e-4  # of a search: contacts have errors of this size
 ROOM = 0.05  # relative difference up to which a design keeps a goal or a limit
 
-By = Literal["response", "mean field", "contact"]
+Contacts = Callable[[Parameters], Found]
 Progress = Callable[[str, int, int], None]
 
 
 def search_design(
-    study: DesignScene, contacts: Callable[[Parameters], Found], store: Store | None, say: Progress
-) -> tuple[Design, By, str]:
-    """Returns the design, what found it, and why that did.
+    study: DesignScene, contacts: Contacts, store: Store | None, say: Progress
+) -> tuple[Design, str, str]:
+    """Returns the design, what found it ("response", "mean field" or "contact"), and why that did.
 
     **Arguments:**
 
@@ -38,23 +37,28 @@ def search_design(
     - `contacts`: gives the criteria by contact, see `by_contact`.
     - `say`: shows the progress.
     """
-    design, start = None, study.start
-    given = {"lower": study.lower, "upper": study.upper, "seed": study.seed, "store": store}
     reason, enough = not_in_mean_field(study), _contact_not_needed(study)
+    relative, design = study.objective.relative, None
+
+    def searched(what, starts, start, before, surfaces=None, **options):
+        objective, constraints = design_problem(study, before, surfaces)
+        count = study.starts or starts
+        found = minimise(
+            objective, *study.bounds, start, constraints=constraints, num_starts=count,
+            seed=study.seed, store=store, **options,
+            progress=lambda i, value: say(f"{what}, value {value:.4g}", i, count),
+        )  # fmt: skip
+        say(what, count, count)
+        return found
+
     with within("[design]"):
         if study.has_mean_field or not study.criteria:
-            relative, count = study.objective.relative, study.starts or STARTS
             before = criteria_of(study, study.scene.stack) if relative else {}
-            objective, constraints = design_problem(study, before)
             try:
-                design = minimise(
-                    objective, start=start, constraints=constraints, num_starts=count,
-                    progress=lambda i, value: say(f"design, value {value:.4g}", i, count), **given,
-                )  # fmt: skip
+                design = searched("design", STARTS, study.start, before)
             except NothingAllowed:
                 if enough and not reason:
                     raise
-            say("design", count, count)
         if design is None:
             reason = reason or "the mean field finds no block within the limits"
         elif not reason:
@@ -64,17 +68,12 @@ def search_design(
             if off <= ROOM:
                 return design, "mean field", f"contact agrees with it within {100 * off:.2g} %"
             reason = f"the mean field is {100 * off:.2g} % off"
-        count = study.starts or CONTACT_STARTS
-        before = contacts(start) if study.objective.relative else {}
-        objective, constraints = design_problem(study, before, study.surfaces)
-        found = minimise(
-            objective, constraints=constraints, num_starts=count,
-            start=start if design is None else design.parameters,
+        start = study.start if design is None else design.parameters
+        before = contacts(study.start) if relative else {}
+        found = searched(
+            "design by contact", CONTACT_STARTS, start, before, study.surfaces,
             rtol=CONTACT_RTOL, max_steps=CONTACT_STEPS,
-            progress=lambda i, value: say(f"design by contact, value {value:.4g}", i, count),
-            **given,
         )  # fmt: skip
-    say("design by contact", count, count)
     return found, "contact", reason
 
 
@@ -101,16 +100,11 @@ def _contact_not_needed(study: DesignScene) -> str | None:
     return None
 
 
-def _disagreement(
-    study: DesignScene, designed: Parameters, contacts: Callable[[Parameters], Found]
-) -> float:
-    """The largest relative difference of the mean field from contact at its design.
-
-    It is that of the change from the block of the scene, or of the value itself if that is asked
-    for.
+def _disagreement(study: DesignScene, designed: Parameters, contacts: Contacts) -> float:
+    """The largest relative difference of the mean field from contact at its design: of the change
+    from the block of the scene, or of the value itself where a goal or a limit is one.
     """
-    own, off = study.scene.stack, 0.0
-    pair = designed, study.start
+    own, off, pair = study.scene.stack, 0.0, (designed, study.start)
     by_field = [criteria_of(study, with_values(own, values)) for values in pair]
     by_contact = [contacts(values) for values in pair]
     by_value = {limit.criterion for limit in study.limits}
@@ -126,8 +120,8 @@ def _disagreement(
 
 def check_design_memory(study: DesignScene, *, searched: bool) -> None:
     """Raises `ValueError` if contacts of a study, or a search by them, need too much memory."""
-    fields = design_fields(study, searched=searched)
     with within("[grid]"):
+        fields = design_fields(study, searched=searched)
         check_memory("shape", "this design", fields, study.grid.shape)
 
 

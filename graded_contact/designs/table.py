@@ -22,10 +22,10 @@ from ..scenes.surface_source import RandomSurface
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .limits import CRITERIA, Limits
-from .objectives import OBJECTIVE, OBJECTIVES, AbstractObjective
+from .objectives import OBJECTIVE, OBJECTIVES, DesignObjective
 
 
-@shown("scene", "objective", "limits", "lower", "upper", "starts", "verify")
+@shown("scene", "objective", "limits", "parameters", "starts", "verify")
 @dataclasses.dataclass(frozen=True, eq=False)
 class DesignScene:
     """What to design: a scene and its table [design].
@@ -47,7 +47,7 @@ class DesignScene:
 
     scene: Scene
     spectrum: SelfAffine | Surface
-    objective: AbstractObjective
+    objective: DesignObjective
     limits: Limits
     parameters: dict[str, list[float]]
     starts: int | None = None
@@ -97,14 +97,10 @@ class DesignScene:
         return self.scene.motion is None and getattr(self.spectrum, "periodic", True)
 
     @property
-    def lower(self) -> dict[str, float]:
-        """Lower bounds of the parameters by path."""
-        return {path: ends[0] for path, ends in self.parameters.items()}
-
-    @property
-    def upper(self) -> dict[str, float]:
-        """Upper bounds of the parameters by path."""
-        return {path: ends[1] for path, ends in self.parameters.items()}
+    def bounds(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Lower and upper bounds of the parameters, by path."""
+        lower, upper = ({path: ends[i] for path, ends in self.parameters.items()} for i in (0, 1))
+        return lower, upper
 
     @property
     def start(self) -> dict[str, Array]:
@@ -150,14 +146,10 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     spectrum = source.spectrum if isinstance(source, RandomSurface) else source.build()
     scene = dataclasses.replace(scene, stack=stack, temperature=None)
     reader = Reader(Path(folder))
-    named = {key: value for key, value in table.items() if key == OBJECTIVE.name}
-    (chosen,) = reader.arguments("[design]", named, [OBJECTIVE])
-    name = chosen[OBJECTIVE.name]
+    if OBJECTIVE.name not in table:
+        raise ValueError("[design] lacks the key `objective`.")
+    name = reader.value("[design]", OBJECTIVE, table[OBJECTIVE.name])
     make = OBJECTIVES[name]
-    for other, kind in OBJECTIVES.items():
-        for key in keys_of(kind, "name", "scene"):
-            if key.name in table and kind is not make:
-                raise ValueError(f'[design] `{key.name}` belongs to the objective "{other}".')
     own, limits, rest, _ = reader.arguments(
         "[design]", table, keys_of(make, "name", "scene"), keys_of(Limits),
         keys_of(DesignScene, "scene", "spectrum", "objective", "limits"), [OBJECTIVE],
@@ -176,5 +168,5 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
                 )
             if path.endswith("poisson"):
                 check_poisson(path, ends[1])
-        with_values(stack, study.lower)  # refuses what the block's constructors do
+        with_values(stack, study.bounds[0])  # refuses what the block's constructors do
     return study

@@ -43,7 +43,7 @@ def plot_design(results: DesignResults) -> "Figure":
     if before is None:
         cell, spacing = np.max(study.grid.size), np.min(study.grid.spacing)
         waves = 2 * np.pi / np.array([cell, 2 * spacing])
-    ends = [np.min(waves), np.max(waves), *study.objective.band]
+    ends = [np.min(waves), np.max(waves), *(study.objective.band or ())]
     q = np.geomspace(min(ends), max(ends), 200)
     speed = float(np.exp(np.mean(np.log(scene.velocity))))
     figure = new_figure(PAGE, 2.9)

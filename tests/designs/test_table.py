@@ -17,7 +17,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
         ("ratio =", "ration =", "did you mean `ratio`"),
         ("[5e-5, 1e-3]", "[1e-3, 5e-5]", r"\[design.parameters\] 'layers.0..thickness' = "),
         ('times[0]" = [1e-5, 1e-1]', 'poisson" = [0.4, 0.6]', "at most 0.5"),
-        ('"friction"', '"maximise_friction"', '`ratio` belongs to the objective "friction"'),
+        ('"friction"', '"maximise_friction"', "has no key `ratio`"),
         ("ratio = 1.3", "", "lacks `target` or `ratio`: give one"),
         ("ratio = 1.3", "ratio = [1.3, 1.2]", "`ratio` has 2 numbers"),
         ("within = 0.01", "within = 0", "`within=0` is refused"),
@@ -55,4 +55,4 @@ def test_a_band_is_in_order():
 def test_the_example_is_read():
     study = read_design(EXAMPLE)
     assert (study.objective.name, study.verify) == ("friction", 8)
-    assert len(study.lower) == len(study.upper) == 6
+    assert len(study.start) == len(study.parameters) == 6
