@@ -25,7 +25,7 @@ from graded_contact.blocks.stack import HalfSpace, Layer, Stack
 from graded_contact.cli import app
 from graded_contact.contacts.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
-from graded_contact.designs.limits import CRITERIA, LIMITS, Limits, Stiffness
+from graded_contact.designs.limits import CRITERIA, LIMIT_KEYS, Limits, Stiffness
 from graded_contact.designs.objectives import OBJECTIVE, flat_loss_tangent, near_goal
 from graded_contact.designs.table import DesignScene
 from graded_contact.fields.grid import Grid
@@ -95,7 +95,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     '[design], objective = "flat_loss_tangent"': {
         flat_loss_tangent: keys_of(flat_loss_tangent, "name", "scene")
     },
-    "[design.limits]": {Limits: tuple(Key(name, float, None) for name in LIMITS)},
+    "[design.limits]": {Limits: tuple(Key(name, float, None) for name in LIMIT_KEYS)},
     "[design.stiffness]": {Stiffness: keys_of(Stiffness)},
 }
 WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", dict: "tables"}
@@ -109,7 +109,7 @@ MEANINGS = {
     "assumed": "what its numbers rest on and nobody stated; each is a caveat of the results.",
 }
 MEANINGS |= {
-    key: f"{CRITERIA[name].words} [{CRITERIA[name].unit}]." for key, (name, _) in LIMITS.items()
+    key: f"{CRITERIA[name].words} [{CRITERIA[name].unit}]." for key, (name, _) in LIMIT_KEYS.items()
 }
 LONG = 30  # rows that are shown only when asked for
 

@@ -15,7 +15,7 @@ from ..core.checks import check_positive, check_values, within
 from ..core.derivative import largest
 from ..core.display import shown
 
-Found = Mapping[str, Float[Array, " velocities"]]  # criteria of a block, by name
+Criteria = Mapping[str, Float[Array, " velocities"]]  # criteria of a block, by name
 
 
 class Criterion(NamedTuple):
@@ -59,11 +59,11 @@ CRITERIA = {
 }  # fmt: skip
 BY_MEAN_FIELD = tuple(name for name, criterion in CRITERIA.items() if criterion.in_mean_field)
 # The keys of [design.limits].
-LIMITS = {f"{end}_{name}": (name, end) for name in CRITERIA for end in ("min", "max")}
+LIMIT_KEYS = {f"{end}_{name}": (name, end) for name in CRITERIA for end in ("min", "max")}
 THICKNESS, MODULUS = "all layers [m]", "|effective modulus| [Pa]"
 
 
-class Limit(NamedTuple):
+class CriterionLimit(NamedTuple):
     """The least ("min") or the largest ("max") value of a criterion, at each velocity."""
 
     criterion: str
@@ -118,7 +118,7 @@ class Limits:
     - `total_thickness`: at most, of all layers [m].
     """
 
-    limits: dict[Annotated[str, *LIMITS], float] = dataclasses.field(default_factory=dict)
+    limits: dict[Annotated[str, *LIMIT_KEYS], float] = dataclasses.field(default_factory=dict)
     stiffness: Stiffness | None = None
     total_thickness: float | None = None
 
@@ -135,12 +135,12 @@ class Limits:
         if self.total_thickness is not None:
             check_positive("total_thickness", self.total_thickness, "[m]")
 
-    def __iter__(self) -> Iterator[Limit]:
+    def __iter__(self) -> Iterator[CriterionLimit]:
         """Yields the limits of criteria, in one order for all files."""
-        given = (name for name in LIMITS if name in self.limits)
-        yield from (Limit(*LIMITS[name], self.limits[name]) for name in given)
+        given = (name for name in LIMIT_KEYS if name in self.limits)
+        yield from (CriterionLimit(*LIMIT_KEYS[name], self.limits[name]) for name in given)
 
-    def margins(self, found: Found, velocities: np.ndarray) -> dict[str, Float[Array, ""]]:
+    def margins(self, found: Criteria, velocities: np.ndarray) -> dict[str, Float[Array, ""]]:
         """Returns the margin of each limit whose criterion is in `found`, relative, by its name."""
         margins = {}
         for limit in self:

@@ -30,7 +30,7 @@ from ..scenes.schema import Key
 from ..sliding.case import Case
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
-from .limits import CRITERIA, Found
+from .limits import CRITERIA, Criteria
 
 WAVES = 65  # in the band of a flat loss tangent
 
@@ -132,7 +132,7 @@ class DesignObjective(NamedTuple):
     """
 
     name: str
-    value: Callable[[Stack, Found, Found], Float[Array, ""]]
+    value: Callable[[Stack, Criteria, Criteria], Float[Array, ""]]
     criteria: tuple[str, ...] = ("friction",)
     goal: Float[np.ndarray, " velocities"] | None = None
     relative: bool = False

@@ -22,7 +22,7 @@ from ..sliding.result import CyclicSliding, Sliding
 from ..sliding.slide import solve
 from ..studies.search import Constraints, Objective
 from ..surfaces.surface import Surface
-from .limits import BY_MEAN_FIELD, CRITERIA, Found
+from .limits import BY_MEAN_FIELD, CRITERIA, Criteria
 from .objectives import friction_curve
 from .table import DesignScene
 
@@ -41,13 +41,13 @@ def criteria_of(
     - `surfaces`: of one grid, for the mean over their contacts; None for the mean field.
     """
     if surfaces is None:
-        field = mean_field_at(study, stack)
+        field = design_mean_field(study, stack)
         return {name: getattr(field, name) for name in BY_MEAN_FIELD}
     velocities = jnp.asarray(study.scene.velocity)
 
     def on(surface: Surface) -> dict[str, Array]:
         return jax.lax.map(
-            lambda v: contact_criteria(study, contact_of(study, stack, surface, v)), velocities
+            lambda v: contact_criteria(study, design_contact(study, stack, surface, v)), velocities
         )
 
     if len(surfaces) == 1:
@@ -58,7 +58,9 @@ def criteria_of(
 
 
 @eqx.filter_jit
-def mean_field_at(study: DesignScene, stack: Stack, velocities: Numbers | None = None) -> MeanField:
+def design_mean_field(
+    study: DesignScene, stack: Stack, velocities: Numbers | None = None
+) -> MeanField:
     """Returns the mean field of a stack at the velocities of the study, or at others [m/s]."""
     scene = study.scene
     return friction_curve(
@@ -68,7 +70,7 @@ def mean_field_at(study: DesignScene, stack: Stack, velocities: Numbers | None =
     )  # fmt: skip
 
 
-def contact_of(
+def design_contact(
     study: DesignScene, stack: Stack, surface: Surface, velocity: Any
 ) -> Sliding | CyclicSliding:
     """Returns the contact of a stack on a surface at a velocity, or highest speed [m/s]."""
@@ -85,14 +87,14 @@ def contact_criteria(study: DesignScene, found: Sliding | CyclicSliding) -> dict
     return {name: CRITERIA[name].of_contact(found) for name in names}
 
 
-def by_contact(study: DesignScene) -> Callable[[Parameters], Found]:
+def by_contact(study: DesignScene) -> Callable[[Parameters], Criteria]:
     """Returns the criteria by contact on the surfaces of a search, as one program."""
     own, surfaces = study.scene.stack, study.surfaces
     return jit(lambda values: criteria_of(study, with_values(own, values), surfaces))
 
 
 def design_problem(
-    study: DesignScene, before: Found, surfaces: list[Surface] | None = None
+    study: DesignScene, before: Criteria, surfaces: list[Surface] | None = None
 ) -> tuple[Objective, Constraints]:
     """Returns objective and constraints of a design, as functions of parameters.
 

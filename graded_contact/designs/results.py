@@ -72,7 +72,7 @@ class DesignResults(NamedTuple):
         """
         from pandas import DataFrame  # takes a third of a second to import
 
-        rows = dict(_rows(self.study, [*self.candidates.values()]))
+        rows = dict(_table_rows(self.study, [*self.candidates.values()]))
         table = DataFrame.from_dict(rows, orient="index", columns=[*self.candidates])
         texts = [table.to_string(), *self.missed()]
         if self.method == "contact" and not self.study.verify:
@@ -129,7 +129,7 @@ class DesignResults(NamedTuple):
         return {path: np.asarray(leaf).tolist() for path, leaf in whole.items()}
 
 
-def _rows(study: DesignScene, candidates: list[Candidate]) -> Iterator[tuple[str, list[str]]]:
+def _table_rows(study: DesignScene, candidates: list[Candidate]) -> Iterator[tuple[str, list[str]]]:
     """The rows of the table: a label, and a text for each candidate."""
     scene, objective = study.scene, study.objective
     stacks = [candidate.stack for candidate in candidates]

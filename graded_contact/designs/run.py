@@ -24,7 +24,7 @@ from ..studies.store import Store
 from ..studies.sweep import sweep
 from ..surfaces.surface import Surface
 from .limits import BY_MEAN_FIELD
-from .problem import by_contact, contact_criteria, contact_of, mean_field_at
+from .problem import by_contact, contact_criteria, design_contact, design_mean_field
 from .results import Candidate, DesignResults
 from .search import (
     CONTACT_STARTS,
@@ -72,7 +72,7 @@ def run_design(
     candidates = {}
     for name, values in (("before", study.start), ("designed", design.parameters)):
         stack = with_values(study.scene.stack, values)
-        field = mean_field_at(study, stack) if study.has_mean_field else None
+        field = design_mean_field(study, stack) if study.has_mean_field else None
         if study.verify or method != "contact":
             solved = _verified(study, stack, store, partial(say, f"contact, {name}"))
         else:
@@ -99,7 +99,10 @@ def check_design(study: DesignScene) -> None:
         refuse_liquids(study.scene)
     if study.has_mean_field:
         refuse_extrapolated(
-            study.scene, own, study.grid, lambda: mean_field_at(study, own).extrapolated_friction
+            study.scene,
+            own,
+            study.grid,
+            lambda: design_mean_field(study, own).extrapolated_friction,
         )
 
 
@@ -131,7 +134,7 @@ def _verified(
 
     def solved(point: dict[str, Any]) -> dict[str, Array]:
         surface = source.of_key(keys[point["surface"]])
-        return contact_criteria(study, contact_of(study, stack, surface, point["velocity"]))
+        return contact_criteria(study, design_contact(study, stack, surface, point["velocity"]))
 
     axes = {"surface": np.arange(study.verify), "velocity": velocity}
     found = sweep(solved, axes, store=store, progress=say)

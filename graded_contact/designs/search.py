@@ -12,17 +12,17 @@ from ..core.parameters import with_values
 from ..scenes.run_scene import scene_fields
 from ..studies.search import Design, NothingAllowed, minimise
 from ..studies.store import Store
-from .limits import BY_MEAN_FIELD, Found
+from .limits import BY_MEAN_FIELD, Criteria
 from .problem import Parameters, criteria_of, design_problem
 from .table import DesignScene
 
-STARTS = 8  # of the mean field
+MEAN_FIELD_STARTS = 8  # of the mean field
 CONTACT_STARTS = 4  # friction by contact has more minima than by mean field
 CONTACT_STEPS = 30
 CONTACT_RTOL = 1e-4  # of a search: contacts have errors of this size
 ROOM = 0.05  # relative difference up to which a design keeps a goal or a limit
 
-Contacts = Callable[[Parameters], Found]
+Contacts = Callable[[Parameters], Criteria]
 Progress = Callable[[str, int, int], None]
 
 
@@ -55,7 +55,7 @@ def search_design(
         if study.has_mean_field or not study.criteria:
             before = criteria_of(study, study.scene.stack) if relative else {}
             try:
-                design = searched("design", STARTS, study.start, before)
+                design = searched("design", MEAN_FIELD_STARTS, study.start, before)
             except NothingAllowed:
                 if enough and not reason:
                     raise

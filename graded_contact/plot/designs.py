@@ -8,13 +8,13 @@ from jaxtyping import Float
 from ..blocks.stack import materials_of
 from ..core.escaping import in_figure
 from ..designs.objectives import loss_tangent
-from ..designs.problem import mean_field_at
+from ..designs.problem import design_mean_field
 from ..designs.results import DesignResults
 from ..designs.table import DesignScene
 from ..materials.table import Tabulated
 from ..mean_field.angles import LAST_COSINE
 from ..mean_field.mean_field import MeanField
-from ..studies.evaluations import named
+from ..studies.evaluations import numbers_in
 from ..studies.search import Design
 from .style import COLOURS, PAGE, few_powers_of_ten, finished, new_figure
 from .words import title_of
@@ -55,7 +55,7 @@ def plot_design(results: DesignResults) -> "Figure":
         if before is not None:
             # Contacts are solved at few speeds; the mean field costs little and draws a curve.
             velocities = _curve_velocities(study, before)
-            field = mean_field_at(study, candidate.stack, velocities)
+            field = design_mean_field(study, candidate.stack, velocities)
             friction.plot(velocities, field.friction, **style)
             style["label"] = about if name == "before" else "_"
         else:
@@ -104,7 +104,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
     from matplotlib.ticker import MaxNLocator
 
     best = design.best
-    history, names = best.history, named(design.parameters)[0]
+    history, names = best.history, numbers_in(design.parameters)[0]
     figure = new_figure(PAGE, 2.9)
     constrained = history.margins.size > 0
     value, *limits, parameters = figure.subplots(1, 3 if constrained else 2)

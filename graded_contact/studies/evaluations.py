@@ -30,7 +30,7 @@ def box_of(lower: Any, upper: Any) -> Box:
 
     **Raises:** `ValueError` unless both have the same nesting and 0 < lower <= upper.
     """
-    names, low = named(lower, "lower")
+    names, low = numbers_in(lower, "lower")
     high = _flat("upper", upper, names)
     if len(low) == 0:
         raise ValueError("`lower` is empty: at least one parameter is needed.")
@@ -58,13 +58,13 @@ def first_in(box: Box, start: Any) -> Flat:
 
 def _flat(argument: str, tree: Any, names: list[str]) -> Flat:
     """The values of a tree whose numbers have these names."""
-    own, values = named(tree, argument)
+    own, values = numbers_in(tree, argument)
     if own != names:
         raise ValueError(f"`{argument}` must have the same nesting and shapes as `lower`.")
     return values
 
 
-def named(tree: Any, argument: str = "parameters") -> tuple[list[str], Flat]:
+def numbers_in(tree: Any, argument: str = "parameters") -> tuple[list[str], Flat]:
     """Returns names and values of all numbers in a nesting."""
 
     def number(leaf):

@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 
 from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
-from .evaluations import Box, Evaluation, Evaluations, Flat, box_of, first_in, named
+from .evaluations import Box, Evaluation, Evaluations, Flat, box_of, first_in, numbers_in
 from .progress_line import shown_on_a_line
 from .store import Store, opened
 
@@ -124,8 +124,8 @@ class Design(eqx.Module):
 
     def report(self) -> str:
         """Returns parameters with their elasticities, what is active, and the runs, as text."""
-        names, values = named(self.parameters)
-        _, slopes = named(self.elasticities)
+        names, values = numbers_in(self.parameters)
+        _, slopes = numbers_in(self.elasticities)
         width = max(map(len, names))
         error = f" ± {self.error:.2g}" if self.error else ""
         lines = [f"value {self.value:.6g}{error}; {'' if self.converged else 'NOT '}converged", ""]

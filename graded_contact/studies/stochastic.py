@@ -94,7 +94,7 @@ def minimise_expected(
     first = first_in(box, start)
     with opened(store) as points, shown_on_a_line(progress, "step", num_steps) as say:
         problem = Evaluations(objective, constraints, box, points, jax.random.key(seed))
-        path = _descend(problem, first, optimiser, num_steps, say)
+        path = _steps_down(problem, first, optimiser, num_steps, say)
         # One set of draws to move the mean by, another to judge where that led.
         last = num_steps + num_checks
         mean = np.clip(np.exp(np.mean(path.points, axis=0)), box.low, box.high)
@@ -110,7 +110,7 @@ class _Path(NamedTuple):
     multipliers: list[Flat]
 
 
-def _descend(problem, first, optimiser, num_steps, say) -> _Path:
+def _steps_down(problem, first, optimiser, num_steps, say) -> _Path:
     """The steps of the optimiser down the augmented Lagrangian of limits >= 0."""
     if optimiser is None:
         optimiser = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, num_steps))

@@ -20,7 +20,12 @@ from graded_contact import cli
 from graded_contact.command import design as design_job
 from graded_contact.command import terminal as session
 from graded_contact.core.parameters import paths, with_values
-from graded_contact.designs.problem import contact_of, criteria_of, design_problem, mean_field_at
+from graded_contact.designs.problem import (
+    criteria_of,
+    design_contact,
+    design_mean_field,
+    design_problem,
+)
 from graded_contact.designs.results import Candidate, DesignResults
 from graded_contact.designs.run import check_design, run_design
 from graded_contact.designs.search import not_in_mean_field, search_design
@@ -306,10 +311,10 @@ def test_a_block_that_softens_has_the_amplitude_of_the_scene():
     study = parse_design(softened(DESIGN))
     stack, at = study.scene.stack, dict(pressure=3e5, velocity=0.1, strain_per_slope=0.7)
     field = gc.mean_field_friction(stack, study.spectrum, **at)
-    found = mean_field_at(study, stack)
+    found = design_mean_field(study, stack)
     np.testing.assert_allclose(found.friction[0], field.friction, rtol=1e-10)
     surface = study.scene.surface.drawn(0)
-    friction = contact_of(study, stack, surface, 0.1).friction
+    friction = design_contact(study, stack, surface, 0.1).friction
     np.testing.assert_allclose(friction, gc.slide(stack, surface, **at).friction, rtol=1e-4)
     with pytest.raises(ValueError, match="does not take the key `strain_per_slope`"):
         parse_design(softened(FLAT))
@@ -338,5 +343,5 @@ def test_a_liquid_is_designed_by_the_mean_field_alone():
             check_design(parse_design(text))
     study = parse_design(bare)
     check_design(study)
-    field = mean_field_at(study, study.scene.stack)
+    field = design_mean_field(study, study.scene.stack)
     assert np.all(field.friction > 0) and np.all(field.error < 1e-4)
