@@ -18,7 +18,6 @@ from ..core.checks import Numbers
 from ..core.compilation import jit
 from ..core.parameters import with_values
 from ..mean_field.mean_field import MeanField
-from ..sliding.result import CyclicSliding, Sliding
 from ..sliding.slide import solve
 from ..studies.search import Constraints, Objective
 from ..surfaces.surface import Surface
@@ -46,9 +45,7 @@ def criteria_of(
     velocities = jnp.asarray(study.scene.velocity)
 
     def on(surface: Surface) -> dict[str, Array]:
-        return jax.lax.map(
-            lambda v: contact_criteria(study, design_contact(study, stack, surface, v)), velocities
-        )
+        return jax.lax.map(lambda v: contact_criteria(study, stack, surface, v), velocities)
 
     if len(surfaces) == 1:
         return on(surfaces[0])
@@ -70,18 +67,14 @@ def design_mean_field(
     )  # fmt: skip
 
 
-def design_contact(
+def contact_criteria(
     study: DesignScene, stack: Stack, surface: Surface, velocity: Any
-) -> Sliding | CyclicSliding:
-    """Returns the contact of a stack on a surface at a velocity, or highest speed [m/s]."""
+) -> dict[str, Array]:
+    """Returns the criteria of a stack by contact at a velocity, or highest speed [m/s]."""
     scene = study.scene
     bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)
     case = bare.case({"pressure": scene.pressure[0], "velocity": velocity}, surface)
-    return solve(case, dataclasses.replace(scene.numerics, throw=True))
-
-
-def contact_criteria(study: DesignScene, found: Sliding | CyclicSliding) -> dict[str, Array]:
-    """Returns the criteria of a contact, by name."""
+    found = solve(case, dataclasses.replace(scene.numerics, throw=True))
     # All of one contact: what nothing uses is left out when it is compiled.
     names = dict.fromkeys((*BY_MEAN_FIELD, *study.criteria))
     return {name: CRITERIA[name].of_contact(found) for name in names}

@@ -24,7 +24,7 @@ from ..studies.store import Store
 from ..studies.sweep import sweep
 from ..surfaces.surface import Surface
 from .limits import BY_MEAN_FIELD
-from .problem import by_contact, contact_criteria, design_contact, design_mean_field
+from .problem import by_contact, contact_criteria, design_mean_field
 from .results import Candidate, DesignResults
 from .search import (
     CONTACT_STARTS,
@@ -134,7 +134,7 @@ def _verified(
 
     def solved(point: dict[str, Any]) -> dict[str, Array]:
         surface = source.of_key(keys[point["surface"]])
-        return contact_criteria(study, design_contact(study, stack, surface, point["velocity"]))
+        return contact_criteria(study, stack, surface, point["velocity"])
 
     axes = {"surface": np.arange(study.verify), "velocity": velocity}
     found = sweep(solved, axes, store=store, progress=say)

@@ -21,8 +21,8 @@ from graded_contact.command import design as design_job
 from graded_contact.command import terminal as session
 from graded_contact.core.parameters import paths, with_values
 from graded_contact.designs.problem import (
+    contact_criteria,
     criteria_of,
-    design_contact,
     design_mean_field,
     design_problem,
 )
@@ -314,7 +314,7 @@ def test_a_block_that_softens_has_the_amplitude_of_the_scene():
     found = design_mean_field(study, stack)
     np.testing.assert_allclose(found.friction[0], field.friction, rtol=1e-10)
     surface = study.scene.surface.drawn(0)
-    friction = design_contact(study, stack, surface, 0.1).friction
+    friction = contact_criteria(study, stack, surface, 0.1)["friction"]
     np.testing.assert_allclose(friction, gc.slide(stack, surface, **at).friction, rtol=1e-4)
     with pytest.raises(ValueError, match="does not take the key `strain_per_slope`"):
         parse_design(softened(FLAT))
