@@ -25,6 +25,7 @@ import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import terminal as session
 from graded_contact.core.parameters import paths
+from graded_contact.designs.table import parse_design, read_design
 from graded_contact.page.document import (
     open_document,
     save_document,
@@ -34,7 +35,6 @@ from graded_contact.page.document import (
 )
 from graded_contact.readers.recorded_motion import read_motion
 from graded_contact.scenes import schema
-from graded_contact.scenes.design_scene import parse_design, read_design
 from graded_contact.scenes.run_scene import check_scene as check_scene_memory
 from graded_contact.scenes.run_scene import run_scene
 from graded_contact.scenes.scene import parse_scene
@@ -150,7 +150,6 @@ total_thickness = 5e-4
 starts = 2
 seed = 3
 verify = 2
-polish = true
 [design.parameters]
 "layers[0].thickness" = [2e-5, 1e-4]
 "base.material.strengths[1]" = [1e6, 3e6]
@@ -303,7 +302,7 @@ def check_scene(text: str, folder: Path) -> bool:
                 np.testing.assert_allclose(found, written, rtol=1e-9)
     if study is not None:
         bounds = document["design"]["parameters"]
-        assert bounds == {path: [study.lower[path], study.upper[path]] for path in study.lower}
+        assert bounds == study.parameters and {*study.start} == {*bounds}
     return True
 
 

@@ -1,4 +1,4 @@
-"""The cost of a scene or a design before it is run: memory, solves, seconds.
+"""The cost of a scene before it is run: memory, solves, seconds.
 
 Seconds are right to a factor of about four: bodies need different numbers of transforms, and
 machines differ in speed. On two cores an FFT pair, with the work around it, takes `_PER_POINT` for
@@ -12,9 +12,6 @@ import numpy as np
 from ..core.display import shown
 from ..core.memory import available_memory, in_gigabytes, memory_of
 from ..sliding.shear import Coulomb, is_coupled
-from .design_scene import DesignScene
-from .design_search import CONTACT_STARTS, STARTS, design_fields
-from .run_design import POLISHING
 from .run_scene import build_surface, scene_fields
 from .scene import Scene
 from .surface_source import RandomSurface
@@ -26,8 +23,6 @@ _PAIRS = 15  # for each digit of the pressure
 # heat. The heat in the block, and its temperatures, take 1e-4 s for each point of the surface.
 _LAGGED, _HEATED, _PER_HEATED_POINT = 3.0, 2.5, 7e-5
 _COMPILING = 20.0  # s
-_PER_EVALUATION = 0.02  # s of the mean field at a velocity, with its derivatives
-_EVALUATIONS = 30  # of a start
 
 
 @shown()
@@ -39,13 +34,13 @@ class Cost(NamedTuple):
     - `shape`: of the grid.
     - `memory`: at the peak [bytes].
     - `num_solves`: contacts solved, those for derivatives included.
-    - `seconds`: roughly, all solves and compilation included [s].
+    - `seconds`: roughly, all solves and compilation included [s]; None if unknown.
     """
 
     shape: tuple[int, ...]
     memory: float
     num_solves: int
-    seconds: float
+    seconds: float | None = None
 
     def report(self) -> str:
         """Returns the cost as text."""
@@ -54,8 +49,12 @@ class Cost(NamedTuple):
         return (
             f"{'grid':22} {' x '.join(map(str, self.shape))} points\n"
             f"{'memory':22} about {in_gigabytes(self.memory)}{beside}\n"
-            f"{'contact solves':22} {self.num_solves}\n"
-            f"{'time':22} about {_span(self.seconds)} on two cores, within a factor of four"
+            f"{'contact solves':22} {self.num_solves}"
+            + (
+                ""
+                if self.seconds is None
+                else f"\n{'time':22} about {_span(self.seconds)} on two cores"
+            )
         )
 
 
@@ -65,28 +64,6 @@ def scene_cost(scene: Scene) -> Cost:
     num_solves = scene.num_solves * (2 if scene.errors else 1)
     seconds = _COMPILING + num_solves * _seconds(scene, shape)
     return Cost(shape, memory_of(scene_fields(scene), shape), num_solves, seconds)
-
-
-def design_cost(study: DesignScene) -> Cost:
-    """Returns the cost of a design."""
-    scene, verify, num_velocities = study.scene, study.verify, study.scene.velocity.size
-    starts = study.starts or STARTS
-    seconds = _COMPILING + starts * _EVALUATIONS * num_velocities * _PER_EVALUATION
-    if not (verify or study.quantities):
-        return Cost(_shape(scene), 0.0, 0, seconds)
-    shape, source = _shape(scene), scene.surface
-    num_solves = verify * num_velocities * (3 if study.polish else 2)
-    if study.polish:
-        # The start, and each evaluation with a derivative, which takes another solve.
-        num_solves += verify * num_velocities * (1 + 2 * POLISHING)
-    elif study.quantities:
-        # A search by contact: the mean field seldom makes it needless.
-        seeds = (source.seeds or 1) if isinstance(source, RandomSurface) else 1
-        starts = study.starts or CONTACT_STARTS
-        num_solves += seeds * num_velocities * starts * 2 * POLISHING
-    seconds += _COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
-    fields = design_fields(study, searched=bool(study.quantities))
-    return Cost(shape, memory_of(fields, shape), num_solves, seconds)
 
 
 def _shape(scene: Scene) -> tuple[int, ...]:
