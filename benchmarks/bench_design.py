@@ -17,9 +17,9 @@ import numpy as np
 from rows import ROOT, run, show
 
 import graded_contact as gc
-from graded_contact.core.parameters import paths, with_values
-from graded_contact.scenes.design_scene import read_design
-from graded_contact.scenes.design_search import mean_field_problem
+from graded_contact.core.parameters import with_values
+from graded_contact.designs.problem import design_problem
+from graded_contact.designs.table import read_design
 from graded_contact.studies.search import minimise
 from graded_contact.studies.stochastic import minimise_expected
 
@@ -41,10 +41,10 @@ def unseen(points=64, unseen=32, seed=0):
 
 def gains_of(study, points, num_unseen, seed, what, speeds):
     """Reports a row for each search."""
-    scene, own = study.scene, {path: paths(study.scene.stack)[path] for path in study.lower}
-    _, constraints = mean_field_problem(study)
+    scene, own = study.scene, study.start
+    _, constraints = design_problem(study, {})
     grid = gc.Grid((points, points), scene.surface.grid.size)
-    bounds = study.lower, study.upper, own
+    bounds = *study.bounds, own
 
     def loss(values, key):
         ours, other = jax.random.split(key)
@@ -105,7 +105,7 @@ def gains_of(study, points, num_unseen, seed, what, speeds):
 
 def warm_starts(study, points):
     """What a contact saves that begins with the pressure of a neighbour."""
-    scene, own = study.scene, {path: paths(study.scene.stack)[path] for path in study.lower}
+    scene, own = study.scene, study.start
     grid = gc.Grid((points, points), scene.surface.grid.size)
     one, other = (
         gc.random_surface(scene.surface.spectrum, grid, jax.random.key(seed)) for seed in (0, 1)

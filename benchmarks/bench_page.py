@@ -82,7 +82,7 @@ def wrong(pages: list, scene: str | None) -> int:
     for page in pages:
         texts = fields(page).evaluate_all("all => all.map(it => it.value)")
         values = [knob.read(text) for knob, text in zip(model.knobs, texts, strict=True)]
-        wanted = float(model.contact(values).sliding.friction)
+        wanted = float(model.contact(values).friction)
         count += abs(float(friction(page).split()[0]) / wanted - 1) > TOLERANCE
     return count
 

@@ -31,7 +31,7 @@ LEAVES = 1e-6  # logarithm, beyond which a point is outside its bounds
 
 
 class Search(NamedTuple):
-    problem: series.Series
+    problem: series.SeriesProblem
     start: np.ndarray
     rtol: float
 
@@ -64,13 +64,13 @@ def solvers(repeat=3):
 
 
 def searches_of(fit):
-    found, search = [], series.Series.minimise
+    found, search = [], series.SeriesProblem.minimise
 
     def recorded(problem, start, *, rtol, **choices):
         found.append(Search(problem, start, rtol))
         return search(problem, start, rtol=rtol, **choices)
 
-    with mock.patch.object(series.Series, "minimise", recorded):
+    with mock.patch.object(series.SeriesProblem, "minimise", recorded):
         fit()
     return found
 
@@ -144,7 +144,7 @@ def remaining(search, point):
     if not np.all((point >= lower - LEAVES) & (point <= upper + LEAVES)):
         return np.nan
     here = search.problem.expand(point)
-    step = newton._newton_step(here, newton._free(point, here, *search.bounds))
+    step = newton._newton_step(here, newton._free_unknowns(point, here, *search.bounds))
     return float(np.max(np.abs(step), initial=0))
 
 

@@ -25,10 +25,12 @@ from graded_contact.blocks.stack import HalfSpace, Layer, Stack
 from graded_contact.cli import app
 from graded_contact.contacts.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
+from graded_contact.designs.limits import CRITERIA, LIMIT_KEYS, Limits, Stiffness
+from graded_contact.designs.objectives import OBJECTIVE, flat_loss_tangent, near_goal
+from graded_contact.designs.table import DesignScene
 from graded_contact.fields.grid import Grid
 from graded_contact.materials.material import AbstractMaterial
 from graded_contact.scenes import block, scene, scene_file, surface_source
-from graded_contact.scenes.design_scene import DesignScene, Limits, Stiffness
 from graded_contact.scenes.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
 from graded_contact.scenes.toml import entry_text
 from graded_contact.sliding.case import Heating
@@ -38,7 +40,7 @@ KEYS_FILE = ROOT / "docs" / "scene_keys.md"
 TITLES = {
     "materials": "Materials", "blocks": "Blocks and their response", "surfaces": "Surfaces",
     "contacts": "Contact", "sliding": "Sliding", "mean_field": "Mean field", "fitting": "Fits",
-    "readers": "Measured files", "studies": "Many solves and design", "scenes": "Scenes",
+    "readers": "Measured files", "studies": "Many solves", "scenes": "Scenes", "designs": "Designs",
     "exports": "Cards for other programs", "plot": "Figures", "page": "The page",
     "fields": "The cell", "reference": "Closed forms", "core": "Parameters and programs",
     "blocks.shapes": "Shapes of graded layers",
@@ -78,8 +80,15 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
         for place, kinds in zip(SHORT, block.KIND_MAKERS.values(), strict=True)
         for kind, make in kinds.items()
     },
-    "[design]": {DesignScene: keys_of(DesignScene, "scene", "spectrum")},
-    "[design.limits]": {Limits: keys_of(Limits)},
+    "[design]": {
+        DesignScene: (OBJECTIVE, *keys_of(DesignScene, "scene", "spectrum", "objective", "limits")),
+        Limits: keys_of(Limits),
+    },
+    '[design], objective = "friction"': {near_goal: keys_of(near_goal, "name", "scene")},
+    '[design], objective = "flat_loss_tangent"': {
+        flat_loss_tangent: keys_of(flat_loss_tangent, "name", "scene")
+    },
+    "[design.limits]": {Limits: tuple(Key(name, float, None) for name in LIMIT_KEYS)},
     "[design.stiffness]": {Stiffness: keys_of(Stiffness)},
 }
 WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", dict: "tables"}
@@ -91,6 +100,9 @@ MEANINGS = {
     "q_low": "lowest wavenumber [rad/m]; by default 2π over the longest edge of the grid.",
     "errors": "file NAME-errors.csv of `graded-contact fit`: friction then has its standard error.",
     "assumed": "what its numbers rest on and nobody stated; each is a caveat of the results.",
+}
+MEANINGS |= {
+    key: f"{CRITERIA[name].words} [{CRITERIA[name].unit}]." for key, (name, _) in LIMIT_KEYS.items()
 }
 LONG = 30  # rows that are shown only when asked for
 

@@ -1,12 +1,12 @@
 """Rough contact and friction of layered and graded viscoelastic solids, differentiable, in JAX.
 
-Data flows one way: materials -> blocks -> contacts -> sliding -> studies -> scenes. The main job is
-`slide`. SI units everywhere; `docs/theory.md` and the module docstrings state conventions.
+Data flows one way: materials -> blocks -> contacts -> sliding -> studies -> scenes -> designs. The
+main job is `slide`. SI units everywhere; `docs/theory.md` and module docstrings state conventions.
 
 The names below are those that a script starts with. All others are in the rooms: `materials`,
 `blocks`, `surfaces`, `contacts`, `sliding`, `mean_field`, `fitting`, `readers`, `studies`,
-`scenes`, `exports`, `plot`, `page`, and `reference` (closed forms). Each name of a room is also
-found here: `gc.read_errors` is `gc.studies.read_errors`.
+`scenes`, `designs`, `exports`, `plot`, `page`, and `reference` (closed forms). Each name of a room
+is also found here: `gc.read_errors` is `gc.studies.read_errors`.
 """
 
 import importlib
@@ -23,7 +23,7 @@ from .sliding import Case, Sliding, slide, slide_cycle
 from .surfaces import SelfAffine, Surface, random_surface
 
 if TYPE_CHECKING:
-    from . import exports, fitting, page, plot, readers, scenes, studies
+    from . import designs, exports, fitting, page, plot, readers, scenes, studies
     from .fitting import fit_prony, master_curve
     from .page import explore
     from .readers import read_moduli, read_surface
@@ -42,11 +42,11 @@ __all__ = [  # noqa: RUF022 (in the order in which data flow; the rooms last)
     "sweep", "minimise", "with_values", "jit",
     "read_scene", "plan", "read_results", "explore",
     "materials", "blocks", "surfaces", "contacts", "sliding", "mean_field", "fitting", "readers",
-    "studies", "scenes", "exports", "plot", "page", "fields", "reference", "core",
+    "studies", "scenes", "designs", "exports", "plot", "page", "fields", "reference", "core",
 ]  # fmt: skip
 ROOMS = (
     "materials", "blocks", "surfaces", "contacts", "sliding", "mean_field", "fitting", "readers",
-    "studies", "scenes", "exports", "plot", "page", "fields", "reference", "core",
+    "studies", "scenes", "designs", "exports", "plot", "page", "fields", "reference", "core",
 )  # fmt: skip
 
 

@@ -89,7 +89,6 @@ stiffness = {q = 2.5e3, omega = 250.0, within = 0.01}
 total_thickness = 4e-4
 starts = 2
 verify = 2
-polish = true
 [design.parameters]
 "layers[0].thickness" = [5e-5, 1e-3]
 "layers[0].material.strengths[0]" = [1e6, 1e8]
@@ -97,7 +96,7 @@ polish = true
 """
 # By the response alone: neither contact nor mean field.
 FLAT = (
-    DESIGN.replace("verify = 2\npolish = true\n", "")
+    DESIGN.replace("verify = 2\n", "")
     .replace("ratio = 1.3", "q_from = 1e3\nq_to = 1e4")
     .replace('"friction"', '"flat_loss_tangent"')
 )

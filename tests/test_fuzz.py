@@ -26,6 +26,7 @@ from graded_contact import cli
 from graded_contact.command import terminal as session
 from graded_contact.core.memory import check_memory
 from graded_contact.core.parameters import paths
+from graded_contact.designs.table import parse_design, read_design
 from graded_contact.page.document import (
     open_document,
     save_document,
@@ -35,7 +36,6 @@ from graded_contact.page.document import (
 )
 from graded_contact.readers.recorded_motion import read_motion
 from graded_contact.scenes import schema
-from graded_contact.scenes.design_scene import parse_design, read_design
 from graded_contact.scenes.plan import fields_in_memory, plan
 from graded_contact.scenes.scene_file import parse_scene
 from graded_contact.scenes.surface_source import RandomSurface, SurfaceFile
@@ -150,7 +150,6 @@ total_thickness = 5e-4
 starts = 2
 seed = 3
 verify = 2
-polish = true
 [design.parameters]
 "layers[0].thickness" = [2e-5, 1e-4]
 "base.material.strengths[1]" = [1e6, 3e6]
@@ -305,7 +304,7 @@ def check_scene(text: str, folder: Path) -> bool:
                 np.testing.assert_allclose(found, written, rtol=1e-9)
     if study is not None:
         bounds = document["design"]["parameters"]
-        assert bounds == {path: [study.lower[path], study.upper[path]] for path in study.lower}
+        assert bounds == study.parameters and {*study.start} == {*bounds}
     return True
 
 
@@ -552,7 +551,7 @@ def check_drop(case: int, folder: Path, document) -> bool:
     else:
         material = pick(draw, [*document.content["materials"], text()])
         change = partial(with_moduli, name=material)
-    with only(explored, *document.scene().inputs.values()):
+    with only(explored, *document.scene.inputs.values()):
         try:
             changed = with_file(document, explored, name, content, change)
             path = save_document(changed, explored, pick(draw, [f"{case}", text()]), replace=False)

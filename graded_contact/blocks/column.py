@@ -133,7 +133,7 @@ def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) 
     # Its ends are enough for a unit, which need not be the largest of all.
     ends = [moduli_at(g.profile, end + 0 * q, omega)[0] for g in graded for end in (0, 1)]
     # In one unit: products of moduli in pascals leave the range of float32.
-    unit = unit_of([*ends, modulus])
+    unit = unit_of_moduli([*ends, modulus])
     reduced, e = plane_strain(modulus / unit, poisson)
     thickness = in_rows([layer.thickness for layer in stack.layers], q)
     runs, first, known = [], 0, 0  # numbers of layers, and of homogeneous ones, so far
@@ -160,7 +160,7 @@ def in_rows(numbers: Any, like: Array) -> Array:
     return jnp.array(numbers, like.dtype).reshape(-1, *[1] * like.ndim)
 
 
-def unit_of(moduli: Sequence[Array]) -> Array:
+def unit_of_moduli(moduli: Sequence[Array]) -> Array:
     """Returns the largest modulus, a unit without derivative.
 
     In units of it derivatives in float32 neither overflow nor underflow.

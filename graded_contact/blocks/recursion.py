@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from .column import scan_layers, unit_of
+from .column import scan_layers, unit_of_moduli
 from .slab import factors, free, half_space, hyperbolic, plane_strain, push_down, rigid, stack_on
 from .stack import Free, Layer, Rigid, Stack, moduli_of, moduli_of_all
 
@@ -35,7 +35,7 @@ def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
     `(modulus, poisson)`.
     """
     supported = isinstance(base, Rigid | Free)
-    unit = unit_of([*(() if supported else base[:1]), *jax.tree.leaves(modulus)])
+    unit = unit_of_moduli([*(() if supported else base[:1]), *jax.tree.leaves(modulus)])
     # On input the value is unknown if a thickness is traced: no number may come of it then.
     for d in jax.tree.leaves(thickness):
         unit = jnp.where(jnp.all(d >= 0), unit, jnp.nan)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.files import check_folder
-from ..page.document import described
 from ..plot import plot_compare
+from ..scenes.described import described
 from ..scenes.results import older_meaning, read_results
 from ..scenes.toml import parse_toml
 from .terminal import FigureFormat, refusing, save_figure
@@ -63,8 +63,7 @@ def compare(
 def _block_and_surface(path: Path, results: "Dataset") -> str:
     """The layers, the base and the surface of the scene of results."""
     try:
-        content = parse_toml(results.attrs["scene"])
-        return described(content, [layer["thickness"] for layer in content.get("layers", [])])
+        return described(parse_toml(results.attrs["scene"]))
     except Exception as error:  # of many kinds, as what lacks in the scene
         reason = f"{type(error).__name__}: {error}"
         raise ValueError(f"`path={path}` has no scene that is understood ({reason}).") from error

@@ -5,11 +5,9 @@ from pathlib import Path
 
 import typer
 
+from ..designs.run import check_design, design_cost, run_design
+from ..designs.table import read_design
 from ..plot import plot_design, plot_history
-from ..scenes.cost import design_cost
-from ..scenes.design_report import designed_values, missed, report
-from ..scenes.design_scene import read_design
-from ..scenes.run_design import check_design, run_design
 from ..studies.dataset import write_whole
 from ..studies.interruption import interruptible
 from ..surfaces.surface import Surface
@@ -47,8 +45,8 @@ def design(
             folder = Path(f"{stem}.points")
             with terminal.store_in(folder) as store, terminal.progress(interruption) as advance:
                 results = run_design(study, store=store, progress=advance)
-            text = report(results)
-            write_whole(f"{stem}.json", json.dumps(designed_values(results), indent=2) + "\n")
+            text = results.report()
+            write_whole(f"{stem}.json", json.dumps(results.values(), indent=2) + "\n")
             write_whole(f"{stem}.txt", f"{text}\n")
             typer.echo(f"\n{text}\n")
             print_caveats(caveats)
@@ -64,7 +62,7 @@ def design(
             reason = str(error).rpartition("RuntimeError: ")[2].partition("\n\n")[0]
             typer.secho(f"Error: {reason}", fg="red", err=True)
             raise typer.Exit(1) from error
-    for sentence in missed(results):
+    for sentence in results.missed():
         typer.secho(f"Warning: {sentence}", fg="red", err=True)
-    if missed(results) or not results.design.converged:
+    if results.missed() or not results.design.converged:
         raise typer.Exit(1)

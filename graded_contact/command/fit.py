@@ -1,34 +1,31 @@
 """The job `fit`: measured moduli as a material."""
 
-import ast
-import contextlib
 import inspect
 import re
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import typer
-from typer import Argument, Option
 
-from ..core.checks import nearest
 from ..core.escaping import in_comment
 from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_prony
-from ..fitting.shifts import LawKind
 from ..fitting.wild import wild_values, without
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
+from ..readers.decisions import Options
 from ..readers.moduli import read_moduli
 from ..readers.prony import prony_in
 from ..scenes.toml import entry_text
 from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import Errors, write_errors
 from ..studies.uncertainty import errors_of_fit
+from . import moduli_options
 from .result_tables import print_caveats
 from .terminal import Output, checked_place, refusing, save_figure
 
@@ -37,89 +34,27 @@ if TYPE_CHECKING:
 
 # Cards of the material: endings of their files and comments in them, by format.
 CARDS = {"toml": (".toml", "#"), "abaqus": (".inp", "**"), "ansys": (".mac", "!")}
-# The words of `--kind`, by the argument that they are a value of.
-KINDS = {
-    "kind": ("frequency", "relaxation", "creep"), "deformation": ("tension", "shear"),
-    "doubtful": ("series",),  # a Prony series, also if the names may mean E(t)
-}  # fmt: skip
-# Options of the command, by the arguments that messages about moduli and their fits name.
-_FIT_OPTIONS = {
-    "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
-    "temperature": "--temperature KELVIN", "deformation": "--kind", "size": "--size METRES",
-    "unit": "--height-unit", "shift_std": "--law LAW:STD",
-    "vertical_shift_std": "--law LAW:STD:STD",
-    **{name: f"--{name}" for name in (
-        "kind", "poisson", "sheet", "step", "terms", "law", "equilibrium", "glassy", "temperatures",
-    )},
-}  # fmt: skip
-
 WILD = (
     "Warning: no smooth positive spectrum explains the values below, which the fit uses. "
     "Correct them, or leave out their rows with --robust."
 )
 
-# Options that `new` has too.
-ModuliFiles = Annotated[list[Path], Argument(
-    metavar="FILE...", help="Moduli or compliances of one material, in one file or several.",
-    show_default=False,
-)]  # fmt: skip
-Terms = Annotated[
-    int | None, Option(min=1, help="Number of terms (default: that of the lowest BIC).")
-]
-Poisson = Annotated[
-    float | None, Option(help="Poisson's ratio of the material (default: as in the file, or 0.5).")
-]
-DataKind = Annotated[list[str] | None, Option(
-    metavar="WORD", help="What the file does not say: frequency, relaxation or creep; tension or "
-    "shear; series, a Prony series. May be repeated.",
-)]  # fmt: skip
-Temperatures = Annotated[list[float] | None, Option(
-    "--temperature", metavar="KELVIN",
-    help="Temperature of the data: one for all, or one for each file or curve.",
-)]  # fmt: skip
-UnitTexts = Annotated[list[str] | None, Option(
-    "--unit", metavar="QUANTITY=UNIT", help="For instance modulus=MPa; may be repeated."
-)]  # fmt: skip
-ColumnTexts = Annotated[list[str] | None, Option(
-    "--column", metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated."
-)]  # fmt: skip
-
-Sheet = Annotated[
-    str | None, Option(help="Name of the sheet of a workbook, or of the material of a deck.")
-]
-Steps = Annotated[list[str] | None, Option(
-    metavar="NAME", help="Number or title of a step to read; may be repeated."
-)]  # fmt: skip
-Law = Annotated[str, Option(
-    metavar="LAW[:STD[:STD]]", help="How isotherms are shifted: wlf or arrhenius; the standard "
-    "deviations of log10 a_T from it (default 0.3, 0 for none) and of ln b_T (default 0).",
-)]  # fmt: skip
-Equilibrium = Annotated[float | None, Option(
-    metavar="PASCAL", help="E_eq if known; 0 for a liquid."
-)]  # fmt: skip
-Glassy = Annotated[float | None, Option(
-    metavar="PASCAL", help="Instantaneous modulus E_0, of which a Prony series has ratios g_i."
-)]  # fmt: skip
-Robust = Annotated[bool, Option(
-    "--robust", help="Leave out rows that no smooth positive spectrum explains."
-)]  # fmt: skip
-
 
 def fit(
-    moduli_files: ModuliFiles,
+    moduli_files: moduli_options.ModuliFiles,
     output: Output = None,
-    terms: Terms = None,
-    poisson: Poisson = None,
-    kind: DataKind = None,
-    temperature: Temperatures = None,
-    sheet: Sheet = None,
-    step: Steps = None,
-    law: Law = "wlf",
-    equilibrium: Equilibrium = None,
-    glassy: Glassy = None,
-    robust: Robust = False,
-    unit: UnitTexts = None,
-    column: ColumnTexts = None,
+    terms: moduli_options.NumTerms = None,
+    poisson: moduli_options.PoissonRatio = None,
+    kind: moduli_options.DataKind = None,
+    temperature: moduli_options.Temperatures = None,
+    sheet: moduli_options.SheetName = None,
+    step: moduli_options.StepNames = None,
+    law: moduli_options.Law = "wlf",
+    equilibrium: moduli_options.Equilibrium = None,
+    glassy: moduli_options.Glassy = None,
+    robust: moduli_options.Robust = False,
+    unit: moduli_options.UnitTexts = None,
+    column: moduli_options.ColumnTexts = None,
 ) -> None:
     """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
 
@@ -129,11 +64,11 @@ def fit(
     writes the whole scene.
     """
     given = locals()
-    with refusing(with_options):
-        shifts = law_arguments(law)
+    with refusing(moduli_options.in_options):
+        shifts = moduli_options.law_arguments(law)
         folder = output or f"{moduli_files[0].stem}-fit"
         stem = checked_place(folder, material_name(moduli_files[0]))
-        found, _ = material_of(
+        found, _ = fitted_files(
             moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, robust=robust,
             terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,
         )  # fmt: skip
@@ -156,45 +91,12 @@ def _typed(given: dict[str, Any]) -> list[str]:
     return words
 
 
-def law_arguments(text: str) -> dict[str, Any]:
-    """Returns the arguments of `master_curve` that `--law` stands for."""
-    law, *sizes = text.split(":")
-    if law not in get_args(LawKind):
-        raise ValueError(f"`--law {law}` is not known; {nearest(law, get_args(LawKind))}")
-    try:
-        names = ("shift_std", "vertical_shift_std")[: len(sizes)]
-        return {"law": law} | dict(zip(names, map(float, sizes), strict=True))
-    except ValueError:
-        raise ValueError(f"`--law {text}` is refused: write LAW[:STD[:STD]].") from None
-
-
-def with_options(message: str) -> str:
-    """Returns a message with options in place of the arguments that it names."""
-
-    def option(found: re.Match) -> str:
-        name, value = found.groups()
-        spelt = _FIT_OPTIONS.get(name, "")
-        with contextlib.suppress(SyntaxError, ValueError):  # a long value is cut
-            pairs = ast.literal_eval(value or "")
-            if spelt and isinstance(pairs, dict):  # as it is typed
-                flag = spelt.split()[0]
-                typed = (f"{flag} {shlex.quote(f'{key}={each}')}" for key, each in pairs.items())
-                return f"`{' '.join(typed)}`"
-        # An option that shows its form, or takes nothing, is named without the value.
-        if value and spelt and " " not in spelt:
-            spelt += " " + shlex.quote(value.strip("'"))
-        return f"`{spelt}`" if spelt else found[0]
-
-    message = message.replace("`readers.read_prony`", "`--kind series`")
-    return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)
-
-
 def read_measured(moduli_files, column, unit, temperature, kind, **options) -> Measured:
     """Reads moduli with options as texts, and prints how they were understood."""
-    options |= _kinds(kind)
-    columns = _pairs("column", column)  # a number counts the columns from 1
+    options |= moduli_options.kinds_of(kind)
+    columns = moduli_options.keys_and_values("column", column)  # a number counts the columns from 1
     measured = read_moduli(
-        moduli_files, units=_pairs("unit", unit), **options,
+        moduli_files, units=moduli_options.keys_and_values("unit", unit), **options,
         columns={key: int(v) if v.isdecimal() else v for key, v in columns.items()},
         temperature=temperature[0] if temperature and len(temperature) == 1 else temperature,
     )  # fmt: skip
@@ -206,20 +108,8 @@ def print_history(history: Sequence[str], assumed: Sequence[str]) -> None:
     """Prints how a file was read, and what was assumed."""
     for sentence in history:
         if sentence not in assumed:
-            typer.echo(with_options(sentence))
-    print_caveats(map(with_options, assumed))
-
-
-def _kinds(kind: list[str] | None) -> dict[str, str]:
-    """The arguments that the words of `--kind` are values of."""
-    found = {}
-    for word in kind or []:
-        name = next((name for name, words in KINDS.items() if word in words), None)
-        if name is None:
-            allowed = [word for words in KINDS.values() for word in words]
-            raise ValueError(f"`--kind {word}` is not known; {nearest(word, allowed)}")
-        found[name] = word
-    return found
+            typer.echo(moduli_options.in_options(sentence))
+    print_caveats(map(moduli_options.in_options, assumed))
 
 
 def looked_through(measured: Measured, robust: bool) -> Measured:
@@ -234,14 +124,6 @@ def looked_through(measured: Measured, robust: bool) -> Measured:
     for value in wild:
         typer.echo(str(value), err=not robust)
     return without(measured, wild) if robust else measured
-
-
-def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
-    """The keys and values of an option given as KEY=VALUE, any number of times."""
-    for text in texts or []:
-        if "=" not in text:
-            raise ValueError(f"`--{option} {text}` is refused: write QUANTITY={option.upper()}.")
-    return dict(text.split("=", 1) for text in texts or [])
 
 
 def material_name(path: Path) -> str:
@@ -263,7 +145,7 @@ class MaterialFit(NamedTuple):
     assumed: tuple[str, ...] = ()
 
 
-def material_of(
+def fitted_files(
     moduli_files: Sequence[Path], column, unit, temperature, kind, *, sheet, step, robust: bool,
     glassy: float | None, poisson: float | None, equilibrium: float | None, **arguments: Any,
 ) -> tuple[MaterialFit, list[float]]:  # fmt: skip
@@ -279,39 +161,31 @@ def material_of(
             moduli_files, column, unit, temperature, kind, poisson=ratio, sheet=sheet, step=step
         )
     except ValueError:
-        found = _converted(moduli_files, unit, kind, (glassy, equilibrium), poisson, sheet)
-        if found is None:
+        if len(moduli_files) > 1:
             raise
-        return found, []
+        kinds = moduli_options.kinds_of(kind)
+        options = Options(
+            units=moduli_options.keys_and_values("unit", unit), poisson=poisson, sheet=sheet,
+            deformation=kinds.get("deformation"), glassy=glassy, equilibrium=equilibrium,
+        )  # fmt: skip
+        read = prony_in(moduli_files[0], options, "series" if "doubtful" in kinds else "refused")
+        if read is None:
+            raise
+        series, log = read
+        print_history(log.history, log.assumed)
+        report = "The file holds a Prony series: nothing is fitted."
+        return MaterialFit(series, None, report, {}, tuple(log.assumed)), []
     if glassy is not None:
         raise ValueError("`glassy` is refused: it is for the ratios of a Prony series.")
     found = fitted(
         looked_through(measured, robust), poisson=ratio, equilibrium=equilibrium, **arguments
     )
-    caveats = "".join(f"\nCaveat: {with_options(sentence)}" for sentence in measured.assumed)
+    caveats = "".join(
+        f"\nCaveat: {moduli_options.in_options(sentence)}" for sentence in measured.assumed
+    )
     means = [part.temperature for part in measured.isotherms() if part.temperature is not None]
     found = found._replace(report=found.report + caveats, assumed=measured.assumed)
     return found, [float(np.mean(part)) for part in means]
-
-
-def _converted(
-    files: Sequence[Path], unit, kind, moduli: tuple[float | None, float | None],
-    poisson: float | None, sheet: str | None,
-) -> MaterialFit | None:  # fmt: skip
-    """The Prony series in the only file; None if it holds none."""
-    if len(files) > 1:
-        return None
-    kinds = _kinds(kind)
-    read = prony_in(
-        files[0], _pairs("unit", unit), *moduli, kinds.get("deformation"), poisson, sheet,
-        doubtful="series" if "doubtful" in kinds else "refused",
-    )  # fmt: skip
-    if read is None:
-        return None
-    material, log = read
-    print_history(log.history, log.assumed)
-    report = "The file holds a Prony series: nothing is fitted."
-    return MaterialFit(material, None, report, {}, tuple(log.assumed))
 
 
 def scene_table(found: MaterialFit, name: str) -> str:

@@ -14,8 +14,8 @@ from ..core.checks import check_values
 from ..core.display import UNKNOWN
 from ..core.quantities import in_brackets
 from ..exports.friction_cards import export_friction
-from ..page.document import described
 from ..plot.words import kelvin
+from ..scenes.described import described
 from ..scenes.plan import build_surface, plan
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import refuse_liquids, refuse_tables
@@ -136,9 +136,8 @@ def _print_theory(theory: "Dataset") -> None:
 
 def _about(scene: Scene, surface: Surface, method: TableMethod) -> dict[str, str]:
     """The method of a table, and what it holds for, in lines."""
-    thickness = [float(layer.thickness) for layer in scene.stack.layers]
     lines = [
-        f"Block: {described(parse_toml(scene.text), thickness)}",
+        f"Block: {described(parse_toml(scene.text))}",
         f"Surface: {' x '.join(map(str, surface.grid.shape))} points, {size_of(surface)}",
     ]
     if scene.temperature is None:

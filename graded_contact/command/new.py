@@ -24,7 +24,7 @@ from ..scenes.toml import entry_text
 from ..sliding.doubts import EXTRAPOLATED
 from ..studies.dataset import write_whole
 from ..surfaces.surface import Surface
-from . import fit
+from . import fit, moduli_options
 from .result_tables import print_caveats, print_surface
 from .terminal import Output, Replace, checked_place, refusing
 
@@ -36,7 +36,7 @@ def new(
     surface_file: Annotated[
         Path, Argument(metavar="TOPOGRAPHY", help="Measured surface.", show_default=False)
     ],
-    moduli_files: fit.ModuliFiles,
+    moduli_files: moduli_options.ModuliFiles,
     output: Output = None,
     size: Annotated[float | None, Option(
         metavar="METRES", help="Edge of the surface, if the file does not state it."
@@ -47,22 +47,22 @@ def new(
     periodic: Annotated[str, Option(
         help="How its edges are joined: harmonic, mirror, window or none."
     )] = "harmonic",
-    terms: fit.Terms = None,
-    poisson: fit.Poisson = None,
-    kind: fit.DataKind = None,
-    temperature: fit.Temperatures = None,
+    terms: moduli_options.NumTerms = None,
+    poisson: moduli_options.PoissonRatio = None,
+    kind: moduli_options.DataKind = None,
+    temperature: moduli_options.Temperatures = None,
     temperatures: Annotated[list[float] | None, Option(
         metavar="KELVIN",
         help="Temperature of the scene; may be repeated (default: some of those of the data).",
     )] = None,
-    sheet: fit.Sheet = None,
-    step: fit.Steps = None,
-    law: fit.Law = "wlf",
-    equilibrium: fit.Equilibrium = None,
-    glassy: fit.Glassy = None,
-    robust: fit.Robust = False,
-    unit: fit.UnitTexts = None,
-    column: fit.ColumnTexts = None,
+    sheet: moduli_options.SheetName = None,
+    step: moduli_options.StepNames = None,
+    law: moduli_options.Law = "wlf",
+    equilibrium: moduli_options.Equilibrium = None,
+    glassy: moduli_options.Glassy = None,
+    robust: moduli_options.Robust = False,
+    unit: moduli_options.UnitTexts = None,
+    column: moduli_options.ColumnTexts = None,
     replace: Replace = False,
 ) -> None:  # fmt: skip
     """Writes a scene that runs, from a topography and moduli of one material.
@@ -70,14 +70,14 @@ def new(
     Fits the moduli as `fit` does, with its report and figures, and proposes a pressure, velocities
     and temperatures. Several isotherms give a friction master curve.
     """
-    with refusing(fit.with_options):
-        shifts, name = fit.law_arguments(law), fit.material_name(moduli_files[0])
+    with refusing(moduli_options.in_options):
+        shifts, name = moduli_options.law_arguments(law), fit.material_name(moduli_files[0])
         stem = checked_place(output or f"{name}-on-{surface_file.stem}", name)
         scene = stem.with_name("scene.toml")
         if scene.exists() and not replace:
             raise ValueError(f"{scene} exists: give another --output, or --replace.")
         surface, read = _finer(surface_file, size=size, unit=height_unit, periodic=periodic)
-        found, measured = fit.material_of(
+        found, measured = fit.fitted_files(
             moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, robust=robust,
             terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,
         )  # fmt: skip

@@ -13,8 +13,8 @@ from rich.text import Text
 
 from ..core.display import UNKNOWN, number, with_unit
 from ..core.quantities import AXES, OBSERVABLES, in_brackets
-from ..page.document import described
 from ..plot.words import title_of
+from ..scenes.described import described
 from ..scenes.results import (
     SEED_ERROR,
     has_numbers,
@@ -166,8 +166,7 @@ def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
 def print_scene(scene: Scene) -> None:
     """Prints what a scene means, and the names of its materials, before it is run."""
     typer.echo(scene)
-    thickness = [float(layer.thickness) for layer in scene.stack.layers]
-    typer.echo(f"block                  {described(parse_toml(scene.text), thickness)}")
+    typer.echo(f"block                  {described(parse_toml(scene.text))}")
 
 
 def print_read(scene: Scene, surface: Surface | None) -> None:

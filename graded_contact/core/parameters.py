@@ -30,12 +30,17 @@ def paths(tree: object) -> dict[str, jax.Array]:
     **Returns:** arrays by path.
     """
     found = {}
-    for path, leaf in jax.tree_util.tree_leaves_with_path(eqx.filter(tree, eqx.is_array)):
-        name = _name(tree, path)
+    for name, leaf in arrays(tree).items():
         found[name] = leaf
         if leaf.ndim == 1:
             found |= {f"{name}[{i}]": leaf[i] for i in range(len(leaf))}
     return found
+
+
+def arrays(tree: object) -> dict[str, jax.Array]:
+    """Returns all numbers and arrays in `tree` by their path, without single entries."""
+    leaves = jax.tree_util.tree_leaves_with_path(eqx.filter(tree, eqx.is_array))
+    return {_name(tree, path): leaf for path, leaf in leaves}
 
 
 @check_types
@@ -90,9 +95,9 @@ def _name(tree, path):
         called = field and field.metadata.get("argument")
         words.append(jax.tree_util.GetAttrKey(called) if called else key)
         place: Any = getattr(key, "idx", getattr(key, "key", None))
-        if field:
-            node = getattr(node, field.name)
-        else:  # what is neither a module nor a list, tuple or dict has no words of its own
+        if isinstance(key, jax.tree_util.GetAttrKey):  # of a module or a named tuple
+            node = getattr(node, key.name, None)
+        else:  # what is neither of these nor a list, tuple or dict has no words of its own
             node = node[place] if isinstance(node, list | tuple | dict) else None
     return jax.tree_util.keystr(tuple(words)).removeprefix(".")
 

@@ -23,18 +23,18 @@ import numpy as np
 from scipy.linalg import solve_banded
 from scipy.optimize import minimize
 
-from .series import Series
+from .series import SeriesProblem
 
 # Limits of atanh ρ, and of ln σ² about the mean square. Errors with ρ > 0.95 are rather a misfit.
-LIMITS = ((-1.0, 1.8), (-12.0, 12.0))
+BOUNDS = ((-1.0, 1.8), (-12.0, 12.0))
 # Variance of the cloud over that of (atanh ρ, ln σ²). With 1, ± 1.96 standard errors enclose 90 to
 # 92 % of the true values at ρ = 0.8; with 2, 92 % and more (`bench_uncertainty.py coverage`).
 CLOUD = 2.0
 FLATTEST = 2.0  # curvature of -ln L: what the data do not determine has the variance 1/2
-STEP = 0.05  # of (atanh ρ, ln σ²) in differences of the likelihood
+LIKELIHOOD_STEP = 0.05  # of (atanh ρ, ln σ²) in differences of the likelihood
 
 
-def covariance(series: Series, theta: np.ndarray) -> np.ndarray:
+def covariance(series: SeriesProblem, theta: np.ndarray) -> np.ndarray:
     """Returns the covariance of the unknowns; those at a bound have none.
 
     Neighbours are of one isotherm. What is expected of shifts counts as known.
@@ -52,7 +52,7 @@ def covariance(series: Series, theta: np.ndarray) -> np.ndarray:
     first = np.append(True, (np.diff(channel) > 0) | (np.diff(group) > 0))
     root_weights = np.sqrt(series.weights[rows])
     errors, design = root_weights * residual[rows], (jacobian[:, rows] * root_weights).T
-    noise = _Errors(channel, first, errors, design, penalty).noise()
+    noise = _NoiseModel(channel, first, errors, design, penalty).noise()
     diagonal = np.diagonal(hessian)
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1))
     # Directions that rounding alone determines are left out.
@@ -64,7 +64,7 @@ def covariance(series: Series, theta: np.ndarray) -> np.ndarray:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Errors:
+class _NoiseModel:
     """Errors of weight 1, and the parameters (atanh ρ of each channel, ln σ² of each) of their V.
 
     V⁻¹ = Wᵀ W. Each row of W subtracts from an error what is left of its neighbour's, and divides
@@ -114,17 +114,17 @@ class _Errors:
         They are the corners of a box along the axes of their covariance.
         """
         count = self.channel[-1] + 1
-        likely, (lower, upper) = np.repeat([0.3, 0.0], count), np.repeat(LIMITS, count, axis=0).T
+        likely, (lower, upper) = np.repeat([0.3, 0.0], count), np.repeat(BOUNDS, count, axis=0).T
         if not self.mean_square:
             return [likely]
         bounds = list(zip(lower, upper, strict=True))
         likely = minimize(self._surprise, likely, method="L-BFGS-B", bounds=bounds).x
-        steps = STEP * np.eye(len(likely))
+        steps = LIKELIHOOD_STEP * np.eye(len(likely))
         curvature = np.empty(steps.shape)
         for (i, a), (j, b) in itertools.product(enumerate(steps), repeat=2):
             corners = (self._surprise(likely + s * a + t * b) * s * t
                        for s in (-1, 1) for t in (-1, 1))  # fmt: skip
-            curvature[i, j] = sum(corners) / (2 * STEP) ** 2
+            curvature[i, j] = sum(corners) / (2 * LIKELIHOOD_STEP) ** 2
         values, axes = np.linalg.eigh(curvature)
         reach = np.sqrt(CLOUD / np.maximum(values, FLATTEST)) * axes
         signs = itertools.product((-1, 1), repeat=len(likely))

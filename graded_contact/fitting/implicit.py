@@ -50,11 +50,11 @@ def attach_derivative(
 @attach_derivative.def_jvp
 def _attach_derivative_jvp(primals, tangents):
     objective, theta, free, data = primals
-    return theta, _change(objective, theta, free, data, tangents[3])
+    return theta, _change_of_optimum(objective, theta, free, data, tangents[3])
 
 
 @eqx.filter_jit
-def _change(objective, theta, free, data, d_data):
+def _change_of_optimum(objective, theta, free, data, d_data):
     gradient = jax.grad(objective)
     _, forcing = eqx.filter_jvp(lambda data: gradient(theta, data), (data,), (d_data,))
 

@@ -18,14 +18,14 @@ from ..core.checks import check_whole
 from ..core.display import shown
 from .newton import Fitted
 from .observations import Observations, concrete
-from .series import Series, series_of
+from .series import SeriesProblem, problem_of
 
 SEARCH = 1e-5  # relative tolerance of the cost
-MOST_POINTS = 400  # that a search goes through
+MOST_POINTS_SEARCHED = 400  # that a search goes through
 MANY = 2000  # rows, from which on an orthogonal reduction of them pays
-PER_DECADE = 10
+TIMES_PER_DECADE = 10
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
-STEPS = 40  # of a search along a walk: its neighbours follow
+WALK_STEPS = 40  # of a search along a walk: its neighbours follow
 RESOLUTION = 1e-6  # of measured values, relative
 AS_GOOD = 1.05  # times the error: a liquid that does no worse is what was measured
 
@@ -66,7 +66,7 @@ def check_terms(data: Observations, terms: int | None) -> None:
         )
 
 
-def choose(series: Series, terms: int | None) -> tuple[np.ndarray, tuple[Length, ...]]:
+def choose(series: SeriesProblem, terms: int | None) -> tuple[np.ndarray, tuple[Length, ...]]:
     """Returns the unknowns of `terms` branches, or of the least criterion and all lengths tried.
 
     The Bayes information criterion is n ln(mean square) + p ln n of G. Schwarz, Ann. Statist. 6
@@ -93,9 +93,9 @@ def choose_liquid(data: Observations, error: float) -> tuple | None:
     """
     if data.equilibrium is not None or not flows(data):
         return None
-    series, liquid = series_of(data), data.as_liquid()
-    other, path = choose(dataclasses.replace(series_of(liquid), reach=series.reach), None)
-    return (liquid, other, path) if series_of(liquid).rms(other) <= AS_GOOD * error else None
+    series, liquid = problem_of(data), data.as_liquid()
+    other, path = choose(dataclasses.replace(problem_of(liquid), reach=series.reach), None)
+    return (liquid, other, path) if problem_of(liquid).rms(other) <= AS_GOOD * error else None
 
 
 def flows(data: Observations) -> bool:
@@ -111,10 +111,10 @@ def flows(data: Observations) -> bool:
 # The best series --------------------------------------------------------------------------------
 
 
-def best_spectrum(series: Series) -> Fitted:
+def best_spectrum(series: SeriesProblem) -> Fitted:
     """Returns the positive spectrum nearest to the data: the floor of every series."""
     few = thinned(series)
-    theta, cost = few.minimise(_dense_start(few, PER_DECADE), rtol=SEARCH)
+    theta, cost = few.minimise(_dense_start(few, TIMES_PER_DECADE), rtol=SEARCH)
     for _ in range(MOST_ADDED):
         gain, longer = _with_branch(few, _without_faint(few, theta))
         if gain < 1e-4 * cost:
@@ -127,11 +127,11 @@ def best_spectrum(series: Series) -> Fitted:
     return theta, float(series.total_cost(theta))
 
 
-def best_of_length(series: Series, terms: int) -> Fitted:
+def best_of_length(series: SeriesProblem, terms: int) -> Fitted:
     """Returns the best series of exactly `terms` branches found from two starts."""
     few = thinned(series)
     # Each start leads to the lower minimum on about half of the measured sets.
-    starts, dense = [_spaced_start(few, terms)], _dense_start(few, PER_DECADE / 2)
+    starts, dense = [_spaced_start(few, terms)], _dense_start(few, TIMES_PER_DECADE / 2)
     if terms and few.terms(dense):
         starts.append(_of_length(few, dense, terms))
     tried = [few.minimise(start, rtol=SEARCH) for start in starts]
@@ -139,7 +139,7 @@ def best_of_length(series: Series, terms: int) -> Fitted:
     return series.minimise(theta, rtol=0)
 
 
-def best_path(series: Series, most: int) -> dict[int, Fitted]:
+def best_path(series: SeriesProblem, most: int) -> dict[int, Fitted]:
     """Returns the best series found of each length up to that of the floor, or to `most`."""
     few = thinned(series)
     theta, cost = best_spectrum(few)
@@ -152,7 +152,7 @@ def best_path(series: Series, most: int) -> dict[int, Fitted]:
     path = {terms: (theta, cost)}
 
     def keep(start):
-        fitted = few.minimise(start, rtol=SEARCH, max_steps=STEPS)
+        fitted = few.minimise(start, rtol=SEARCH, max_steps=WALK_STEPS)
         length = few.terms(fitted[0])
         if length not in path or fitted[1] < path[length][1]:
             path[length] = fitted
@@ -168,18 +168,18 @@ def best_path(series: Series, most: int) -> dict[int, Fitted]:
     return {terms: (theta, float(series.total_cost(theta))) for terms, theta in thetas.items()}
 
 
-def thinned(series: Series) -> Series:
+def thinned(series: SeriesProblem) -> SeriesProblem:
     """Returns much the same problem with at most `MOST_POINTS` points, by averaging neighbours.
 
     A search through it costs no more than one through few data.
     """
     count = len(series.x) - series.num_ends
-    if count <= MOST_POINTS:
+    if count <= MOST_POINTS_SEARCHED:
         return series
     log_x = np.log(np.maximum(series.x, 1e-2 * np.min(series.x[series.x > 0])))
     first, last = np.min(log_x[:count]), np.max(log_x[:count])
-    place = np.floor((log_x - first) / (last - first) * MOST_POINTS)
-    place[count:] = 2 * MOST_POINTS + np.arange(series.num_ends)
+    place = np.floor((log_x - first) / (last - first) * MOST_POINTS_SEARCHED)
+    place[count:] = 2 * MOST_POINTS_SEARCHED + np.arange(series.num_ends)
     member = (place[:, None] == np.unique(place)).astype(float)
 
     def sums(rows):
@@ -220,7 +220,7 @@ def _dense_start(series, per_decade):
     return np.concatenate([np.log(merged), means, np.log(np.maximum(static, faint))])
 
 
-def non_negative(series: Series, log_times: np.ndarray) -> np.ndarray:
+def non_negative(series: SeriesProblem, log_times: np.ndarray) -> np.ndarray:
     """Returns strengths >= 0 of branches at given times, then of the static columns.
 
     They minimise the sum of squared relative errors.
@@ -252,7 +252,7 @@ def _without_faint(series, theta):
 
 def _with_branch(series, theta):
     """The most a new branch lowers the cost to second order, and the series with it."""
-    log_times, model = series.time_grid(PER_DECADE), series.model(theta)
+    log_times, model = series.time_grid(TIMES_PER_DECADE), series.model(theta)
     residual = series.residual(model)
     effect = series.branches(log_times) / model
     pull = effect @ (series.weights * residual)

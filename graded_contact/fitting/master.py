@@ -25,12 +25,12 @@ from .implicit import attach_derivative, search
 from .lengths import check_terms, choose_liquid
 from .prony import AbstractFit, PronyFit, deviation, refuse_nonsense
 from .quality import percent
-from .series import objective, series_of
-from .shifting import Isotherm, at_reference, joined, shifts_and_series, with_penalty
+from .series import objective, problem_of
+from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series, with_penalty
 from .shifts import LAW_LIMITS, LN10, Isotherms
 
 SERVES = 1.05  # times the error with the fitted shifts: a law that does no worse replaces them
-STEEP = 0.4  # decades per kelvin, two within 5 K
+STEEP_SHIFT = 0.4  # decades per kelvin, two within 5 K
 
 
 @shown("law", "temperatures", "log10_shifts", "vertical_shifts", "fit")
@@ -204,12 +204,14 @@ def master_curve(
             raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
         check_values(name, std, "it must be zero or positive", at_least=0)
     along, across = map(float, given.values())
-    data = joined(isotherms, kind, law, (LN10 * along, across), reference, weights, equilibrium)
+    data = joined_curves(
+        isotherms, kind, law, (LN10 * along, across), reference, weights, equilibrium
+    )
     check_terms(data, terms)
     path = ()
     if terms is None:
         found, path = shifts_and_series(data, terms)
-        error, shifted = series_of(data).rms(found[0]), at_reference(jnp.asarray(found[0]), data)
+        error, shifted = problem_of(data).rms(found[0]), at_reference(jnp.asarray(found[0]), data)
         if choose_liquid(shifted, error):
             data = data.as_liquid()
             found, path = shifts_and_series(data, terms)
@@ -256,7 +258,7 @@ def _step_words(curve):
     rates = np.diff(shifts) / np.diff(temperatures)
     steps = [
         f"{temperatures[i]:.2f} to {temperatures[i + 1]:.2f} K ({shifts[i + 1] - shifts[i]:+.2f})"
-        for i in np.flatnonzero((rates < -STEEP) | (rates > 0))
+        for i in np.flatnonzero((rates < -STEEP_SHIFT) | (rates > 0))
     ]
     return steps and [
         f"Look at the steps of log10 a_T from {', '.join(steps)}: more than two decades within 5 "

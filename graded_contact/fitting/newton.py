@@ -14,10 +14,10 @@ import numpy as np
 from scipy.linalg import get_lapack_funcs
 
 DAMPED = 1e-2  # a step so damped that its length does not show the distance left
-LONGEST = 3.0  # the most a step changes an unknown: all are logarithms
-LEAST = 1e-14  # relative decrease of the value, below which rounding hides whether it falls
-SINGULAR = 1e-13  # of a Hessian scaled to a unit diagonal
-IDLE = 1e-20  # of the greatest curvature: an unknown that has no effect on the value
+LONGEST_STEP = 3.0  # the most a step changes an unknown: all are logarithms
+LEAST_GAIN = 1e-14  # relative decrease of the value, below which rounding hides whether it falls
+SINGULAR_HESSIAN = 1e-13  # of a Hessian scaled to a unit diagonal
+IDLE_CURVATURE = 1e-20  # of the greatest curvature: an unknown that has no effect on the value
 Fitted = tuple[np.ndarray, float]  # the unknowns of a minimum, and its value
 (_solve_positive,) = get_lapack_funcs(("posv",), dtype=np.float64)
 
@@ -57,9 +57,9 @@ def newton_minimum(
     point = np.clip(start, lower, upper)
     here, damping, raised = expand(point), 1e-3, 2.0
     for _ in range(max_steps):
-        free = _free(point, here, lower, upper)
+        free = _free_unknowns(point, here, lower, upper)
         step = _damped_step(here, free, damping)
-        trial, there = _moved(expand, point, free, step, lower, upper)
+        trial, there = _trial_point(expand, point, free, step, lower, upper)
         moved, decrease = trial - point, here.value - there.value
         if not decrease > 0:
             damping, raised = damping * raised, 2 * raised
@@ -70,7 +70,7 @@ def newton_minimum(
         ratio = float(decrease / expected) if expected > 0 else 0.0
         damping, raised = damping * max(1 / 8, 1 - (2 * ratio - 1) ** 3), 2.0
         here, point, before = there, trial, here.value
-        if decrease <= max(rtol, LEAST) * before and damping < DAMPED:
+        if decrease <= max(rtol, LEAST_GAIN) * before and damping < DAMPED:
             break
     if rtol == 0:
         point, here = _converged(expand, point, here, lower, upper)
@@ -81,18 +81,18 @@ def _converged(expand, point, here, lower, upper):
     """Takes undamped steps as long as each gains much less than the one before."""
     least = np.inf
     while True:
-        free = _free(point, here, lower, upper)
+        free = _free_unknowns(point, here, lower, upper)
         step = _newton_step(here, free)
         gain = -step @ here.gradient[free]
         if not 2 * gain < least:
             return point, here
-        trial, there = _moved(expand, point, free, step, lower, upper)
+        trial, there = _trial_point(expand, point, free, step, lower, upper)
         if gain == 0 or not there.value <= (1 + 1e-9) * here.value:
             return point, here
         point, here, least = trial, there, gain
 
 
-def _moved(expand, point, free, step, lower, upper):
+def _trial_point(expand, point, free, step, lower, upper):
     """The point after a step of the `free` unknowns, and the function about it."""
     trial = point.copy()
     trial[free] += step
@@ -101,7 +101,7 @@ def _moved(expand, point, free, step, lower, upper):
         return trial, expand(trial)
 
 
-def _free(point, here, lower, upper):
+def _free_unknowns(point, here, lower, upper):
     """The unknowns that the gradient does not push out of their bounds."""
     pushed_out = np.where(here.gradient > 0, point <= lower, point >= upper)
     return np.flatnonzero(~pushed_out)
@@ -111,9 +111,9 @@ def _newton_step(here, free):
     """Newton's step of the `free` unknowns along directions that more than rounding determines."""
     hessian = here.hessian[np.ix_(free, free)]
     size = np.abs(np.diagonal(hessian))
-    scale = np.where(size > IDLE * np.max(size, initial=0), np.sqrt(size), np.inf)
+    scale = np.where(size > IDLE_CURVATURE * np.max(size, initial=0), np.sqrt(size), np.inf)
     stiffness, directions = np.linalg.eigh(hessian / scale / scale[:, None])
-    determined = stiffness > SINGULAR
+    determined = stiffness > SINGULAR_HESSIAN
     along = directions[:, determined]
     return along @ (along.T @ (-here.gradient[free] / scale) / stiffness[determined]) / scale
 
@@ -130,7 +130,7 @@ def _damped_step(here: Expansion, free: np.ndarray, damping: float) -> np.ndarra
         damped[diagonal, diagonal] += (damping + 1e-14) * scale
         _, step, indefinite = _solve_positive(damped, -here.gradient[free])
         if not indefinite:
-            return np.clip(step, -LONGEST, LONGEST)
+            return np.clip(step, -LONGEST_STEP, LONGEST_STEP)
         damping = max(8 * damping, 1e-8)
 
 

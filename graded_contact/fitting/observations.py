@@ -22,7 +22,7 @@ from ..core.checks import (
 from ..core.display import shown
 from .shifts import Isotherms
 
-Kind = Literal["frequency", "relaxation", "creep"]
+ModuliKind = Literal["frequency", "relaxation", "creep"]
 REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow
 Unknowns = Float[Array, " unknowns"]
 
@@ -47,7 +47,7 @@ class Observations(eqx.Module):
     weights: Float[Array, "channels points"]
     equilibrium: Float[Array, ""] | None
     glassy: Float[Array, ""] | None
-    kind: Kind = eqx.field(static=True)
+    kind: ModuliKind = eqx.field(static=True)
     flows: bool = eqx.field(static=True)
     isotherms: Isotherms | None = None
 
@@ -96,8 +96,8 @@ def observe(
 
     Arguments as in `fit_prony`.
     """
-    if kind not in get_args(Kind):
-        raise ValueError(f"`kind={kind!r}` is refused: use one of {get_args(Kind)}.")
+    if kind not in get_args(ModuliKind):
+        raise ValueError(f"`kind={kind!r}` is refused: use one of {get_args(ModuliKind)}.")
     x = as_float(x, "x")
     if x.dtype != jnp.float64:
         raise ValueError(

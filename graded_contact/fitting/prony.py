@@ -31,10 +31,10 @@ from .covariance import covariance
 from .implicit import attach_derivative, search
 from .lengths import Length, best_of_length, best_spectrum, check_terms, choose, choose_liquid
 from .observations import Observations, Unknowns, concrete, observe
-from .quality import FitErrors, Floor, errors_of, floor_of, jumps_of, report_of, verdict_of
-from .series import NEGLIGIBLE, Series, fixed_columns, objective, series_of
+from .quality import FitErrors, Floor, fit_errors, floor_of, jumps_of, report_of, verdict_of
+from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, objective, problem_of
 
-LAST = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
+FLOW_AT = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
 
 
@@ -60,11 +60,11 @@ class AbstractFit(eqx.Module):
     def material(self) -> Prony:
         """The fitted material."""
 
-    def _problem(self) -> tuple[Series, np.ndarray]:
+    def _problem(self) -> tuple[SeriesProblem, np.ndarray]:
         """Returns the least-squares problem, and its unknowns, in NumPy."""
         if not concrete(self.data):
             raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
-        return series_of(self.data), np.asarray(self.theta)
+        return problem_of(self.data), np.asarray(self.theta)
 
     def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
         """Returns the covariance of `theta`; errors of neighbours, on an isotherm, may be
@@ -132,7 +132,7 @@ class PronyFit(AbstractFit):
     @property
     def material(self) -> Prony:
         """The fitted material."""
-        return material_of(self.theta, self.data, self.poisson)
+        return prony_material(self.theta, self.data, self.poisson)
 
     def predict(self, x: Numbers) -> Float[Array, "channels points"]:
         """Returns the fitted values at other frequencies or times.
@@ -144,13 +144,13 @@ class PronyFit(AbstractFit):
         known, static = fixed_columns(self.data, x, jnp)
         lowest = jnp.full(known.shape, -jnp.inf)
         series = dataclasses.replace(
-            series_of(self.data, jnp), x=x, known=known, static=static, log_values=lowest
+            problem_of(self.data, jnp), x=x, known=known, static=static, log_values=lowest
         )
         return series.by_channel(series.model(self.theta))
 
     def errors(self) -> FitErrors:
         """Returns the errors of the fit."""
-        return errors_of(*self._problem())
+        return fit_errors(*self._problem())
 
     def floor(self) -> Floor:
         """Returns the errors of the best positive spectra, and whether the channels agree."""
@@ -223,12 +223,12 @@ def fit_prony(
         begin, terms = start.theta, start.terms
     check_terms(data, terms)
     if terms is None:
-        begin, path = choose(series := series_of(data), terms)
+        begin, path = choose(series := problem_of(data), terms)
         data, begin, path = choose_liquid(data, series.rms(begin)) or (data, begin, path)
-        terms = series_of(data).terms(begin)
+        terms = problem_of(data).terms(begin)
 
     def find(data, begin):
-        series = series_of(data)
+        series = problem_of(data)
         if begin is None:
             theta, _ = best_of_length(series, terms)
         else:
@@ -247,7 +247,7 @@ def refuse_nonsense(fit: PronyFit) -> None:
     """Raises `ValueError` if half of the data, where concrete, are far from every spectrum."""
     if not concrete(fit.data):
         return
-    series = series_of(fit.data)
+    series = problem_of(fit.data)
     if _typical_residual(series, np.asarray(fit.theta)) < FOREIGN:
         return
     off = _typical_residual(series, best_spectrum(series)[0])
@@ -273,9 +273,9 @@ def _typical_residual(series, theta):
 
 
 @eqx.filter_jit
-def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
+def prony_material(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
     """Returns the material with these unknowns, in relaxation form."""
-    strengths, times, extras = map(jnp.exp, series_of(data, jnp).split(theta))
+    strengths, times, extras = map(jnp.exp, problem_of(data, jnp).split(theta))
     used = (data.x > 0) & jnp.any(data.weights > 0, axis=0)
     x = jax.lax.stop_gradient(data.x)
     ends = jnp.stack([jnp.min(jnp.where(used, x, jnp.inf)), jnp.max(jnp.where(used, x, 0))])
@@ -285,11 +285,13 @@ def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
     if data.kind != "creep":
         if data.known_start is None:  # exactly zero where the data need none
             smallest = jnp.min(jnp.where(data.weights > 0, data.values, jnp.inf))
-            start = jnp.where(start > 1.001 * NEGLIGIBLE * smallest, start, 0)
+            start = jnp.where(start > 1.001 * NEGLIGIBLE_STRENGTH * smallest, start, 0)
         return Prony(equilibrium=start, strengths=strengths, times=times, **common)
     glassy = 1 / start
     if data.flows:
-        last = LAST * jax.lax.stop_gradient(jnp.maximum(jnp.max(data.x), jnp.max(times, initial=0)))
+        last = FLOW_AT * jax.lax.stop_gradient(
+            jnp.maximum(jnp.max(data.x), jnp.max(times, initial=0))
+        )
         strengths = jnp.append(strengths, extras[-1] * last / jnp.max(data.x))
         times = jnp.append(times, last)
     if not len(times):

@@ -9,12 +9,14 @@ from scipy.special import fdtrc
 from ..core.display import shown
 from .lengths import best_spectrum, flows
 from .observations import Observations
-from .series import Series, series_of
+from .series import SeriesProblem, problem_of
 
 # How far times of the best spectra may lie outside the data, before and after. Those that decay
 # before the data, or are over by their first strain, show in none of them.
 WIDEST = {"frequency": (1e6, 1e6), "relaxation": (1.0, 1e6), "creep": (1.0, 1e6)}
-FINEST = 1e-4  # log residual of a modulus that no instrument, and no search of spectra, goes below
+LEAST_NOISE = (
+    1e-4  # log residual of a modulus that no instrument, and no search of spectra, goes below
+)
 _NEAR_END = 1.2  # a known modulus over a measured one that noise explains
 JUMP = 0.1  # log difference of neighbours beyond what any spectrum allows
 JUMPING = 0.25  # share of neighbours: fewer are noise
@@ -71,13 +73,13 @@ def _channels(series):
     return [part if np.any(part.measured) else None for part in parts]
 
 
-def errors_of(series: Series, theta: np.ndarray) -> FitErrors:
+def fit_errors(series: SeriesProblem, theta: np.ndarray) -> FitErrors:
     """Returns the errors of the fit `theta`."""
     storage, loss = (part and part.rms(theta) for part in _channels(series))
     return FitErrors(series.rms(theta), storage, loss)
 
 
-def floor_of(series: Series, theta: np.ndarray) -> Floor:
+def floor_of(series: SeriesProblem, theta: np.ndarray) -> Floor:
     """Returns the errors of the best positive spectra, of which the fit `theta` is one."""
     near = min(_best(series).error, series.rms(theta))
     reach = tuple(map(max, series.reach, WIDEST[series.kind]))
@@ -110,11 +112,11 @@ def _chance(count, both, storage, loss):
     spare = count - storage.unknowns - loss.unknowns
     if spare < 1:
         return None
-    noise = max((storage.cost + loss.cost) / spare, FINEST**2)
+    noise = max((storage.cost + loss.cost) / spare, LEAST_NOISE**2)
     return float(fdtrc(saved, spare, max(both.cost - storage.cost - loss.cost, 0) / saved / noise))
 
 
-def jumps_of(series: Series) -> str:
+def jumps_of(series: SeriesProblem) -> str:
     """Returns a sentence on data that jump as several isotherms in one do; empty if they do not.
 
     No positive spectrum lets E' or E'' change faster than ω².
@@ -164,7 +166,7 @@ def verdict_of(fit: Any, error: FitErrors, floor: Floor) -> str:
         )
     else:
         words = f"{fit.terms} terms limit this fit: longer series are nearer."
-    words = jumps_of(series_of(fit.data)) + _against_ends(fit.data) + words
+    words = jumps_of(problem_of(fit.data)) + _against_ends(fit.data) + words
     if floor.storage is None or floor.loss is None:
         return words
     if floor.chance is None:
@@ -213,7 +215,7 @@ def _undetermined(fit):
         ]
     if data.kind != "creep" or data.glassy is not None:
         return []
-    series, place = series_of(data), 2 * fit.terms  # of 1/E_inf
+    series, place = problem_of(data), 2 * fit.terms  # of 1/E_inf
     first = np.min(series.log_values[series.measured])
     instant = float(fit.theta[place]) > first + np.log(INSTANT)
     if instant and fit.covariance()[place, place] < VAGUE**2:

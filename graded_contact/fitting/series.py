@@ -28,23 +28,23 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .newton import Expansion, Fitted, gram, newton_minimum
-from .observations import Kind, Observations, Unknowns
+from .observations import ModuliKind, Observations, Unknowns
 from .shifts import Isotherms
 
 FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
 # Where a branch of relative strength one counts fully: infinite frequency, or the end of creep.
 COMPLETE = {"frequency": 1e150, "relaxation": 0.0, "creep": 1e150}
-NEGLIGIBLE = 1e-9  # of the smallest measured value: a strength that changes nothing
+NEGLIGIBLE_STRENGTH = 1e-9  # of the smallest measured value: a strength that changes nothing
 END_WEIGHT = 1e6  # of an end value that is known, over that of all measured values
 # How far times may lie outside those of the data, before and after. Farther out strengths grow
 # without effect, and a slow branch replaces E_eq, so that a solid melts just below its data.
-REACH = {"frequency": (3.0, 3.0), "relaxation": (2.5, 5.0), "creep": (10.0, 5.0)}
+TIMES_BEYOND = {"frequency": (3.0, 3.0), "relaxation": (2.5, 5.0), "creep": (10.0, 5.0)}
 REACH_TO_KNOWN = 1e3  # on the side of a known end value, which branches have to lead up to
 STIFFEST = 30.0  # times the first secant modulus of creep: more shows in no measured strain
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Series:
+class SeriesProblem:
     """Measured logarithms and their model.
 
     **Fields:**
@@ -62,7 +62,7 @@ class Series:
     """
 
     xp: Any
-    kind: Kind
+    kind: ModuliKind
     x: Any
     log_values: Any
     weights: Any
@@ -121,7 +121,7 @@ class Series:
 
     def faintest(self) -> float:
         """Returns the logarithm of the strength below which a branch does nothing."""
-        return float(np.log(NEGLIGIBLE) + np.min(self.log_values[self.measured]))
+        return float(np.log(NEGLIGIBLE_STRENGTH) + np.min(self.log_values[self.measured]))
 
     def time_limits(self) -> tuple[float, float]:
         """Returns the logarithms of the shortest and the longest time that data determine."""
@@ -140,11 +140,11 @@ class Series:
 
     # Other problems -----------------------------------------------------------------------------
 
-    def at(self, theta: Any) -> "Series":
+    def at(self, theta: Any) -> "SeriesProblem":
         """Returns the problem of a single isotherm that remains once the shifts are known."""
         return self.shifted(*self.isotherms.shifts(theta)) if self.isotherms else self
 
-    def shifted(self, along: Any, across: Any) -> "Series":
+    def shifted(self, along: Any, across: Any) -> "SeriesProblem":
         """Returns the problem with ln a and ln b of the isotherms given."""
         along = self._at_rows(along)[: len(self.x)]
         return dataclasses.replace(
@@ -275,7 +275,7 @@ class Series:
         hessian[law, law] += law_twice @ self._by_isotherm(np.sum(slopes, axis=0) * pull)
 
 
-def branches(xp: Any, kind: Kind, x: Any, times: Any) -> tuple[Any, Any, Any]:
+def branches(xp: Any, kind: ModuliKind, x: Any, times: Any) -> tuple[Any, Any, Any]:
     """Returns φ and its first two derivatives by ln τ, each of shape `(terms, rows)`."""
     if kind == "frequency":
         # Beyond these limits a branch is complete or absent, and powers of z overflow.
@@ -297,7 +297,7 @@ def branches(xp: Any, kind: Kind, x: Any, times: Any) -> tuple[Any, Any, Any]:
     return decay, slope, curvature
 
 
-def series_of(data: Observations, xp: Any = np) -> Series:
+def problem_of(data: Observations, xp: Any = np) -> SeriesProblem:
     """Returns the least-squares problem of the observations, in arrays of the module `xp`."""
     x, values, weights = (xp.asarray(part) for part in (data.x, data.values, data.weights))
     isotherms, num_ends = data.isotherms, int(data.known_end is not None)
@@ -311,10 +311,10 @@ def series_of(data: Observations, xp: Any = np) -> Series:
         end_weights = np.eye(len(values), 1) * END_WEIGHT * xp.sum(weights)  # of the first channel
         weights = xp.concatenate([weights, end_weights], axis=1)
     known, static = fixed_columns(data, x, xp)
-    before, after = REACH[data.kind]
+    before, after = TIMES_BEYOND[data.kind]
     before = before if data.glassy is None else REACH_TO_KNOWN
     after = after if data.equilibrium is None else REACH_TO_KNOWN
-    return Series(
+    return SeriesProblem(
         xp=xp,
         kind=data.kind,
         x=x,
@@ -342,4 +342,4 @@ def fixed_columns(data: Observations, x: Any, xp: Any) -> tuple[Any, Any]:
 
 def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
     """Returns the cost that a fit minimises, in JAX."""
-    return series_of(data, jnp).total_cost(theta)
+    return problem_of(data, jnp).total_cost(theta)

@@ -1,4 +1,4 @@
-"""Isotherms checked and joined, and the search for their shifts and series together (NumPy).
+"""Isotherms checked and joined_curves, and the search for their shifts and series together (NumPy).
 
 The search aligns neighbours, then fits law, departures and series at once.
 """
@@ -16,17 +16,17 @@ from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_v
 from ..materials.measured import Measured
 from .lengths import SEARCH, Length, best_of_length, choose, non_negative
 from .observations import Observations, Unknowns, observe
-from .series import series_of
+from .series import problem_of
 from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, LawKind
 
-COLDEST = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
+COLDEST_SET = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
 Isotherm = tuple[Numbers, Numbers, Numbers]
 
 
 # Isotherms as given -----------------------------------------------------------------------------
 
 
-def joined(
+def joined_curves(
     isotherms: Measured | Sequence[Measured | Isotherm], kind: Any, law: Any,
     stds: tuple[float, float], reference: Any, weights: tuple[Numbers, Numbers],
     equilibrium: Numbers | None,
@@ -46,7 +46,7 @@ def joined(
     temperatures = np.array(kelvin)
     check_positive("temperature", temperatures, "[K]")
     coldest, hottest = kelvin[0], kelvin[-1]
-    if hottest < COLDEST:
+    if hottest < COLDEST_SET:
         raise ValueError(f"`isotherms` has temperatures up to {hottest:g}; they are in kelvin.")
     for twice in temperatures[1:][np.diff(temperatures) <= 0]:
         raise ValueError(f"`isotherms` has {twice:g} K twice: join these first.")
@@ -103,7 +103,7 @@ def with_penalty(data: Observations, penalty: Any) -> Observations:
 
 def shifts_and_series(data: Observations, terms: int | None) -> tuple[tuple, tuple[Length, ...]]:
     """Returns unknowns, which of them are free, and the penalty; and all lengths tried."""
-    series, isotherms = series_of(data), data.isotherms
+    series, isotherms = problem_of(data), data.isotherms
     assert isotherms is not None
     log_shift = _aligned(series, isotherms)
     law = least_squares(
@@ -122,7 +122,7 @@ def shifts_and_series(data: Observations, terms: int | None) -> tuple[tuple, tup
     for _ in range(2):
         variance = series.rms(unknowns) ** 2
         penalty = np.array([variance / std**2 if std > 0 else 0.0 for std in isotherms.stds])
-        series = series_of(with_penalty(data, penalty))
+        series = problem_of(with_penalty(data, penalty))
         unknowns, _ = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
     theta, path = choose(series.at(unknowns), terms)
     start = np.concatenate([theta, unknowns[len(unknowns) - len(shifts) :]])

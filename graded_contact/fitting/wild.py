@@ -14,22 +14,22 @@ import numpy as np
 from ..materials.measured import Measured
 from .lengths import best_spectrum
 from .observations import observe
-from .series import Series, series_of
+from .series import SeriesProblem, problem_of
 
-TIMES = 6.0  # the usual residual
-LEAST = 0.1  # log residual below which no value harms a fit
+FAR_TIMES = 6.0  # the usual residual
+HARMLESS = 0.1  # log residual below which no value harms a fit
 ROUGH = 0.03  # usual residual from which on storage and loss have a spectrum each, as in a floor
-START = np.log(10)  # off the median of five neighbours: not fitted at first
+FAR_OFF = np.log(10)  # off the median of five neighbours: not fitted at first
 HUBER = 0.1  # log residual from which on a value counts linearly here
 AROUND = 9  # neighbours whose residuals are compared
-FEWEST = 6  # points from which on one can be distinguished from the others
+FEWEST_OF_A_CURVE = 6  # points from which on one can be distinguished from the others
 # The unit of frequencies or times, and what each channel holds.
-NAMES = {
+QUANTITIES = {
     "frequency": ("rad/s", "storage modulus", "loss modulus"),
     "relaxation": ("s", "modulus"),
     "creep": ("s", "compliance"),
 }
-TURNS = 8  # of finding wild values
+ROUNDS = 8  # of finding wild values
 ROUNDS = 3  # of weights by residuals: with 2, 5 of 83 values off by a factor of 2 are missed
 
 
@@ -64,14 +64,14 @@ def wild_values(measured: Measured) -> list[Wild]:
     **Returns:** the values, by row, each with its place in the file. Isotherms with fewer than
     six points are not searched.
     """
-    found, (unit, *names) = [], NAMES[measured.kind]
+    found, (unit, *names) = [], QUANTITIES[measured.kind]
     for i in range(np.max(measured.isotherm) + 1):
         rows = np.flatnonzero(measured.isotherm == i)
-        if len(rows) < FEWEST:
+        if len(rows) < FEWEST_OF_A_CURVE:
             continue
         x, values = measured.abscissa[rows], measured.values[rows]
         data = observe(measured.kind, x, values, (1.0, 1.0))
-        residuals = _wild(series_of(data))
+        residuals = _wild(problem_of(data))
         for channel, k in np.argwhere(residuals):
             row = int(rows[k])
             where = f"line {measured.lines[row]} ({x[k]:.4g} {unit}"
@@ -96,19 +96,19 @@ def without(measured: Measured, wild: list[Wild]) -> Measured:
     return measured.part(np.delete(rows, [value.row for value in wild]))
 
 
-def _wild(series: Series) -> np.ndarray:
+def _wild(series: SeriesProblem) -> np.ndarray:
     """Residuals of wild values, 0 for all others; shape `(channels, points)`."""
     y = series.by_channel(series.log_values)
-    wild = np.abs(y - _around(y, 5)) > START
+    wild = np.abs(y - _around(y, 5)) > FAR_OFF
     seen, residual = [], np.zeros_like(y)
-    for _ in range(TURNS):
+    for _ in range(ROUNDS):
         seen.append(wild)
-        if np.sum(~wild) < FEWEST:
+        if np.sum(~wild) < FEWEST_OF_A_CURVE:
             return np.zeros_like(y)
-        residual = _residual(series, ~wild)
+        residual = _off_curve(series, ~wild)
         if len(y) > 1 and np.max(np.median(np.abs(residual), axis=1)) > ROUGH:
             channels = np.eye(len(y), dtype=bool)[:, :, None]
-            alone = [_residual(series, ~wild & own) * own for own in channels]
+            alone = [_off_curve(series, ~wild & own) * own for own in channels]
             residual = np.sum(alone, axis=0)
         wild = _far(residual)
         if any(np.array_equal(wild, earlier) for earlier in seen):
@@ -116,7 +116,7 @@ def _wild(series: Series) -> np.ndarray:
     return np.where(wild, residual, 0)
 
 
-def _residual(series: Series, fitted: np.ndarray) -> np.ndarray:
+def _off_curve(series: SeriesProblem, fitted: np.ndarray) -> np.ndarray:
     """ln(value/spectrum) of all values, by a spectrum of those that are fitted.
 
     Fits with weights by the last residuals approach that of Huber's cost.
@@ -133,7 +133,7 @@ def _far(residual: np.ndarray) -> np.ndarray:
     """Where residuals are large compared with those of all values and of the neighbours."""
     size = np.abs(residual)
     usual = np.maximum(np.median(size, axis=1)[:, None], _around(size, AROUND))
-    return size > np.maximum(LEAST, TIMES * 1.4826 * usual)
+    return size > np.maximum(HARMLESS, FAR_TIMES * 1.4826 * usual)
 
 
 def _around(values: np.ndarray, count: int) -> np.ndarray:

@@ -6,22 +6,25 @@ save them.
 """
 
 import copy
+import dataclasses
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..core.checks import within
-from ..core.display import with_unit
 from ..core.files import check_name, read_file, read_utf8
+from ..core.quantities import AXES
 from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
 from ..materials.material import AbstractMaterial
 from ..readers.moduli import read_moduli
 from ..readers.topography import read_surface
+from ..scenes.described import described
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import refuse_tables
 from ..scenes.scene_file import parse_scene
@@ -34,7 +37,8 @@ FIRST_THICKNESS = 1e-4  # m, of a layer on a bare base
 NEW_NAME = "coat"  # of a new material
 
 
-class Document(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False)
+class Document:
     """A scene of one point, as tables.
 
     **Fields:**
@@ -53,13 +57,19 @@ class Document(NamedTuple):
         """The tables as TOML."""
         return toml_text(self.content)
 
+    @cached_property
     def scene(self) -> Scene:
-        """Returns the scene of the tables, or raises the errors of `read_scene`."""
+        """The scene of the tables; raises the errors of `read_scene`."""
         return parse_scene(self.text, self.folder)
 
     def copied(self) -> "Document":
-        """Returns a copy, whose tables may be changed, and whose title is `described` anew."""
-        return self._replace(content=copy.deepcopy(self.content) | {"title": ""})
+        """Returns a copy, whose tables may be changed, without the title."""
+        return dataclasses.replace(self, content=copy.deepcopy(self.content) | {"title": ""})
+
+    def titled(self) -> "Document":
+        """Returns the scene with its title, or if it has none, with what it is made of."""
+        title = self.content.get("title") or described(self.content)
+        return dataclasses.replace(self, content=self.content | {"title": title})
 
 
 def open_document(path: Path | None) -> Document:
@@ -80,11 +90,13 @@ def open_document(path: Path | None) -> Document:
             raise ValueError("[load] `velocity` is 0. The page needs a velocity above 0.")
     moving = np.sort(np.abs(scene.velocity[scene.velocity != 0]))
     # A scene of one speed, or of a narrow range, still has a slider and curves over decades.
-    speeds = (float(moving[0]), float(moving[-1]))
-    if speeds[1] < 100 * speeds[0]:
-        speeds = (speeds[0] / 1e3, speeds[1] * 1e3)
+    speeds, usual = (float(moving[0]), float(moving[-1])), AXES["velocity"].usual
+    if speeds[1] < 100 * speeds[0] and usual:
+        speeds = (usual.ends(speeds[0])[0], usual.ends(speeds[1])[1])
     middle = lambda values: float(values[len(values) // 2])  # noqa: E731
     load: dict[str, Any] = {"pressure": middle(scene.pressure), "velocity": middle(moving)}
+    if scene.strain_per_slope is not None:
+        load["strain_per_slope"] = scene.strain_per_slope
     if direction := middle(np.ravel(scene.direction)):
         load["direction"] = direction
     if scene.temperature is not None:
@@ -101,28 +113,6 @@ def open_document(path: Path | None) -> Document:
     for (place, key), path in scene.inputs.items():  # the scene is saved in another folder
         tables[place][key] = str(path)
     return Document(content, folder, speeds)
-
-
-def layer_name(layer: dict[str, Any]) -> str:
-    """Returns the material of a layer of the tables, or both materials of a graded one."""
-    return layer["material"] if "material" in layer else f"{layer['top']} → {layer['bottom']}"
-
-
-def described(content: dict[str, Any], thickness: Sequence[float]) -> str:
-    """Returns a title: the layers with these thicknesses [m], the base, and the surface."""
-    layers = [
-        f"{layer_name(layer)} {with_unit(depth, 'm')}"
-        for layer, depth in zip(content.get("layers", []), thickness, strict=True)
-    ]
-    surface = content["surface"]
-    kinds = {"self_affine": "a random surface", "sphere": "a sphere"}
-    road = kinds.get(surface["kind"]) or Path(surface["path"]).name
-    return f"{', '.join([*layers, base_name(content)])} on {road}"
-
-
-def base_name(content: dict[str, Any]) -> str:
-    """Returns the material of the base, or its kind."""
-    return content["base"].get("material", content["base"]["kind"])
 
 
 def with_layer(document: Document, material: str | None, name: str = "") -> Document:
@@ -231,7 +221,7 @@ def with_file(
         write_whole(path, data)
     try:  # the readers take paths, so the file is stored first and removed if they refuse it
         changed = change(document, path)
-        changed.scene()
+        _ = changed.scene
     except BaseException as error:
         if not stored:
             path.unlink()

@@ -1,17 +1,22 @@
 """The downloads of a page: curves (CSV), and everything that it shows (HDF5)."""
 
-from typing import Any, NamedTuple
+import dataclasses
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from ..core.quantities import FIELDS, OBSERVABLES, in_brackets
+from ..sliding.result import Sliding
 from ..studies.dataset import package_versions
-from .model import Contact, Derivatives, Model
+from .document import Document
+from .model import Derivatives, Model
 
 
-class Shown(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False)
+class ShownPoint:
     """What a page shows at one point.
 
     **Fields:**
@@ -25,11 +30,16 @@ class Shown(NamedTuple):
     model: Model
     values: tuple[float, ...]
     curves: xr.Dataset
-    contact: Contact
+    contact: Sliding
     derivatives: Derivatives | None = None
 
+    @cached_property
+    def document(self) -> Document:
+        """The scene at these values."""
+        return self.model.changed(self.values)
 
-def to_csv(shown: Shown) -> bytes:
+
+def to_csv(shown: ShownPoint) -> bytes:
     """Returns the curves, side by side, with their units in the heading."""
     curves = shown.curves
     tables = [curves.drop_dims(other).to_dataframe().reset_index() for other in ("speed", "q")]
@@ -39,24 +49,25 @@ def to_csv(shown: Shown) -> bytes:
     return pd.concat(tables, axis=1).rename(columns=titles).to_csv(index=False).encode()
 
 
-def to_hdf5(shown: Shown) -> bytes:
+def to_hdf5(shown: ShownPoint) -> bytes:
     """Returns curves, contact and derivatives as groups of xarray, with the scene as attribute."""
-    about = {"scene": shown.model.changed(shown.values).text, **package_versions()}
-    sliding, heights = shown.contact.sliding, shown.contact.heights
+    about = {"scene": shown.document.text, **package_versions()}
+    contact = shown.contact
+    heights = np.asarray(contact.heights)
     axes = ("x", "y")[: heights.ndim]
     found: dict[str, Any] = {"heights": (axes, heights)}
-    for axis, length, points in zip(axes, shown.model.size, heights.shape, strict=True):
-        found[axis] = (axis, np.arange(points) * (length / points))
+    for axis, spacing, points in zip(axes, contact.grid.spacing, heights.shape, strict=True):
+        found[axis] = (axis, np.arange(points) * float(spacing))
     for name in ("pressure", "gap", "displacement"):
-        found[name] = (axes, np.asarray(getattr(sliding, name)))
-    found |= {name: ((), np.asarray(getattr(sliding, name))) for name in sliding.numbers}
+        found[name] = (axes, np.asarray(getattr(contact, name)))
+    found |= {name: ((), np.asarray(getattr(contact, name))) for name in contact.numbers}
     # The pressure of a contact is a field, not an axis.
     known = {name: FIELDS.get(name) or OBSERVABLES[name].quantity for name in found}
-    contact = xr.Dataset({
+    fields_and_numbers = xr.Dataset({
         name: (*values, {"units": known[name].unit, "long_name": known[name].meaning})
         for name, values in found.items()
     })  # fmt: skip
-    groups = {"/": shown.curves.assign_attrs(about), "/contact": contact}
+    groups = {"/": shown.curves.assign_attrs(about), "/contact": fields_and_numbers}
     if shown.derivatives is not None:
         about = {"units": "%", "long_name": "change by a step of the slider"}
         changes = shown.derivatives._asdict().items()

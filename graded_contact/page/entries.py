@@ -4,7 +4,7 @@ import re
 
 from ..readers.units import OFFSETS, UNITS, metres, parse_unit
 
-_NUMBER = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
+_ENTRY = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 # Units of conductivity, which no reader knows, without spaces and brackets.
 _CONDUCTIVITIES = {"W/mK": 1.0, "W/m/K": 1.0, "mW/mK": 1e-3, "kW/mK": 1e3}
 
@@ -19,7 +19,7 @@ def read_entry(text: str, unit: str) -> float:
 
     **Raises:** `ValueError` for a text that is no number, or that has a unit of another dimension.
     """
-    found = _NUMBER.fullmatch(text.strip())
+    found = _ENTRY.fullmatch(text.strip())
     if found is None:
         raise ValueError("no number")
     number, given = float(found[1].replace(",", ".")), found[2] or unit

@@ -37,7 +37,7 @@ LABELLED = 0.09  # of the height drawn: thinner layers have no label
 SLAB = ("top", "bottom", "left", "right")
 
 
-def _new_figure(title: str, x: str, y: str, *, right: int = RIGHT, **more: Any) -> Any:
+def _page_figure(title: str, x: str, y: str, *, right: int = RIGHT, **more: Any) -> Any:
     """An empty figure of the page's style."""
     more = {"height": HEIGHT, "sizing_mode": "stretch_width", **more}
     new: Any = figure(
@@ -68,7 +68,7 @@ def _send(source: Any, **columns: Any) -> None:
         source.data = columns
 
 
-class Lines:
+class CurveFigure:
     """A curve of the scene, the pinned one, and the point of the contact.
 
     **Arguments:**
@@ -85,7 +85,7 @@ class Lines:
     ):
         self.name, self._scale = name, scale
         ordinate: Any = {"y_axis_type": "log"} if log else {"y_range": bokeh.DataRange1d(start=0)}
-        self.figure = _new_figure(title, x, y, x_axis_type="log", **ordinate)
+        self.figure = _page_figure(title, x, y, x_axis_type="log", **ordinate)
         self._line, self._pinned = (_new_source("x", "y") for _ in range(2))
         self._point = _new_source("x", "y", "low", "high")
         self.figure.line("x", "y", source=self._pinned, color=GREY, line_dash=(5, 4), line_width=2)
@@ -111,7 +111,7 @@ class Lines:
         _send(self._point, x=[x / self._scale[0]], **ends)
 
 
-def new_lines(waves: tuple[float, float], heated: bool) -> dict[str, Lines]:
+def new_lines(waves: tuple[float, float], heated: bool) -> dict[str, CurveFigure]:
     """Returns the figures of the curves of `Model.curves`, by name.
 
     **Arguments:**
@@ -125,10 +125,10 @@ def new_lines(waves: tuple[float, float], heated: bool) -> dict[str, Lines]:
     theory = "mean field without heat" if heated else "mean field"
     friction, area = f"Friction: {theory}, • contact", f"Contact area: {theory}, • contact"
     lines = (
-        Lines("modulus", "Composite modulus", q, "|E| [MPa]", GREEN, (wave, 1e6), log=True),
-        Lines("loss_tangent", "Composite loss tangent", q, "tan δ", GREEN, (wave, 1)),
-        Lines("friction", friction, v, "μ", BLUE, (1, 1)),
-        Lines("contact_area", area, v, "A/A₀ [%]", ORANGE, (1, 0.01)),
+        CurveFigure("modulus", "Composite modulus", q, "|E| [MPa]", GREEN, (wave, 1e6), log=True),
+        CurveFigure("loss_tangent", "Composite loss tangent", q, "tan δ", GREEN, (wave, 1)),
+        CurveFigure("friction", friction, v, "μ", BLUE, (1, 1)),
+        CurveFigure("contact_area", area, v, "A/A₀ [%]", ORANGE, (1, 0.01)),
     )
     for line in lines[:2]:  # two or three decades
         line.figure.xaxis.ticker = bokeh.FixedTicker(
@@ -152,7 +152,7 @@ class Bars:
     def __init__(self, knobs: Sequence[Knob], heated: bool):
         self._factors = factors = bokeh.FactorRange(range_padding=0.05)
         title = "Change by a step of each slider" + (" (not with heat)" if heated else "")
-        self.figure = new = _new_figure(title, "change [%]", "", y_range=factors, height=260)
+        self.figure = new = _page_figure(title, "change [%]", "", y_range=factors, height=260)
         new.yaxis.axis_label = None
         new.yaxis.major_label_text_font_size = "10px" if len(knobs) < 13 else "9px"
         new.ygrid.grid_line_color = None
@@ -192,14 +192,14 @@ class Map:
         self._size = size
         unit, self._factor = unit_of("m", float(np.max(size)))
         if len(size) == 1:
-            self.figure = _new_figure("", f"x [{unit}]", "", height=TALL)
+            self.figure = _page_figure("", f"x [{unit}]", "", height=TALL)
             self._source = _new_source("x", "y")
             self._line = self.figure.line("x", "y", source=self._source)
             return
         wide, high = (self._factor * size).tolist()
         frame = round(min(max(wide / high, 1 / 3), 2) * (TALL - ABOVE - BELOW))
         ranges = {axis: bokeh.DataRange1d(range_padding=0) for axis in ("x_range", "y_range")}
-        self.figure = _new_figure(
+        self.figure = _page_figure(
             "", f"x [{unit}]", f"y [{unit}]", right=BAR, height=TALL, max_width=frame + LEFT + BAR,
             match_aspect=True, **ranges,
         )  # fmt: skip
@@ -236,7 +236,7 @@ class BlockPicture:
 
     def __init__(self):
         wide = round(ASPECT * (HEIGHT - ABOVE - BELOW)) + LEFT + RIGHT
-        self.figure = _new_figure(
+        self.figure = _page_figure(
             "Block and road, to scale", "x", "depth", sizing_mode="fixed", width=wide,
             min_border_left=LEFT, x_range=bokeh.Range1d(), y_range=bokeh.Range1d(),
         )  # fmt: skip

@@ -1,60 +1,19 @@
-"""Knobs: numbers of a scene's block, load and roughness that the page varies, with their ranges.
+"""Knobs: the numbers of a scenery that a page varies, with their ranges.
 
-A knob acts on the built block, so that JAX can trace its value and differentiate. Saving a scene
-writes the value into its tables.
+Every number with a usual range (`core/quantities.py`) has a knob, which acts by its path.
 """
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-from jaxtyping import Array, Float
-
-from ..blocks.stack import Stack
-from ..core.parameters import paths, with_values
-from ..materials.material import BulkShear, Elastic, Prony
+from ..core.parameters import arrays, with_values
+from ..core.quantities import Usual, quantity_of
+from ..materials.material import Prony
 from ..materials.shift import WLF, TabulatedShift, shifts_in
-from ..scenes.scene import Scene
-from ..scenes.surface_source import RandomSurface
-from ..surfaces.statistics import statistics
-from ..surfaces.surface import Surface
-from .document import Document, material_table
 from .entries import read_entry
+from .scenery import Scenery, layer_of, part_at, table_key
 
-WIDE_FACTOR, ROUGH_FACTOR = 50.0, 10.0  # the range of a knob in both directions; of roughness
-COLDER, HOTTER = 40.0, 80.0  # K
 ABOVE_VOGEL = 10.0  # K above the Vogel temperature, where WLF diverges
-
-# By the quantity of a knob: the unit on the page, and the SI unit in this unit.
-PAGE_UNITS = {
-    "thickness": ("µm", 1e6), "modulus": ("MPa", 1e-6), "poisson": ("1", 1.0),
-    "pressure": ("kPa", 1e-3), "velocity": ("m/s", 1.0), "temperature": ("K", 1.0),
-    "rms_height": ("µm", 1e6), "rms_slope": ("1", 1.0), "hurst": ("1", 1.0),
-    "stress": ("kPa", 1e-3), "steepness": ("1", 1.0),
-    "conductivity": ("W/(m K)", 1.0), "diffusivity": ("mm²/s", 1e6),
-}  # fmt: skip
-# Fields of a law of shear, and of heating: labels and quantities of their knobs.
-PARTS = {
-    "shear": {
-        "stress": ("shear stress", "stress"), "peak": ("largest shear stress", "stress"),
-        "velocity": ("velocity of the peak of shear", "velocity"),
-        "steepness": ("steepness of the peak of shear", "steepness"),
-    },
-    "heating": {
-        "conductivity": ("conductivity of the block", "conductivity"),
-        "diffusivity": ("diffusivity of the block", "diffusivity"),
-        "counterface_conductivity": ("conductivity of the counterface", "conductivity"),
-    },
-}  # fmt: skip
-LINEAR_STEPS = {"poisson": 0.01, "hurst": 0.01, "temperature": 1.0}  # others: 1 %
-
-
-class Target(NamedTuple):
-    """What a knob changes: a kind of number, and the paths in the block that change together."""
-
-    kind: str
-    paths: tuple[str, ...] = ()
 
 
 class Knob(NamedTuple):
@@ -62,39 +21,40 @@ class Knob(NamedTuple):
 
     **Fields:**
 
-    - `target`: what it changes.
+    - `paths`: in the scenery; their numbers change together.
     - `label`: on the page.
-    - `quantity`: a key of `PAGE_UNITS`.
+    - `usual`: unit, range and step of its quantity.
     - `value`, `low`, `high`: in the scene, and its range [SI].
-    - `key`: its place in the scene's tables.
+    - `scales`: whether the value multiplies what is at the paths, as the moduli of a series, whose
+      relaxation times then keep their meaning.
     """
 
-    target: Target
+    paths: tuple[str, ...]
     label: str
-    quantity: str
+    usual: Usual
     value: float
     low: float
     high: float
-    key: tuple[str | int, ...]
+    scales: bool = False
 
     @property
     def unit(self) -> str:
-        return PAGE_UNITS[self.quantity][0]
+        return self.usual.unit
 
     @property
     def factor(self) -> float:
         """The SI unit in the unit on the page."""
-        return PAGE_UNITS[self.quantity][1]
+        return 1 / read_entry("1", self.unit)
 
     @property
     def logarithmic(self) -> bool:
-        return self.quantity not in LINEAR_STEPS
+        return self.usual.step is None
 
     def step_size(self, value: float) -> float:
         """Returns the change [SI] for which the page shows derivatives, at a value [SI]."""
-        if self.logarithmic:
+        step = self.usual.step
+        if step is None:
             return 0.01 * value
-        step = LINEAR_STEPS[self.quantity]
         return step if value + step <= self.high else -step
 
     def stepped(self, value: float) -> str:
@@ -121,191 +81,72 @@ class Knob(NamedTuple):
         return value
 
 
-def knobs_of(document: Document, scene: Scene, surface: Surface) -> tuple[Knob, ...]:
-    """Returns the knobs of a scene, the load first.
+def knobs_of(
+    scenery: Scenery, materials: Mapping[str, str], speeds: tuple[float, float]
+) -> tuple[Knob, ...]:
+    """Returns the knobs of a scenery: load, thicknesses, materials, surface, shear and heating.
 
     **Arguments:**
 
-    - `document`, `scene`: the tables, and their scene.
-    - `surface`: of the scene.
+    - `scenery`: of the scene.
+    - `materials`: their names by their paths in the block.
+    - `speeds`: lowest and highest velocity [m/s].
 
     **Raises:** `ValueError` for a layer of zero thickness.
     """
-    pressure, speed = float(scene.pressure[0]), float(scene.velocity[0])
-    velocity, thicknesses = Target("velocity"), []
-    for i, layer in enumerate(scene.stack.layers, start=1):
-        value, target = float(layer.thickness), Target("number", (f"layers[{i - 1}].thickness",))
-        if value == 0:
-            raise ValueError(f"`layer {i} thickness` = 0 is refused: remove the layer.")
-        key = ("layers", i - 1, "thickness")
-        thicknesses.append(_wide(target, f"layer {i} thickness", "thickness", value, key))
-    return (
-        _wide(Target("pressure"), "pressure", "pressure", pressure, ("load", "pressure")),
-        Knob(velocity, "velocity", "velocity", speed, *document.speeds, ("load", "velocity")),
-        *_temperature(scene),
-        *thicknesses,
-        *_of_materials(document.content, scene.stack),
-        *_roughness(scene, surface),
-        *_parts(scene),
-    )
+    found: dict[str, Knob] = {}
+    for path, number in sorted(arrays(scenery).items(), key=_group):
+        (owner, _, last), key = path.rpartition("."), table_key(scenery, path)
+        part: Any = part_at(scenery, owner) if owner else scenery
+        is_series = isinstance(part, Prony) and last == "equilibrium"
+        if is_series and number == 0:  # a liquid has no relaxed modulus
+            key, number = "glassy", part.glassy
+        quantity, laws = quantity_of(key, type(part).__name__), shifts_in(scenery.stack)
+        usual = None if quantity is None or number.ndim else quantity.usual
+        # The bulk and shear parts of a material do not use their Poisson's ratio.
+        unused = last == "poisson" and owner.endswith((".bulk", ".shear"))
+        if usual is None or unused or (path == "temperature" and not laws):
+            continue
+        value, name = float(number), materials.get(owner.removeprefix("stack."))
+        label = usual.label if name is None else f"{name}: {usual.label}"
+        if last == "thickness":
+            label = f"layer {layer_of(path) + 1} {usual.label}"
+            if value == 0:
+                raise ValueError(f"`{label}` = 0 is refused: remove the layer.")
+        if value == 0 and usual.step is None:
+            continue  # no range
+        low, high = speeds if path == "velocity" else usual.ends(value)
+        if path == "temperature":
+            low, high = _within_laws(low, high, laws)
+        together = (path, f"{owner}.strengths") if is_series else (path,)
+        if label in found:  # a material in several places
+            together = (*found[label].paths, *together)
+        found[label] = Knob(together, label, usual, value, low, high, is_series)
+    return tuple(found.values())
 
 
-def _wide(target: Target, label: str, quantity: str, value: float, key: tuple) -> Knob:
-    factor = ROUGH_FACTOR if quantity.startswith("rms") else WIDE_FACTOR
-    return Knob(target, label, quantity, value, value / factor, value * factor, key)
+def _group(entry: tuple[str, Any]) -> int:
+    """Load and thicknesses come before materials, and these before the rest."""
+    path, _ = entry
+    if "." not in path or path.endswith(".thickness"):
+        return 0
+    return 1 if path.startswith("stack.") else 2
 
 
-def _temperature(scene: Scene) -> Iterator[Knob]:
-    """A temperature, if every material has a law for it and all laws have one reference."""
-    laws = shifts_in(scene.stack)
-    references = {round(float(law.reference), 6) for law in laws}
-    if not laws or (scene.temperature is None and len(references) > 1):
-        return
-    value = references.pop() if scene.temperature is None else float(scene.temperature)
-    try:
-        scene.stack.at(value)
-    except ValueError:  # a material without a law
-        return
-    # Tables of shifts end, and WLF diverges: no slider goes there.
-    low, high = value - COLDER, value + HOTTER
+def _within_laws(low: float, high: float, laws: Sequence[Any]) -> tuple[float, float]:
+    """A range of temperatures without those where a table of shifts ends, and WLF diverges."""
     for law in laws:
         if isinstance(law, TabulatedShift):
             low, high = max(low, float(law.temperatures[0])), min(high, float(law.temperatures[-1]))
         elif isinstance(law, WLF):
             low = max(low, float(law.reference - law.c2) + ABOVE_VOGEL)
-    name = "temperature"
-    yield Knob(Target(name), name, name, value, low, high, ("load", name))
+    return low, high
 
 
-def _of_materials(content: dict[str, Any], stack: Stack) -> Iterator[Knob]:
-    for name, places in _uses(content).items():
-        material, key = part_at(stack, places[0]), ("materials", name)
-        if isinstance(material, Elastic):
-            target = Target("number", tuple(f"{place}.modulus" for place in places))
-            value = float(material.young)
-            yield _wide(target, f"{name}: modulus", "modulus", value, (*key, "modulus"))
-        if isinstance(material, Prony):
-            # A liquid has no relaxed modulus.
-            which = "relaxed" if material.equilibrium > 0 else "glassy"
-            value = float(material.equilibrium if which == "relaxed" else material.glassy)
-            target, label = Target(which, tuple(places)), f"{name}: {which} modulus"
-            yield _wide(target, label, "modulus", value, key)
-        # The bulk and shear parts of a material do not use their Poisson's ratio.
-        used = tuple(f"{p}.poisson" for p in places if not p.endswith((".bulk", ".shear")))
-        if used and not isinstance(material, BulkShear):
-            value, label = float(getattr(material, "poisson")), f"{name}: Poisson's ratio"  # noqa: B009
-            low, target = min(0.0, value), Target("number", used)
-            yield Knob(target, label, "poisson", value, low, 0.5, (*key, "poisson"))
-
-
-def _uses(content: dict[str, Any]) -> dict[str, list[str]]:
-    """The paths in the block of each material, by its name in the tables."""
-    found: dict[str, list[str]] = defaultdict(list)
-
-    def use(name: str, path: str) -> None:
-        found[name].append(path)
-        table = content["materials"][name]
-        if table["kind"] == "bulk_shear":
-            for part in ("bulk", "shear"):
-                use(table[part], f"{path}.{part}")
-
-    for i, layer in enumerate(content.get("layers", [])):
-        if "material" in layer:
-            use(layer["material"], f"layers[{i}].material")
-        else:
-            for side in ("top", "bottom"):
-                use(layer[side], f"layers[{i}].profile.{side}")
-    if "material" in content["base"]:
-        use(content["base"]["material"], "base.material")
-    return found
-
-
-def part_at(tree: Any, path: str) -> Any:
-    """Returns the part of `tree` at a path: a material at "layers[0].material"."""
-    for word in path.replace("[", ".").replace("]", "").split("."):
-        tree = tree[int(word)] if word.isdigit() else getattr(tree, word)
-    return tree
-
-
-def _roughness(scene: Scene, surface: Surface) -> Iterator[Knob]:
-    rough = scene.surface
-    if not isinstance(rough, RandomSurface):
-        value, key = float(statistics(surface).rms_height), ("surface", "rms_height")
-        yield _wide(Target("height"), "rms height", "rms_height", value, key)
-        return
-    which, hurst = rough.spectrum.prescribed, float(rough.spectrum.hurst)
-    label, amplitude = which.replace("_", " "), float(rough.spectrum.amplitude)
-    yield _wide(Target("amplitude"), label, which, amplitude, ("surface", which))
-    low, key = min(0.3, hurst), ("surface", "hurst")
-    yield Knob(Target("hurst"), "Hurst exponent", "hurst", hurst, low, 1.0, key)
-
-
-def _parts(scene: Scene) -> Iterator[Knob]:
-    """Numbers of shear and heating that are not 0; a conductivity of each layer has no knob."""
-    for kind, fields in PARTS.items():
-        for name, (label, quantity) in fields.items():
-            value = np.asarray(getattr(getattr(scene, kind), name, 0.0))
-            if value.ndim == 0 and value > 0:
-                yield _wide(Target(kind, (name,)), label, quantity, float(value), (kind, name))
-
-
-def changed_part(part: Any, kind: str, targets: Sequence[Target], numbers: Any) -> Any:
-    """Returns the law of shear, or the heating, with its knobs at other values [SI]."""
-    pairs = zip(targets, numbers, strict=True)
-    values = {target.paths[0]: number for target, number in pairs if target.kind == kind}
-    return with_values(part, values) if values else part
-
-
-def changed_stack(
-    stack: Stack, targets: Sequence[Target], numbers: Float[Array | np.ndarray, " knobs"]
-) -> Stack:
-    """Returns the block with knobs at other values, which JAX may trace.
-
-    **Arguments:**
-
-    - `stack`: the block of the scene.
-    - `targets`: of its knobs.
-    - `numbers`: values of the knobs [SI], shape `(knobs,)`; load and roughness are ignored.
-    """
-    initial, values = paths(stack), {}
-    for target, number in zip(targets, numbers, strict=True):
-        if target.kind == "number":
-            values |= dict.fromkeys(target.paths, number)
-        elif target.kind in ("relaxed", "glassy"):
-            for path in target.paths:
-                names = (f"{path}.equilibrium", f"{path}.strengths")
-                relaxed, strengths = (initial[name] for name in names)
-                # All moduli scale together, so that the relaxation times keep their meaning.
-                whole = relaxed + (0 if target.kind == "relaxed" else strengths.sum())
-                values |= {name: initial[name] * (number / whole) for name in names}
-    stack = with_values(stack, values) if values else stack
-    # Last, so that the temperature shifts the materials that the other knobs changed.
-    for target, number in zip(targets, numbers, strict=True):
-        stack = stack.at(number) if target.kind == "temperature" else stack
-    return stack
-
-
-def changed_document(
-    document: Document, stack: Stack, knobs: Sequence[Knob], values: Sequence[float]
-) -> Document:
-    """Returns the scene with its knobs at these values [SI], in its tables.
-
-    A series with a changed modulus is written branch by branch.
-    """
-    document = document.copied()
-    # The tables have the block at its own reference; the temperature is in [load].
-    settings = {k.target: v for k, v in zip(knobs, values, strict=True) if k.unit != "K"}
-    block = changed_stack(stack, tuple(settings), np.array(list(settings.values())))
+def turned(scenery: Scenery, knobs: Sequence[Knob], values: Any) -> Scenery:
+    """Returns the scenery with its knobs at other values [SI], which JAX may trace."""
+    numbers, changed = arrays(scenery), {}
     for knob, value in zip(knobs, values, strict=True):
-        if value == knob.value:
-            continue
-        *tables, last = knob.key
-        table: Any = document.content
-        for name in tables:
-            table = table[name]
-        table[last] = value
-        if knob.target.kind == "height":
-            table.pop("rms_slope", None)  # a file takes one of the two
-        elif knob.target.kind in ("relaxed", "glassy"):
-            table[last] = material_table(part_at(block, knob.target.paths[0]))
-    return document
+        for path in knob.paths:
+            changed[path] = numbers[path] * (value / knob.value) if knob.scales else value
+    return with_values(scenery, changed)

@@ -95,7 +95,7 @@ def new_server(
     )  # fmt: skip
     # That a tab is closed while it is written to is nothing to report.
     logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
-    server.io_loop.asyncio_loop.set_exception_handler(_report)
+    server.io_loop.asyncio_loop.set_exception_handler(_log_error)
     server._tornado.transforms.append(Framing)
     foreign = Foreign({address, "localhost", socket.gethostname(), *host_names})
     # Before all other rules, those of WebSockets too.
@@ -103,7 +103,7 @@ def new_server(
     return server
 
 
-def _report(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+def _log_error(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
     """Reports an error that nobody awaits, unless a tab was closed while it was written to."""
     from tornado.websocket import WebSocketClosedError
 

@@ -21,13 +21,13 @@ import param
 from ..contacts.solution import RESULTS
 from ..core.memory import return_freed_memory
 from .document import Document, save_document, with_file
-from .downloads import Shown
+from .downloads import ShownPoint
 from .model import Model
 
 # Seconds to rest before each stage: no derivatives while a slider moves.
 STAGES = {"curves": 0.0, "contact": 0.0, "derivatives": 0.25}
 EXPECTED = (ValueError, OSError, ImportError, MemoryError)  # errors of the package for bad input
-_COMPILER = ThreadPoolExecutor(1, "compiling")
+_COMPILE_THREAD = ThreadPoolExecutor(1, "compiling")
 
 Change = Callable[[Document], Document]
 T = TypeVar("T")
@@ -48,8 +48,8 @@ class Session(param.Parameterized):
 
     model: Any = param.Parameter(doc="The `Model` of the scene; None until it is read.")
     curves: Any = param.Parameter(doc="The last curves.")
-    pinned: Any = param.Parameter(doc="The point to compare with, `Shown`, or None.")
-    shown: Any = param.Parameter(doc="The last point with a contact, `Shown`.")
+    pinned: Any = param.Parameter(doc="The point to compare with, `ShownPoint`, or None.")
+    shown: Any = param.Parameter(doc="The last point with a contact, `ShownPoint`.")
     message = param.String(doc="What the user must know.")
     error = param.Boolean(doc="Whether the message reports an error.")
     status = param.String("reading the scene")
@@ -61,8 +61,6 @@ class Session(param.Parameterized):
         self._changes: list[Change] = [lambda _: document]
         self._newest: Any = None  # the model that is soon shown, and values of its knobs
         self._values: tuple[float, ...] = ()
-        self._curves: Any = None
-        self._point: Any = None
         # `_turn` makes stages of one page follow each other; `_call` tells which is the newest.
         self._call, self._turn, self._ended = 0, asyncio.Lock(), False
         self._seconds: dict[str, float] = {}
@@ -119,11 +117,12 @@ class Session(param.Parameterized):
             while self._changes:
                 await self._read(self._changes.pop(0))
         model, values = self._newest, self._values  # a later change makes another call
+        found: list[Any] = []  # of the stages, in their order
         for stage, rest in STAGES.items():
             await asyncio.sleep(rest)
             async with self._turn:  # the call may have waited here while a newer one came
                 stale = self._ended or call != self._call or model is None
-                if stale or not await self._compute(call, stage, model, values):
+                if stale or not await self._compute(call, stage, model, values, found):
                     return
         await asyncio.to_thread(return_freed_memory)
 
@@ -133,7 +132,7 @@ class Session(param.Parameterized):
         old, values = self._newest, self._values
         build = lambda: Model(change(old and old.changed(values)))  # noqa: E731
         try:
-            model = await self._in_thread(_COMPILER, build)
+            model = await self._in_thread(_COMPILE_THREAD, build)
         except _Closed:
             return
         except Exception as error:
@@ -142,15 +141,17 @@ class Session(param.Parameterized):
         self._newest, self._values, self._seconds = model, model.values, {}
         self.show(model=model, message="")  # an earlier change may have failed meanwhile
 
-    async def _compute(self, call: int, stage: str, model: Any, values: tuple[float, ...]) -> bool:
-        """Computes one stage and shows it; returns whether that succeeded."""
+    async def _compute(
+        self, call: int, stage: str, model: Any, values: tuple[float, ...], found: list[Any]
+    ) -> bool:
+        """Computes one stage, adds it to `found` and shows it; returns whether that succeeded."""
         first = stage not in self._seconds
         if first:
             self.show(status=f"compiling: {stage}", busy=True)
         started = time.perf_counter()
         compute = partial(getattr(model, stage), values)
         try:
-            found = await self._in_thread(_COMPILER if first else None, compute)
+            found.append(await self._in_thread(_COMPILE_THREAD if first else None, compute))
         except _Closed:
             return False
         except Exception as error:
@@ -159,16 +160,12 @@ class Session(param.Parameterized):
             return False
         self._seconds[stage] = time.perf_counter() - started
         if stage == "curves":
-            self._curves = found
-            self.show(curves=found)
+            self.show(curves=found[0])
             return True
-        if stage == "contact":
-            self._point = Shown(model, values, self._curves, found)
-        else:
-            self._point = self._point._replace(derivatives=found)
-        self.show(shown=self._point, **self._timing())
-        if stage == "contact" and found.sliding.result != RESULTS.successful:
-            self.show_message(RESULTS[found.sliding.result])
+        self.show(shown=ShownPoint(model, values, *found), **self._timing())
+        result = found[1].result
+        if stage == "contact" and result != RESULTS.successful:
+            self.show_message(RESULTS[result])
         return True
 
     async def _in_thread(self, threads: ThreadPoolExecutor | None, work: Callable[[], T]) -> T:

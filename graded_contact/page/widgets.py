@@ -10,7 +10,7 @@ from ..plot.words import ZERO_CELSIUS
 from .knobs import Knob
 
 POSITIONS = 400  # of a slider
-DIGITS = 4  # of a number from a slider: the page shows the number that it uses
+SLIDER_DIGITS = 4  # of a number from a slider: the page shows the number that it uses
 
 SLIDER = """
 .knob {display: grid; grid-template-columns: 1fr 76px; gap: 0 8px; align-items: center;
@@ -88,7 +88,7 @@ export function render({model}) {
         names = ("label", "unit", "low", "high", "logarithmic", "factor")
         about: dict[str, Any] = {name: getattr(knob, name) for name in names}
         about["zero"] = ZERO_CELSIUS if knob.unit == "K" else 0
-        about |= {"steps": POSITIONS, "digits": DIGITS}
+        about |= {"steps": POSITIONS, "digits": SLIDER_DIGITS}
         super().__init__(value=value, about=about, sizing_mode="stretch_width", margin=(1, 8))
         self._knob = knob
 

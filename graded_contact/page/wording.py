@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 # The fields of the page, by the arguments for which messages ask.
-FIELDS = {
+FIELD_WORDS = {
     "unit": "unit of its heights", "size": "edge length", "periodic": "its edges", "name": "name",
 }  # fmt: skip
 
@@ -30,9 +30,9 @@ def for_page(text: str, function: Callable[..., Any]) -> str:
 
     def in_words(found: re.Match) -> str:
         verb, name, value = found.groups()
-        if name in FIELDS:
+        if name in FIELD_WORDS:
             given = f" {value}" if value else ""
-            return f"{'fill in ' if verb else ''}“{FIELDS[name]}”{given}"
+            return f"{'fill in ' if verb else ''}“{FIELD_WORDS[name]}”{given}"
         if name in arguments and name not in (*lacking, "path"):
             lacking.append(name)
         return found[0]

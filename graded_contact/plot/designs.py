@@ -7,14 +7,14 @@ from jaxtyping import Float
 
 from ..blocks.stack import materials_of
 from ..core.escaping import in_figure
+from ..designs.objectives import loss_tangent
+from ..designs.problem import design_mean_field
+from ..designs.results import DesignResults
+from ..designs.table import DesignScene
 from ..materials.table import Tabulated
 from ..mean_field.angles import LAST_COSINE
 from ..mean_field.mean_field import MeanField
-from ..scenes.design_quantities import design_mean_field
-from ..scenes.design_scene import DesignScene
-from ..scenes.run_design import DesignResults
-from ..studies.design_problem import named
-from ..studies.objectives import loss_tangent
+from ..studies.evaluations import numbers_in
 from ..studies.search import Design
 from .style import COLOURS, PAGE, few_powers_of_ten, finished, new_figure
 from .words import title_of
@@ -43,7 +43,7 @@ def plot_design(results: DesignResults) -> "Figure":
     if before is None:
         cell, spacing = np.max(study.grid.size), np.min(study.grid.spacing)
         waves = 2 * np.pi / np.array([cell, 2 * spacing])
-    ends = [np.min(waves), np.max(waves), *(study.band or ())]
+    ends = [np.min(waves), np.max(waves), *(study.objective.band or ())]
     q = np.geomspace(min(ends), max(ends), 200)
     speed = float(np.exp(np.mean(np.log(scene.velocity))))
     figure = new_figure(PAGE, 2.9)
@@ -66,8 +66,8 @@ def plot_design(results: DesignResults) -> "Figure":
         if len(solved):
             spread = solved.std(0, ddof=1) if len(solved) > 1 else None
             friction.errorbar(scene.velocity, solved.mean(0), spread, fmt="o", capsize=2, **style)
-    if study.band is not None:
-        loss.axvspan(*study.band, color="0.93", zorder=0, label="band of the design")
+    if study.objective.band:
+        loss.axvspan(*study.objective.band, color="0.93", zorder=0, label="band of the design")
     friction.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel="friction coefficient")
     loss.set(
         xscale="log", xlabel="wavenumber $q$ [rad/m]", ylabel=f"loss tangent at {speed:.3g} m/s"
@@ -104,7 +104,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
     from matplotlib.ticker import MaxNLocator
 
     best = design.best
-    history, names = best.history, named(design.parameters)[0]
+    history, names = best.history, numbers_in(design.parameters)[0]
     figure = new_figure(PAGE, 2.9)
     constrained = history.margins.size > 0
     value, *limits, parameters = figure.subplots(1, 3 if constrained else 2)

@@ -16,19 +16,20 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from ..core.files import UNPACKED_BOOK, Refusal, check_archive, may_unpack
-from .registry import File, Options, extra
+from .decisions import Options
+from .registry import File, extra
 
-LARGEST = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
+TABLE_BYTES = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
 MOST_CELLS = 5_000_000  # of a sheet of moduli; lines of any text
 MOST_ROWS = 2**20  # of a sheet, as in Excel
-LONGEST = 100_000  # characters of a line of moduli
+LONGEST_LINE = 100_000  # characters of a line of moduli
 LONGEST_NUMBER = 400  # characters: 1e308 with all digits has 309
 LONGEST_WORDS = 200  # characters of other cells that are kept
 LONGEST_TEXT = 1000  # characters of a row that are looked at for titles
 
 # By the decimal mark: numbers, and those with marks between thousands. Where a pattern may match in
 # one way only, a cell that it does not match costs no more than its length.
-_PLAIN = {
+_PLAIN_NUMBER = {
     mark: re.compile(rf"[-+−]?(\d+([{mark}]\d*)?|[{mark}]\d+)([eEdD][-+]?\d+)?") for mark in ".,"
 }
 _GROUPED = {
@@ -36,7 +37,7 @@ _GROUPED = {
     for mark, other in (".,", ",.")
 }
 _INFINITE = {"inf", "infinity", "infty", "∞"}
-_MISSING = {
+_MISSING_CELLS = {
     "", "-", "--", "---", "n/a", "n.a.", "na", "#n/a", "#nv", "nan", "-nan", "+nan", "null", "none",
     "#num!", "#div/0!", "#value!", "#ref!",
     *(sign + word for sign in ("", "+", "-") for word in _INFINITE),
@@ -47,15 +48,21 @@ _SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", None: "spaces"}
 
 
 class Row(NamedTuple):
-    """One line of a file: its number, counted from 1, its cells, and whether it is a comment."""
+    """One line of a file: its number, counted from 1, its cells, and whether it is a comment.
+
+    In a table, `segment` counts the lines of names above it from 0, `step` the steps of a test
+    from 1.
+    """
 
     line: int
     cells: list[str]
     comment: bool = False
+    segment: int = 0
+    step: int = 0
 
     @property
     def num_numbers(self) -> int:
-        return sum(map(is_number, self.cells))
+        return sum(map(holds_number, self.cells))
 
     @property
     def text(self) -> str:
@@ -69,24 +76,19 @@ class Sheet(NamedTuple):
     - `name`: of the sheet; empty for a text file.
     - `layout`: its encoding, separator and decimal mark, in words.
     - `spaced`: whether spaces separate its cells, so that no cell can be empty.
+    - `fixed`: what its format says of its moduli.
     """
 
     name: str
     rows: list[Row]
     layout: str
     spaced: bool = False
+    fixed: Options = Options()
 
     def numbers_only(self, width: int) -> "Sheet":
         """Returns the first cells of the rows of numbers."""
         rows = [row._replace(cells=row.cells[:width]) for row in self.rows if holds_data(row)]
         return self._replace(rows=rows)
-
-
-class Tables(NamedTuple):
-    """Rows of cells with lines of names, on sheets, and what their format fixes."""
-
-    sheets: list[Sheet]
-    fixed: Options = Options()
 
 
 class TextLayout(NamedTuple):
@@ -110,7 +112,7 @@ class TextLayout(NamedTuple):
         return [cell.strip() for cell in next(rows, [])]
 
 
-def is_number(cell: str) -> bool:
+def holds_number(cell: str) -> bool:
     try:
         return len(cell) <= LONGEST_NUMBER and "_" not in cell and math.isfinite(float(cell))
     except ValueError:
@@ -119,7 +121,7 @@ def is_number(cell: str) -> bool:
 
 def is_missing(cell: str) -> bool:
     """Whether a cell is empty or marks a missing value."""
-    return len(cell) <= LONGEST_NUMBER and cell.lower() in _MISSING
+    return len(cell) <= LONGEST_NUMBER and cell.lower() in _MISSING_CELLS
 
 
 def _is_written(cell: str, fullmatch: Callable[[str], Any]) -> bool:
@@ -179,7 +181,7 @@ def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, i
     """
     total, plain = 0, 0
     for cells in table:
-        plains = sum(_is_written(cell, _PLAIN[decimal].fullmatch) for cell in cells)
+        plains = sum(_is_written(cell, _PLAIN_NUMBER[decimal].fullmatch) for cell in cells)
         numbers = plains + sum(_is_written(cell, _GROUPED[decimal].fullmatch) for cell in cells)
         words = len(cells) - numbers - sum(map(is_missing, cells))
         if numbers >= least and 2 * numbers > words:  # not a sentence with numbers in it
@@ -193,11 +195,11 @@ def _shortened(cell: str) -> str:
     return cell if len(cell) <= LONGEST_WORDS else cell[:LONGEST_WORDS] + "…"
 
 
-def _with_point(cell: str, decimal: str) -> str:
+def _pointed(cell: str, decimal: str) -> str:
     """A number with a decimal point and nothing between thousands; of other cells the start."""
     if _is_written(cell, _GROUPED[decimal].fullmatch):
         cell = re.sub(rf"[^-+−\d{decimal}]", "", cell)
-    elif not _is_written(cell, _PLAIN[decimal].fullmatch):
+    elif not _is_written(cell, _PLAIN_NUMBER[decimal].fullmatch):
         return _shortened(cell)
     return cell.replace("−", "-").replace(",", ".").replace("d", "e").replace("D", "e")
 
@@ -209,9 +211,9 @@ def text_sheet(
 
     def cells(line: str) -> list[str]:
         found = layout.split(line)
-        if layout.decimal == "." and all(map(is_number, found)):  # as most lines
+        if layout.decimal == "." and all(map(holds_number, found)):  # as most lines
             return found
-        return [_with_point(cell, layout.decimal) for cell in found]
+        return [_pointed(cell, layout.decimal) for cell in found]
 
     rows, count = [], 0
     for number, line in enumerate(lines, start=1):
@@ -249,11 +251,11 @@ def sheets_of(file: File) -> list[Sheet]:
     if read := workbooks.get(file.content[:4]):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions, not of cells
-            return [_sheet(*each) for each in read(file)]
+            return [_book_sheet(*each) for each in read(file)]
     if file.decoded is None:
         raise Refusal("it is neither a table of text nor an Excel workbook")
     text, encoding = file.decoded
-    lines = lines_of(text, LONGEST)
+    lines = lines_of(text, LONGEST_LINE)
     sheet = text_sheet(lines, text_layout(lines, 2), encoding)
     # Numbers may be commented out.
     rows = [row for row in sheet.rows if any(row.cells) and not (row.comment and holds_data(row))]
@@ -281,7 +283,7 @@ def _xlsx(file: File) -> Iterator[tuple[str, Iterable]]:
             yield sheet.title, sheet.values
 
 
-def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
+def _book_sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     rows: list[tuple[int, list[Any]]] = []
     width = 0
     for line, values in enumerate(table, start=1):
@@ -294,13 +296,13 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
             raise Refusal(f"its sheet {name!r} has more than {limit}")
     # Numbers may be cells of text: these decide about the decimal mark.
     texts = [cell.strip() for _, row in rows for cell in row if isinstance(cell, str)]
-    marked = (*_PLAIN.values(), *_GROUPED.values())
+    marked = (*_PLAIN_NUMBER.values(), *_GROUPED.values())
     texts = [
         text for text in texts if any(_is_written(text, number.fullmatch) for number in marked)
     ]
     decimal = max(".,", key=lambda mark: _score([texts], mark, 2))
     padded = []
     for line, row in rows:
-        cells = [_with_point(str(cell).replace("\ufeff", "").strip(), decimal) for cell in row]
+        cells = [_pointed(str(cell).replace("\ufeff", "").strip(), decimal) for cell in row]
         padded.append(Row(line, cells + [""] * (width - len(row))))
     return Sheet(name, padded, f"sheet {name!r} of a workbook")

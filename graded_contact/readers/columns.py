@@ -2,83 +2,26 @@
 
 import operator
 import re
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..core.display import short
-from .decisions import Log, settled
+from .decisions import Log, Options, settled
 from .other_tables import check_others
-from .registry import Options
-from .tables import Column, Table, value_above
+from .tables import DataColumn, DataTable, credible, value_above
 from .units import DIMENSIONS, PER_SECOND, UNITS, Heading
+from .ways import ALL_WAYS, AT_LOAD, Way, way_of, ways_of_kind
 
-
-class Way(NamedTuple):
-    """A way to measure: its kind, quantities beside the abscissa, and the value at each point.
-
-    `value` takes the numbers of the quantities in SI units, and behind them the constant load.
-    """
-
-    kind: str
-    quantities: str
-    value: Callable[..., Any]
-
-    @property
-    def names(self) -> list[str]:
-        """The abscissa and the other quantities."""
-        abscissa = "time" if self.kind in ("relaxation", "creep") else self.kind
-        return [abscissa, *self.quantities.split()]
-
-
-# The most direct ones first; in the order of the first of a kind the columns of a file without
-# names are read.
-WAYS = (
-    Way("frequency", "storage loss", lambda storage, loss: storage + 1j * loss),
-    Way("frequency", "storage tan_delta", lambda storage, tan: storage * (1 + 1j * tan)),
-    Way("frequency", "storage phase", lambda storage, phase: storage * (1 + 1j * np.tan(phase))),
-    Way("frequency", "magnitude tan_delta", lambda size, tan: size * np.exp(1j * np.arctan(tan))),
-    Way("frequency", "magnitude phase", lambda size, phase: size * np.exp(1j * phase)),
-    Way("frequency", "loss tan_delta", lambda loss, tan: loss * (1 / tan + 1j)),
-    Way("frequency", "loss phase", lambda loss, phase: loss * (1 / np.tan(phase) + 1j)),
-    *(
-        Way("frequency", quantities, value)  # E* = 1/D*, with D* = D' - iD''
-        for quantities, value in {
-            "storage_compliance loss_compliance": lambda real, loss: 1 / (real - 1j * loss),
-            "storage_compliance tan_delta": lambda real, tan: 1 / (real * (1 - 1j * tan)),
-            "storage_compliance phase": lambda real, delta: 1 / (real * (1 - 1j * np.tan(delta))),
-            "compliance_magnitude tan_delta": lambda size, tan: np.exp(1j * np.arctan(tan)) / size,
-            "compliance_magnitude phase": lambda size, delta: np.exp(1j * delta) / size,
-            "loss_compliance tan_delta": lambda loss, tan: 1 / (loss * (1 / tan - 1j)),
-            "loss_compliance phase": lambda loss, delta: 1 / (loss * (1 / np.tan(delta) - 1j)),
-        }.items()
-    ),
-    Way("relaxation", "modulus", lambda modulus: modulus),
-    Way("creep", "compliance", lambda compliance: compliance),
-    Way("relaxation", "stress strain", lambda stress, strain: stress / strain),
-    Way("creep", "strain stress", lambda strain, stress: strain / stress),
-    Way("relaxation", "stress", lambda stress, strain: stress / strain),
-    Way("creep", "strain", lambda strain, stress: strain / stress),
-)  # fmt: skip
-_PARTS = ("storage loss", "storage_compliance loss_compliance")  # whose ratio is tan delta
-# What a modulus or a compliance beside a loss tangent may be.
-_EITHER = {
-    "modulus": "'storage' or 'magnitude'",
-    "compliance": "'storage_compliance' or 'compliance_magnitude'",
-}
-AT_LOAD = WAYS[-2:]  # if the constant load is known
-SWEEPS = tuple(way._replace(kind="strain") for way in WAYS if way.kind == "frequency")
+_WITH_TANGENT = ("storage loss", "storage_compliance loss_compliance")  # whose ratio is tan delta
 # In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
 _STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formation|dehnung)")
 _NO_AMPLITUDE = re.compile(r"(?i)\bcmd\b|command|ratio|constant")  # as TRIOS has beside the strain
 ALIKE = 0.02  # columns whose values differ by less are the same
-CONSTANT = 0.05  # what a test holds constant varies by less
-_TURNS = 3  # changes of sign that make a signal of a column; noise about 0 of both is none
-SAME = 1e-3  # relative, between frequencies that are meant to be equal
+SAME_FREQUENCY = 1e-3  # relative, between frequencies that are meant to be equal
 
 
-_ASSUMED = "assumed by its name; if it is not, pass `units={'frequency': 'rad/s'}`"
+_HZ_ASSUMED = "assumed by its name; if it is not, pass `units={'frequency': 'rad/s'}`"
 
 
 class Unclear(ValueError):
@@ -88,23 +31,34 @@ class Unclear(ValueError):
 class MeasuredTable(NamedTuple):
     """A table whose columns are understood.
 
-    - `way`: of `WAYS` or `SWEEPS`.
+    - `way`: of `ALL_WAYS` or `SWEEPS`.
     - `columns`: those needed, by quantity.
     - `check`: the column of tan delta, if the moduli do without it.
     - `load`: the constant stress of a creep test [Pa], or strain of a relaxation test [1], if no
       column holds it.
-    - `table`: its rows.
+    - `table`: the names, and the lines above.
+    - `points`: a frame with the line, curve, step, cells and, if the row does not fit the columns,
+      number of cells of each point; and in SI units its numbers, by quantity and as "check".
     - `unused`: names of the other columns.
-    - `log`: what was understood, assumed and left out; the reading adds to it.
+    - `options`: of the user, completed by the format.
     """
 
     way: Way
-    columns: dict[str, Column]
-    check: Column | None
+    columns: dict[str, DataColumn]
+    check: DataColumn | None
     load: float | None
-    table: Table
+    table: DataTable
+    points: Any
     unused: list[str]
-    log: Log
+    options: Options
+
+    @property
+    def log(self) -> Log:
+        return self.table.log
+
+    @property
+    def num_rows(self) -> int:
+        return len(self.points) // self.table.blocks
 
     @property
     def kind(self) -> str:
@@ -116,63 +70,86 @@ class MeasuredTable(NamedTuple):
         return self.way.names[0]
 
 
-def measured_table(table: Table, options: Options) -> MeasuredTable:
+def measured_table(table: DataTable, options: Options) -> MeasuredTable:
     """Returns which column of a table is which quantity.
 
     Raises `ValueError` that names the line, and all arguments that would help.
     """
-    entries = [table.misfit(row) for row in table.rows]
-    if all(entries):
-        first = f"line {table.rows[0].line} has {entries[0]} entries"
+    if all(map(table.misfit, table.rows)):
+        first = f"line {table.rows[0].line} has {table.misfit(table.rows[0])} entries"
         raise ValueError(f"{first}, unlike {table.place} with {table.listed()}")
     stated = {heading.quantity for heading in table.headings}
-    if not any(set(way.names) <= stated for way in WAYS):
+    if not any(set(way.names) <= stated for way in ALL_WAYS):
         check_others(table, options.columns.values())
-    log = Log()
     width, numbers = len(table.names), [n for n in options.columns.values() if isinstance(n, int)]
     if table.blocks > 1 and max(numbers, default=0) > width:  # one of the curves side by side
         names, units = table.names * table.blocks, table.units * table.blocks
         table = table._replace(names=names, units=units, blocks=1)
-    places = _places(table, options)
+    places = _candidates(table, options)
     if options.temperature is not None:
         places.pop("temperature", None)
-    titles = [row for segment in table.segments for row in segment.titles]
-    stress = None if options.kind == "relaxation" else value_above(titles, "stress")
+    above = [row for segment in {row.segment for row in table.rows} for row in table.above[segment]]
+    stress = None if options.kind == "relaxation" else value_above(above, "stress")
     load = stress if options.load is None else options.load
-    way = _way(table, places, load is not None, options)
+    way = way_of(table, places, load is not None, options)
     beside = {"frequency" if way.kind == "strain" else "temperature"} & set(places)
     needed = {name: places[name] for name in (*way.names, *beside)}
-    found = {name: _distinct(table, name, needed[name], options, log) for name in needed}
+    if len(times := needed.get("time", ())) > 1:
+        needed["time"] = [i for i in times if table.headings[i].step] or times
+    found = {name: _unrepeated(table, name, needed[name], options) for name in needed}
     columns = {name: each[0] for name, each in found.items() if each[0] is not None}
     lacking = []
     several = {name: needed[name] for name, each in found.items() if len(each) > 1}
     for name, where in several.items():
         lacking.append(f"{' and '.join(map(table.label, where))} may be the {name}")
     if several:
-        lacking.append(_choice(table, several))
+        lacking.append(_how_to_choose(table, several))
     lacking += [
-        _without_unit(table, name, needed[name][0]) for name in needed if name not in columns
+        _unit_needed(table, name, needed[name][0]) for name in needed if name not in columns
     ]
     used = {column.place for column in columns.values()}
     others = [name for i, name in enumerate(table.names) if name and i not in used]
     if lacking:
-        abscissa = Column(way.names[0], needed[way.names[0]][0])
-        swept = len(np.unique(abscissa.known(table.rows))) > 1
+        abscissa = DataColumn(way.names[0], needed[way.names[0]][0])
+        swept = len(np.unique(credible(abscissa.numbers(table.rows)))) > 1
         raise (Unclear if swept else ValueError)(f"{table.place}: {'; '.join(lacking)}")
     _check_reciprocal(columns, options)
-    tangents = places.get("tan_delta", []) if way.quantities in _PARTS else []
+    for name, column in columns.items():
+        (table.log.assume if column.source == _HZ_ASSUMED else table.log.note)(column.sentence)
+        if len(needed[name]) > len(found[name]):
+            alike = " and ".join(map(table.label, needed[name]))
+            table.log.note(f"{alike} are the same; the first is used.")
+    tangents = places.get("tan_delta", []) if way.quantities in _WITH_TANGENT else []
     check = _column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None
+    points = _points_frame(table, columns | ({"check": check} if check else {}))
     load = load if way in AT_LOAD else None
-    understood = Log()
-    for column in columns.values():
-        add = understood.assume if column.source == _ASSUMED else understood.note
-        add(column.sentence)
-    understood.assume(*table.assumed)
-    understood.note(*log.history)
-    return MeasuredTable(way, columns, check, load, table, others, understood)
+    return MeasuredTable(way, columns, check, load, table, points, others, options)
 
 
-def _without_unit(table: Table, name: str, place: int) -> str:
+def _points_frame(table: DataTable, columns: dict[str, DataColumn]) -> Any:
+    """The frame of `MeasuredTable`: a point for each row of each block."""
+    import pandas as pd
+
+    width, blocks = len(table.names), range(table.blocks)
+    pairs = [(row, block) for row in table.rows for block in blocks]
+    entries = {row.line: table.misfit(row) for row in table.rows}
+    cells = [
+        (row.cells[block * width : (block + 1) * width] + [""] * width)[:width]
+        for row, block in pairs
+    ]
+    points: dict[str, Any] = {
+        "line": [row.line for row, _ in pairs],
+        "curve": [row.segment * len(blocks) + block for row, block in pairs],
+        "step": [row.step for row, _ in pairs],
+        "entries": [entries[row.line] for row, _ in pairs],
+        "cells": cells,
+    }
+    for name, column in columns.items():
+        points[name] = column.si(each[column.place] for each in cells)
+    return pd.DataFrame(points)
+
+
+def _unit_needed(table: DataTable, name: str, place: int) -> str:
     """How to give the unit of a column, or why the column is not what it was taken for."""
     dimension, unit = _dimension(table, name, place), table.unit(place) or table.units[place]
     start = f"{table.label(place)}, the {name}, has {unit!r} as unit"
@@ -182,7 +159,7 @@ def _without_unit(table: Table, name: str, place: int) -> str:
     return f"{start}; pass for instance `units={ {dimension: first} }`; others are {rest}"
 
 
-def _dimension(table: Table, quantity: str, place: int) -> str:
+def _dimension(table: DataTable, quantity: str, place: int) -> str:
     """The dimension of the numbers in a column."""
     return "time" if table.headings[place].period else DIMENSIONS[quantity]
 
@@ -192,7 +169,7 @@ def _of_another_kind(unit: str | None, dimension: str) -> bool:
     return unit not in UNITS[dimension] and any(unit in units for units in UNITS.values())
 
 
-def _check_reciprocal(columns: dict[str, Column], options: Options) -> None:
+def _check_reciprocal(columns: dict[str, DataColumn], options: Options) -> None:
     """Refuses units of a modulus for compliances, and of a compliance for moduli."""
     for given, other in (("modulus", "compliance"), ("compliance", "modulus")):
         used = {column.dimension: column for column in columns.values()}
@@ -202,7 +179,7 @@ def _check_reciprocal(columns: dict[str, Column], options: Options) -> None:
                     alike=lambda stated, unit: False)  # fmt: skip
 
 
-def _choice(table: Table, several: dict[str, list[int]]) -> str:
+def _how_to_choose(table: DataTable, several: dict[str, list[int]]) -> str:
     """How to choose between columns that may be the same quantity."""
     first = {name: where[0] + 1 for name, where in several.items()}
     kinds = {table.headings[place].deformation for where in several.values() for place in where}
@@ -212,7 +189,7 @@ def _choice(table: Table, several: dict[str, list[int]]) -> str:
     return f"choose, for instance by `columns={first}`{by}{curves}"
 
 
-def _places(table: Table, options: Options) -> dict[str, list[int]]:
+def _candidates(table: DataTable, options: Options) -> dict[str, list[int]]:
     """The columns that may be each quantity, by the options or by the headings."""
     places: dict[str, list[int]] = {}
     for i, heading in enumerate(table.headings):
@@ -227,7 +204,7 @@ def _places(table: Table, options: Options) -> dict[str, list[int]]:
         measured = [i for i in named if not _NO_AMPLITUDE.search(table.names[i])]
         places |= {"strain": measured or named} if named else {}
     if not places and not options.columns and options.kind is not None:
-        names = _ways(options.kind)[0].names
+        names = ways_of_kind(options.kind)[0].names
         if len(table.names) == len(names):
             places = {quantity: [i] for i, quantity in enumerate(names)}
     for quantity, name in options.columns.items():
@@ -242,7 +219,7 @@ def _places(table: Table, options: Options) -> dict[str, list[int]]:
     return places
 
 
-def _stated_role(table: Table, place: int) -> str | None:
+def _stated_role(table: DataTable, place: int) -> str | None:
     """The quantity that a name states; a letter alone does not: T may be a torque."""
     name, quantity = table.names[place], table.headings[place].quantity
     return quantity if len(re.split(r"[\s\[(/,]", name.strip())[0]) > 1 else None
@@ -253,73 +230,8 @@ def _alike(stated: str, given: str) -> bool:
     return UNITS[DIMENSIONS[stated]] == UNITS[DIMENSIONS[given]]
 
 
-def _ways(kind: str | None) -> list[Way]:
-    return [way for way in (*WAYS, *SWEEPS) if way.kind == kind or (kind is None and way in WAYS)]
-
-
-def _way(table: Table, places: dict, loaded: bool, options: Options) -> Way:
-    """The kind of measurement and the quantities to take it from."""
-    ways = _ways(options.kind)
-    possible = [way for way in ways if loaded or way not in AT_LOAD]
-    possible = [way for way in possible if set(way.names) <= set(places)]
-    sized = any(DIMENSIONS[name] in ("modulus", "compliance") for name in places)
-    tangent = {"tan_delta", "phase"} & set(places)
-    if tangent and not sized:
-        remedy = "export E' or |E*| (G' or a compliance) with it, or name its column by `columns`"
-        raise ValueError(f"{table.place}: the loss tangent alone has no modulus: {remedy}")
-    for name, roles in _EITHER.items():
-        if tangent and not possible and name in places:
-            which = f"{table.place}: {table.label(places[name][0])} may be the storage part or the"
-            raise ValueError(f"{which} size of the {name}: name it by `columns`, {roles}")
-    if not possible:
-        shortest = {way.kind: ", ".join(way.names) for way in reversed(ways)}
-        known = f" (understood: {', '.join(sorted(places))})" if places else ""
-        order = "" if places or options.kind else ", or pass `kind` if they are in this order"
-        there = f"{table.place}: there are" if any(table.names) else "it has"
-        raise ValueError(
-            f"{there} {table.listed()}{known}. Name them with `columns`: "
-            f"{'; or '.join(reversed(shortest.values()))}{order}"
-        )
-    if possible[0].kind != "frequency" and {"stress", "strain"} <= set(places):
-        _check_signal(table, places)
-    if [way.kind for way in possible[:2]] != ["relaxation", "creep"]:
-        return possible[0]
-    if possible[0].quantities == "modulus":
-        if possible[1].quantities == "compliance":
-            raise ValueError(f"{table.place}: it has a modulus and a compliance; pass `kind`")
-        return possible[0]
-    # Creep is at constant stress, relaxation at constant strain.
-    constant = []
-    for way, quantity in zip(possible, ("strain", "stress"), strict=False):
-        values = _numbers(table, quantity, places)
-        values = values[values > 0.5 * np.nanmax(values, initial=0)]
-        if len(values) and np.mean(np.abs(values / np.median(values) - 1) < CONSTANT) > 0.9:
-            constant.append(way)
-    if len(constant) != 1:
-        which = "both of stress and strain are" if constant else "neither of stress and strain is"
-        raise ValueError(f"{table.place}: {which} constant; pass `kind`, 'relaxation' or 'creep'")
-    return constant[0]
-
-
-def _numbers(table: Table, quantity: str, places: dict) -> np.ndarray:
-    """The numbers of a quantity, in any unit."""
-    place = places[quantity][0]
-    return Column(quantity, place, base=table.headings[place].base).numbers(table.rows)
-
-
-def _check_signal(table: Table, places: dict) -> None:
-    """Refuses stress and strain that oscillate in time: the signal of a dynamic test."""
-    signs = [np.sign(_numbers(table, quantity, places)) for quantity in ("stress", "strain")]
-    signs = [each[np.abs(each) == 1] for each in signs]
-    if all(np.sum(np.diff(each) != 0) >= _TURNS for each in signs):
-        what = "stress and strain change their signs again and again: it is the signal of a dynamic"
-        raise ValueError(f"{table.place}: {what} test; export its moduli E' and E'' or G' and G''")
-
-
-def _distinct(table: Table, quantity: str, places, options: Options, log: Log) -> list:
+def _unrepeated(table: DataTable, quantity: str, places: list[int], options: Options) -> list:
     """The columns of a quantity, without those that repeat the first one."""
-    if quantity == "time" and len(places) > 1:
-        places = [i for i in places if table.headings[i].step] or places
     columns = [_column(table, quantity, place, options) for place in places]
     known = [column for column in columns if column]
     if len(known) < max(2, len(columns)) or len({column.deformation for column in known}) > 1:
@@ -329,11 +241,10 @@ def _distinct(table: Table, quantity: str, places, options: Options, log: Log) -
         both = np.isfinite(first) & np.isfinite(other) & (first != 0)
         if not np.any(both) or np.max(np.abs(other[both] / first[both] - 1)) > ALIKE:
             return columns
-    log.note(f"{' and '.join(map(table.label, places))} are the same; the first is used.")
     return columns[:1]
 
 
-def _column(table: Table, quantity: str, place: int, options: Options) -> Column | None:
+def _column(table: DataTable, quantity: str, place: int, options: Options) -> DataColumn | None:
     """The column of a quantity; None if its unit is not known."""
     heading, label = table.headings[place], table.label(place)
     dimension = _dimension(table, quantity, place)
@@ -351,7 +262,9 @@ def _column(table: Table, quantity: str, place: int, options: Options) -> Column
         label, heading.deformation, options.deformation,
         option=f"`deformation={options.deformation!r}`", alike=operator.eq,
     )  # fmt: skip
-    return Column(quantity, place, label, unit, source, deformation, heading.base, heading.period)
+    return DataColumn(
+        quantity, place, label, unit, source, deformation, heading.base, heading.period
+    )
 
 
 def _unit_in_file(
@@ -364,5 +277,5 @@ def _unit_in_file(
         return "1", "as usual"
     # A cell below the name that is no unit, such as "mPa", may still be meant as one.
     if dimension == "frequency" and unit in ("", None, PER_SECOND) and heading.quantity == quantity:
-        return ("rad/s", "by its name") if heading.angular else ("Hz", _ASSUMED)
+        return ("rad/s", "by its name") if heading.angular else ("Hz", _HZ_ASSUMED)
     return None, ""

@@ -11,6 +11,8 @@ Each decision is a sentence. What is assumed and changes a number is a caveat of
 """
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 from ..core.files import Refusal
 
@@ -28,6 +30,10 @@ class Log:
     history: list[str] = dataclasses.field(default_factory=list)
     assumed: list[str] = dataclasses.field(default_factory=list)
 
+    def begin(self, sentence: str) -> None:
+        """Puts what is read before all that was decided of it."""
+        self.history.insert(0, sentence)
+
     def note(self, *sentences: str) -> None:
         """Adds what the file states, the user gave, or the reading did."""
         self.history.extend(sentences)
@@ -36,6 +42,45 @@ class Log:
         """Adds what is assumed and changes a number; each sentence ends with the remedy."""
         self.history.extend(sentences)
         self.assumed.extend(sentences)
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """What the user says of moduli, or what a format fixes; empty where the file decides.
+
+    - `kind`: "frequency", "relaxation", "creep" or "strain".
+    - `columns`: name, or number counted from 1, of the column of a quantity.
+    - `units`: unit of a dimension.
+    - `deformation`: "tension" or "shear".
+    - `poisson`: Poisson's ratio.
+    - `temperature`: [K], so that a column of it is not needed.
+    - `sheet`: of a workbook; the material of a deck or of a scene.
+    - `step`: numbers, or parts of titles, of the steps to read.
+    - `load`: the constant stress of a creep test [Pa], the strain of a relaxation test [1].
+    - `glassy`, `equilibrium`: instantaneous and long-time modulus of a Prony series [Pa].
+    - `source`: where the units come from, in words.
+    """
+
+    kind: str | None = None
+    columns: Mapping[str, str | int] = dataclasses.field(default_factory=dict)
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    deformation: str | None = None
+    poisson: float | None = None
+    temperature: Any = None
+    sheet: str | None = None
+    step: tuple[str | int, ...] = ()
+    load: float | None = None
+    glassy: float | None = None
+    equilibrium: float | None = None
+    source: str = ""
+
+    def completed(self, fixed: "Options") -> "Options":
+        """Returns these options, and where they are silent those that the format fixes."""
+        own = {name: value for name, value in vars(self).items() if value is not None}
+        own["columns"] = self.columns or fixed.columns
+        own["units"] = {**fixed.units, **self.units}
+        own["source"] = self.source or fixed.source
+        return dataclasses.replace(fixed, **own)
 
 
 def settled(what: str, stated: str | None, given: str | None, *, option: str, alike) -> str | None:

@@ -44,36 +44,35 @@ def deformation_in(columns: Iterable[str], lines: Iterable[str]) -> tuple[str | 
     tension, shear = (next(filter(re.compile(sign).search, lines), None) for sign in _SIGNS[0])
     if column and tension and not shear:
         raise ValueError(
-            f"the line {_short(tension)} names tension, compression or bending, but only a test in "
-            f"shear has a column {column!r}: pass `deformation`"
+            f"the line {_clipped(tension)} names tension, compression or bending, but only a test "
+            f"in shear has a column {column!r}: pass `deformation`"
         )
     if column:
         return "shear", f"the column {column!r}"
     for signs in _SIGNS:
         tension, shear = (next(filter(re.compile(sign).search, lines), None) for sign in signs)
         if tension and shear:
-            return None, f"the lines {_short(tension)} and {_short(shear)} say both"
+            return None, f"the lines {_clipped(tension)} and {_clipped(shear)} say both"
         if tension or shear:
-            return ("tension" if tension else "shear"), f"the line {_short(tension or shear or '')}"
+            return (
+                "tension" if tension else "shear"
+            ), f"the line {_clipped(tension or shear or '')}"
     return None, "no column and no line of the file says tension or shear"
 
 
-def _short(line: str) -> str:
+def _clipped(line: str) -> str:
     return repr(line if len(line) <= 60 else line[:57] + "...")
 
 
-def converted(
-    measured: MeasuredTable, poisson: float | None, lines: Sequence[str]
-) -> tuple[str, float]:
+def as_young(measured: MeasuredTable, lines: Sequence[str]) -> tuple[str, float]:
     """Returns tension or shear, and the factor that converts the moduli of a table to it.
 
     **Arguments:**
 
-    - `measured`: the table; its log gets what was understood, or assumed.
-    - `poisson`: Poisson's ratio, to convert shear to tension; None to leave shear as it is.
+    - `measured`: the table; without a Poisson's ratio in its options shear remains shear.
     - `lines`: as of `deformation_in`.
     """
-    log = measured.log
+    log, poisson = measured.log, measured.options.poisson
     if measured.kind == "strain":
         return "shear", 1.0  # only ratios of the moduli count
     named = {column.deformation for column in measured.columns.values()} - {None}

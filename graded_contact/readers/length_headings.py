@@ -11,31 +11,21 @@ from .cells import Row
 from .units import length_unit, metres
 
 # Of a header that are looked at, and characters of a cell.
-MOST_ROWS, MOST_CELLS, LONGEST = 100, 50, 200
-_HEIGHTS = r"height\w*|höhe\w*|hoehe|z|values?|werte?|topograph\w*|depth|tiefe|elevation|hauteur"
+HEADER_ROWS, HEADER_CELLS, LONGEST_HEADING = 100, 50, 200
+_Z_WORDS = r"height\w*|höhe\w*|hoehe|z|values?|werte?|topograph\w*|depth|tiefe|elevation|hauteur"
 _LENGTHS = r"width|length|size|pixel|step|spacing|lateral|area|range|axes|[xy]|distance|position"
-_OF_HEIGHTS = re.compile(rf"(?<![^\W_])({_HEIGHTS})(?![^\W_])", re.I)
+_OF_HEIGHTS = re.compile(rf"(?<![^\W_])({_Z_WORDS})(?![^\W_])", re.I)
 _OF_LENGTHS = re.compile(rf"(?<![^\W_])({_LENGTHS})s?(?![^\W_])", re.I)
-_AXES = re.compile(r"(?<![^\W_])[xy](?![^\W_])", re.I)
+_XY = re.compile(r"(?<![^\W_])[xy](?![^\W_])", re.I)
 _OF_ALL = re.compile(r"(?<![^\W_])(units?|einheit(en)?|all|alle)(?![^\W_])", re.I)
 # One thing is said between these.
-_PARTS = re.compile(r"[;|\\]|,(?=\s*[^\W\d])|\s(?:/|and|und|et)\s|(?<=[\])])|\s(?=[xyz]_)", re.I)
+_CUTS = re.compile(r"[;|\\]|,(?=\s*[^\W\d])|\s(?:/|and|und|et)\s|(?<=[\])])|\s(?=[xyz]_)", re.I)
 _BRACKETED = re.compile(r"\[\s*([^\[\]]*?)\s*\]\s*[.:;,]*$|\(\s*([^()]*?)\s*\)\s*[.:;,]*$")
 _COUNTS = {
-    "px",
-    "pixel",
-    "pixels",
-    "pt",
-    "pts",
-    "point",
-    "points",
-    "#",
-    "index",
-    "sample",
-    "samples",
-}
+    "px", "pixel", "pixels", "pt", "pts", "point", "points", "#", "index", "sample", "samples",
+}  # fmt: skip
 # Units of other kinds; in square brackets any word is a unit.
-_OTHERS = {
+_OTHER_UNITS = {
     "v", "mv", "µv", "a", "na", "pa", "n", "mn", "nn", "hz", "khz", "deg", "°", "rad", "s", "ms",
     "min", "a.u.", "au", "arb. units", "arb", "%", "counts", "bit", "°c", "k",
 }  # fmt: skip
@@ -81,7 +71,7 @@ def counts_points(unit: str | None) -> bool:
 
 def stated_unit(heading: str) -> str | None:
     """Returns the unit at the end of a heading, of a length or of another kind; or None."""
-    heading = heading.strip()[-LONGEST:]
+    heading = heading.strip()[-LONGEST_HEADING:]
     if (unit := length_unit(heading)) is not None:
         return unit
     found = _BRACKETED.search(heading)
@@ -90,7 +80,7 @@ def stated_unit(heading: str) -> str | None:
     square, round_ = found.groups()
     if square is not None:
         return square if re.search(r"[^\W\d_]|[°%#]", square) else None
-    return round_ if round_.lower() in _OTHERS | _COUNTS else None
+    return round_ if round_.lower() in _OTHER_UNITS | _COUNTS else None
 
 
 def units_of_columns(header: list[Row], width: int) -> list[str | None]:
@@ -100,7 +90,7 @@ def units_of_columns(header: list[Row], width: int) -> list[str | None]:
     for cells in rows:
         found = [stated_unit(cell) for cell in cells]
         if cells is not rows[0]:  # a row of units alone
-            found = [u or (c if c.lower() in _OTHERS | _COUNTS else None)
+            found = [u or (c if c.lower() in _OTHER_UNITS | _COUNTS else None)
                      for u, c in zip(found, cells, strict=True)]  # fmt: skip
         units = [unit or old for unit, old in zip(found, units, strict=True)]
     return units
@@ -109,8 +99,8 @@ def units_of_columns(header: list[Row], width: int) -> list[str | None]:
 def units_above(header: list[Row]) -> Units:
     """Returns the units that rows above numbers state, as `units_in`."""
     lines = []
-    for row in header[-MOST_ROWS:]:
-        cells = [cell[:LONGEST] for cell in row.cells[:MOST_CELLS] if cell]
+    for row in header[-HEADER_ROWS:]:
+        cells = [cell[:LONGEST_HEADING] for cell in row.cells[:HEADER_CELLS] if cell]
         # Cells of one word may have been separated by spaces.
         lines.append((", " if any(" " in cell for cell in cells) else " ").join(cells))
     return units_in(lines)
@@ -121,7 +111,7 @@ def units_in(lines: list[str]) -> Units:
     found: dict[str, set[str]] = {"heights": set(), "lengths": set(), "shared": set()}
     for line in lines:
         named: set[str] = set()
-        for part in _PARTS.split(line):
+        for part in _CUTS.split(line):
             named |= {"lengths"} if _OF_LENGTHS.search(part) else set()
             named |= {"heights"} if _OF_HEIGHTS.search(part) else set()
             unit = stated_unit(part)
@@ -129,7 +119,7 @@ def units_in(lines: list[str]) -> Units:
                 continue
             bare = len(part.strip(" []().:;,")) == len(unit)
             # "x y z [um]", but neither "range of z [um]" nor "x_mm z_um".
-            if len(named) == 1 or (_AXES.search(line) and _num_units(part) == 1):
+            if len(named) == 1 or (_XY.search(line) and _num_units(part) == 1):
                 for name in named:
                     found[name].add(unit)
             if not named and (bare or _OF_ALL.search(part)):
@@ -151,7 +141,7 @@ def _is_value(part: str, unit: str) -> bool:
 
 def roles_of(names: list[str]) -> list[str | None]:
     """Returns "x", "y", "z" or "index" for each name of a column, None for other names."""
-    return [_role(name[:LONGEST]) for name in names[:MOST_CELLS]]
+    return [_role(name[:LONGEST_HEADING]) for name in names[:HEADER_CELLS]]
 
 
 def bare_name(name: str) -> str:

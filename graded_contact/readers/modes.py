@@ -8,20 +8,21 @@ E(t) as well, the table is refused with both meanings.
 import functools
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..core.display import short
 from ..core.files import Refusal
-from ..materials.shift import LAWS, TabulatedShift
-from .cells import Row, Sheet, holds_data, is_infinite, is_missing, is_number
-from .series import Doubt, Series
+from ..materials.shift import LAWS, AbstractShift, TabulatedShift
+from .cells import Row, Sheet, holds_data, holds_number, is_infinite, is_missing
+from .decisions import Log
+from .series import Doubt, Modes
 from .stated_moduli import AGREE, Statement, agreed, is_statement, statements_in
 from .units import UNITS, parse_heading, parse_unit, split_heading
 
 # Names without units, spaces and marks; [ijkn] is an index.
-_NAMES = {
+_MODE_NAMES = {
     "time": r"(?:tau|τ|lambda|λ)[ijkn]?|t[ijkn]|\w*relax\w*(?:time|zeit)s?\w*|reltime\w*"
             r"|temps\w*relax\w*|relax\w*temps|timeconst\w*",
     "modulus": r"(?:(?:young'?s?|shear)?modulus)?[EG][ijkn]|modulus[ijkn]|\w*mode\w*modul\w*"
@@ -37,12 +38,12 @@ _POISSON = re.compile(r"(?i)(?:poisson\S*(?:\s+(?:ratio|number))?|\bnu\b|ν)\s*[
 _LAW = re.compile(r"time-temperature shift (\w+?)(?:Shift)?\(([^)]*)\)")  # of `export_prony`
 _REPTATE = re.compile(r"(?i)generated with reptate|^\W*reptate")  # whose modes are in s and Pa
 _NUMERIC = re.compile(r"\W*\d")  # a number, with whatever behind it
-_LAST = re.compile(  # in the place of an infinite time
+_EQUILIBRIUM_WORDS = re.compile(  # in the place of an infinite time
     r"(?i)\+?(?:inf\w*|∞|oo|unendlich|eq\w*|gleichgewicht\w*|[ée]quilibre|rubbery|long[- ]?term"
     r"|langzeit)\.?"
 )
-_TIMES = re.compile(r"(?i)tau|τ|lambda|λ|time|zeit|temps|\bt")  # in every name of a time
-_LONGEST = 60  # characters of a name
+_TIME_LETTERS = re.compile(r"(?i)tau|τ|lambda|λ|time|zeit|temps|\bt")  # in every name of a time
+_LONGEST_MODE_NAME = 60  # characters of a name
 
 
 class _Name(NamedTuple):
@@ -55,7 +56,7 @@ class _Name(NamedTuple):
     base: str | None
 
 
-def modes_on(sheet: Sheet, doubtful: Doubt) -> Series | None:
+def modes_on(sheet: Sheet, doubtful: Doubt) -> Modes | None:
     """Returns the Prony series in the table of a sheet; None if there is none.
 
     **Arguments:**
@@ -65,7 +66,7 @@ def modes_on(sheet: Sheet, doubtful: Doubt) -> Series | None:
       `Refusal`.
     """
     first = next(_headings(sheet.rows), None)
-    return None if first is None else _series(sheet, *first, doubtful)
+    return None if first is None else _modes_below(sheet, *first, doubtful)
 
 
 def _headings(rows: Sequence[Row]) -> Iterator[tuple[int, list[_Name]]]:
@@ -73,24 +74,24 @@ def _headings(rows: Sequence[Row]) -> Iterator[tuple[int, list[_Name]]]:
     data = [holds_data(row) for row in rows]
     for i, row in enumerate(rows):
         # A row of units may stand between names and numbers.
-        if data[i] or not any(data[i + 1 : i + 3]) or not _TIMES.search(row.text):
+        if data[i] or not any(data[i + 1 : i + 3]) or not _TIME_LETTERS.search(row.text):
             continue
-        names = [_understood(cell) for cell in row.cells]
+        names = [_mode_name(cell) for cell in row.cells]
         kinds = {name.kind for name in names}
         if "time" in kinds and {"modulus", "ratio"} & kinds:
             yield i, names
 
 
 @functools.lru_cache(maxsize=512)
-def _understood(cell: str) -> _Name:
-    if len(cell) > _LONGEST:
+def _mode_name(cell: str) -> _Name:
+    if len(cell) > _LONGEST_MODE_NAME:
         return _Name(None, False, None, None, None)
     bare, unit, base = split_heading(cell)
     heading, key = parse_heading(cell), re.sub(r"[\s_.{}()\[\]^,-]", "", bare)
-    kind = next((kind for kind, names in _NAMES.items() if re.fullmatch(names, key)), None)
+    kind = next((kind for kind, names in _MODE_NAMES.items() if re.fullmatch(names, key)), None)
     folded = key if key[:1] in "EGegk" and len(key) <= 4 else key.lower()
     kind = kind or next(
-        (kind for kind, names in _NAMES.items() if re.fullmatch(names, folded)), None
+        (kind for kind, names in _MODE_NAMES.items() if re.fullmatch(names, folded)), None
     )
     if kind == "time" and unit is not None and unit not in UNITS["time"]:
         kind = None  # τ may be a stress, λ a wavelength
@@ -103,14 +104,14 @@ def _understood(cell: str) -> _Name:
     return _Name(kind, sure, unit, deformation, base)
 
 
-def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Series | None:
+def _modes_below(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Modes | None:
     """The series of the table whose names are in a row."""
     places = {name.kind: i for i, name in reversed([*enumerate(names)])}
     time, strength = places["time"], places.get("modulus", places.get("ratio", 0))
     ratios = names[strength].kind == "ratio"
     below = sheet.rows[start + 1 :]
     units_below = below[0].cells if not holds_data(below[0]) else []
-    rows = list(_rows(below, time, strength))
+    rows = list(_mode_rows(below, time, strength))
     faults = {row.line: _fault(row, len(names), time, strength) for row in rows}
     modes = [row for row in rows if not faults[row.line]]
     if not modes:
@@ -118,8 +119,8 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
 
     def numbers(place: int) -> list[float]:
         base = {None: None, "10": 10.0, "e": np.e}[names[place].base]
-        cells = [_cell(row, place) for row in modes]
-        found = [float(c) if is_number(c) else 0.0 for c in cells]
+        cells = [_entry(row, place) for row in modes]
+        found = [float(c) if holds_number(c) else 0.0 for c in cells]
         if names[place].kind == "time":
             found = [
                 np.inf if _is_last(row, time, strength) else value
@@ -143,7 +144,7 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
     seconds, pascals = unit(time, "time"), None if ratios else unit(strength, "modulus")
     if any(map(_REPTATE.search, lines)):
         seconds, pascals = seconds or "s", pascals or "Pa"
-    inside = {row.line for row in below if not row.comment and is_number(_cell(row, strength))}
+    inside = {row.line for row in below if not row.comment and holds_number(_entry(row, strength))}
     stated = [
         # A number in the column of the moduli has their unit.
         *statements_in(f"{r.text} {pascals or ''}" if r.line in inside else r.text for r in others),
@@ -152,7 +153,7 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
             for place, name in enumerate(names)
             if (kind := name.kind) in ("glassy", "equilibrium")
             for row, value in zip(modes, numbers(place), strict=True)
-            if is_number(_cell(row, place))
+            if holds_number(_entry(row, place))
         ),
     ]
     pascals = pascals or next((each.unit for each in stated if each.unit), None)
@@ -160,7 +161,10 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
     counting = agreed(stated, pascals, letter)
     letters = {kind: each.deformation for kind, each in counting.items() if each.deformation}
     units = {"time": seconds, "modulus": pascals}
-    return Series(
+    log = Log()
+    return Modes(
+        f"a table of {len(modes)} relaxation times, line {sheet.rows[start].line}",
+        log,
         strengths,
         times,
         ratios,
@@ -172,35 +176,35 @@ def _series(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) -> Se
         units={name: unit for name, unit in units.items() if unit is not None},
         deformation=letter or next(iter(letters.values()), None),
         poisson=next((float(n[1]) for line in lines if (n := _POISSON.search(line))), None),
-        **_law(lines),
+        shift=_shift_law(lines, log),
         lines=lines,
-        layout=f"a table of {len(modes)} relaxation times, line {sheet.rows[start].line}",
     )
 
 
-def _law(lines: Sequence[str]) -> dict[str, Any]:
+def _shift_law(lines: Sequence[str], log: Log) -> AbstractShift | None:
     """The shift that a CSV of `export_prony` names; one in a table is left out, with a caveat."""
     found = next((found for line in lines if (found := _LAW.search(line))), None)
     if found is None:
-        return {}
+        return None
     law = LAWS.get(found[1].lower(), TabulatedShift)
     if law is TabulatedShift:
-        return {"assumed": ["The table of shift factors in the file is left out: take its TOML."]}
+        log.assume("The table of shift factors in the file is left out: take its TOML.")
+        return None
     pairs = re.findall(r"(\w+)=([^\s,]+)", found[2])
-    return {"shift": law(**{name: float(value) for name, value in pairs})}
+    return law(**{name: float(value) for name, value in pairs})
 
 
-def _cell(row: Row, place: int) -> str:
+def _entry(row: Row, place: int) -> str:
     return row.cells[place] if place < len(row.cells) else ""
 
 
-def _rows(rows: Sequence[Row], time: int, strength: int) -> Iterator[Row]:
+def _mode_rows(rows: Sequence[Row], time: int, strength: int) -> Iterator[Row]:
     """The rows of the series, whole or not, up to the names of another table."""
     begun = False
     for i, row in enumerate(rows):
-        cells = _cell(row, time), _cell(row, strength)
+        cells = _entry(row, time), _entry(row, strength)
         units = i == 0 and parse_unit(cells[0]) in UNITS["time"]
-        label = not is_number(cells[0]) and not _LAST.fullmatch(cells[0])
+        label = not holds_number(cells[0]) and not _EQUILIBRIUM_WORDS.fullmatch(cells[0])
         stated = label and (is_statement(row.text) or _POISSON.search(row.text))
         if row.comment or units or stated:
             continue
@@ -221,21 +225,21 @@ def _fault(row: Row, width: int, time: int, strength: int) -> str | None:
     remedy = "correct it; begin a remark with #, and leave an empty line above another table"
     last = _is_last(row, time, strength)
     for place, what in ((time, "relaxation time"), (strength, "modulus or ratio")):
-        cell = _cell(row, place)
-        if not is_number(cell) and not (last and place == time):
+        cell = _entry(row, place)
+        if not holds_number(cell) and not (last and place == time):
             remedy = "write inf for the equilibrium, or " * (place == time) + remedy
             return f"line {row.line} has {short(cell)} as {what}, which is no number: {remedy}"
-    if any(map(is_number, row.cells[width:])):
+    if any(map(holds_number, row.cells[width:])):
         return f"line {row.line} has {len(row.cells)} entries under {width} names: {remedy}"
     return None
 
 
 def _is_last(row: Row, time: int, strength: int) -> bool:
     """Whether a row is that of the equilibrium: by its time, or by its label if it has no time."""
-    cells = [_cell(row, time)]
+    cells = [_entry(row, time)]
     if is_missing(cells[0]):
         cells += [cell for i, cell in enumerate(row.cells) if i != strength]
-    return any(is_infinite(cell) or _LAST.fullmatch(cell) for cell in cells)
+    return any(is_infinite(cell) or _EQUILIBRIUM_WORDS.fullmatch(cell) for cell in cells)
 
 
 def _check_only_series(sheet: Sheet, names: list[_Name], numbers, end: int) -> None:

@@ -4,6 +4,9 @@ Columns, units and temperatures that the file names are used; an error lists wha
 things are assumed, with a caveat: a frequency that is not called angular is in Hz without a unit,
 and a modulus is Young's if nothing in the file says tension or shear. `Measured.history` records,
 in sentences, what was understood, `Measured.assumed` what was assumed.
+
+    a file ──> Sheet (rows of cells) ──> DataTable (names, rows with their segment and step)
+           ──> MeasuredTable (a frame of points in SI units, and what they are) ──> Measured
 """
 
 import dataclasses
@@ -17,16 +20,19 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
+from ..core.files import Refusal
 from ..materials.measured import Measured, distinct, joined
-from .cells import LARGEST, Sheet, holds_data
-from .columns import WAYS, MeasuredTable, Unclear
+from .cells import TABLE_BYTES, Sheet, holds_data
+from .columns import MeasuredTable, Unclear
+from .decisions import Options
 from .modes import modes_on
 from .points import measured_points, one_each
-from .prony import check_no_series
-from .registry import Options, opened, read
+from .prony import written_series
+from .registry import opening, read_as
 from .series import SERIES
 from .steps import rank, understand
 from .units import DIMENSIONS, UNITS
+from .ways import ALL_WAYS
 
 
 @check_types
@@ -93,16 +99,17 @@ def read_moduli(
             words = f"`temperature={short(temperature)}` is refused: numbers [K] are needed."
             raise ValueError(words) from None
         check_positive("temperature", temperature, "[K]")
-    options = _options(columns, units, step, kind, deformation)
+    options = _checked_options(columns, units, sheet, step, kind, deformation)
+    options = dataclasses.replace(options, poisson=poisson)
     each = [temperature] if len(paths) == 1 else one_each(temperature, len(paths), "files")
     parts = [
-        _read(Path(file), dataclasses.replace(options, temperature=kelvin), poisson, sheet)
+        _moduli_in(Path(file), dataclasses.replace(options, temperature=kelvin))
         for file, kelvin in zip(paths, each, strict=True)
     ]
     return parts[0] if len(parts) == 1 else joined(parts)
 
 
-_BACK = 0.9  # of a strain reached before: amplitudes that are measured scatter
+_REACHED = 0.9  # of a strain reached before: amplitudes that are measured scatter
 
 
 @check_types
@@ -137,11 +144,11 @@ def read_strain_sweep(
 
 def strain_sweep(path, columns, units, sheet, step) -> Measured:
     """Returns the moduli over the strain amplitude [1], arguments as in `read_strain_sweep`."""
-    options = dataclasses.replace(_options(columns, units, step), kind="strain")
-    sweep = _read(Path(path), options, None, sheet)
+    options = dataclasses.replace(_checked_options(columns, units, sheet, step), kind="strain")
+    sweep = _moduli_in(Path(path), options)
     strains = sweep.abscissa[np.argsort(sweep.lines)]
     strains = strains if strains[0] < strains[-1] else strains[::-1]
-    back = np.any(strains < _BACK * np.maximum.accumulate(strains))
+    back = np.any(strains < _REACHED * np.maximum.accumulate(strains))
     if back or len(np.unique(strains)) < len(strains) or np.max(sweep.isotherm) > 0:
         reason = (
             "its strains go up and down: choose one curve by `step`, or write one file for each"
@@ -150,11 +157,11 @@ def strain_sweep(path, columns, units, sheet, step) -> Measured:
     return sweep
 
 
-def _options(columns, units, step, kind=None, deformation=None) -> Options:
+def _checked_options(columns, units, sheet, step, kind=None, deformation=None) -> Options:
     """The arguments of `read_moduli`, checked."""
     columns, units = columns or {}, units or {}
     checks: list[tuple[str, Any, Any, Any]] = [  # name, value, the part to check, what is allowed
-        ("kind", kind, kind, tuple(dict.fromkeys(way.kind for way in WAYS))),
+        ("kind", kind, kind, tuple(dict.fromkeys(way.kind for way in ALL_WAYS))),
         ("deformation", deformation, deformation, ("tension", "shear")),
         *(("columns", {key: name}, key, DIMENSIONS) for key, name in columns.items()),
         *(("units", {key: unit}, key, UNITS) for key, unit in units.items()),
@@ -167,33 +174,33 @@ def _options(columns, units, step, kind=None, deformation=None) -> Options:
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
     source = "as given in `units`" if units else ""
-    return Options(kind, columns, units, deformation, step=tuple(steps), source=source)
+    return Options(kind, columns, units, deformation, sheet=sheet, step=tuple(steps), source=source)
 
 
-def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
+def _moduli_in(path: Path, options: Options) -> Measured:
     """The measurements in one file."""
-    with opened(path, LARGEST) as file:
-        check_no_series(file)
-        sheets, fixed = read(file, "moduli")
+    with opening(path, TABLE_BYTES) as file:
+        if written_series(file) is not None:
+            raise Refusal(SERIES)
+        sheets: list[Sheet] = read_as(file, "moduli")
     try:
         lines = [row.text for sheet in sheets for row in sheet.rows if not holds_data(row)]
         names = [sheet.name for sheet in sheets]
-        if name is not None:
-            if name not in names:
-                raise ValueError(f"there is no `sheet={name!r}`, only {names}")
-            sheets = [sheets[names.index(name)]]
-        if fixed.columns and not options.columns:  # others may follow, without a name
-            sheets = [sheet.numbers_only(len(fixed.columns)) for sheet in sheets]
-        options = options.completed(fixed)
-        understood = _understood(sheets, options)
-        kelvins = [options.temperature]
+        if options.sheet is not None:
+            if options.sheet not in names:
+                raise ValueError(f"there is no `sheet={options.sheet!r}`, only {names}")
+            sheets = [sheets[names.index(options.sheet)]]
+        understood = _sheets_understood(sheets, options)
         if len(understood) > 1:  # otherwise there may be one temperature for each curve
             kelvins = one_each(options.temperature, len(understood), "sheets")
+            each = [dataclasses.replace(options, temperature=kelvin) for kelvin in kelvins]
+            pairs = zip(understood, each, strict=True)
+            understood = [(sheet, table._replace(options=own)) for (sheet, table), own in pairs]
         parts = []
-        for (sheet, measured), kelvin in zip(understood, kelvins, strict=True):
-            rows = f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."
-            measured.log.history.insert(0, rows)
-            parts.append(measured_points(path, measured, poisson, kelvin, lines))
+        for sheet, measured in understood:
+            rows = f"Read {measured.num_rows} rows of {path.name}, {sheet.layout}."
+            measured.log.begin(rows)
+            parts.append(measured_points(path, measured, lines))
         names = [sheet.name for sheet, _ in understood]
         if len(parts) > 1 and not distinct(parts):
             same = "have similar tables at one temperature"
@@ -206,7 +213,7 @@ def _read(path: Path, options: Options, poisson, name: str | None) -> Measured:
     return dataclasses.replace(whole, history=(*whole.history, *notes))
 
 
-def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, MeasuredTable]]:
+def _sheets_understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, MeasuredTable]]:
     """The sheet that ranks first of those understood, and those of the same columns, in order."""
     found, refusals = [], {}
     for sheet in sheets:
@@ -232,6 +239,9 @@ def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, Meas
 
 def _moduli_on(sheet: Sheet, options: Options) -> MeasuredTable:
     """The moduli on a sheet; raises `ValueError` for a Prony series, by its name."""
+    if sheet.fixed.columns and not options.columns:  # others may follow, without a name
+        sheet = sheet.numbers_only(len(sheet.fixed.columns))
+    options = options.completed(sheet.fixed)
     measured, refusal = None, ValueError()
     try:
         measured = understand(sheet, options)

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from .tables import Table
+from .tables import DataTable
 
 _TIME = r"^\W*(?:t|time|zeit|temps)\b"
 _FORCE = r"^\W*(?:force|load|kraft|last|F|normal force|axial force)\b"
@@ -29,7 +29,7 @@ class Other(NamedTuple):
     remedy: str
 
 
-OTHERS = (
+OTHER_TABLES = (
     Other((r"temp|^\W*T\b",
            r"(?:\b|_|log ?)[ab]_?T\b|shift.?fa[ck]t|^log\W*aT|verschiebungsfaktor"),
           "a table of shift factors a_T over temperature",
@@ -69,7 +69,7 @@ OTHERS = (
 )  # fmt: skip
 
 
-def check_others(table: Table, chosen: Iterable[str | int]) -> None:
+def check_others(table: DataTable, chosen: Iterable[str | int]) -> None:
     """Raises `ValueError` for a table that holds other quantities, by its name with a remedy.
 
     **Arguments:**
@@ -79,7 +79,7 @@ def check_others(table: Table, chosen: Iterable[str | int]) -> None:
       moduli.
     """
     wanted = {i for i, name in enumerate(table.names) if {name, i + 1} & set(chosen)}
-    for columns, what, remedy in OTHERS:
+    for columns, what, remedy in OTHER_TABLES:
         places = _matched(table.names, columns)
         if places and wanted <= places:
             raise ValueError(f"{table.place}: with {table.listed()} it is {what}: {remedy}")

@@ -5,10 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..core.files import Refusal
-from .cells import Row, Sheet, is_number
+from .cells import Row, Sheet, holds_number
+from .decisions import Log
 from .length_headings import (
-    MOST_CELLS,
-    MOST_ROWS,
+    HEADER_CELLS,
+    HEADER_ROWS,
     bare_name,
     counts_points,
     roles_of,
@@ -18,10 +19,10 @@ from .length_headings import (
 from .scan import Scan, counters, equally_spaced
 
 EQUAL = 1e-3  # of a step: how far points may lie from equal spacing
-_BESIDE = 0.05  # of a step: how far points may lie beside a grid
+_OFF_GRID = 0.05  # of a step: how far points may lie beside a grid
 _SAID = 0.002  # of a step: from where on the history says so
 _BETWEEN = 0.25  # of the largest gap: gaps between lines of scattered points
-NAMED = "`columns`, such as {'x': 2, 'z': 3}"
+CHOICE = "`columns`, such as {'x': 2, 'z': 3}"
 COUNTED = "whose positions count the points"
 
 
@@ -37,7 +38,7 @@ def picked(sheet: Sheet, columns: Mapping[str, str | int]) -> Sheet:
     for row in sheet.rows:
         if len(row.cells) > max(places) and row.line >= above:
             row = row._replace(cells=[row.cells[place] for place in places])
-        elif all(map(is_number, row.cells)):  # a row of numbers that is cut short
+        elif all(map(holds_number, row.cells)):  # a row of numbers that is cut short
             continue
         rows.append(row)
     return sheet._replace(rows=rows)
@@ -63,7 +64,7 @@ def _place(names: list[str], text: str) -> int:
 
 def by_names(rows: list[Row]) -> dict[str, int] | None:
     """Returns the columns of x, z or of x, y, z by the first line that names them, from 1."""
-    for row in rows[:MOST_ROWS]:
+    for row in rows[:HEADER_ROWS]:
         roles = roles_of(row.cells)
         if roles.count("x") == roles.count("z") == 1 and roles.count("y") < 2:
             return {role: roles.index(role) + 1 for role in "xyz" if role in roles}
@@ -75,7 +76,7 @@ def named_places(header: list[Row], width: int) -> tuple[list[int], list[str]] |
 
     None if the names do not tell, or if they are in order and alone.
     """
-    if width > MOST_CELLS:
+    if width > HEADER_CELLS:
         return None
     row = next((row for row in header[:-3:-1] if len(row.cells) == width and any(row.cells)
                 and any(roles_of(row.cells))), None)  # fmt: skip
@@ -84,12 +85,12 @@ def named_places(header: list[Row], width: int) -> tuple[list[int], list[str]] |
     roles = roles_of(row.cells)
     counts = {role: roles.count(role) for role in "xyz"}
     if width == 3 and counts["x"] == 1 and not counts["y"] and not counts["z"]:
-        raise Refusal(f"the names {row.cells} do not tell its heights: choose by {NAMED}")
+        raise Refusal(f"the names {row.cells} do not tell its heights: choose by {CHOICE}")
     if counts["x"] != 1 or counts["y"] > 1 or not counts["z"]:
         return None
     if counts["z"] > 1:
         several = [name for name, role in zip(row.cells, roles, strict=True) if role == "z"]
-        raise Refusal(f"it has several columns of heights, {several}: choose by {NAMED}")
+        raise Refusal(f"it has several columns of heights, {several}: choose by {CHOICE}")
     places = [roles.index(role) for role in "xyz" if counts[role]]
     others = [name for place, name in enumerate(row.cells) if place not in places]
     return None if places == list(range(width)) else (places, others)
@@ -100,55 +101,54 @@ def without_index(values: np.ndarray, header: list[Row]) -> np.ndarray:
     if values.shape[1] not in (3, 4) or not counters(values[:, 0]):
         return values
     if any(row.num_numbers == 0 and len(row.cells) == values.shape[1] for row in header[-2:]):
-        raise Refusal(f"its columns are not told by their names: choose by {NAMED}")
+        raise Refusal(f"its columns are not told by their names: choose by {CHOICE}")
     if values.shape[1] == 3 and not equally_spaced(values[:, 1], EQUAL):
-        raise Refusal(f"its first column counts the lines: choose the others by {NAMED}")
+        raise Refusal(f"its first column counts the lines: choose the others by {CHOICE}")
     return values[:, 1:]
 
 
-def _units(header: list[Row], width: int) -> tuple[list[str | None], str | None, str | None]:
+def _units_over(header: list[Row], width: int) -> tuple[list[str | None], str | None, str | None]:
     """The units of positions and of heights in the last column, and one for all numbers."""
     *lengths, heights = units_of_columns(header, width)
     above = units_above(header)
     return [u or above.lengths for u in lengths], heights or above.of_heights, above.shared
 
 
-def line_scan(values: np.ndarray, header: list[Row], given: bool) -> Scan:
+def line_scan(values: np.ndarray, header: list[Row], given: bool, log: Log) -> Scan:
     """Returns a line scan of columns x z; whether x was `given` by the user."""
     x, z = values.T
-    notes = []
     known = np.isfinite(x)
     if not np.all(known):
-        notes.append(f"Left out {np.sum(~known)} lines without a position.")
+        log.note(f"Left out {np.sum(~known)} lines without a position.")
         x, z = x[known], z[known]
     steps = np.diff(x)
     if np.sum(steps < 0) > np.sum(steps > 0):
         x, z, steps = x[::-1], z[::-1], -steps[::-1]
     back = np.sum(steps <= 0)
     if back > 0.01 * len(steps):
-        raise Refusal(f"its first column (the position) goes back and forth; {NAMED} names others")
+        raise Refusal(f"its first column (the position) goes back and forth; {CHOICE} names others")
     if back:
-        notes.append(f"Sorted {back} points whose position stepped back.")
+        log.note(f"Sorted {back} points whose position stepped back.")
         x, first = np.unique(x, return_index=True)
         z = z[first]
     num = len(x)
     if num < 4:
         raise Refusal("it has fewer than 4 points")
-    (lateral,), unit, shared = _units(header, 2)
+    (lateral,), unit, shared = _units_over(header, 2)
     if counts_points(lateral) or (lateral is None and not given and counters(x)):
         heights = np.full(int(np.ptp(x)) + 1, np.nan)
         if heights.size > 20 * num:
             raise Refusal("most of its points are missing")
         heights[np.rint(x - x[0]).astype(int)] = z
         source = f"a column of heights {COUNTED}"
-        return Scan(heights, source, unit=unit, notes=tuple(notes))
+        return Scan(heights, source, unit=unit, log=log)
     size = np.array([(x[-1] - x[0]) * num / (num - 1)])
     positions = None if equally_spaced(x, EQUAL) else x - x[0]
     lateral = lateral or shared
-    return Scan(z, "a line scan", size, unit, lateral, positions, notes=tuple(notes))
+    return Scan(z, "a line scan", size, unit, lateral, positions, log=log)
 
 
-def grid_points(values: np.ndarray, header: list[Row], given: bool) -> Scan:
+def grid_points(values: np.ndarray, header: list[Row], given: bool, log: Log) -> Scan:
     """Returns points x y z of a grid, in any order; those that the file leaves out are missing."""
     x, y, z = values.T
     if not np.all(np.isfinite(x) & np.isfinite(y)):
@@ -162,16 +162,17 @@ def grid_points(values: np.ndarray, header: list[Row], given: bool) -> Scan:
     if len(np.unique(np.ravel_multi_index(places, shape))) < len(z):
         raise Refusal("two of its points x y z have the same place")
     heights[places] = z
-    (lateral, across), unit, shared = _units(header, 3)
+    (lateral, across), unit, shared = _units_over(header, 3)
     if lateral != across:
         raise Refusal(f"its x is in {lateral!r} and its y in {across!r}")
     counted = counters(np.unique(x)) or counters(np.unique(y))
     if counts_points(lateral) or (lateral is None and not given and counted):
-        return Scan(heights, f"points x y z {COUNTED}", unit=unit)
+        return Scan(heights, f"points x y z {COUNTED}", unit=unit, log=log)
     size = np.array(shape) * np.array(steps)
-    scan = Scan(heights, "points x y z", size, unit, lateral or shared)
-    note = f"Its x and y lie up to {off:.1%} of a step beside a grid; the heights are taken on it."
-    return scan._replace(notes=(note,)) if off > _SAID else scan
+    if off > _SAID:
+        beside = f"Its x and y lie up to {off:.1%} of a step beside a grid"
+        log.note(f"{beside}; the heights are taken on it.")
+    return Scan(heights, "points x y z", size, unit, lateral or shared, log=log)
 
 
 def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float, float]:
@@ -187,14 +188,14 @@ def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float, float]:
         cloud = np.concatenate([[0], np.cumsum(between)])
         gaps = np.diff(np.bincount(cloud, ordered - low) / np.bincount(cloud))
     if len(gaps) < 3 and not clouds:
-        raise Refusal(f"its points x y z have fewer than 4 values of {name}; for others: {NAMED}")
+        raise Refusal(f"its points x y z have fewer than 4 values of {name}; for others: {CHOICE}")
     step = span / max(round(span / float(np.median(gaps))), 1) if len(gaps) else span
     place = np.rint((axis - low) / step)
     if clouds and len(gaps):
         step, low = np.polyfit(place, axis, 1)
         place = np.rint((axis - low) / step)
     off = float(np.max(np.abs(axis - low - place * step)) / step)
-    if len(gaps) < 3 or off > _BESIDE:
+    if len(gaps) < 3 or off > _OFF_GRID:
         remedy = "interpolate them onto one, for instance by `scipy.interpolate.griddata`"
         raise Refusal(f"its points x y z form no grid along {name}: {remedy}")
     return place.astype(int), float(step), off

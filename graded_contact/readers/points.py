@@ -15,127 +15,125 @@ from ..core.checks import Numbers
 from ..materials.measured import ISOTHERM_GAP, Measured, grouped
 from ..materials.shift import check_kelvin
 from .cells import Row, is_infinite, is_missing
-from .columns import CONSTANT, SAME, MeasuredTable
-from .deformation import converted
-from .tables import LIMIT, Column, value_above
+from .columns import SAME_FREQUENCY, MeasuredTable
+from .deformation import as_young
+from .tables import HUGE, DataColumn, value_above
 from .units import DIMENSIONS, SI
+from .ways import CONSTANT
 
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.
-LIMITS = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
-HOTTEST = 1e4  # K
+HUGE_OF = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
+HOTTEST_TEST = 1e4  # K
 RAMP = 5.0  # K over which no isotherm drifts
 
 
-def measured_points(
-    path: Path, measured: MeasuredTable, poisson, temperature, lines: Sequence[str]
-) -> Measured:
-    """Returns the points of a table, converted by `poisson`; `lines` are those without numbers."""
-    table, kind, log = measured.table, measured.kind, measured.log
-    points = _points(measured)
-    kelvin = _temperatures(measured, points, temperature)
+def measured_points(path: Path, measured: MeasuredTable, lines: Sequence[str]) -> Measured:
+    """Returns the points of a table; `lines` are those of the file without numbers."""
+    kind, log, total = measured.kind, measured.log, len(measured.points)
+    segments = np.unique(measured.points["curve"] // measured.table.blocks).tolist()
+    points = _usable(measured, segments)
+    kelvin = _kelvins_of(measured, points, segments)
     if kelvin is not None:
         points["temperature"] = kelvin
-    points["isotherm"] = _isotherms(points, separate=table.blocks > 1)
+    points["isotherm"] = _isotherms(points, measured.abscissa, separate=measured.table.blocks > 1)
     points = _at_constant_load(measured, points)
-    if len(points) < (total := len(table.rows) * table.blocks):
+    if len(points) < total:
         log.note(f"{len(points)} of {total} points are used.")
     numbers = [points[name].to_numpy() for name in measured.way.names[1:]]
     values = measured.way.value(*numbers, *[measured.load] * (measured.load is not None))
     _note_unusual(measured, points, 1 / values if kind == "creep" else values)
-    deformation, factor = converted(measured, poisson, lines)
+    deformation, factor = as_young(measured, lines)
     points["values"] = values / factor if kind == "creep" else factor * values
     # Stable: points that repeat a frequency keep the order of the file.
-    points = points.sort_values(["isotherm", "abscissa"])
+    points = points.sort_values(["isotherm", measured.abscissa])
     _note_isotherms(measured, points)
-    if table.blocks == 1 and not points["line"].is_monotonic_increasing:
+    if measured.table.blocks == 1 and not points["line"].is_monotonic_increasing:
         log.note("Sorted the rows.")
     _check_abscissa(measured, points)
     if measured.unused:
         log.note(f"Not used: {', '.join(map(repr, dict.fromkeys(measured.unused)))}.")
-    names = ("abscissa", "values", "isotherm", "line")
+    names = (measured.abscissa, "values", "isotherm", "line")
     abscissa, values, isotherm, places = (np.array(points[name]) for name in names)
     kelvin = None if kelvin is None else np.array(points["temperature"])
     told = tuple(log.history), tuple(log.assumed)
     return Measured(kind, deformation, abscissa, values, kelvin, isotherm, places, path, *told)
 
 
-# Rows to numbers.
+# Which points are used.
 
 
-def _points(measured: MeasuredTable) -> Any:
-    """The line, curve, abscissa and numbers in SI units of each point that can be used."""
-    import pandas as pd
-
-    curve, rows, cells = zip(*measured.table.curves(), strict=True)
-    points = pd.DataFrame({"curve": curve, "line": [row.line for row in rows]})
-    for name, column in measured.columns.items():
-        points[name] = column.si(each[column.place] for each in cells)
-    points["abscissa"] = points[measured.abscissa]
-    _check_finite(measured, rows, cells)
-    if measured.check is not None:
-        points["check"] = measured.check.si(each[measured.check.place] for each in cells)
+def _usable(measured: MeasuredTable, segments: Sequence[int]) -> Any:
+    """The points that can be used, with their curves counted from 0."""
+    points = measured.points.assign(
+        curve=np.unique(measured.points["curve"], return_inverse=True)[1]
+    )
+    _check_finite(measured)
     left_out, unusable, good = [], 0, np.ones(len(points), bool)
-    for reason, bad, wrong, place in _reasons(measured, points, rows, cells):
+    for reason, bad, wrong, place in _reasons(measured, points):
         out = np.flatnonzero(good & bad)
         good &= ~bad
         unusable += wrong * len(out)
-        shown = [(rows[i].line, "" if place is None else repr(cells[i][place])) for i in out]
+        lines, cells = points["line"].to_numpy()[out].tolist(), points["cells"].to_numpy()[out]
+        shown = [
+            (line, "" if place is None else repr(each[place]))
+            for line, each in zip(lines, cells, strict=True)
+        ]
         left_out += [_left_out(reason, shown)] * (len(out) > 0)
     if np.sum(good) < 2 or unusable > np.sum(good):
         reason = f"{np.sum(good)} complete rows are left; at least 2 and half of all are needed"
         raise ValueError(f"{reason}. {' '.join(left_out)} Check `columns` and `units`")
-    words = [(row.line, "") for segment in measured.table.segments for row in segment.words]
+    words = [(row.line, "") for row in measured.table.words if row.segment in segments]
     measured.log.note(*left_out, *[_left_out("having no numbers", words)] * bool(words))
     return points[good].reset_index(drop=True)
 
 
-def _check_finite(measured: MeasuredTable, rows: Sequence[Row], cells: Sequence) -> None:
+def _check_finite(measured: MeasuredTable) -> None:
     """Refuses an infinite time, which a relaxation or creep test has not, but a Prony series."""
-    place = measured.columns[measured.abscissa].place
-    lines = [row.line for row, each in zip(rows, cells, strict=True) if is_infinite(each[place])]
-    if measured.kind in ("relaxation", "creep") and lines:
+    place, points = measured.columns[measured.abscissa].place, measured.points
+    infinite = [is_infinite(each[place]) for each in points["cells"]]
+    if measured.kind in ("relaxation", "creep") and any(infinite):
         raise ValueError(
-            f"line {lines[0]} has an infinite time: `readers.read_prony` reads a Prony series; of "
-            "a test leave out this row"
+            f"line {points['line'][infinite].iloc[0]} has an infinite time: `readers.read_prony` "
+            "reads a Prony series; of a test leave out this row"
         )
 
 
-def _reasons(measured: MeasuredTable, points, rows: Sequence[Row], cells: Sequence) -> Iterator:
+def _reasons(measured: MeasuredTable, points) -> Iterator:
     """Reasons to leave out points, the first counts: which, if these are wrong, by which cell."""
     columns, blocks, curve = measured.columns, measured.table.blocks, points["curve"].to_numpy()
-    entries = np.array([measured.table.misfit(row) for row in rows])
+    entries = points["entries"].to_numpy()
     for count in np.unique(entries[entries > 0]):
         width = blocks * len(measured.table.names)
         yield f"{count} entries in {width} columns", entries == count, True, None
     places = [column.place for column in columns.values()]
-    empty = np.array([[is_missing(each[place]) for place in places] for each in cells])
-    infinite = np.array([any(is_infinite(each[place]) for place in places) for each in cells])
+    empty = np.array([[is_missing(each[place]) for place in places] for each in points["cells"]])
+    infinite = [any(is_infinite(each[place]) for place in places) for each in points["cells"]]
     for block in range(blocks) if blocks > 1 else ():  # a curve may end above the others
         ended = empty.all(axis=1) & (curve % blocks == block)
         yield f"an empty curve {block + 1} of {blocks}", ended, False, None
-    yield "an infinite value", infinite, False, None
+    yield "an infinite value", np.array(infinite), False, None
     yield "a missing value", empty.any(axis=1), False, None
     for name, column in columns.items():
         wrong = name not in ("stress", "strain")  # there is none before and after a test
-        for condition, bad in _conditions(column, points[name].to_numpy()):
+        for condition, bad in _limits_of(column, points[name].to_numpy()):
             yield f"{column.label}, where the {name} {condition}", bad, wrong, column.place
-    yield "the time 0", (points["abscissa"] == 0).to_numpy(), False, None
+    yield "the time 0", (points[measured.abscissa] == 0).to_numpy(), False, None
 
 
-def _conditions(column: Column, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+def _limits_of(column: DataColumn, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Conditions, and which numbers in SI units do not meet them."""
     yield "must be a number", np.isnan(values)
     if column.quantity == "temperature":
-        bad = ~((values > 0) & (values < HOTTEST))
-        yield f"must lie between absolute zero and {HOTTEST:g} K", bad
+        bad = ~((values > 0) & (values < HOTTEST_TEST))
+        yield f"must lie between absolute zero and {HOTTEST_TEST:g} K", bad
         return
     begins = (column.quantity == "time") & (values == 0)
     if column.base is None:
         yield "must be a positive number", (values <= 0) & ~begins
     if column.quantity == "phase":
         yield "must be an angle below 90°", values >= np.pi / 2
-    limit, unit = LIMITS.get(DIMENSIONS[column.quantity], LIMIT), SI[DIMENSIONS[column.quantity]]
+    limit, unit = HUGE_OF.get(DIMENSIONS[column.quantity], HUGE), SI[DIMENSIONS[column.quantity]]
     bad = ~((values >= 1 / limit) & (values <= limit)) & ~begins
     yield f"must lie between {1 / limit:g} and {limit:g} {unit}", bad
 
@@ -190,20 +188,20 @@ def one_each(temperature: Numbers | None, count: int, what: str) -> Any:
     return np.broadcast_to(kelvin, (count,))
 
 
-def _temperatures(measured: MeasuredTable, points, given) -> Any:
+def _kelvins_of(measured: MeasuredTable, points, segments: Sequence[int]) -> Any:
     """The temperatures [K]: as given, of a column, or of titles above curves ("25 °C")."""
-    table, curve = measured.table, points["curve"].to_numpy()
+    table, curve, given = measured.table, points["curve"].to_numpy(), measured.options.temperature
     if given is not None:
-        return one_each(given, table.blocks * len(table.segments), "curve(s)")[curve]
+        return one_each(given, table.blocks * len(segments), "curve(s)")[curve]
     if "temperature" in points:
         return points["temperature"]
     found, width = [], len(table.names)
-    for segment, block in itertools.product(table.segments, range(table.blocks)):
-        rows = segment.titles
+    for segment, block in itertools.product(segments, range(table.blocks)):
+        rows = table.above[segment]
         if table.blocks > 1:  # the last line above has a title over each block
             cells = [row.cells[block * width : (block + 1) * width] for row in rows[-1:]]
             rows = [Row(rows[-1].line, part) for part in cells if part]
-        found.append(value_above(rows, "temperature"))
+        found.append(table.kelvins[block] if table.kelvins else value_above(rows, "temperature"))
     if None in found:
         return None
     listed = ", ".join(f"{value:.2f}" for value in found)
@@ -211,15 +209,15 @@ def _temperatures(measured: MeasuredTable, points, given) -> Any:
     return np.array(found)[curve]
 
 
-def _isotherms(points, separate: bool) -> np.ndarray:
+def _isotherms(points, name: str, separate: bool) -> np.ndarray:
     """Numbers of isotherms from 0, the coldest first.
 
     An isotherm is a group of temperatures; or a curve, if these are `separate`. Without
-    temperatures the curves are isotherms if they overlap.
+    temperatures the curves are isotherms if they overlap in the abscissa, of this name.
     """
-    curve, abscissa = points["curve"].to_numpy(), points["abscissa"].to_numpy()
+    curve, abscissa = points["curve"].to_numpy(), points[name].to_numpy()
     if "temperature" not in points:
-        ends = sorted((part.min(), part.max()) for _, part in points.groupby("curve")["abscissa"])
+        ends = sorted((part.min(), part.max()) for _, part in points.groupby("curve")[name])
         over = any(low < high for (_, high), (low, _) in itertools.pairwise(ends))
         return np.unique(curve, return_inverse=True)[1] if separate or over else 0 * curve
     kelvin = points["temperature"].to_numpy()
@@ -294,7 +292,7 @@ def _note_unusual(measured: MeasuredTable, points, values: Any) -> None:
 def _check_abscissa(measured: MeasuredTable, points) -> None:
     """Refuses points without a sweep; reports points that repeat others."""
     name, log = measured.abscissa, measured.log
-    parts = ("abscissa", "values", "line", "isotherm")
+    parts = (name, "values", "line", "isotherm")
     abscissa, values, lines, isotherm = (points[part].to_numpy() for part in parts)
     if name == "strain" and "frequency" in points:
         low, high = points["frequency"].min(), points["frequency"].max()
@@ -306,7 +304,7 @@ def _check_abscissa(measured: MeasuredTable, points) -> None:
     if least == most or (single and most < (1 + CONSTANT) * least):
         hint = " (`readers.read_strain_sweep` reads those over strain)" * (name == "frequency")
         raise ValueError(f"the {name} is the same in every row: no sweep over {name}{hint}")
-    near = np.diff(abscissa) <= SAME * abscissa[:-1]
+    near = np.diff(abscissa) <= SAME_FREQUENCY * abscissa[:-1]
     twice = np.flatnonzero(near & (np.diff(isotherm) == 0))
     if not len(twice):
         return

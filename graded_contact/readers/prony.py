@@ -2,17 +2,18 @@
 
 import logging
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types
 from ..core.files import Refusal
 from ..materials.material import Prony
-from .cells import LARGEST, Sheet
-from .decisions import Log
+from .cells import TABLE_BYTES
+from .decisions import Log, Options
 from .modes import modes_on
-from .registry import READERS, File, find_readers, opened, read
-from .series import SERIES, Doubt, Series, material_of
+from .registry import READERS, File, find_readers, opening, read_as
+from .series import Doubt, Modes, material_of_series
 
 
 @check_types
@@ -50,8 +51,12 @@ def read_prony(
     **Raises:** `FileNotFoundError`; `ValueError` for another file, or for a series that lacks a
     unit, a modulus or its deformation, with the argument that gives it.
     """
-    options = (units, glassy, equilibrium, deformation, poisson, sheet)
-    found = prony_in(path, *options, doubtful="series")
+    numbers = {"glassy": glassy, "equilibrium": equilibrium, "poisson": poisson}
+    given: dict[str, Any] = {
+        name: None if x is None else float(as_scalar(x, name)) for name, x in numbers.items()
+    }
+    options = Options(units=units or {}, deformation=deformation, sheet=sheet, **given)
+    found = prony_in(path, options, "series")
     if found is None:
         raise ValueError(
             f"`path={path}` is refused: it holds no Prony series, a table of relaxation times τ_i "
@@ -65,69 +70,39 @@ def read_prony(
 
 
 def prony_in(
-    path: str | os.PathLike,
-    units: Mapping[str, str] | None = None,
-    glassy: Numbers | None = None,
-    equilibrium: Numbers | None = None,
-    deformation: str | None = None,
-    poisson: Numbers | None = None,
-    sheet: str | None = None,
-    *,
-    doubtful: Doubt = "refused",
+    path: str | os.PathLike, options: Options, doubtful: Doubt
 ) -> tuple[Prony, Log] | None:
     """Returns the Prony series in a file with the log of the reading, None for another file.
 
-    Arguments as in `read_prony`; `doubtful` says what a table is that may hold E(t) as well.
+    `doubtful` says what a table is that may hold E(t) as well.
     """
-    numbers = {"glassy": glassy, "equilibrium": equilibrium, "poisson": poisson}
-    given = {name: None if x is None else float(as_scalar(x, name)) for name, x in numbers.items()}
-    if given["glassy"] is not None:
-        check_positive("glassy", given["glassy"], "[Pa]")
-    if given["poisson"] is not None:
-        check_poisson("poisson", given["poisson"])
-    with opened(path, LARGEST) as file:
-        series = series_in(file, sheet, doubtful)
+    if options.glassy is not None:
+        check_positive("glassy", options.glassy, "[Pa]")
+    if options.poisson is not None:
+        check_poisson("poisson", options.poisson)
+    with opening(path, TABLE_BYTES) as file:
+        series = written_series(file)
         if series is None:
-            return None
-        log = Log()
-        log.note(f"{Path(path).name} holds a Prony series: {series.layout}.")
+            found = {each.name: modes_on(each, doubtful) for each in read_as(file, "moduli")}
+            series = {name: each for name, each in found.items() if each is not None}
+            if not series or (options.sheet is not None and options.sheet not in series):
+                return None
+        name = options.sheet
+        if name is None and len(series) == 1:
+            name = next(iter(series))
+        if name is None or name not in series:
+            known = f"it holds Prony series named {list(series)}"
+            raise Refusal(f"{known}: pass one of them as `sheet`")
+        log = series[name].log
+        log.begin(f"{Path(path).name} holds a Prony series: {series[name].layout}.")
         try:
-            return material_of(series, log, dict(units or {}), deformation, **given), log
+            return material_of_series(series[name], options), log
         except ValueError as error:
             raise Refusal(str(error)) from None
 
 
-def series_in(file: File, sheet: str | None, doubtful: Doubt) -> Series | None:
-    """Returns the Prony series that a file holds; None if it holds none."""
+def written_series(file: File) -> dict[str, Modes] | None:
+    """Returns the Prony series in a deck or a scene by the names of their materials, else None."""
     find_readers()
-    for reader in READERS["prony"]:
-        if reader.knows(file):
-            series: dict[str, Series] = read(file, "prony")
-            return series[_chosen(sheet, series)]
-    return series_of(read(file, "moduli").sheets, sheet, doubtful)
-
-
-def check_no_series(file: File) -> None:
-    """Raises `Refusal` for a deck, and for a table of a scene with a Prony series."""
-    find_readers()
-    if any(reader.knows(file) for reader in READERS["prony"]):
-        read(file, "prony")  # which says what else the deck is
-        raise Refusal(SERIES)
-
-
-def series_of(sheets: Iterable[Sheet], sheet: str | None, doubtful: Doubt) -> Series | None:
-    """Returns the Prony series on sheets, None if there is none; `doubtful` as in `prony_in`."""
-    found = {each.name: modes_on(each, doubtful) for each in sheets}
-    series = {name: each for name, each in found.items() if each is not None}
-    if not series or (sheet is not None and sheet not in series):
-        return None
-    return series[_chosen(sheet, series)]
-
-
-def _chosen(sheet: str | None, series: Mapping[str, Series]) -> str:
-    """The name of the series to read."""
-    if sheet is None and len(series) == 1:
-        return next(iter(series))
-    if sheet is None or sheet not in series:
-        raise Refusal(f"it holds Prony series named {list(series)}: pass one of them as `sheet`")
-    return sheet
+    known = any(each.knows(file) for each in READERS["prony"])
+    return read_as(file, "prony") if known else None

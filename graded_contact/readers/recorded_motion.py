@@ -10,9 +10,9 @@ from jaxtyping import ScalarLike
 from ..core.files import Refusal
 from ..fields.grid import Grid
 from ..sliding.motion import Motion, recorded
-from .cells import LARGEST, holds_data
+from .cells import TABLE_BYTES, holds_data
 from .decisions import Log
-from .registry import opened, read
+from .registry import opening, read_as
 from .units import UNITS, length_unit, metres, parse_heading, parse_unit
 
 _BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$")
@@ -47,8 +47,8 @@ def motion_in(
 ) -> tuple[Motion, Log]:
     """Returns the motion of a table and the log of the reading, arguments as in `read_motion`."""
     log = Log()
-    with opened(path, LARGEST) as file:
-        rows = read(file, "moduli").sheets[0].rows
+    with opening(path, TABLE_BYTES) as file:
+        rows = read_as(file, "moduli")[0].rows
         data = [row.cells[:2] for row in rows if holds_data(row)]
         try:
             time, displacement = np.array(data, float).T
@@ -57,16 +57,16 @@ def motion_in(
             raise Refusal(needed) from None
         heads = [row.cells for row in rows if len(row.cells) > 1 and not holds_data(row)][:2]
         times, lengths = [head[0] for head in heads], [head[1] for head in heads]
-        second = _factor(log, "times", times, _seconds, "s")
-        metre = _factor(log, "displacements", lengths, _metres, "m")
+        second = _factor(log, "times", times, _seconds_of_heading, "s")
+        metre = _factor(log, "displacements", lengths, _metres_of_heading, "m")
     return recorded(second * time, metre * displacement, period, num_times, grid), log
 
 
-def _seconds(head: str) -> float | None:
+def _seconds_of_heading(head: str) -> float | None:
     return UNITS["time"].get(parse_heading(head).unit or parse_unit(head) or "")
 
 
-def _metres(head: str) -> float | None:
+def _metres_of_heading(head: str) -> float | None:
     return metres(length_unit(head) or "")
 
 

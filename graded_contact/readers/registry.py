@@ -1,7 +1,7 @@
 """Readers of files, each registered with what it knows; the content decides which one reads a file.
 
 A module in `instruments/` is found without being named anywhere. Its functions take a `File` and
-return a `Scan` (heights), `Tables` (moduli) or `Series` (Prony), or raise `Refusal`.
+return a `Scan` (heights), a list of `Sheet` (moduli) or `Modes` (Prony), or raise `Refusal`.
 """
 
 import codecs
@@ -15,8 +15,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from ..core.files import (
     LARGEST_FILE,
@@ -96,7 +94,7 @@ class File:
         if self.depth == DEEPEST:
             raise Refusal("it has too many zips in one another")
         changes = {"name": PurePath(name), "content": content, "channel": channel}
-        return read(dataclasses.replace(self, **changes, depth=self.depth + 1), "heights")
+        return read_as(dataclasses.replace(self, **changes, depth=self.depth + 1), "heights")
 
 
 def _without_marks(text: str) -> str:
@@ -105,7 +103,7 @@ def _without_marks(text: str) -> str:
 
 
 @contextlib.contextmanager
-def opened(path: str | os.PathLike, at_most: float = LARGEST_FILE, **known: Any) -> Iterator[File]:
+def opening(path: str | os.PathLike, at_most: float = LARGEST_FILE, **known: Any) -> Iterator[File]:
     """Gives the file at a path; a `Refusal` becomes a `ValueError` that names the path."""
     content = read_file(path, at_most)
     try:
@@ -114,36 +112,7 @@ def opened(path: str | os.PathLike, at_most: float = LARGEST_FILE, **known: Any)
         raise ValueError(f"`path={path}` is refused: {str(error).rstrip('.')}.") from None
 
 
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """What is known of tables of moduli; empty where the tables decide.
-
-    - `kind`: "frequency", "relaxation", "creep" or "strain".
-    - `columns`: name, or number counted from 1, of the column of a quantity.
-    - `units`: unit of a dimension.
-    - `deformation`: "tension" or "shear".
-    - `temperature`: [K], so that a column of it is not needed.
-    - `step`: numbers, or parts of titles, of the steps to read.
-    - `load`: the constant stress of a creep test [Pa], the strain of a relaxation test [1].
-    - `source`: where the units come from, in words.
-    """
-
-    kind: str | None = None
-    columns: Mapping[str, str | int] = dataclasses.field(default_factory=dict)
-    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    deformation: str | None = None
-    temperature: Any = None
-    step: tuple[str | int, ...] = ()
-    load: float | None = None
-    source: str = ""
-
-    def completed(self, fixed: "Options") -> "Options":
-        """Returns these options, and where they are silent those that the format fixes."""
-        own = {name: value for name, value in vars(self).items() if np.ndim(value) or value}
-        return dataclasses.replace(fixed, **{**own, "units": {**fixed.units, **self.units}})
-
-
-class Reader(NamedTuple):
+class RegisteredReader(NamedTuple):
     """A function that reads a kind of file, and whether it knows one."""
 
     name: str
@@ -152,7 +121,7 @@ class Reader(NamedTuple):
     rank: int
 
 
-READERS: dict[str, list[Reader]] = {"heights": [], "moduli": [], "prony": []}
+READERS: dict[str, list[RegisteredReader]] = {"heights": [], "moduli": [], "prony": []}
 
 
 def extra(package: str) -> Any:
@@ -172,15 +141,15 @@ def reader(name: str, gives: str, *, knows: Callable[[File], bool], rank: int = 
     **Arguments:**
 
     - `name`: of the kind of file.
-    - `gives`: "heights" for a function that returns a `Scan`, "moduli" for `Tables`, "prony" for a
-      `Series` by the name of each material.
+    - `gives`: "heights" for a function that returns a `Scan`, "moduli" for a list of `Sheet`,
+      "prony" for a `Modes` by the name of each material.
     - `knows`: whether the function reads a file: by its first bytes, a heading, or its extension.
     - `rank`: 0 for a format that is told by its content, 1 for a library of many formats, 2 for
       what is tried after it.
     """
 
     def register(function: Callable[[File], Any]) -> Callable[[File], Any]:
-        READERS[gives].append(Reader(name, knows, function, rank))
+        READERS[gives].append(RegisteredReader(name, knows, function, rank))
         READERS[gives].sort(key=lambda each: each.rank)
         return function
 
@@ -207,7 +176,7 @@ def _is_refused(file: File) -> bool:
     return False
 
 
-def read(file: File, gives: str) -> Any:
+def read_as(file: File, gives: str) -> Any:
     """Returns what a reader that knows a file reads from it; raises `Refusal`.
 
     Readers are asked in turn until one returns. A `Refusal` is the last word, and so is any error
@@ -215,7 +184,7 @@ def read(file: File, gives: str) -> Any:
     """
     find_readers()
     errors: list[Exception] = []
-    for each in [Reader("none", _is_refused, lambda _: None, 0), *READERS[gives]]:
+    for each in [RegisteredReader("none", _is_refused, lambda _: None, 0), *READERS[gives]]:
         try:
             if each.knows(file):
                 return each.read(file)

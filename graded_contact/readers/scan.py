@@ -4,22 +4,25 @@ Heights are `[x, y]`, x to the right and y upwards in the picture that the micro
 lines run along x from the top to the bottom: `from_lines` makes them from the lines of a picture.
 """
 
+import dataclasses
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from ..core.files import Refusal
+from .decisions import Log
 
-MOST_POINTS = 2**28
+MOST_HEIGHTS = 2**28
 BYTES_OF_POINT = 4  # unpacked; fewer in files that are hardly packed
-MARK = 0.99e37  # in any unit; 1e37, 1e38 and the largest float32 are in use
-_FEWEST = 3  # equal heights that look like marks
+MISSING_MARK = 0.99e37  # in any unit; 1e37, 1e38 and the largest float32 are in use
+_FEWEST_MARKS = 3  # equal heights that look like marks
 _FAR = 10  # times the range of all others, from which on they do
 
 
-class Scan(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Scan:
     """The heights in a file, in its own units.
 
     **Fields:**
@@ -30,9 +33,8 @@ class Scan(NamedTuple):
     - `unit`, `lateral_unit`: of heights and lengths; None if the file has none.
     - `positions`: of the points of a profile in `lateral_unit`, ascending, if unequally spaced.
     - `periodic`: whether the file declares the surface periodic.
-    - `notes`: how it was understood, one sentence each.
-    - `assumed`: what neither the file nor the user states and changes numbers, one sentence each.
     - `named`: whether its columns are those that the user named.
+    - `log`: how it was understood.
     """
 
     heights: np.ndarray
@@ -42,38 +44,40 @@ class Scan(NamedTuple):
     lateral_unit: str | None = None
     positions: np.ndarray | None = None
     periodic: bool = False
-    notes: tuple[str, ...] = ()
-    assumed: tuple[str, ...] = ()
     named: bool = False
+    log: Log = dataclasses.field(default_factory=Log)
+
+    def but(self, **changes: Any) -> "Scan":
+        """Returns these heights with other fields, and this log."""
+        return dataclasses.replace(self, **changes)
 
     def part_of(self, name: str) -> "Scan":
         """Returns the same heights; `source` says that they are in a part of this name."""
-        return self._replace(source=f"{self.source} of {name!r}")
+        return self.but(source=f"{self.source} of {name!r}")
 
     def without_marks(self) -> "Scan":
         """Returns the heights with NaN for marks of missing points; instruments have no NaN.
 
-        Equal heights far from all others are kept, as they may be measured; `assumed` names them.
+        Equal heights far from all others are kept, as they may be measured; the log names them.
         """
-        marked = np.abs(self.heights) >= MARK
+        marked = np.abs(self.heights) >= MISSING_MARK
         if not np.any(marked):
-            return self._replace(assumed=(*self.assumed, *_perhaps_marks(self.heights)))
+            self.log.assume(*_perhaps_marks(self.heights))
+            return self
         least = np.min(np.abs(self.heights[marked]))
-        note = f"{np.sum(marked)} heights of {least:.2g} or more count as missing."
-        heights = np.where(marked, np.nan, self.heights)
-        return self._replace(heights=heights, notes=(*self.notes, note)).without_marks()
+        self.log.note(f"{np.sum(marked)} heights of {least:.2g} or more count as missing.")
+        return self.but(heights=np.where(marked, np.nan, self.heights)).without_marks()
 
 
-def _perhaps_marks(heights: np.ndarray) -> list[str]:
-    """Sentences on lowest or highest heights that look like marks of missing points."""
-    known, found = heights[np.isfinite(heights)], []
+def _perhaps_marks(heights: np.ndarray) -> Iterator[str]:
+    """Yields sentences on lowest or highest heights that look like marks of missing points."""
+    known = heights[np.isfinite(heights)]
     for value in (np.min(known, initial=np.inf), np.max(known, initial=-np.inf)):
         others = known[known != value]
         count, spread = len(known) - len(others), np.ptp(others) if len(others) else 0.0
-        if count >= _FEWEST and spread and np.min(np.abs(others - value)) > _FAR * spread:
+        if count >= _FEWEST_MARKS and spread and np.min(np.abs(others - value)) > _FAR * spread:
             seem = f"{count} heights of {value:.8g} lie far from all others, like marks of missing"
-            found.append(f"{seem} points, and count as heights; otherwise write NaN there.")
-    return found
+            yield f"{seem} points, and count as heights; otherwise write NaN there."
 
 
 def from_lines(lines: np.ndarray) -> np.ndarray:
@@ -95,7 +99,7 @@ def counters(values: np.ndarray) -> bool:
                 and np.median(np.diff(values)) == 1)  # fmt: skip
 
 
-def chosen(channel: str | int | None, names: Sequence[str], what: str) -> int:
+def channel_of(channel: str | int | None, names: Sequence[str], what: str) -> int:
     """Returns the index of the channel; without a choice there must be only one."""
     if isinstance(channel, int) and 0 <= channel < len(names):
         return channel
@@ -107,9 +111,9 @@ def chosen(channel: str | int | None, names: Sequence[str], what: str) -> int:
     raise Refusal(f"{what}; pass `channel`, one of {list(names)[:20]}{wrong}")
 
 
-def check_points(shape: Any, at_most: float) -> None:
+def check_count(shape: Any, at_most: float) -> None:
     """Raises `Refusal` for more points than a file has that unpacks to `at_most` bytes."""
     points = math.prod(np.atleast_1d(shape).tolist())
-    most = min(MOST_POINTS, at_most / BYTES_OF_POINT)
+    most = min(MOST_HEIGHTS, at_most / BYTES_OF_POINT)
     if points > most:
         raise Refusal(f"it has {points} points; at most {most:.0f} are read at its packed size")

@@ -13,15 +13,15 @@ import numpy as np
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
 from ..materials.shift import AbstractShift
-from .decisions import Log, settled
+from .decisions import Log, Options, settled
 from .deformation import deformation_in
 from .stated_moduli import differ
 from .units import UNITS
 
 # Instantaneous moduli of solids lie between 10 kPa and 1 TPa: numbers of a deck without units.
-_LEAST, _MOST = 1e4, 1e12  # Pa
+_SOFTEST, _HARDEST = 1e4, 1e12  # Pa
 _FOREVER = 1e30  # s
-_NEGLIGIBLE = 1e-3  # of a modulus
+_NEGLIGIBLE_ERROR = 1e-3  # of a modulus
 _ROUNDED = 1e-3  # of the instantaneous modulus: how far rounded ratios may add up to more than 1
 
 
@@ -33,11 +33,13 @@ SERIES = (
 )
 
 
-class Series(NamedTuple):
+class Modes(NamedTuple):
     """A Prony series as a file has it; None where the file is silent.
 
     **Fields:**
 
+    - `layout`: what the file is, in words.
+    - `log`: of the reading.
     - `strengths`: moduli of the branches, or shares of the instantaneous modulus.
     - `times`: relaxation times; infinite for the equilibrium.
     - `ratios`: whether `strengths` are shares.
@@ -50,11 +52,11 @@ class Series(NamedTuple):
     - `deformation`: "tension" or "shear", of the moduli.
     - `poisson`: ν [1].
     - `shift`, `measured`: as in `Prony`.
-    - `assumed`: what its numbers rest on, if the file says so.
     - `lines`: those of the file without numbers of the series.
-    - `layout`: what the file is, in words.
     """
 
+    layout: str
+    log: Log
     strengths: Sequence[float]
     times: Sequence[float]
     ratios: bool = False
@@ -69,18 +71,13 @@ class Series(NamedTuple):
     poisson: float | None = None
     shift: AbstractShift | None = None
     measured: MeasuredRange | None = None
-    assumed: Sequence[str] = ()
     lines: Sequence[str] = ()
-    layout: str = ""
 
 
-def material_of(
-    series: Series, log: Log, units: dict[str, str], deformation: str | None,
-    glassy: float | None, equilibrium: float | None, poisson: float | None,
-) -> Prony:  # fmt: skip
-    """Returns the material of a series; the options are those of the user, moduli in Pa."""
-    log.assume(*series.assumed)
-    modulus, second = _units(series, log, units, [glassy, equilibrium])
+def material_of_series(series: Modes, options: Options) -> Prony:
+    """Returns the material of a series, with the options of the user."""
+    log, glassy, equilibrium = series.log, options.glassy, options.equilibrium
+    modulus, second = _si_factors(series, options)
     times = second * np.asarray(series.times, float)
     last, shares = times >= _FOREVER, np.asarray(series.strengths, float)
     if np.any(last & np.isfinite(times)):
@@ -97,10 +94,8 @@ def material_of(
             "its ratios need a modulus: pass the instantaneous one as `glassy` [Pa], or the "
             "long-time one as `equilibrium` [Pa]"
         )
-    whose = _deformation(
-        series, log, deformation, any(x is not None for x in (glassy, equilibrium))
-    )
-    poisson = series.poisson if poisson is None else poisson
+    whose = _deformation(series, options)
+    poisson = series.poisson if options.poisson is None else options.poisson
     if poisson is None and (mixed := set(series.letters.values()) - {whose}):
         raise ValueError(
             f"it states moduli in {whose} and in {mixed.pop()}: pass `poisson`, which converts"
@@ -123,9 +118,11 @@ def material_of(
         strengths, rest = _of_ratios(shares, last, first, rest)
     else:
         strengths = factor * modulus * shares
-        rest = _rest(strengths, last, first, rest, equilibrium is not None, log)
+        if np.any(last) and equilibrium is not None:
+            raise ValueError("it has a row of the equilibrium: leave out `equilibrium`")
+        rest = _rest(strengths, last, first, rest, log)
     if series.bulk is not None:
-        _note_bulk(series, log, poisson)
+        _note_bulk(series, poisson)
     used = ~last & (strengths > 0)
     if np.any(~last & ~used):
         log.note(f"Left out {np.sum(~last & ~used)} branches without a modulus.")
@@ -133,11 +130,9 @@ def material_of(
     return Prony(rest, strengths[used], times[used], poisson, series.shift, series.measured)
 
 
-def _units(
-    series: Series, log: Log, units: dict[str, str], moduli: Sequence[float | None]
-) -> tuple[float, float]:
+def _si_factors(series: Modes, options: Options) -> tuple[float, float]:
     """Pascals per unit of the moduli, and seconds per unit of the times."""
-    found = {}
+    log, units, found = series.log, options.units, {}
     if series.bare and "modulus" not in units:
         raise ValueError(
             f"{series.bare!r} has no unit: write it behind the number, or pass the unit of all "
@@ -150,8 +145,11 @@ def _units(
             f"the {name}", series.units.get(name), given, option=f"`units={ {name: given} }`",
             alike=lambda stated, unit, name=name: {stated, unit} <= set(UNITS[name]),
         )  # fmt: skip
+        if given is not None and given not in UNITS[name]:
+            allowed = list(UNITS[name])
+            raise ValueError(f"`units={ {name: given} }` is refused: use one of {allowed}")
         if unit is None and needed and series.deck:
-            unit = "s" if name == "time" else _credible(series)
+            unit = "s" if name == "time" else _credible_unit(series)
             if unit is not None:
                 other = "ms" if name == "time" else {"Pa": "MPa", "MPa": "Pa"}[unit]
                 log.assume(
@@ -167,26 +165,29 @@ def _units(
     return found["modulus"], found["time"]
 
 
-def _credible(series: Series) -> str | None:
+def _credible_unit(series: Modes) -> str | None:
     """Pa or MPa, the usual units of decks, if only one of them makes a modulus of a solid."""
     value = series.glassy if series.glassy is not None else series.equilibrium or 0.0
-    fits = [unit for unit in ("Pa", "MPa") if _LEAST <= UNITS["modulus"][unit] * value <= _MOST]
+    fits = [
+        unit for unit in ("Pa", "MPa") if _SOFTEST <= UNITS["modulus"][unit] * value <= _HARDEST
+    ]
     return fits[0] if len(fits) == 1 else None
 
 
-def _deformation(series: Series, log: Log, given: str | None, own_modulus: bool) -> str:
+def _deformation(series: Modes, options: Options) -> str:
     """Tension or shear, of the moduli in the file."""
+    given = options.deformation
     found = settled(
         "the modulus", series.deformation, given, option=f"`deformation={given!r}`",
         alike=lambda stated, given: stated == given,
     )  # fmt: skip
-    if found is None and series.ratios and own_modulus:
-        return "tension"
+    if found is None and series.ratios and (options.glassy, options.equilibrium) != (None, None):
+        return "tension"  # as the modulus of the user
     if found is None:
         found, reason = deformation_in([], series.lines)
         if found is None:
             raise ValueError(f"{reason}: pass `deformation='tension'` or `deformation='shear'`")
-        log.note(f"The moduli are of {found}, because of {reason}.")
+        series.log.note(f"The moduli are of {found}, because of {reason}.")
     return found
 
 
@@ -214,15 +215,12 @@ def _of_ratios(
 
 
 def _rest(
-    strengths: np.ndarray, last: np.ndarray, glassy: float | None, rest: float | None,
-    given: bool, log: Log,
-) -> float:  # fmt: skip
-    """The equilibrium modulus [Pa] of a table of moduli; `given` says whether the user gave it."""
+    strengths: np.ndarray, last: np.ndarray, glassy: float | None, rest: float | None, log: Log
+) -> float:
+    """The equilibrium modulus [Pa] of a table of moduli."""
     total = math.fsum(strengths[~last])
     if np.any(last):
         row = math.fsum(strengths[last])
-        if given:
-            raise ValueError("it has a row of the equilibrium: leave out `equilibrium`")
         if rest is not None and differ(rest, row):
             raise ValueError(
                 f"its row of the equilibrium has {row:.6g} Pa, but it states {rest:.6g} Pa too"
@@ -254,15 +252,15 @@ def _check_sum(glassy: float, rest: float, total: float) -> None:
         )
 
 
-def _note_bulk(series: Series, log: Log, poisson: float) -> None:
+def _note_bulk(series: Modes, poisson: float) -> None:
     """Says how far Young's modulus is off if the bulk modulus relaxes in another way."""
     shear, bulk = math.fsum(series.strengths), math.fsum(series.bulk or ())
     # The ratio of G to K at the end, over that at the start.
     ratio = 3 * (1 - 2 * poisson) / (2 * (1 + poisson)) * (1 - shear) / max(1 - bulk, 1e-9)
     final = (3 - 2 * ratio) / (2 * (3 + ratio))
     error = abs((1 + final) / (1 + poisson) - 1)
-    if error > _NEGLIGIBLE:
-        log.assume(
+    if error > _NEGLIGIBLE_ERROR:
+        series.log.assume(
             "The bulk modulus relaxes otherwise than the shear modulus. Poisson's ratio is taken "
             f"as constant, {poisson:g}, so that E is up to {error:.1%} off; "
             "`materials.BulkShear` has both moduli."

@@ -10,42 +10,44 @@ temperature (of merged cells only the first has one) belongs to the temperature 
 import re
 from collections.abc import Mapping, Sequence
 
-from .cells import Row, is_number, stripped
-from .tables import Segment, Table
+from .cells import Row, holds_number, stripped
+from .decisions import Log
+from .tables import DataTable
 from .units import OFFSETS, UNITS, parse_heading
 
-_NUMBER = r"[-+−]?\d+(?:[.,]\d+)?"
+_DEGREES = r"[-+−]?\d+(?:[.,]\d+)?"
 _IN_WORDS = re.compile(
-    rf"[(\[@]?\s*(?:(?:at|bei|à|T\s*[=:])\s*)?(?<![\w.,])({_NUMBER})\s*((?:°|º|deg\.?)\s*[CFK]|[CK])"
+    rf"[(\[@]?\s*(?:(?:at|bei|à|T\s*[=:])\s*)?(?<![\w.,])({_DEGREES})\s*((?:°|º|deg\.?)\s*[CFK]|[CK])"
     r"(?![\w/])\s*[)\]]?"
 )
-_ALONE = re.compile(rf"(?i)(?:t|temp\w*)?\s*[=:]?\s*({_NUMBER})\s*")
+_ALONE = re.compile(rf"(?i)(?:t|temp\w*)?\s*[=:]?\s*({_DEGREES})\s*")
 COLD = 150.0  # K or °C: below it a bare number is in °C
 
 
-def isotherms_beside(table: Table, units: Mapping[str, str]) -> Table:
+def isotherms_beside(table: DataTable, units: Mapping[str, str]) -> DataTable:
     """Returns a table with a block for each temperature, or the table as it is.
 
     `units` are those of the user; that of "temperature" counts for numbers without one.
     """
     width = table.blocks * len(table.names)
-    above = [row for row in table.segments[0].titles if len(row.cells) > 1][-1:]
+    above = [row for row in table.above[0] if len(row.cells) > 1][-1:]
     cells = (above[0].cells if above else [])[:width]
     cells += [""] * (width - len(cells))
-    kelvins, assumed = _kelvins(cells, units.get("temperature"))
+    log = Log()
+    kelvins = _kelvins(cells, units.get("temperature"), log)
     if table.blocks > 1:  # each with its own frequencies
         size = len(table.names)
         of_block = [kelvins[start : start + size] for start in range(0, width, size)]
         found = [next((k for k in part if k is not None), None) for part in of_block]
         if None in found:
             return table
-        return _with_titles(table, found, assumed)
+        return _with_kelvins(table, found, log)
     names = table.names
     if sum(kelvin is not None for kelvin in kelvins) < 2:
         inside = [_IN_WORDS.search(name) for name in names]
-        kelvins = [found and _kelvin(*found.groups()) for found in inside]
-        names = [_IN_WORDS.sub(" ", name).strip(" ,;_") or _title(table) for name in names]
-        assumed = ()
+        kelvins = [found and _to_kelvin(*found.groups()) for found in inside]
+        names = [_IN_WORDS.sub(" ", name).strip(" ,;_") or _quantity_above(table) for name in names]
+        log = Log()
     else:
         for i in range(1, width):  # the other cells of merged ones
             kelvins[i] = kelvins[i - 1] if kelvins[i] is None and not cells[i] else kelvins[i]
@@ -63,37 +65,34 @@ def isotherms_beside(table: Table, units: Mapping[str, str]) -> Table:
         names=[names[i] for i in first],
         units=[table.units[i] for i in first],
         blocks=len(groups),
-        segments=[
-            each._replace(data=[_ordered(row, order, width) for row in each.data])
-            for each in table.segments
-        ],
+        rows=[_reordered(row, order, width) for row in table.rows],
     )
-    return _with_titles(split, list(groups), assumed)
+    return _with_kelvins(split, list(groups), log)
 
 
-def _title(table: Table) -> str:
+def _quantity_above(table: DataTable) -> str:
     """The line above the names that names a quantity, as "Relaxation modulus [MPa]"; or nothing."""
-    texts = [row.text.strip() for row in table.segments[0].titles]
+    texts = [row.text.strip() for row in table.above[0]]
     return next((text for text in texts if parse_heading(text).quantity), "")
 
 
-def _kelvins(cells: list[str], given: str | None) -> tuple[list[float | None], tuple[str, ...]]:
-    """The temperatures [K] in the cells of a row, and what was assumed of their unit."""
+def _kelvins(cells: list[str], given: str | None, log: Log) -> list[float | None]:
+    """The temperatures [K] in the cells of a row."""
     kelvins: list[float | None] = [None] * len(cells)
-    label = next((parse_heading(cell) for cell in cells if cell and not is_number(cell)), None)
+    label = next((parse_heading(cell) for cell in cells if cell and not holds_number(cell)), None)
     unit = label.unit if label and label.quantity == "temperature" else None
     bare = {}
     for i, cell in enumerate(cells):
         if found := _IN_WORDS.search(cell):
-            kelvins[i], unit = _kelvin(*found.groups()), found[2][-1]
+            kelvins[i], unit = _to_kelvin(*found.groups()), found[2][-1]
         elif found := _ALONE.fullmatch(cell):
-            bare[i] = _value(found[1])
+            bare[i] = _decimal_value(found[1])
     if not bare:
-        return kelvins, ()
-    assumed, unit = (), unit or given
+        return kelvins
+    unit = unit or given
     if unit is None:
         if label is not None and label.quantity not in ("temperature", None):
-            return kelvins, ()  # numbers of another quantity
+            return kelvins  # numbers of another quantity
         if max(bare.values()) >= COLD:
             numbers = ", ".join(f"{value:g}" for value in bare.values())
             raise ValueError(
@@ -101,38 +100,30 @@ def _kelvins(cells: list[str], given: str | None) -> tuple[list[float | None], t
                 "`units={'temperature': 'K'}`"
             )
         unit = "C"
-        assumed = (
+        log.assume(
             "The temperatures above the columns are assumed to be in °C; otherwise pass "
-            "`units={'temperature': 'K'}`.",
+            "`units={'temperature': 'K'}`."
         )
     for i, value in bare.items():
         kelvins[i] = UNITS["temperature"][unit] * value + OFFSETS[unit]
-    return kelvins, assumed
+    return kelvins
 
 
-def _kelvin(number: str, unit: str) -> float:
+def _to_kelvin(number: str, unit: str) -> float:
     known = unit[-1]  # of "deg. C"
-    return round(UNITS["temperature"][known] * _value(number) + OFFSETS[known], 6)
+    return round(UNITS["temperature"][known] * _decimal_value(number) + OFFSETS[known], 6)
 
 
-def _value(number: str) -> float:
+def _decimal_value(number: str) -> float:
     return float(number.replace(",", ".").replace("−", "-"))
 
 
-def _ordered(row: Row, order: list[int], width: int) -> Row:
+def _reordered(row: Row, order: list[int], width: int) -> Row:
     if len(stripped(row.cells)) > width:
         return row  # entries that fit no column
     return row._replace(cells=[row.cells[i] if i < len(row.cells) else "" for i in order])
 
 
-def _with_titles(table: Table, kelvins: Sequence[float | None], assumed: tuple[str, ...]) -> Table:
-    """The table with its temperatures as the last line above each segment."""
-    size = len(table.names)
-    cells = [part for kelvin in kelvins for part in (f"{kelvin:.10g} K", *[""] * (size - 1))]
-
-    def titled(segment: Segment) -> Segment:
-        last = segment.titles[-1].line if segment.titles else 0
-        return segment._replace(titles=[*segment.titles, Row(last, cells)])
-
-    segments = [titled(segment) for segment in table.segments]
-    return table._replace(segments=segments, assumed=(*table.assumed, *assumed))
+def _with_kelvins(table: DataTable, kelvins: Sequence[float | None], log: Log) -> DataTable:
+    """The table with the temperature of each block, to ten digits."""
+    return table._replace(kelvins=[float(f"{kelvin:.10g}") for kelvin in kelvins], log=log)

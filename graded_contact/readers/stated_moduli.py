@@ -9,24 +9,24 @@ from .units import UNITS, parse_unit
 
 AGREE = 0.01  # relative: how far two statements of one number differ by their digits
 
-_NUMBER = (
+_NUMBER_BEHIND = (
     r"\s*(?:[\[(]([^\])]*)[\])])?\s*[=:;,≈~]?\s*"
     r"([-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\s,;)]*)"
 )
-_WORDS = r"(?:[-_ ]?(?:young['’]?s?|shear|tensile))?[-_ ]?modul\w*(?:[-_ ,]*\(?[EG]_?\w*\)?)?"
+_MODUL = r"(?:[-_ ]?(?:young['’]?s?|shear|tensile))?[-_ ]?modul\w*(?:[-_ ,]*\(?[EG]_?\w*\)?)?"
 _WORDS_AFTER = r"(?:[-_ ]?(?:E|G|schub|elastizitäts))?-?modul\w*"  # in German
 _PATTERNS = {
-    "glassy": rf"(?:\b[EG]_?0\b|(?i:\b(?:instantaneous|glassy|unrelaxed|short[- ]?term){_WORDS}"
+    "glassy": rf"(?:\b[EG]_?0\b|(?i:\b(?:instantaneous|glassy|unrelaxed|short[- ]?term){_MODUL}"
               rf"|\b(?:glas|kurzzeit|moment\w*|anfangs|instantan\w*){_WORDS_AFTER}"
               r"|\bmodule\s+(?:instantan[ée]|vitreux|non[- ]relax[ée]|initial|à court terme)))",
     "equilibrium": r"(?:\b[EG]_?\{?(?:inf(?:ty|inity)?|∞|oo|eq|e)\}?(?!\w)|(?i:\b(?:equilibrium|"
-                   rf"long[- ]?(?:term|time)|relaxed|rubbery)(?:{_WORDS}|[- ]plateau)?"
+                   rf"long[- ]?(?:term|time)|relaxed|rubbery)(?:{_MODUL}|[- ]plateau)?"
                    rf"|\b(?:gleichgewichts|langzeit|gummi(?:plateau)?){_WORDS_AFTER}"
                    r"|\bgummiplateau\b|\bplateau caoutchouti\w*"
                    r"|\bmodule\s+(?:[àa] l['’]\s?[ée]quilibre|d['’]\s?[ée]quilibre|relax[ée]"
                    r"|caoutchouti\w*|(?:à|a|de) long terme)))",
 }  # fmt: skip
-_STATEMENTS = {kind: re.compile(f"({words}){_NUMBER}") for kind, words in _PATTERNS.items()}
+_STATEMENTS = {kind: re.compile(f"({words}){_NUMBER_BEHIND}") for kind, words in _PATTERNS.items()}
 _LETTER = re.compile(
     r"\b([EG])_?\{?(?:0|inf(?:ty|inity)?|∞|oo|eq|e)?\}?\)?$|(?i:(young|tensile)|(shear|schub))"
 )

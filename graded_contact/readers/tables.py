@@ -12,19 +12,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .cells import Row, Sheet, holds_data, is_missing, is_number, stripped
+from .cells import Row, Sheet, holds_data, holds_number, is_missing, stripped
+from .decisions import Log
 from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse_unit
 
-LIMIT = 1e100  # in SI units; of shifted frequencies and times
+HUGE = 1e100  # in SI units; of shifted frequencies and times
 MOST_COLUMNS = 1000  # of a table; a hundred curves side by side have a few hundred
 
 
+def is_credible(values: np.ndarray) -> np.ndarray:
+    """Whether a measurement can have these values, so that their ratios are finite."""
+    return (values > 1 / HUGE) & (values < HUGE)
+
+
 def credible(values: np.ndarray) -> np.ndarray:
-    """Returns the values that a measurement can have, so that their ratios are finite."""
-    return values[(values > 1 / LIMIT) & (values < LIMIT)]
+    """Returns the values that a measurement can have."""
+    return values[is_credible(values)]
 
 
-class Column(NamedTuple):
+class DataColumn(NamedTuple):
     """A column of a table.
 
     - `quantity`: a key of `units.DIMENSIONS`.
@@ -64,7 +70,7 @@ class Column(NamedTuple):
 
     def si(self, cells: Iterable[str]) -> np.ndarray:
         """Returns numbers in SI units; NaN for words, infinity for what is too large."""
-        values = np.array([float(cell) if is_number(cell) else np.nan for cell in cells])
+        values = np.array([float(cell) if holds_number(cell) else np.nan for cell in cells])
         with np.errstate(over="ignore", divide="ignore"):
             if self.base is not None:
                 values = np.exp(values * (np.log(10) if self.base == "10" else 1))
@@ -75,57 +81,39 @@ class Column(NamedTuple):
         """Returns the numbers of the first block in SI units, NaN where there is none."""
         return self.si("".join(row.cells[self.place : self.place + 1]) for row in rows)
 
-    def known(self, rows: Iterable[Row]) -> np.ndarray:
-        """Returns the numbers that a measurement can have."""
-        return credible(self.numbers(rows))
 
-
-class Segment(NamedTuple):
-    """A part of a table: the `titles` above it, its rows of numbers, and its other rows."""
-
-    titles: list[Row]
-    data: list[Row]
-    words: list[Row]
-
-
-class Table(NamedTuple):
-    """Names and units of the columns of one block, and the segments below them.
+class DataTable(NamedTuple):
+    """Names and units of the columns of one block, and the rows of all segments below them.
 
     - `place`: the line of its names, for messages.
     - `blocks`: how often the columns are repeated side by side.
     - `spaced`: whether spaces separate the cells, so that none can be empty.
-    - `assumed`: what had to be assumed of the lines above, in sentences.
+    - `above`: the rows above each segment.
+    - `rows`: those of numbers; `words` are the others.
+    - `log`: of the reading of this table.
+    - `kelvins`: the temperature of each block [K], if its columns state it.
     """
 
     place: str
     names: list[str]
     units: list[str]
     blocks: int
-    segments: list[Segment]
     spaced: bool
-    assumed: tuple[str, ...] = ()
+    above: list[list[Row]]
+    rows: list[Row]
+    words: list[Row]
+    log: Log
+    kelvins: Sequence[float] | None = None
 
     @property
     def headings(self) -> list[Heading]:
         return list(map(parse_heading, self.names))
-
-    @property
-    def rows(self) -> list[Row]:
-        return [row for segment in self.segments for row in segment.data]
 
     def misfit(self, row: Row) -> int:
         """Returns the number of entries of a row if these cannot be assigned to columns, else 0."""
         entries, width = len(stripped(row.cells)), self.blocks * len(self.names)
         # Where spaces separate, a missing entry would move those after it.
         return entries if entries > width or (self.spaced and entries < width) else 0
-
-    def curves(self) -> Iterator[tuple[int, Row, list[str]]]:
-        """Yields each row of each block, with the number of its curve and its cells."""
-        width = len(self.names)
-        for i, segment in enumerate(self.segments):
-            for row, block in itertools.product(segment.data, range(self.blocks)):
-                cells = [*row.cells, *[""] * (self.blocks * width)]
-                yield i * self.blocks + block, row, cells[block * width :]
 
     def label(self, place: int) -> str:
         name = self.names[place]
@@ -141,14 +129,8 @@ class Table(NamedTuple):
             return "the columns " + ", ".join(map(repr, self.names))
         return f"{len(self.names)} columns without names"
 
-    def only(self, lines: set[int]) -> "Table":
-        """Returns the table with the rows of numbers on these lines."""
-        kept = ([row for row in each.data if row.line in lines] for each in self.segments)
-        pairs = zip(self.segments, kept, strict=True)
-        return self._replace(segments=[each._replace(data=data) for each, data in pairs if data])
 
-
-def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
+def find_tables(sheet: Sheet, named: Iterable[str]) -> list[DataTable]:
     """Returns the tables of numbers; `named` are names of columns that are known."""
     rows = sheet.rows
     if not any(map(holds_data, rows)):
@@ -163,33 +145,36 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[Table]:
         rows = [names if row is signals[-1] else row for row in rows if id(row) not in last_of]
     starts = _starts(rows, set(named))
     if not starts:
-        data = [row for row in rows if holds_data(row)]
+        data = list(filter(holds_data, rows))
         empty = [""] * max((len(row.cells) for row in data), default=0)
         above = list(itertools.takewhile(lambda row: not holds_data(row), rows))
-        segments = [Segment(above, data, [])]
-        return [Table("no line of names", empty, empty, 1, segments, sheet.spaced)] * bool(data)
-    tables: dict[tuple[str, ...], Table] = {}
+        return [
+            DataTable("no line of names", empty, empty, 1, sheet.spaced, [above], data, [], Log())
+        ]
+    tables: dict[tuple[str, ...], DataTable] = {}
     last = 0  # behind the numbers above
     for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
         below = rows[start + 1 : end]
         has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
         units = below.pop(0).cells if has_units else []
         above = rows[max(last, start - 1) : start]
-        table = _headed(_named(rows[start], above, below), units, sheet.spaced)
+        table = _headed(_with_near_names(rows[start], above, below), units, sheet.spaced)
         key = tuple(table.names)
         if key in tables and has_units and tables[key].units != table.units:
             key = (*table.names, *table.units)
         table = tables.setdefault(key, table)
-        data = [row for row in below if holds_data(row) and not _POINTS.match(row.cells[0])]
+        data = [row for row in below if holds_data(row) and not _COUNTER.match(row.cells[0])]
         if data:
             lines = {row.line for row in data}
-            words = [row for row in below if row.line not in lines]
-            table.segments.append(Segment(rows[last:start], data, words))
+            for row in below:
+                kept = table.rows if row.line in lines else table.words
+                kept.append(row._replace(segment=len(table.above)))
+            table.above.append(rows[last:start])
             last = rows.index(data[-1], start) + 1
     return [table for table in tables.values() if table.rows]
 
 
-def _named(names: Row, above: Sequence[Row], below: Sequence[Row]) -> Row:
+def _with_near_names(names: Row, above: Sequence[Row], below: Sequence[Row]) -> Row:
     """A row of names whose empty cells have their name in the row above or below."""
     cells = list(names.cells)
     near = [below[0].cells] if below and not holds_data(below[0]) else []
@@ -204,7 +189,7 @@ def _named(names: Row, above: Sequence[Row], below: Sequence[Row]) -> Row:
     return names._replace(cells=cells)
 
 
-def _headed(row: Row, units: list[str], spaced: bool) -> Table:
+def _headed(row: Row, units: list[str], spaced: bool) -> DataTable:
     """A table without rows yet, whose names may repeat: each repetition is a block."""
     names = stripped(row.cells)
     below = (units + [""] * len(names))[: len(names)]
@@ -213,8 +198,11 @@ def _headed(row: Row, units: list[str], spaced: bool) -> Table:
         blocks, rest = divmod(len(names), width)
         if width > 1 and not (rest and any(map(any, columns[rest:width]))):
             blocks += rest > 0  # an empty column between blocks
-            return Table(f"line {row.line}", names[:width], below[:width], blocks, [], spaced)
-    return Table(f"line {row.line}", names, below, 1, [], spaced)
+            names, below = names[:width], below[:width]
+            break
+    else:
+        blocks = 1
+    return DataTable(f"line {row.line}", names, below, blocks, spaced, [], [], [], Log())
 
 
 def _periods(columns: Sequence[tuple[str, str]]) -> Iterator[int]:
@@ -262,14 +250,14 @@ _TEST = re.compile(
     r"(?i)sweep|ramp|hold|relax|creep|soak|step|test|balayage|rampe|fluage|paliers?|essai|kriech|versuch"
 )
 # RheoCompass counts the points above the numbers: "Interval and data points: 1 29".
-_POINTS = re.compile(r"(?i)(?:interval|abschnitt).*:")
+_COUNTER = re.compile(r"(?i)(?:interval|abschnitt).*:")
 # Settings of an instrument that are no temperature of a test.
 _SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibration|span|range")
 
 
 def title_above(rows: Sequence[Row]) -> str:
     """Returns the title of the next step, such as "Frequency sweep - 2", or an empty text."""
-    titles = [row for row in rows if _TEST.search(row.text) and not _POINTS.match(row.cells[0])]
+    titles = [row for row in rows if _TEST.search(row.text) and not _COUNTER.match(row.cells[0])]
     pairs = itertools.pairwise(rows)
     titles += [row for mark, row in pairs if mark.cells[0].casefold() == "[step]"]  # TRIOS
     return next((cell for cell in reversed(titles[-1].cells) if cell), "")[:60] if titles else ""
@@ -279,8 +267,8 @@ def value_above(rows: Sequence[Row], quantity: str) -> float | None:
     """Returns the only "temperature" [K] or "stress" [Pa] that the rows name, such as "25 °C"."""
     units, found = UNITS[quantity], set()
     for row in rows:
-        given = parameters(row)
-        if quantity == "temperature" and "chem" in given and is_number(given.get("T", "")):
+        given = settings_in(row)
+        if quantity == "temperature" and "chem" in given and holds_number(given.get("T", "")):
             found.add(float(given["T"]) + OFFSETS["C"])  # as RepTate's files begin
         for number, word in re.findall(_VALUES[quantity], row.text):
             unit = parse_unit(word)
@@ -289,7 +277,7 @@ def value_above(rows: Sequence[Row], quantity: str) -> float | None:
     return found.pop() if len(found) == 1 else None
 
 
-def parameters(row: Row) -> dict[str, str]:
+def settings_in(row: Row) -> dict[str, str]:
     """Returns the parameters of a line such as "T=-35; Mw = 634.5;", as RepTate's files begin."""
     entries = [entry.split("=", 1) for entry in row.text.split(";") if entry.strip()]
     if not all(len(entry) == 2 for entry in entries):

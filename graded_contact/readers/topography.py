@@ -17,15 +17,15 @@ from ..core.display import with_unit
 from ..core.files import Refusal
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
 from ..surfaces.reading_steps import ReadingStep, step
-from ..surfaces.scan_lines import Lines
+from ..surfaces.scan_lines import AlongAxis
 from ..surfaces.surface import Surface
-from .decisions import settled
+from .decisions import Log, settled
 from .length_headings import same_unit
-from .registry import opened, read
+from .registry import opening, read_as
 from .scan import Scan
 from .units import metres
 
-SAME = 0.02  # between the proportions of edges that are meant to be equal
+SAME_PROPORTIONS = 0.02  # between the proportions of edges that are meant to be equal
 GAP = 3  # steps of a line scan, beyond which the points between are missing
 
 
@@ -40,7 +40,7 @@ def read_surface(
     region: Numbers | None = None,
     fill: Fill | None = "low",
     rim: int = 0,
-    level_lines: Lines | None = None,
+    level_lines: AlongAxis | None = None,
     channel: str | int | None = None,
     columns: dict[Literal["x", "y", "z"], str | int] | None = None,
 ) -> Surface:
@@ -83,28 +83,28 @@ def read_surface(
     if columns is not None:
         _check_columns(columns)
     options = {"channel": channel, "size": size, "unit": unit, "columns": columns}
-    scan, factor, known, warned = _read(path, options, periodic)
+    scan, factor, known = _scan_in(path, options, periodic)
     heights = factor * scan.heights
     points = " x ".join(map(str, heights.shape))
     lengths = " x ".join(with_unit(float(edge), "m") for edge in known)
-    source = f"Read {points} points of {lengths} from {scan.source} of {path.name}."
-    notes, steps = [source, *scan.notes, *warned], []
+    log, steps = scan.log, []
+    log.begin(f"Read {points} points of {lengths} from {scan.source} of {path.name}.")
     if scan.positions is not None:
         # The period of a line is its span and one mean step.
         count = len(scan.positions)
         period = float(np.ptp(scan.positions)) * count / (count - 1)
         positions = scan.positions * (known[0] / period)
-        heights, known = _equally_spaced(positions, heights, notes, steps)
+        heights, known = _at_equal_steps(positions, heights, log, steps)
     elif heights.ndim == 2 and min(heights.shape) > 0:
         pixel = known / np.array(heights.shape)
         if np.max(pixel) > 1.05 * np.min(pixel):
             pixels = f"Its pixels of {pixel[0]:.3g} m by {pixel[-1]:.3g} m are not square"
-            notes.append(f"{pixels}: if the file was cut short, its heights are stretched.")
+            log.note(f"{pixels}: if the file was cut short, its heights are stretched.")
     try:
         return surface_from_heights(
             heights, known, periodic=periodic, shape=shape, region=region, fill=fill, rim=rim,
-            level_lines=level_lines, history=tuple(notes), steps=tuple(steps),
-            assumed=scan.assumed,
+            level_lines=level_lines, history=tuple(log.history), steps=tuple(steps),
+            assumed=tuple(log.assumed),
         )  # fmt: skip
     except ValueError as error:
         raise ValueError(f"`path={path}`: {error}") from error
@@ -119,30 +119,31 @@ def _check_columns(columns: Any) -> None:
         raise ValueError(f"`columns={short(columns)}` must be names, or numbers from 1.")
 
 
-def _read(path: Path, options: dict[str, Any], periodic) -> tuple[Scan, float, Any, list[str]]:
-    """The heights in a file, metres per unit, edge lengths [m], and warnings of the reader."""
-    with opened(path, **options) as file, warnings.catch_warnings(record=True) as caught:
+def _scan_in(path: Path, options: dict[str, Any], periodic) -> tuple[Scan, float, Any]:
+    """The heights in a file, metres per unit, and edge lengths [m]."""
+    with opening(path, **options) as file, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        scan = read(file, "heights").without_marks()
+        scan = read_as(file, "heights").without_marks()
         if file.columns and not scan.named:
             raise Refusal("it is no table of columns; leave out `columns`")
         if (ndim := scan.heights.ndim) not in (1, 2):
             shape = f"{scan.source} has {ndim} axes, its shape is {scan.heights.shape}"
             raise Refusal(f"{shape}: heights have one axis or two")
-        factor, edges = _scales(scan, options["size"], options["unit"])
+        factor, edges = _metres_and_edges(scan, options["size"], options["unit"])
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
     kinds = UserWarning | RuntimeWarning
-    told = [entry.message for entry in caught if issubclass(entry.category, kinds)]
-    notes = [f"The reader warned: {message}" for message in told]
+    for entry in caught:
+        if issubclass(entry.category, kinds):
+            scan.log.note(f"The reader warned: {entry.message}")
     unit = options["unit"]
-    if unit is not None and scan.unit is not None and _without_unit(scan, options["size"]):
+    if unit is not None and scan.unit is not None and _numbers_without_unit(scan, options["size"]):
         stated = f"as the file states the heights in {scan.unit!r}"
-        notes.append(f"`unit={unit!r}` counts for its edges alone, {stated}.")
-    return scan, factor, edges, notes
+        scan.log.note(f"`unit={unit!r}` counts for its edges alone, {stated}.")
+    return scan, factor, edges
 
 
-def _without_unit(scan: Scan, size: Any) -> list[str]:
+def _numbers_without_unit(scan: Scan, size: Any) -> list[str]:
     """The numbers that count and whose unit the file does not state, in words."""
     found = ["the heights"] * (scan.unit is None)
     if scan.size is not None and scan.lateral_unit is None and size is None:
@@ -150,14 +151,14 @@ def _without_unit(scan: Scan, size: Any) -> list[str]:
     return found
 
 
-def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
+def _metres_and_edges(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
     """Metres per unit of the heights, and the edge lengths [m]; refuses a file without these."""
     stated = (scan.unit,) if scan.size is None else (scan.unit, scan.lateral_unit)
     for name in filter(None, stated):
-        _metres(name, f"{scan.source} in {name!r}")
+        _metres_per_unit(name, f"{scan.source} in {name!r}")
     option = f"`unit={unit!r}`"
-    given = np.nan if unit is None else _metres(unit, option)
-    fills = _without_unit(scan, size)  # then it is no unit of what is stated
+    given = np.nan if unit is None else _metres_per_unit(unit, option)
+    fills = _numbers_without_unit(scan, size)  # then it is no unit of what is stated
     lacking, wanted = [], []
     if fills and unit is None:
         lacking.append(f"the unit of {' and of '.join(fills)}")
@@ -170,15 +171,15 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
         missing, options = " and ".join(lacking), ", and ".join(wanted)
         raise Refusal(f"it does not state {missing} of {scan.source}; pass {options}")
     own = settled("a height", scan.unit, None if fills else unit, option=option, alike=same_unit)
-    factor = given if own is None else _metres(own, option)
+    factor = given if own is None else _metres_per_unit(own, option)
     if scan.size is None:
         num_axes, edges = scan.heights.ndim, np.array(size, float)
         if edges.shape not in ((), (num_axes,)):
             raise Refusal(f"`size` has shape {edges.shape}, it needs {num_axes} lengths")
         return factor, np.broadcast_to(edges, (num_axes,))
     if size is not None and scan.lateral_unit is None:
-        return factor, _scaled(scan.size, size)
-    lateral = given if scan.lateral_unit is None else _metres(scan.lateral_unit, option)
+        return factor, _edges_of_size(scan.size, size)
+    lateral = given if scan.lateral_unit is None else _metres_per_unit(scan.lateral_unit, option)
     known = lateral * scan.size
     if size is not None:
         raise Refusal(f"it states its size, {known} m; leave out `size`")
@@ -187,7 +188,7 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
     return factor, known
 
 
-def _metres(unit: str, named: str) -> float:
+def _metres_per_unit(unit: str, named: str) -> float:
     """Metres per unit; refuses what is no unit of length."""
     factor = metres(unit)
     if factor is None:
@@ -195,17 +196,17 @@ def _metres(unit: str, named: str) -> float:
     return factor
 
 
-def _scaled(edges: np.ndarray, size: Any) -> np.ndarray:
+def _edges_of_size(edges: np.ndarray, size: Any) -> np.ndarray:
     """The given size [m] of a file that states its edges in an unknown unit."""
     if np.shape(size) not in ((), edges.shape):
         raise Refusal(f"`size` has shape {np.shape(size)}, it needs {len(edges)} lengths")
     units = np.asarray(size, float) / edges
-    if not np.ptp(units) <= SAME * np.max(np.abs(units)):
+    if not np.ptp(units) <= SAME_PROPORTIONS * np.max(np.abs(units)):
         raise Refusal(f"its edges are as {edges.tolist()}, and those of `size={size}` are not")
     return units * edges
 
 
-def _equally_spaced(positions, heights, notes: list[str], steps: list[ReadingStep]) -> tuple:
+def _at_equal_steps(positions, heights, log: Log, steps: list[ReadingStep]) -> tuple:
     """A line scan at equal steps, NaN in its gaps, and its length [m]."""
     # The roughness as read, each slope counted by its length.
     apart = np.diff(positions)
@@ -228,5 +229,5 @@ def _equally_spaced(positions, heights, notes: list[str], steps: list[ReadingSte
     ends = f"{np.min(apart):.3g} to {np.max(apart):.3g} m apart"
     new = f"interpolated linearly to {num} points {typical:.4g} m apart"
     lost = f"{np.sum(np.isnan(values))} in gaps of more than {GAP} steps count as missing"
-    notes.append(f"Its points, {ends}, are not equally spaced: {new}; {lost}.")
+    log.note(f"Its points, {ends}, are not equally spaced: {new}; {lost}.")
     return values, np.array([typical * num])

@@ -72,9 +72,9 @@ _METRES = {
        for prefix, factor in (("", 1.0), ("milli", 1e-3), ("micro", 1e-6), ("nano", 1e-9))
        for word in ("meter", "metre", "meters", "metres")},
 }  # fmt: skip
-_NAMED = "|".join(sorted(map(re.escape, _METRES), key=len)[::-1])
+_LENGTHS_OF = "|".join(sorted(map(re.escape, _METRES), key=len)[::-1])
 # A unit is at the end of a heading: "z [nm]", "Height (µm)", "depth / mm", "z_um", "unit: nm".
-_AT_END = re.compile(rf"(?:^|[\[(<{{/_:=,\s])({_NAMED})\s*[\])>}}]?\s*[.:;,]*$", re.IGNORECASE)
+_AT_END = re.compile(rf"(?:^|[\[(<{{/_:=,\s])({_LENGTHS_OF})\s*[\])>}}]?\s*[.:;,]*$", re.IGNORECASE)
 # "in" behind a space may be the English word, as in "heights in:".
 _WORD = re.compile(r"\w\s+in\s*[.:;,]*$", re.IGNORECASE)
 
@@ -93,7 +93,7 @@ _LETTERS = {
     "D*": "tension magnitude compliance", "J*": "shear magnitude compliance",
     "σ": "stress", "τ": "shear stress", "ε": "strain", "γ": "shear strain",
 }  # fmt: skip
-_WORDS = {
+_HEADING_WORDS = {
     word: meaning
     for meaning, words in {
         "frequency": "frequency freq frequenz hz frequence",
@@ -168,16 +168,16 @@ class Heading(NamedTuple):
 
 def metres(unit: str) -> float | None:
     """Returns metres per unit of length, or None if the text is not a unit of length."""
-    return _METRES.get("å" if unit == "A" else _folded(unit))
+    return _METRES.get("å" if unit == "A" else _folded_unit(unit))
 
 
 def length_unit(heading: str) -> str | None:
     """Returns the unit of length at the end of a heading, or None."""
-    found = None if _WORD.search(heading) else _AT_END.search(_folded(heading))
+    found = None if _WORD.search(heading) else _AT_END.search(_folded_unit(heading))
     return found.group(1) if found else None
 
 
-def _folded(text: str) -> str:
+def _folded_unit(text: str) -> str:
     # Unicode has two signs for micro, and two for the ångström.
     return text.replace("µ", "u").replace("μ", "u").replace("Å", "å").strip().lower()
 
@@ -205,10 +205,10 @@ def parse_heading(text: str) -> Heading:
     """Returns the quantity and unit that the heading of a column names."""
     name, unit, base = split_heading(text)
     words: set[str] = set()
-    for word in _words(name):
+    for word in _words_of(name):
         letters = unicodedata.normalize("NFD", word.lower())  # accents as letters of their own
         bare = "".join(letter for letter in letters if not unicodedata.combining(letter))
-        meaning = _LETTERS.get(word, _WORDS.get(bare))
+        meaning = _LETTERS.get(word, _HEADING_WORDS.get(bare))
         if meaning is None:  # one unknown word can change the meaning of all others
             return Heading(None, unit)
         words.update(meaning.split())
@@ -248,7 +248,7 @@ def _split_unit(text: str) -> tuple[str, str | None]:
     return text, None
 
 
-def _words(name: str) -> list[str]:
+def _words_of(name: str) -> list[str]:
     """The words of a heading, primes in one spelling, and "E(t)" as one word."""
     name = re.sub(r"''|´´|′′|’’|‘‘|[\"″”“]", "''", name)
     name = re.sub(r"[′’‘´`]", "'", name)

@@ -1,4 +1,4 @@
-"""A scene from its file to its results; designs of scenes."""
+"""A scene from its file to its results."""
 
 from .plan import Plan, plan
 from .results import read_results

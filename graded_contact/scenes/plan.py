@@ -21,9 +21,7 @@ from ..core.memory import (
     CYCLE,
     DERIVATIVE,
     SLIDING,
-    available_memory,
     check_memory,
-    in_gigabytes,
     memory_of,
 )
 from ..fields.frequency import velocity_along
@@ -36,6 +34,7 @@ from ..studies.store import Store, open_store
 from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
 from .collect import collect, fields_of, numbers_of_scene
+from .cost import Cost
 from .scene import Scene
 from .scene_checks import refuse_liquids
 from .surface_source import RandomSurface, SurfaceFile
@@ -73,8 +72,8 @@ class Plan:
 
     def __str__(self) -> str:
         shape = self.surface.grid.shape
-        cost = cost_text(shape, memory_of(fields_in_memory(self.scene), shape), self.points.size)
-        return "\n".join([cost, *(f"Caveat: {sentence}" for sentence in self.caveats)])
+        cost = Cost(shape, memory_of(fields_in_memory(self.scene), shape), self.points.size)
+        return "\n".join([cost.report(), *(f"Caveat: {sentence}" for sentence in self.caveats)])
 
     def run(
         self, *, kept: tuple[int, ...] | None = None,
@@ -183,17 +182,6 @@ def fields_in_memory(scene: Scene) -> float:
     # The surface, what is kept, and a derivative.
     fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     return scene.num_times * (fields + (SLIDING if scene.motion is None else CYCLE))
-
-
-def cost_text(shape: tuple[int, ...], memory: float, num_solves: int) -> str:
-    """Returns a grid, its memory [bytes] and the number of contacts that are solved as text."""
-    free = available_memory()
-    beside = "" if free is None else f", {in_gigabytes(free)} are free"
-    rows = {
-        "grid": f"{' x '.join(map(str, shape))} points",
-        "memory": f"about {in_gigabytes(memory)}{beside}", "contact solves": num_solves,
-    }  # fmt: skip
-    return "\n".join(f"{name:22} {text}" for name, text in rows.items())
 
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:

@@ -149,7 +149,7 @@ class TableReader:
             if get_origin(part) is dict:
                 names, entry = get_args(part)
                 table: Any = value
-                check_keys(inner, value, value if names is str else get_args(names))
+                check_keys(inner, value, value if names is str else parts_of(names))
                 if entry is object:
                     return value
                 return {k: self.value(inner, Key(k, entry), v) for k, v in table.items()}

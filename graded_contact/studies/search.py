@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 
 from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
-from .design_problem import Box, Evaluation, Flat, Problem, box_of, first_in, named
+from .evaluations import Box, Evaluation, Evaluations, Flat, box_of, first_in, numbers_in
 from .progress_line import shown_on_a_line
 from .store import Store, open_store
 
@@ -32,7 +32,7 @@ FIRST_STEP = 0.1  # largest first step over the distance of the bounds
 
 
 @shown()
-class History(NamedTuple):
+class Tried(NamedTuple):
     """The evaluations of a search, one entry each.
 
     **Fields:**
@@ -48,7 +48,7 @@ class History(NamedTuple):
 
 
 @shown()
-class Run(eqx.Module):
+class Descent(eqx.Module):
     """One start of a search.
 
     **Fields:**
@@ -64,7 +64,7 @@ class Run(eqx.Module):
 
     parameters: list[float]
     value: float
-    history: History
+    history: Tried
     num_evaluations: int
     feasible: bool
     converged: bool
@@ -96,14 +96,14 @@ class Design(eqx.Module):
     value: float
     elasticities: Any
     margins: Float[np.ndarray, " constraints"]
-    runs: tuple[Run, ...]
+    runs: tuple[Descent, ...]
     constraints: tuple[str, ...] = ()
     active: tuple[str, ...] = ()
     error: float = 0.0
     multipliers: Float[np.ndarray, " multipliers"] = eqx.field(default_factory=lambda: np.zeros(0))
 
     @property
-    def best(self) -> Run:
+    def best(self) -> Descent:
         """The best run."""
         return min((run for run in self.runs if run.feasible), key=lambda run: run.value)
 
@@ -124,8 +124,8 @@ class Design(eqx.Module):
 
     def report(self) -> str:
         """Returns parameters with their elasticities, what is active, and the runs, as text."""
-        names, values = named(self.parameters)
-        _, slopes = named(self.elasticities)
+        names, values = numbers_in(self.parameters)
+        _, slopes = numbers_in(self.elasticities)
         width = max(map(len, names))
         error = f" ± {self.error:.2g}" if self.error else ""
         lines = [f"value {self.value:.6g}{error}; {'' if self.converged else 'NOT '}converged", ""]
@@ -194,16 +194,16 @@ def minimise(
     spread = (qmc.Halton(len(first), scramble=False).random(num_starts)[1:] + shift) % 1
     starts = [first, *(box.low * (box.high / box.low) ** u for u in spread)]
     with open_store(store) as points, shown_on_a_line(progress, "start", num_starts) as say:
-        problem = Problem(objective, constraints, box, points)
+        problem = Evaluations(objective, constraints, box, points)
         # The median: a start may be where the objective is all but zero.
-        size = np.median([abs(problem.evaluate(x).value) for x in starts])
+        size = np.median([abs(problem.at(x).value) for x in starts])
         runs = [
-            descend(problem.evaluate, box, x, size, rtol, max_steps, partial(say, i))
+            descend(problem.at, box, x, size, rtol, max_steps, partial(say, i))
             for i, x in enumerate(starts)
         ]
     feasible = [run for run in runs if run.feasible]
     if not feasible:
-        ends = [problem.evaluate(np.array(run.parameters)).limits for run in runs]
+        ends = [problem.at(np.array(run.parameters)).limits for run in runs]
         limits = max(ends, key=np.min)
         raise NothingAllowed(
             f"No start of {len(runs)} satisfies `constraints`: the best of them misses "
@@ -212,7 +212,7 @@ def minimise(
         )
     best = min(feasible, key=lambda run: run.value)
     x = np.array(best.parameters)
-    value, margins, slope, _ = problem.evaluate(x)
+    value, margins, slope, _ = problem.at(x)
     return designed(problem, x, value, slope, margins=margins, runs=tuple(runs))
 
 
@@ -221,7 +221,7 @@ class NothingAllowed(ValueError):
 
 
 def designed(
-    problem: Problem, x: Flat, value: float, slope: Flat, margins: Float[np.ndarray, " limits"],
+    problem: Evaluations, x: Flat, value: float, slope: Flat, margins: Float[np.ndarray, " limits"],
     **others: Any,
 ) -> Design:  # fmt: skip
     """Returns the design at flat parameters, with the derivative of its value there."""
@@ -245,7 +245,7 @@ def designed(
 def descend(
     evaluate: Callable[[Flat], Evaluation], box: Box, start: Flat, size: float, rtol: float,
     max_steps: int, report: Callable[[float], None] = lambda _: None,
-) -> Run:  # fmt: skip
+) -> Descent:  # fmt: skip
     """Returns one run of sequential quadratic programming, on the unit cube of the logarithms.
 
     **Arguments:**
@@ -290,8 +290,8 @@ def descend(
     allowed = [one for one in tried.values() if np.all(one[2] >= 0)]
     x, value, *_ = min(allowed, key=lambda one: one[1]) if allowed else last
     path = [(value, x, limits) for x, value, limits, *_ in tried.values()]
-    return Run(
+    return Descent(
         parameters=x.tolist(), value=value, num_evaluations=len(tried),
-        history=History(*map(np.array, zip(*path, strict=True))), feasible=bool(allowed),
+        history=Tried(*map(np.array, zip(*path, strict=True))), feasible=bool(allowed),
         converged=bool(found.success and allowed), message=str(found.message),
     )  # fmt: skip

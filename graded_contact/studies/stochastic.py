@@ -28,15 +28,15 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from ..core.checks import check_types, check_values, check_whole
-from .design_problem import Evaluation, Flat, Problem, box_of, first_in
+from .evaluations import Evaluation, Evaluations, Flat, box_of, first_in
 from .progress_line import shown_on_a_line
-from .search import MARGIN, Design, History, Run, descend, designed
+from .search import MARGIN, Descent, Design, Tried, descend, designed
 from .store import Store, open_store
 
 LEARNING_RATE = 0.1  # of the logarithms at first; it falls to zero as a cosine
 STIFFNESS = 10.0  # of the penalty: a constraint missed by a tenth weighs as much as the objective
 RISE = 0.1  # share of a multiplier's full step in each draw
-FINEST = 1e-16  # change of half the squared distance to the allowed point, at which it ends
+CLOSEST = 1e-16  # change of half the squared distance to the allowed point, at which it ends
 MOST_STEPS = 100  # to the allowed point
 SURE = 2.0  # standard errors by which a mean constraint may be missed
 
@@ -93,8 +93,8 @@ def minimise_expected(
     box = box_of(lower, upper)
     first = first_in(box, start)
     with open_store(store) as points, shown_on_a_line(progress, "step", num_steps) as say:
-        problem = Problem(objective, constraints, box, points, jax.random.key(seed))
-        path = _descend(problem, first, optimiser, num_steps, say)
+        problem = Evaluations(objective, constraints, box, points, jax.random.key(seed))
+        path = _steps_down(problem, first, optimiser, num_steps, say)
         # One set of draws to move the mean by, another to judge where that led.
         last = num_steps + num_checks
         mean = np.clip(np.exp(np.mean(path.points, axis=0)), box.low, box.high)
@@ -110,7 +110,7 @@ class _Path(NamedTuple):
     multipliers: list[Flat]
 
 
-def _descend(problem, first, optimiser, num_steps, say) -> _Path:
+def _steps_down(problem, first, optimiser, num_steps, say) -> _Path:
     """The steps of the optimiser down the augmented Lagrangian of limits >= 0."""
     if optimiser is None:
         optimiser = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, num_steps))
@@ -125,7 +125,7 @@ def _descend(problem, first, optimiser, num_steps, say) -> _Path:
     state = optimiser.init(u)
     for k in range(num_steps):
         x = np.clip(np.exp(u), problem.box.low, problem.box.high)
-        value, limits, slope, slopes = problem.evaluate(x, k)
+        value, limits, slope, slopes = problem.at(x, k)
         say(k, value)
         slope, slopes = x * slope, x * slopes
         # The stiffness follows from the sizes of all gradients so far: units do not matter.
@@ -143,25 +143,25 @@ def _descend(problem, first, optimiser, num_steps, say) -> _Path:
     return path
 
 
-def _nearest_allowed(problem: Problem, x: Flat, draws: range) -> Flat:
+def _nearest_allowed(problem: Evaluations, x: Flat, draws: range) -> Flat:
     """The point nearest to `x` at which the mean constraints hold; their noise may remain."""
 
     def distance(at: Flat) -> Evaluation:
         limits, slopes = (
             np.mean(parts, axis=0)
-            for parts in zip(*(problem.limits(at, draw) for draw in draws), strict=True)
+            for parts in zip(*(problem.constraints(at, draw) for draw in draws), strict=True)
         )
         off = np.log(at / x)
         return Evaluation(float(off @ off) / 2, limits, off / at, slopes)
 
     if np.all(distance(x).limits >= MARGIN):
         return x
-    return np.array(descend(distance, problem.box, x, 1.0, FINEST, MOST_STEPS).parameters)
+    return np.array(descend(distance, problem.box, x, 1.0, CLOSEST, MOST_STEPS).parameters)
 
 
-def _judged(problem: Problem, x: Flat, path: _Path, draws: range, rtol: float) -> Design:
+def _judged(problem: Evaluations, x: Flat, path: _Path, draws: range, rtol: float) -> Design:
     """The design at `x`, by draws that no step has seen."""
-    checks = [problem.evaluate(x, draw) for draw in draws]
+    checks = [problem.at(x, draw) for draw in draws]
     values, limits, slopes = map(np.array, list(zip(*checks, strict=True))[:3])
     # The standard error of a mean.
     noise, noise_of_limits = (
@@ -182,9 +182,9 @@ def _judged(problem: Problem, x: Flat, path: _Path, draws: range, rtol: float) -
         message = f"the last steps still changed the value by {drift:.2g}: raise `num_steps`"
     elif noise > rtol * size:
         message = f"the value is known to ± {noise:.2g} only: raise `num_checks`"
-    run = Run(
+    run = Descent(
         parameters=x.tolist(), value=value, num_evaluations=len(path.tried) + len(draws),
-        history=History(*map(np.array, zip(*path.tried, strict=True))), feasible=True,
+        history=Tried(*map(np.array, zip(*path.tried, strict=True))), feasible=True,
         converged=not message, message=message,
     )  # fmt: skip
     multipliers = np.mean(path.multipliers, axis=0)

@@ -22,14 +22,14 @@ from ..fields.grid import Grid
 from .holes import fill_holes, grown, region_note
 from .reading_steps import ReadingStep, step
 from .rescaling import resample
-from .scan_lines import Lines, jump_caveats, levelled
+from .scan_lines import AlongAxis, jump_caveats, levelled
 from .surface import Surface
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
-MOST = 1.1  # factor that restores the slope: on forms without roughness it would have no limit
+MOST_GAIN = 1.1  # factor that restores the slope: on forms without roughness it would have no limit
 Periodic = Literal["harmonic", "mirror", "window", "open"]
 Fill = Literal["low", "harmonic"]
-LARGEST = 1e5  # [m], higher than any mountain
+TALLEST = 1e5  # [m], higher than any mountain
 
 
 @check_types
@@ -42,7 +42,7 @@ def surface_from_heights(
     region: Numbers | None = None,
     fill: Fill | None = "low",
     rim: int = 0,
-    level_lines: Lines | None = None,
+    level_lines: AlongAxis | None = None,
     history: tuple[str, ...] = (),
     steps: tuple[ReadingStep, ...] = (),
     assumed: tuple[str, ...] = (),
@@ -91,7 +91,7 @@ def surface_from_heights(
     edges = np.asarray(Grid(values.shape, size).size, float)  # refuses a wrong number of axes
     _check_measured(values[np.isfinite(values)])
     highest = np.nanmax(np.abs(values))
-    if highest > LARGEST:
+    if highest > TALLEST:
         raise ValueError(f"`heights` reach {highest:.3g} m: damaged, or of another `unit`.")
     spacing = edges / np.array(values.shape)
     prepared = _Prepared(values, spacing, list(history), list(steps), list(assumed))
@@ -135,7 +135,7 @@ class _Prepared:
         points = " x ".join(map(str, self.values.shape))
         self.record("cropped", f"Cut out `region={np.asarray(region).tolist()}`, {points} points.")
 
-    def level_lines(self, lines: Lines) -> None:
+    def level_lines(self, lines: AlongAxis) -> None:
         if self.values.ndim == 1:
             raise ValueError(f"`level_lines={lines!r}` is refused: a profile is one line.")
         self.values = levelled(self.values, lines)
@@ -214,7 +214,7 @@ class _Prepared:
         if after.rms_height <= 1e-12 * before.rms_height:
             raise ValueError("`heights` has no roughness left after its edges were joined.")
         # Waves near the edges lost some slope; a form without roughness must not be blown up.
-        factor = min(before.rms_slope / after.rms_slope, MOST)
+        factor = min(before.rms_slope / after.rms_slope, MOST_GAIN)
         self.values = factor * self.values
         less = (
             f"subtracting a harmonic function of rms height {with_unit(float(np.std(joint)), 'm')}"

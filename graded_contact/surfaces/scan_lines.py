@@ -13,8 +13,8 @@ import numpy as np
 
 from ..core.caveats import DOUBTFUL
 
-Lines = Literal["x", "y"]
-LEAST = 24  # lines, and points of a line
+AlongAxis = Literal["x", "y"]
+FEWEST_LINES = 24  # lines, and points of a line
 # Limits lie between random surfaces and measured ones (constant waves at most 3 times as strong,
 # with a lay of 30:1 up to 5 times) and lines shifted by half a step between neighbours (50 times).
 MEASURED = 0.5  # part of a line; the mean of fewer points is no height of the line
@@ -22,7 +22,7 @@ STRONGER = 12.0  # times the waves that vary along a line
 SHORT = 0.25  # 1/points: waves of four points and less across the lines
 VARYING = slice(1, 5)  # waves along a line
 LAY = 2.0  # rms slope across the lines over that along them, without jumps
-ROUNDING = 1e-12  # of the square of the slope: heights that are equal along all lines
+ROUNDED_OFF = 1e-12  # of the square of the slope: heights that are equal along all lines
 FOLLOWING = 0.25  # correlation of neighbouring changes: -0.5 of random shifts, 0.5 of a groove
 
 
@@ -34,7 +34,7 @@ def jump_caveats(values: np.ndarray, spacing: np.ndarray) -> tuple[str, ...]:
     - `values`: heights [m] without their plane, shape `(nx, ny)` or `(nx,)`; NaN where missing.
     - `spacing`: of the points [m].
     """
-    if values.ndim == 1 or min(values.shape) < LEAST:
+    if values.ndim == 1 or min(values.shape) < FEWEST_LINES:
         return ()
     rises = {"x": _rise(values, *spacing), "y": _rise(values.T, *spacing[::-1])}
     return tuple(
@@ -45,7 +45,7 @@ def jump_caveats(values: np.ndarray, spacing: np.ndarray) -> tuple[str, ...]:
     )
 
 
-def levelled(values: np.ndarray, lines: Lines) -> np.ndarray:
+def levelled(values: np.ndarray, lines: AlongAxis) -> np.ndarray:
     """Returns heights whose lines along "x" or "y" do not jump.
 
     Each line is shifted by the median of its differences from the line before.
@@ -68,7 +68,7 @@ def _rise(lines: np.ndarray, along: float, across: float) -> float:
     """The part by which jumps between lines `[:, j]` raise the rms slope; 0 if there are none."""
     lines = lines[:, np.mean(np.isfinite(lines), axis=0) >= MEASURED]
     num, count = lines.shape
-    if count < LEAST:
+    if count < FEWEST_LINES:
         return 0.0
     mean = np.nanmean(lines, axis=0)
     filled = np.where(np.isfinite(lines), lines, mean)
@@ -84,9 +84,12 @@ def _rise(lines: np.ndarray, along: float, across: float) -> float:
         return 0.0
     steps = np.diff(modes, axis=1)
     follows = _excess(steps[:, 1:], steps[:, :-1]) / _excess(steps, steps)
-    with_jumps, rest = _squares(filled, along, across), _squares(filled - mean, along, across)
+    with_jumps, rest = (
+        _slope_squares(filled, along, across),
+        _slope_squares(filled - mean, along, across),
+    )
     lay = rest[1] > LAY**2 * rest[0]
-    if follows > FOLLOWING or lay or np.sum(rest) <= ROUNDING * np.sum(with_jumps):
+    if follows > FOLLOWING or lay or np.sum(rest) <= ROUNDED_OFF * np.sum(with_jumps):
         return 0.0
     return float(np.sqrt(np.sum(with_jumps) / np.sum(rest)) - 1)
 
@@ -97,7 +100,7 @@ def _excess(left: np.ndarray, right: np.ndarray) -> float:
     return float(products[0] - np.mean(products[VARYING]))
 
 
-def _squares(lines: np.ndarray, along: float, across: float) -> np.ndarray:
+def _slope_squares(lines: np.ndarray, along: float, across: float) -> np.ndarray:
     """The mean squares of the slopes along the lines and across them."""
     apart = (along, across)
     return np.array([np.mean(np.diff(lines, axis=axis) ** 2) / apart[axis] ** 2 for axis in (0, 1)])

@@ -34,7 +34,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 
-_UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
+_STATISTIC_UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 
 
 @shown(units=False)
@@ -208,7 +208,7 @@ def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float
         raise ValueError(f"Exactly one of `rms_height` and `rms_slope` is needed, not {given}.")
     name = "rms_slope" if rms_height is None else "rms_height"
     value = as_scalar(rms_slope if rms_height is None else rms_height, name)
-    check_positive(name, value, _UNITS[name], squares=False)
+    check_positive(name, value, _STATISTIC_UNITS[name], squares=False)
     return name, value
 
 
@@ -219,7 +219,7 @@ def check_square(name: str, value: Array, logarithms: Sequence[float] = (0.0,)) 
     kind = jnp.finfo(value.dtype)
     ends = np.log(float(kind.tiny)) - min(logarithms), np.log(float(kind.max)) - max(logarithms)
     least, most = np.exp(np.array(ends) / 2)
-    limits = f"it must be from {least:.2g} to {most:.2g} {_UNITS[name]}"
+    limits = f"it must be from {least:.2g} to {most:.2g} {_STATISTIC_UNITS[name]}"
     allowed = f"{limits}, so that squares and the spectrum stay in the range of {value.dtype}"
     check_values(name, value, allowed, at_least=least, at_most=most)
 

@@ -1,11 +1,13 @@
 """Numbers are named by the arguments of constructors, and set through their checks."""
 
+import collections
+
 import jax
 import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.core.parameters import paths, with_values
+from graded_contact.core.parameters import arrays, paths, with_values
 
 RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
 COATED = gc.Stack(
@@ -18,6 +20,13 @@ def test_paths_name_every_number():
     assert known["layers[0].thickness"] == 1e-4
     assert known["base.material.times[1]"] == 1e-4
     assert known["base.material.strengths"].shape == (2,)
+
+
+def test_fields_of_named_tuples_have_paths():
+    pair = collections.namedtuple("Pair", "block number")
+    tree = with_values(pair(COATED, jax.numpy.ones(3)), {"block.layers[0].thickness": 2e-4})
+    assert tree.block.layers[0].thickness == 2e-4
+    assert [path for path in arrays(tree) if "block" not in path] == ["number"]
 
 
 def test_values_are_set_by_path():

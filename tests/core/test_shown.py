@@ -14,11 +14,11 @@ from graded_contact.contacts.operator import Steady
 from graded_contact.contacts.solution import FAILURES, RESULTS, ContactSolution, if_known
 from graded_contact.core.display import number, with_error, with_unit
 from graded_contact.core.quantities import quantity_of
+from graded_contact.designs.limits import Stiffness
+from graded_contact.designs.results import Candidate
 from graded_contact.fitting.quality import FitErrors, Floor
-from graded_contact.scenes.design_scene import Stiffness
-from graded_contact.scenes.run_design import Candidate
 from graded_contact.sliding.problem import SteadyProblem
-from graded_contact.studies.search import Run
+from graded_contact.studies.search import Descent
 from graded_contact.studies.uncertainty import Sensitivity
 from graded_contact.surfaces.reading_steps import ReadingStep
 from graded_contact.surfaces.statistics import Statistics
@@ -27,7 +27,7 @@ RESULT_CLASSES = (
     gc.Sliding, gc.ContactSolution, gc.contacts.ContactPath, gc.surfaces.CutoffCurve,
     gc.mean_field.MeanField, Statistics, InteriorFields, Sensitivity, gc.Layer, gc.Elastic,
     gc.Prony, gc.materials.StrainSoftening, gc.WLF, gc.Grid, gc.Surface,
-    Candidate, Run, Stiffness, Floor, FitErrors, ReadingStep, gc.HardWall, gc.AdhesiveLJ,
+    Candidate, Descent, Stiffness, Floor, FitErrors, ReadingStep, gc.HardWall, gc.AdhesiveLJ,
 )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import pytest
 from scene_texts import TEXT, changed
 
 from graded_contact.core.parameters import paths
+from graded_contact.core.quantities import AXES, OF_RESULTS, PARAMETERS
 from graded_contact.page.document import (
     open_document,
     save_document,
@@ -19,14 +20,46 @@ from graded_contact.page.document import (
     with_topography,
     without_layer,
 )
-from graded_contact.page.entries import read_entry
-from graded_contact.page.knobs import PAGE_UNITS, changed_document, changed_stack, knobs_of
+from graded_contact.page.entries import dimension_of, read_entry
+from graded_contact.page.knobs import knobs_of, turned
+from graded_contact.page.scenery import scenery_of, with_numbers
 from graded_contact.scenes.scene_file import read_scene
 from graded_contact.scenes.toml import toml_text
 
 SHIFT = 'kind = "tyre_tread"\npoisson = 0.45'
 WARM = "temperature = [280.0, 300.0]\nvelocity ="
 TIMES = (1e-3, 1e-2, 1e-1)  # s, of isotherms
+SPHERE = """kind = "sphere"
+radius = 1e-2
+[grid]
+shape = [32, 32]
+size = 1e-3
+[materials.tread]"""
+SOFT = """[materials.soft]
+kind = "softened"
+material = "tread"
+strain = [0.001, 0.1]
+storage = [1.0, 0.5]
+loss = [1.0, 0.8]
+[[layers]]
+material = "soft"
+"""
+FILE = """kind = "file"
+path = "heights.npy"
+unit = "m"
+size = 1e-3
+rms_slope = 0.1
+[materials.tread]"""
+LAWS = """[shear]
+kind = "peaked"
+peak = 1e5
+velocity = 0.1
+steepness = 0.1
+[heating]
+conductivity = 0.2
+diffusivity = 1e-7
+counterface_conductivity = 1.0
+"""
 BULK_SHEAR = """kind = "elastic"
 modulus = 2e9
 [materials.shear]
@@ -42,6 +75,23 @@ shear = "shear"
 """
 
 
+RANDOM = TEXT[TEXT.index('kind = "self_affine"') : TEXT.index("[materials.tread]") + 17]
+SCENES = {
+    "plain": TEXT,
+    "temperature": changed('kind = "tyre_tread"', SHIFT, "velocity =", WARM),
+    "bulk and shear": changed(
+        'kind = "tyre_tread"', BULK_SHEAR, 'material = "tread"', 'material = "both"'
+    ),
+    "graded": changed('material = "coat"', 'top = "coat"\nbottom = "tread"'),
+    "shared": changed('material = "coat"', 'material = "tread"'),
+    "softened": changed('[[layers]]\nmaterial = "coat"\n', SOFT),
+    "sphere": changed(RANDOM, SPHERE),
+    "file": changed(RANDOM, FILE),
+    "shear and heat": changed("velocity = [0.01, 1.0]", "velocity = 1.0\ntemperature = 300.0")
+    + LAWS,
+}
+
+
 @pytest.fixture
 def opened(tmp_path):
     def open_text(text: str):
@@ -52,9 +102,21 @@ def opened(tmp_path):
     return open_text
 
 
+def scenery(document):
+    return scenery_of(document.scene, document.scene.surface.build())
+
+
 def knobs_by_label(document):
-    scene = document.scene()
-    return {knob.label: knob for knob in knobs_of(document, scene, scene.surface.build())}
+    found = knobs_of(scenery(document), document.scene.materials, document.speeds)
+    return {knob.label: knob for knob in found}
+
+
+def turn(document, **values):
+    """The scenery with knobs at values, by their labels; else a tenth nearer to the low end."""
+    knobs = [*knobs_by_label(document).values()]
+    low = [0.9 * knob.value + 0.1 * knob.low for knob in knobs]
+    numbers = [values.get(knob.label, at) for knob, at in zip(knobs, low, strict=True)]
+    return turned(scenery(document), knobs, numbers)
 
 
 def test_the_text_of_tables_is_read_back_as_they_were():
@@ -67,37 +129,52 @@ def test_the_text_of_tables_is_read_back_as_they_were():
     assert tomllib.loads(toml_text(content)) == content
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        TEXT,
-        changed('kind = "tyre_tread"', SHIFT, "velocity =", WARM),
-        changed('kind = "tyre_tread"', BULK_SHEAR, 'material = "tread"', 'material = "both"'),
-        changed("material = \"coat\"", 'top = "coat"\nbottom = "tread"'),
-    ],
-    ids=["plain", "temperature", "bulk and shear", "graded"],
-)  # fmt: skip
-def test_a_saved_scene_has_the_values_of_the_sliders(opened, text):
+@pytest.mark.parametrize("text", SCENES.values(), ids=SCENES)
+def test_a_saved_scene_has_the_numbers_that_the_page_uses(opened, tmp_path, text):
+    """All of them, and each knob is where it was left."""
+    np.save(tmp_path / "heights.npy", 1e-5 * jax.random.normal(jax.random.key(0), (16, 16)))
     document = opened(text)
-    scene = document.scene()
-    knobs = [*knobs_by_label(document).values()]
-    values = [0.9 * knob.value + 0.1 * knob.low for knob in knobs]
-    saved = changed_document(document, scene.stack, knobs, values)
-    again = saved.scene()
-    wanted = changed_stack(scene.stack, [knob.target for knob in knobs], np.array(values))
-    found = again.block({name: at[0] for name, at in again.axes.items()})
-    for (path, one), other in zip(paths(found).items(), paths(wanted).values(), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12, err_msg=path)
-    afresh = knobs_by_label(saved).values()
-    assert [knob.key[:2] for knob in afresh] == [knob.key[:2] for knob in knobs]
-    np.testing.assert_allclose([knob.value for knob in afresh], values, rtol=1e-12)
+    after = turn(document)
+    saved = with_numbers(document, scenery(document), after)
+    wanted, found = paths(after), paths(scenery(saved))
+    assert found.keys() == wanted.keys()
+    for path, number in wanted.items():
+        if path.startswith(("spectrum", "surface.surface")):
+            continue  # of the heights, which follow
+        np.testing.assert_allclose(found[path], number, rtol=1e-9, err_msg=path)
+    heights = after.case().rough.heights
+    np.testing.assert_allclose(saved.scene.surface.build().heights, heights, rtol=1e-9)
+    old, new = knobs_by_label(document), knobs_by_label(saved)
+    assert [*old] == [*new]
+    for label, knob in old.items():
+        assert new[label].value == pytest.approx(0.9 * knob.value + 0.1 * knob.low, rel=1e-9)
+
+
+def test_a_softened_block_keeps_its_strain_on_the_page(opened):
+    text = SCENES["softened"].replace("velocity =", "strain_per_slope = 0.5\nvelocity =")
+    assert turn(opened(text)).case().strain_per_slope == 0.5
+
+
+def test_a_turned_modulus_of_a_series_scales_all_its_moduli(opened):
+    document = opened(TEXT)
+    old = document.scene.stack.base.material
+    values = {"tread: relaxed modulus": 2 * float(old.equilibrium), "temperature": 293.15}
+    new, omega = turn(document, **values).case().stack.base.material, np.geomspace(1e-3, 1e12, 40)
+    np.testing.assert_allclose(new.modulus(omega), 2 * old.modulus(omega), rtol=1e-12)
+
+
+def test_what_is_known_of_the_data_of_a_series_is_saved_with_its_branches(opened, tmp_path):
+    (tmp_path / "e.csv").write_text("equilibrium\n1e5\n")
+    stated = 'kind = "tyre_tread"\nassumed = ["dry"]\nerrors = "e.csv"'
+    document = opened(changed('kind = "tyre_tread"', stated))
+    saved = with_numbers(document, scenery(document), turn(document))
+    assert saved.content["materials"]["tread"]["kind"] == "prony"
+    assert saved.scene.assumed == document.scene.assumed == ("tread: dry",)
+    assert [name for name, *_ in saved.scene.errors] == ["tread"]
 
 
 def test_a_knob_of_a_shared_material_changes_all_its_layers(opened):
-    document = with_layer(opened(TEXT), "coat")
-    knobs = knobs_by_label(document)
-    values = np.array([{"coat: modulus": 5e6}.get(label, k.value) for label, k in knobs.items()])
-    block = changed_stack(document.scene().stack, [k.target for k in knobs.values()], values)
+    block = turn(with_layer(opened(TEXT), "coat"), **{"coat: modulus": 5e6}).stack
     assert [float(layer.material.young) for layer in block.layers] == [5e6, 5e6]
 
 
@@ -140,9 +217,16 @@ def test_a_unit_of_another_dimension_is_refused_by_its_name(opened, label, text,
         knob.read(text)
 
 
-def test_every_unit_of_the_page_is_read_as_itself():
-    for unit, factor in PAGE_UNITS.values():
-        assert read_entry(f"3 {unit}", unit) == pytest.approx(3 / factor, rel=1e-11)
+def test_every_usual_unit_is_read_as_itself_and_has_the_dimension_of_its_quantity():
+    quantities = [*AXES.values(), *PARAMETERS.values(), *OF_RESULTS.values()]
+    known = [quantity for quantity in quantities if quantity.usual]
+    assert len(known) == 19
+    for quantity in known:
+        unit = quantity.usual.unit
+        assert read_entry(f"3 {unit}", unit) == read_entry("3", unit)
+        assert dimension_of(unit)[0] == dimension_of(quantity.unit)[0]
+        low, high = quantity.usual.ends(0.4)
+        assert low < 0.4 < high
 
 
 def test_a_poissons_ratio_of_one_half_steps_down(opened):
@@ -183,7 +267,7 @@ def test_isotherms_become_a_series_with_its_shifts(opened, tmp_path):
     document = with_moduli(opened(TEXT), path, "tread")
     table = document.content["materials"]["tread"]
     assert table["kind"] == "prony" and "shift" in table
-    material = document.scene().stack.base.material
+    material = document.scene.stack.base.material
     for kelvin, shift in ((280, 2.0), (290, 1.0), (300, 0.0)):
         at = material.at(float(kelvin))
         wanted = 1e6 + sum(2e6 / (1 - 1j / (omega * 10**shift * tau)) for tau in TIMES)
@@ -197,15 +281,15 @@ def test_layers_come_and_go(opened):
     assert names == ["coat3", "coat2", "coat"]
     named = with_layer(with_layer(document, None, " soft "), None, "soft")
     assert [layer["material"] for layer in named.content["layers"]] == ["soft2", "soft", "coat"]
-    assert named.scene().stack.layers[0].material.young == 1e7
+    assert named.scene.stack.layers[0].material.young == 1e7
     with pytest.raises(ValueError, match="Layer 2 is removed already"):
         without_layer(document, 1)
-    assert without_layer(more, 1).scene().stack.layers[1].thickness == 2e-5
+    assert without_layer(more, 1).scene.stack.layers[1].thickness == 2e-5
     assert document.content["layers"] == [{"material": "coat", "thickness": 2e-5}]
 
 
 def test_the_page_opens_the_scene_of_the_demo():
-    assert open_document(None).scene().title
+    assert open_document(None).scene.title
 
 
 def test_a_scene_that_the_page_does_not_take_is_refused(opened):
@@ -224,7 +308,7 @@ def test_a_topography_needs_its_unit_and_its_size(opened, tmp_path):
     with pytest.raises(ValueError, match=r"fill in “unit of its heights”, for .* “edge length”"):
         with_topography(opened(TEXT), path, {})
     document = with_topography(opened(TEXT), path, {"unit": "um", "size": 1e-4})
-    assert sorted(document.scene().surface.build().grid.shape) == [24, 48]
+    assert sorted(document.scene.surface.build().grid.shape) == [24, 48]
     path.write_text("not a topography\n")
     with pytest.raises(ValueError, match=r"heights\.txt"):
         with_topography(opened(TEXT), path, {})

@@ -23,7 +23,7 @@ pytest.importorskip("panel")
 import panel as pn
 
 from graded_contact.page import widgets
-from graded_contact.page.downloads import Shown, to_csv, to_hdf5
+from graded_contact.page.downloads import ShownPoint, to_csv, to_hdf5
 from graded_contact.page.figures import log_ticks
 from graded_contact.page.session import Session
 from graded_contact.page.view import Page
@@ -48,22 +48,22 @@ def model(document):
 def test_the_contact_of_a_page_is_that_of_slide(model):
     values = (3e5, 0.3, *model.values[2:])
     found = model.contact(values)
-    stack, surface = model.scene.stack.at(293.15), model.surface
+    stack, surface = model.document.scene.stack.at(293.15), model.surface
     wanted = gc.slide(stack, surface, pressure=3e5, velocity=0.3, rtol=1e-9)
-    np.testing.assert_allclose(found.sliding.pressure, wanted.pressure, rtol=1e-5, atol=1.0)
-    np.testing.assert_allclose(found.sliding.friction, wanted.friction, rtol=1e-6)
+    np.testing.assert_allclose(found.pressure, wanted.pressure, rtol=1e-5, atol=1.0)
+    np.testing.assert_allclose(found.friction, wanted.friction, rtol=1e-6)
 
 
 def test_the_curves_of_a_page_are_those_of_the_package(model):
     curves = model.curves(model.values)
     at = 7
     field = gc.mean_field_friction(
-        model.scene.stack, model.scene.surface.spectrum,
+        model.document.scene.stack, model.document.scene.surface.spectrum,
         pressure=model.values[0], velocity=float(curves.speed[at]),
     )  # fmt: skip
     np.testing.assert_allclose(curves.friction[at], field.friction, rtol=1e-10)
     q = curves.q.values
-    modulus = gc.effective_modulus(model.scene.stack, q, q * model.values[1])
+    modulus = gc.effective_modulus(model.document.scene.stack, q, q * model.values[1])
     np.testing.assert_allclose(curves.modulus, np.abs(modulus), rtol=1e-10)
 
 
@@ -83,9 +83,9 @@ def test_shear_and_heat_have_sliders_and_act_as_in_slide(tmp_path, heat):
     if heat:
         values[labels.index("conductivity of the block")] = 0.3
         heating = gc.sliding.Heating(0.3, 1e-7)
-    found = model.contact(values).sliding
+    found = model.contact(values)
     wanted = gc.slide(
-        model.scene.stack.at(300.0), model.surface, pressure=values[0], velocity=values[1],
+        model.document.scene.stack.at(300.0), model.surface, pressure=values[0], velocity=values[1],
         temperature=300.0, shear=gc.sliding.ConstantShear(2e5), heating=heating,
     )  # fmt: skip
     np.testing.assert_allclose(found.friction, wanted.friction, rtol=1e-3)
@@ -98,7 +98,7 @@ def test_shear_and_heat_have_sliders_and_act_as_in_slide(tmp_path, heat):
         share = float(found.shear_friction / found.friction)
         found = bars.friction[labels.index("shear stress")]
         np.testing.assert_allclose(found, share, rtol=1e-6)
-    saved = model.changed(values).scene()
+    saved = model.changed(values).scene
     assert saved.shear.stress == 2e5 and (not heat or saved.heating.conductivity == 0.3)
     assert np.all(np.isfinite(model.curves(values).friction))
 
@@ -120,7 +120,7 @@ def test_bars_are_what_a_step_of_a_slider_changes(model):
             continue  # there is one side only
         step = 1e-4 * knob.value
         steps = step * np.outer([1, -1], np.arange(len(values)) == i)
-        ends = [model.contact(at.tolist()).sliding for at in values + steps]
+        ends = [model.contact(at.tolist()) for at in values + steps]
         scale = knob.step_size(knob.value)
         for name, bar in (("friction", bars.friction), ("contact_area", bars.contact_area)):
             up, down = (float(getattr(end, name)) for end in ends)
@@ -166,14 +166,14 @@ def test_a_liquid_has_curves_and_is_refused_by_name(tmp_path):
 def test_downloads_have_units_and_everything_that_is_shown(model):
     values = model.values
     stages = (model.curves, model.contact, model.derivatives)
-    shown = Shown(model, values, *(stage(values) for stage in stages))
+    shown = ShownPoint(model, values, *(stage(values) for stage in stages))
     rows = to_csv(shown).decode().splitlines()
     assert rows[0].startswith("q [rad/m],modulus [Pa],loss_tangent,speed [m/s]")
     assert float(rows[1].split(",")[1]) == shown.curves.modulus[0]
     with h5py.File(io.BytesIO(to_hdf5(shown))) as file:
-        np.testing.assert_array_equal(file["contact/pressure"], shown.contact.sliding.pressure)
+        np.testing.assert_array_equal(file["contact/pressure"], shown.contact.pressure)
         assert file["contact/pressure"].attrs["units"] == "Pa"
-        assert file["contact/friction"][()] == float(shown.contact.sliding.friction)
+        assert file["contact/friction"][()] == float(shown.contact.friction)
         assert len(file["change_by_step_of_slider/friction"]) == len(model.knobs)
         assert "[[layers]]" in file.attrs["scene"]
 
@@ -225,7 +225,7 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
     async def steps():
         await page.session.update()
         pressure, session = page.sliders[0], page.session
-        assert session.shown.model.title(session.shown.values) == "a small one"
+        assert session.shown.document.content["title"] == "a small one"
         for _ in range(2):
             pressure.enter("none")
             assert "`pressure`: none is refused" in session.message

@@ -83,7 +83,7 @@ def test_no_number_is_looked_for_in_long_cells(tmp_path, monkeypatch, line):
             seen.append(len(cell))
             return self.pattern.fullmatch(cell)
 
-    for patterns in (cells._PLAIN, cells._GROUPED):
+    for patterns in (cells._PLAIN_NUMBER, cells._GROUPED):
         for mark, pattern in patterns.items():
             monkeypatch.setitem(patterns, mark, Counting(pattern))
     (tmp_path / "a.csv").write_text(40 * f"{line}\n")
@@ -98,16 +98,16 @@ def test_no_number_is_looked_for_in_long_cells(tmp_path, monkeypatch, line):
     ("1.5.2", False), (".", False), ("1e", False), ("e5", False), ("--1", False), ("", False),
 ])  # fmt: skip
 def test_the_form_of_a_number(cell, known):
-    assert (cells._PLAIN["."].fullmatch(cell) is not None) == known
+    assert (cells._PLAIN_NUMBER["."].fullmatch(cell) is not None) == known
     other = re.sub(r"\.", ",", cell)
-    assert (cells._PLAIN[","].fullmatch(other) is not None) == known
+    assert (cells._PLAIN_NUMBER[","].fullmatch(other) is not None) == known
 
 
 def test_a_workbook_of_many_rows_in_few_bytes_is_refused_before_a_row_is_read(
     tmp_path, monkeypatch
 ):
     sheet(tmp_path / "a.xlsx", b"<row><c><v>1</v></c></row>" * 350_000)
-    monkeypatch.setattr(cells, "_sheet", None)
+    monkeypatch.setattr(cells, "_book_sheet", None)
     for read in (read_moduli, lambda path: read_surface(path, unit="m", size=1e-3)):
         with pytest.raises(ValueError, match=r"a\.xlsx` is refused: it unpacks to more than"):
             read(tmp_path / "a.xlsx")
@@ -118,7 +118,7 @@ def test_a_long_number_of_all_digits_is_read_and_a_long_word_is_no_name(tmp_path
     (tmp_path / "b.csv").write_text(40 * f"{'7' * 3000},{'7' * 3000}\n")
     with pytest.raises(ValueError, match="no table of numbers is found"):
         read_moduli(tmp_path / "b.csv")
-    assert cells.is_number(digits) and not cells.is_number(2 * digits)
+    assert cells.holds_number(digits) and not cells.holds_number(2 * digits)
     rows = "".join(f"{i},{i + 1}e6\n" for i in range(1, 6))
     (tmp_path / "a.csv").write_text(f"{'word ' * 1000}\ntime [s],modulus [Pa]\n{rows}")
     assert len(read_moduli(tmp_path / "a.csv").values) == 5

@@ -349,7 +349,8 @@ def test_equal_heights_far_from_all_others_are_a_caveat_in_any_format(tmp_path, 
     for surface in with_mark:
         assert surface.measured is None  # all are
         told = [text for text in surface.assumed if "like marks of missing points" in text]
-        assert len(told) == 1 and told[0].startswith(f"3 heights of {mark:g} lie far from all")
+        assert len(told) == 1 and told[0] in surface.history
+        assert told[0].startswith(f"3 heights of {mark:g} lie far from all")
         assert "otherwise write NaN there" in told[0] and told[0] in surface.caveats
     for honest in (LINES, np.sign(LINES), np.where(lines == mark, 20.5, lines)):
         assert not read(tmp_path, rows(honest), **options).assumed

@@ -20,6 +20,7 @@ def example(tmp_path, monkeypatch):
     code = re.search(r"<!-- reader -->\n```python\n(.*?)```", GUIDE.read_text("utf-8"), re.DOTALL)
     assert code and len(code[1].splitlines()) < 30
     (tmp_path / "example.py").write_text(code[1], "utf-8")
+    registry.find_readers()  # those of the package stay after this test
     monkeypatch.setattr(instruments, "__path__", [*instruments.__path__, str(tmp_path)])
     monkeypatch.setitem(registry.READERS, "heights", [*registry.READERS["heights"]])
     registry.find_readers.cache_clear()

@@ -315,3 +315,9 @@ def test_the_row_of_the_equilibrium_is_known_by_its_label(tmp_path):
 ])  # fmt: skip
 def test_a_line_states_a_modulus_in_the_words_of_three_languages(tmp_path, line):
     check(read_prony(write(tmp_path, f"{line}\n" + PRONY.replace("inf,3\n", "").replace(",", ";"))))
+
+
+def test_a_unit_that_is_not_known_is_refused_with_those_that_are(tmp_path):
+    (tmp_path / "a.csv").write_text("tau;E_i\n1e-3;4\n10;1\ninf;3\n")
+    with pytest.raises(ValueError, match=r"'modulus': '1'.* is refused: use one of \['Pa'"):
+        read_prony(tmp_path / "a.csv", units={"modulus": "1", "time": "s"})

@@ -6,9 +6,9 @@ from pathlib import PurePosixPath
 
 from ...core.files import file_in
 from ..registry import File, reader
-from ..scan import Scan, chosen
+from ..scan import Scan, channel_of
 
-_BESIDE = {".txt", ".md", ".pdf", ".xml", ".json", ".csv", ".html", ".jpg", ".png", ".tif", ".bmp"}
+_NO_DATA = {".txt", ".md", ".pdf", ".xml", ".json", ".csv", ".html", ".jpg", ".png", ".tif", ".bmp"}
 
 
 @reader("archive", "heights", knows=lambda file: file.content.startswith(b"PK"), rank=2)
@@ -24,7 +24,7 @@ def read_archive(file: File) -> Scan:
             for name in names:
                 bare.writestr(name.removeprefix(folders[0]), file_in(file.content, name))
         return file.read_part(folders[0], stream.getvalue()).part_of(folders[0])
-    data = [name for name in names if PurePosixPath(name).suffix.lower() not in _BESIDE]
+    data = [name for name in names if PurePosixPath(name).suffix.lower() not in _NO_DATA]
     names = names if file.channel in names else (data or names)
-    name = names[chosen(file.channel, names, "it is a zip of several files or none")]
+    name = names[channel_of(file.channel, names, "it is a zip of several files or none")]
     return file.read_part(name, file_in(file.content, name)).part_of(name)

@@ -12,11 +12,11 @@ import numpy as np
 
 from ...core.files import Refusal, file_in
 from ..registry import File, extra, reader
-from ..scan import Scan, chosen
+from ..scan import Scan, channel_of
 from ..units import metres
 
-_MOST = 1e6  # bytes of a description
-_NOTHING = (None, "", "null", "~")  # in YAML
+_LONGEST_DESCRIPTION = 1e6  # bytes of a description
+_YAML_NOTHING = (None, "", "null", "~")  # in YAML
 
 
 @reader("container", "heights", knows=lambda file: bool(_measurements(file)))
@@ -25,7 +25,7 @@ def read_container(file: File) -> Scan:
     kept = _measurements(file)
     names = {part: name for name, (part, _) in kept.items()}
     channel = names.get(str(file.channel), file.channel)
-    name = [*kept][chosen(channel, [*kept], "it is a container of measurements")]
+    name = [*kept][channel_of(channel, [*kept], "it is a container of measurements")]
     part, said = kept[name]
     source = str(said.get("data_source"))
     inner = int(source) if source.isdigit() else None
@@ -44,15 +44,15 @@ def _measurements(file: File) -> dict[str, tuple[str, dict[str, Any]]]:
     text = file_in(file.content, described)
     found = []
     try:
-        if len(text) > _MOST:
-            raise ValueError(f"it has more than {_MOST:g} bytes")
+        if len(text) > _LONGEST_DESCRIPTION:
+            raise ValueError(f"it has more than {_LONGEST_DESCRIPTION:g} bytes")
         description = json.loads(text) if described.endswith("json") else _yaml(text)
         if "surfaces" not in description:
             return {}
         for surface in description["surfaces"]:
             for each in surface["topographies"]:
                 if part := _file(each, file.parts):
-                    said = {key: value for key, value in each.items() if value not in _NOTHING}
+                    said = {key: value for key, value in each.items() if value not in _YAML_NOTHING}
                     found.append((str(said.get("name", part)), surface.get("name"), part, said))
     except ImportError:
         raise
@@ -90,18 +90,18 @@ def _file(entry: dict[str, Any], names: list[str]) -> str | None:
 def _as_described(scan: Scan, entry: dict[str, Any]) -> Scan:
     """Returns the heights of a file with the size and unit of its container where it lacks them."""
     scan = scan.without_marks()
-    notes = list(scan.notes)
     scale, unit = float(entry.get("height_scale", 1)), entry.get("unit")
     size = np.atleast_1d(np.array(entry["size"], float)) if "size" in entry else None
     if scan.unit is None:
-        scan = scan._replace(heights=scale * scan.heights, unit=unit)
-        notes += [f"Heights were multiplied by {scale:g}, as the container says."] * (scale != 1)
+        scan = scan.but(heights=scale * scan.heights, unit=unit)
+        if scale != 1:
+            scan.log.note(f"Heights were multiplied by {scale:g}, as the container says.")
     elif scale != 1:
         own = f"the file has its own scale, in {scan.unit!r}, which is used"
-        notes.append(f"The container scales its heights by {scale:g}; {own}.")
+        scan.log.note(f"The container scales its heights by {scale:g}; {own}.")
     lateral = scan.lateral_unit or unit
     if scan.size is None and size is not None and size.shape == (scan.heights.ndim,):
-        scan, lateral = scan._replace(size=size), unit
+        scan, lateral = scan.but(size=size), unit
     elif scan.size is not None and size is not None:
         own, said = (
             (metres(str(name)) or np.nan) * edges
@@ -109,6 +109,7 @@ def _as_described(scan: Scan, entry: dict[str, Any]) -> Scan:
         )
         # The length of a line of n points may be n or n - 1 steps.
         if own.shape != said.shape or np.any(np.abs(said / own - 1) > 0.01 + 1 / len(scan.heights)):
-            notes.append(f"The container says its size is {said} m; the file's {own} m is used.")
+            told = f"The container says its size is {said} m; the file's {own} m is used."
+            scan.log.note(told)
     periodic = scan.periodic or str(entry.get("is_periodic")).lower() == "true"
-    return scan._replace(lateral_unit=lateral, periodic=periodic, notes=tuple(notes))
+    return scan.but(lateral_unit=lateral, periodic=periodic)

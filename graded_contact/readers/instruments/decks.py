@@ -12,19 +12,20 @@ from typing import Any, NamedTuple
 
 from ...core.files import Refusal
 from ...materials.shift import WLF
-from ..cells import is_number
+from ..cells import holds_number
+from ..decisions import Log
 from ..registry import File, reader
-from ..series import Series
+from ..series import Modes
 from ..units import OFFSETS, UNITS, parse_unit
 
 # Material constants of hyperelastic laws: how many shear constants a potential has, of G = 2 Σ C.
 _POTENTIALS = {"NEOHOOKE": 1, "MOONEYRIVLIN": 2, "YEOH": 1}
 _BULK_AT = {"NEOHOOKE": 1, "MOONEYRIVLIN": 2, "YEOH": 3}  # the place of D_1 = 2/K
-_UNITS = re.compile(r"(?i)\bunits?\b[ \t]*(?:are|:|=|in)[ \t]*([^\n]*)")
+_UNITS_LINE = re.compile(r"(?i)\bunits?\b[ \t]*(?:are|:|=|in)[ \t]*([^\n]*)")
 _WARMEST_CELSIUS = 150.0  # a reference temperature below it is in °C
 
 
-class _Block(NamedTuple):
+class _Keyword(NamedTuple):
     """A keyword of Abaqus with its parameters and the numbers below it."""
 
     name: str
@@ -35,8 +36,8 @@ class _Block(NamedTuple):
 _ABAQUS = r"(?im)^[ \t]*\*[ \t]*(?:MATERIAL[ \t]*,|VISCOELASTIC\b)"
 
 
-@reader("abaqus", "prony", knows=lambda file: _knows(file, _ABAQUS))
-def read_abaqus(file: File) -> dict[str, Series]:
+@reader("abaqus", "prony", knows=lambda file: _matches(file, _ABAQUS))
+def read_abaqus(file: File) -> dict[str, Modes]:
     """Returns the Prony series of the materials in a deck of Abaqus, by their names."""
     text, materials, name = file.text or "", {}, ""
     for block in _blocks(text):
@@ -49,13 +50,13 @@ def read_abaqus(file: File) -> dict[str, Series]:
     return {name: _of_abaqus(name, blocks, _stated(text)) for name, blocks in viscous.items()}
 
 
-def _knows(file: File, pattern: str) -> bool:
+def _matches(file: File, pattern: str) -> bool:
     return re.search(pattern, file.text or "") is not None
 
 
-def _blocks(text: str) -> list[_Block]:
+def _blocks(text: str) -> list[_Keyword]:
     """The keywords of a deck; a line that ends in a comma goes on in the next."""
-    blocks: list[_Block] = []
+    blocks: list[_Keyword] = []
     lines = (line.strip() for line in text.splitlines())
     rest = (line for line in lines if line and not line.startswith("**"))
     for line in rest:
@@ -66,10 +67,10 @@ def _blocks(text: str) -> list[_Block]:
             name, *options = (part.strip() for part in "".join(parts)[1:].split(","))
             pairs = (option.partition("=") for option in options if option)
             found = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
-            blocks.append(_Block(_bare(name), found, []))
+            blocks.append(_Keyword(_bare(name), found, []))
         elif blocks:
             cells = [cell.strip() for cell in line.split(",")]
-            blocks[-1].rows.append([float(cell) if is_number(cell) else 0.0 for cell in cells])
+            blocks[-1].rows.append([float(cell) if holds_number(cell) else 0.0 for cell in cells])
     return blocks
 
 
@@ -77,7 +78,7 @@ def _bare(text: str) -> str:
     return re.sub(r"[\s_-]", "", text).upper()
 
 
-def _of_abaqus(name: str, blocks: dict[str, _Block], about: dict[str, Any]) -> Series:
+def _of_abaqus(name: str, blocks: dict[str, _Keyword], about: dict[str, Any]) -> Modes:
     viscous = blocks["VISCOELASTIC"]
     given = {key: _bare(value) for key, value in viscous.options.items()}
     kind = given.get("TIME", given.get("FREQUENCY", ""))
@@ -103,17 +104,16 @@ def _of_abaqus(name: str, blocks: dict[str, _Block], about: dict[str, Any]) -> S
     rows = [(*row, 0.0, 0.0, 0.0)[:3] for row in viscous.rows]
     shear, bulk, times = (list(part) for part in zip(*rows, strict=True))
     shift = blocks.get("TRS")
-    return Series(
-        shear, times, True, bulk,
+    return Modes(
+        f"a deck of Abaqus, material {name!r}", Log(), shear, times, True, bulk,
         equilibrium=None if instantaneous else modulus,
         glassy=modulus if instantaneous else None,
         deformation=deformation, poisson=poisson, deck=True, units=about["units"],
         shift=shift and _wlf(shift.options.get("DEFINITION", "WLF"), shift.rows[0], about),
-        layout=f"a deck of Abaqus, material {name!r}",
     )  # fmt: skip
 
 
-def _hyperelastic(block: _Block) -> tuple[float, float]:
+def _hyperelastic(block: _Keyword) -> tuple[float, float]:
     """The shear modulus at small strain and Poisson's ratio of a hyperelastic law."""
     named = {_bare(option) for option in block.options}
     law = next((law for law in _POTENTIALS if law in named), None)
@@ -135,7 +135,7 @@ def _poisson(shear: float, flexible: float) -> float:
 def _stated(text: str) -> dict[str, Any]:
     """The units that a comment names: of moduli and times, and of temperature."""
     units: dict[str, str] = {}
-    for line in _UNITS.findall(text):
+    for line in _UNITS_LINE.findall(text):
         words = [word.strip("().") for word in re.split(r"[,;\s]+", line)]
         for unit in filter(None, map(parse_unit, words)):
             for dimension in ("modulus", "time", "temperature"):
@@ -154,15 +154,15 @@ def _wlf(law: str, constants: list[float], about: dict[str, Any]) -> WLF:
     return WLF(first, UNITS["temperature"][unit] * second, reference)
 
 
-@reader("ansys", "prony", knows=lambda file: _knows(file, r"(?im)^[ \t]*TB[ \t]*,[ \t]*PRON"))
-def read_ansys(file: File) -> dict[str, Series]:
+@reader("ansys", "prony", knows=lambda file: _matches(file, r"(?im)^[ \t]*TB[ \t]*,[ \t]*PRON"))
+def read_ansys(file: File) -> dict[str, Modes]:
     """Returns the Prony series of the materials in a deck of Ansys, by their numbers."""
     text, values, constants, tables = file.text or "", {}, {}, {}
     current: dict[int, float] = {}
 
     def number(cell: str) -> float:
         cell = cell.strip().upper()
-        return float(cell) if is_number(cell) else values.get(cell, 0.0)
+        return float(cell) if holds_number(cell) else values.get(cell, 0.0)
 
     for line in re.split(r"[\n$]", text):
         line = line.split("!")[0].strip()
@@ -189,10 +189,10 @@ def read_ansys(file: File) -> dict[str, Series]:
     }
 
 
-def _of_ansys(name: str, constants: dict[str, float], tables: dict, about: dict) -> Series:
+def _of_ansys(name: str, constants: dict[str, float], tables: dict, about: dict) -> Modes:
     shear, bulk = (
-        _pairs(tables.get((name, "PRON", "SHEA"))),
-        _pairs(tables.get((name, "PRON", "BULK"))),
+        _ratios_by_time(tables.get((name, "PRON", "SHEA"))),
+        _ratios_by_time(tables.get((name, "PRON", "BULK"))),
     )
     if not shear:
         raise Refusal(f"its material {name} has no TB,PRONY of SHEAR")
@@ -204,16 +204,16 @@ def _of_ansys(name: str, constants: dict[str, float], tables: dict, about: dict)
         glassy, deformation = hyper[1], "shear"
         poisson = _poisson(hyper[1], hyper.get(2, 0.0))
     shift = tables.get((name, "SHIF", "WLF"))
-    return Series(
+    return Modes(
+        f"a deck of Ansys, material {name}", Log(),
         [shear.get(time, 0.0) for time in times], times, True,
         [bulk.get(time, 0.0) for time in times], glassy=glassy, deformation=deformation,
         poisson=poisson, deck=True, units=about["units"],
         shift=_wlf("WLF", [shift[i] for i in sorted(shift)], about) if shift else None,
-        layout=f"a deck of Ansys, material {name}",
     )  # fmt: skip
 
 
-def _pairs(table: dict[int, float] | None) -> dict[float, float]:
+def _ratios_by_time(table: dict[int, float] | None) -> dict[float, float]:
     """The ratios of a table of TB,PRONY by their times, which follow them."""
     numbers = [value for _, value in sorted((table or {}).items())]
     return dict(zip(numbers[1::2], numbers[::2], strict=False))

@@ -14,49 +14,50 @@ import struct
 import numpy as np
 
 from ...core.files import Refusal
-from ..cells import is_missing, is_number
+from ..cells import holds_number, is_missing
 from ..decisions import Log
 from ..registry import File, reader
-from ..scan import Scan, check_points, from_lines
+from ..scan import Scan, check_count, from_lines
 
 _ESRI = re.compile(rb"\s*(ncols|nrows)\s+\d+\s+(ncols|nrows|[xy]ll|cellsize|dx|dy|nodata)", re.I)
-_KEYS = re.compile(r"(?i)ncols|nrows|[xy]ll(corner|center|centre)|cellsize|dx|dy|nodata(_value)?")
-_LINES = 20  # of a header
-_MARK = -9999.0  # of missing points where the header names none
+_ESRI_KEYS = re.compile(
+    r"(?i)ncols|nrows|[xy]ll(corner|center|centre)|cellsize|dx|dy|nodata(_value)?"
+)
+_HEADER_LINES = 20  # of a header
+_ESRI_MARK = -9999.0  # of missing points where the header names none
 
 
-@reader("esri", "heights", knows=lambda file: _ESRI.match(_start(file)) is not None)
+@reader("esri", "heights", knows=lambda file: _ESRI.match(_first_bytes(file)) is not None)
 def read_esri(file: File) -> Scan:
     """Returns the heights of an ESRI ASCII grid; NaN where its header marks missing points."""
-    lines = _text(file).split("\n", _LINES)
+    lines = _file_text(file).split("\n", _HEADER_LINES)
     header: dict[str, str] = {}
     while lines:
         key, *value = lines[0].split() or [""]
-        cell = _with_point("".join(value[:1]))
-        known = is_number(cell) or (key.lower().startswith("nodata") and is_missing(cell))  # nan
-        if not (_KEYS.fullmatch(key) and len(value) == 1 and known):
+        cell = _point_for_comma("".join(value[:1]))
+        known = holds_number(cell) or (key.lower().startswith("nodata") and is_missing(cell))  # nan
+        if not (_ESRI_KEYS.fullmatch(key) and len(value) == 1 and known):
             break
         header[key.lower()] = cell
         del lines[0]
     rest = "\n".join(lines)
-    shape = tuple(int(_number(header, name)) for name in ("ncols", "nrows"))
-    steps = [_number(header, name, "cellsize") for name in ("dx", "dy")]
-    check_points(shape, file.at_most)
-    heights = from_lines(_table(rest, shape))
+    shape = tuple(int(_header_number(header, name)) for name in ("ncols", "nrows"))
+    steps = [_header_number(header, name, "cellsize") for name in ("dx", "dy")]
+    check_count(shape, file.at_most)
+    heights = from_lines(_text_heights(rest, shape))
     log = Log()
     mark = header.get("nodata_value", header.get("nodata"))
-    if mark is None and (num := np.sum(heights == _MARK)):
-        default = f"{num} heights of {_MARK:g} count as missing, as its header names no mark"
+    if mark is None and (num := np.sum(heights == _ESRI_MARK)):
+        default = f"{num} heights of {_ESRI_MARK:g} count as missing, as its header names no mark"
         log.assume(f"{default}; otherwise state another NODATA_value there.")
-    if not is_missing(mark or str(_MARK)):  # of a word the cells are NaN already
-        heights[heights == float(mark or _MARK)] = np.nan
+    if not is_missing(mark or str(_ESRI_MARK)):  # of a word the cells are NaN already
+        heights[heights == float(mark or _ESRI_MARK)] = np.nan
     if file.unit is None:
         log.assume("The map is in metres, of which its file says nothing; otherwise pass `unit`.")
     unit = "m" if file.unit is None else None
     lateral = unit if file.size is None else None
     size = np.array(steps) * shape
-    scan = Scan(heights, "an ESRI grid", size, unit, lateral)
-    return scan._replace(notes=(*log.history,), assumed=(*log.assumed,))
+    return Scan(heights, "an ESRI grid", size, unit, lateral, log=log)
 
 
 @reader("surfer", "heights", knows=lambda file: file.content[:4] in (b"DSAA", b"DSBB", b"DSRB"))
@@ -67,21 +68,21 @@ def read_surfer(file: File) -> Scan:
     return Scan(lines.T, "a grid of Surfer", size)
 
 
-def _start(file: File) -> bytes:
+def _first_bytes(file: File) -> bytes:
     return file.content[:1000].removeprefix(b"\xef\xbb\xbf")
 
 
-def _text(file: File) -> str:
+def _file_text(file: File) -> str:
     if file.text is None:
         raise Refusal("its header is that of a text, and it is none")
     return file.text
 
 
-def _with_point(cell: str) -> str:
+def _point_for_comma(cell: str) -> str:
     return cell.replace(",", ".")
 
 
-def _number(header: dict[str, str], *names: str) -> float:
+def _header_number(header: dict[str, str], *names: str) -> float:
     """The first of these numbers in a header, above 0."""
     found = next((float(header[name]) for name in names if name in header), 0.0)
     if not (np.isfinite(found) and found > 0):
@@ -89,9 +90,9 @@ def _number(header: dict[str, str], *names: str) -> float:
     return found
 
 
-def _table(text: str, shape: tuple[int, ...]) -> np.ndarray:
+def _text_heights(text: str, shape: tuple[int, ...]) -> np.ndarray:
     """The rows of numbers in a text, which may go on in the next line."""
-    cells = _with_point(text).split()
+    cells = _point_for_comma(text).split()
     if len(cells) != shape[0] * shape[1]:
         raise Refusal(f"it has {len(cells)} heights for {shape[0]} x {shape[1]} points")
     try:
@@ -101,16 +102,16 @@ def _table(text: str, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _surfer_text(file: File) -> tuple[np.ndarray, np.ndarray]:
-    head = _text(file).split(maxsplit=9)
+    head = _file_text(file).split(maxsplit=9)
     shape = int(head[1]), int(head[2])
     edges = [float(cell) for cell in head[3:7]]
-    check_points(shape, file.at_most)
-    return _table(head[9], shape), _size(shape, edges)
+    check_count(shape, file.at_most)
+    return _text_heights(head[9], shape), _size(shape, edges)
 
 
 def _surfer_6(file: File) -> tuple[np.ndarray, np.ndarray]:
     num_x, num_y, *edges = struct.unpack_from("<2h4d", file.content, 4)
-    return _numbers(file, 56, (num_x, num_y), "<f4"), _size((num_x, num_y), edges)
+    return _binary_heights(file, 56, (num_x, num_y), "<f4"), _size((num_x, num_y), edges)
 
 
 def _surfer_7(file: File) -> tuple[np.ndarray, np.ndarray]:
@@ -127,14 +128,14 @@ def _surfer_7(file: File) -> tuple[np.ndarray, np.ndarray]:
     num_y, num_x, _, _, *steps, _, _, _, mark = struct.unpack_from(
         "<2i8d", file.content, places[b"GRID"]
     )
-    lines = _numbers(file, places[b"DATA"], (num_x, num_y), "<f8")
+    lines = _binary_heights(file, places[b"DATA"], (num_x, num_y), "<f8")
     return np.where(lines == mark, np.nan, lines), np.array(steps) * (num_x, num_y)
 
 
-def _numbers(file: File, at: int, shape: tuple[int, int], form: str) -> np.ndarray:
+def _binary_heights(file: File, at: int, shape: tuple[int, int], form: str) -> np.ndarray:
     if min(shape) < 1:
         raise Refusal(f"its header is damaged: {shape[0]} x {shape[1]} points")
-    check_points(shape, file.at_most)
+    check_count(shape, file.at_most)
     needed, there = np.dtype(form).itemsize * shape[0] * shape[1], len(file.content) - at
     if there < needed:
         raise Refusal(f"it has {there} of {needed} bytes of heights: cut short")

@@ -13,17 +13,17 @@ import numpy as np
 
 from ...core.files import Refusal
 from ..registry import File, reader
-from ..scan import Scan, check_points, chosen, from_lines
+from ..scan import Scan, channel_of, check_count, from_lines
 
-_MAGIC = b"GWYP"
+_GWYDDION_MAGIC = b"GWYP"
 _ATOMS = {"b": "<?", "c": "<c", "i": "<i", "q": "<q", "d": "<d"}
 _ARRAYS = {"C": "S1", "I": "<i4", "Q": "<i8", "D": "<f8"}
 
 
-@reader("gwyddion", "heights", knows=lambda file: file.content.startswith(_MAGIC), rank=2)
+@reader("gwyddion", "heights", knows=lambda file: file.content.startswith(_GWYDDION_MAGIC), rank=2)
 def read_channels(file: File) -> Scan:
     """Returns the channel of heights, or of numbers without a unit; raises `Refusal`."""
-    _, container = _value(io.BytesIO(file.content[len(_MAGIC) :]), "o")
+    _, container = _component(io.BytesIO(file.content[len(_GWYDDION_MAGIC) :]), "o")
     fields = {
         found[1]: value[1]
         for key, value in container.items()
@@ -38,10 +38,10 @@ def read_channels(file: File) -> Scan:
         listed = ", ".join(f"{titles[key]!r} in {unit!r}" for key, unit in units.items())
         raise Refusal(f"its channels are no heights: {listed or 'there are none'}")
     names = [titles[key] for key in bare]
-    key = bare[chosen(file.channel, names, "its channels have no unit")]
+    key = bare[channel_of(file.channel, names, "its channels have no unit")]
     field = fields[key]
     shape = field["xres"], field["yres"]
-    check_points(shape, file.at_most)
+    check_count(shape, file.at_most)
     heights = from_lines(np.array(field["data"], float).reshape(shape[::-1]))
     mask = container.get(f"/{key}/mask")
     if mask is not None:
@@ -57,22 +57,22 @@ def _unit(field: dict[str, Any], key: str) -> str | None:
     return (unit[1].get("unitstr") if isinstance(unit, tuple) else None) or None
 
 
-def _value(stream: io.BytesIO, kind: str) -> Any:
+def _component(stream: io.BytesIO, kind: str) -> Any:
     """The next value; of an object, its name and components."""
     if kind in _ATOMS:
         return struct.unpack(_ATOMS[kind], stream.read(struct.calcsize(_ATOMS[kind])))[0]
     if kind == "s":
         end = stream.getvalue().index(b"\0", stream.tell())
         return stream.read(end + 1 - stream.tell())[:-1].decode()
-    name = _value(stream, "s") if kind == "o" else ""
+    name = _component(stream, "s") if kind == "o" else ""
     (count,) = struct.unpack("<I", stream.read(4))
     if kind in _ARRAYS:
         form = np.dtype(_ARRAYS[kind])
         return np.frombuffer(stream.read(count * form.itemsize), form, count)
     if kind in "SO":
-        return [_value(stream, kind.lower()) for _ in range(count)]
+        return [_component(stream, kind.lower()) for _ in range(count)]
     end, components = stream.tell() + count, {}
     while stream.tell() < end:
-        key = _value(stream, "s")
-        components[key] = _value(stream, stream.read(1).decode())
+        key = _component(stream, "s")
+        components[key] = _component(stream, stream.read(1).decode())
     return name, components

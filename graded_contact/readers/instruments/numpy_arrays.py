@@ -8,7 +8,7 @@ import numpy as np
 from ...core.files import Refusal
 from ...surfaces.reading_steps import USUAL, step
 from ..registry import File, reader
-from ..scan import Scan, check_points, chosen
+from ..scan import Scan, channel_of, check_count
 from ..units import length_unit, metres
 
 _SIZE = re.compile(
@@ -16,12 +16,12 @@ _SIZE = re.compile(
 )
 
 
-def _knows(file: File) -> bool:
+def _is_numpy(file: File) -> bool:
     bundle = file.name.suffix == ".npz" and file.content.startswith(b"PK")
     return bundle or file.content.startswith(b"\x93NUMPY")
 
 
-@reader("numpy", "heights", knows=_knows)
+@reader("numpy", "heights", knows=_is_numpy)
 def read_arrays(file: File) -> Scan:
     """Returns the heights in a `.npy` or `.npz` file.
 
@@ -42,13 +42,13 @@ def read_arrays(file: File) -> Scan:
     wide = [name for name, a in arrays.items() if a.ndim == 2 and min(a.shape) >= 4]
     lines = [name for name, a in arrays.items() if a.ndim == 1 and len(a) >= 4]
     names = wide or lines
-    name = names[chosen(file.channel, names, "it holds several or no arrays of heights")]
+    name = names[channel_of(file.channel, names, "it holds several or no arrays of heights")]
     texts = [a for key, a in arrays.items() if key.lower() in ("unit", "units") and a.size == 1]
     units = [str(text.astype(str).item()) for text in texts if text.dtype.kind in "US"]
     own = length_unit(name) or next(iter(units), None)
     scan = Scan(_real(arrays[name], file.at_most), f"array {name!r}", unit=own)
     scan = scan if file.size is not None else _with_size(scan, arrays, file.unit)
-    return scan._replace(unit=None) if file.unit is not None else scan
+    return scan.but(unit=None) if file.unit is not None else scan
 
 
 def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> Scan:
@@ -65,7 +65,7 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
             continue
         size = np.broadcast_to(np.ravel(array) * (1 if whole else shape), shape.shape).astype(float)
         lateral = suffix or _lateral_unit(name, scan, size, unit or scan.unit)
-        found[name] = scan._replace(size=size, lateral_unit=lateral)
+        found[name] = scan.but(size=size, lateral_unit=lateral)
     edges = [
         (metres(str(each.lateral_unit)) or 1.0) * np.array(each.size) for each in found.values()
     ]
@@ -91,7 +91,7 @@ def _lateral_unit(name: str, scan: Scan, size: np.ndarray, unit: str | None) -> 
 
 
 def _real(values: np.ndarray, at_most: float) -> np.ndarray:
-    check_points(values.shape, at_most)
+    check_count(values.shape, at_most)
     if values.dtype.kind not in "iuf":
         raise Refusal(f"its array is of {values.dtype}, not of real numbers")
     return np.where(np.isfinite(values), values, np.nan).astype(float)

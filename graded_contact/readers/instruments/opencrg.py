@@ -11,17 +11,20 @@ import re
 import numpy as np
 
 from ...core.files import Refusal
+from ..decisions import Log
 from ..registry import File, reader
 from ..scan import Scan, equally_spaced
 from ..units import metres
 
-_MARK = re.compile(rb"^\$ROAD_CRG", re.MULTILINE | re.IGNORECASE)
+_IS_ROAD = re.compile(rb"^\$ROAD_CRG", re.MULTILINE | re.IGNORECASE)
 _DATA = re.compile(rb"^\$\$[^\n]*\n", re.MULTILINE)
 _POSITION = re.compile(r"at\s+v\s*=\s*([-+.\deE]+)")
 _PARAMETER = re.compile(r"^\s*(\w+)\s*=\s*([-+.\deE]+)")
 
 
-@reader("opencrg", "heights", knows=lambda file: _MARK.search(file.content[:100_000]) is not None)
+@reader(
+    "opencrg", "heights", knows=lambda file: _IS_ROAD.search(file.content[:100_000]) is not None
+)
 def read_road(file: File) -> Scan:
     """Returns the elevations of a road [m]; raises `ValueError` for a damaged file."""
     content = file.content
@@ -33,7 +36,7 @@ def read_road(file: File) -> Scan:
         raise Refusal(f"its elevations are in another OpenCRG file, {names!r}: read that one")
     if end is None:
         raise Refusal("its header does not end: no line begins with '$$'")
-    road, changes = _parameters(sections, "ROAD_CRG"), _parameters(sections, "ROAD_CRG_MODS")
+    road, changes = _settings(sections, "ROAD_CRG"), _settings(sections, "ROAD_CRG_MODS")
     form, channels = "KRBI", []
     for line in sections.get("KD_DEFINITION", []):
         if line.startswith("#:"):
@@ -49,7 +52,7 @@ def read_road(file: File) -> Scan:
     factors = {metres(channels[i][1]) for i in sides}
     if len(factors) > 1 or None in factors:
         raise Refusal("its long sections are not all in one unit of length")
-    rows = _rows(content[end.end() :], form, len(channels))
+    rows = _road_rows(content[end.end() :], form, len(channels))
     heights = factors.pop() * rows[:, sides] * changes.get("SCALE_Z_GRID", 1.0)
     step = road.get("REFERENCE_LINE_INCREMENT", 0.0)
     if not (np.isfinite(step) and step > 0):
@@ -59,13 +62,14 @@ def read_road(file: File) -> Scan:
         if len(heights) < count - 1:  # rows without any elevation at the end are dropped
             raise Refusal(f"it has {len(heights)} of {count:.0f} rows of elevations: cut short")
     names = [channels[i][0] for i in sides]
-    heights, width, notes = _interpolated(heights, names, road)
+    log = Log()
+    heights, width = _evenly(heights, names, road, log)
     if len(sides) < len(channels):
-        notes.append("Heading, slope and banking of the reference line were left out.")
+        log.note("Heading, slope and banking of the reference line were left out.")
     if left_out := ", ".join(sorted(set(changes) - {"SCALE_Z_GRID"})):
-        notes.append(f"The file's modifiers {left_out} were left out.")
+        log.note(f"The file's modifiers {left_out} were left out.")
     size = np.array([len(heights) * step, heights.shape[1] * width])
-    return Scan(heights, "an OpenCRG road", size, "m", "m", notes=tuple(notes))
+    return Scan(heights, "an OpenCRG road", size, "m", "m", log=log)
 
 
 def _sections(header: str) -> dict[str, list[str]]:
@@ -79,12 +83,12 @@ def _sections(header: str) -> dict[str, list[str]]:
     return sections
 
 
-def _parameters(sections: dict[str, list[str]], name: str) -> dict[str, float]:
+def _settings(sections: dict[str, list[str]], name: str) -> dict[str, float]:
     found = (_PARAMETER.match(line) for line in sections.get(name, []))
     return {match[1].upper(): float(match[2]) for match in found if match}
 
 
-def _rows(content: bytes, form: str, num_channels: int) -> np.ndarray:
+def _road_rows(content: bytes, form: str, num_channels: int) -> np.ndarray:
     """The rows of numbers, NaN where missing."""
     double = form[1] == "D"
     if form[2] == "B":
@@ -116,8 +120,10 @@ def _text_numbers(text: str, width: int, num_channels: int) -> list[float]:
     return values
 
 
-def _interpolated(heights: np.ndarray, names: list[str], road: dict[str, float]) -> tuple:
-    """Heights at equal steps across the road, the step [m], and what was done."""
+def _evenly(
+    heights: np.ndarray, names: list[str], road: dict[str, float], log: Log
+) -> tuple[np.ndarray, float]:
+    """Heights at equal steps across the road, and the step [m]."""
     given = [match for match in map(_POSITION.search, names) if match]
     if given and len(given) < len(names):
         raise Refusal("only some of its long sections have a position")
@@ -134,13 +140,13 @@ def _interpolated(heights: np.ndarray, names: list[str], road: dict[str, float])
     if not (np.all(np.isfinite(gaps)) and np.all(gaps > 0)):
         raise Refusal("the positions of its long sections do not ascend")
     if equally_spaced(across, 1e-3):
-        return heights, float(np.mean(gaps)), []
+        return heights, float(np.mean(gaps))
     step = float(np.min(gaps))
     num = round((across[-1] - across[0]) / step) + 1
     if num > 100 * len(across):
         raise Refusal("its long sections are spaced too unequally")
     even = np.linspace(across[0], across[-1], num)
     apart = f"{step:.3g} to {np.max(gaps):.3g} m apart"
-    note = f"Long sections {apart} were interpolated linearly to {num} equally spaced ones."
+    log.note(f"Long sections {apart} were interpolated linearly to {num} equally spaced ones.")
     heights = np.stack([np.interp(even, across, row) for row in heights])
-    return heights, float(even[1] - even[0]), [note]
+    return heights, float(even[1] - even[0])

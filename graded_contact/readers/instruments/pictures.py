@@ -6,7 +6,7 @@ from typing import NoReturn
 from ...core.files import Refusal
 from ..registry import File, reader
 
-_STARTS = {
+_MAGICS = {
     b"\x89PNG\r\n\x1a\n": "PNG", b"\xff\xd8\xff": "JPEG", b"GIF87a": "GIF", b"GIF89a": "GIF",
     b"%PDF-": "PDF",
 }  # fmt: skip
@@ -19,7 +19,7 @@ def _kind(content: bytes) -> str | None:
         return "BMP" if struct.unpack_from("<I", content, 14)[0] in _BITMAP_HEADERS else None
     if content[:4] == b"RIFF" and content[8:12] == b"WEBP":
         return "WebP"
-    return next((kind for start, kind in _STARTS.items() if content.startswith(start)), None)
+    return next((kind for start, kind in _MAGICS.items() if content.startswith(start)), None)
 
 
 @reader("picture", "heights", knows=lambda file: _kind(file.content) is not None)

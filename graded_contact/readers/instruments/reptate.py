@@ -5,9 +5,10 @@ parameter of its first line is the constant load; without a strain, "stress" is 
 """
 
 from ...core.files import Refusal
-from ..cells import Tables, is_number, sheets_of
-from ..registry import File, Options, reader
-from ..tables import parameters
+from ..cells import Sheet, holds_number, sheets_of
+from ..decisions import Options
+from ..registry import File, reader
+from ..tables import settings_in
 from ..units import DIMENSIONS, OFFSETS, UNITS, parse_unit
 
 _SWEEP = {"frequency": "rad/s", "storage": "Pa", "loss": "Pa"}
@@ -20,12 +21,12 @@ _FORMS = {
 
 
 @reader("reptate", "moduli", knows=lambda file: file.name.suffix.lower() in _FORMS)
-def read_reptate(file: File) -> Tables:
+def read_reptate(file: File) -> list[Sheet]:
     """Returns the table; temperature [°C] and load are in the first line."""
     kind, columns, load, usual = _FORMS[file.name.suffix.lower()]
     sheet = sheets_of(file)[0]
-    given = parameters(sheet.rows[0]) if sheet.rows else {}
-    known = {name: float(given[name]) for name in ("T", load) if is_number(given.get(name, ""))}
+    given = settings_in(sheet.rows[0]) if sheet.rows else {}
+    known = {name: float(given[name]) for name in ("T", load) if holds_number(given.get(name, ""))}
     below = [[parse_unit(cell) for cell in row.cells[: len(columns)]] for row in sheet.rows[1:4]]
     own = next((units for units in below if len(units) == len(columns) and all(units)), None)
     pairs = zip(columns, own or columns.values(), strict=True)
@@ -41,4 +42,4 @@ def read_reptate(file: File) -> Tables:
         load=known.get(load, usual),
         source="as in the file" if own else "as in all of RepTate's",
     )
-    return Tables([sheet], fixed)
+    return [sheet._replace(fixed=fixed)]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.files import check_unpacked, inflated
 from ..registry import File, extra, reader
-from ..scan import Scan, check_points, chosen, from_lines
+from ..scan import Scan, channel_of, check_count, from_lines
 from ..units import metres
 
 _RAW = (
@@ -26,7 +26,7 @@ _HEADS = re.compile(
         if (256 * window + check) % 31 == 0 and not check & 0x20  # which needs a dictionary
     )
 )
-_BACK = re.compile(r"(?i)re-?trace|backward|\bbwd\b|rückw")  # the way back of a scan
+_WAY_BACK = re.compile(r"(?i)re-?trace|backward|\bbwd\b|rückw")  # the way back of a scan
 
 
 @reader("instrument", "heights", knows=lambda file: not (file.columns and file.text), rank=1)
@@ -52,9 +52,9 @@ def read_instrument(file: File) -> Scan:
         names = [info.name for info in channels]
         index = channels.index(_usual(channels, library.default_channel))
         if file.channel is not None:
-            index = chosen(file.channel, names, "it has several channels")
+            index = channel_of(file.channel, names, "it has several channels")
         info = channels[index]
-        check_points(info.nb_grid_pts or (), at_most)
+        check_count(info.nb_grid_pts or (), at_most)
         sizes = info.physical_sizes
         if file.text is not None and not (sizes and info.unit):
             raise ValueError("text without a known header: this reader takes much for numbers")
@@ -71,10 +71,13 @@ def read_instrument(file: File) -> Scan:
         size = None if sizes is None else np.asarray(sizes, float)
         # Of two quantities, such as a length and a voltage, it is a pair.
         unit = None if info.unit is None else str(info.unit)
-        scan = Scan(heights, f"channel {info.name!r}", size, unit, unit, positions)
+        scan = Scan(
+            heights, f"channel {info.name!r}", size, unit, unit, positions, bool(info.is_periodic)
+        )
         others = ", ".join(repr(name) for name in dict.fromkeys(names) if name != info.name)
-        notes = (f"It also has the channels {others}; `channel` chooses.",) if others else ()
-        return scan._replace(periodic=bool(info.is_periodic), notes=notes)
+        if others:
+            scan.log.note(f"It also has the channels {others}; `channel` chooses.")
+        return scan
 
 
 def _usual(channels: list[Any], default: Any) -> Any:
@@ -89,14 +92,14 @@ def _usual(channels: list[Any], default: Any) -> Any:
         name = str(info.name)
         measured = re.search(r"(?i)height.*measured|measured.*height", name)
         return (
-            _BACK.search(name) is not None,
+            _WAY_BACK.search(name) is not None,
             measured is None,
             re.search("(?i)smooth", name) is not None,
             re.match("(?i)height|topo|z", name) is None,
             info is not default,
         )
 
-    if _BACK.search(str(default.name)) or any(not rank(info)[1] for info in lengths):
+    if _WAY_BACK.search(str(default.name)) or any(not rank(info)[1] for info in lengths):
         return min(lengths, key=rank, default=default)
     return default
 

@@ -14,15 +14,15 @@ import numpy as np
 
 from ...core.files import Refusal
 from .. import cells
-from ..cells import Row, Sheet, TextLayout, is_missing, is_number
+from ..cells import Row, Sheet, TextLayout, holds_number, is_missing
 from ..decisions import Log
 from ..length_headings import Units, counts_points, units_above, units_in, units_of_columns
 from ..point_lists import by_names, grid_points, line_scan, named_places, picked, without_index
 from ..registry import File, reader
-from ..scan import MOST_POINTS, Scan, counters, equally_spaced, from_lines
+from ..scan import MOST_HEIGHTS, Scan, counters, equally_spaced, from_lines
 from ..units import metres
 
-_LONGEST = 10_000_000  # characters of a line
+_LONGEST_LINE_OF_HEIGHTS = 10_000_000  # characters of a line
 _MOST_WORDS = 8  # different ones that can all mean a missing point
 
 
@@ -30,8 +30,8 @@ _MOST_WORDS = 8  # different ones that can all mean a missing point
 def read_text(file: File) -> Scan:
     """Returns the heights in a text without a header that SurfaceTopography knows."""
     text, encoding = file.decoded or ("", "")
-    lines = cells.lines_of(text, _LONGEST)
-    return heights_in(cells.text_sheet(lines, _layout(lines), encoding, MOST_POINTS), file)
+    lines = cells.lines_of(text, _LONGEST_LINE_OF_HEIGHTS)
+    return heights_in(cells.text_sheet(lines, _layout(lines), encoding, MOST_HEIGHTS), file)
 
 
 def _layout(lines: list[str]) -> TextLayout:
@@ -56,7 +56,11 @@ def heights_in(sheet: Sheet, file: File) -> Scan:
     """Returns the heights in the rows of a sheet of a file, or raises `Refusal`."""
     if file.columns:
         sheet = picked(sheet, file.columns)
-    sheet, notes = (sheet, []) if file.columns else _without_labels(sheet)
+    log = Log()
+    if not sheet.name:
+        log.note(f"Read as {sheet.layout}.")
+    if not file.columns:
+        sheet = _without_labels(sheet, log)
     known = [row for row in sheet.rows if not row.comment]
     body = list(itertools.dropwhile(lambda row: not _is_data(row.cells), known))
     if not body:
@@ -69,30 +73,28 @@ def heights_in(sheet: Sheet, file: File) -> Scan:
     width = len(body[0].cells)
     header = [row._replace(cells=row.cells[used]) if len(row.cells) == width else row
               for row in sheet.rows if row.line < body[0].line]  # fmt: skip
-    values = _values([row._replace(cells=row.cells[used]) for row in body], notes)
+    values = _values([row._replace(cells=row.cells[used]) for row in body], log)
     if not file.columns:
         if found := named_places(header, values.shape[1]):
             places, others = found
-            values, header = values[:, places], [_cells(row, places, values) for row in header]
-            notes += [f"Left out the columns {others}."] * bool(others)
+            values, header = values[:, places], [_cells_at(row, places, values) for row in header]
+            if others:
+                log.note(f"Left out the columns {others}.")
         elif len(without := without_index(values, header).T) < values.shape[1]:
             values = without.T
-            notes.append("The first column counts the lines, and was left out.")
+            log.note("The first column counts the lines, and was left out.")
     if (width := values.shape[1]) == 1:
         unit = units_of_columns(header, 1)[0] or units_above(header).of_heights
-        scan = Scan(values[:, 0], "one line of heights", unit=unit)
+        scan = Scan(values[:, 0], "one line of heights", unit=unit, log=log)
     elif width in (2, 3):
-        scan = (line_scan if width == 2 else grid_points)(values, header, bool(file.columns))
+        scan = (line_scan if width == 2 else grid_points)(values, header, bool(file.columns), log)
     else:
-        scan = _matrix_scan(values, header, file.unit)
-    scan = scan._replace(named=bool(file.columns))
-    if sheet.name:
-        return scan._replace(source=sheet.layout, notes=(*notes, *scan.notes))
-    return scan._replace(notes=(f"Read as {sheet.layout}.", *notes, *scan.notes))
+        scan = _matrix_scan(values, header, file.unit, log)
+    return scan.but(source=sheet.layout if sheet.name else scan.source, named=bool(file.columns))
 
 
-def _without_labels(sheet: Sheet) -> tuple[Sheet, list[str]]:
-    """A matrix without the words that label its lines, or with numbers for lengths; and a note.
+def _without_labels(sheet: Sheet, log: Log) -> Sheet:
+    """A matrix without the words that label its lines, or with numbers for lengths.
 
     The unit of the lengths is written where row and column cross.
     """
@@ -101,7 +103,7 @@ def _without_labels(sheet: Sheet) -> tuple[Sheet, list[str]]:
     labels = [row.cells[0] for row in body]
     apart = len(set(labels)) == len(labels) >= 4
     if not (apart and all(map(_is_labelled, body))) or by_names(sheet.rows):
-        return sheet, []
+        return sheet
     head = rows[len(rows) - len(body) - 1] if len(body) < len(rows) else Row(0, [""])
     edges = [_length(cell) for cell in (*head.cells[1:], *labels)]
     if any(edges):
@@ -117,19 +119,19 @@ def _without_labels(sheet: Sheet) -> tuple[Sheet, list[str]]:
         changed = {head.line: [corner, *numbers[:width]]}
         changed |= {row.line: [number, *row.cells[1:]]
                     for row, number in zip(body, numbers[width:], strict=True)}  # fmt: skip
-        note = "Lengths in its first row and first column are x and y."
+        log.note("Lengths in its first row and first column are x and y.")
     else:
         cut = [head, *body] if _is_data(head.cells[1:]) else body
         changed = {row.line: row.cells[1:] for row in cut}
-        note = f"Left out the labels of its lines, such as {labels[0]!r}."
+        log.note(f"Left out the labels of its lines, such as {labels[0]!r}.")
     rows = [row._replace(cells=changed.get(row.line, row.cells)) for row in sheet.rows]
-    return sheet._replace(rows=rows), [note]
+    return sheet._replace(rows=rows)
 
 
 def _is_labelled(row: Row) -> bool:
     """Whether a row is a word and at least four numbers."""
     label, *others = row.cells or [""]
-    word = not (is_number(label) or is_missing(label))
+    word = not (holds_number(label) or is_missing(label))
     return word and len(others) >= 4 and _is_data(others)
 
 
@@ -138,10 +140,10 @@ def _length(cell: str) -> tuple[str, str] | None:
     found = re.fullmatch(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*([^\W\d]+)", cell[:40])
     number, unit = found.groups() if found else ("", "")
     number = number.replace(",", ".")
-    return (number, unit) if is_number(number) and metres(unit) else None
+    return (number, unit) if holds_number(number) and metres(unit) else None
 
 
-def _cells(row: Row, places: list[int], values: np.ndarray) -> Row:
+def _cells_at(row: Row, places: list[int], values: np.ndarray) -> Row:
     """A row above the numbers with the cells of some columns, if it has a cell for each."""
     if len(row.cells) != values.shape[1]:
         return row
@@ -151,7 +153,7 @@ def _cells(row: Row, places: list[int], values: np.ndarray) -> Row:
 def _is_data(cells: list[str]) -> bool:
     """Whether cells hold numbers, and otherwise only marks of missing points."""
     known = [cell for cell in cells if not is_missing(cell)]
-    return bool(known) and all(map(is_number, known))
+    return bool(known) and all(map(holds_number, known))
 
 
 def _used(rows: list[Row]) -> slice:
@@ -165,13 +167,13 @@ def _used(rows: list[Row]) -> slice:
     return slice(full[0], full[-1] + 1)
 
 
-def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
+def _values(rows: list[Row], log: Log) -> np.ndarray:
     """The numbers in rows, NaN for words; a single row becomes a column."""
     values = np.full((len(rows), len(rows[0].cells)), np.nan)
     words: dict[str, None] = {}
     for row, numbers in zip(rows, values, strict=True):
         cells = row.cells
-        good = [is_number(cell) for cell in cells]
+        good = [holds_number(cell) for cell in cells]
         numbers[good] = [float(cell) for cell, known in zip(cells, good, strict=True) if known]
         lost = [cell[:40] for cell, known in zip(cells, good, strict=True) if not known]
         if row is rows[0] and lost == [""] == cells[:1]:  # where two axes cross
@@ -185,16 +187,16 @@ def _values(rows: list[Row], notes: list[str]) -> np.ndarray:
     if values.size < 4:
         raise Refusal("it holds no table of numbers")
     if words:
-        notes.append(f"Missing points are written {', '.join(map(repr, words))}.")
+        log.note(f"Missing points are written {', '.join(map(repr, words))}.")
     return values.T if len(values) == 1 else values
 
 
-def _matrix_scan(values: np.ndarray, header: list[Row], given: str | None) -> Scan:
+def _matrix_scan(values: np.ndarray, header: list[Row], given: str | None, log: Log) -> Scan:
     """A matrix of heights, which may have axes, or counters, in its first row and column."""
     units, corner = units_above(header), Units()
     if header and len(header[-1].cells) == values.shape[1]:
         first, *labels = header[-1].cells
-        if all(map(is_number, labels)):  # with a word where row and column cross
+        if all(map(holds_number, labels)):  # with a word where row and column cross
             units, corner = units_above(header[:-1]), units_in([first])
             values = np.concatenate([[[np.nan, *map(float, labels)]], values])
     lengths = units.lengths or corner.of_lengths
@@ -204,7 +206,7 @@ def _matrix_scan(values: np.ndarray, header: list[Row], given: str | None) -> Sc
     if all(step or count for step, count in zip(steps, counted, strict=True)):
         coordinates = known or not any(counted)
         lines = values[1:, 1:]
-        scan = _with_axes(lines, steps) if coordinates else _counted(lines, *labels)
+        scan = _with_axes(lines, steps, log) if coordinates else _counted(lines, *labels)
     elif corner.lengths is not None:
         raise Refusal("its x in the first row or y in the first column are not equally spaced")
     elif counters(values[0]) and not known:
@@ -217,14 +219,11 @@ def _matrix_scan(values: np.ndarray, header: list[Row], given: str | None) -> Sc
     else:
         scan = Scan(from_lines(values), "a matrix of heights")
     lengths, unit = lengths or units.shared, units.of_heights or corner.heights
-    log = Log()
     if unit is None and corner.shared is not None and given is None:
         unit = corner.shared
         log.assume(f"The heights are in {unit!r}, as x and y; otherwise pass `unit`.")
     lengths = lengths if scan.size is not None else None
-    return scan._replace(
-        unit=unit, lateral_unit=lengths, notes=(*scan.notes, *log.history), assumed=(*log.assumed,)
-    )
+    return scan.but(unit=unit, lateral_unit=lengths, log=log)
 
 
 def _counted(lines: np.ndarray, along=None, across=None) -> Scan:
@@ -242,14 +241,13 @@ def _counted(lines: np.ndarray, along=None, across=None) -> Scan:
     return Scan(from_lines(lines), "a matrix of heights whose points are counted beside it")
 
 
-def _with_axes(heights: np.ndarray, steps: list[float | None]) -> Scan:
+def _with_axes(heights: np.ndarray, steps: list[float | None], log: Log) -> Scan:
     """Heights below x in the first row and beside y in the first column."""
     apart = np.array(steps, float)
     along_x, along_y = np.sign(apart).astype(int)
     heights = heights.T[::along_x, ::along_y]
-    note = "Its first row and first column were taken as x and y."
-    size = np.abs(apart) * heights.shape
-    return Scan(heights, "a matrix of heights", size, notes=(note,))
+    log.note("Its first row and first column were taken as x and y.")
+    return Scan(heights, "a matrix of heights", np.abs(apart) * heights.shape)
 
 
 def _axis_step(values: np.ndarray) -> float | None:

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...core.files import Refusal
-from ..cells import Row, Sheet, Tables
+from ..cells import Row, Sheet
 from ..registry import File, reader
 
-_NUMBERS = ("Number", "Integer")
+_NUMBER_TYPES = ("Number", "Integer")
 
 
 def _tree(file: File) -> Any:
@@ -25,14 +25,14 @@ def _tree(file: File) -> Any:
 
 
 @reader("trios", "moduli", knows=lambda file: _tree(file) is not None)
-def read_trios(file: File) -> Tables:
+def read_trios(file: File) -> list[Sheet]:
     """Returns the tables in a JSON of TRIOS; raises `Refusal` for other JSON."""
     tables = dict(_tables(_tree(file), ""))
     if not tables:
         export = "export it as text, or as a workbook"
         raise Refusal(f"it is a JSON without the `ColumnHeaders` and `Rows` of TRIOS: {export}")
     edited = {name: table for name, table in tables.items() if name == "Processed"} or tables
-    return Tables([_sheet(name, table) for name, table in edited.items()])
+    return [_table_sheet(name, table) for name, table in edited.items()]
 
 
 def _tables(value: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -45,11 +45,11 @@ def _tables(value: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
             yield from _tables(each, key)
 
 
-def _sheet(name: str, table: dict[str, Any]) -> Sheet:
+def _table_sheet(name: str, table: dict[str, Any]) -> Sheet:
     headers = {
         key: header
         for key, header in table["ColumnHeaders"].items()
-        if isinstance(header, dict) and header.get("ValueType", "Number") in _NUMBERS
+        if isinstance(header, dict) and header.get("ValueType", "Number") in _NUMBER_TYPES
     }
     names = [str(header.get("DisplayName") or key) for key, header in headers.items()]
     units = [str((header.get("Unit") or {}).get("Name") or "") for header in headers.values()]

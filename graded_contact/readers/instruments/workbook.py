@@ -1,17 +1,17 @@
 """Tables in text or workbooks, as all programs can export them: moduli, or heights on a sheet."""
 
 from ...core.files import Refusal
-from ..cells import Tables, sheets_of
+from ..cells import Sheet, sheets_of
 from ..registry import File, reader
-from ..scan import Scan, chosen
+from ..scan import Scan, channel_of
 from .surface_topography import read_instrument
 from .text import heights_in
 
 
 @reader("spreadsheet", "moduli", knows=lambda file: True, rank=2)
-def read_tables(file: File) -> Tables:
+def read_tables(file: File) -> list[Sheet]:
     """Returns the sheets of a workbook, or a text as the only sheet."""
-    return Tables(sheets_of(file))
+    return sheets_of(file)
 
 
 @reader("workbook", "heights", knows=lambda file: "xl/workbook.xml" in file.parts)
@@ -30,4 +30,4 @@ def read_workbook(file: File) -> Scan:
     if not scans:
         raise refusals[-1]
     names = list(scans)
-    return scans[names[chosen(file.channel, names, "it holds several sheets of heights")]]
+    return scans[names[channel_of(file.channel, names, "it holds several sheets of heights")]]

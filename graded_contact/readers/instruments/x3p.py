@@ -10,17 +10,17 @@ import numpy as np
 
 from ...core.files import Refusal, file_in
 from ..registry import File, reader
-from ..scan import Scan, check_points, from_lines
+from ..scan import Scan, check_count, from_lines
 
 _MOST_XML = 1_000_000  # bytes
 
 
-def _knows(file: File) -> bool:
+def _has_datum(file: File) -> bool:
     main = file_in(file.content, "main.xml") if "main.xml" in file.parts else b""
     return re.search(rb"<(\w+:)?Datum", main) is not None
 
 
-@reader("x3p", "heights", knows=_knows)
+@reader("x3p", "heights", knows=_has_datum)
 def read_text_heights(file: File) -> Scan:
     """Returns the heights of a matrix in an `.x3p`; raises `Refusal` for other data."""
     main = file_in(file.content, "main.xml")
@@ -45,7 +45,7 @@ def read_text_heights(file: File) -> Scan:
     if root.find(dimension.replace("/", "/{*}")) is None:
         raise Refusal("its points are a list, not a matrix: save it as a matrix")
     shape = tuple(int(number(f"{dimension}/Size{axis}", "1")) for axis in "XYZ")
-    check_points(shape, file.at_most)
+    check_count(shape, file.at_most)
     if shape[2] != 1 or min(shape) < 1 or len(data) != shape[0] * shape[1]:
         raise Refusal(f"it has {len(data)} heights for {' x '.join(map(str, shape))} points")
     if any(b";" in text for text in data):

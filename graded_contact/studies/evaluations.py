@@ -30,12 +30,12 @@ def box_of(lower: Any, upper: Any) -> Box:
 
     **Raises:** `ValueError` unless both have the same nesting and 0 < lower <= upper.
     """
-    names, low = named(lower, "lower")
+    names, low = numbers_in(lower, "lower")
     high = _flat("upper", upper, names)
     if len(low) == 0:
         raise ValueError("`lower` is empty: at least one parameter is needed.")
     for name, a, b in zip(names, low, high, strict=True):
-        if not (np.isfinite(a) and np.isfinite(b) and 0 < a <= b):
+        if not 0 < a <= b < np.inf:
             raise ValueError(
                 f"`lower` and `upper` of {name} are {a:g} and {b:g}; they must be positive, and "
                 "`lower` at most `upper`."
@@ -58,13 +58,13 @@ def first_in(box: Box, start: Any) -> Flat:
 
 def _flat(argument: str, tree: Any, names: list[str]) -> Flat:
     """The values of a tree whose numbers have these names."""
-    own, values = named(tree, argument)
+    own, values = numbers_in(tree, argument)
     if own != names:
         raise ValueError(f"`{argument}` must have the same nesting and shapes as `lower`.")
     return values
 
 
-def named(tree: Any, argument: str = "parameters") -> tuple[list[str], Flat]:
+def numbers_in(tree: Any, argument: str = "parameters") -> tuple[list[str], Flat]:
     """Returns names and values of all numbers in a nesting."""
 
     def number(leaf):
@@ -109,8 +109,8 @@ class Evaluation(NamedTuple):
     slopes: Float[np.ndarray, "constraints parameters"]
 
 
-class Problem:
-    """Objective and constraints of a design; each point is computed once.
+class Evaluations:
+    """Objective and constraints of a search; each point is computed once.
 
     **Arguments:**
 
@@ -119,7 +119,7 @@ class Problem:
     - `constraints`: of the same arguments, or None.
     - `box`: bounds of the parameters.
     - `store`: of evaluations, under a name of all that the functions compute, or None.
-    - `key`: of a random problem.
+    - `key`: of a random objective.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class Problem:
             found = () if constraints is None else constraints(box.unravel(x), *key)
             return self._flat("constraints", found)
 
-        self._objective, self._limits = _with_slopes(value), _with_slopes(limits)
+        self._programs = {"objective": _with_slopes(value), "constraints": _with_slopes(limits)}
         if store is not None:
             arguments = jnp.asarray(box.low), *self._keys(None if key is None else 0)
             # The program, not the Python code: another number inside it is another search.
@@ -149,7 +149,7 @@ class Problem:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the constraints, known after the first evaluation."""
-        return tuple(name for part in ("objective", "constraints") for name in self._names[part])
+        return tuple(name for part in self._programs for name in self._names[part])
 
     def _flat(self, part: str, limits: Any) -> Array:
         """Constraints as one array; their names are kept when the program is traced."""
@@ -157,13 +157,13 @@ class Problem:
         self._names[part] = _names_of(limits, "constraint")
         return ravel_pytree(limits)[0]
 
-    def evaluate(self, x: Flat, draw: int | None = None) -> Evaluation:
+    def at(self, x: Flat, draw: int | None = None) -> Evaluation:
         """Returns objective and constraints.
 
         **Arguments:**
 
         - `x`: flat parameters.
-        - `draw`: number of the draw of a random problem; None for other problems.
+        - `draw`: number of the draw of a random objective; None for others.
 
         **Raises:** `ValueError` for what is not finite.
         """
@@ -177,47 +177,35 @@ class Problem:
             arrays: Any = point.values
             found = Evaluation(**arrays)._replace(value=float(arrays["value"]))
         else:
-            found = self._evaluated(x, draw)
+            values, slopes = self._run("objective", x, draw)
+            others, theirs = self._run("constraints", x, draw)
+            limits, theirs = np.append(values[1:], others), np.concatenate([slopes[1:], theirs])
+            found = Evaluation(float(values[0]), limits, slopes[0], theirs)
             if self.store is not None:
                 self.store.write(name, Point(jax.tree.map(np.asarray, found._asdict())))
         self._found[at] = found
         return found
 
-    def limits(
+    def constraints(
         self, x: Flat, draw: int | None = None
     ) -> tuple[Float[np.ndarray, " constraints"], Float[np.ndarray, "constraints parameters"]]:
-        """Returns the constraints and their derivatives, computed anew.
+        """Returns the constraints and their derivatives, without an objective that gives none."""
+        if self._names.get("objective"):
+            found = self.at(x, draw)
+            return found.limits, found.slopes
+        return self._run("constraints", x, draw)
 
-        **Raises:** `ValueError` for constraints that are not finite.
-        """
-        found = self._evaluated(x, draw) if self._names.get("objective") else None
-        return self._beside(x, draw) if found is None else (found.limits, found.slopes)
-
-    def _evaluated(self, x: Flat, draw: int | None) -> Evaluation:
-        values, slopes = map(np.asarray, self._objective(x, *self._keys(draw)))
-        if not np.isfinite(values[0]):
-            raise ValueError(f"`objective` is {values[0]} at {self._text(x, draw)}.")
-        self._check_limits(values[1:], x, draw)
-        limits, others = self._beside(x, draw)
-        if not (np.all(np.isfinite(slopes)) and np.all(np.isfinite(others))):
-            where = f"`objective` or `constraints` is not finite at {self._text(x, draw)}"
-            raise ValueError(f"A derivative of {where}.")
-        limits, others = np.append(values[1:], limits), np.concatenate([slopes[1:], others])
-        return Evaluation(float(values[0]), limits, slopes[0], others)
-
-    def _beside(self, x: Flat, draw: int | None) -> tuple[np.ndarray, np.ndarray]:
-        """The constraints that are functions of their own, and their derivatives."""
-        limits, slopes = map(np.asarray, self._limits(x, *self._keys(draw)))
-        self._check_limits(limits, x, draw)
-        return limits, slopes
-
-    def _check_limits(self, limits: np.ndarray, x: Flat, draw: int | None) -> None:
-        if not np.all(np.isfinite(limits)):
-            raise ValueError(f"`constraints` is {limits} at {self._text(x, draw)}.")
+    def _run(self, part: str, x: Flat, draw: int | None) -> tuple[np.ndarray, np.ndarray]:
+        """Values and derivatives of a part, finite."""
+        values, slopes = map(np.asarray, self._programs[part](x, *self._keys(draw)))
+        found = values[~np.isfinite(values)]
+        if found.size or not np.all(np.isfinite(slopes)):
+            at = ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.box.names, x, strict=True))
+            at += "" if draw is None else f" in draw {draw}"
+            if found.size:
+                raise ValueError(f"`{part}` is {found[0]} at {at}.")
+            raise ValueError(f"A derivative of `{part}` is not finite at {at}.")
+        return values, slopes
 
     def _keys(self, draw):
         return () if self.key is None else (jax.random.fold_in(self.key, draw),)
-
-    def _text(self, x: Flat, draw: int | None) -> str:
-        text = ", ".join(f"{name} = {v:.6g}" for name, v in zip(self.box.names, x, strict=True))
-        return text if draw is None else f"{text} in draw {draw}"

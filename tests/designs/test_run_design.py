@@ -20,21 +20,17 @@ from graded_contact import cli
 from graded_contact.command import design as design_job
 from graded_contact.command import terminal as session
 from graded_contact.core.parameters import paths, with_values
-from graded_contact.scenes.design_quantities import (
-    contact_at,
+from graded_contact.designs.problem import (
+    contact_criteria,
+    criteria_of,
     design_mean_field,
-    mean_field_quantities,
-    search_surfaces,
+    design_problem,
 )
-from graded_contact.scenes.design_report import designed_values, missed, report
-from graded_contact.scenes.design_scene import parse_design
-from graded_contact.scenes.design_search import (
-    contact_problem,
-    not_in_mean_field,
-    search_design,
-)
-from graded_contact.scenes.run_design import Candidate, DesignResults, check_design, run_design
-from graded_contact.studies.search import Design, History, Run
+from graded_contact.designs.results import Candidate, DesignResults
+from graded_contact.designs.run import check_design, run_design
+from graded_contact.designs.search import not_in_mean_field, search_design
+from graded_contact.designs.table import parse_design
+from graded_contact.studies.search import Descent, Design, Tried
 from graded_contact.studies.store import Store
 
 STEADY = {"q": 2.5e3, "omega": 250.0}
@@ -77,7 +73,7 @@ def test_the_command_writes_a_table_values_and_a_figure(ran):
     assert (folder.parent / "mine").read_text() == "mine"  # a link is replaced, not followed
     text = (folder / "coat-design.txt").read_text(encoding="utf-8")
     assert text in printed
-    assert "polished" in text and "NOT converged" not in text
+    assert "searched by contact" in text and "NOT converged" not in text
     assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in figures)
 
 
@@ -105,14 +101,14 @@ def test_a_design_goes_on_from_where_it_was_interrupted(ran, tmp_path):
         return say
 
     with Store(tmp_path / "points") as store:
-        for text in ("design, value", "polish, before", "polish, value", "contact"):
+        for text in ("design, value", "design by contact, value", "contact, before"):
             with pytest.raises(KeyboardInterrupt):
                 run_design(study, store=store, progress=until(text, 8))
         kept = sorted(path.name for path in store.folder.glob("*.point"))
-        assert len(kept) >= 3  # two surfaces before the polish, one of the verification
+        assert len(kept) >= 3
         results = run_design(study, store=store)
     values = json.loads((ran[0] / "coat-design.json").read_text())
-    assert designed_values(results) == values
+    assert results.values() == values
 
 
 def test_limits_hold_for_the_written_stack(designed):
@@ -139,7 +135,7 @@ def test_contact_on_other_surfaces_has_the_required_friction(designed):
 def test_a_loss_tangent_is_made_flat_over_a_band():
     steps = []
     results = run_design(parse_design(FLAT), progress=lambda *step: steps.append(step))
-    assert results.polished is None and results.method == "response"
+    assert results.method == "response"
     assert steps[-1] == ("design", 2, 2)
     q = np.geomspace(1e3, 1e4, 201)
     before, after = (
@@ -148,12 +144,12 @@ def test_a_loss_tangent_is_made_flat_over_a_band():
         for c in results.candidates.values()
     )  # fmt: skip
     assert after < before / 2
-    assert f"{np.exp(after):.3g}" in report(results)
+    assert f"{np.exp(after):.3g}" in results.report()
 
 
 def came_to(reached, *, verify=0, text=DESIGN, outside=0.0):
     """Results of a search that converged: friction 0.1 before, times `reached` in the design."""
-    study = dataclasses.replace(parse_design(text), verify=verify, polish=False)
+    study = dataclasses.replace(parse_design(text), verify=verify)
     candidates = {}
     for name, share in (("before", np.ones_like(reached)), ("designed", reached)):
         friction = 0.1 * np.reshape(share, (-1, 1))
@@ -163,10 +159,10 @@ def came_to(reached, *, verify=0, text=DESIGN, outside=0.0):
         solved = friction if verify else np.zeros((0, 1))
         contacts = {"friction": solved, "contact_area": solved}
         candidates[name] = Candidate(study.scene.stack, field, contacts)
-    history = History(np.ones(1), np.ones((1, 1)), np.zeros((1, 0)))
-    run = Run([1.0], 1.0, history, 1, True, True, "")
+    history = Tried(np.ones(1), np.ones((1, 1)), np.zeros((1, 0)))
+    run = Descent([1.0], 1.0, history, 1, True, True, "")
     design = Design({"a": 1.0}, 1.0, {"a": 0.0}, np.zeros(0), (run,))
-    return DesignResults(study, design, None, candidates)
+    return DesignResults(study, design, candidates)
 
 
 def test_a_ratio_out_of_reach_is_reported_in_table_file_and_exit_code(tmp_path, monkeypatch):
@@ -189,7 +185,7 @@ def test_a_ratio_out_of_reach_is_reported_in_table_file_and_exit_code(tmp_path, 
     ],
 )  # fmt: skip
 def test_a_ratio_is_missed_beyond_what_is_uncertain(reached, verify, said):
-    assert bool(missed(came_to(reached, verify=verify))) == said
+    assert bool(came_to(reached, verify=verify).missed()) == said
 
 
 # On a profile, which compiles and solves faster.
@@ -223,7 +219,7 @@ def test_a_limit_that_the_mean_field_does_not_know_is_kept_by_contact():
     np.testing.assert_allclose(-results.design.value, friction, rtol=1e-4)
     np.testing.assert_allclose(area, 0.3, rtol=2e-3)
     assert friction > before.contacts["friction"][0, 0] and gap > 1e-6
-    assert "contact area at 0.1 m/s, contact" in report(results) and not missed(results)
+    assert "contact area at 0.1 m/s, contact" in results.report() and not results.missed()
 
 
 @pytest.mark.slow
@@ -233,11 +229,11 @@ def test_a_cycle_is_judged_by_its_own_numbers():
     text = LINE.replace("maximise_friction", "minimise_peak_over_mean")
     text = text.replace("[design]\n", f"{motion}[design]\n").replace("velocity = 0.1\n", "")
     study = parse_design(text)
-    scene, values = study.scene, {path: paths(study.scene.stack)[path] for path in study.lower}
-    surfaces = search_surfaces(study)
-    value, margins = contact_problem(study, surfaces, {})(values)
+    scene, values = study.scene, study.start
+    objective, _ = design_problem(study, {}, study.surfaces)
+    value, margins = objective(values)
     cycle = gc.sliding.slide_cycle(
-        scene.stack, surfaces[0], displacement=scene.motion.displacement,
+        scene.stack, study.surfaces[0], displacement=scene.motion.displacement,
         period=scene.motion.period, pressure=3e5, rtol=1e-5,
     )  # fmt: skip
     np.testing.assert_allclose(value, cycle.peak_friction / cycle.mean_friction, rtol=1e-4)
@@ -267,12 +263,12 @@ def test_no_block_of_a_grid_beats_the_design_of_the_command(tmp_path):
         found = [gc.slide(stack, road, pressure=2e5, velocity=0.1, rtol=1e-5) for road in roads]
         return [sum(getattr(f, name) for f in found) / 2 for name in ("friction", "contact_area")]
 
-    ends = [np.geomspace(*study.parameters[path], 12) for path in study.lower]
-    blocks = dict(zip(study.lower, map(np.ravel, np.meshgrid(*ends)), strict=True))
+    ends = [np.geomspace(*study.parameters[path], 12) for path in study.start]
+    blocks = dict(zip(study.start, map(np.ravel, np.meshgrid(*ends)), strict=True))
     every = gc.jit(lambda blocks: jax.lax.map(of, blocks))
     friction, area = every(jax.tree.map(jnp.asarray, blocks))
     written = with_values(own, json.loads((tmp_path / "coat-design.json").read_text()))
-    best, share = of({path: paths(written)[path] for path in study.lower})
+    best, share = of({path: paths(written)[path] for path in study.start})
     assert share >= 0.1 * (1 - 1e-4) and best >= np.max(np.where(area >= 0.1, friction, 0))
     assert np.max(friction) > 1.01 * best  # the limit costs friction
 
@@ -282,10 +278,10 @@ def test_the_mean_field_stays_where_contact_agrees_with_it():
     own = study.scene.stack
 
     def agreeing(values):
-        found = mean_field_quantities(study, with_values(own, values))
+        found = criteria_of(study, with_values(own, values))
         return {name: 1.02 * value for name, value in found.items()}
 
-    design, method, reason = search_design(study, lambda: [], agreeing, None, lambda *_: None)
+    design, method, reason = search_design(study, agreeing, None, lambda *_: None)
     assert method == "mean field" and reason == "contact agrees with it within 2 %"
     assert design.converged
 
@@ -300,7 +296,7 @@ def test_the_mean_field_stays_where_contact_agrees_with_it():
 )
 def test_a_limit_that_the_design_misses_is_reported(limits, said):
     text = DESIGN.replace("starts = 2", f"limits = {{{limits}}}")
-    found = missed(came_to([1.3], text=text))
+    found = came_to([1.3], text=text).missed()
     assert found == ([] if said is None else [said])
 
 
@@ -318,7 +314,7 @@ def test_a_block_that_softens_has_the_amplitude_of_the_scene():
     found = design_mean_field(study, stack)
     np.testing.assert_allclose(found.friction[0], field.friction, rtol=1e-10)
     surface = study.scene.surface.drawn(0)
-    friction = contact_at(study, stack, surface, 0.1).friction
+    friction = contact_criteria(study, stack, surface, 0.1)["friction"]
     np.testing.assert_allclose(friction, gc.slide(stack, surface, **at).friction, rtol=1e-4)
     with pytest.raises(ValueError, match="does not take the key `strain_per_slope`"):
         parse_design(softened(FLAT))
@@ -334,14 +330,14 @@ def test_friction_from_frequencies_that_were_not_measured_is_refused_or_reported
         run_design(parse_design(text))
     allowed = parse_design(text.replace("velocity = 0.1", "velocity = 0.1\nextrapolate = true"))
     assert allowed.scene.extrapolate
-    assert "not measured" not in report(came_to([1.3], outside=0.009))
-    assert "friction not measured at 0.1 m/s" in report(came_to([1.3], outside=0.25))
+    assert "not measured" not in came_to([1.3], outside=0.009).report()
+    assert "friction not measured at 0.1 m/s" in came_to([1.3], outside=0.25).report()
 
 
 def test_a_liquid_is_designed_by_the_mean_field_alone():
     """A wave of the limited stiffness may be at rest, too."""
     melt = DESIGN.replace("equilibrium = 5e6", "equilibrium = 0.0")
-    bare = melt.replace("verify = 2\npolish = true\n", "")
+    bare = melt.replace("verify = 2\n", "")
     for text in (melt, bare.replace("omega = 250.0", "omega = 0.0")):
         with pytest.raises(ValueError, match=r"^\[materials.coat\] is a liquid"):
             check_design(parse_design(text))

@@ -1,0 +1,174 @@
+"""By what a block is judged, and the limits that a design keeps."""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
+from typing import Annotated, Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..blocks.compliance import effective_modulus
+from ..blocks.stack import Stack
+from ..core.checks import check_positive, check_values, within
+from ..core.derivative import largest
+from ..core.display import shown
+
+Criteria = Mapping[str, Float[Array, " velocities"]]  # criteria of a block, by name
+
+
+class Criterion(NamedTuple):
+    """A number of a block at a velocity: objectives, limits and the report take it by its name.
+
+    **Fields:**
+
+    - `words`, `unit`: what it is.
+    - `of_contact`: gives it from a `Sliding` or a `CyclicSliding`.
+    - `in_mean_field`: whether a `MeanField` has it, by the same name.
+    - `at_most`: no block has more.
+    - `of_a_cycle`: whether only a motion in time has it.
+    """
+
+    words: str
+    unit: str
+    of_contact: Callable[[Any], Array]
+    in_mean_field: bool = False
+    at_most: float = np.inf
+    of_a_cycle: bool = False
+
+
+# Of a cycle the mean over the times, or the highest pressure of all times.
+CRITERIA = {
+    "friction": Criterion(
+        "friction coefficient", "1",
+        lambda found: found.mean_friction if found.is_cycle else found.friction, in_mean_field=True,
+    ),
+    "contact_area": Criterion(
+        "fraction of the nominal area in contact", "1", lambda found: jnp.mean(found.contact_area),
+        in_mean_field=True, at_most=1,
+    ),
+    "mean_gap": Criterion("mean gap", "m", lambda found: jnp.mean(found.mean_gap)),
+    "peak_pressure": Criterion(
+        "highest contact pressure of the surface", "Pa", lambda found: largest(found.pressure)
+    ),
+    "peak_over_mean": Criterion(
+        "peak over mean friction of a cycle", "1",
+        lambda found: found.peak_friction / found.mean_friction, of_a_cycle=True,
+    ),
+}  # fmt: skip
+BY_MEAN_FIELD = tuple(name for name, criterion in CRITERIA.items() if criterion.in_mean_field)
+# The keys of [design.limits].
+LIMIT_KEYS = {f"{end}_{name}": (name, end) for name in CRITERIA for end in ("min", "max")}
+THICKNESS, MODULUS = "all layers [m]", "|effective modulus| [Pa]"
+
+
+class CriterionLimit(NamedTuple):
+    """The least ("min") or the largest ("max") value of a criterion, at each velocity."""
+
+    criterion: str
+    end: str
+    value: float
+
+    @property
+    def words(self) -> str:
+        """Whether it is the least or the largest, in words."""
+        return "at most" if self.end == "max" else "at least"
+
+    def margins(self, values: Any) -> Any:
+        """Returns how far values are inside, relative to the limit; negative beyond it."""
+        room = values / self.value - 1
+        return -room if self.end == "max" else room
+
+
+@shown()
+@dataclasses.dataclass(frozen=True)
+class Stiffness:
+    """Keeps |effective_modulus| at a wave within a fraction of that of the scene's own block.
+
+    **Fields:**
+
+    - `q`: wavenumber [rad/m].
+    - `omega`: angular frequency [rad/s].
+    - `within`: fraction [1].
+    """
+
+    q: float
+    omega: float
+    within: float
+
+    def __post_init__(self):
+        check_positive("q", self.q, "[rad/m]")
+        check_values("omega", self.omega, "a frequency [rad/s] is not negative", at_least=0)
+        check_positive("within", self.within, "[1]")
+
+
+@shown()
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """All limits of a design.
+
+    **Fields:**
+
+    - `limits`: least and largest values, each at every velocity. With several surfaces they hold
+      for the mean over these; with [motion] for the mean over the times, but of the pressure for
+      the highest of all times.
+    - `stiffness`: keeps |effective_modulus| at a wave within a fraction of the scene's own block;
+      a material that softens has its own amplitude there.
+    - `total_thickness`: at most, of all layers [m].
+    """
+
+    limits: dict[Annotated[str, *LIMIT_KEYS], float] = dataclasses.field(default_factory=dict)
+    stiffness: Stiffness | None = None
+    total_thickness: float | None = None
+
+    def __post_init__(self):
+        with within("[design.limits]"):
+            for criterion, end, value in self:
+                about, name = CRITERIA[criterion], f"{end}_{criterion}"
+                check_positive(name, value, f"[{about.unit}]")
+                check_values(name, value, about.words, at_most=about.at_most)
+            for low, high in pairwise(self):
+                if low.criterion == high.criterion and low.value > high.value:
+                    ends = (f"`{end}_{name}` = {value:g}" for name, end, value in (low, high))
+                    raise ValueError(" is larger than ".join(ends))
+        if self.total_thickness is not None:
+            check_positive("total_thickness", self.total_thickness, "[m]")
+
+    def __iter__(self) -> Iterator[CriterionLimit]:
+        """Yields the limits of criteria, in one order for all files."""
+        given = (name for name in LIMIT_KEYS if name in self.limits)
+        yield from (CriterionLimit(*LIMIT_KEYS[name], self.limits[name]) for name in given)
+
+    def margins(self, found: Criteria, velocities: np.ndarray) -> dict[str, Float[Array, ""]]:
+        """Returns the margin of each limit whose criterion is in `found`, relative, by its name."""
+        margins = {}
+        for limit in self:
+            name = f"{limit.criterion.replace('_', ' ')} of {limit.words} {limit.value:g}"
+            for i, v in enumerate(velocities if limit.criterion in found else ()):
+                at = f" at {v:g} m/s" if len(velocities) > 1 else ""
+                margins[name + at] = limit.margins(found[limit.criterion][i])
+        return margins
+
+    def of_block(self, stack: Stack) -> dict[str, Float[Array, ""]]:
+        """Returns what is limited of a block alone, by name."""
+        found, wave = {}, self.stiffness
+        if self.total_thickness is not None:
+            layers = (layer.thickness for layer in stack.layers)
+            found[THICKNESS] = sum(layers, start=jnp.zeros(()))
+        if wave is not None:
+            found[MODULUS] = jnp.abs(effective_modulus(stack, wave.q, wave.omega))
+        return found
+
+    def block_margins(self, own: Stack, stack: Stack) -> dict[str, Float[Array, ""]]:
+        """Returns the margins of a stack, relative to the block of the scene, `own`, by name."""
+        margins, found, most = {}, self.of_block(stack), self.total_thickness
+        if self.stiffness is not None:
+            # Two one-sided limits, relative as `minimise` wants them.
+            change, within = found[MODULUS] / self.of_block(own)[MODULUS] - 1, self.stiffness.within
+            percent = f"by at most {100 * within:.3g} %"
+            margins[f"stiffness higher {percent}"] = within - change
+            margins[f"stiffness lower {percent}"] = within + change
+        if most is not None:
+            margins[f"total thickness of at most {most:g} m"] = 1 - found[THICKNESS] / most
+        return margins

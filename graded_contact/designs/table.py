@@ -1,0 +1,175 @@
+"""Scenes that design their block, as the table [design] of a TOML file describes it.
+
+A design takes a scene (`scenes/scene.py`) with one pressure, `direction` 0 and positive velocities.
+"""
+
+import dataclasses
+import os
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Array
+
+from ..core.checks import check_poisson, check_positive, check_values, check_whole, within
+from ..core.display import shown
+from ..core.files import read_utf8
+from ..core.parameters import paths, with_values
+from ..fields.grid import Grid
+from ..scenes.scene import Scene
+from ..scenes.scene_checks import check_paths, refuse_tables
+from ..scenes.scene_file import parse_scene
+from ..scenes.schema import TableReader, keys_of
+from ..scenes.surface_source import RandomSurface
+from ..scenes.toml import MOST_BYTES, parse_toml
+from ..surfaces.spectrum import SelfAffine
+from ..surfaces.surface import Surface
+from .limits import CRITERIA, Limits
+from .objectives import OBJECTIVE, OBJECTIVES, DesignObjective
+
+
+@shown("scene", "objective", "limits", "parameters", "starts", "verify")
+@dataclasses.dataclass(frozen=True, eq=False)
+class DesignScene:
+    """What to design: a scene and its table [design].
+
+    **Fields:**
+
+    - `scene`: block to begin with, roughness, pressure, velocities.
+    - `spectrum`: roughness that the mean field sees: a spectrum, or the modes of a file's surface.
+    - `objective`: what is made large or small is the geometric mean over the velocities. A friction
+      ratio is the friction at the first of two velocities over that at the second; peak over mean
+      is that of the friction in a cycle of [motion].
+    - `limits`: what the design keeps.
+    - `parameters`: "layers[0].thickness" = [lower, upper], ...: paths as in `with_values`; the
+      scene's own value lies between.
+    - `starts`: number of searches, from different blocks; by default 8 by mean field, 4 by contact.
+    - `seed`: of the blocks to start from.
+    - `verify`: number of random surfaces for contact solves.
+    """
+
+    scene: Scene
+    spectrum: SelfAffine | Surface
+    objective: DesignObjective
+    limits: Limits
+    parameters: dict[str, list[float]]
+    starts: int | None = None
+    seed: int = 0
+    verify: int = 0
+
+    def __post_init__(self):
+        for name in self.criteria:
+            if CRITERIA[name].of_a_cycle and self.scene.motion is None:
+                raise ValueError(f'"{name}" needs the table [motion].')
+        if self.starts is not None:
+            check_whole("starts", self.starts, 1)
+        check_values("verify", self.verify, "it must not be negative", at_least=0)
+        if self.verify and not isinstance(self.scene.surface, RandomSurface):
+            raise ValueError('`verify` needs a [surface] of kind "self_affine".')
+
+    @property
+    def criteria(self) -> tuple[str, ...]:
+        """The names of all that objective and limits need of a contact."""
+        limited = (limit.criterion for limit in self.limits)
+        return tuple(dict.fromkeys((*self.objective.criteria, *limited)))
+
+    @property
+    def grid(self) -> Grid:
+        """The grid of the surface."""
+        rough = self.spectrum if isinstance(self.spectrum, Surface) else self.scene.surface
+        assert isinstance(rough, Surface | RandomSurface)  # a file was read
+        return rough.grid
+
+    @property
+    def seeds(self) -> int:
+        """How many surfaces a search by contact has."""
+        source = self.scene.surface
+        return (source.seeds or 1) if isinstance(source, RandomSurface) else 1
+
+    @cached_property
+    def surfaces(self) -> list[Surface]:
+        """The surfaces of a search by contact: of each seed of the scene, or of its file."""
+        source = self.scene.surface
+        if not isinstance(source, RandomSurface):
+            return [source.build()]
+        return [source.drawn(source.seed + i) for i in range(self.seeds)]
+
+    @property
+    def has_mean_field(self) -> bool:
+        """Whether there is a mean field of the scene: no motion, no window."""
+        return self.scene.motion is None and getattr(self.spectrum, "periodic", True)
+
+    @property
+    def bounds(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Lower and upper bounds of the parameters, by path."""
+        lower, upper = ({path: ends[i] for path, ends in self.parameters.items()} for i in (0, 1))
+        return lower, upper
+
+    @property
+    def start(self) -> dict[str, Array]:
+        """The parameters of the scene's own block by path."""
+        known = paths(self.scene.stack)
+        return {path: known[path] for path in self.parameters}
+
+
+def read_design(path: str | os.PathLike) -> DesignScene:
+    """Returns the design scene that a TOML file describes; `docs/scene_keys.md` lists its keys.
+
+    A missing file raises `FileNotFoundError`; every error in it raises `ValueError`, naming the
+    table and the key.
+
+    **Arguments:**
+
+    - `path`: of the TOML file.
+
+    **Returns:** the scene and what to design.
+    """
+    text = read_utf8(path, MOST_BYTES)
+    with within(f"{path}:"):
+        return parse_design(text, Path(path).parent)
+
+
+def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
+    """Returns the design scene that a TOML text describes; its paths are relative to `folder`."""
+    scene, table = parse_scene(text, folder), parse_toml(text).get("design")
+    if table is None:
+        raise ValueError("The scene lacks the table [design].")
+    refuse_tables(scene, "[design]", "law", "shear", "heating")
+    with within("[design]"):
+        check_positive("velocity", scene.velocity, "[m/s]")
+        if len(scene.pressure) > 1 or np.any(scene.direction):
+            raise ValueError("needs one `pressure`, and `direction` = 0, in [load].")
+        for name in scene.axes.keys() - {"seed", "pressure", "velocity"}:
+            raise ValueError(f"needs one {name!r}, no axis of several.")
+    misplaced = [name for name in table if name.startswith(("min_", "max_"))]
+    if misplaced:
+        raise ValueError(f"[design] has no key `{misplaced[0]}`: limits stand in [design.limits].")
+    # The parameters are those of the block at the scene's temperature.
+    source, stack = scene.surface, scene.block({})
+    spectrum = source.spectrum if isinstance(source, RandomSurface) else source.build()
+    scene = dataclasses.replace(scene, stack=stack, temperature=None)
+    reader = TableReader(Path(folder))
+    if OBJECTIVE.name not in table:
+        raise ValueError("[design] lacks the key `objective`.")
+    name = reader.value("[design]", OBJECTIVE, table[OBJECTIVE.name])
+    make = OBJECTIVES[name]
+    own, limits, rest, _ = reader.arguments(
+        "[design]", table, keys_of(make, "name", "scene"), keys_of(Limits),
+        keys_of(DesignScene, "scene", "spectrum", "objective", "limits"), [OBJECTIVE],
+    )  # fmt: skip
+    with within("[design]"):
+        objective = make(name, scene, **own)
+        study = DesignScene(scene, spectrum, objective, Limits(**limits), **rest)
+    with within("[design.parameters]"):
+        if not study.parameters:
+            raise ValueError('needs parameters, such as "layers[0].thickness" = [1e-5, 1e-3].')
+        check_paths(study.parameters, stack)
+        for path, ends in study.parameters.items():
+            if len(ends) != 2 or not 0 < ends[0] <= ends[1] < np.inf:
+                raise ValueError(
+                    f"{path!r} = {ends} must be [lower, upper], positive and in this order."
+                )
+            if path.endswith("poisson"):
+                check_poisson(path, ends[1])
+        with_values(stack, study.bounds[0])  # refuses what the block's constructors do
+    return study

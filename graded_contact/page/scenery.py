@@ -1,0 +1,165 @@
+"""The numbers of a scene at one point, by their paths, and the tables that contain them.
+
+A change of numbers is one step, `with_values(scenery, {path: number})`. From the changed scenery
+follow its contact (`Scenery.case`) and its file (`with_numbers`).
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..blocks.stack import Stack
+from ..contacts.law import AbstractLaw
+from ..core.parameters import arrays
+from ..fields.frequency import velocity_along
+from ..materials.shift import shifts_in
+from ..scenes.scene import Scene
+from ..scenes.surface_source import RandomSurface, Sphere
+from ..sliding.case import Case, Heating
+from ..sliding.shear import AbstractShear
+from ..surfaces.rescaling import rescale
+from ..surfaces.statistics import radial_spectrum, statistics
+from ..surfaces.surface import Surface
+from .document import Document, material_table
+
+Number = Float[Array, ""]
+KEPT_KEYS = ("errors", "assumed")  # keys of a material whose series is written branch by branch
+
+
+class ReadSurface(eqx.Module):
+    """A surface that was read, rescaled to a rms height [m]."""
+
+    rms_height: Number
+    surface: Surface
+
+    def build(self) -> Surface:
+        """Returns the surface."""
+        return rescale(self.surface, rms_height=self.rms_height)
+
+
+class Scenery(eqx.Module):
+    """What decides the contact of a page: a scene at one pressure and one velocity.
+
+    **Fields:**
+
+    - `pressure` [Pa], `velocity` [m/s], `temperature` [K]: one number each. If the scene has no
+      temperature, it is the common reference of the materials, or None.
+    - `stack`, `surface`: the block; and what the surface is built of.
+    - `shear`, `heating`, `law`, `strain_per_slope`, `direction`: as in `Scene`.
+    - `spectrum`: of a surface that is not random, over its mean square, or None for a profile.
+    """
+
+    pressure: Number
+    velocity: Number
+    temperature: Number | None
+    stack: Stack
+    surface: RandomSurface | Sphere | ReadSurface
+    shear: AbstractShear | None
+    heating: Heating | None
+    law: AbstractLaw
+    strain_per_slope: float | None
+    direction: float = eqx.field(static=True)
+    spectrum: tuple[Array, Array] | None
+
+    def case(self) -> Case:
+        """Returns the case of these numbers."""
+        stack, temperature = self.stack, self.temperature
+        return Case(
+            stack=stack if temperature is None else stack.at(temperature),
+            surface=self.surface.build(), pressure=self.pressure,
+            velocity=velocity_along(self.velocity, self.direction), law=self.law, shear=self.shear,
+            temperature=temperature, heating=self.heating, strain_per_slope=self.strain_per_slope,
+        )  # fmt: skip
+
+    def roughness(self, surface: Surface) -> Any:
+        """Returns what the mean field takes for the surface of the case."""
+        if surface.grid.ndim == 1:  # the spectrum of a profile is not that of a surface
+            return surface
+        if isinstance(self.surface, RandomSurface):
+            return self.surface.spectrum
+        assert self.spectrum is not None
+        return self.spectrum[0], self.spectrum[1] * jnp.var(surface.heights)
+
+
+def scenery_of(scene: Scene, surface: Surface) -> Scenery:
+    """Returns the numbers of a scene of one point, whose surface is built."""
+    number, temperature = jnp.asarray, _common_temperature(scene)
+    source, spectrum = scene.surface, None
+    if isinstance(source, Sphere):
+        source = source._replace(radius=number(source.radius))
+    elif not isinstance(source, RandomSurface):
+        source = ReadSurface(statistics(surface).rms_height, surface)
+    if not isinstance(source, RandomSurface) and surface.grid.ndim == 2:
+        q, density = map(np.asarray, radial_spectrum(surface))
+        known, square = density > 0, jnp.var(surface.heights)
+        spectrum = number(q[known]), number(density[known]) / square
+    return Scenery(
+        pressure=number(scene.pressure[0]), velocity=number(scene.velocity[0]), stack=scene.stack,
+        temperature=None if temperature is None else number(temperature), surface=source,
+        shear=scene.shear, heating=scene.heating, law=scene.contact_law, spectrum=spectrum,
+        strain_per_slope=scene.strain_per_slope, direction=float(scene.direction),
+    )  # fmt: skip
+
+
+def _common_temperature(scene: Scene) -> float | None:
+    if scene.temperature is not None:
+        return float(scene.temperature)
+    references = {round(float(law.reference), 6) for law in shifts_in(scene.stack)}
+    if len(references) != 1:
+        return None
+    try:
+        scene.stack.at(reference := references.pop())
+    except ValueError:  # a material without a law
+        return None
+    return reference
+
+
+def part_at(tree: Any, path: str) -> Any:
+    """Returns the part of `tree` at a path: a material at "stack.layers[0].material"."""
+    for word in path.replace("[", ".").replace("]", "").split("."):
+        tree = tree[int(word)] if word.isdigit() else getattr(tree, word)
+    return tree
+
+
+def table_key(scenery: Scenery, path: str) -> str:
+    """Returns the key of the tables for the number at a path."""
+    if path == "surface.spectrum.amplitude" and isinstance(scenery.surface, RandomSurface):
+        return scenery.surface.spectrum.prescribed
+    return path.rpartition(".")[2]
+
+
+def layer_of(path: str) -> int:
+    """Returns the index of the layer to which a path leads."""
+    return int(path.partition("[")[2].partition("]")[0])
+
+
+def with_numbers(document: Document, before: Scenery, after: Scenery) -> Document:
+    """Returns the scene with the numbers of `after` in its tables, where those of `before` differ.
+
+    A series with a changed modulus is written branch by branch.
+    """
+    document, materials = document.copied(), document.scene.materials
+    content, new = document.content, arrays(after)
+    for path, old in arrays(before).items():
+        if np.array_equal(old, new[path]):
+            continue
+        owner, _, last = path.rpartition(".")
+        head, name = path.partition(".")[0], materials.get(owner.removeprefix("stack."))
+        if name is not None:
+            table = content["materials"][name]
+            if last in ("equilibrium", "strengths"):
+                kept = {key: table[key] for key in KEPT_KEYS if key in table}
+                content["materials"][name] = material_table(part_at(after, owner)) | kept
+                continue
+        elif head == "stack":
+            table = content["layers"][layer_of(path)]
+        else:
+            table = content[head if owner else "load"]
+        # The digits that tell the number from its neighbours in its precision.
+        table[table_key(after, path)] = float(str(np.asarray(new[path])))
+        if path == "surface.rms_height":
+            table.pop("rms_slope", None)  # a file takes one of the two
+    return document
