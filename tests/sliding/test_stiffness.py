@@ -112,5 +112,3 @@ def test_a_window_has_no_stiffness_per_area():
     found = gc.slide(BLOCK, surface, pressure=0.1 * FULL, velocity=0.0)
     with pytest.raises(ValueError, match="window"):
         contact_stiffness(found)
-    with pytest.raises(ValueError, match="resistivity"):
-        contact_conductance(gc.slide(BLOCK, WAVE, pressure=0.1 * FULL, velocity=0.0), -1.0)
