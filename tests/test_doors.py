@@ -75,7 +75,7 @@ def calls():
     known = gc.materials.MeasuredRange([1.0, 10.0])
     isotherms = [(t, omega, np.asarray(solid.at(t).modulus(omega))) for t in (290.0, 310.0)]
     shifts = dict(law="wlf", shift_std=0.1, vertical_shift_std=0.1, reference=310.0)
-    profile, wave = gc.Surface(surface.heights[0], gc.Grid(8, 1e-3)), 1e-5 * np.sin(np.arange(8))
+    profile, ripple = gc.Surface(surface.heights[0], gc.Grid(8, 1e-3)), 1e-5 * np.sin(np.arange(8))
     draw = dict(spectrum=spectrum, grid=grid, key=jax.random.key(0), amplitudes="exact")
 
     def square(parameters):
@@ -148,7 +148,7 @@ def calls():
         (gc.slide, job | how),
         (gc.slide, dict(stack=stack, surface=surface, mean_gap=1e-6, velocity=0.1)),
         (gc.slide, job | dict(shear=peaked, temperature=300.0)),
-        (gc.slide_cycle, dict(stack=stack, surface=profile, displacement=wave, period=1.0,
+        (gc.slide_cycle, dict(stack=stack, surface=profile, displacement=ripple, period=1.0,
          pressure=1e5)),
         (gc.sliding.sinusoidal, dict(stroke=1e-4, frequency=1.0, num_times=16)),
         (gc.sliding.start_stop, dict(stroke=1e-4, moving=1.0, dwell=0.5, num_times=64)),
@@ -247,11 +247,14 @@ def test_nonsense_is_refused_by_name(unchecked_types):
 
 
 POSITIVE = {
-    "activation_energy", "compliances", "conductivity", "diffusivity", "equilibrium", "frequency",
-    "glassy", "max_steps", "moving", "modulus", "num_angles", "num_checks", "num_wavenumbers",
-    "peak", "period", "poisson", "pressure", "q_high", "q_low", "q_roll", "range", "reference",
-    "rms_slope", "rtol", "size", "storage", "strain", "strengths", "stroke", "temperature", "terms",
-    "thickness", "times", "work",
+    "activation_energy", "anisotropy", "coefficient", "compliances", "conductivity", "depth",
+    "depths", "diffusivity", "dwell", "equilibrium", "frequency", "glassy", "hardness",
+    "history_length", "hurst", "loss", "max_steps", "modulus", "moving", "num_angles", "num_bins",
+    "num_cells", "num_checks", "num_intervals", "num_samples", "num_slices", "num_starts",
+    "num_wavenumbers", "peak", "period", "poisson", "pressure", "q_high", "q_low", "q_roll",
+    "range", "reference", "relaxation", "resistivity", "rms_slope", "rtol", "shift_std", "size",
+    "spread", "steepness", "storage", "strain", "strain_per_slope", "strengths", "stroke",
+    "temperature", "terms", "thickness", "times", "vertical_shift_std", "width", "work",
 }  # fmt: skip
 
 
