@@ -158,6 +158,7 @@ def test_broadcasting_vmap_and_jit_give_the_same_numbers():
     ("arguments", "message"),
     [
         ((1.0, [1e-3], [1e6, 1e6], [0.3], gc.Rigid()), "`modulus` has shape"),
+        ((1.0, [1e-3], [0.0], [0.3], gc.Rigid()), "`modulus` contains 0"),
         ((1.0, [], [], [], gc.Free()), "`thickness` is empty"),
     ],
 )
