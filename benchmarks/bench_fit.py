@@ -1,7 +1,6 @@
-"""Prony series from measured moduli: errors, times, and their effect on friction.
+"""Prony series from measured moduli: errors, and their effect on friction.
 
     python benchmarks/bench_fit.py errors     errors over numbers of terms, on open data
-    python benchmarks/bench_fit.py speed      seconds, the first call apart
     python benchmarks/bench_fit.py friction   one rough surface on differently fitted materials
     python benchmarks/bench_fit.py solvers    the search against SciPy's and optimistix's
 
@@ -12,10 +11,6 @@ minimises, and of fit/measured - 1. The floor of the latter is that of non-negat
 docs/bench_fit.png and docs/bench_fit-friction.png.
 """
 
-import dataclasses
-
-import jax
-import jax.numpy as jnp
 import numpy as np
 import prony_peers as peers
 from fit_friction import friction
@@ -31,7 +26,7 @@ from prony_peers import (
     fit_measured,
     read_sets,
 )
-from rows import ROOT, goal, run, seconds, show, timed
+from rows import ROOT, goal, run, show
 
 import graded_contact as gc
 from graded_contact.fitting.master import master_curve
@@ -164,74 +159,7 @@ def plot_errors(panels, target):
     print(f"# {target}")
 
 
-# speed --------------------------------------------------------------------------------------
-
-
-def speed(repeat=5):
-    """Seconds: the first call, and the median of later ones."""
-    found = {}
-    for sets, tasks in ((MASTER_CURVES | RELAXATIONS, tasks_of), (ISOTHERMS, isotherm_tasks)):
-        for name, measured in read_sets(sets):
-            for task, terms, function, times in tasks(measured, repeat):
-                first = seconds(function)
-                median = timed(function, times)
-                found[name, task] = first, median
-                row = {"set": name, "task": task, "terms": terms}
-                show(row | {"first [s]": first, "median [s]": median})
-
-    def worst(chosen, value):
-        some = {key: value(*times) for key, times in found.items() if key[1] in chosen}
-        if not some:
-            return "-"
-        name, task = max(some, key=some.get)
-        return f"{some[name, task]:.3f} s ({task}, {name})"
-
-    goal("all numbers of terms < 1 s warm", worst([PATH], lambda _, m: m))
-    goal("fit of given length < 50 ms warm", worst([GIVEN], lambda _, m: m))
-    for what, tasks in (("a fit", FITS), ("a gradient through it", [GRADIENT])):
-        compiled = worst(tasks, lambda f, m: f - m)
-        goal(f"compilation of {what} (first call less a later one) < 3 s", compiled)
-    goal("raw isotherms < 3 s", worst([RAW], lambda _, m: m))
-    goal("the same with the first call < 3 s", worst([RAW], lambda f, _: f))
-
-
-GIVEN, PATH, LIMITS = "given number of terms", "all numbers of terms, BIC", "limits of E*"
-GRADIENT, RAW = "gradient through the fit", "raw isotherms, WLF ± 0.3 decades"
-FITS = (GIVEN, PATH, LIMITS)
-
-
-def tasks_of(measured, repeat):
-    """Yields `(task, terms, function, repeat)`; peers that take seconds are not repeated."""
-    best = fit_measured(measured)
-    x, values = measured.abscissa, measured.values
-    decades = int(np.ceil(np.log10(np.max(x) / np.min(x[x > 0]))))
-    probe = jnp.geomspace(1 / np.max(x), 1 / np.min(x[x > 0]), 50)
-    probe = jnp.geomspace(np.min(x), np.max(x), 50) if measured.kind == "frequency" else probe
-    yield GIVEN, decades, lambda: fit_measured(measured, terms=decades).theta, repeat
-    yield PATH, best.terms, lambda: fit_measured(measured).theta, repeat
-    yield LIMITS, best.terms, lambda: best.confidence(probe), repeat
-
-    def logarithms(values):
-        same = dataclasses.replace(measured, values=values)
-        again = fit_measured(same, start=best, equilibrium=best.data.equilibrium)
-        modulus = again.material.modulus(probe)
-        return jnp.sum(jnp.log(modulus.imag))
-
-    yield GRADIENT, best.terms, lambda: jax.grad(logarithms)(jnp.asarray(values)), repeat
-    if peers.pyvisco is not None:
-        for task, optimise, times in ((PLAIN, False, repeat), (OPTIMISED, True, 1)):
-            _, terms = peers.pyvisco_fit(x, values, optimise=optimise)
-            yield task, terms, lambda o=optimise: peers.pyvisco_fit(x, values, optimise=o), times
-
-
-def isotherm_tasks(measured, repeat):
-    parts = measured.isotherms()
-    yield RAW, len(parts), lambda: master_curve(parts).theta, repeat
-    if peers.pyvisco is not None:
-        yield "pyvisco, shifts alone", len(parts), lambda: peers.pyvisco_shifts(parts), repeat
-
-
 if __name__ == "__main__":
     if peers.pyvisco is None:
         print("# pyvisco is left out: pip install pyvisco==2.1.3")
-    run(__doc__, errors, speed, friction, solvers)
+    run(__doc__, errors, friction, solvers)

@@ -1,8 +1,18 @@
 """Brute-force solutions that share no code with the package, and differences for gradients."""
 
+from itertools import pairwise
+
 import jax
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize
+from scipy.special import erf
+
+
+def maxwell(omega, equilibrium, strengths, times):
+    """E(ω) of a spring beside Maxwell branches."""
+    rates = 1j * np.multiply.outer(omega, times)
+    return equilibrium + (rates / (1 + rates)) @ np.asarray(strengths)
 
 
 def dense_operator(kernel: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
@@ -164,6 +174,38 @@ def elasticities(function, arguments, step=1e-5, fixed=(0.0,)):
     ]
     changes = differences(lambda *moved: both(*moved)[0], arguments, step, fixed)
     return list(zip(slopes, changes, strict=True))
+
+
+def directional(function, arguments, ahead, step=1e-4):
+    """The slope of `function` along `ahead`, by its gradient and by a central difference."""
+    both = jax.jit(jax.value_and_grad(function, tuple(range(len(arguments)))))
+    slopes = both(*arguments)[1]
+    slope = sum(np.sum(a * g) for a, g in zip(ahead, slopes, strict=True))
+    up, down = (
+        both(*(a + sign * step * d for a, d in zip(arguments, ahead, strict=True)))[0]
+        for sign in (1, -1)
+    )
+    return float(slope), float(up - down) / (2 * step)
+
+
+def persson(sums, edges, slowing=lambda area: 0.45 + 0.55 * area**2):
+    """Area and friction of Persson's theory from its differential equations, by SciPy.
+
+    `sums(q)` returns the rates over log q, in complete contact, of the variance of the pressure
+    over σ0² and of the friction, which are smooth between the `edges`.
+    """
+
+    def area_at(spread):
+        return erf(1 / np.sqrt(2 * spread)) if spread > 0 else 1.0
+
+    def rates(y, state):
+        (spreading, loss), area = sums(np.exp(y)), area_at(state[0])
+        return [slowing(area) * spreading, slowing(area) * area * loss]
+
+    state = [0.0, 0.0]
+    for piece in pairwise(np.log(edges)):
+        state = solve_ivp(rates, piece, state, "DOP853", rtol=1e-10, atol=1e-15).y[:, -1]
+    return area_at(state[0]), state[1]
 
 
 def gauss_over_angles():

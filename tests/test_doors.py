@@ -49,7 +49,7 @@ def calls():
     spectrum = gc.SelfAffine(rms_slope=0.2, **band)
     surface = gc.random_surface(spectrum, grid, jax.random.key(0))
     wlf = gc.WLF(10.0, 50.0, 300.0)
-    solid, glass = gc.Prony(1e6, [1e7], [1e-3], 0.4), gc.Elastic(2e9, 0.3)
+    solid, glass = gc.Prony(1e6, [1e7], [1e-3], 0.4, wlf), gc.Elastic(2e9, 0.3)
     layer = gc.Layer(gc.Elastic(1e7, 0.3), 1e-5)
     stack = gc.Stack(layers=(layer,), base=gc.HalfSpace(solid))
     blend = gc.Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e7, 0.3))
@@ -72,6 +72,10 @@ def calls():
     search = dict(num_starts=1, seed=0, rtol=1e-6, max_steps=20)
     bounds = dict(lower={"a": 1.0}, upper={"a": 3.0}, start={"a": 1.5})
     layers = dict(q=[1e3], thickness=[1e-3], modulus=[1e6], poisson=[0.3], base=(1e6, 0.3))
+    known = gc.materials.MeasuredRange([1.0, 10.0])
+    isotherms = [(t, omega, np.asarray(solid.at(t).modulus(omega))) for t in (290.0, 310.0)]
+    shifts = dict(law="wlf", shift_std=0.1, vertical_shift_std=0.1, reference=310.0)
+    profile, ripple = gc.Surface(surface.heights[0], gc.Grid(8, 1e-3)), 1e-5 * np.sin(np.arange(8))
     draw = dict(spectrum=spectrum, grid=grid, key=jax.random.key(0), amplitudes="exact")
 
     def square(parameters):
@@ -91,15 +95,21 @@ def calls():
         (gc.BulkShear, dict(bulk=glass, shear=solid)),
         (gc.contacts.DouglasRachford, dict(max_steps=10, relaxation=0.9, history_length=5,
          coarsest=64)),
+        (gc.contacts.LinearSplitting, dict(max_steps=10, relaxation=0.9, history_length=5)),
         (gc.contacts.ResidualDynamics, dict(max_steps=10, uniform_mass=False)),
         (gc.Elastic, dict(modulus=1e6, poisson=0.3)),
-        (gc.Prony, dict(equilibrium=1e6, strengths=[1e6], times=[1e-3], poisson=0.3, shift=wlf)),
+        (gc.Prony, dict(equilibrium=1e6, strengths=[1e6], times=[1e-3], poisson=0.3, shift=wlf,
+         measured=known)),
+        (gc.materials.MeasuredRange, dict(omega=[1.0, 10.0], temperature=[280.0, 300.0])),
+        (gc.TabulatedShift, dict(temperatures=[280.0, 300.0], log10_factors=[1.0, 0.0],
+         reference=300.0)),
         (gc.Prony.from_creep, dict(glassy=1e9, compliances=[1e-6], times=[1e-3], poisson=0.3)),
         (gc.Tabulated, table),
         (gc.tyre_tread, dict(poisson=0.4)),
         (gc.shapes.ErrorFunction, dict(centre=0.5, width=0.1)),
         (gc.shapes.Exponential, dict(rate=1.0)),
         (gc.shapes.PowerLaw, dict(exponent=1.0)),
+        (gc.shapes.Table, dict(heights=[0.0, 1.0], values=[0.0, 1.0])),
         (gc.shapes.Sinusoidal, dict(amplitude=1.0, periods=1.0)),
         (gc.Layer, dict(material=solid, thickness=1e-4)),
         (gc.GradedLayer, dict(thickness=1e-4, profile=blend)),
@@ -138,6 +148,12 @@ def calls():
         (gc.slide, job | how),
         (gc.slide, dict(stack=stack, surface=surface, mean_gap=1e-6, velocity=0.1)),
         (gc.slide, job | dict(shear=peaked, temperature=300.0)),
+        (gc.slide_cycle, dict(stack=stack, surface=profile, displacement=ripple, period=1.0,
+         pressure=1e5)),
+        (gc.sliding.sinusoidal, dict(stroke=1e-4, frequency=1.0, num_times=16)),
+        (gc.sliding.start_stop, dict(stroke=1e-4, moving=1.0, dwell=0.5, num_times=64)),
+        (gc.sliding.Coulomb, dict(coefficient=0.3, coupled=False)),
+        (gc.sliding.contact_stress, dict(sliding=sliding, stack=stack, depths=[1e-4])),
         (gc.sliding.ConstantShear, dict(stress=1e6)),
         (gc.sliding.Heating, dict(conductivity=0.25, diffusivity=1e-7,
          counterface_conductivity=1.0)),
@@ -155,6 +171,8 @@ def calls():
         (gc.mean_field_friction, dict(stack=soft, spectrum=spectrum, pressure=1e5, velocity=0.1,
          own_roughness=spectrum, strain_per_slope=1.0, shear=peaked, temperature=300.0,
          rtol=0.2)),
+        (gc.mean_field_friction, dict(stack=stack, spectrum=spectrum, pressure=1e5, velocity=0.1,
+         correction="xu", num_wavenumbers=16, num_angles=8, rtol=0.5)),
         (gc.mean_field.pressure_distribution, dict(mean_field=field, stress=[1e5])),
         (gc.designs.loss_tangent, dict(stack=stack, q=[1e3], velocity=0.1)),
         (gc.designs.friction_curve, dict(stack=stack, spectrum=spectrum, pressure=1e5,
@@ -168,6 +186,7 @@ def calls():
         (gc.fit_prony, dict(x=omega, values=modulus, terms=2, poisson=0.4)),
         (gc.fit_prony, dict(x=time, values=relaxation, kind="relaxation", terms=2)),
         (gc.fit_prony, dict(x=time, values=1 / relaxation, kind="creep", terms=2)),
+        (gc.master_curve, shifts | dict(isotherms=isotherms, terms=2, poisson=0.4)),
         (gc.with_values, dict(tree=stack, values={"layers[0].thickness": 1e-4})),
         (gc.minimise, dict(objective=square) | bounds | search),
         (gc.studies.scatter, dict(objective=square, parameters={"a": 2.0}, spread=0.1,
@@ -225,6 +244,31 @@ def outcomes(kinds, names=None):
 def test_nonsense_is_refused_by_name(unchecked_types):
     """Eight kinds of nonsense in each of 200 arguments; what is accepted gives finite numbers."""
     assert outcomes(FEW) == []
+
+
+POSITIVE = {
+    "activation_energy", "anisotropy", "coefficient", "compliances", "conductivity", "depth",
+    "depths", "diffusivity", "dwell", "equilibrium", "frequency", "glassy", "hardness",
+    "history_length", "hurst", "loss", "max_steps", "modulus", "moving", "num_angles", "num_bins",
+    "num_cells", "num_checks", "num_intervals", "num_samples", "num_slices", "num_starts",
+    "num_wavenumbers", "peak", "period", "poisson", "pressure", "q_high", "q_low", "q_roll",
+    "range", "reference", "relaxation", "resistivity", "rms_slope", "rtol", "shift_std", "size",
+    "spread", "steepness", "storage", "strain", "strain_per_slope", "strengths", "stroke",
+    "temperature", "terms", "thickness", "times", "vertical_shift_std", "width", "work",
+}  # fmt: skip
+
+
+# Fields of pressure may pull, and the formula of layers takes moduli as they are.
+ANY_SIGN = {"stress_field", "cumulative_friction", "layered_compliance"}
+
+
+def test_negative_numbers_are_refused_where_they_mean_nothing(unchecked_types):
+    for function, arguments in calls():
+        pulls = function.__qualname__ in ANY_SIGN
+        for name in POSITIVE & arguments.keys() - ({"modulus", "pressure"} if pulls else set()):
+            shape = np.shape(arguments[name])
+            with pytest.raises(ValueError, match=f"`{name}"):
+                function(**arguments | {name: np.full(shape, -1.5) if shape else -1.5})
 
 
 def test_subnormal_numbers_are_refused_where_they_would_overflow(unchecked_types):

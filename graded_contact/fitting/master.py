@@ -202,6 +202,7 @@ def master_curve(
     for name, std in given.items():
         if not is_concrete(std):
             raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
+        as_scalar(std, name)
         check_values(name, std, "it must be zero or positive", at_least=0)
     along, across = map(float, given.values())
     data = joined_curves(

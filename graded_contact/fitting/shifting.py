@@ -12,7 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_values, is_concrete
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_numbers,
+    as_scalar,
+    check_positive,
+    check_values,
+    is_concrete,
+    short,
+)
 from ..materials.measured import Measured
 from .lengths import SEARCH, Length, best_of_length, choose, non_negative
 from .observations import Observations, Unknowns, observe
@@ -36,6 +45,8 @@ def joined_curves(
         raise ValueError(f"`law={law!r}` is refused: use one of {get_args(LawKind)}.")
     if isinstance(isotherms, Measured):
         isotherms = isotherms.isotherms()
+    if not isinstance(isotherms, Sequence):
+        raise ValueError(f"`isotherms={short(isotherms)}` must be a list of isotherms.")
     curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
     if len(curves) < 2:
         raise ValueError(f"`isotherms` holds {len(curves)}; at least 2 are needed.")
@@ -52,6 +63,7 @@ def joined_curves(
         raise ValueError(f"`isotherms` has {twice:g} K twice: join these first.")
     middle = len(curves) // 2
     if reference is not None:
+        as_scalar(reference, "reference")
         allowed = f"isotherms are from {coldest:g} to {hottest:g} K"
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
@@ -81,6 +93,9 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
             )
         kind = isotherm.kind
         isotherm = (np.mean(isotherm.temperature), isotherm.abscissa, isotherm.values)
+    if not isinstance(isotherm, Sequence) or len(isotherm) != 3:
+        needed = "`(temperature, x, values)` is needed"
+        raise ValueError(f"`isotherms[{number}]={short(isotherm)}` is refused: {needed}.")
     temperature, x, values = isotherm
     if not is_concrete(temperature):
         raise ValueError(f"`isotherms[{number}]` must have a concrete temperature.")

@@ -50,6 +50,7 @@ from ..core.checks import (
     check_tolerance,
     check_types,
     check_values,
+    check_whole,
     is_concrete,
     short,
 )
@@ -256,9 +257,9 @@ def _summed(field: FieldInputs, correction, shear, temperature):
 
 
 def _rules(correction, num_wavenumbers, num_pieces, num_angles) -> Rules:
-    if num_wavenumbers < 4:
-        raise ValueError(f"`num_wavenumbers={num_wavenumbers}` is refused: at least 4 are needed.")
-    if num_angles < 4 or num_angles % 4:
+    check_whole("num_wavenumbers", num_wavenumbers, 4)
+    check_whole("num_angles", num_angles, 4)
+    if num_angles % 4:
         raise ValueError(f"`num_angles={num_angles}` is refused: a multiple of 4 is needed.")
     per_piece = 4 * -(-num_wavenumbers // (4 * num_pieces))
     return Rules(correction, per_piece, num_angles)

@@ -194,10 +194,8 @@ def test_von_mises_of_simple_stresses():
 @pytest.mark.parametrize(
     ("function", "arguments", "message"),
     [
-        (interior_fields, (1.0, 0.0, 1.0, [1.0, 2.0], 0.1), r"`traction` has shape \(2,\)"),
         (interior_fields, (1.0, 0.0, 1.0, TRACTION, 0.66), "`depth=0.66` .* ends at 0.65 m"),
         (stress_field, (gc.Grid(4, 1.0), np.ones(5), 0.1), r"`pressure` has shape \(5,\)"),
-        (stress_field, (gc.Grid(4, 1.0), np.ones(4), [0.1, 0.2]), r"`depth` has shape \(2,\)"),
     ],
 )
 def test_bad_input_is_refused(function, arguments, message):

@@ -155,10 +155,7 @@ def test_a_network_is_a_profile_whose_weights_have_derivatives():
     [
         (lambda: Table([0, 0.5], [1, 2]), "exactly 0 .* exactly 1"),
         (lambda: Table([0, 0.5, 0.5, 1], [1, 2, 3, 4]), "heights must increase"),
-        (lambda: Aged(RUBBER, 1.0, 0.0), "`top=0` is refused"),
         (lambda: Mixture(STEEL, RUBBER, Sinusoidal()), "a volume fraction lies between 0 and 1"),
-        (lambda: Blend(STEEL, RUBBER, "linear"), "'linear'` must be a shape"),
-        (lambda: Aged(3.0), "must be a material"),
         (lambda: GradedLayer(RUBBER, 1e-3), "`profile=.* must be called as profile"),
         (lambda: GradedLayer(Named(jnp.sin, "tread"), 1e-3), "a field with 'tread', which is no"),
     ],

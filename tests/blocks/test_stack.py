@@ -12,7 +12,6 @@ STEEL = gc.Elastic(2e11, 0.3)
     [
         ((), gc.Rigid(), r"`layers` is empty on a .* base"),
         ((STEEL,), gc.Rigid(), r"`layers\[0\]=.* must be a `Layer`"),
-        ([gc.Layer(STEEL, 1e-6)], STEEL, r"`base=.* must be `HalfSpace"),
         (gc.Layer(STEEL, 1e-6), gc.Rigid(), r"write `layers=\(layer,\)`"),
     ],
 )

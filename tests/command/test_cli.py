@@ -29,7 +29,7 @@ from graded_contact.command import new as new_job
 from graded_contact.command import result_tables
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
-from graded_contact.core.display import number, with_error
+from graded_contact.core.display import number
 from graded_contact.scenes.plan import build_surface
 from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
 from graded_contact.scenes.scene_file import parse_scene, read_scene
@@ -766,12 +766,6 @@ def test_errors_of_isotherms_reach_table_csv_and_figures(tmp_path, kind, off, op
     assert all(f"{error:.1e}" in ran.stdout for error in errors.values.ravel())
     for key in ("sensitivity", "sweep", "master"):
         assert (tmp_path / "out" / f"told-{key}.png").exists()
-
-
-def test_a_standard_error_sets_the_number_of_digits():
-    numbers = ((0.51234, 0.0081), (12.3, 1.26), (0.51234, 0.0), (-4.7e-18, 5e-20))
-    texts = ["0.5123 ± 0.0081", "12.3 ± 1.3", "0.51234", "(-4.700 ± 0.050)e-18"]
-    assert [with_error(*pair) for pair in numbers] == texts
 
 
 @pytest.mark.slow

@@ -97,46 +97,17 @@ def test_claims_hold_at_a_mean_gap_near_full_contact():
     assert abs(found.friction - best.friction) <= found.friction_solver_error
 
 
-def attracted(seed, rms_slope=0.03, contrast=1000.0, reach=2e-7, speed=1.0, steepness=0.06):
-    """Kernel, heights and law of a soft block; the law is as steep as the shortest wave times."""
-    grid, q0 = gc.Grid((24, 24), 1e-4), 2 * np.pi / 1e-4
-    rubber = gc.Prony(1e6, [1e6 * contrast], [3e-5], 0.3)
-    kernel = gc.stack_kernel(gc.Stack(base=gc.HalfSpace(rubber)), grid, speed)
-    least = np.min(np.abs(np.asarray(kernel).ravel()[1:]))
-    law = gc.contacts.ExponentialAdhesion(reach, steepness * reach**2 / least)
-    spectrum = gc.SelfAffine(rms_slope=rms_slope, hurst=0.8, q_low=q0, q_roll=2 * q0, q_high=6 * q0)
-    return kernel, gc.random_surface(spectrum, grid, jax.random.key(seed)).heights, law
-
-
-def claim_and_error(kernel, heights, law, load=3e4):
-    """The claim of the default tolerance, and the true error; None if it does not converge."""
-    how = dict(law=law, throw=False, solver=gc.contacts.DouglasRachford(max_steps=6000))
-    best = gc.solve_contact(kernel, heights, load, rtol=1e-10, **how)
-    found = gc.solve_contact(kernel, heights, load, **how)
-    if not best.result == found.result == gc.contacts.RESULTS.successful:
-        return None
-    off = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
-    return found.error, off
-
-
 def test_claims_hold_where_attraction_makes_a_block_of_high_contrast_soft():
-    """The claim was 4.7e-5, with an error of 1.3e-4."""
-    claim, off = claim_and_error(*attracted(seed=1))
-    assert off <= claim <= 20 * off
-
-
-@pytest.mark.slow
-def test_claims_hold_on_random_soft_blocks_that_attract():
-    rng, ratios = np.random.default_rng(5), []
-    for seed in range(36):
-        contrast, speed = 10 ** rng.uniform(1, 4), 10 ** rng.uniform(-1.5, 1.5)
-        scene = attracted(
-            seed, 10 ** rng.uniform(-1.7, -0.5), contrast, 10 ** rng.uniform(-7.4, -6.2), speed,
-            rng.uniform(0.02, 0.29),
-        )  # fmt: skip
-        found = claim_and_error(*scene, load=10 ** rng.uniform(3.5, 6))
-        if found is not None:
-            ratios.append(float(found[0] / found[1]))
-    assert len(ratios) >= 30
-    assert min(ratios) >= 1
-    assert np.median(ratios) < 10
+    """The law is 0.06 as steep as the shortest wave. The claim was 4.7e-5, the error 1.3e-4."""
+    grid, q0, reach = gc.Grid((24, 24), 1e-4), 2 * np.pi / 1e-4, 2e-7
+    rubber = gc.Prony(1e6, [1e9], [3e-5], 0.3)
+    kernel = gc.stack_kernel(gc.Stack(base=gc.HalfSpace(rubber)), grid, 1.0)
+    least = np.min(np.abs(np.asarray(kernel).ravel()[1:]))
+    law = gc.contacts.ExponentialAdhesion(reach, 0.06 * reach**2 / least)
+    spectrum = gc.SelfAffine(rms_slope=0.03, hurst=0.8, q_low=q0, q_roll=2 * q0, q_high=6 * q0)
+    heights = gc.random_surface(spectrum, grid, jax.random.key(1)).heights
+    how = dict(law=law, solver=gc.contacts.DouglasRachford(max_steps=6000))
+    best = gc.solve_contact(kernel, heights, 3e4, rtol=1e-10, **how)
+    found = gc.solve_contact(kernel, heights, 3e4, **how)
+    off = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
+    assert off <= found.error <= 20 * off

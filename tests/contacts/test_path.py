@@ -43,19 +43,6 @@ def test_derivative_along_a_path_is_that_of_its_last_contact():
     )
 
 
-@pytest.mark.parametrize(
-    "path, message",
-    [
-        (dict(), "`pressure`, `mean_gap` and `approach`"),
-        (dict(mean_gap=np.ones(0)), r"`mean_gap` has shape \(0,\)"),
-        (dict(pressure=[0.01, -0.01]), r"`pressure\[1\]=-0.01` is refused"),
-    ],
-)
-def test_bad_path_is_refused(path, message, unchecked_types):
-    with pytest.raises(ValueError, match=message):
-        gc.contacts.follow_contact(KERNEL, WAVE, **path, law=gc.HardWall())
-
-
 def test_failed_step_is_reported():
     hasty = gc.contacts.DouglasRachford(max_steps=2)
     arguments = dict(mean_gap=np.array([0.008, 0.004]), law=gc.HardWall(), solver=hasty)

@@ -6,7 +6,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from conftest import BODIES, rough
 
 import graded_contact as gc
@@ -74,21 +73,6 @@ def test_sliding_takes_a_custom_solver():
     split = gc.slide(BODIES["bare"], SURFACE, **job)
     np.testing.assert_allclose(custom.contact_area, split.contact_area, rtol=1e-7)
     assert custom.num_fft_pairs != split.num_fft_pairs
-
-
-def test_what_is_no_solver_is_refused(unchecked_types):
-    kernel = gc.stack_kernel(BODIES["elastic"], GRID).real
-    with pytest.raises(ValueError, match="`solver='fast'` must be ContactSolver"):
-        gc.solve_contact(kernel, SURFACE.heights, LOAD, solver="fast")
-    with pytest.raises(TypeError, match="abstract"):
-        gc.contacts.AbstractContactSolver()
-
-
-@pytest.mark.parametrize("solver", [LinearSplitting, gc.contacts.DouglasRachford])
-@pytest.mark.parametrize("setting", [("max_steps", 0), ("history_length", 0), ("relaxation", 1.0)])
-def test_bad_setting_is_refused(solver, setting, unchecked_types):
-    with pytest.raises(ValueError, match=f"`{setting[0]}={setting[1]}`"):
-        solver(**dict([setting]))
 
 
 def test_derivatives_have_a_tolerance_and_a_solver_of_their_own():

@@ -136,11 +136,6 @@ def test_a_number_and_its_error_have_one_unit_and_a_sign_changes_no_unit():
     assert with_unit(-1.54e-9, "m") == "-1.54 nm" and with_unit(0.0, "m") == "0 m"
 
 
-def test_a_cell_of_a_table_has_no_number_below_its_error():
-    assert number(0.03, ".5g", 0.0712) == "<0.11" and number(0.03, ".5g", 1e-3) == "0.03"
-    assert number(np.nan, ".5g", 0.1) == number(np.nan, ".3e") == "—"
-
-
 def test_rounding_of_the_heights_is_printed_as_zero_and_a_small_number_is_not():
     """A mean gap of 1e-25 m is no number beside heights of 1 µm; one of 1 fm is."""
     heights = jnp.asarray(1e-6 * np.random.default_rng(0).normal(size=(16, 12)))

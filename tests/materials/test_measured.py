@@ -100,16 +100,9 @@ def test_ranges_have_no_derivative_and_pass_through_maps_scans_and_new_values():
     assert "measured.omega" in paths(FITTED)
 
 
-@pytest.mark.parametrize(
-    ("build", "message"),
-    [
-        (lambda: gc.materials.MeasuredRange([2.0, 1.0]), r"`omega` from 2 to 1 \[rad/s\] is ref"),
-        (lambda: gc.Prony(1.0, [1.0], [1.0], measured=(1.0, 2.0)), "`measured=.*MeasuredRange"),
-    ],
-)
-def test_bad_ranges_are_refused(build, message, unchecked_types):
-    with pytest.raises(ValueError, match=message):
-        build()
+def test_a_range_from_high_to_low_is_refused():
+    with pytest.raises(ValueError, match=r"`omega` from 2 to 1 \[rad/s\] is refused"):
+        gc.materials.MeasuredRange([2.0, 1.0])
 
 
 CELL = 1e-3

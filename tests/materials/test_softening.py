@@ -7,10 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import elasticities, gauss_over_angles
-from scipy.integrate import solve_ivp
+from oracles import elasticities, gauss_over_angles, maxwell, persson
 from scipy.interpolate import PchipInterpolator
-from scipy.special import erf
 
 import graded_contact as gc
 from graded_contact.materials import AbstractMaterial, StrainSoftening, at_strain
@@ -99,35 +97,27 @@ def test_constant_factors_are_scaled_moduli(factors):
 
 
 def test_mean_field_matches_the_differential_equations():
-    """The slope up to q is a third unknown of the equations, by SciPy."""
+    """Each wave has the strain of the slope up to it, an integral in closed form."""
     f, g = (PchipInterpolator(np.log(STRAIN), np.log(v)) for v in (STORAGE, LOSS))
     cosine, weight = gauss_over_angles()
-    plateau = float(SPECTRUM.density(jnp.array(Q0)))
+    plateau, roll = float(SPECTRUM.density(jnp.array(Q0))), 4 * Q0
 
-    def rates(y, state):
-        q = np.exp(y)
-        density = plateau * min(1, (q / (4 * Q0)) ** -3.6)
-        strain = np.log(np.clip(0.7 * np.sqrt(max(state[0], 0)), 1e-3, 0.5))
-        omega = q * 0.05 * cosine
-        modulus = 1e6 + sum(
-            e * 1j * omega * t / (1 + 1j * omega * t) for e, t in ((4e6, 1e-2), (2e7, 1e-4))
-        )
+    def sums(q):
+        below, above = min(q, roll), max(q, roll)
+        square = (below**4 - Q0**4) / 4 + roll**3.6 * (above**0.4 - roll**0.4) / 0.4
+        strain = 0.7 * np.sqrt(2 * np.pi * plateau * max(square, 0))
+        strain = np.log(np.clip(strain, 1e-3, 0.5))
+        modulus = maxwell(q * 0.05 * cosine, 1e6, [4e6, 2e7], [1e-2, 1e-4]) / (1 - 0.49**2)
         real, imag = np.exp(f(strain)) * modulus.real, np.exp(g(strain)) * modulus.imag
-        real, imag = real / (1 - 0.49**2), imag / (1 - 0.49**2)
-        area = erf(1 / np.sqrt(2 * state[1])) if state[1] > 0 else 1.0
-        s = 0.45 + 0.55 * area**2
-        spreading = density * q**4 / 4 * np.sum(weight * (real**2 + imag**2)) / 9e10
-        loss = density * q**4 / 2 * np.sum(weight * cosine * imag) / 3e5
-        return [2 * np.pi * q**4 * density, s * spreading, s * area * loss]
+        density = plateau * min(1, (q / roll) ** -3.6) * q**4
+        spreading = density / 4 * np.sum(weight * (real**2 + imag**2)) / 9e10
+        return spreading, density / 2 * np.sum(weight * cosine * imag) / 3e5
 
-    state = [0.0, 0.0, 0.0]
-    for piece in ((Q0, 4 * Q0), (4 * Q0, 60 * Q0)):
-        found = solve_ivp(rates, np.log(piece), state, "DOP853", rtol=1e-9, atol=1e-14)
-        state = found.y[:, -1]
+    area, friction = persson(sums, (Q0, roll, 60 * Q0))
     half_space = gc.Stack(base=gc.HalfSpace(SOFT))
     result = mean_field(half_space, SPECTRUM, velocity=0.05, strain_per_slope=0.7)
-    np.testing.assert_allclose(result.friction, state[2], rtol=1e-5)
-    np.testing.assert_allclose(result.contact_area, erf(1 / np.sqrt(2 * state[1])), rtol=1e-5)
+    np.testing.assert_allclose(result.friction, friction, rtol=1e-5)
+    np.testing.assert_allclose(result.contact_area, area, rtol=1e-5)
     linear = mean_field(half_space, SPECTRUM, velocity=0.05)
     assert result.contact_area > 1.2 * linear.contact_area
 
@@ -205,12 +195,8 @@ def test_derivatives_of_the_contact_match_differences():
     ("call", "message"),
     [
         (lambda: StrainSoftening(RUBBER, [1e-2, 1e-3], [1, 1], [1, 1]), "`strain.1.=0.001` is"),
-        (lambda: StrainSoftening(RUBBER, STRAIN, STORAGE, [1.0, 2.0]), "`loss` "),
-        (lambda: StrainSoftening(RUBBER, STRAIN, STORAGE, [1, 1, 0, 1]), "`loss.2.=0` is refused"),
         (lambda: StrainSoftening.from_sweep(RUBBER, STRAIN, STORAGE), "`modulus.imag.0.=0` is"),
         (lambda: at_strain(RUBBER, 0.1), "`block` holds no `StrainSoftening`"),
-        (lambda: at_strain(SOFT, -0.1), "`strain=-0.1` is refused"),
-        (lambda: slide(on(SOFT), PROFILE, strain_per_slope=0.0), "`strain_per_slope=0` is"),
         (lambda: slide(on(RUBBER), PROFILE, strain_per_slope=1.0), "=1.0` is refused: `stack` hol"),
         (lambda: slide(on(SOFT), WINDOW, strain_per_slope=1.0), "a periodic one is needed"),
         (lambda: on_road(on(RUBBER), strain_per_slope=1.0), "`stack` holds no `StrainSoftening`"),

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import directional
 
 import graded_contact as gc
 from graded_contact.mean_field.heating_by_scale import _rises
@@ -90,23 +91,14 @@ def test_derivatives_through_the_fixed_point_match_differences():
         return friction(velocity, heating, shear=law, rtol=1e-2, **how).friction
 
     at = tuple(map(jnp.asarray, (0.25, 3e5, 1.0, 293.15, 6e6)))
-    shares = (1.0, -0.3, 0.5, 0.02, 0.4)
-    direction = [a * share for a, share in zip(at, shares, strict=True)]
-    compiled, step = jax.jit(value), 1e-4
-    ends = [
-        compiled(*(a + s * d for a, d in zip(at, direction, strict=True))) for s in (step, -step)
-    ]
-    slopes = jax.jit(jax.grad(value, tuple(range(5))))(*at)
-    reverse = sum(slope * d for slope, d in zip(slopes, direction, strict=True))
-    np.testing.assert_allclose(reverse, (ends[0] - ends[1]) / (2 * step), rtol=1e-5)
-    np.testing.assert_allclose(compiled(*at), value(*at), rtol=1e-9)
+    ahead = [a * share for a, share in zip(at, (1.0, -0.3, 0.5, 0.02, 0.4), strict=True)]
+    np.testing.assert_allclose(*directional(value, at, ahead), rtol=1e-5)
+    np.testing.assert_allclose(jax.jit(value)(*at), value(*at), rtol=1e-9)
 
 
 def test_what_cannot_be_heated_is_refused():
     with pytest.raises(ValueError, match="`temperature=None`"):
         friction(1.0, temperature=None)
-    with pytest.raises(ValueError, match=r"`heating=1\.0`"):
-        friction(1.0, 1.0)
     surface = gc.Surface(np.zeros((8, 8)), gc.Grid((8, 8), 1e-2))
     with pytest.raises(ValueError, match="`heating` is refused"):
         gc.mean_field_friction(TREAD, surface, velocity=1.0, heating=TISSUE, **COOL)

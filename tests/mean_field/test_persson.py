@@ -7,8 +7,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from oracles import elasticities, gauss_over_angles
-from scipy.integrate import quad, solve_ivp
+from oracles import elasticities, gauss_over_angles, maxwell, persson
+from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import erf
 
@@ -104,34 +104,23 @@ def test_elastic_area_matches_the_published_programs(relative_pressure, expected
 
 
 def integrated(compliance, pressure, velocity, correction):
-    """Area and friction of `SPECTRUM` from the differential equations in log q, by SciPy."""
+    """Area and friction of `SPECTRUM`."""
     low, roll, high = Q0, 3.3 * Q0, 100 * Q0
     plateau = (
         0.2**2 / (2 * np.pi) / ((roll**4 - low**4) / 4 + roll**3.6 * (high**0.4 - roll**0.4) / 0.4)
     )
     cosine, weight = gauss_over_angles()
 
-    def rates(y, state):
-        q = np.exp(y)
+    def sums(q):
         stiffness = 1 / (compliance(q, q * velocity * cosine) * pressure)
         density = plateau * min(1, (q / roll) ** -3.6)
-        area = erf(1 / np.sqrt(2 * state[1])) if state[1] > 0 else 1.0
-        s = slowing(correction, area)
         spreading = density * q**2 * np.sum(weight * np.abs(stiffness) ** 2)
-        loss = density * q**3 * np.sum(weight * cosine * stiffness.imag)
-        return [spreading, s * spreading, s * area * loss]
+        return spreading, density * q**3 * np.sum(weight * cosine * stiffness.imag)
 
-    state = [0.0, 0.0, 0.0]
-    for piece in ((low, roll), (roll, high)):
-        found = solve_ivp(rates, np.log(piece), state, "DOP853", rtol=1e-10, atol=1e-15)
-        state = found.y[:, -1]
-    return erf(1 / np.sqrt(2 * state[1])), state[2]
+    return persson(sums, (low, roll, high), partial(slowing, correction))
 
 
-def rubber_modulus(omega):
-    return 1e6 + sum(
-        e * 1j * omega * t / (1 + 1j * omega * t) for e, t in ((4e6, 1e-2), (2e7, 1e-4))
-    )
+rubber_modulus = partial(maxwell, equilibrium=1e6, strengths=[4e6, 2e7], times=[1e-2, 1e-4])
 
 
 @pytest.mark.parametrize(
@@ -281,31 +270,22 @@ def test_unreached_tolerance_is_not_passed_as_converged():
     assert abs(rough.friction / fine.friction - 1) <= rough.error
 
 
-def errors_of(solve, points, coarse, fine):
-    """True and estimated errors of a coarse quadrature, and the estimates of a fine one."""
-
-    def values(point, counts):
-        found = solve(point, throw=False, **counts)
-        return jnp.stack([found.friction, found.contact_area]), found.error
-
-    (found, errors), (exact, known) = (
-        jax.jit(partial(jax.lax.map, partial(values, counts=counts)))(points)
-        for counts in (coarse, fine)
-    )
-    return np.max(np.abs(1 - exact / found), axis=1), errors, known
-
-
 def test_error_is_near_the_true_one_for_a_table_of_moduli():
     """The interpolant has kinks; errors that they cause at each wavenumber cancel in the sum."""
     omega = np.geomspace(1e-2, 1e8, 61)
     table = gc.Tabulated(omega, RUBBER.modulus(omega), 0.49, extrapolate="plateau")
+    block = gc.Stack(base=gc.HalfSpace(table))
 
-    def solve(velocity, **how):
-        block = gc.Stack(base=gc.HalfSpace(table))
-        return mean_field_friction(block, SPECTRUM, pressure=1e5, velocity=velocity, **how)
+    def solved(**counts):
+        def at(velocity):
+            given = dict(pressure=1e5, velocity=velocity, throw=False, **counts)
+            found = mean_field_friction(block, SPECTRUM, **given)
+            return jnp.stack([found.friction, found.contact_area]), found.error
 
-    finer = {"num_wavenumbers": 192, "num_angles": 64}
-    true, errors, fine = errors_of(solve, jnp.geomspace(1e-3, 3.0, 8), {}, finer)
+        return jax.jit(partial(jax.lax.map, at))(jnp.geomspace(1e-3, 3.0, 8))
+
+    (found, errors), (exact, fine) = solved(), solved(num_wavenumbers=192, num_angles=64)
+    true = np.max(np.abs(1 - exact / found), axis=1)
     assert np.all((true <= errors + fine) & (errors <= 50 * (true + fine)))
     assert np.median(errors) < 1e-4
 
@@ -386,57 +366,16 @@ def test_float32_gives_float32_near_the_float64_result():
     np.testing.assert_allclose(loose.contact_area, tight.contact_area, rtol=2e-5)
 
 
-# Refusals
-
-
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"velocity": [1.0, 2.0, 3.0]}, r"`velocity` has shape \(3,\).*jax.vmap"),
-        ({"num_wavenumbers": 3}, "`num_wavenumbers=3` is refused"),
         ({"num_angles": 18}, "`num_angles=18` is refused: a multiple of 4"),
         ({"spectrum": ([1.0, 2.0], [1.0])}, r"`spectrum\[0\]` has shape \(2,\) and"),
         ({"spectrum": ([1.0, 2.0], [1.0, 0.0])}, r"`spectrum\[1\]\[1\]=0` is refused"),
         ({"spectrum": ([1.0, 2.0], [1.0, np.nan])}, "at 1 wavenumbers"),
-        ({"correction": "person"}, "correction"),
-        ({"spectrum": 3.0}, "spectrum"),
-        ({"stack": RUBBER}, "stack"),
     ],
 )
 def test_bad_argument_is_refused(changed, message):
     call = dict(stack=COATED, spectrum=SPECTRUM, pressure=3e5, velocity=0.05) | changed
-    stack, spectrum = call.pop("stack"), call.pop("spectrum")
-    # With annotations checked, as here, the checker may come first.
-    with pytest.raises((ValueError, TypeError), match=message):
-        mean_field_friction(stack, spectrum, **call)
-
-
-def test_table_of_moduli_that_stops_short_is_refused_with_the_remedy():
-    table = gc.Tabulated([1.0, 1e5], [1e6 + 1e5j, 2e6 + 3e5j])
-    with pytest.raises(ValueError, match=r"the table of moduli covers 1 to 1e\+05.*plateau"):
-        mean_field_friction(
-            gc.Stack(base=gc.HalfSpace(table)), SPECTRUM, pressure=1e5, velocity=0.1
-        )
-
-
-@pytest.mark.slow
-def test_error_encloses_the_true_one_where_the_quadrature_is_coarse():
-    """Random coats, rubbers, loads and speeds, on spectra of five decades; against fine rules."""
-    rng = np.random.default_rng(0)
-    draws = rng.uniform([-6, 0, -5, -4, -3, 0.1], [0, 3, -2, 2, 1, 1], (60, 6))
-
-    def solve(draw, **how):
-        time, contrast, thickness, speed, load, hurst = draw
-        rubber = gc.Prony(1e6, [1e6 * 10**contrast], [10**time], 0.49)
-        coat = gc.Layer(gc.Elastic(4e6, 0.4), 10**thickness)
-        rough = gc.SelfAffine(rms_slope=0.2, hurst=hurst, q_low=Q0, q_roll=10 * Q0, q_high=1e5 * Q0)
-        block = gc.Stack(layers=(coat,), base=gc.HalfSpace(rubber))
-        how = {"pressure": 1e6 * 10**load, "velocity": 10**speed} | how
-        return mean_field_friction(block, rough, **how)
-
-    finer = {"num_wavenumbers": 384, "num_angles": 64}
-    true, errors, fine = errors_of(solve, jnp.asarray(draws), {"num_wavenumbers": 32}, finer)
-    known = fine < 0.1 * errors
-    assert np.sum(known) > 50
-    assert np.all((true <= errors)[known])
-    assert np.median((errors / true)[known]) < 30
+    with pytest.raises(ValueError, match=message):
+        mean_field_friction(**call)

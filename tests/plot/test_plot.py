@@ -19,7 +19,6 @@ from scipy.integrate import trapezoid
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
-from graded_contact.core.display import unit_of
 from graded_contact.core.quantities import numbers_of
 from graded_contact.plot.style import caption, entitle
 from graded_contact.plot.words import title_of
@@ -179,33 +178,21 @@ def test_a_surface_that_is_not_gaussian_is_said_beside_the_theory():
     )
 
 
-def test_a_caption_has_no_formulas_of_tex():
+def test_a_caption_has_labels_without_tex_or_line_ends_and_each_title_as_a_sentence():
+    """A title that is broken over two lines is still one sentence."""
     figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))
     assert caption(figure) == (
         "(a) friction of waves up to q against wavenumber q; (b) dμ/dln q against wavenumber q."
     )
-
-
-def test_line_ends_of_labels_are_spaces_in_a_caption():
-    figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))
-    figure.axes[0].set_ylabel("height into the solid\noutliers up to 223 nm")
     figure.axes[1].set_ylabel("ln(fit/measured)\n[%]")
-    assert caption(figure) == (
-        "(a) height into the solid outliers up to 223 nm against wavenumber q; "
-        "(b) ln(fit/measured) against wavenumber q."
-    )
-
-
-def test_each_title_of_a_figure_is_a_sentence_of_its_caption():
-    """A title that is broken over two lines is still one sentence."""
-    figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))
     long = "Persson's theory is for Gaussian heights; " + 20 * "these " + "have skewness 3"
     for title in ("full contact", long, "highest speed 100 mm/s"):
         entitle(figure, title)
     assert figure.get_suptitle().count("\n") > 2
-    assert caption(figure).endswith(
-        f"q against wavenumber q. Highest speed 100 mm/s. {long}. Full contact."
+    ends = (
+        f"(b) ln(fit/measured) against wavenumber q. Highest speed 100 mm/s. {long}. Full contact."
     )
+    assert caption(figure).endswith(ends)
 
 
 def test_reduced_velocities_shift_each_temperature():
@@ -324,12 +311,6 @@ def test_a_fit_in_time_shows_what_was_measured():
         x, y = creep.lines[1].get_data()
         exact = 1e-6 - 8e-7 * np.exp(-x / 5) + (2e-8 * x if known else 0)
         np.testing.assert_allclose(y, exact, rtol=1e-4)
-
-
-def test_units_suit_the_size():
-    largest = (1e-3, 0.99e-3, 0.0, 1e-20)
-    assert [unit_of("m", size)[0] for size in largest] == ["mm", "µm", "m", "pm"]
-    assert unit_of("m", 0.99e-3)[1] == 1e6
 
 
 # Labels without a unit: of counts and of dimensionless numbers.
@@ -529,7 +510,7 @@ def made_cycle(displacement=MOVED, **fields):
     return SimpleNamespace(displacement=displacement, **numbers, **fields)
 
 
-def test_the_loop_is_closed_and_has_units():
+def test_the_loop_along_x_is_closed_and_has_units():
     loop, over_time, area = gc.plot.plot_cycle(made_cycle()).axes
     x, y = loop.lines[0].get_data()
     np.testing.assert_allclose(x, 1e6 * np.append(MOVED, 0), atol=1e-12)
@@ -537,9 +518,6 @@ def test_the_loop_is_closed_and_has_units():
     assert over_time.lines[0].get_xdata()[-1] == 1.0 and area.get_ylim()[0] == 0
     drift = gc.plot.plot_cycle(made_cycle(1e-3 * TIMES)).axes[0].lines[0]
     assert len(drift.get_xdata()) == 8  # not closed
-
-
-def test_a_motion_in_two_directions_has_no_loop():
     with pytest.raises(ValueError, match="a motion along x is needed"):
         gc.plot.plot_cycle(made_cycle(np.zeros((8, 2))))
 

@@ -12,7 +12,6 @@ import graded_contact as gc
 from graded_contact.sliding import (
     ConstantShear,
     PeakedShear,
-    recorded,
     sinusoidal,
     slide_cycle,
     start_stop,
@@ -304,10 +303,6 @@ def test_usual_motions():
     np.testing.assert_allclose(rest.period, 3.0)
     assert np.all(rest.displacement[:50] == 0) and np.all(rest.displacement[101:199] == 1)
     np.testing.assert_allclose(rest.highest_speed, 15 / 8 / 0.5, rtol=1e-2)
-    fine = np.sort(np.random.default_rng(0).random(2000))
-    read = recorded(fine, np.sin(2 * np.pi * fine) + 0.1 * np.sin(2 * np.pi * 60 * fine), 1.0, 32)
-    t = fine[0] + np.arange(32) / 32
-    np.testing.assert_allclose(read.displacement, np.sin(2 * np.pi * t), atol=5e-3)
     there = steady(-2.0, GRID)
     np.testing.assert_allclose(there.displacement, -TIMES)
     np.testing.assert_allclose(there.period, 0.5)
@@ -316,11 +311,8 @@ def test_usual_motions():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"s": [0.0, 1.0]}, "displacement"),
         ({"s": np.zeros((8, 2))}, "displacement"),
-        ({"period": 0.0}, "period"),
         ({"pressure": np.ones(3)}, "pressure"),
-        ({"pressure": -np.ones(N)}, "pressure"),
         ({"pressure": np.zeros(N)}, "pressure.*where the surfaces part, prescribe `mean_gap`"),
         ({"mean_gap": np.zeros(N)}, "mean_gap"),
     ],

@@ -3,7 +3,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 import graded_contact as gc
 from graded_contact.sliding import gap_flow
@@ -105,18 +104,3 @@ def test_derivatives_match_differences_and_batches_work():
     np.testing.assert_allclose(slope, difference, rtol=1e-7)
     many = jax.vmap(lambda factor: number(factor * gap))(jnp.array([1.0, 2.0]))
     np.testing.assert_allclose(many[1], 8 * many[0], rtol=1e-10)
-
-
-@pytest.mark.slow
-def test_contacts_percolate_near_the_area_of_simulations():
-    """Isotropic contacts close at about 0.42 (Dapp et al., PRL 108 (2012) 244301), not at 0.5."""
-    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
-    q = 2 * np.pi
-    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=4 * q, q_roll=4 * q, q_high=32 * q)
-    for load, area, percolates in ((0.022, 0.39, True), (0.0285, 0.48, False)):
-        for seed in range(3):
-            surface = gc.random_surface(spectrum, gc.Grid((256, 256), 1.0), jax.random.key(seed))
-            found = gc.slide(block, surface, pressure=load, velocity=0.0, rtol=1e-4)
-            flow = gap_flow(found.gap, surface.grid, contact=found.pressure > 0)
-            np.testing.assert_allclose(found.contact_area, area, atol=0.015)
-            assert np.all(flow.percolates == percolates)

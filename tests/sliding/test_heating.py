@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import directional
 
 import graded_contact as gc
 from graded_contact.blocks.heated_stack import heated
@@ -159,15 +160,9 @@ def test_derivatives_through_the_fixed_point_match_differences():
     arguments = tuple(map(jnp.asarray, (9e6, 0.25, 293.0, 1.0, 3e4, 9e4)))
     shares = (1.0, -0.7, 0.02, 0.5, -0.3, 0.1)
     direction = tuple(a * share for a, share in zip(arguments, shares, strict=True))
-    ends = [
-        friction(*(a + step * d for a, d in zip(arguments, direction, strict=True)))
-        for step in (1e-4, -1e-4)
-    ]
-    difference = (ends[0] - ends[1]) / 2e-4
+    reverse, difference = directional(friction, arguments, direction)
     forward = jax.jvp(friction, arguments, direction)[1]
     np.testing.assert_allclose(forward, difference, rtol=1e-4)
-    slopes = jax.grad(friction, tuple(range(6)))(*arguments)
-    reverse = sum(slope * d for slope, d in zip(slopes, direction, strict=True))
     np.testing.assert_allclose(reverse, forward, rtol=1e-6)
 
 
@@ -194,8 +189,6 @@ def test_a_fixed_point_is_found_where_the_map_falls_or_rises(slope):
     [
         ({"temperature": None}, "`temperature=None`"),
         ({"temperature": 20.0}, "`temperature=20` is refused: temperatures are in kelvin"),
-        ({"temperature": 1e4}, "`temperature=10000` is refused: temperatures are in kelvin"),
-        ({"heating": 0.25}, "`heating=0.25`"),
         ({"solution": gc.slide(BLOCK, SURFACE, pressure=3e4, velocity=1.0).contact}, "`solution`"),
         (
             {

@@ -105,10 +105,6 @@ def test_a_cycle_refuses_what_its_times_cannot_resolve():
         start_stop(1.0, 1e-9, 1e4)
 
 
-def test_a_motion_prints_its_number_of_times():
-    assert "num_times      48\n" in str(sinusoidal(1.0, 1.0, 48))
-
-
 @pytest.mark.parametrize("count", [16, 17, 33, 64])
 def test_the_path_of_a_sine_is_two_strokes(count):
     """∮|v| dt, whose kinks cost (π/nt)²/3 at the times alone."""

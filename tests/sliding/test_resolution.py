@@ -59,6 +59,15 @@ def test_the_total_is_the_sum_of_its_parts_and_prints_behind_the_number(coarse):
     assert "friction_grid_error" not in repr(coarse)
 
 
+def test_the_error_of_friction_by_the_grid_has_the_margins_that_the_benchmark_found(coarse):
+    """Two thirds of the change from half as many points, and a third of that by the slopes."""
+    heights, grid = resampled(rough(32, 4).heights, (16, 16)), gc.Grid((16, 16), CELL)
+    change = abs(slide(gc.Surface(heights, grid)).friction - coarse.friction)
+    by_slopes = abs(coarse.geometric_friction - coarse.friction)
+    expected = (2 * change + by_slopes) / 3
+    np.testing.assert_allclose(coarse.friction_grid_error, expected, rtol=0.05)
+
+
 def test_a_result_that_is_dropped_gives_its_memory_back_at_once(coarse):
     """Python would find it in a circle of references only after many more results."""
     found = jax.tree.map(lambda leaf: leaf, coarse)  # the programs are compiled

@@ -260,5 +260,3 @@ def test_what_has_no_steady_sliding_is_refused_with_its_wavelength():
     window = gc.Surface(ROAD.heights, ROAD.grid, periodic=False)
     with pytest.raises(ValueError, match="only the traction of `Coulomb`"):
         rub(ConstantShear(1e5, coupled=True), surface=window)
-    with pytest.raises(ValueError, match="`coefficient=-1` is refused"):
-        Coulomb(-1.0)

@@ -5,7 +5,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy import stats
 
 import graded_contact as gc
 from graded_contact.core.parameters import paths
@@ -16,36 +15,6 @@ TRUTH = gc.Prony(1e6, [2e6, 1e7], [1e-2, 1e-4], 0.49)
 OMEGA = np.geomspace(1, 1e6, 40)
 Q0 = 2 * np.pi / 0.01
 SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=3 * Q0, q_high=50 * Q0)
-
-
-def middle(material):
-    """Storage and loss modulus in the middle of the data, which each fit knows best."""
-    modulus = material.modulus(jnp.array([1e2, 1e4]))
-    return jnp.concatenate([modulus.real, modulus.imag])
-
-
-@pytest.mark.slow
-def test_standard_errors_enclose_the_truth_where_neighbours_err_alike():
-    """Of 60 fits to errors with a correlation of 0.8, as many as 95 % and 68 % ask for.
-
-    Without the correction for what the fit follows of the errors, they were 75 % and 47 %.
-    """
-    generator = np.random.default_rng(0)
-
-    def drifting(alike=0.8, size=0.02):
-        noise = generator.normal(size=(2, len(OMEGA)), scale=size)
-        for i in range(1, len(OMEGA)):
-            noise[:, i] = alike * noise[:, i - 1] + np.sqrt(1 - alike**2) * noise[:, i]
-        modulus = np.asarray(TRUTH.modulus(OMEGA))
-        return modulus.real * np.exp(noise[0]) + 1j * modulus.imag * np.exp(noise[1])
-
-    fits = [gc.fit_prony(OMEGA, drifting(), terms=2, poisson=0.49) for _ in range(60)]
-    estimates = [propagate(middle, fit) for fit in fits]
-    off = np.abs([(e.value - middle(TRUTH)) / e.standard_error for e in estimates])
-    for reach, share in ((1.0, 0.6827), (1.96, 0.95)):
-        low, high = stats.binom.interval(0.99, 60, share)
-        inside = np.sum(off < reach, axis=0)
-        assert np.all((inside >= low) & (inside <= high)), (reach, inside)
 
 
 def test_any_number_of_a_stack_may_have_a_spread():
@@ -141,4 +110,4 @@ def test_what_cannot_be_known_is_refused(unchecked_types):
     with pytest.raises(ValueError, match="Poisson's ratio of shape"):
         sensitivity(lambda material: 1.0, varying, OMEGA)
     with pytest.raises(ValueError, match=r"`known=.*must be a fit"):
-        propagate(middle, TRUTH)
+        propagate(lambda material: 1.0, TRUTH)
