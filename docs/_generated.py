@@ -30,16 +30,9 @@ from graded_contact.designs.objectives import OBJECTIVE, flat_loss_tangent, near
 from graded_contact.designs.table import DesignScene
 from graded_contact.fields.grid import Grid
 from graded_contact.materials.material import AbstractMaterial
-from graded_contact.scenes import block, scene, surface_source
-from graded_contact.scenes.schema import (
-    REQUIRED,
-    Key,
-    Spacing,
-    classes_of,
-    entry_text,
-    keys_of,
-    parts_of,
-)
+from graded_contact.scenes import block, scene, scene_file, surface_source
+from graded_contact.scenes.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
+from graded_contact.scenes.toml import entry_text
 from graded_contact.sliding.case import Heating
 
 ROOT = Path(__file__).parents[1]
@@ -53,11 +46,11 @@ TITLES = {
     "blocks.shapes": "Shapes of graded layers",
 }  # fmt: skip
 
-# Keys and tables that have a kind, in the order of `block.KINDS`.
+# Keys and tables that have a kind, in the order of `block.KIND_MAKERS`.
 SHORT = ("shift", "shape", "graded_solver", "[law]", "[shear]", "[motion]")
 # Keys of scenes, by table and by what takes them.
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
-    "The scene": {scene.Tables: keys_of(scene.Tables)},
+    "The scene": {scene_file.SceneTables: keys_of(scene_file.SceneTables)},
     **{f'[surface], kind = "{kind}"': takers for kind, takers in surface_source.SURFACES.items()},
     "[grid]": {Grid: keys_of(Grid)},
     "[materials.NAME], any kind": {gc.studies.read_errors: (block.ERRORS, block.ASSUMED)},
@@ -73,18 +66,18 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
         HalfSpace: keys_of(HalfSpace)
     },
-    "[load]": {scene.Scene: scene.KEYS["[load]"]},
+    "[load]": {scene.Scene: scene_file.KEYS["[load]"]},
     "[heating]": {Heating: keys_of(Heating)},
     "[observe]": {scene.Observe: keys_of(scene.Observe)},
     "[solver]": {
-        scene.Scene: scene.KEYS["[solver]"][:1],
-        Stack: scene.KEYS["[solver]"][1:],
+        scene.Scene: scene_file.KEYS["[solver]"][:1],
+        Stack: scene_file.KEYS["[solver]"][1:],
         DouglasRachford: keys_of(DouglasRachford),
     },
-    "[output]": {scene.Scene: scene.KEYS["[output]"]},
+    "[output]": {scene.Scene: scene_file.KEYS["[output]"]},
     **{
         f'{place}, kind = "{kind}"': {make: keys_of(make, "grid")}
-        for place, kinds in zip(SHORT, block.KINDS.values(), strict=True)
+        for place, kinds in zip(SHORT, block.KIND_MAKERS.values(), strict=True)
         for kind, make in kinds.items()
     },
     "[design]": {
@@ -326,7 +319,7 @@ def words(key: Key) -> str:
             return f"number, list, or {{from, to, points}}, {part.words}"
         if part is AbstractMaterial:
             return "NAME of a material"
-        if part in block.KINDS:
+        if part in block.KIND_MAKERS:
             return "table with a `kind`"
     found = " or ".join(WORDS[kind] for kind in classes_of(parts)) or "table"
     rows = any(getattr(part, "dims", ()) for part in parts) or list[float] in parts
@@ -339,7 +332,7 @@ def default_text(key: Key) -> str:
     """Returns the value of a key that is missing."""
     if key.default is REQUIRED:
         return "required"
-    names = {make: kind for kinds in block.KINDS.values() for kind, make in kinds.items()}
+    names = {make: kind for kinds in block.KIND_MAKERS.values() for kind, make in kinds.items()}
     if type(key.default) in names:
         return f'"{names[type(key.default)]}"'
     return entry_text(key.default) if isinstance(key.default, int | float | str) else ""

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import graded_contact as gc
-from graded_contact.scenes.scene import parse_scene
+from graded_contact.scenes.scene_file import parse_scene
 
 jax.config.update("jax_enable_x64", True)
 FOLDER = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "figures")
@@ -105,7 +105,7 @@ def of_materials():
 
 def of_studies():
     texts = (SCENE, SCENE.replace("[base]", COAT + "[base]"))
-    results = [gc.run_scene(parse_scene(text)) for text in texts]
+    results = [gc.plan(parse_scene(text)).run() for text in texts]
     save("compare", gc.plot.plot_compare(results, ["bare", "100 µm coat"]))
     spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=32 * Q0)
 

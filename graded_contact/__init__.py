@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .fitting import fit_prony, master_curve
     from .page import explore
     from .readers import read_moduli, read_surface
-    from .scenes import read_results, read_scene, run_scene
+    from .scenes import plan, read_results, read_scene
     from .studies import minimise, sweep
 
 __version__ = "1.0.0rc1"
@@ -40,7 +40,7 @@ __all__ = [  # noqa: RUF022 (in the order in which data flow; the rooms last)
     "slide", "slide_cycle", "Sliding", "Case", "mean_field_friction",
     "read_moduli", "fit_prony", "master_curve",
     "sweep", "minimise", "with_values", "jit",
-    "read_scene", "run_scene", "read_results", "explore",
+    "read_scene", "plan", "read_results", "explore",
     "materials", "blocks", "surfaces", "contacts", "sliding", "mean_field", "fitting", "readers",
     "studies", "scenes", "designs", "exports", "plot", "page", "fields", "reference", "core",
 ]  # fmt: skip

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import graded_contact as gc
-from graded_contact.scenes.scene import parse_scene
+from graded_contact.scenes.scene_file import parse_scene
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -24,6 +24,7 @@ from typer.testing import CliRunner
 import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import terminal as session
+from graded_contact.core.memory import check_memory
 from graded_contact.core.parameters import paths
 from graded_contact.designs.table import parse_design, read_design
 from graded_contact.page.document import (
@@ -35,10 +36,9 @@ from graded_contact.page.document import (
 )
 from graded_contact.readers.recorded_motion import read_motion
 from graded_contact.scenes import schema
-from graded_contact.scenes.run_scene import check_scene as check_scene_memory
-from graded_contact.scenes.run_scene import run_scene
-from graded_contact.scenes.scene import parse_scene
-from graded_contact.scenes.surface_source import RandomSurface
+from graded_contact.scenes.plan import fields_in_memory, plan
+from graded_contact.scenes.scene_file import parse_scene
+from graded_contact.scenes.surface_source import RandomSurface, SurfaceFile
 
 SEED = 20261
 REFUSALS = (ValueError, OSError, ImportError)
@@ -260,7 +260,9 @@ def check_scene(text: str, folder: Path) -> bool:
     try:
         scene = parse_scene(text, folder)
         study = parse_design(text, folder) if "design" in tomllib.loads(text) else None
-        check_scene_memory(scene)
+        if not isinstance(scene.surface, SurfaceFile):
+            grid = scene.surface.grid
+            check_memory("shape", "this scene", fields_in_memory(scene), grid.shape)
     except REFUSALS as error:
         told(error)
         return False
@@ -637,7 +639,7 @@ def check_extreme(scene: str, place: int, value: str) -> None:
     inside[key] = Source(value)
     text = "\n".join(f"{json.dumps(name)} = {source(entry)}" for name, entry in document.items())
     try:
-        found = run_scene(parse_scene(text))
+        found = plan(parse_scene(text)).run()
     except REFUSALS as error:
         return told(error)
     message = str(found["message"].values.flat[0])

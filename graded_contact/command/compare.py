@@ -9,7 +9,7 @@ from ..core.files import check_folder
 from ..plot import plot_compare
 from ..scenes.described import described
 from ..scenes.results import older_meaning, read_results
-from ..scenes.schema import parse_toml
+from ..scenes.toml import parse_toml
 from .terminal import FigureFormat, refusing, save_figure
 
 if TYPE_CHECKING:

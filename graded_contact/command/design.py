@@ -10,7 +10,6 @@ from ..designs.table import read_design
 from ..plot import plot_design, plot_history
 from ..studies.dataset import write_whole
 from ..studies.interruption import interruptible
-from ..studies.store import Store
 from ..surfaces.surface import Surface
 from . import terminal
 from .result_tables import print_caveats, print_read, print_scene
@@ -30,25 +29,27 @@ def design(
     with terminal.refusing(), interruptible() as interruption:
         study = read_design(scene_file)
         rough = study.spectrum
+        caveats = (*study.scene.assumed, *getattr(rough, "caveats", ()))  # of a file
         if dry_run:
             print_scene(study.scene)
             typer.echo(design_cost(study).report())
             check_design(study)
             print_read(study.scene, rough if isinstance(rough, Surface) else None)
+            print_caveats(caveats)
             return
         folder, name = terminal.place_of(study.scene, scene_file, output)
         stem = terminal.checked_place(folder, f"{name}-design")
         if study.scene.title:
             typer.echo(study.scene.title)
         try:
-            with Store(f"{stem}.points") as store, terminal.progress(interruption) as advance:
+            folder = Path(f"{stem}.points")
+            with terminal.store_in(folder) as store, terminal.progress(interruption) as advance:
                 results = run_design(study, store=store, progress=advance)
             text = results.report()
             write_whole(f"{stem}.json", json.dumps(results.values(), indent=2) + "\n")
             write_whole(f"{stem}.txt", f"{text}\n")
             typer.echo(f"\n{text}\n")
-            # A surface from a file has caveats.
-            print_caveats((*study.scene.assumed, *getattr(rough, "caveats", ())))
+            print_caveats(caveats)
             typer.echo(f"wrote {stem}.json\nwrote {stem}.txt")
             interruption.check()
             terminal.save_figure(plot_design(results), Path(f"{stem}.{form}"), form)

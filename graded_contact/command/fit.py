@@ -21,10 +21,10 @@ from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
 from ..readers.decisions import Options
 from ..readers.moduli import read_moduli
 from ..readers.prony import prony_in
-from ..scenes.schema import entry_text
+from ..scenes.toml import entry_text
 from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import Errors, write_errors
-from ..studies.uncertainty import errors_of
+from ..studies.uncertainty import errors_of_fit
 from . import moduli_options
 from .result_tables import print_caveats
 from .terminal import Output, checked_place, refusing, save_figure
@@ -201,14 +201,14 @@ def fitted(measured: Measured, law: str, **arguments: Any) -> MaterialFit:
         for name in ("shift_std", "vertical_shift_std"):
             arguments.pop(name, None)
         found = fit_prony(measured.abscissa, measured.values, kind=kind, **arguments)
-        errors = errors_of(found, found.material)
+        errors = errors_of_fit(found, found.material)
         return MaterialFit(found.material, errors, found.report(), {"": plot_fit(found)})
     curve = master_curve(isotherms, law=law, **arguments)
     figures = {"": plot_master_curve(curve)}
     if kind == "frequency":
         figures["-van-gurp-palmen"] = plot_van_gurp_palmen(curve)
     material = curve.exported()
-    return MaterialFit(material, errors_of(curve, material), curve.report(), figures)
+    return MaterialFit(material, errors_of_fit(curve, material), curve.report(), figures)
 
 
 def write_fit(stem: Path, found: MaterialFit, cards: Sequence[str]) -> None:

@@ -3,37 +3,37 @@
 import dataclasses
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 from typer import Option
 
+from ..core.caveats import caveats_of
 from ..core.checks import check_values
 from ..core.display import UNKNOWN
 from ..core.quantities import in_brackets
 from ..exports.friction_cards import export_friction
-from ..mean_field.diffusion import Correction
 from ..plot.words import kelvin
 from ..scenes.described import described
-from ..scenes.run_scene import build_surface, run_scene
-from ..scenes.scene import Scene, read_scene, refuse_liquids, refuse_tables
-from ..scenes.schema import parse_toml
+from ..scenes.plan import build_surface, plan
+from ..scenes.scene import Scene
+from ..scenes.scene_checks import refuse_liquids, refuse_tables
+from ..scenes.scene_file import read_scene
 from ..scenes.theory import check_frequencies_of, errors_of_stack, roughness_of
+from ..scenes.toml import parse_toml
 from ..studies.dataset import FAILED, write, write_whole
-from ..studies.friction_tables import Method, beside, conditions, friction_table
+from ..studies.friction_tables import TableMethod, conditions, friction_table
 from ..studies.interruption import Interruption, interruptible
-from ..studies.store import Store
 from ..surfaces.surface import Surface
 from . import terminal
-from .result_tables import print_table, size_of
+from .result_tables import print_caveats, print_table, size_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-OPTIONS = ("num_wavenumbers", "num_angles", "correction", "rtol")  # of the mean field
 # Methods in words, and what helps where they fail.
-WAYS = {
+METHODS_IN_WORDS = {
     "contact": ("contact", "`--method mean_field` writes cards of the mean field"),
     "mean_field": ("the mean field", "`--method contact` writes cards of contact"),
 }
@@ -43,21 +43,9 @@ def table(
     scene_file: terminal.SceneFile,
     output: terminal.Output = None,
     replace: terminal.Replace = False,
-    method: Annotated[Method, Option(
-        help="Contact solves; the mean field (Persson's theory), which takes seconds; or both."
+    method: Annotated[TableMethod, Option(
+        help="Contact solves; or the mean field (Persson's theory), which takes seconds."
     )] = "contact",
-    num_wavenumbers: Annotated[int | None, Option(
-        help="Mean field: intervals of the quadrature over wavenumbers (default: 64)."
-    )] = None,
-    num_angles: Annotated[int | None, Option(
-        help="Mean field: intervals of the quadrature over a quarter turn (default: 16)."
-    )] = None,
-    correction: Annotated[Correction | None, Option(
-        help="Mean field: how partial contact counts (default: yang_persson)."
-    )] = None,
-    rtol: Annotated[float | None, Option(
-        help="Mean field: largest relative error of the quadrature (default: 1e-4)."
-    )] = None,
 ) -> None:  # fmt: skip
     r"""Writes friction over pressure, velocity and temperature of a scene for other programs.
 
@@ -65,12 +53,7 @@ def table(
     NAME-friction.h5, with the method, the errors and the conditions. The scene has no other axes:
     neither \[sweep] nor seeds. Contact solves that `run` stored in the same folder are used.
     """
-    given = zip(OPTIONS, (num_wavenumbers, num_angles, correction, rtol), strict=True)
-    options: dict[str, Any] = {name: value for name, value in given if value is not None}
     with terminal.refusing(), interruptible() as interruption:
-        if options and method == "contact":
-            name = _with_options(f"`{next(iter(options))}`")
-            raise ValueError(f"{name} is an option of the mean field: add --method both.")
         scene = read_scene(scene_file)
         _check(scene)
         folder, name = terminal.place_of(scene, scene_file, output)
@@ -79,19 +62,10 @@ def table(
         for file in files.values():
             if file.exists() and not replace:
                 raise ValueError(f"{file} exists: give another --output, or --replace.")
-        surface = build_surface(scene)
-        if method != "contact" and not surface.periodic:
-            raise ValueError("A surface on a window has no mean field: use --method contact.")
-        found = None
-        if method != "mean_field":
-            with Store(stem.with_name(f"{name}.points")) as store:
-                found = _contacts(scene, surface, store, interruption)
-        if method != "contact":
-            theory = _mean_field(scene, surface, interruption, options)
-            _print_theory(theory)
-            found = theory if found is None else beside(found, theory)
-        assert found is not None
-        found.attrs |= {"method": method, "conditions": _conditions(scene, surface, method)}
+        if method == "contact":
+            found = _contacts(scene, stem.with_name(f"{name}.points"), interruption)
+        else:
+            found = _mean_field(scene, interruption)
         stem.parent.mkdir(parents=True, exist_ok=True)
         write(files["h5"], found)  # first: it also takes points that failed
         typer.echo(f"wrote {files['h5']}")
@@ -101,8 +75,6 @@ def table(
         for form, program in {"inp": "abaqus", "csv": "csv"}.items():
             write_whole(files[form], export_friction(found, program))
             typer.echo(f"wrote {files[form]}")
-        if "mean_field.message" in found and np.any(found["mean_field.message"] != ""):
-            _say_failures(found, "mean_field", "mean_field.message")
 
 
 def _check(scene: Scene) -> None:
@@ -114,52 +86,44 @@ def _check(scene: Scene) -> None:
     check_values("velocity", scene.velocity, "a speed [m/s] is not negative", at_least=0)
 
 
-def _with_options(message: str) -> str:
-    """A message with options in place of the arguments of the mean field."""
-    for name in OPTIONS:
-        message = message.replace(f"`{name}", f"`--{name.replace('_', '-')}")
-    return message
-
-
-def _contacts(
-    scene: Scene, surface: Surface, store: Store, interruption: Interruption
-) -> "Dataset":
+def _contacts(scene: Scene, points: Path, interruption: Interruption) -> "Dataset":
     """The contacts of a scene, without their fields; prints their table."""
-    with terminal.progress(interruption) as advance:
-        found = run_scene(
-            dataclasses.replace(scene, fields="none"), surface=surface, store=store,
-            workers="auto", progress=partial(advance, "sliding"),
-        )  # fmt: skip
+    planned = plan(dataclasses.replace(scene, fields="none"))
+    with terminal.store_in(points) as store, terminal.progress(interruption) as advance:
+        found = planned.run(store=store, workers="auto", progress=partial(advance, "sliding"))
     print_table(found)
     terminal.end_if_interrupted(interruption)
-    return found.drop_dims([axis for axis in ("x", "y") if axis in found.dims])
+    found = found.drop_dims([axis for axis in ("x", "y") if axis in found.dims])
+    return found.assign_attrs(_about(scene, planned.surface, "contact"))
 
 
-def _mean_field(
-    scene: Scene, surface: Surface, interruption: Interruption, options: dict[str, Any]
-) -> "Dataset":
+def _mean_field(scene: Scene, interruption: Interruption) -> "Dataset":
+    """The mean field of a scene; prints its numbers."""
+    surface = build_surface(scene)
+    if not surface.periodic:
+        raise ValueError("A surface on a window has no mean field: use --method contact.")
     if not np.all(scene.velocity):
         refuse_liquids(scene)
     check_frequencies_of(scene, surface)
-    names = ("strain_per_slope", "shear", "heating")
-    given = {name: getattr(scene, name) for name in names} | options
+    names = ("pressure", "velocity", "direction", "strain_per_slope", "shear", "heating")
+    given = {name: getattr(scene, name) for name in names}
     warm = None if scene.temperature is None else np.atleast_1d(scene.temperature)
-    try:
-        with terminal.progress(interruption) as advance:
-            found = friction_table(
-                scene.stack, roughness_of(scene, surface), pressure=scene.pressure,
-                velocity=scene.velocity, temperature=warm, direction=scene.direction,
-                method="mean_field", mean_field_options=given, errors=errors_of_stack(scene),
-                progress=partial(advance, "mean field"),
-            )  # fmt: skip
-    except ValueError as error:
-        raise ValueError(_with_options(str(error))) from error
+    with terminal.progress(interruption) as advance:
+        found = friction_table(
+            scene.stack, roughness_of(scene, surface), temperature=warm, method="mean_field",
+            errors=errors_of_stack(scene), progress=partial(advance, "mean field"), **given,
+        )  # fmt: skip
     if interruption.signal is not None:
         raise typer.Exit(interruption.exit_code)
-    if not _varies(scene) and "temperature" in found.dims:  # no axis of the scene
+    if "temperature" in found.dims and "temperature" not in scene.axes:
         found = found.isel(temperature=0, drop=True)
-    caveats = "\n".join((*surface.caveats, *scene.assumed))
-    return found.assign_attrs(title=scene.title, scene=scene.text, caveats=caveats)
+    _print_theory(found)
+    shares = {"extrapolated_friction": found["extrapolated_friction"]}
+    doubts = caveats_of(lambda number: shares.get(number, 0.0), motion=False)
+    caveats = [*surface.caveats, *scene.assumed, *(caveat.sentence for caveat in doubts)]
+    print_caveats(caveats)
+    about = {"title": scene.title, "scene": scene.text, "caveats": "\n".join(caveats)}
+    return found.assign_attrs(about | _about(scene, surface, "mean_field"))
 
 
 def _print_theory(theory: "Dataset") -> None:
@@ -170,36 +134,26 @@ def _print_theory(theory: "Dataset") -> None:
     typer.echo(f"By the mean field, with the error of its quadrature:\n{text}")
 
 
-def _varies(scene: Scene) -> bool:
-    return scene.temperature is not None and np.ndim(scene.temperature) > 0
-
-
-def _conditions(scene: Scene, surface: Surface, method: Method) -> str:
-    """What a table holds for, in lines."""
-    points = " x ".join(map(str, surface.grid.shape))
-    warm = [] if _varies(scene) else [f"Temperature: {_temperature(scene)}"]
-    return "\n".join([
+def _about(scene: Scene, surface: Surface, method: TableMethod) -> dict[str, str]:
+    """The method of a table, and what it holds for, in lines."""
+    lines = [
         f"Block: {described(parse_toml(scene.text))}",
-        f"Surface: {points} points, {size_of(surface)}",
-        *warm,
-        conditions(scene.direction, scene.shear, scene.heating, method),
-    ])  # fmt: skip
-
-
-def _temperature(scene: Scene) -> str:
+        f"Surface: {' x '.join(map(str, surface.grid.shape))} points, {size_of(surface)}",
+    ]
     if scene.temperature is None:
-        return "that of the materials as they are written"
-    return kelvin(float(scene.temperature))
+        lines.append("Temperature: that of the materials as they are written")
+    elif "temperature" not in scene.axes:
+        lines.append(f"Temperature: {kelvin(float(scene.temperature))}")
+    lines.append(conditions(scene.direction, scene.shear, scene.heating, method))
+    return {"method": method, "conditions": "\n".join(lines)}
 
 
-def _say_failures(found: "Dataset", method: Method, messages: str = "message") -> None:
-    """Prints that points failed by one method, why, and what the other method offers."""
-    by = "mean_field" if method == "mean_field" else "contact"
-    reasons = found[messages].values[found[messages].values != ""]
-    reason = reasons.flat[0].removeprefix(FAILED)
-    reason = _with_options(reason) if by == "mean_field" else reason
-    text = f"{reasons.size} of {found[messages].size} points failed by {WAYS[by][0]}. The first: "
-    text += reason
-    if messages == "message":
-        text += f"\nNo card is written. {WAYS[by][1]}."
-    typer.secho(text, fg="red", err=True)
+def _say_failures(found: "Dataset", method: TableMethod) -> None:
+    """Prints that points failed, why, and what the other method offers."""
+    reasons = found["message"].values[found["message"].values != ""]
+    by, remedy = METHODS_IN_WORDS[method]
+    typer.secho(
+        f"{reasons.size} of {found['message'].size} points failed by {by}. The first: "
+        f"{reasons.flat[0].removeprefix(FAILED)}\nNo card is written. {remedy}.",
+        fg="red", err=True,
+    )  # fmt: skip

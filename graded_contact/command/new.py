@@ -15,14 +15,17 @@ from ..core.escaping import in_comment
 from ..materials.material import Prony
 from ..plot.words import kelvin
 from ..readers.topography import read_surface
-from ..scenes.proposal import Load, proposed_load
-from ..scenes.scene import parse_scene
-from ..scenes.schema import entry_text
+from ..scenes.plan import plan
+from ..scenes.proposal import ProposedLoad, proposed_load
+from ..scenes.scene import Scene
+from ..scenes.scene_file import parse_scene
 from ..scenes.theory import excites_unknown, mean_fields
+from ..scenes.toml import entry_text
 from ..sliding.doubts import EXTRAPOLATED
 from ..studies.dataset import write_whole
+from ..surfaces.surface import Surface
 from . import fit, moduli_options
-from .result_tables import print_surface
+from .result_tables import print_caveats, print_surface
 from .terminal import Output, Replace, checked_place, refusing
 
 FINEST_EDGE = 512  # points along an edge, for results within minutes
@@ -73,45 +76,73 @@ def new(
         scene = stem.with_name("scene.toml")
         if scene.exists() and not replace:
             raise ValueError(f"{scene} exists: give another --output, or --replace.")
-        read: dict[str, Any] = {"size": size, "unit": height_unit, "periodic": periodic}
-        read = {key: value for key, value in read.items() if value is not None}
-        surface = read_surface(surface_file, **read)
-        # Twice as fine as measured, which resolves the edges of contact.
-        most = FINEST_EDGE if surface.heights.ndim == 2 else FINEST_EDGE**2
-        read["shape"] = tuple(min(2 * n, most) for n in surface.grid.shape)
-        surface = read_surface(surface_file, **read)
-        print_surface(surface)
+        surface, read = _finer(surface_file, size=size, unit=height_unit, periodic=periodic)
         found, measured = fit.fitted_files(
             moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, robust=robust,
             terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,
         )  # fmt: skip
-        material = found.material
-        _check_temperatures(material, temperatures or [])
+        _check_temperatures(found.material, temperatures or [])
         fit.write_fit(stem, found, ("toml",))
-        if surface.grid.ndim == 2 and material.equilibrium == 0:
+        if surface.grid.ndim == 2 and found.material.equilibrium == 0:
             raise ValueError(f"[materials.{name}] {LIQUID}")
-        reference = getattr(material.shift, "reference", None)
-        usual = [] if reference is None else [float(reference)]
-        kelvins = np.array(temperatures or measured or usual)
-        load = proposed_load(material, surface, kelvins, every=bool(temperatures))
+        load = _load_of(found.material, surface, temperatures, measured)
         path = os.path.relpath(surface_file.absolute(), stem.parent)
         entries = {"kind": "file", "path": Path(path).as_posix(), **read}
-        title = f"{name} under {surface_file.stem}"
-        card = fit.scene_table(found, name).rstrip()
-        if found.errors is not None:
-            of_fit = "of the fit; friction then has its standard error"
-            card += f'\nerrors = "{name}-errors.csv"  # {of_fit}'
-        known = material.measured is not None
+        title, card = f"{name} under {surface_file.stem}", _card(found, name)
+        known = found.material.measured is not None
         lines = partial(_lines, title, scene, name, entries, card, load, known)
         # What the comments say is computed from the scene, as `run` does.
-        draft, areas, shares = parse_scene("\n".join(lines()), stem.parent), [], [0.0]
-        for _, stack in draft.blocks():
-            fields = mean_fields(draft, surface, stack)
-            areas += [float(field.contact_area) for field in fields]
-            if excites_unknown(draft, stack, surface.grid):
-                shares += [float(field.extrapolated_friction) for field in fields]
-        write_whole(scene, "\n".join(lines(areas, max(shares))))
+        draft = parse_scene("\n".join(lines()), stem.parent)
+        text = "\n".join(lines(*_by_mean_field(draft, surface)))
+        plan(parse_scene(text, stem.parent), surface=surface)  # refuses what does not run
+        write_whole(scene, text)
     typer.echo(f"wrote {scene}\nnext: graded-contact run {scene}")
+
+
+def _finer(surface_file: Path, **given: Any) -> tuple[Surface, dict[str, Any]]:
+    """Reads and prints a surface, twice as fine as measured, which resolves the edges of contact.
+
+    The other is what `read_surface` was given.
+    """
+    read = {key: value for key, value in given.items() if value is not None}
+    surface = read_surface(surface_file, **read)
+    most = FINEST_EDGE if surface.heights.ndim == 2 else FINEST_EDGE**2
+    read["shape"] = tuple(min(2 * n, most) for n in surface.grid.shape)
+    surface = read_surface(surface_file, **read)
+    print_surface(surface)
+    print_caveats(surface.caveats)
+    return surface, read
+
+
+def _load_of(
+    material: Prony, surface: Surface, temperatures: list[float] | None, measured: Sequence[float]
+) -> ProposedLoad:
+    """The first load, at the temperatures that were given, or at some of those of the data."""
+    reference = getattr(material.shift, "reference", None)
+    usual = [] if reference is None else [float(reference)]
+    kelvins = np.array(temperatures or measured or usual)
+    return proposed_load(material, surface, kelvins, every=bool(temperatures))
+
+
+def _card(found: fit.MaterialFit, name: str) -> str:
+    """The table of the material in the scene."""
+    card = fit.scene_table(found, name).rstrip()
+    if found.errors is None:
+        return card
+    return (
+        f'{card}\nerrors = "{name}-errors.csv"  # of the fit; friction then has its standard error'
+    )
+
+
+def _by_mean_field(draft: Scene, surface: Surface) -> tuple[list[float], float]:
+    """The areas of contact of a scene, and its largest share of friction not measured [1]."""
+    areas, shares = [], [0.0]
+    for _, stack in draft.blocks():
+        fields = mean_fields(draft, surface, stack)
+        areas += [float(field.contact_area) for field in fields]
+        if excites_unknown(draft, stack, surface.grid):
+            shares += [float(field.extrapolated_friction) for field in fields]
+    return areas, max(shares)
 
 
 def _check_temperatures(material: Prony, temperatures: list[float]) -> None:
@@ -129,8 +160,8 @@ def _check_temperatures(material: Prony, temperatures: list[float]) -> None:
 
 
 def _lines(
-    title: str, scene: Path, name: str, surface: dict[str, Any], card: str, load: Load, known: bool,
-    areas: Sequence[float] = (0.0,), share: float = 0.0,
+    title: str, scene: Path, name: str, surface: dict[str, Any], card: str, load: ProposedLoad,
+    known: bool, areas: Sequence[float] = (0.0,), share: float = 0.0,
 ) -> list[str]:  # fmt: skip
     """The lines of the scene; `areas` of contact and `share` of friction not measured [1].
 

@@ -18,14 +18,14 @@ from ..scenes.described import described
 from ..scenes.results import (
     SEED_ERROR,
     has_numbers,
-    of_each,
+    is_of_each,
     over_seeds,
     solve_states,
     surface_of,
     warnings_of,
 )
 from ..scenes.scene import Scene
-from ..scenes.schema import parse_toml
+from ..scenes.toml import parse_toml
 from ..sliding.half_grid import grid_estimate
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
@@ -59,7 +59,9 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     """
     every, warnings = results, list(warnings_of(results))
     # What holds for each of several solves is said once, below the table.
-    marks = ["each solve" if of_each(c, every) else str(n) for n, c in enumerate(warnings, start=1)]
+    marks = [
+        "each solve" if is_of_each(c, every) else str(n) for n, c in enumerate(warnings, start=1)
+    ]
     if "seed" in every["message"].dims and not all_seeds:
         results = over_seeds(every)
         seeds = every["message"].dims.index("seed")
@@ -168,11 +170,10 @@ def print_scene(scene: Scene) -> None:
 
 
 def print_read(scene: Scene, surface: Surface | None) -> None:
-    """Prints how the files of a scene were read, and the warnings about its surface."""
+    """Prints how the files of a scene were read."""
     told = (note for note in scene.notes if note not in scene.assumed)
     for sentence in filter(None, (scene.title, *told)):
         typer.echo(sentence)
-    print_caveats(scene.assumed)
     if surface is not None:
         print_surface(surface)
 
@@ -184,11 +185,10 @@ def print_caveats(sentences: Iterable[str]) -> None:
 
 
 def print_surface(surface: Surface) -> None:
-    """Prints the changes of a surface, its roughness after each, and the warnings about it."""
+    """Prints the changes of a surface, and its roughness after each."""
     for sentence in surface.history:
         typer.echo(f"surface: {sentence}")
     print_steps(surface)
-    print_caveats(surface.caveats)
 
 
 def print_steps(surface: Surface) -> None:

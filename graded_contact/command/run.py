@@ -18,10 +18,10 @@ from ..fields.frequency import velocity_along
 from ..plot.style import entitle
 from ..plot.sweeps import NOTHING
 from ..plot.words import label_of, not_gaussian, title_of
-from ..scenes.cost import scene_cost
+from ..scenes.plan import Plan, plan
 from ..scenes.results import (
-    contact_at,
     has_numbers,
+    kept_contact,
     kept_solves,
     lost_solves,
     older_meaning,
@@ -30,19 +30,25 @@ from ..scenes.results import (
     surface_of,
     warnings_of,
 )
-from ..scenes.run_scene import build_surface, check_run, point_names, run_scene
-from ..scenes.scene import Scene, parse_scene, read_scene
-from ..scenes.schema import parse_toml
+from ..scenes.scene import Scene
+from ..scenes.scene_file import parse_scene, read_scene
 from ..scenes.theory import mean_field_at, what_decides
+from ..scenes.toml import parse_toml
 from ..sliding.errors import NO_FRICTION
 from ..sliding.magnification import cumulative_friction
 from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..studies.interruption import Interruption, interruptible
 from ..studies.store import Store
 from ..studies.workers import check_workers
-from ..surfaces.surface import Surface
 from . import terminal
-from .result_tables import print_decisive, print_read, print_scene, print_steps, print_table
+from .result_tables import (
+    print_caveats,
+    print_decisive,
+    print_read,
+    print_scene,
+    print_steps,
+    print_table,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -114,9 +120,9 @@ def run(
         engine["kept"] = tuple(index.values())
         if dry_run:
             print_scene(scene)
-            typer.echo(scene_cost(scene).report())
-            surface, *_ = _prepared(scene, *place, replace)
-            check_run(scene, surface)
+            planned, file = _prepared(scene, *place, replace)
+            typer.echo(planned)
+            _say_stored(planned, file)
             return
     run_scene_into(scene, *place, replace, form, engine, all_seeds, full)
 
@@ -152,12 +158,14 @@ def run_scene_into(
     scene: Scene, folder: Path, name: str, replace: bool, form: str, engine: dict[str, Any],
     all_seeds: bool = False, full: bool = False,
 ) -> None:  # fmt: skip
-    """Solves a scene, prints its table and writes its files; `run_scene` takes `engine`."""
+    """Solves a scene, prints its table and writes its files; `Plan.run` takes `engine`."""
     with terminal.refusing(), interruptible() as interruption:
-        surface, names, file = _prepared(scene, folder, name, replace)
+        planned, file = _prepared(scene, folder, name, replace)
+        print_caveats(planned.caveats)
+        _say_stored(planned, file)
         # The store stays locked: another process writes to neither its points nor the results.
-        with Store(file.with_name(f"{name}.points")) as store:
-            results = _solved(scene, surface, names, store, interruption, engine)
+        with terminal.store_in(_points_of(file)) as store:
+            results = _solved(planned, store, interruption, engine)
             # Solves that an interruption left out must not replace those of an earlier run.
             finished = results["point"].values[(results["message"] != NOT_STARTED).values]
             lost = 0 if replace else lost_solves(file, finished)[0]
@@ -172,7 +180,7 @@ def run_scene_into(
                 typer.echo(f"wrote {file}\nwrote {file.with_suffix('.csv')}")
             print_table(results, all_seeds, full)
             whole = interruption.signal is None
-            decided = what_decides(scene, surface) if whole else {}
+            decided = what_decides(scene, planned.surface) if whole else {}
             print_decisive(decided)
             if not lost:
                 figures = [_figures(results, decided, all_seeds)]
@@ -189,16 +197,13 @@ def run_scene_into(
         raise typer.Exit(1)
 
 
-def _prepared(
-    scene: Scene, folder: Path, name: str, replace: bool
-) -> tuple[Surface, np.ndarray, Path]:
-    """The surface, the names of the solves, and the file of their results; prints what was read."""
+def _prepared(scene: Scene, folder: Path, name: str, replace: bool) -> tuple[Plan, Path]:
+    """The plan of a scene, and the file of its results; prints what was read."""
     file = Path(f"{terminal.checked_place(folder, name)}.h5")
-    surface = build_surface(scene)
-    names = point_names(scene, surface)
+    planned = plan(scene)
     remedy = "Give another --output, or --replace to replace it."
     try:
-        lost, earlier = (0, None) if replace else lost_solves(file, names)
+        lost, earlier = (0, None) if replace else lost_solves(file, planned.points)
     except ValueError as error:
         raise ValueError(f"{error} {remedy}") from error
     if lost and earlier is not None:  # a result of another scene, or of an older version
@@ -216,31 +221,36 @@ def _prepared(
             f"{file} contains {lost} solves of {about['title'] or 'another scene'!r} that this "
             f"scene does not have (file: `{old}`, scene: `{new}`). {remedy}"
         )
-    print_read(scene, surface)
+    print_read(scene, planned.surface)
     if "design" in parse_toml(scene.text):
         typer.echo("[design] is not used by this command: see `graded-contact design`.")
-    return surface, names, file
+    return planned, file
+
+
+def _points_of(file: Path) -> Path:
+    """The folder of the solves of a file of results."""
+    return file.with_suffix(".points")
+
+
+def _say_stored(planned: Plan, file: Path) -> None:
+    """Prints how many solves of a plan were done before."""
+    store = Store(_points_of(file))
+    if found := sum(store.path(point).exists() for point in planned.points.flat):
+        typer.echo(f"{found} of {planned.points.size} solves are found in {store.folder}")
 
 
 def _solved(
-    scene: Scene, surface: Surface, names: np.ndarray, store: Store, interruption: Interruption,
-    engine: dict[str, Any],
-) -> "Dataset":  # fmt: skip
+    planned: Plan, store: Store, interruption: Interruption, engine: dict[str, Any]
+) -> "Dataset":
     """The results of a scene: solves that the store has, and those still to be computed."""
-    found = sum(store.path(point).exists() for point in names.flat)
-    if found:
-        typer.echo(f"{found} of {names.size} solves are found in {store.folder}")
     try:
         interruption.check()
         with terminal.progress(interruption) as advance:
             say = partial(advance, "sliding")
-            results = run_scene(scene, surface=surface, store=store, progress=say, **engine)
+            return planned.run(store=store, progress=say, **engine)
     except KeyboardInterrupt:
         typer.echo("Nothing was finished.", err=True)
         raise typer.Exit(interruption.exit_code) from None
-    for path in store.damaged:
-        typer.echo(f"{path} is damaged: it is computed again", err=True)
-    return results
 
 
 def _figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tuple[str, "Figure"]]:
@@ -267,7 +277,7 @@ def _contacts(
     scene: Scene, results: "Dataset", index: tuple[int, ...], num_kept: int, whole: bool
 ) -> Iterator[tuple[str, "Figure"]]:
     """Yields each figure of a solve that was kept; only the maps if the run was interrupted."""
-    fields, surface = contact_at(results, index)
+    fields, surface = kept_contact(results, index)
     if not np.any(fields["pressure"] > 0):
         typer.echo("The surfaces do not touch: no maps are drawn.")
         return

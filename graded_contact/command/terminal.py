@@ -5,7 +5,9 @@ import hashlib
 import io
 import os
 import platform
+import time
 from collections.abc import Callable, Iterator
+from datetime import timedelta
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -21,6 +23,7 @@ from ..plot.style import caption
 from ..scenes.scene import Scene
 from ..studies.dataset import write_whole
 from ..studies.interruption import Interruption
+from ..studies.store import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -93,22 +96,39 @@ def end_if_interrupted(interruption: Interruption) -> None:
 
 
 @contextlib.contextmanager
+def store_in(folder: Path) -> Iterator[Store]:
+    """Yields the store in a folder, and prints at the end which of its points were damaged."""
+    with Store(folder) as store:
+        yield store
+        for path in store.damaged:
+            typer.echo(f"{path} is damaged: it is computed again", err=True)
+
+
+@contextlib.contextmanager
 def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], None]]:
     """Yields a function that shows text, done and total in a progress bar on the error stream.
+
+    It is called once before the first step: the bar shows the time left when a step has ended.
 
     After a signal the function ends the command: it is called between two steps, where it is safe.
     """
     columns = (
         bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn(),
-        bars.TimeElapsedColumn(), bars.TextColumn("left"), bars.TimeRemainingColumn(),
+        bars.TimeElapsedColumn(), bars.TextColumn("{task.fields[left]}"),
     )  # fmt: skip
     with bars.Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("starting (a first run also compiles)", total=None)
+        task = bar.add_task("starting (a first run also compiles)", total=None, left="")
+        begun, before = 0.0, 0
 
         def advance(text: str, done: int, total: int) -> None:
+            nonlocal begun, before
             if bar.tasks[task].total != total:
                 # Stored points and compiling do not count for the time left.
-                bar.reset(task, total=total, completed=done, description=text)
+                begun, before = time.monotonic(), done
+                bar.reset(task, total=total, completed=done, description=text, left="")
+            elif done > before:
+                seconds = (time.monotonic() - begun) / (done - before) * (total - done)
+                bar.update(task, left=f"left {timedelta(seconds=round(seconds))}")
             bar.update(task, description=text, completed=done)
             interruption.check()
 

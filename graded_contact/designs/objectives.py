@@ -25,7 +25,8 @@ from ..core.checks import (
     check_values,
 )
 from ..mean_field.mean_field import MeanField, mean_field_of
-from ..scenes.scene import Scene, refuse_tables
+from ..scenes.scene import Scene
+from ..scenes.scene_checks import refuse_tables
 from ..scenes.schema import Key
 from ..sliding.case import Case
 from ..surfaces.spectrum import SelfAffine

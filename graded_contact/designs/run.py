@@ -16,7 +16,7 @@ from ..blocks.stack import Stack
 from ..core.memory import memory_of
 from ..core.parameters import with_values
 from ..scenes.cost import Cost
-from ..scenes.scene import refuse_liquids
+from ..scenes.scene_checks import refuse_liquids
 from ..scenes.surface_source import RandomSurface
 from ..scenes.theory import refuse_extrapolated
 from ..studies.dataset import NOT_STARTED

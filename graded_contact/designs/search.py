@@ -9,7 +9,7 @@ from ..blocks.stack import liquid_in
 from ..core.checks import within
 from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import with_values
-from ..scenes.run_scene import scene_fields
+from ..scenes.plan import fields_in_memory
 from ..studies.search import Design, NothingAllowed, minimise
 from ..studies.store import Store
 from .limits import BY_MEAN_FIELD, Criteria
@@ -129,4 +129,4 @@ def design_fields(study: DesignScene, *, searched: bool) -> float:
     """Returns how many fields of the size of its surface contacts take, or a search by them."""
     scene = dataclasses.replace(study.scene, fields="none")
     fields = scene.num_times * (2 * study.seeds + DERIVATIVE) if searched else 1
-    return fields + scene_fields(scene)
+    return fields + fields_in_memory(scene)

@@ -16,9 +16,12 @@ from ..core.display import shown
 from ..core.files import read_utf8
 from ..core.parameters import paths, with_values
 from ..fields.grid import Grid
-from ..scenes.scene import Scene, check_paths, parse_scene, refuse_tables
-from ..scenes.schema import MOST_BYTES, Reader, keys_of, parse_toml
+from ..scenes.scene import Scene
+from ..scenes.scene_checks import check_paths, refuse_tables
+from ..scenes.scene_file import parse_scene
+from ..scenes.schema import TableReader, keys_of
 from ..scenes.surface_source import RandomSurface
+from ..scenes.toml import MOST_BYTES, parse_toml
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .limits import CRITERIA, Limits
@@ -145,7 +148,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     source, stack = scene.surface, scene.block({})
     spectrum = source.spectrum if isinstance(source, RandomSurface) else source.build()
     scene = dataclasses.replace(scene, stack=stack, temperature=None)
-    reader = Reader(Path(folder))
+    reader = TableReader(Path(folder))
     if OBJECTIVE.name not in table:
         raise ValueError("[design] lacks the key `objective`.")
     name = reader.value("[design]", OBJECTIVE, table[OBJECTIVE.name])

@@ -17,11 +17,11 @@ from .prony_cards import check_card
 if TYPE_CHECKING:
     from xarray import Dataset
 
-AXES = ("temperature", "pressure", "velocity")  # from slow to fast
+TABLE_AXES = ("temperature", "pressure", "velocity")  # from slow to fast
 
 
 def export_friction(table: "Dataset", format: str, *, name: str = "friction") -> str:
-    """Returns the text of a table of friction in one of `FORMATS`.
+    """Returns the text of a table of friction in one of `FRICTION_CARDS`.
 
     - "abaqus": *SURFACE INTERACTION with *FRICTION, which depends on slip rate, contact pressure
       and, if it is an axis, temperature [K];
@@ -32,8 +32,8 @@ def export_friction(table: "Dataset", format: str, *, name: str = "friction") ->
 
     **Arguments:**
 
-    - `table`: of `friction_table`, or of `run_scene` without further axes.
-    - `format`: one of `FORMATS`.
+    - `table`: of `friction_table`, or of `Plan.run` without further axes.
+    - `format`: one of `FRICTION_CARDS`.
     - `name`: of the surface interaction.
 
     **Returns:** the text of the file.
@@ -41,24 +41,21 @@ def export_friction(table: "Dataset", format: str, *, name: str = "friction") ->
     **Raises:** `ValueError` for a table with other axes, points without a friction, a negative
     velocity or friction, or a format that does not exist.
     """
-    check_card(format, FORMATS, name)
-    return FORMATS[format](_checked(table), name)
+    check_card(format, FRICTION_CARDS, name)
+    return FRICTION_CARDS[format](_checked(table), name)
 
 
 NUMBERS = (
     "friction", "friction_error", "friction_standard_error", "contact_area", "contact_area_error",
-    "mean_field.friction", "mean_field.contact_area",
 )  # fmt: skip
-CONTACT = "contact of the surface on a grid; errors are those of solver and grid together"
 METHODS = {
-    "contact": CONTACT,
+    "contact": "contact of the surface on a grid; errors are those of solver and grid together",
     "mean_field": (
         "mean field (Persson's theory); its errors are those of the quadrature alone, and contact "
         "may differ by a factor of 2"
     ),
-    "both": f"{CONTACT}; beside it the mean field (Persson's theory)",
 }
-ERRORS = {
+ERRORS_IN_WORDS = {
     "friction_error": "Relative error of friction",
     "friction_standard_error": "Relative standard error of friction by the errors of the materials",
 }
@@ -66,9 +63,9 @@ ERRORS = {
 
 def _checked(table: "Dataset") -> "Dataset":
     """The table with its axes in order, each increasing."""
-    axes = [axis for axis in AXES if axis in getattr(table, "dims", ())]
+    axes = [axis for axis in TABLE_AXES if axis in getattr(table, "dims", ())]
     variables = [getattr(table, "data_vars", {}).get(n) for n in ("friction", "friction_error")]
-    if any(v is None or {*v.dims} != {*axes} for v in variables) or axes[-2:] != [*AXES[1:]]:
+    if any(v is None or {*v.dims} != {*axes} for v in variables) or axes[-2:] != [*TABLE_AXES[1:]]:
         axes = "velocity, pressure and perhaps temperature, and nothing else"
         needed = f"it needs `friction` and `friction_error` over {axes}"
         raise ValueError(f"`table={short(table)}` is refused: {needed}.")
@@ -98,18 +95,10 @@ def _remarks(table: "Dataset") -> list[str]:
     if title := table.attrs.get("title"):
         lines.insert(0, f"Friction of: {title}")
     friction = np.where(table["friction"] > 0, table["friction"], np.inf)
-    for name, words in ERRORS.items():
+    for name, words in ERRORS_IN_WORDS.items():
         if name in table:
             share = table[name].values / friction
             lines.append(f"{words}: {100 * np.min(share):.2g} % to {100 * np.max(share):.2g} %")
-    if "mean_field.friction" in table:
-        ratio = table["mean_field.friction"].values / friction
-        known = ratio[np.isfinite(ratio)]
-        ends = f"{np.min(known):.3g} to {np.max(known):.3g}" if known.size else "not known"
-        failed = (
-            f"; it failed at {ratio.size - known.size} points" if known.size < ratio.size else ""
-        )
-        lines.append(f"Friction by the mean field over that of contact: {ends}{failed}")
     told = "\n".join(table.attrs.get(name, "") for name in ("conditions", "caveats"))
     return [*lines, *filter(None, told.split("\n"))]
 
@@ -134,4 +123,4 @@ def _csv(table: "Dataset", name: str) -> str:
     return "\n".join([*remarks, heads, *_lines(table, [*units], ","), ""])
 
 
-FORMATS: dict[str, Callable[["Dataset", str], str]] = {"abaqus": _abaqus, "csv": _csv}
+FRICTION_CARDS: dict[str, Callable[["Dataset", str], str]] = {"abaqus": _abaqus, "csv": _csv}

@@ -23,7 +23,7 @@ from ..core.escaping import in_comment
 from ..materials.coverage import MeasuredRange
 from ..materials.material import AbstractMaterial, Prony
 from ..materials.shift import WLF, AbstractShift
-from ..scenes.schema import entry_text
+from ..scenes.toml import entry_text
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6
@@ -31,7 +31,7 @@ LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6
 
 @check_types
 def export_prony(material: AbstractMaterial, format: str, *, name: str = "material") -> str:
-    """Returns the text of a Prony material in one of `FORMATS`, SI units.
+    """Returns the text of a Prony material in one of `PRONY_CARDS`, SI units.
 
     - "toml": a table [materials.NAME] to paste into a scene;
     - "json": the same entries;
@@ -47,7 +47,7 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
     **Arguments:**
 
     - `material`: to be written.
-    - `format`: one of `FORMATS`.
+    - `format`: one of `PRONY_CARDS`.
     - `name`: of the material in the other program.
 
     **Returns:** the text of the file.
@@ -55,8 +55,8 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
     if not isinstance(material, Prony):
         kind = type(material).__name__
         raise ValueError(f"`material` is of type {kind}; only a `Prony` series is exported.")
-    check_card(format, FORMATS, name)
-    return FORMATS[format](material, name)
+    check_card(format, PRONY_CARDS, name)
+    return PRONY_CARDS[format](material, name)
 
 
 def check_card(format: Any, formats: Collection[str], name: Any) -> None:
@@ -201,6 +201,6 @@ def _law(shift: AbstractShift | None) -> list[str]:
     return lines
 
 
-FORMATS: dict[str, Callable[[Prony, str], str]] = {
+PRONY_CARDS: dict[str, Callable[[Prony, str], str]] = {
     "toml": _toml, "json": _json, "csv": _csv, "abaqus": _abaqus, "ansys": _ansys,
 }  # fmt: skip

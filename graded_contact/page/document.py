@@ -25,8 +25,10 @@ from ..materials.material import AbstractMaterial
 from ..readers.moduli import read_moduli
 from ..readers.topography import read_surface
 from ..scenes.described import described
-from ..scenes.scene import Scene, parse_scene, refuse_tables
-from ..scenes.schema import MOST_BYTES, parse_toml, toml_text
+from ..scenes.scene import Scene
+from ..scenes.scene_checks import refuse_tables
+from ..scenes.scene_file import parse_scene
+from ..scenes.toml import MOST_BYTES, parse_toml, toml_text
 from ..studies.dataset import write_whole
 from .wording import worded
 

@@ -20,8 +20,8 @@ from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed
 from ..mean_field.mean_field import mean_field_friction
-from ..scenes.run_scene import build_surface
-from ..scenes.scene import refuse_liquids
+from ..scenes.plan import build_surface
+from ..scenes.scene_checks import refuse_liquids
 from ..sliding.case import Case
 from ..sliding.result import Sliding
 from ..sliding.slide import solve

@@ -49,7 +49,7 @@ def plot_sliding(
 
     **Arguments:**
 
-    - `sliding`: a solution of `slide`, or the first of `contact_at(results, index)`.
+    - `sliding`: a solution of `slide`, or the first of `kept_contact(results, index)`.
     - `surface`: the surface that slides.
     - `velocity`: of the surface [m/s], as in `slide`. An arrow shows its direction if it is not 0.
     """

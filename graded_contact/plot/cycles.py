@@ -29,7 +29,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
 
     **Arguments:**
 
-    - `cycle`: a solution of `slide_cycle` for a motion along x, or the result of `run_scene` for a
+    - `cycle`: a solution of `slide_cycle` for a motion along x, or the result of `Plan.run` for a
       scene with [motion]: one line for each of its solves.
     """
     lines = _over_time(cycle)
@@ -68,7 +68,7 @@ def plot_film(
 
     **Arguments:**
 
-    - `cycle`: a solution of `slide_cycle`, or the first of `contact_at(results, index)`.
+    - `cycle`: a solution of `slide_cycle`, or the first of `kept_contact(results, index)`.
     - `surface`: the surface that moves.
     - `times`: numbers of the times; by default four, a quarter of the period T apart.
     """

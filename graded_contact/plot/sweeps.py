@@ -11,7 +11,14 @@ import numpy as np
 from ..core.caveats import Caveat
 from ..core.escaping import in_figure
 from ..core.quantities import OBSERVABLES, in_brackets
-from ..scenes.results import SEED_ERROR, has_numbers, of_each, over_seeds, solve_states, warnings_of
+from ..scenes.results import (
+    SEED_ERROR,
+    has_numbers,
+    is_of_each,
+    over_seeds,
+    solve_states,
+    warnings_of,
+)
 from ..studies.dataset import NOT_STARTED
 from . import style
 from .words import label_of, title_of
@@ -65,7 +72,7 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
 
     **Arguments:**
 
-    - `results`: the result of `run_scene`.
+    - `results`: the result of `Plan.run`.
     - `all_seeds`: draws a thin line for each surface in addition.
 
     **Raises:** `ValueError` if no solve succeeded, and for the results of a scene with [motion].
@@ -83,7 +90,7 @@ def plot_reduced(results: "Dataset") -> "Figure":
 
     **Arguments:**
 
-    - `results`: the result of `run_scene` for several temperatures.
+    - `results`: the result of `Plan.run` for several temperatures.
 
     **Raises:** `ValueError` with the reason if there is no such curve.
     """
@@ -101,7 +108,7 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
 
     **Arguments:**
 
-    - `results`: the result of `run_scene`, over the same axes. Points may differ; axes of one point
+    - `results`: the result of `Plan.run`, over the same axes. Points may differ; axes of one point
       and seeds do not matter.
     - `names`: of the results, for the legend.
 
@@ -155,7 +162,7 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
     # A solve is doubtful if a warning concerns it, a mean if one of its surfaces is. A cross on
     # each of several points would show nothing: what concerns all is said in words.
     warnings = warnings_of(results)
-    doubts = [(_reason(c), of_each(c, results)) for c in warnings]
+    doubts = [(_reason(c), is_of_each(c, results)) for c in warnings]
     crossed = [c.where for c, (_, each) in zip(warnings, doubts, strict=True) if not each]
     doubtful = state.copy(data=np.any([np.zeros(state.shape, bool), *crossed], axis=0))
     middle, apart = results, {}

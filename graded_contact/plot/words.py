@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from ..core.display import unit_of
 from ..core.quantities import AXES, quantity_of
-from ..scenes.schema import parse_toml
+from ..scenes.toml import parse_toml
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
 

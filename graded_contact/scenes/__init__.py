@@ -1,7 +1,8 @@
 """A scene from its file to its results."""
 
+from .plan import Plan, plan
 from .results import read_results
-from .run_scene import run_scene
-from .scene import Scene, read_scene
+from .scene import Scene
+from .scene_file import read_scene
 
-__all__ = ["Scene", "read_results", "read_scene", "run_scene"]
+__all__ = ["Plan", "Scene", "plan", "read_results", "read_scene"]

@@ -31,7 +31,7 @@ from ..sliding.motion import Motion, sinusoidal, start_stop
 from ..sliding.shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
 from ..studies.parameter_covariance import Errors, check_errors, read_errors
 from ..surfaces.reading_steps import unusual
-from .schema import Key, Reader, check_keys, keys_of, kind_of
+from .schema import Key, TableReader, check_keys, keys_of, kind_of
 
 # What a `kind` makes; its keys are the parameters. `Block` makes those of files.
 MATERIALS = {
@@ -43,7 +43,7 @@ MATERIALS = {
     "softened": StrainSoftening,
 }
 BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
-KINDS = {
+KIND_MAKERS = {
     AbstractShift: LAWS,
     AbstractShape: {
         "linear": Linear,
@@ -90,7 +90,7 @@ class Block:
         self.errors: dict[str, Errors] = {}
         self.notes: list[str] = []
         self.assumed: list[str] = []
-        self.reader = Reader(folder, KINDS, {AbstractMaterial: self._named})
+        self.reader = TableReader(folder, KIND_MAKERS, {AbstractMaterial: self._named})
 
     def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
         """Makes the materials of [materials], each of which may use those above it."""

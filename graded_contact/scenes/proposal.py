@@ -20,7 +20,7 @@ _USUAL = 1e-2  # m/s
 _TEMPERATURES = 5  # at most
 
 
-class Load(NamedTuple):
+class ProposedLoad(NamedTuple):
     """A first load.
 
     **Fields:**
@@ -40,7 +40,7 @@ def proposed_load(
     surface: Surface,
     temperatures: Float[np.ndarray, " isotherms"],
     every: bool = False,
-) -> Load:
+) -> ProposedLoad:
     """Returns a load at which friction comes from measured frequencies, if there is one.
 
     **Arguments:**
@@ -92,7 +92,7 @@ def proposed_load(
         # Where few frequencies were measured, no isotherm has all velocities: that of least shift.
         among = among if len(among) else np.array([np.argmin(np.abs(shifts))])
         chosen = _overlapping(among, shifts, length)
-    return Load(
+    return ProposedLoad(
         pressure=float(f"{pressure:.0e}"),
         velocity=(float(10.0**bottom), float(10.0 ** (bottom + length))),
         temperature=tuple(round(float(temperatures[i]), 2) for i in chosen if law is not None),

@@ -9,32 +9,21 @@ all solves were kept, over `x` and `y` if only one was, whose index is the attri
 cycle they are also over `time`.
 """
 
-import dataclasses
-import hashlib
 import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from ..contacts.solution import FAILURES, RESULTS
 from ..core.caveats import Caveat, caveats_of
-from ..core.files import read_file
-from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
+from ..core.quantities import OBSERVABLES
 from ..fields.grid import Grid
-from ..materials.shift import shifts_in
-from ..sliding.facts import facts_of
-from ..studies.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions, read
-from ..studies.store import Point, together
+from ..studies.dataset import FAILED, LOST, NOT_STARTED, read_dataset
 from ..surfaces.reading_steps import ReadingStep
 from ..surfaces.surface import Surface
-from .scene import Scene
-from .surface_source import RandomSurface
-from .theory import errors_of_stack
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
@@ -62,129 +51,14 @@ FORMATS = {
 FORMAT = max(FORMATS)
 
 
-def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
-    """The numbers of a solve but those of the axes; a standard error if errors are known."""
-    case = scene.case({name: at[0] for name, at in scene.axes.items()}, surface)
-    asked = [name for name, asked in dataclasses.asdict(scene.observe).items() if asked]
-    known = facts_of(case) | {*asked}
-    # What is varied is a coordinate, and no result.
-    names = [n for n in numbers_of(scene.motion is not None, known) if n not in scene.axes]
-    return *names, *(["friction_standard_error"] if errors_of_stack(scene) is not None else [])
-
-
-def fields_of(scene: Scene) -> tuple[str, ...]:
-    """The fields of the solves that are kept: heights if each seed has its own."""
-    if scene.fields == "none":
-        return ()
-    return tuple(name for name in KEPT_FIELDS if name != "heights" or "seed" in scene.axes)
-
-
-def collect(
-    scene: Scene,
-    surface: Surface,
-    names: np.ndarray,
-    points: list[Point | None],
-    kept: tuple[int, ...],
-) -> "Dataset":
-    """Returns the results of a scene from its solves.
-
-    **Arguments:**
-
-    - `scene`, `surface`: what was solved.
-    - `names`: of the solves in a store, over the axes.
-    - `points`: the solves; None marks one that was not started.
-    - `kept`: index of the solve whose fields are stored, if the scene stores those of one.
-    """
-    import xarray
-
-    axes, shape, dtype = tuple(scene.axes), names.shape, surface.heights.dtype
-    points = [p and (Point({}, p.message) if p.message in NO_NUMBERS else p) for p in points]
-
-    def over_axes(name: str, *inner: int) -> np.ndarray:
-        like = jax.ShapeDtypeStruct(inner, dtype)
-        return together(name, like, points).reshape(*shape, *inner)
-
-    variables: dict[str, Any] = {}
-    times = {} if scene.motion is None else {"time": scene.num_times}
-    for name in numbers_of_scene(scene, surface):
-        inner = times if name in OBSERVABLES and OBSERVABLES[name].over_time else {}
-        variables[name] = (*axes, *inner), over_axes(name, *inner.values())
-    ends = [NOT_STARTED if point is None else point.message for point in points]
-    variables["message"] = axes, np.reshape(ends, shape)
-    variables["point"] = axes, names
-    of_surface, places, about_surface = surface_variables(surface)
-    attributes = _attributes(scene, surface) | about_surface
-    coordinates = {name: (name, at) for name, at in scene.axes.items()} | places
-    if scene.motion is not None:
-        variables["surface_displacement"] = "time", np.asarray(scene.motion.displacement)
-        variables["period"] = "velocity", np.asarray(scene.period_at(scene.velocity))
-        coordinates["time"] = "time", np.arange(scene.num_times) / scene.num_times
-    if "temperature" in axes:
-        factor, attributes["master_curve"] = shift_factors(scene)
-        if factor is not None:
-            reduced = np.multiply.outer(factor, scene.velocity).astype(dtype)
-            variables["reduced_velocity"] = ("temperature", "velocity"), reduced
-    attributes["kept"] = " ".join(map(str, kept))
-    one = points[int(np.ravel_multi_index(kept, shape))]
-    for name in fields_of(scene):
-        about = {"units": FIELDS[name].unit, "long_name": FIELDS[name].meaning}
-        inner = dict(zip(places, surface.grid.shape, strict=True))
-        inner = inner if name == "heights" else times | inner  # heights are the same at all times
-        if scene.fields == "every":
-            values = over_axes(name, *inner.values())
-            variables[KEPT_FIELDS[name]] = (*axes, *inner), values, about
-        elif one is not None and one.values:
-            variables[KEPT_FIELDS[name]] = tuple(inner), one.values[name], about
-    results = attach(xarray.Dataset(variables | of_surface, coordinates, attributes))
-    results.attrs["largest_error"] = float(results["error"].max())
-    results.attrs["num_solves"] = names.size
-    results.attrs["num_converged"] = ends.count("")
-    results.attrs["caveats"] = "\n".join(caveat.sentence for caveat in warnings_of(results))
-    return results
-
-
-def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | None, str]:
-    """Returns a_T [1] at each temperature, None unless the materials share it; and a message."""
-    laws = shifts_in(scene.stack)
-    logs = np.array([[law.log_factor(at) for at in scene.axes["temperature"]] for law in laws])
-    if not laws or any(".shift." in path for path in scene.sweep):
-        return None, "No master curve: no one law of temperature holds for the block."
-    # The same law may be written about several references.
-    if not np.allclose(logs - logs[:, :1], logs[0] - logs[0, 0], rtol=1e-6, atol=1e-6):
-        return None, "No master curve: the block's materials have different laws of temperature."
-    return np.exp(logs[0]), f"Velocities times a_T are those at {float(laws[0].reference):.2f} K."
-
-
-def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
-    files = scene.inputs.values()
-    # So that another file of the same name is noticed later.
-    digests = [f"{hashlib.sha256(read_file(path)).hexdigest()}  {path}" for path in files]
-    attributes = {
-        "title": scene.title,
-        "format": FORMAT,
-        "scene": scene.text,
-        "inputs": "\n".join(digests),
-        "moduli": "\n".join(scene.notes),
-        "assumed": "\n".join(scene.assumed),
-        "dtype": str(surface.heights.dtype),
-        "rtol": scene.rtol,
-        **package_versions(),
-    }
-    if "direction" not in scene.axes:
-        attributes["direction"] = scene.direction
-    if isinstance(scene.surface, RandomSurface):
-        attributes["seed"] = scene.surface.seed
-    return attributes
-
-
 def read_results(path: str | os.PathLike) -> "Dataset":
-    """Returns the results that `run_scene`, or the command `run`, gave.
+    """Returns the results that `Plan.run`, or the command `run`, gave.
 
     **Arguments:**
 
     - `path`: of the HDF5 file.
 
-    **Returns:** an `xarray.Dataset`, bit for bit as it was written; see `run_scene`.
+    **Returns:** an `xarray.Dataset`, bit for bit as it was written; see `Plan.run`.
 
     **Raises:** `FileNotFoundError`; `ValueError` for another file, a damaged one, one that another
     program is changing, and one of a later format.
@@ -194,7 +68,7 @@ def read_results(path: str | os.PathLike) -> "Dataset":
             f"`path={path}` is a scene, which has no numbers yet: run `graded-contact run {path}` "
             "and give its results, a file that ends in .h5."
         )
-    results, older = read(path), ""
+    results, older = read_dataset(path), ""
     try:
         older = older_meaning(results)
         needed = ("message", "point", "heights", "friction", "contact_area")
@@ -265,7 +139,7 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     return *of_files, *caveats_of(lambda name: told.get(name, 0.0), "time" in results.dims)
 
 
-def of_each(caveat: Caveat, results: "Dataset") -> bool:
+def is_of_each(caveat: Caveat, results: "Dataset") -> bool:
     """Returns whether a warning is true of each of several solves with numbers."""
     known = has_numbers(results).values
     return bool(np.sum(known) > 1 and np.all(caveat.where[known]))
@@ -301,26 +175,6 @@ def over_seeds(results: "Dataset") -> "Dataset":
     )
 
 
-def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
-    """Returns variables, coordinates and attributes of a dataset that hold a surface."""
-    heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
-    axes = ("x", "y")[: heights.ndim]
-    places = {
-        axis: (axis, np.arange(points) * (length / points), {"period": length})
-        for axis, points, length in zip(axes, heights.shape, size, strict=True)
-    }
-    variables = {"heights": (axes, heights)}
-    if surface.measured is not None:
-        variables["measured"] = (axes, np.asarray(surface.measured))
-    attributes = {
-        "surface_history": "\n".join(surface.history),
-        "surface_steps": json.dumps(surface.steps),
-        "surface_assumed": "\n".join(surface.assumed),
-        "surface_periodic": int(surface.periodic),
-    }
-    return variables, places, attributes
-
-
 def surface_of(results: "Dataset") -> Surface:
     """Returns the surface of results, that of the first seed."""
     history, heights = results.attrs["surface_history"], results["heights"]
@@ -348,7 +202,7 @@ def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:
     return [kept] if kept in found else []
 
 
-def contact_at(results: "Dataset", index: tuple[int, ...]) -> tuple["Dataset", Surface]:
+def kept_contact(results: "Dataset", index: tuple[int, ...]) -> tuple["Dataset", Surface]:
     """Returns `pressure`, `gap` and `displacement` of a solve that was kept, and its surface."""
     kept = {new: name for name, new in KEPT_FIELDS.items() if new in results}
     fields = results[[*kept]]

@@ -7,8 +7,7 @@ The keys of a scene are the names of arguments of this package, in SI units, ang
 import dataclasses
 import itertools
 import math
-import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,36 +15,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..blocks.stack import LIQUID, Stack, liquid_in
-from ..contacts.law import AbstractLaw, HardWall, check_pressure
+from ..blocks.stack import Stack
+from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
-from ..core.checks import (
-    as_float,
-    check_positive,
-    check_squares,
-    check_tolerance,
-    check_values,
-    nearest,
-    within,
-)
 from ..core.display import shown
-from ..core.files import check_name, read_utf8
-from ..core.memory import check_points
-from ..core.parameters import paths, places, with_values
+from ..core.parameters import with_values
 from ..fields.frequency import velocity_along
-from ..fields.grid import Grid
 from ..materials.material import AbstractMaterial
-from ..materials.softening import as_strain_per_slope
 from ..sliding.case import Case, Heating
 from ..sliding.motion import Motion
 from ..sliding.numerics import Numerics
-from ..sliding.shear import AbstractShear, shear_stress
+from ..sliding.shear import AbstractShear
 from ..studies.parameter_covariance import Errors
 from ..surfaces.surface import Surface
-from .block import KINDS, Block, extremes
-from .schema import LINEAR, LOGARITHMIC, MOST_BYTES, ROOT, check_texts, keys_of, parse_toml
-from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_source
+from .schema import LINEAR, LOGARITHMIC
+from .surface_source import RandomSurface, Sphere, SurfaceFile
 
 Axis = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
 
@@ -70,50 +55,6 @@ class Observe:
     flow: bool = False
 
 
-@dataclasses.dataclass(frozen=True)
-class Tables:
-    """The tables of a scene; those that need others are converted after them.
-
-    **Fields:**
-
-    - `surface`: of the rough counter-body, with a `kind`.
-    - `materials`: tables [materials.NAME], each with a `kind`; one may use those above it.
-    - `base`: below the layers, with a `kind`.
-    - `load`: pressures or approaches, velocities, temperatures.
-    - `title`: one line for the reader.
-    - `grid`: of a random surface, or of a sphere.
-    - `layers`: tables [[layers]], from the loaded surface downwards. A graded one has, instead of
-      `material`, the NAMEs `bottom` and `top`.
-    - `sweep`: other values for numbers of the block, by paths as in `with_values`:
-      "layers[0].thickness" = [1e-5, 1e-4]. A temperature acts on the block with these values.
-    - `motion`: back and forth or with stops, in place of steady sliding, with a `kind`.
-    - `law`: of contact, with a `kind`: adhesion, hardness or a soft wall; if missing, a hard wall.
-    - `shear`: stress in the contact, which adds to the friction, with a `kind`.
-    - `heating`: how the heat of friction flows; it then softens the block under the contact.
-    - `observe`: numbers that are computed if asked for: stiffness, conductance, flow.
-    - `solver`: tolerance and algorithm.
-    - `output`: names and fields of the results.
-    - `design`: what the command `design` does.
-    """
-
-    surface: dict[str, object]
-    materials: dict[str, object]
-    base: dict[str, object]
-    load: dict[str, object]
-    title: str = ""
-    grid: Grid | None = None
-    layers: list[dict] = dataclasses.field(default_factory=list)
-    sweep: dict[str, Axis] = dataclasses.field(default_factory=dict)
-    motion: dict[str, object] | None = None
-    law: AbstractLaw | None = None
-    shear: AbstractShear | None = None
-    heating: Heating | None = None
-    observe: Observe = Observe()
-    solver: dict[str, object] = dataclasses.field(default_factory=dict)
-    output: dict[str, object] = dataclasses.field(default_factory=dict)
-    design: dict[str, object] | None = None
-
-
 @shown(
     "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion",
     "sampling", "law", "shear", "heating", "observe",
@@ -129,7 +70,7 @@ class Scene:
     - `text`: the TOML text.
     - `title`: one line for the reader.
     - `stack`: the block of the file; `block` returns that of a point.
-    - `surface`: where the surface comes from; `build_surface` makes it.
+    - `surface`: where the surface comes from; `plan` makes it.
     - `sweep`: other values for numbers of the stack, by their paths.
     - `pressure`: mean pressures [Pa], an axis; none with an approach.
     - `approach`: of a body on a window since its first touch [m], an axis in place of the pressure.
@@ -271,201 +212,3 @@ class Scene:
         for numbers in itertools.product(*axes.values()):
             point = dict(zip(axes, numbers, strict=True))
             yield point, self.block(point)
-
-
-# The tables that are fields of a scene as they are.
-_OWN = ("title", "sweep", "law", "shear", "heating", "observe")
-# The keys of tables that are fields of a scene.
-KEYS = {
-    place: tuple(
-        key._replace(default=None) if key.name in ("pressure", "velocity") else key
-        for key in keys_of(Scene)
-        if key.name in names
-    )
-    for place, names in {
-        "[load]": (
-            *("pressure", "approach", "velocity", "temperature", "direction", "extrapolate"),
-            *("pressure_ratio", "strain_per_slope"),
-        ),
-        "[solver]": ("rtol",),
-        "[output]": ("name", "directory", "fields"),
-    }.items()
-}
-# [solver] has a key of the stack, too.
-KEYS["[solver]"] += tuple(key for key in keys_of(Stack) if key.name == "graded_solver")
-
-
-def read_scene(path: str | os.PathLike) -> Scene:
-    """Returns the scene that a TOML file describes; `docs/scene_keys.md` lists its keys.
-
-    A missing file raises `FileNotFoundError`. An error in the file raises `ValueError` with the
-    table and the key.
-
-    **Arguments:**
-
-    - `path`: of the TOML file.
-
-    **Returns:** the scene.
-    """
-    text = read_utf8(path, MOST_BYTES)
-    with within(f"{path}:"):
-        return parse_scene(text, Path(path).parent)
-
-
-def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
-    """Returns the scene that a TOML text describes; its paths are relative to `folder`."""
-    block = Block(Path(folder))
-    reader = block.reader
-    entries = parse_toml(text)
-    tables: Tables = reader.build(ROOT, entries, Tables)
-    (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
-    if ("pressure" in load) == ("approach" in load):
-        both = "has `pressure` and `approach`; give" if "pressure" in load else "lacks"
-        raise ValueError(f"[load] {both} one of the keys `pressure` and (on a window) `approach`.")
-    load.setdefault("pressure", np.array([]))  # with an approach there is none
-    if "velocity" not in load and tables.motion is None:
-        raise ValueError("[load] lacks the key `velocity`.")
-    with within("[load]"):
-        turn, allowed = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
-        direction = np.asarray(load.get("direction", 0.0))
-        load["direction"] = direction if direction.ndim else float(direction)
-        check_values("direction", direction, allowed, at_least=-turn, at_most=turn)
-    solver, accuracy = reader.arguments(
-        "[solver]", tables.solver, keys_of(DouglasRachford), KEYS["[solver]"]
-    )
-    block.read_materials(tables.materials, load.get("temperature"))
-    # A table that is continued by a plateau allows what [load] would refuse.
-    if any(getattr(m, "extrapolate", "") == "plateau" for m in block.materials.values()):
-        load["extrapolate"] = True
-    with within("[solver]"):
-        algorithm = DouglasRachford(**solver)
-    surface = surface_source(tables.surface, tables.grid, reader)
-    motion = step = None
-    if tables.motion is not None:
-        line = _along(surface, direction)
-        motions = {**KINDS[Motion], "recorded": block.recorded}
-        motion = reader.build_kind("[motion]", tables.motion, motions, grid=line)
-        step = float(motion.largest_step(line))
-        load.setdefault("velocity", np.array([float(motion.highest_speed)]))
-    stack = block.stack(tables.layers, tables.base, accuracy.pop("graded_solver", None))
-    inputs = dict(reader.paths)  # before [output], whose folder is no input
-    (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
-    own = {name: getattr(tables, name) for name in _OWN}
-    errors = tuple((name, block.materials[name], known) for name, known in block.errors.items())
-    materials = {at: name for name, part in block.materials.items() for at in places(stack, part)}
-    found = Scene(
-        text=text, surface=surface, stack=stack, materials=materials, errors=errors, inputs=inputs,
-        notes=tuple(block.notes), assumed=tuple(block.assumed), solver=algorithm, motion=motion,
-        step=step,
-        **own, **load, **accuracy, **output,
-    )  # fmt: skip
-    _check_numbers(found)
-    _check_tables(found)
-    check_texts(entries)
-    return found
-
-
-def _along(source: RandomSurface | SurfaceFile | Sphere, direction: np.ndarray) -> Grid:
-    """A line of points for a motion along x: a step on it is one of the turned path on the grid.
-
-    Of several directions it is the one in which a path crosses most points.
-    """
-    grid = source.build().grid if isinstance(source, SurfaceFile) else source.grid
-    crossed = []
-    for angle in np.ravel(direction):
-        along = np.abs(np.ravel(velocity_along(1.0, float(angle))))
-        if len(along) > grid.ndim:
-            return grid  # refused later
-        crossed.append(np.sum(along / np.asarray(grid.spacing)[: len(along)]))
-    return Grid(grid.shape[:1], grid.shape[0] / max(crossed))
-
-
-def _check_numbers(scene: Scene) -> None:
-    """Raises `ValueError` for numbers that no contact, file or block can have."""
-    with within("[load]"):
-        if scene.approach is None:
-            check_positive("pressure", scene.pressure, "[Pa]")
-            highest = np.max(scene.pressure) * np.max(scene.pressure_ratio or 1.0)
-            check_pressure(as_float(highest), scene.contact_law)
-        else:
-            check_values("approach", scene.approach, "an approach [m] must be finite")
-        check_values("velocity", scene.velocity, "a velocity [m/s] must be finite")
-        check_squares("velocity", scene.velocity, "m/s")
-        if scene.strain_per_slope is not None:
-            as_strain_per_slope(scene.strain_per_slope, scene.stack)
-    with within("[solver]"):
-        check_tolerance("rtol", scene.rtol, as_float(1.0))  # in the dtype of the session
-    if scene.name is not None:
-        with within("[output]"):
-            check_name(scene.name)
-    with within("[sweep]"):
-        check_paths(scene.sweep, scene.stack)
-        for path, values in scene.sweep.items():
-            for value in (np.min(values), np.max(values)):  # what is allowed has no gaps
-                changed = with_values(scene.stack, {path: value})
-                for at in extremes(scene.temperature):
-                    changed.at(at)
-    check_points("` x `".join(scene.axes), scene.num_solves)
-
-
-def _check_tables(scene: Scene) -> None:
-    """Raises `ValueError` for tables and keys that do not go together, or that need another."""
-    source, motion = scene.surface, scene.motion
-    is_open = isinstance(source, SurfaceFile) and source.arguments.get("periodic") == "open"
-    if scene.approach is not None and not (is_open or isinstance(source, Sphere)):
-        raise ValueError(
-            '[load] `approach` needs a surface of kind "sphere", or a file that is "open".'
-        )
-    asked = scene.observe != Observe()
-    if asked and (motion is not None or is_open or isinstance(source, Sphere)):
-        raise ValueError("[observe] needs steady sliding on a periodic surface.")
-    if scene.heating is not None and scene.temperature is None:
-        raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
-    with within("[shear]"):
-        # A law with a shift refuses a scene without a temperature.
-        for at in extremes(scene.temperature) or [None]:
-            shear_stress(scene.shear, as_float(1.0, "velocity"), at)
-    if motion is None:
-        if scene.pressure_ratio is not None:
-            raise ValueError("[load] `pressure_ratio` needs a table [motion].")
-        return
-    refuse_tables(scene, "[motion]")
-    if scene.strain_per_slope is not None:
-        raise ValueError("[motion] does not take the key `strain_per_slope` of [load].")
-    with within("[load]"):
-        if scene.pressure_ratio is not None:
-            check_positive("pressure_ratio", np.array(scene.pressure_ratio), "[1]")
-        if float(motion.highest_speed) > 0:
-            check_positive("velocity", scene.velocity, "[m/s]: a motion has a highest speed")
-        elif np.any(scene.velocity):
-            raise ValueError("`velocity` is refused: [motion] is at rest. Leave it out.")
-        elif scene.heating is not None:
-            raise ValueError("[heating] is refused: [motion] is at rest. Remove one of the two.")
-
-
-def refuse_tables(scene: Scene, place: str, *names: str) -> None:
-    """Raises `ValueError` if a scene has an approach or one of these tables, which `place` does
-    not take.
-    """
-    if scene.approach is not None:
-        raise ValueError(f"{place} needs a `pressure` in [load], not an `approach`.")
-    for name in names:
-        if getattr(scene, name) is not None:
-            raise ValueError(f"{place} does not take the table [{name}].")
-
-
-def refuse_liquids(scene: Scene) -> None:
-    """Raises `ValueError` with the name of a material that is a liquid, in any block of a scene."""
-    for _, stack in scene.blocks():
-        path = liquid_in(stack)
-        if path is not None:
-            raise ValueError(f"[materials.{scene.materials[path]}] {LIQUID}")
-
-
-def check_paths(given: Iterable[str], stack: Stack) -> None:
-    """Raises `ValueError` unless all name numbers of the block."""
-    known = paths(stack)
-    whole = [path for path in known if not path.endswith("]")]  # entries of arrays are many
-    for path in given:
-        if path not in known:
-            raise ValueError(f"`{path}` is not a number of the block; {nearest(path, whole)}")

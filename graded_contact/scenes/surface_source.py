@@ -16,7 +16,7 @@ from ..surfaces.random_surface import random_surface
 from ..surfaces.rescaling import rescale
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
-from .schema import ROOT, Key, Reader, keys_of, kind_of
+from .schema import ROOT, Key, TableReader, keys_of, kind_of
 
 
 @shown()
@@ -108,7 +108,7 @@ SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
 
 
 def surface_source(
-    table: dict[str, Any], grid: Grid | None, reader: Reader
+    table: dict[str, Any], grid: Grid | None, reader: TableReader
 ) -> RandomSurface | SurfaceFile | Sphere:
     """Returns where the surface of a scene comes from, by its tables [surface] and [grid]."""
     place = "[surface]"

@@ -30,10 +30,11 @@ from ..studies.parameter_covariance import Errors
 from ..studies.uncertainty import Sensitivity, sensitivity
 from ..surfaces.statistics import radial_spectrum
 from ..surfaces.surface import Surface
-from .scene import Scene, refuse_tables
+from .scene import Scene
+from .scene_checks import refuse_tables
 from .surface_source import RandomSurface
 
-PER_DECADE = 8  # frequencies of a table of moduli
+MODULI_PER_DECADE = 8  # frequencies of a table of moduli
 SLOWER = 0.01  # waves across the velocity excite lower frequencies than those along it
 
 
@@ -225,7 +226,7 @@ def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -
     grid = surface.grid
     ends = SLOWER * 2 * np.pi / np.max(grid.size), np.pi / np.min(grid.spacing)
     # From the slowest wave across the velocity to the shortest wave along it.
-    count = int(PER_DECADE * np.log10(ends[1] / ends[0])) + 2
+    count = int(MODULI_PER_DECADE * np.log10(ends[1] / ends[0])) + 2
     omega, factor = np.geomspace(*ends, count) * speed, 1.0
     point = {"pressure": np.max(scene.pressure), "velocity": speed}
     if scene.temperature is not None:

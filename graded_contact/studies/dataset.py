@@ -132,7 +132,7 @@ def write(path: str | os.PathLike, dataset: "Dataset") -> None:
     write_sealed(path, bytes(dataset.to_netcdf(engine="h5netcdf", encoding=packed)))
 
 
-def read(path: str | os.PathLike) -> "Dataset":
+def read_dataset(path: str | os.PathLike) -> "Dataset":
     """Returns the dataset that `write` wrote, bit for bit.
 
     **Raises:** `FileNotFoundError`; `ValueError` for another file, a damaged one, or one that

@@ -7,7 +7,7 @@ the surface.
 
 import logging
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -55,6 +55,18 @@ class Program(NamedTuple):
         callback.
         """
         return key_of(self.closed, self.text)
+
+    def names_of(self, columns: Mapping[str, np.ndarray]) -> list[str]:
+        """Returns a name for each point, by which a store knows what decides its results.
+
+        **Arguments:**
+
+        - `columns`: one number per point by the names of the axes, in any order.
+        """
+        key, rows = self.key, zip(*columns.values(), strict=True)
+        return [
+            fingerprint(key, dict(zip(columns, map(np.asarray, row), strict=True))) for row in rows
+        ]
 
     @property
     def unused(self) -> list[str]:

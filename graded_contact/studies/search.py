@@ -21,7 +21,7 @@ from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
 from .evaluations import Box, Evaluation, Evaluations, Flat, box_of, first_in, numbers_in
 from .progress_line import shown_on_a_line
-from .store import Store, opened
+from .store import Store, open_store
 
 Objective = Callable[[Any], Float[Array, ""] | tuple[Float[Array, ""], Any]]
 Constraints = Callable[[Any], Any]
@@ -193,7 +193,7 @@ def minimise(
     shift = np.random.default_rng(seed).random(len(first))
     spread = (qmc.Halton(len(first), scramble=False).random(num_starts)[1:] + shift) % 1
     starts = [first, *(box.low * (box.high / box.low) ** u for u in spread)]
-    with opened(store) as points, shown_on_a_line(progress, "start", num_starts) as say:
+    with open_store(store) as points, shown_on_a_line(progress, "start", num_starts) as say:
         problem = Evaluations(objective, constraints, box, points)
         # The median: a start may be where the objective is all but zero.
         size = np.median([abs(problem.at(x).value) for x in starts])

@@ -31,7 +31,7 @@ from ..core.checks import check_types, check_values, check_whole
 from .evaluations import Evaluation, Evaluations, Flat, box_of, first_in
 from .progress_line import shown_on_a_line
 from .search import MARGIN, Descent, Design, Tried, descend, designed
-from .store import Store, opened
+from .store import Store, open_store
 
 LEARNING_RATE = 0.1  # of the logarithms at first; it falls to zero as a cosine
 STIFFNESS = 10.0  # of the penalty: a constraint missed by a tenth weighs as much as the objective
@@ -92,7 +92,7 @@ def minimise_expected(
     check_values("rtol", rtol, "it lies between 0 and 1", above=0, at_most=1)
     box = box_of(lower, upper)
     first = first_in(box, start)
-    with opened(store) as points, shown_on_a_line(progress, "step", num_steps) as say:
+    with open_store(store) as points, shown_on_a_line(progress, "step", num_steps) as say:
         problem = Evaluations(objective, constraints, box, points, jax.random.key(seed))
         path = _steps_down(problem, first, optimiser, num_steps, say)
         # One set of draws to move the mean by, another to judge where that led.

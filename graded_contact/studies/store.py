@@ -76,15 +76,17 @@ def together(name: str, like: jax.ShapeDtypeStruct, points: Sequence[Point | Non
 
 
 @contextlib.contextmanager
-def opened(store: "str | os.PathLike | Store | None") -> Iterator["Store | None"]:
-    """Yields an open store: `store`, or a new one of this folder. Warns of damaged points."""
-    new = isinstance(store, str | os.PathLike)
-    with Store(store) if new else contextlib.nullcontext(store) as points:
-        known = 0 if points is None else len(points.damaged)
+def open_store(store: "str | os.PathLike | Store | None") -> Iterator["Store | None"]:
+    """Yields an open store: `store`, or that of a folder, with a warning of damaged points."""
+    if not isinstance(store, str | os.PathLike):
+        yield store
+        return
+    with Store(store) as points:
         yield points
-    if points is not None and (damaged := points.damaged[known:]):
-        text = f"{len(damaged)} of the points in `{points.folder}` were damaged and are computed"
-        warnings.warn(f"{text} again; the first is {damaged[0].name}.", stacklevel=4)
+    if points.damaged:
+        text = f"{len(points.damaged)} of the points in `{points.folder}` were damaged and are"
+        text += f" computed again; the first is {points.damaged[0].name}."
+        warnings.warn(text, stacklevel=4)
 
 
 class Store:

@@ -5,6 +5,7 @@ import importlib.util
 import os
 import time
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import jax
@@ -15,7 +16,7 @@ from ..core.memory import SMALL, available_memory, in_gigabytes
 from .dataset import FAILED, LOST, NOT_STARTED, attach
 from .interruption import Interruption, ctrl_c_later
 from .program import Program, Task, compiled, trace
-from .store import Point, Store, fingerprint, opened, together
+from .store import Point, Store, open_store, together
 from .workers import check_workers, connected, num_cores, on_workers, pays
 
 if TYPE_CHECKING:
@@ -60,7 +61,8 @@ def sweep(
     - `client`: in place of `workers`, a client of `dask.distributed`, or the address of a
       scheduler, "tcp://host:8786".
     - `units`: of axes and results by name, in addition to those that the package knows.
-    - `progress`: called with the number of finished points and of all points.
+    - `progress`: called with the number of finished points and of all points: when the program is
+      compiled, and after each point.
 
     **Returns:** a dataset over the axes in their order, or over `point` for a list. `message` is
     empty where a point succeeded; otherwise "not started", "failed: ..." or the solver's message.
@@ -81,11 +83,8 @@ def sweep(
         program = trace(function, {name: column[0] for name, column in columns.items()})
         later.check()
         _check_results(program, columns, int(np.prod(shape)))
-        names = []
-        if store is not None:
-            key, rows = program.key, zip(*columns.values(), strict=True)
-            names = [fingerprint(key, [*map(np.asarray, row)]) for row in rows]
-        with opened(store) as points_of:
+        names = [] if store is None else program.names_of(columns)
+        with open_store(store) as points_of:
             engine = {"workers": workers, "client": client, "progress": progress}
             points = solve_points(program, columns, names, store=points_of, **engine)
     # Arrays of one point become arrays over all axes, and NaN stands for what is missing.
@@ -101,18 +100,18 @@ def sweep(
 
 
 def solve_points(
-    function: Callable[[dict[str, Any]], Any] | Program, columns: dict[str, np.ndarray],
-    names: Sequence[str] = (), *, store: Store | None = None, workers: Workers = None,
-    client: Any = None, keep: Sequence[Collection[str]] | None = None,
+    program: Program, columns: dict[str, np.ndarray], names: Sequence[str] = (), *,
+    store: Store | None = None, workers: Workers = None, client: Any = None,
+    keep: Sequence[Collection[str]] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Point | None]:  # fmt: skip
-    """Returns the result of a function at each point, None where Ctrl-C came first.
+    """Returns the result of a program at each point, None where Ctrl-C came first.
 
     **Arguments:**
 
-    - `function`: as in `sweep`, or its program.
+    - `program`: of a function as in `sweep`.
     - `columns`: one number per point by the names that the function reads.
-    - `names`: of the points in the store, each a fingerprint of all that decides its numbers.
+    - `names`: of the points in the store, see `Program.names_of`.
     - `store`: points that it holds are not solved again.
     - `workers`, `client`, `progress`: as in `sweep`.
     - `keep`: names of the results of each point that are needed, None: all. A point of the store
@@ -124,9 +123,8 @@ def solve_points(
     count = len(next(iter(columns.values())))
     points: list[Point | None] = [None] * count
     tasks: dict[int, Task] = {}
-    # A stored point of a `Program` that lacks a result is damaged; with `keep` it is one that was
-    # stored without its fields.
-    whole = function.like[0] if isinstance(function, Program) and not keep else ()
+    # A stored point that lacks a result is damaged; with `keep` it was stored without its fields.
+    whole = () if keep else program.like[0]
     for i in range(count):
         needed = keep[i] if keep else None
         point = None if store is None else store.read(names[i], whole)
@@ -136,29 +134,33 @@ def solve_points(
         else:
             tasks[i] = {name: column[i] for name, column in columns.items()}, needed
     stored = count - len(tasks)
-    if progress is not None and stored:
-        progress(stored, count)
+    say = progress or (lambda *_: None)
+    begin = partial(say, stored, count)
     if not tasks:
+        begin()
         return points
-    with ctrl_c_later() as later, contextlib.suppress(KeyboardInterrupt):
-        if not isinstance(function, Program):
-            function = trace(function, {name: column[0] for name, column in columns.items()})
-            later.check()
+    with (
+        ctrl_c_later() as later,
+        contextlib.suppress(KeyboardInterrupt),
         # Closing ends workers and cancels their tasks at once, also after Ctrl-C.
-        with contextlib.closing(_solved(function, tasks, workers, client, later)) as solved:
-            for done, (i, point) in enumerate(solved, start=stored + 1):
-                points[i] = point
-                if store is not None and point.message != LOST:  # a lost point is tried again
-                    store.write(names[i], point)
-                if progress is not None:
-                    progress(done, count)
+        contextlib.closing(_solved(program, tasks, workers, client, later, begin)) as solved,
+    ):
+        for done, (i, point) in enumerate(solved, start=stored + 1):
+            points[i] = point
+            if store is not None and point.message != LOST:  # a lost point is tried again
+                store.write(names[i], point)
+            say(done, count)
     return points
 
 
 def _solved(
-    program: Program, tasks: dict[int, Task], workers: Workers, client: Any, later: Interruption
-) -> Generator[tuple[int, Point]]:
-    """Yields points as they end: in this process, on workers, or first here and then there."""
+    program: Program, tasks: dict[int, Task], workers: Workers, client: Any, later: Interruption,
+    begin: Callable[[], None],
+) -> Generator[tuple[int, Point]]:  # fmt: skip
+    """Yields points as they end: in this process, on workers, or first here and then there.
+
+    `begin` is called before the first one, when the program is compiled.
+    """
     left = dict(tasks)
     if client is None and workers in (None, "auto"):
         can_start = workers == "auto" and importlib.util.find_spec("distributed")
@@ -168,6 +170,7 @@ def _solved(
         solve = compiled(program)
         later.check()
         compiling = time.perf_counter() - start
+        begin()
         for i, task in tasks.items():
             start = time.perf_counter()
             yield i, solve(task)
@@ -176,6 +179,8 @@ def _solved(
             seconds = time.perf_counter() - start
             if can_start and pays(len(left) * seconds, compiling):
                 break
+    else:
+        begin()
     if left:
         count = num_cores() if workers == "auto" else workers
         with connected(count, client) as client:

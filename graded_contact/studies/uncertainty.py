@@ -126,7 +126,7 @@ def propagate(
     return Estimate(value, jnp.sqrt(variance))
 
 
-def errors_of(fit: AbstractFit, material: Prony) -> Errors:
+def errors_of_fit(fit: AbstractFit, material: Prony) -> Errors:
     """Returns the errors of the numbers of a fitted material, for export with it.
 
     **Arguments:**

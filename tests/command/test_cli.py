@@ -30,17 +30,18 @@ from graded_contact.command import result_tables
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
 from graded_contact.core.display import number
+from graded_contact.scenes.plan import build_surface
 from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
-from graded_contact.scenes.run_scene import build_surface
-from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.scenes.scene_file import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at
 from graded_contact.studies import interruption
 from graded_contact.studies.dataset import write
 from graded_contact.studies.store import Store
 from graded_contact.surfaces.reading_steps import ReadingStep
 
-# A room lists a function of this module's name.
-SOLVER = sys.modules["graded_contact.scenes.run_scene"]
+# A room lists a function of each of these modules' names.
+PLAN = sys.modules["graded_contact.scenes.plan"]
+SWEEP = sys.modules["graded_contact.studies.sweep"]
 
 CACHE_FOLDER = session.cache_folder
 
@@ -225,7 +226,7 @@ def interrupt_after(monkeypatch, count):
 
 
 def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(SOLVER, "solve", None)
+    monkeypatch.setattr(SWEEP, "compiled", None)
     result = rerun()
     assert result.exit_code == 0, result.output
     assert f"2 of 2 solves are found in {tmp_path / 'out' / 'small.points'}" in result.stdout
@@ -271,7 +272,7 @@ def test_a_result_of_another_scene_is_replaced_only_if_asked(rerun, tmp_path, mo
     path = tmp_path / "out" / "small.h5"
     before = path.read_bytes()
     with monkeypatch.context() as patch:
-        patch.setattr(SOLVER, "solve", None)
+        patch.setattr(SWEEP, "compiled", None)
         result = rerun(text=other)
     assert result.exit_code == 2 and path.read_bytes() == before
     text = result.stderr
@@ -302,14 +303,14 @@ def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path):
 
 
 def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
-    solve = SOLVER.solve
+    solve = PLAN.solve
 
     def failing(case, numerics):
         pressure = eqx.error_if(case.pressure, case.pressure > 0, "no such kernel")
         return solve(dataclasses.replace(case, pressure=pressure), numerics)
 
     shutil.rmtree(tmp_path / "out")
-    monkeypatch.setattr(SOLVER, "solve", failing)
+    monkeypatch.setattr(PLAN, "solve", failing)
     result = rerun()
     assert result.exit_code == 1
     assert "2 of 2 solves failed" in result.stderr and "Traceback" not in result.output
@@ -321,14 +322,14 @@ def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
 
 
 def test_solves_that_failed_have_neither_numbers_nor_figures(rerun, tmp_path, monkeypatch):
-    solve = SOLVER.solve
+    solve = PLAN.solve
 
     def not_finite(case, numerics):
         rough = eqx.tree_at(lambda s: s.heights, case.surface, np.nan * case.surface.heights)
         return solve(dataclasses.replace(case, surface=rough), numerics)
 
     shutil.rmtree(tmp_path / "out")
-    monkeypatch.setattr(SOLVER, "solve", not_finite)
+    monkeypatch.setattr(PLAN, "solve", not_finite)
     result = rerun()
     assert result.exit_code == 1 and "log-scaled" not in result.output
     assert "No solve succeeded: no figure is drawn." in result.stdout
@@ -375,7 +376,7 @@ def in_a_file(folder):
 def test_an_output_is_checked_before_anything_is_computed(
     tmp_path, monkeypatch, folder, name, expected
 ):
-    monkeypatch.setattr(scene_job, "build_surface", None)
+    monkeypatch.setattr(scene_job, "plan", None)
     (tmp_path / f"{name}.toml").write_text(SCENE)
     result = command("run", tmp_path / f"{name}.toml", "-o", folder(tmp_path / "place"))
     assert result.exit_code == 2 and expected in result.stderr, result.output

@@ -14,7 +14,7 @@ from scene_texts import HOSTILE
 from graded_contact.command.new import _lines
 from graded_contact.core.escaping import in_comment, in_csv, in_figure, in_html
 from graded_contact.exports.friction_cards import export_friction
-from graded_contact.scenes.proposal import Load
+from graded_contact.scenes.proposal import ProposedLoad
 from graded_contact.studies.dataset import write_csv
 
 each_text = pytest.mark.parametrize("text", HOSTILE, ids=ascii)
@@ -76,7 +76,7 @@ def test_texts_in_a_csv_are_no_formulas_and_numbers_stay_numbers(tmp_path, text)
 
 @each_text
 def test_a_proposed_scene_has_its_title_in_a_comment_and_as_a_text(text):
-    load = Load(1e5, (0.1, 1.0), ())
+    load = ProposedLoad(1e5, (0.1, 1.0), ())
     lines = _lines(text, Path(f"{text}.toml"), "a", {}, "[materials.a]", load, known=True)
     assert tomllib.loads("\n".join(lines))["title"] == text
 

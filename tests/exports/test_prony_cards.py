@@ -9,8 +9,8 @@ from oracles import maxwell
 from scene_texts import BARE
 
 import graded_contact as gc
-from graded_contact.exports.prony_cards import FORMATS, export_prony
-from graded_contact.scenes.scene import parse_scene
+from graded_contact.exports.prony_cards import PRONY_CARDS, export_prony
+from graded_contact.scenes.scene_file import parse_scene
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)
 TABLE = gc.materials.TabulatedShift(
@@ -137,5 +137,5 @@ def test_what_a_format_cannot_hold_is_refused(material, format, options, expecte
 
 def test_a_liquid_is_exported_where_no_ratio_is_needed():
     liquid = gc.Prony(0, [1e6, 2e5], [1e-3, 1.0])
-    for format in set(FORMATS) - {"abaqus", "ansys"}:
+    for format in set(PRONY_CARDS) - {"abaqus", "ansys"}:
         assert "200000.0" in export_prony(liquid, format)

@@ -14,7 +14,7 @@ import graded_contact as gc
 from graded_contact import master_curve
 from graded_contact.exports.prony_cards import export_prony
 from graded_contact.materials.shift import WLF, Arrhenius, TabulatedShift
-from graded_contact.scenes.scene import parse_scene
+from graded_contact.scenes.scene_file import parse_scene
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 STRENGTHS = np.array([2e6, 9e6, 4e7, 1.5e8])  # [Pa]

@@ -23,8 +23,8 @@ from graded_contact.page.document import (
 from graded_contact.page.entries import dimension_of, read_entry
 from graded_contact.page.knobs import knobs_of, turned
 from graded_contact.page.scenery import scenery_of, with_numbers
-from graded_contact.scenes.scene import read_scene
-from graded_contact.scenes.schema import toml_text
+from graded_contact.scenes.scene_file import read_scene
+from graded_contact.scenes.toml import toml_text
 
 SHIFT = 'kind = "tyre_tread"\npoisson = 0.45'
 WARM = "temperature = [280.0, 300.0]\nvelocity ="

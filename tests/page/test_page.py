@@ -17,7 +17,7 @@ import graded_contact as gc
 from graded_contact.page import model as models
 from graded_contact.page.document import open_document, with_layer, with_moduli
 from graded_contact.page.model import Model
-from graded_contact.scenes.scene import read_scene
+from graded_contact.scenes.scene_file import read_scene
 
 pytest.importorskip("panel")
 import panel as pn

@@ -22,8 +22,8 @@ from graded_contact.command.result_tables import print_table
 from graded_contact.core.quantities import numbers_of
 from graded_contact.plot.style import caption, entitle
 from graded_contact.plot.words import title_of
-from graded_contact.scenes.results import surface_variables
-from graded_contact.scenes.schema import entry_text
+from graded_contact.scenes.collect import surface_variables
+from graded_contact.scenes.toml import entry_text
 from graded_contact.studies.dataset import attach, write_csv
 from graded_contact.surfaces.spectrum import CutoffCurve
 

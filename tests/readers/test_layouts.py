@@ -14,7 +14,8 @@ import pytest
 from graded_contact import read_surface, surface_from_heights
 from graded_contact.fields.grid import Grid
 from graded_contact.readers.length_headings import units_in
-from graded_contact.scenes.results import surface_of, surface_variables
+from graded_contact.scenes.collect import surface_variables
+from graded_contact.scenes.results import surface_of
 from graded_contact.surfaces.random_surface import random_surface
 from graded_contact.surfaces.rescaling import resample, rescale
 from graded_contact.surfaces.spectrum import SelfAffine

@@ -7,7 +7,7 @@ import pytest
 from test_instrument_exports import workbook, write
 
 import graded_contact as gc
-from graded_contact.exports.prony_cards import FORMATS, export_prony
+from graded_contact.exports.prony_cards import PRONY_CARDS, export_prony
 from graded_contact.readers import read_moduli, read_prony
 
 # E(t) = 3 MPa + 4, 2 and 1 MPa that decay in 1 ms, 0.1 s and 10 s.
@@ -190,7 +190,7 @@ def test_what_is_assumed_of_a_deck_is_a_warning(tmp_path, caplog):
     assert f"up to {abs(exact / 0.3 - 1):.1%} off" in told[2]
 
 
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("form", PRONY_CARDS)
 def test_an_exported_card_is_read_back_with_its_numbers(tmp_path, form):
     law = gc.WLF(4.57, 113.6, 298.15)
     for i, material in enumerate((

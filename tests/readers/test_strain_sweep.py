@@ -9,7 +9,7 @@ from scene_texts import BARE
 import graded_contact as gc
 from graded_contact.materials import StrainSoftening
 from graded_contact.readers import read_strain_sweep
-from graded_contact.scenes.scene import parse_scene
+from graded_contact.scenes.scene_file import parse_scene
 
 STRAIN = np.array([1e-3, 1e-2, 0.1])
 STORAGE, LOSS = np.array([2e6, 1.8e6, 9e5]), np.array([2e5, 3e5, 1.5e5])

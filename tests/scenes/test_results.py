@@ -7,10 +7,11 @@ import xarray
 
 import graded_contact as gc
 from graded_contact.core.quantities import numbers_of
+from graded_contact.scenes.collect import surface_variables
 from graded_contact.scenes.results import (
     FORMAT,
     KEPT_FIELDS,
-    contact_at,
+    kept_contact,
     kept_solves,
     lost_solves,
     older_meaning,
@@ -18,7 +19,6 @@ from graded_contact.scenes.results import (
     read_results,
     solve_states,
     surface_of,
-    surface_variables,
     warnings_of,
 )
 from graded_contact.studies.dataset import LOST, NOT_STARTED, SEAL, attach, write, write_sealed
@@ -116,7 +116,7 @@ def test_fields_are_those_of_the_stored_solves():
     last["message"][1, 2] = ""
     assert kept_solves(last) == [(1, 2)]
     for results, index, at in ((every, (0, 2), (0, 2)), (last, (1, 2), ())):
-        fields, surface = contact_at(results, index)
+        fields, surface = kept_contact(results, index)
         np.testing.assert_array_equal(fields.pressure, results.contact_pressure.values[at])
         np.testing.assert_array_equal(surface.heights, results.contact_heights.values[at])
         assert not {"velocity", "pressure"} & {*fields.coords}

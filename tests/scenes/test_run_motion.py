@@ -6,15 +6,10 @@ from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
-from graded_contact.scenes.cost import scene_cost
-from graded_contact.scenes.results import (
-    contact_at,
-    kept_solves,
-    numbers_of_scene,
-    read_results,
-)
-from graded_contact.scenes.run_scene import build_surface, point_names, run_scene
-from graded_contact.scenes.scene import parse_scene
+from graded_contact.scenes.collect import numbers_of_scene
+from graded_contact.scenes.plan import build_surface, plan
+from graded_contact.scenes.results import kept_contact, kept_solves, read_results
+from graded_contact.scenes.scene_file import parse_scene
 from graded_contact.studies.dataset import write, write_csv
 
 SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")
@@ -29,7 +24,7 @@ CYCLE = SMALL.replace(
 @pytest.fixture(scope="module")
 def cycles():
     scene = parse_scene(CYCLE)
-    return scene, run_scene(scene)
+    return scene, plan(scene).run()
 
 
 def test_a_run_of_a_motion_is_slide_cycle(cycles):
@@ -77,7 +72,7 @@ def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(c
     again = read_results(tmp_path / "r.h5")
     assert again.identical(results)
     assert kept_solves(again) == [(1, 0, 1)]
-    fields, surface = contact_at(again, (1, 0, 1))
+    fields, surface = kept_contact(again, (1, 0, 1))
     assert fields["pressure"].shape == (8, 16, 16) and surface.periodic
     np.testing.assert_allclose(
         fields["pressure"].mean(("x", "y")), again["load"][1, 0, 1], rtol=1e-9
@@ -90,24 +85,10 @@ def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(c
     assert len(figure.axes[0].lines) == 5  # four loops and zero
 
 
-def test_the_estimate_of_time_counts_coupling_and_heat():
-    fine = CYCLE.replace("[16, 16]", "[256, 256]").replace("stroke = 1e-4", "stroke = 1e-5")
-    warm = fine.replace("[load]", "[load]\ntemperature = 300.0") + (
-        "[heating]\nconductivity = 0.25\ndiffusivity = 1e-7\n"
-    )
-    plain, coupled, heated = (
-        scene_cost(parse_scene(text)).seconds - scene_cost(parse_scene(CYCLE)).seconds
-        for text in (fine, fine + "coupled = true\n", warm)
-    )
-    assert 2 * plain < coupled < 5 * plain
-    # Four solves take 1.8 s of heat each at 128 x 128 points.
-    assert heated > 2 * plain + 4 * 4 * 0.9
-
-
 def test_a_run_with_shear_adds_the_stress_on_the_contact():
     text = SMALL + '[shear]\nkind = "constant"\nstress = 1e5\n'
     scene = parse_scene(text)
-    results = run_scene(scene)
+    results = plan(scene).run()
     # The mean field in a scene has the same law.
     np.testing.assert_allclose(results.shear_friction, 0.5 * results.contact_area, rtol=1e-9)
     both = results.hysteresis_friction + results.shear_friction
@@ -121,10 +102,8 @@ def test_a_law_and_numbers_that_are_asked_for_are_those_of_python(capsys):
     plain = parse_scene(elastic.replace("[0.01, 1.0]", "0.0") + law)
     asked = "[observe]\nstiffness = true\nconductance = true\nflow = true\n"
     scene = parse_scene(plain.text + asked)
-    surface, results = build_surface(scene), run_scene(scene)
+    surface, results = build_surface(scene), plan(scene).run()
     assert not any("stiffness" in name for name in numbers_of_scene(plain, surface))
-    # A store solves points again that lack a number; it is no part of their name.
-    np.testing.assert_array_equal(point_names(plain, surface), results.point)
     given = {"pressure": 2e5, "velocity": 0.0, "law": gc.HardWall(1e6)}
     sliding = gc.slide(scene.stack, surface, **given)
     assert results.contact_pressure.max() <= 1e6 * (1 + 1e-12)
@@ -159,7 +138,7 @@ def test_a_run_with_heating_is_slide_with_heating():
         "[heating]\nconductivity = 0.2\ndiffusivity = 1e-7\n"
     )
     scene = parse_scene(text.replace('"tyre_tread"', '"tyre_tread"\npoisson = 0.49'))
-    results = run_scene(scene)
+    results = plan(scene).run()
     load = {"pressure": 2e5, "velocity": 10.0, "temperature": 300.0, "rtol": scene.rtol}
     heating = gc.sliding.Heating(0.2, 1e-7)
     sliding = gc.slide(scene.stack, build_surface(scene), heating=heating, **load)
@@ -177,14 +156,14 @@ def test_a_sphere_in_a_scene_has_the_pressure_of_hertz():
     ):  # fmt: skip
         assert old in text
         text = text.replace(old, new)
-    results = run_scene(parse_scene(text))
+    results = plan(parse_scene(text)).run()
     contact_modulus, force, radius = 4e6, 1e-2, 2e-3
     half_width = (0.75 * force * radius / contact_modulus) ** (1 / 3)
     peak = 1.5 * force / (np.pi * half_width**2)
     np.testing.assert_allclose(results.contact_pressure.max(), peak, rtol=0.02)
     np.testing.assert_allclose(results.approach.item(), half_width**2 / radius, rtol=0.02)
     assert results.rim_load == 0
-    moved = run_scene(parse_scene(text.replace(load, f"approach = {results.approach.item()}")))
+    moved = plan(parse_scene(text.replace(load, f"approach = {results.approach.item()}"))).run()
     assert moved["message"].dims == ("approach", "velocity")
     np.testing.assert_allclose(moved.mean_pressure.item(), 1e-2 / 36e-8, rtol=1e-4)
-    assert not contact_at(results, (0, 0))[1].periodic
+    assert not kept_contact(results, (0, 0))[1].periodic

@@ -1,6 +1,7 @@
 """Scenes are run point by point; what is kept is not computed again."""
 
 import dataclasses
+import sys
 from pathlib import Path
 
 import jax
@@ -11,16 +12,24 @@ from scene_texts import TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
+from graded_contact.core.parameters import paths, with_values
 from graded_contact.core.quantities import OBSERVABLES, Above, observable
 from graded_contact.fields.frequency import wave_frequencies
-from graded_contact.scenes.results import contact_at, kept_solves, shift_factors, warnings_of
-from graded_contact.scenes.run_scene import build_surface, check_run, point_names, run_scene
-from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.scenes.collect import shift_factors
+from graded_contact.scenes.plan import build_surface, plan
+from graded_contact.scenes.results import kept_contact, kept_solves, warnings_of
+from graded_contact.scenes.scene import Scene
+from graded_contact.scenes.scene_file import parse_scene, read_scene
+from graded_contact.scenes.surface_source import RandomSurface
 from graded_contact.scenes.theory import check_frequencies_of
+from graded_contact.studies.dataset import package_versions
 from graded_contact.studies.store import Store
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 EXAMPLES = Path(__file__).parents[2] / "examples"
+# Rooms list functions of the names of these modules.
+PLAN = sys.modules["graded_contact.scenes.plan"]
+SWEEP, PROGRAM = (sys.modules[f"graded_contact.studies.{name}"] for name in ("sweep", "program"))
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +39,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def results(scene):
-    return run_scene(scene)
+    return plan(scene).run()
 
 
 def test_a_run_gives_what_slide_gives(scene, results):
@@ -51,7 +60,7 @@ def test_a_run_gives_what_slide_gives(scene, results):
 
 def test_what_is_assumed_of_a_file_is_a_caveat_of_every_solve(scene, capsys):
     told = dataclasses.replace(scene, assumed=("tread: Read as tension.",))
-    found = run_scene(told)
+    found = plan(told).run()
     assert found.attrs["caveats"].startswith("tread: Read as tension.")
     first = warnings_of(found)[0]
     assert first.sentence == "tread: Read as tension." and np.all(first.where)
@@ -70,7 +79,7 @@ def test_an_observable_is_one_function(capsys):
 
     try:
         scene = parse_scene(changed("shape = [32, 32]", "shape = [16, 16]", "8e4", "4e4"))
-        results = run_scene(scene)
+        results = plan(scene).run()
         sliding = gc.slide(scene.stack, build_surface(scene), pressure=4e5, velocity=1.0)
         assert sliding.largest_pressure == np.max(sliding.pressure)
         assert "largest_pressure [Pa]" in repr(sliding)
@@ -104,7 +113,7 @@ def test_friction_from_frequencies_that_were_not_measured_is_refused_before_solv
         r"velocities \(1 to 1 m/s\).*`extrapolate = true` in \[load\]"
     )
     with pytest.raises(ValueError, match=refusal):
-        run_scene(scene)
+        plan(scene)
     # The last wave alone lies outside: less than a hundredth of the friction, and no refusal.
     surface = build_surface(scene)
     fastest = np.max(np.abs(wave_frequencies(surface.grid, 1.0)))
@@ -112,7 +121,7 @@ def test_friction_from_frequencies_that_were_not_measured_is_refused_before_solv
 
 
 def test_extrapolated_friction_that_is_allowed_is_reported_and_marked():
-    results = run_scene(parse_scene(measured_tread("[1.0, 1e4]", "extrapolate = true")))
+    results = plan(parse_scene(measured_tread("[1.0, 1e4]", "extrapolate = true"))).run()
     assert np.all(results.extrapolated_friction[:, 0] == 0)
     assert np.all(results.extrapolated_friction[:, 1] > 0.05)
     (caveat,) = (c for c in warnings_of(results) if "not measured" in c.sentence)
@@ -140,23 +149,125 @@ def solved(monkeypatch):
 
 def test_scenes_share_the_solves_that_they_have_in_common(scene, results, solved, tmp_path):
     with Store(tmp_path) as store:
-        run_scene(scene, store=store)
+        plan(scene).run(store=store)
         more = parse_scene(changed("[0.01, 1.0]", "[1.0, 0.1]", 'title = "a small', 'title = "a'))
-        found = run_scene(more, store=store)
+        found = plan(more).run(store=store)
         assert solved[4:] == found.point.values[:, 1].tolist()
-        assert found.identical(run_scene(more))
-        assert run_scene(scene, store=store).identical(results) and len(solved) == 6
+        assert found.identical(plan(more).run())
+        assert plan(scene).run(store=store).identical(results) and len(solved) == 6
 
 
-def test_whatever_decides_the_numbers_of_a_solve_decides_its_name(scene, results):
-    for other in (
-        ("2e-5", "3e-5"), ("1e-6", "1e-7"), ("0.4\n", "0.41\n"), ("seed = 3", ""),
-        ("[solver]", "temperature = 290\n[solver]"), ("[solver]", "direction = 0.1\n[solver]"),
-        ("[solver]", "[solver]\nmax_steps = 7"), ("seed = 3", "seed = 3\nseeds = 1"),
+LINE = changed(
+    "[32, 32]", "[16]", "8e4", "4e4", "[2e5, 4e5]", "2e5", '"tyre_tread"',
+    '"prony"\nequilibrium = 6e6\nstrengths = [2e7]\ntimes = [1e-3]\nshift = {kind = "wlf", '
+    "c1 = 4.0, c2 = 100.0, reference = 290.0}", "[solver]", "temperature = 300.0\n[shear]\n"
+    'kind = "peaked"\npeak = 2e5\nvelocity = 0.1\nsteepness = 2.0\n[solver]',
+)  # fmt: skip
+
+
+def other_numbers() -> dict[str, Scene]:
+    """A scene with one other number, by what is other: each number of a scene that has any."""
+    scene = parse_scene(LINE)
+    found = {}
+    for name in ("stack", "shear"):
+        for path, value in paths(getattr(scene, name)).items():
+            if not path.endswith("]"):
+                tree = with_values(getattr(scene, name), {path: value * (1 - 1e-15)})
+                found[f"{name}.{path}"] = dataclasses.replace(scene, **{name: tree})
+    return found
+
+
+def test_whatever_decides_the_numbers_of_a_solve_decides_its_name():
+    """Numbers of block, shear and load, heights and measured points by their last bits."""
+    planned = plan(parse_scene(LINE))
+    names = {"as it is": planned.points}
+    names |= {what: plan(other).points for what, other in other_numbers().items()}
+    heights, scene = planned.surface.heights, planned.scene
+    higher = dataclasses.replace(planned.surface, heights=heights.at[3].multiply(1 - 1e-15))
+    filled = dataclasses.replace(planned.surface, measured=jnp.arange(16) != 3)
+    names |= {"heights": plan(scene, surface=higher).points}
+    names |= {"measured": plan(scene, surface=filled).points}
+    for new, old in (
+        ("temperature = 300.00000000000006", "temperature = 300.0"), ("1.0001e-6", "1e-6"),
+        ("[24]", "[16]"), ("1.1e-3", "1e-3"), ("seed = 4", "seed = 3"), ("seeds = 1", "seed = 3"),
+        ("[solver]\nmax_steps = 7", "[solver]"), ("[observe]\nflow = true\n[solver]", "[solver]"),
     ):  # fmt: skip
-        different = parse_scene(changed(*other))
-        names = point_names(different, build_surface(different))
-        assert not np.any(np.isin(names, results.point)), other
+        names[new] = plan(parse_scene(LINE.replace(old, new))).points
+    with jax.enable_x64(False):
+        names |= {"precision": plan(parse_scene(LINE.replace("1e-6", "1e-3"))).points}
+    distinct = {point for points in names.values() for point in points.flat}
+    assert len(distinct) == 2 * len(names), {what: n.flat[0][:6] for what, n in names.items()}
+
+
+def test_another_version_decides_the_names_of_solves_and_what_decides_no_number_does_not(
+    scene, results, monkeypatch
+):
+    """Neither the order nor the number of other points counts."""
+    for other in (
+        ("a small one", "another"), ("[2e5, 4e5]", "[3e5, 4e5, 2e5]"), ("[0.01, 1.0]", "1.0"),
+        ("[solver]", '[output]\nfields = "none"\nname = "n"\n[solver]'),
+        ("[solver]", "extrapolate = true\n[solver]"),
+    ):  # fmt: skip
+        planned = plan(parse_scene(changed(*other)))
+        axes = planned.scene.axes
+        for i, j in np.ndindex(planned.points.shape):
+            known = results.point.where(
+                (results.pressure == axes["pressure"][i])
+                & (results.velocity == axes["velocity"][j]),
+                drop=True,
+            )
+            assert known.values.size == (axes["pressure"][i] != 3e5), other
+            assert not known.size or known.item() == planned.points[i, j], other
+    versions = package_versions() | {"version_graded_contact": "0"}
+    monkeypatch.setattr(PROGRAM, "package_versions", lambda: versions)
+    assert not np.any(np.isin(plan(scene).points, results.point))
+
+
+def test_a_plan_draws_and_traces_once_and_solves_nothing(scene, monkeypatch):
+    """For any number of points; a run then compiles what the plan has traced."""
+    calls = []
+
+    def counted(room, name):
+        own = getattr(room, name)
+        monkeypatch.setattr(room, name, lambda *a: calls.append(name) or own(*a))
+
+    counted(PLAN, "trace")
+    counted(RandomSurface, "build")
+    for room, name in ((SWEEP, "compiled"), (PLAN, "collect")):
+        monkeypatch.setattr(room, name, None)
+    many = changed("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 50}")
+    planned = plan(parse_scene(many))
+    assert calls == ["build", "trace"] and planned.points.shape == (2, 50)
+    text = str(planned)
+    assert "32 x 32 points" in text and "contact solves         100" in text
+    assert len(set(planned.points.flat)) == 100
+    monkeypatch.undo()
+    counted(PLAN, "trace")
+    counted(SWEEP, "trace")
+    counted(RandomSurface, "build")
+    plan(scene).run()
+    assert calls[2:] == ["build", "trace"]
+
+
+def test_a_plan_names_what_makes_every_number_doubtful(scene):
+    told = dataclasses.replace(scene, assumed=("tread: Read as tension.",))
+    assert str(plan(told)).splitlines()[-1] == "Caveat: tread: Read as tension."
+
+
+def test_a_scene_that_needs_more_memory_than_there_is_is_refused(scene, monkeypatch, tmp_path):
+    """Before it is drawn; a file when its points are known."""
+    monkeypatch.setattr("graded_contact.core.memory.available_memory", lambda: 2.0**30)
+    np.savetxt(tmp_path / "h.txt", np.random.default_rng(0).normal(size=(8, 8)) * 1e-6)
+    of_file = changed(
+        'kind = "self_affine"\nrms_slope = 0.2\nhurst = 0.8\nq_roll = 2e4\nq_high = 8e4\nseed = 3',
+        'kind = "file"\npath = "h.txt"\nsize = 1e-3\nunit = "m"\nshape = [2048, 2048]',
+        "[grid]\nshape = [32, 32]\nsize = 1e-3\n", "",
+    )  # fmt: skip
+    with pytest.raises(ValueError, match=r"^\[surface\] `shape` is refused: this scene of 2048"):
+        plan(parse_scene(of_file, tmp_path))
+    monkeypatch.setattr(RandomSurface, "build", None)
+    with pytest.raises(ValueError, match=r"^\[grid\] `shape` is refused: this scene of 2048"):
+        plan(parse_scene(changed("[32, 32]", "[2048, 2048]")))
 
 
 VARIED = changed(
@@ -169,7 +280,7 @@ VARIED = changed(
 @pytest.fixture(scope="module")
 def varied():
     scene = parse_scene(VARIED)
-    return scene, run_scene(scene)
+    return scene, plan(scene).run()
 
 
 def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
@@ -186,7 +297,7 @@ def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
     for name in ("friction", "contact_area", "mean_gap"):
         np.testing.assert_allclose(results[name][index], getattr(sliding, name), rtol=1e-6)
     assert kept_solves(results) == [index]
-    fields, own = contact_at(results, index)
+    fields, own = kept_contact(results, index)
     np.testing.assert_allclose(fields.pressure, sliding.pressure, rtol=1e-3, atol=1)
     np.testing.assert_allclose(own.heights, surface.heights, atol=1e-15)
     np.testing.assert_array_equal(results.heights, build_surface(scene).heights)
@@ -225,7 +336,7 @@ def test_errors_act_wherever_their_material_lies_and_not_on_what_is_swept(tmp_pa
         'temperature = [290, 300]\n[sweep]\n"layers[1].material.modulus" = [2e7, 4e7]\n[solver]',
     )  # fmt: skip
     scene = parse_scene(text, tmp_path)
-    results = run_scene(scene)
+    results = plan(scene).run()
     assert np.all(results.message == "") and results.friction_standard_error.shape == (2, 2, 1, 1)
     surface, index = build_surface(scene), (1, 1, 0, 0)
 
@@ -244,8 +355,7 @@ def test_errors_act_wherever_their_material_lies_and_not_on_what_is_swept(tmp_pa
     np.testing.assert_allclose(found, np.linalg.norm(slopes), rtol=1e-3)
     # Errors decide the name of a solve.
     bare = parse_scene(text.replace('errors = "e.csv"\n', ""), tmp_path)
-    names = point_names(bare, surface)
-    assert not np.any(np.isin(names, results.point))
+    assert not np.any(np.isin(plan(bare).points, results.point))
 
 
 def test_frequencies_that_no_table_covers_are_refused_at_any_temperature(tmp_path):
@@ -258,7 +368,7 @@ def test_frequencies_that_no_table_covers_are_refused_at_any_temperature(tmp_pat
         .replace("[solver]", "temperature = [293.15, 350]\n[solver]")
     )
     with pytest.raises(ValueError, match=r"At temperature = .*covers"):
-        run_scene(parse_scene(text, tmp_path))
+        plan(parse_scene(text, tmp_path))
 
 
 MELT = 'kind = "prony"\nequilibrium = 0.0\nstrengths = [1e6]\ntimes = [1e-2]'
@@ -282,7 +392,5 @@ BLEND = 'bottom = "coat"\ntop = "melt"\nshape = {kind = "linear"}'
 )  # fmt: skip
 def test_a_liquid_is_refused_by_the_name_of_its_material(name, pairs):
     scene = parse_scene(changed(*pairs))
-    surface = build_surface(scene)
-    for check in (lambda: check_run(scene, surface), lambda: run_scene(scene, surface=surface)):
-        with pytest.raises(ValueError, match=rf"^\[materials.{name}\] is a liquid .*--equilibrium"):
-            check()
+    with pytest.raises(ValueError, match=rf"^\[materials.{name}\] is a liquid .*--equilibrium"):
+        plan(scene)

@@ -12,7 +12,7 @@ from scene_texts import TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
 from graded_contact.readers.moduli import read_moduli
-from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.scenes.scene_file import parse_scene, read_scene
 
 LAYER = 'material = "coat"\nthickness = 2e-5'
 GRADED = 'bottom = "tread"\ntop = "coat"\nshape = "sinusoidal"\nthickness = 2e-5'

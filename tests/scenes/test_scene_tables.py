@@ -12,9 +12,9 @@ from scene_texts import BARE
 import graded_contact as gc
 from graded_contact.contacts import AdhesiveLJ, ExponentialAdhesion, RepulsiveLJ
 from graded_contact.readers.recorded_motion import read_motion
-from graded_contact.scenes.results import numbers_of_scene
-from graded_contact.scenes.run_scene import point_names
-from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.scenes.collect import numbers_of_scene
+from graded_contact.scenes.plan import plan
+from graded_contact.scenes.scene_file import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at, roughness_of
 
 STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")
@@ -125,7 +125,7 @@ def test_a_law_of_contact_is_that_of_the_constructor_and_has_no_mean_field(lines
         roughness_of(scene, surface)
     plain = parse_scene(BARE)
     assert isinstance(plain.case({"pressure": 2e5, "velocity": 1.0}, surface).law, gc.HardWall)
-    assert not np.any(np.isin(point_names(scene, surface), point_names(plain, surface)))
+    assert not np.any(np.isin(plan(scene).points, plan(plain).points))
 
 
 def test_coulomb_friction_is_a_kind_of_shear():

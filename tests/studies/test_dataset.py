@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray
 
-from graded_contact.studies.dataset import attach, read, write, write_whole
+from graded_contact.studies.dataset import attach, read_dataset, write, write_whole
 
 
 def example():
@@ -32,7 +32,7 @@ def example():
 def test_a_file_comes_back_bit_for_bit_and_opens_in_xarray(tmp_path):
     data = example()
     write(tmp_path / "a.h5", data)
-    assert read(tmp_path / "a.h5").identical(data)
+    assert read_dataset(tmp_path / "a.h5").identical(data)
     assert data.velocity.attrs == {"units": "m/s", "long_name": "sliding velocity"}
     assert data["contact.pressure"].units == "Pa" and data.own.attrs == {"units": "1/m"}
     with xarray.open_dataset(tmp_path / "a.h5", engine="h5netcdf") as opened:
@@ -48,13 +48,13 @@ def test_damage_is_refused(tmp_path):
         damaged[draw.integers(len(content))] ^= 1 << draw.integers(8)
         path.write_bytes(damaged)
         with pytest.raises(ValueError, match="is damaged"):
-            read(path)
+            read_dataset(path)
     for length in (0, 1, 512, len(content) - 1):
         path.write_bytes(content[:length])
         with pytest.raises(ValueError, match="is damaged"):
-            read(path)
+            read_dataset(path)
     with pytest.raises(FileNotFoundError):
-        read(tmp_path / "b.h5")
+        read_dataset(tmp_path / "b.h5")
 
 
 def test_a_file_that_another_program_opens_for_writing_keeps_its_data(tmp_path):
@@ -65,8 +65,8 @@ def test_a_file_that_another_program_opens_for_writing_keeps_its_data(tmp_path):
     for mode in ("r+", "a"):
         with h5py.File(path, mode) as file:
             assert file["friction"].shape == (2, 9) and path.read_bytes() != written
-            assert read(path).identical(data)
-        assert path.read_bytes() != written and read(path).identical(data)
+            assert read_dataset(path).identical(data)
+        assert path.read_bytes() != written and read_dataset(path).identical(data)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows lets nobody read a file that is written")
@@ -77,9 +77,9 @@ def test_a_file_that_another_program_is_changing_is_open_not_damaged(tmp_path):
         file["friction"][0, 0] = 3.0
         file.flush()
         with pytest.raises(ValueError, match=r"a\.h5` is open in another program: close it"):
-            read(path)
+            read_dataset(path)
     with pytest.raises(ValueError, match="is damaged"):
-        read(path)
+        read_dataset(path)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the limit on the size of files is that of POSIX")

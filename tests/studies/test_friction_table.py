@@ -2,6 +2,8 @@
 
 import io
 import itertools
+import re
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -16,10 +18,10 @@ from graded_contact import cli
 from graded_contact.command import friction_table as table_job
 from graded_contact.command import terminal as session
 from graded_contact.exports import export_friction
-from graded_contact.scenes.scene import KEYS
+from graded_contact.scenes.scene_file import KEYS
 from graded_contact.sliding import ConstantShear
 from graded_contact.studies import friction_table
-from graded_contact.studies.dataset import read
+from graded_contact.studies.dataset import read_dataset
 from graded_contact.studies.parameter_covariance import Errors
 from graded_contact.studies.store import fingerprint
 
@@ -57,41 +59,28 @@ def test_a_liquid_is_refused_before_temperatures_are_traced(method, speeds):
         friction_table(melt, rough, method=method, **axes)
 
 
-def test_shear_in_the_contact_holds_for_both_methods(monkeypatch):
+def test_shear_in_the_contact_is_an_option_and_what_no_mean_field_has_is_refused():
     shear, axes = ConstantShear(1e5), dict(pressure=[2e5], velocity=[0.1])
-    found = friction_table(
-        STACK, SPECTRUM, method="mean_field", slide_options={"shear": shear}, **axes
-    )
+    found = friction_table(STACK, SPECTRUM, method="mean_field", shear=shear, **axes)
     alone = gc.mean_field_friction(STACK, SPECTRUM, pressure=2e5, velocity=0.1, shear=shear)
     np.testing.assert_allclose(found.friction[0, 0], alone.friction, rtol=1e-12)
     assert alone.shear_friction > 0 and "ConstantShear(stress=100000" in found.conditions
-    with pytest.raises(TypeError, match="no argument `shear`: give one of `slide` in"):
-        friction_table(STACK, PROFILE, shear=shear, **axes)
-    # What the mean field refuses is refused before a contact is solved.
-    monkeypatch.setattr("graded_contact.studies.friction_tables.solve", None)
+    with pytest.raises(TypeError, match="friction_table has no argument `sheer`"):
+        friction_table(STACK, PROFILE, sheer=shear, **axes)
     heating = gc.sliding.Heating(0.2, 1e-7)
     for refused in ({"heating": heating}, {"law": gc.contacts.HardWall(1e7)}):
         with pytest.raises(ValueError, match=f"`{next(iter(refused))}.* is refused"):
-            friction_table(STACK, PROFILE, method="both", slide_options=refused, **axes)
+            friction_table(STACK, PROFILE, method="mean_field", **refused, **axes)
 
 
 @pytest.mark.slow
-def test_both_methods_beside_each_other_with_the_error_of_the_grid():
+def test_a_contact_of_a_table_is_that_of_slide_with_the_error_of_the_grid():
     axes, shear = dict(pressure=[2e5], velocity=[0.01, 0.1]), {"shear": ConstantShear(1e5)}
-    both = friction_table(STACK, PROFILE, method="both", slide_options=shear, **axes)
+    found = friction_table(STACK, PROFILE, **axes, **shear).sel(pressure=2e5, velocity=0.1)
     alone = gc.slide(STACK, PROFILE, pressure=2e5, velocity=0.1, **shear)
-    found = both.sel(pressure=2e5, velocity=0.1)
     np.testing.assert_allclose(found.friction, alone.friction, rtol=1e-6)
     np.testing.assert_allclose(found.friction_error, alone.friction_error, rtol=1e-2)
-    assert found.friction_error >= alone.friction_grid_error * 0.99
-    field = gc.mean_field_friction(STACK, PROFILE, pressure=2e5, velocity=0.1, **shear)
-    np.testing.assert_allclose(found["mean_field.friction"], field.friction, rtol=1e-12)
-    assert np.all(both.message == "")
-    lines = export_friction(both, "csv").splitlines()
-    assert lines[-3].endswith("mean_field.friction,mean_field.contact_area")
-    ratio = (both["mean_field.friction"] / both.friction).values
-    told = f"that of contact: {ratio.min():.3g} to {ratio.max():.3g}"
-    assert any(told in line for line in lines)
+    assert found.friction_error >= alone.friction_grid_error * 0.99 and found.message == ""
 
 
 def test_direction_of_sliding_matters_to_a_lay():
@@ -175,8 +164,8 @@ def test_what_no_card_holds_is_refused(table):
     with pytest.raises(ValueError, match=r"`velocity\[1\]=-1` is refused: a speed"):
         friction_table(STACK, PROFILE, pressure=[1e5], velocity=[0.1, -1.0])
     window = gc.Surface(jnp.zeros((8, 8)), gc.Grid((8, 8), CELL), periodic=False)
-    with pytest.raises(ValueError, match=r"`method='both'` .* a window has no mean field"):
-        friction_table(STACK, window, pressure=[1e5], velocity=[0.1], method="both")
+    with pytest.raises(ValueError, match=r"`method='mean_field'` .* a window has no mean"):
+        friction_table(STACK, window, pressure=[1e5], velocity=[0.1], method="mean_field")
 
 
 # Each key of [load], another value for it, and what refuses that, if anything does.
@@ -227,27 +216,27 @@ def invoke(tmp_path, monkeypatch):
     monkeypatch.setattr(session, "cache_folder", lambda: None)
     monkeypatch.setenv("HOME", str(tmp_path))
 
-    def run(*options, replaced=("32", "16")):
-        (tmp_path / "small.toml").write_text(SCENE.replace("8e4", "4e4").replace(*replaced))
+    def run(*options, replaced=("", ""), load="[0.01, 1.0]"):
+        text = SCENE.replace("8e4", "4e4").replace("[32, 32]", "[16, 16]").replace(*replaced)
+        (tmp_path / "small.toml").write_text(text.replace("[0.01, 1.0]", load))
         return CliRunner().invoke(cli.app, ["table", str(tmp_path / "small.toml"), *options])
 
     return run
 
 
 def test_the_command_writes_what_python_computes(invoke, tmp_path):
-    call = (*MEAN_FIELD, "--output", "~/out", "--num-wavenumbers", "32")
+    call = (*MEAN_FIELD, "--output", "~/out")
     done = invoke(*call)
     assert done.exit_code == 0, done.output
-    written = read(tmp_path / "out" / "small-friction.h5")
+    written = read_dataset(tmp_path / "out" / "small-friction.h5")
     assert written.attrs["method"] == "mean_field"
     for form, ending in (("abaqus", "inp"), ("csv", "csv")):
         text = (tmp_path / "out" / f"small-friction.{ending}").read_text()
         assert text == export_friction(written, form)
     scene = gc.read_scene(tmp_path / "small.toml")
     alone = gc.mean_field_friction(
-        scene.stack, scene.surface.spectrum, pressure=2e5, velocity=jnp.array([1.0, 0.0]),
-        num_wavenumbers=32,
-    )  # fmt: skip
+        scene.stack, scene.surface.spectrum, pressure=2e5, velocity=jnp.array([1.0, 0.0])
+    )
     np.testing.assert_allclose(written.friction[0, 1], alone.friction, rtol=1e-10)
     again = invoke(*call)
     assert again.exit_code == 2
@@ -257,7 +246,7 @@ def test_the_command_writes_what_python_computes(invoke, tmp_path):
 def test_the_table_is_of_contacts_and_says_so(invoke, tmp_path):
     done = invoke("-o", str(tmp_path))
     assert done.exit_code == 0, done.output
-    written = read(tmp_path / "small-friction.h5")
+    written = read_dataset(tmp_path / "small-friction.h5")
     scene = gc.read_scene(tmp_path / "small.toml")
     alone = gc.slide(scene.stack, scene.surface.build(), pressure=2e5, velocity=1.0)
     np.testing.assert_allclose(written.friction[0, 1], alone.friction, rtol=1e-8)
@@ -271,26 +260,46 @@ def test_the_table_is_of_contacts_and_says_so(invoke, tmp_path):
         assert told in card
 
 
-def test_a_point_that_fails_by_one_method_offers_the_other(invoke, tmp_path):
-    failed = invoke(*MEAN_FIELD, "-o", str(tmp_path), "--rtol", "1e-12")
+def test_a_point_that_fails_by_one_method_offers_the_other(invoke, tmp_path, monkeypatch):
+    """The mean field fails, as at a tolerance that no quadrature reaches."""
+    theory = partial(friction_table, rtol=1e-12)
+    monkeypatch.setattr(table_job, "friction_table", theory)
+    failed = invoke(*MEAN_FIELD, "-o", str(tmp_path))
     assert failed.exit_code == 1 and not (tmp_path / "small-friction.csv").exists()
     text = " ".join(failed.stderr.split())
     assert "2 of 2 points failed by the mean field. The first: The mean field did not" in text
-    assert "Raise `--num-wavenumbers` and" in text and "`--method contact` writes cards" in text
-    both = ("--method", "both", "-o", str(tmp_path), "--rtol", "1e-12", "--replace")
-    both = invoke(*both, replaced=("[0.01, 1.0]", "[0.01, 1.0]\ntemperature = 300.0"))
-    assert both.exit_code == 0 and "2 of 2 points failed by the mean field" in both.stderr
-    assert "By the mean field, with the error of its quadrature:" in both.stdout
-    written = read(tmp_path / "small-friction.h5")
-    assert np.all(written.friction > 0) and np.all(np.isnan(written["mean_field.friction"]))
-    text = (tmp_path / "small-friction.csv").read_text()
-    assert "it failed at 2 points" in text and "# Temperature: 300 K (26.85 °C)" in text
+    assert "No card is written. `--method contact` writes cards of contact." in text
+    assert "By the mean field, with the error of its quadrature:" in failed.stdout
+    assert np.all(np.isnan(read_dataset(tmp_path / "small-friction.h5").friction))
+
+
+MEASURED = (
+    'kind = "tyre_tread"', 'kind = "prony"\nequilibrium = 6e6\nstrengths = [2e7]\ntimes = [1e-4]\n'
+    'assumed = ["Read as tension."]\nmeasured = {omega = [1.0, 1e4]}',
+)  # fmt: skip
+
+
+def test_the_caveats_of_a_table_are_those_of_a_run(invoke, tmp_path):
+    """Of the mean field they are those that concern no grid."""
+    load = "[1.0]\nextrapolate = true"
+    done = invoke(*MEAN_FIELD, "-o", str(tmp_path), replaced=MEASURED, load=load)
+    assert done.exit_code == 0, done.output
+    of_theory = read_dataset(tmp_path / "small-friction.h5").attrs["caveats"].splitlines()
+    assert of_theory[0] == "tread: Read as tension."
+    share = r"^\d+% of the friction comes from frequencies or a temperature at which a material"
+    assert re.search(share, of_theory[1]) and len(of_theory) == 2
+    for sentence in of_theory:
+        assert f"Caveat: {sentence}" in done.stdout
+    scene = gc.read_scene(tmp_path / "small.toml")
+    assert invoke("-o", str(tmp_path), "--replace", replaced=MEASURED, load=load).exit_code == 0
+    of_contact = read_dataset(tmp_path / "small-friction.h5").attrs["caveats"]
+    assert of_contact == gc.plan(scene).run().attrs["caveats"]
+    assert "tread: Read as tension." in of_contact
 
 
 def test_what_a_table_does_not_take_is_refused(invoke):
     for options, replaced, told in (
         ((), ("q_high = 4e4", "q_high = 4e4\nseeds = 2"), "no axis `seed`"),
-        (("--num-angles", "8"), ("", ""), "`--num-angles` is an option of the mean field"),
         ((), ("[0.01, 1.0]", "[-0.01, 1.0]"), "a speed [m/s] is not negative"),
     ):
         refused = invoke(*options, replaced=replaced)

@@ -9,7 +9,7 @@ import pytest
 import graded_contact as gc
 from graded_contact.core.parameters import paths
 from graded_contact.studies.parameter_covariance import read_errors, write_errors
-from graded_contact.studies.uncertainty import errors_of, propagate, sensitivity
+from graded_contact.studies.uncertainty import errors_of_fit, propagate, sensitivity
 
 TRUTH = gc.Prony(1e6, [2e6, 1e7], [1e-2, 1e-4], 0.49)
 OMEGA = np.geomspace(1, 1e6, 40)
@@ -65,7 +65,7 @@ def test_a_master_curve_carries_the_doubt_of_its_shifts(tmp_path):
     np.testing.assert_allclose(whole.standard_error / whole.value, limits, rtol=0.05)
     # The same from the material and its errors, written and read.
     material = curve.exported()
-    told, path = errors_of(curve, material), tmp_path / "errors.csv"
+    told, path = errors_of_fit(curve, material), tmp_path / "errors.csv"
     write_errors(path, told)
     read = read_errors(path)
     assert read.paths == told.paths and "shift.activation_energy" in told.paths

@@ -1,0 +1,116 @@
+"""What a scene is refused for when it is read, and what some jobs refuse of a scene."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..blocks.stack import LIQUID, Stack, liquid_in
+from ..contacts.law import check_pressure
+from ..core.checks import (
+    as_float,
+    check_positive,
+    check_squares,
+    check_tolerance,
+    check_values,
+    nearest,
+    within,
+)
+from ..core.files import check_name
+from ..core.memory import check_points
+from ..core.parameters import paths, with_values
+from ..materials.softening import as_strain_per_slope
+from ..sliding.shear import shear_stress
+from .block import extremes
+from .scene import Observe, Scene
+from .surface_source import Sphere, SurfaceFile
+
+
+def check_numbers(scene: Scene) -> None:
+    """Raises `ValueError` for numbers that no contact, file or block can have."""
+    with within("[load]"):
+        if scene.approach is None:
+            check_positive("pressure", scene.pressure, "[Pa]")
+            highest = np.max(scene.pressure) * np.max(scene.pressure_ratio or 1.0)
+            check_pressure(as_float(highest), scene.contact_law)
+        else:
+            check_values("approach", scene.approach, "an approach [m] must be finite")
+        check_values("velocity", scene.velocity, "a velocity [m/s] must be finite")
+        check_squares("velocity", scene.velocity, "m/s")
+        if scene.strain_per_slope is not None:
+            as_strain_per_slope(scene.strain_per_slope, scene.stack)
+    with within("[solver]"):
+        check_tolerance("rtol", scene.rtol, as_float(1.0))  # in the dtype of the session
+    if scene.name is not None:
+        with within("[output]"):
+            check_name(scene.name)
+    with within("[sweep]"):
+        check_paths(scene.sweep, scene.stack)
+        for path, values in scene.sweep.items():
+            for value in (np.min(values), np.max(values)):  # what is allowed has no gaps
+                changed = with_values(scene.stack, {path: value})
+                for at in extremes(scene.temperature):
+                    changed.at(at)
+    check_points("` x `".join(scene.axes), scene.num_solves)
+
+
+def check_tables(scene: Scene) -> None:
+    """Raises `ValueError` for tables and keys that do not go together, or that need another."""
+    source, motion = scene.surface, scene.motion
+    is_open = isinstance(source, SurfaceFile) and source.arguments.get("periodic") == "open"
+    if scene.approach is not None and not (is_open or isinstance(source, Sphere)):
+        raise ValueError(
+            '[load] `approach` needs a surface of kind "sphere", or a file that is "open".'
+        )
+    asked = scene.observe != Observe()
+    if asked and (motion is not None or is_open or isinstance(source, Sphere)):
+        raise ValueError("[observe] needs steady sliding on a periodic surface.")
+    if scene.heating is not None and scene.temperature is None:
+        raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
+    with within("[shear]"):
+        # A law with a shift refuses a scene without a temperature.
+        for at in extremes(scene.temperature) or [None]:
+            shear_stress(scene.shear, as_float(1.0, "velocity"), at)
+    if motion is None:
+        if scene.pressure_ratio is not None:
+            raise ValueError("[load] `pressure_ratio` needs a table [motion].")
+        return
+    refuse_tables(scene, "[motion]")
+    if scene.strain_per_slope is not None:
+        raise ValueError("[motion] does not take the key `strain_per_slope` of [load].")
+    with within("[load]"):
+        if scene.pressure_ratio is not None:
+            check_positive("pressure_ratio", np.array(scene.pressure_ratio), "[1]")
+        if float(motion.highest_speed) > 0:
+            check_positive("velocity", scene.velocity, "[m/s]: a motion has a highest speed")
+        elif np.any(scene.velocity):
+            raise ValueError("`velocity` is refused: [motion] is at rest. Leave it out.")
+        elif scene.heating is not None:
+            raise ValueError("[heating] is refused: [motion] is at rest. Remove one of the two.")
+
+
+def refuse_tables(scene: Scene, place: str, *names: str) -> None:
+    """Raises `ValueError` if a scene has an approach or one of these tables, which `place` does
+    not take.
+    """
+    if scene.approach is not None:
+        raise ValueError(f"{place} needs a `pressure` in [load], not an `approach`.")
+    for name in names:
+        if getattr(scene, name) is not None:
+            raise ValueError(f"{place} does not take the table [{name}].")
+
+
+def refuse_liquids(scene: Scene) -> None:
+    """Raises `ValueError` with the name of a material that is a liquid, in any block of a scene."""
+    for _, stack in scene.blocks():
+        path = liquid_in(stack)
+        if path is not None:
+            raise ValueError(f"[materials.{scene.materials[path]}] {LIQUID}")
+
+
+def check_paths(given: Iterable[str], stack: Stack) -> None:
+    """Raises `ValueError` unless all name numbers of the block."""
+    known = paths(stack)
+    whole = [path for path in known if not path.endswith("]")]  # entries of arrays are many
+    for path in given:
+        if path not in known:
+            raise ValueError(f"`{path}` is not a number of the block; {nearest(path, whole)}")

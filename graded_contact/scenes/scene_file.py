@@ -1,0 +1,179 @@
+"""Reads a scene from its TOML file: tables by their keys, then what they say together."""
+
+import dataclasses
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ..blocks.stack import Stack
+from ..contacts.law import AbstractLaw
+from ..contacts.nested_solve import DouglasRachford
+from ..core.checks import (
+    check_values,
+    within,
+)
+from ..core.files import read_utf8
+from ..core.parameters import places
+from ..fields.frequency import velocity_along
+from ..fields.grid import Grid
+from ..sliding.case import Heating
+from ..sliding.motion import Motion
+from ..sliding.shear import AbstractShear
+from .block import KIND_MAKERS, Block
+from .scene import Axis, Observe, Scene
+from .scene_checks import check_numbers, check_tables
+from .schema import ROOT, keys_of
+from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_source
+from .toml import MOST_BYTES, check_texts, parse_toml
+
+
+@dataclasses.dataclass(frozen=True)
+class SceneTables:
+    """The tables of a scene; those that need others are converted after them.
+
+    **Fields:**
+
+    - `surface`: of the rough counter-body, with a `kind`.
+    - `materials`: tables [materials.NAME], each with a `kind`; one may use those above it.
+    - `base`: below the layers, with a `kind`.
+    - `load`: pressures or approaches, velocities, temperatures.
+    - `title`: one line for the reader.
+    - `grid`: of a random surface, or of a sphere.
+    - `layers`: tables [[layers]], from the loaded surface downwards. A graded one has, instead of
+      `material`, the NAMEs `bottom` and `top`.
+    - `sweep`: other values for numbers of the block, by paths as in `with_values`:
+      "layers[0].thickness" = [1e-5, 1e-4]. A temperature acts on the block with these values.
+    - `motion`: back and forth or with stops, in place of steady sliding, with a `kind`.
+    - `law`: of contact, with a `kind`: adhesion, hardness or a soft wall; if missing, a hard wall.
+    - `shear`: stress in the contact, which adds to the friction, with a `kind`.
+    - `heating`: how the heat of friction flows; it then softens the block under the contact.
+    - `observe`: numbers that are computed if asked for: stiffness, conductance, flow.
+    - `solver`: tolerance and algorithm.
+    - `output`: names and fields of the results.
+    - `design`: what the command `design` does.
+    """
+
+    surface: dict[str, object]
+    materials: dict[str, object]
+    base: dict[str, object]
+    load: dict[str, object]
+    title: str = ""
+    grid: Grid | None = None
+    layers: list[dict] = dataclasses.field(default_factory=list)
+    sweep: dict[str, Axis] = dataclasses.field(default_factory=dict)
+    motion: dict[str, object] | None = None
+    law: AbstractLaw | None = None
+    shear: AbstractShear | None = None
+    heating: Heating | None = None
+    observe: Observe = Observe()  # noqa: RUF009 (immutable)
+    solver: dict[str, object] = dataclasses.field(default_factory=dict)
+    output: dict[str, object] = dataclasses.field(default_factory=dict)
+    design: dict[str, object] | None = None
+
+
+# The tables that are fields of a scene as they are.
+_OWN = ("title", "sweep", "law", "shear", "heating", "observe")
+# The keys of tables that are fields of a scene.
+KEYS = {
+    place: tuple(
+        key._replace(default=None) if key.name in ("pressure", "velocity") else key
+        for key in keys_of(Scene)
+        if key.name in names
+    )
+    for place, names in {
+        "[load]": (
+            *("pressure", "approach", "velocity", "temperature", "direction", "extrapolate"),
+            *("pressure_ratio", "strain_per_slope"),
+        ),
+        "[solver]": ("rtol",),
+        "[output]": ("name", "directory", "fields"),
+    }.items()
+}
+# [solver] has a key of the stack, too.
+KEYS["[solver]"] += tuple(key for key in keys_of(Stack) if key.name == "graded_solver")
+
+
+def read_scene(path: str | os.PathLike) -> Scene:
+    """Returns the scene that a TOML file describes; `docs/scene_keys.md` lists its keys.
+
+    A missing file raises `FileNotFoundError`. An error in the file raises `ValueError` with the
+    table and the key.
+
+    **Arguments:**
+
+    - `path`: of the TOML file.
+
+    **Returns:** the scene.
+    """
+    text = read_utf8(path, MOST_BYTES)
+    with within(f"{path}:"):
+        return parse_scene(text, Path(path).parent)
+
+
+def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
+    """Returns the scene that a TOML text describes; its paths are relative to `folder`."""
+    block = Block(Path(folder))
+    reader = block.reader
+    entries = parse_toml(text)
+    tables: SceneTables = reader.build(ROOT, entries, SceneTables)
+    (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
+    if ("pressure" in load) == ("approach" in load):
+        both = "has `pressure` and `approach`; give" if "pressure" in load else "lacks"
+        raise ValueError(f"[load] {both} one of the keys `pressure` and (on a window) `approach`.")
+    load.setdefault("pressure", np.array([]))  # with an approach there is none
+    if "velocity" not in load and tables.motion is None:
+        raise ValueError("[load] lacks the key `velocity`.")
+    with within("[load]"):
+        turn, allowed = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
+        direction = np.asarray(load.get("direction", 0.0))
+        load["direction"] = direction if direction.ndim else float(direction)
+        check_values("direction", direction, allowed, at_least=-turn, at_most=turn)
+    solver, accuracy = reader.arguments(
+        "[solver]", tables.solver, keys_of(DouglasRachford), KEYS["[solver]"]
+    )
+    block.read_materials(tables.materials, load.get("temperature"))
+    # A table that is continued by a plateau allows what [load] would refuse.
+    if any(getattr(m, "extrapolate", "") == "plateau" for m in block.materials.values()):
+        load["extrapolate"] = True
+    with within("[solver]"):
+        algorithm = DouglasRachford(**solver)
+    surface = surface_source(tables.surface, tables.grid, reader)
+    motion = step = None
+    if tables.motion is not None:
+        line = _along(surface, direction)
+        motions = {**KIND_MAKERS[Motion], "recorded": block.recorded}
+        motion = reader.build_kind("[motion]", tables.motion, motions, grid=line)
+        step = float(motion.largest_step(line))
+        load.setdefault("velocity", np.array([float(motion.highest_speed)]))
+    stack = block.stack(tables.layers, tables.base, accuracy.pop("graded_solver", None))
+    inputs = dict(reader.paths)  # before [output], whose folder is no input
+    (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
+    own = {name: getattr(tables, name) for name in _OWN}
+    errors = tuple((name, block.materials[name], known) for name, known in block.errors.items())
+    materials = {at: name for name, part in block.materials.items() for at in places(stack, part)}
+    found = Scene(
+        text=text, surface=surface, stack=stack, materials=materials, errors=errors, inputs=inputs,
+        notes=tuple(block.notes), assumed=tuple(block.assumed), solver=algorithm, motion=motion,
+        step=step,
+        **own, **load, **accuracy, **output,
+    )  # fmt: skip
+    check_numbers(found)
+    check_tables(found)
+    check_texts(entries)
+    return found
+
+
+def _along(source: RandomSurface | SurfaceFile | Sphere, direction: np.ndarray) -> Grid:
+    """A line of points for a motion along x: a step on it is one of the turned path on the grid.
+
+    Of several directions it is the one in which a path crosses most points.
+    """
+    grid = source.build().grid if isinstance(source, SurfaceFile) else source.grid
+    crossed = []
+    for angle in np.ravel(direction):
+        along = np.abs(np.ravel(velocity_along(1.0, float(angle))))
+        if len(along) > grid.ndim:
+            return grid  # refused later
+        crossed.append(np.sum(along / np.asarray(grid.spacing)[: len(along)]))
+    return Grid(grid.shape[:1], grid.shape[0] / max(crossed))
