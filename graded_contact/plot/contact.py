@@ -33,7 +33,7 @@ BINS = 50
 SHOWN_SHARE = 0.999  # of the points of a distribution
 SHOWN_DEVIATIONS = 4.0  # standard deviations of the theory that a figure shows
 STEPS_PER_DECADE = 10  # steps of the friction per ln q
-FULL = "full contact: there is no gap"
+FULL_CONTACT = "full contact: there is no gap"
 
 
 @finished
@@ -70,7 +70,7 @@ def plot_sliding(
         axes.label_outer()
     _draw_outline(panels[0], np.asarray(sliding.pressure), np.asarray(sliding.gap), size)
     if "gap" not in fields:
-        entitle(figure, FULL)
+        entitle(figure, FULL_CONTACT)
     _draw_direction(panels[1], np.atleast_1d(as_float(velocity, "velocity")))
     return figure
 
@@ -236,7 +236,7 @@ def plot_distributions(
     for axes in (left, *right):
         axes.set(xlim=(0, None), ylim=(0, None))
     if not right:
-        entitle(figure, FULL)
+        entitle(figure, FULL_CONTACT)
     if mean_field is not None and surface is not None:
         entitle(figure, not_gaussian(surface))
     return figure
