@@ -5,7 +5,7 @@ from pathlib import Path
 
 import typer
 
-from ..designs.run import check_design, design_cost, run_design
+from ..designs.plan import plan_design
 from ..designs.table import read_design
 from ..plot import plot_design, plot_history
 from ..studies.dataset import write_whole
@@ -28,14 +28,13 @@ def design(
     """
     with terminal.refusing(), interruptible() as interruption:
         study = read_design(scene_file)
-        rough = study.spectrum
-        caveats = (*study.scene.assumed, *getattr(rough, "caveats", ()))  # of a file
         if dry_run:
             print_scene(study.scene)
-            typer.echo(design_cost(study).report())
-            check_design(study)
+        planned = plan_design(study)
+        if dry_run:
+            typer.echo(planned)
+            rough = study.spectrum
             print_read(study.scene, rough if isinstance(rough, Surface) else None)
-            print_caveats(caveats)
             return
         folder, name = terminal.place_of(study.scene, scene_file, output)
         stem = terminal.checked_place(folder, f"{name}-design")
@@ -44,12 +43,12 @@ def design(
         try:
             folder = Path(f"{stem}.points")
             with terminal.store_in(folder) as store, terminal.progress(interruption) as advance:
-                results = run_design(study, store=store, progress=advance)
+                results = planned.run(store=store, progress=advance)
             text = results.report()
             write_whole(f"{stem}.json", json.dumps(results.values(), indent=2) + "\n")
             write_whole(f"{stem}.txt", f"{text}\n")
             typer.echo(f"\n{text}\n")
-            print_caveats(caveats)
+            print_caveats(planned.caveats)
             typer.echo(f"wrote {stem}.json\nwrote {stem}.txt")
             interruption.check()
             terminal.save_figure(plot_design(results), Path(f"{stem}.{form}"), form)

@@ -33,7 +33,7 @@ def search_design(
 
     **Arguments:**
 
-    - `study`, `store`: as in `run_design`.
+    - `study`, `store`: as in `DesignPlan.run`.
     - `contacts`: gives the criteria by contact, see `by_contact`.
     - `say`: shows the progress.
     """

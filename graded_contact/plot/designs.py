@@ -34,7 +34,7 @@ def plot_design(results: DesignResults) -> "Figure":
 
     **Arguments:**
 
-    - `results`: the result of `run_design`.
+    - `results`: the result of `DesignPlan.run`.
     """
     study, scene = results.study, results.study.scene
     before = results.candidates["before"].field
@@ -98,7 +98,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
 
     **Arguments:**
 
-    - `design`: the result of `minimise`, `studies.minimise_expected` or `run_design` (`.design`).
+    - `design`: of `minimise`, `studies.minimise_expected`, or `.design` of a scene's results.
     - `scene`: the TOML text of a scene, whose materials name the parameters.
     """
     from matplotlib.ticker import MaxNLocator

@@ -28,7 +28,7 @@ from ..readers.moduli import read_moduli, strain_sweep
 from ..readers.recorded_motion import motion_in, read_motion
 from ..readers.units import DIMENSIONS, UNITS
 from ..sliding.motion import Motion, sinusoidal, start_stop
-from ..sliding.shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
+from ..sliding.shear import SHEARS, AbstractShear
 from ..studies.parameter_covariance import Errors, check_errors, read_errors
 from ..surfaces.reading_steps import unusual
 from .schema import Key, TableReader, check_keys, keys_of, kind_of
@@ -59,7 +59,7 @@ KIND_MAKERS = {
         "adhesive_lj": AdhesiveLJ,
         "exponential_adhesion": ExponentialAdhesion,
     },
-    AbstractShear: {"constant": ConstantShear, "coulomb": Coulomb, "peaked": PeakedShear},
+    AbstractShear: SHEARS,
     Motion: {"sinusoidal": sinusoidal, "start_stop": start_stop, "recorded": read_motion},
 }
 # Of every material.
@@ -67,9 +67,9 @@ ERRORS = Key("errors", os.PathLike, None)
 ASSUMED = Key("assumed", list[str], None)
 
 
-def extremes(temperature: np.ndarray | None) -> list[float]:
-    """The lowest and the highest temperature: laws hold in between."""
-    return [] if temperature is None else [float(np.min(temperature)), float(np.max(temperature))]
+def extremes(values: np.ndarray | float | None) -> list[float]:
+    """The lowest and the highest of some values: what holds for both holds in between."""
+    return [] if values is None else [float(np.min(values)), float(np.max(values))]
 
 
 class Block:

@@ -8,7 +8,7 @@ that decides its numbers is in the program; a title is not.
 
 import dataclasses
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,9 @@ from ..core.memory import (
     CYCLE,
     DERIVATIVE,
     SLIDING,
+    available_memory,
     check_memory,
+    in_gigabytes,
     memory_of,
 )
 from ..fields.frequency import velocity_along
@@ -34,7 +36,6 @@ from ..studies.store import Store, open_store
 from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
 from .collect import collect, fields_of, numbers_of_scene
-from .cost import Cost
 from .scene import Scene
 from .scene_checks import refuse_liquids
 from .surface_source import RandomSurface, SurfaceFile
@@ -71,9 +72,8 @@ class Plan:
         return *self.surface.caveats, *self.scene.assumed
 
     def __str__(self) -> str:
-        shape = self.surface.grid.shape
-        cost = Cost(shape, memory_of(fields_in_memory(self.scene), shape), self.points.size)
-        return "\n".join([cost.report(), *(f"Caveat: {sentence}" for sentence in self.caveats)])
+        fields = fields_in_memory(self.scene)
+        return cost_text(self.surface.grid.shape, fields, self.points.size, self.caveats)
 
     def run(
         self, *, kept: tuple[int, ...] | None = None,
@@ -182,6 +182,21 @@ def fields_in_memory(scene: Scene) -> float:
     # The surface, what is kept, and a derivative.
     fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     return scene.num_times * (fields + (SLIDING if scene.motion is None else CYCLE))
+
+
+def cost_text(
+    shape: tuple[int, ...], fields: float, num_solves: int, caveats: Iterable[str]
+) -> str:
+    """Returns grid, memory of so many fields, number of contacts, and caveats as text."""
+    memory, free = memory_of(fields, shape) if fields else 0.0, available_memory()
+    beside = "" if free is None else f", {in_gigabytes(free)} are free"
+    rows = {
+        "grid": f"{' x '.join(map(str, shape))} points",
+        "memory": f"about {in_gigabytes(memory)}{beside}",
+        "contact solves": num_solves,
+    }
+    lines = [f"{name:22} {text}" for name, text in rows.items()]
+    return "\n".join([*lines, *(f"Caveat: {sentence}" for sentence in caveats)])
 
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:

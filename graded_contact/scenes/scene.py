@@ -33,6 +33,7 @@ from .schema import LINEAR, LOGARITHMIC
 from .surface_source import RandomSurface, Sphere, SurfaceFile
 
 Axis = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
+ONE_OR_AXIS = ("temperature", "direction")  # fields of a scene that may be varied
 
 
 @dataclasses.dataclass(frozen=True)
@@ -134,10 +135,7 @@ class Scene:
     def axes(self) -> dict[str, np.ndarray]:
         """What is varied, by name, in the order of the results' axes."""
         found = dict(self.sweep)
-        if self.temperature is not None and self.temperature.ndim:
-            found["temperature"] = self.temperature
-        if isinstance(self.direction, np.ndarray):
-            found["direction"] = self.direction
+        found |= {name: at for name in ONE_OR_AXIS if np.ndim(at := getattr(self, name))}
         if isinstance(self.surface, RandomSurface) and self.surface.seeds is not None:
             found["seed"] = self.surface.seed + np.arange(self.surface.seeds)
         load = "pressure" if self.approach is None else "approach"
@@ -181,11 +179,11 @@ class Scene:
         """Returns the case at a point, given by its numbers on the axes; JAX may trace them."""
         given: dict[str, Any] = {
             "stack": self.block(point), "surface": surface, "shear": self.shear,
-            "temperature": point.get("temperature", self.temperature), "heating": self.heating,
-            "strain_per_slope": self.strain_per_slope, "law": self.contact_law,
+            "temperature": self._at(point, "temperature"), "heating": self.heating,
+            "strain_per_slope": self._at(point, "strain_per_slope"), "law": self.contact_law,
             **{name: point[name] for name in ("pressure", "approach") if name in point},
         }  # fmt: skip
-        direction = point.get("direction", self.direction)
+        direction = self._at(point, "direction")
         if self.motion is None:
             return Case(velocity=velocity_along(point["velocity"], direction), **given)
         # The motion is a path along x; the direction turns it.
@@ -203,8 +201,12 @@ class Scene:
     def block(self, point: Mapping[str, Any]) -> Stack:
         """Returns the stack at a point, given by its numbers on the axes; JAX may trace them."""
         stack = with_values(self.stack, {path: point[path] for path in self.sweep})
-        temperature = point.get("temperature", self.temperature)
+        temperature = self._at(point, "temperature")
         return stack if temperature is None else stack.at(temperature)
+
+    def _at(self, point: Mapping[str, Any], name: str) -> Any:
+        """A number at a point: of its axis, or that of the scene."""
+        return point.get(name, getattr(self, name))
 
     def blocks(self) -> Iterator[tuple[dict[str, float], Stack]]:
         """Yields the stacks that differ, each with its numbers of [sweep] and its temperature."""

@@ -36,8 +36,8 @@ def check_numbers(scene: Scene) -> None:
             check_values("approach", scene.approach, "an approach [m] must be finite")
         check_values("velocity", scene.velocity, "a velocity [m/s] must be finite")
         check_squares("velocity", scene.velocity, "m/s")
-        if scene.strain_per_slope is not None:
-            as_strain_per_slope(scene.strain_per_slope, scene.stack)
+        for value in extremes(scene.strain_per_slope):
+            as_strain_per_slope(value, scene.stack)
     with within("[solver]"):
         check_tolerance("rtol", scene.rtol, as_float(1.0))  # in the dtype of the session
     if scene.name is not None:

@@ -147,6 +147,10 @@ class PeakedShear(AbstractShear):
         return jnp.where(moves, self.peak * jnp.exp(-self.steepness * decades**2), 0)
 
 
+# The laws by the `kind` of a scene.
+SHEARS = {"constant": ConstantShear, "coulomb": Coulomb, "peaked": PeakedShear}
+
+
 def is_coupled(law: object) -> bool:
     """Returns whether the traction of a law moves the surface of the block."""
     return bool(getattr(law, "coupled", False))

@@ -20,6 +20,7 @@ from graded_contact import cli
 from graded_contact.command import design as design_job
 from graded_contact.command import terminal as session
 from graded_contact.core.parameters import paths, with_values
+from graded_contact.designs.plan import DesignPlan, plan_design
 from graded_contact.designs.problem import (
     contact_criteria,
     criteria_of,
@@ -27,7 +28,6 @@ from graded_contact.designs.problem import (
     design_problem,
 )
 from graded_contact.designs.results import Candidate, DesignResults
-from graded_contact.designs.run import check_design, run_design
 from graded_contact.designs.search import not_in_mean_field, search_design
 from graded_contact.designs.table import parse_design
 from graded_contact.studies.search import Descent, Design, Tried
@@ -81,7 +81,7 @@ def test_a_solve_that_fails_is_one_line(tmp_path, monkeypatch):
     def fail(*_, **__):
         raise RuntimeError("Above is the stack.\nequinox.RuntimeError: not solved.\n\n----\nHow to")
 
-    monkeypatch.setattr(design_job, "run_design", fail)
+    monkeypatch.setattr(DesignPlan, "run", fail)
     result = design_command(tmp_path, tmp_path)
     assert result.exit_code == 1
     assert "Error: not solved.\n" in result.stderr and "How to" not in result.output
@@ -103,10 +103,10 @@ def test_a_design_goes_on_from_where_it_was_interrupted(ran, tmp_path):
     with Store(tmp_path / "points") as store:
         for text in ("design, value", "design by contact, value", "contact, before"):
             with pytest.raises(KeyboardInterrupt):
-                run_design(study, store=store, progress=until(text, 8))
+                plan_design(study).run(store=store, progress=until(text, 8))
         kept = sorted(path.name for path in store.folder.glob("*.point"))
         assert len(kept) >= 3
-        results = run_design(study, store=store)
+        results = plan_design(study).run(store=store)
     values = json.loads((ran[0] / "coat-design.json").read_text())
     assert results.values() == values
 
@@ -134,7 +134,7 @@ def test_contact_on_other_surfaces_has_the_required_friction(designed):
 
 def test_a_loss_tangent_is_made_flat_over_a_band():
     steps = []
-    results = run_design(parse_design(FLAT), progress=lambda *step: steps.append(step))
+    results = plan_design(parse_design(FLAT)).run(progress=lambda *step: steps.append(step))
     assert results.method == "response"
     assert steps[-1] == ("design", 2, 2)
     q = np.geomspace(1e3, 1e4, 201)
@@ -167,7 +167,7 @@ def came_to(reached, *, verify=0, text=DESIGN, outside=0.0):
 
 def test_a_ratio_out_of_reach_is_reported_in_table_file_and_exit_code(tmp_path, monkeypatch):
     results = came_to([4.99], text=DESIGN.replace("ratio = 1.3", "ratio = 16"))
-    monkeypatch.setattr(design_job, "run_design", lambda *_, **__: results)
+    monkeypatch.setattr(DesignPlan, "run", lambda *_, **__: results)
     monkeypatch.setattr(design_job, "plot_design", lambda _: Figure())
     result = design_command(tmp_path, tmp_path)
     said = "ratio missed at 0.1 m/s: 4.99 of 16, by mean field"
@@ -206,7 +206,7 @@ limits = {min_contact_area = 0.3, min_mean_gap = 1e-6}
 def test_a_limit_that_the_mean_field_does_not_know_is_kept_by_contact():
     """Over two surfaces: by `slide` the mean of their areas is on its limit."""
     study = parse_design(LINE.replace("[grid]", "seeds = 2\n[grid]"))
-    results = run_design(study)
+    results = plan_design(study).run()
     assert (results.method, results.reason) == ("contact", "the mean field has no mean gap")
     assert "contact area of at least 0.3 is active" in results.design.active
     before, designed = results.candidates.values()
@@ -240,7 +240,7 @@ def test_a_cycle_is_judged_by_its_own_numbers():
     area, gap = margins["contact area of at least 0.3"], margins["mean gap of at least 1e-06"]
     np.testing.assert_allclose(0.3 * (1 + area), np.mean(cycle.contact_area), rtol=1e-4)
     np.testing.assert_allclose(1e-6 * (1 + gap), np.mean(cycle.mean_gap), rtol=1e-4)
-    check_design(study)
+    plan_design(study)
     assert not_in_mean_field(study) == "the mean field has no motion in time"
 
 
@@ -327,7 +327,7 @@ def test_friction_from_frequencies_that_were_not_measured_is_refused_or_reported
     text = FLAT.replace(tread, f"{series}measured = {{omega = [1e-3, 1.0]}}\n")
     assert text != FLAT
     with pytest.raises(ValueError, match=r"from 0.001 to 1 rad/s: up to \d+% .* `extrapolate"):
-        run_design(parse_design(text))
+        plan_design(parse_design(text))
     allowed = parse_design(text.replace("velocity = 0.1", "velocity = 0.1\nextrapolate = true"))
     assert allowed.scene.extrapolate
     assert "not measured" not in came_to([1.3], outside=0.009).report()
@@ -340,8 +340,8 @@ def test_a_liquid_is_designed_by_the_mean_field_alone():
     bare = melt.replace("verify = 2\n", "")
     for text in (melt, bare.replace("omega = 250.0", "omega = 0.0")):
         with pytest.raises(ValueError, match=r"^\[materials.coat\] is a liquid"):
-            check_design(parse_design(text))
+            plan_design(parse_design(text))
     study = parse_design(bare)
-    check_design(study)
+    plan_design(study)
     field = design_mean_field(study, study.scene.stack)
     assert np.all(field.friction > 0) and np.all(field.error < 1e-4)
