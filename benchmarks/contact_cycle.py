@@ -16,7 +16,7 @@ from rows import report
 
 import graded_contact as gc
 from graded_contact.sliding import motion, sinusoidal, slide_cycle, start_stop
-from graded_contact.sliding.motion import CHOSEN_STEP
+from graded_contact.sliding.motion import CHOSEN_STEP, LARGEST_STEP
 
 SIZE = 1.0
 _CLOSEST = 1e-10
@@ -226,11 +226,13 @@ def random_cycle(rng, num_times):
     stack = half_space(contrast, 10 ** np.sort(rng.uniform(-4, 1, 6)))
     t = 2 * np.pi * np.arange(num_times) / num_times
     moved = sum(rng.normal() / k**2 * np.sin(k * t + rng.uniform(0, 2 * np.pi)) for k in (1, 2, 3))
-    moved = rng.uniform(0.02, 0.3) * moved + rng.integers(-1, 2) * t / (2 * np.pi)
+    moved, along = rng.uniform(0.02, 0.3) * moved, rng.integers(-1, 2) * t / (2 * np.pi)
+    while motion.Motion(moved + along, 1.0).largest_step(surface.grid) > LARGEST_STEP:
+        moved = moved / 2
     load = 10 ** rng.uniform(-3, 0) * (1 + rng.uniform(0, 0.8) * np.sin(t + rng.uniform(0, 6)))
     mean = float(np.mean(load))
     laws = (gc.HardWall(), gc.HardWall(), gc.contacts.RepulsiveLJ(2e-3, mean))
-    job = dict(displacement=moved, period=10 ** rng.uniform(-2, 2), law=laws[rng.integers(3)])
+    job = dict(displacement=moved + along, period=10 ** rng.uniform(-2, 2), law=laws[rng.integers(3)])
     return surface, stack, job, load
 
 
