@@ -113,6 +113,8 @@ def plan_design(study: DesignScene) -> DesignPlan:
 
     - `study`: what to design, see `read_design`.
 
+    **Returns:** the plan; `plan_design(study).run()` gives the results.
+
     **Raises:** `ValueError` for contacts that need more memory than is free, a liquid under waves
     at rest, or a block with friction from frequencies at which its materials were not measured
     (more than 1 %, by mean field, unless [load] has `extrapolate = true`).
