@@ -153,7 +153,9 @@ def contact_of(inputs: Inputs, solver, adjoint, rtol, start, solution, throw: bo
     close = jnp.asarray(min(_OF_PRESSURE * rtol, max(rtol, _LOOSEST_DERIVATIVE)), dtype)
     solution_of = _solution_or_fail if throw else _solution_or_nan
     result, good = solution_of(inputs, solver.finds_unstable, found, adjoint, tolerance, close)
-    return required(result, good, result.result.error_if) if throw else result
+    if throw:
+        return required(result, good, result.result.error_if)
+    return _unless_failed(result)
 
 
 def default_rtol(dtype: Any) -> float:
@@ -224,11 +226,20 @@ def _solution(
         penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - opened, 0)) / unit,
         num_steps=found.num_steps, num_fft_pairs=found.num_fft_pairs, result=result,
     )  # fmt: skip
-    return if_known(result, solution), result == RESULTS.successful
+    return solution, result == RESULTS.successful
 
 
 _solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)
 _solution_or_nan = derivative_apart(_solution)
+
+
+@jit
+def _unless_failed(solution: ContactSolution) -> ContactSolution:
+    """NaN in place of all numbers of a failed solve.
+
+    A program of its own: the one of the derivative would compute again how the solve ended.
+    """
+    return if_known(solution.result, solution)
 
 
 def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, gap_error):
