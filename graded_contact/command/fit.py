@@ -190,8 +190,13 @@ def fitted_files(
 
 def scene_table(found: MaterialFit, name: str) -> str:
     """Returns the table [materials.NAME] of a scene, with what the numbers rest on."""
-    lines = export_prony(found.material, "toml", name=name)
-    return lines + f"assumed = {entry_text(list(found.assumed))}\n" * bool(found.assumed)
+    lines, told = export_prony(found.material, "toml", name=name), []
+    for sentence in found.assumed:
+        spelt = moduli_options.in_options(sentence)
+        # A scene takes no options: its reader has to know whose they are.
+        whose = "" if spelt == sentence else " These are options of `graded-contact fit` and `new`."
+        told.append(spelt + whose)
+    return lines + f"assumed = {entry_text(told)}\n" * bool(told)
 
 
 def fitted(measured: Measured, law: str, **arguments: Any) -> MaterialFit:

@@ -130,7 +130,11 @@ def _print_theory(theory: "Dataset") -> None:
     names = ["friction", "friction_error", "contact_area"]
     rows = theory[names].to_dataframe([*theory["friction"].dims]).reset_index()
     rows.columns = [name + in_brackets(theory[name].attrs.get("units", "1")) for name in rows]
-    text = rows.to_string(index=False, float_format="{:.4g}".format, na_rep=UNKNOWN)
+    # An axis has more digits: 283.15 K.
+    digits = dict.fromkeys(rows.columns[: theory["friction"].ndim], "{:.6g}".format)
+    text = rows.to_string(
+        index=False, float_format="{:.4g}".format, formatters=digits, na_rep=UNKNOWN
+    )
     typer.echo(f"By the mean field, with the error of its quadrature:\n{text}")
 
 

@@ -1,7 +1,7 @@
 """The jobs `demo`, `run` and `info`: scenes and their results."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -30,7 +30,7 @@ from ..scenes.results import (
     surface_of,
     warnings_of,
 )
-from ..scenes.scene import Scene
+from ..scenes.scene import ONE_OR_AXIS, Scene
 from ..scenes.scene_file import parse_scene, read_scene
 from ..scenes.theory import mean_field_at, what_decides
 from ..scenes.toml import parse_toml
@@ -53,6 +53,8 @@ from .result_tables import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
+
+LINEAR_AXES = (*ONE_OR_AXIS, "seed")  # of which differences count, not ratios
 
 AllSeeds = Annotated[bool, typer.Option(
     "--all-seeds", help="Show every random surface, not their mean ± standard error."
@@ -112,11 +114,7 @@ def run(
         # The point nearest to these values; on other axes the last.
         index = {name: len(values) - 1 for name, values in scene.axes.items()}
         for text in at or []:
-            name, _, value = text.partition("=")
-            if name not in index:
-                raise ValueError(f"`--map {text}`: {name!r} is no axis; {nearest(name, index)}")
-            with within(f"`--map {text}`:"):
-                index[name] = int(np.argmin(np.abs(scene.axes[name] - float(value))))
+            index |= [_on_axis(text, scene.axes)]
         engine["kept"] = tuple(index.values())
         if dry_run:
             print_scene(scene)
@@ -195,6 +193,30 @@ def run_scene_into(
     terminal.end_if_interrupted(interruption)
     if np.any(results["message"] != ""):
         raise typer.Exit(1)
+
+
+def _on_axis(text: str, axes: Mapping[str, np.ndarray]) -> tuple[str, int]:
+    """The axis that NAME=VALUE names, and the index of its nearest value; prints another value."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise ValueError(f"`--map {text}` is refused: write NAME=VALUE, such as velocity=0.1.")
+    if name not in axes:
+        raise ValueError(f"`--map {text}`: {name!r} is no axis; {nearest(name, axes)}")
+    values = axes[name]
+    with within(f"`--map {text}`:"):
+        wanted = float(value)
+        # On an axis of ratios the nearest value is that of the nearest ratio.
+        ratios = name not in LINEAR_AXES and wanted > 0 and np.all(values > 0)
+        scaled = np.log if ratios else np.asarray
+        index = int(np.argmin(np.abs(scaled(values) - scaled(wanted))))
+        near = float(values[index])
+        inside = np.min(values) <= wanted <= np.max(values)
+        if not inside and not min(near / 2, near * 2) <= wanted <= max(near / 2, near * 2):
+            known = ", ".join(f"{one:g}" for one in values)
+            raise ValueError(f"no value of the axis is near: it has {known}.")
+    if not np.isclose(near, wanted, rtol=1e-6):
+        typer.echo(f"`--map {text}`: the contact at the nearest value, {near:g}, is drawn.")
+    return name, index
 
 
 def _prepared(scene: Scene, folder: Path, name: str, replace: bool) -> tuple[Plan, Path]:

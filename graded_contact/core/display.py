@@ -27,10 +27,11 @@ PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
 class _Shown(NamedTuple):
-    """What a class prints: its fields and others by name, and whether with units."""
+    """What a class prints: its fields and others by name, whether with units and those unset."""
 
     names: tuple[str | EllipsisType, ...]
     units: bool
+    unset: bool
 
 
 def short(value: Any) -> str:
@@ -40,15 +41,15 @@ def short(value: Any) -> str:
     return " ".join(reprlib.repr(value).split())
 
 
-def shown(*names: str | EllipsisType, units: bool = True):
+def shown(*names: str | EllipsisType, units: bool = True, unset: bool = True):
     """Makes a module, dataclass or named tuple print its fields.
 
     Or the fields, properties and methods of these `names`; `...` means all fields. `units` is
-    False for what one differentiates by.
+    False for what one differentiates by, `unset` to leave out what is None or empty.
     """
 
     def decorate(kind: K) -> K:
-        setattr(kind, "_shown", _Shown(names or (...,), units))  # noqa: B010 (pyright)
+        setattr(kind, "_shown", _Shown(names or (...,), units, unset))  # noqa: B010 (pyright)
         setattr(kind, "__repr__", _as_text)  # noqa: B010
         return kind
 
@@ -95,6 +96,9 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
     noise: Mapping[str, float] = getattr(value, "noise", {})
     beside = {f"{name}_error" for name in parts} | {n for group in causes.values() for n in group}
     for name, part in parts.items():
+        empty = part is None or (isinstance(part, str | Mapping) and not part)
+        if empty and not value._shown.unset:
+            continue
         error: Any = parts.get(f"{name}_error")
         if name in beside and _is_number(part):
             continue

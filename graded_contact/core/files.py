@@ -135,6 +135,14 @@ def _check_state(path: Path, state: os.stat_result, at_most: float) -> None:
         raise ValueError(f"`path={path}` is refused: it has {size}; at most {most} are read here.")
 
 
+def is_hdf5(path: str | os.PathLike) -> bool:
+    """Returns whether there is a file that begins as HDF5 does."""
+    if not Path(path).is_file():
+        return False
+    with open(path, "rb") as file:
+        return file.read(len(_HDF5)) == _HDF5
+
+
 def is_open_for_writing(path: str | os.PathLike) -> bool:
     """Returns whether a program holds a file as HDF5 does that writes to it (only on POSIX)."""
     try:

@@ -68,7 +68,9 @@ class DesignPlan:
     def __str__(self) -> str:
         study, num_solves = self.study, self.num_solves
         fields = design_fields(study, searched=bool(study.criteria)) if num_solves else 0.0
-        return cost_text(study.grid.shape, fields, num_solves, self.caveats)
+        # Without a search the number is known; a search often needs fewer.
+        told = f"at most about {num_solves}" if study.criteria else num_solves
+        return cost_text(study.grid.shape, fields, told, self.caveats)
 
     def run(self, *, store: Store | None = None, progress: Progress | None = None) -> DesignResults:
         """Returns the design of a scene, and the contacts that verify it.
@@ -87,8 +89,8 @@ class DesignPlan:
 
         **Returns:** the design, with `report()`.
 
-        **Raises:** `ValueError` for bounds and limits that nothing satisfies, or a start outside
-        the bounds; `RuntimeError` if a contact or the mean field is not solved to its tolerance.
+        **Raises:** `ValueError` for bounds and limits that nothing satisfies; `RuntimeError` if a
+        contact or the mean field is not solved to its tolerance.
         """
         study, say = self.study, progress or (lambda *_: None)
         program = cache(lambda: by_contact(study))  # surfaces are drawn when they are needed

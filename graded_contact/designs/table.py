@@ -13,7 +13,6 @@ from jaxtyping import Array
 
 from ..core.checks import check_poisson, check_positive, check_values, check_whole, within
 from ..core.display import shown
-from ..core.files import read_utf8
 from ..core.parameters import paths, with_values
 from ..fields.grid import Grid
 from ..scenes.scene import Scene
@@ -21,7 +20,7 @@ from ..scenes.scene_checks import check_paths, refuse_tables
 from ..scenes.scene_file import parse_scene
 from ..scenes.schema import TableReader, keys_of
 from ..scenes.surface_source import RandomSurface
-from ..scenes.toml import MOST_BYTES, parse_toml
+from ..scenes.toml import parse_toml, text_of_scene
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .limits import CRITERIA, Limits
@@ -124,7 +123,7 @@ def read_design(path: str | os.PathLike) -> DesignScene:
 
     **Returns:** the scene and what to design.
     """
-    text = read_utf8(path, MOST_BYTES)
+    text = text_of_scene(path)
     with within(f"{path}:"):
         return parse_design(text, Path(path).parent)
 
@@ -149,16 +148,18 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     spectrum = source.spectrum if isinstance(source, RandomSurface) else source.build()
     scene = dataclasses.replace(scene, stack=stack, temperature=None)
     reader = TableReader(Path(folder))
-    if OBJECTIVE.name not in table:
-        raise ValueError("[design] lacks the key `objective`.")
-    name = reader.value("[design]", OBJECTIVE, table[OBJECTIVE.name])
-    make = OBJECTIVES[name]
-    own, limits, rest, _ = reader.arguments(
-        "[design]", table, keys_of(make, "name", "scene"), keys_of(Limits),
-        keys_of(DesignScene, "scene", "spectrum", "objective", "limits"), [OBJECTIVE],
+    own_keys = {name: keys_of(make, "name", "scene") for name, make in OBJECTIVES.items()}
+    keys = (
+        [OBJECTIVE], keys_of(Limits),
+        keys_of(DesignScene, "scene", "spectrum", "objective", "limits"),
     )  # fmt: skip
+    if OBJECTIVE.name not in table:  # it may be misspelt
+        known = {key.name: key for each in own_keys.values() for key in each}
+        reader.arguments("[design]", table, *keys, list(known.values()))
+    name = reader.value("[design]", OBJECTIVE, table[OBJECTIVE.name])
+    _, limits, rest, own = reader.arguments("[design]", table, *keys, own_keys[name])
     with within("[design]"):
-        objective = make(name, scene, **own)
+        objective = OBJECTIVES[name](name, scene, **own)
         study = DesignScene(scene, spectrum, objective, Limits(**limits), **rest)
     with within("[design.parameters]"):
         if not study.parameters:
@@ -171,5 +172,13 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
                 )
             if path.endswith("poisson"):
                 check_poisson(path, ends[1])
+            own_value = study.start[path]
+            lower, upper = np.asarray(ends, own_value.dtype)
+            # A block may come from a file, with rounded digits.
+            if not np.isclose(np.clip(own_value, lower, upper), own_value, rtol=1e-9, atol=0):
+                raise ValueError(
+                    f"{path!r} = {ends} leaves out the block's own value {own_value:g}, at which "
+                    "the search begins."
+                )
         with_values(stack, study.bounds[0])  # refuses what the block's constructors do
     return study

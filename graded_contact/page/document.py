@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..core.checks import within
-from ..core.files import check_name, read_file, read_utf8
+from ..core.files import check_name, read_file
 from ..core.quantities import AXES
 from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
@@ -28,7 +28,7 @@ from ..scenes.described import described
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import refuse_tables
 from ..scenes.scene_file import parse_scene
-from ..scenes.toml import MOST_BYTES, parse_toml, toml_text
+from ..scenes.toml import parse_toml, text_of_scene, toml_text
 from ..studies.dataset import write_whole
 from .wording import worded
 
@@ -82,7 +82,7 @@ def open_document(path: Path | None) -> Document:
         name, folder = "demo.toml", Path.cwd()
         text = resources.files("graded_contact.scenes").joinpath(name).read_text("utf-8")
     else:
-        name, folder, text = path.name, path.absolute().parent, read_utf8(path, at_most=MOST_BYTES)
+        name, folder, text = path.name, path.absolute().parent, text_of_scene(path)
     with within(f"{name}:"):
         scene = parse_scene(text, folder)
         refuse_tables(scene, "The page", "motion")

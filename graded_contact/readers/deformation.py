@@ -85,8 +85,8 @@ def as_young(measured: MeasuredTable, lines: Sequence[str]) -> tuple[str, float]
         if found is None:
             log.assume(
                 f"The moduli are assumed to be Young's (tension), because {reason}. If they are of "
-                "shear, E is about three times as large: pass `deformation='shear'`, or "
-                "`deformation='tension'` if this is right."
+                "shear, E is about three times as large: read the file with "
+                "`deformation='shear'`, or with `deformation='tension'` if this is right."
             )
         else:
             other = "tension" if found == "shear" else "shear"

@@ -1,6 +1,5 @@
 """The dataset of a scene from its solves."""
 
-import dataclasses
 import hashlib
 import json
 from typing import TYPE_CHECKING, Any
@@ -28,8 +27,7 @@ if TYPE_CHECKING:
 def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     """The numbers of a solve but those of the axes; a standard error if errors are known."""
     case = scene.case({name: at[0] for name, at in scene.axes.items()}, surface)
-    asked = [name for name, asked in dataclasses.asdict(scene.observe).items() if asked]
-    known = facts_of(case) | {*asked}
+    known = facts_of(case) | {*scene.observe.asked}
     # What is varied is a coordinate, and no result.
     names = [n for n in numbers_of(scene.motion is not None, known) if n not in scene.axes]
     return *names, *(["friction_standard_error"] if errors_of_stack(scene) is not None else [])

@@ -185,7 +185,7 @@ def fields_in_memory(scene: Scene) -> float:
 
 
 def cost_text(
-    shape: tuple[int, ...], fields: float, num_solves: int, caveats: Iterable[str]
+    shape: tuple[int, ...], fields: float, num_solves: int | str, caveats: Iterable[str]
 ) -> str:
     """Returns grid, memory of so many fields, number of contacts, and caveats as text."""
     memory, free = memory_of(fields, shape) if fields else 0.0, available_memory()

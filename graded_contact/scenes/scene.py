@@ -55,10 +55,15 @@ class Observe:
     conductance: bool = False
     flow: bool = False
 
+    @property
+    def asked(self) -> tuple[str, ...]:
+        """The names of those that are true."""
+        return tuple(name for name, asked in vars(self).items() if asked)
+
 
 @shown(
     "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion",
-    "sampling", "law", "shear", "heating", "observe",
+    "sampling", "law", "shear", "heating", "observed", unset=False,
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -150,6 +155,11 @@ class Scene:
     def num_solves(self) -> int:
         """How many combinations there are of what is varied."""
         return math.prod(len(values) for values in self.axes.values())
+
+    @property
+    def observed(self) -> str:
+        """What [observe] asks for, in words."""
+        return ", ".join(self.observe.asked)
 
     @property
     def num_times(self) -> int:

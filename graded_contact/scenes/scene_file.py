@@ -13,7 +13,6 @@ from ..core.checks import (
     check_values,
     within,
 )
-from ..core.files import read_utf8
 from ..core.parameters import places
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
@@ -25,7 +24,7 @@ from .scene import Axis, Observe, Scene
 from .scene_checks import check_numbers, check_tables
 from .schema import ROOT, keys_of
 from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_source
-from .toml import MOST_BYTES, check_texts, parse_toml
+from .toml import check_texts, parse_toml, text_of_scene
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +105,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
 
     **Returns:** the scene.
     """
-    text = read_utf8(path, MOST_BYTES)
+    text = text_of_scene(path)
     with within(f"{path}:"):
         return parse_scene(text, Path(path).parent)
 

@@ -15,6 +15,7 @@ A parameter of any other type is no key.
 """
 
 import dataclasses
+import difflib
 import inspect
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -252,6 +253,9 @@ def parts_of(annotation: Any) -> list[Any]:
 
 def kind_of(place: str, table: Any, kinds: Iterable[str]) -> tuple[str, dict[str, Any]]:
     """Returns the `kind` of a table, one of `kinds`, and its other entries."""
+    if isinstance(table, dict) and "kind" not in table:
+        for key in difflib.get_close_matches("kind", table, n=1):
+            check_keys(place, {key: table[key]}, ["kind"])
     if not isinstance(table, dict) or "kind" not in table:
         raise ValueError(f"{place} must be a table with the key `kind`, one of {list(kinds)}.")
     rest = {key: value for key, value in table.items() if key != "kind"}

@@ -2,18 +2,29 @@
 
 import itertools
 import json
+import os
 import re
 import tomllib
 from collections.abc import Iterator
 from typing import Any
 
 from ..core.checks import within
+from ..core.files import is_hdf5, read_utf8
 
 MOST_BYTES = 1_000_000  # of a text; building 20,000 layers takes a minute
 # The time of tomllib grows with the square of the parts of a key. No search begins inside a part.
 _LONG_KEY = re.compile(
     r"""(?<![\w"'\\-])(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){100}"""
 )
+
+
+def text_of_scene(path: str | os.PathLike) -> str:
+    """Returns the text of the file of a scene, as `read_utf8`; refuses a file of results."""
+    if is_hdf5(path):
+        raise ValueError(
+            f"`path={path}` is a result (HDF5), no scene: `graded-contact info {path}` prints it."
+        )
+    return read_utf8(path, MOST_BYTES)
 
 
 def parse_toml(text: str) -> dict[str, Any]:

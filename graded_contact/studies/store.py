@@ -111,7 +111,8 @@ class Store:
             self._lock.acquire(timeout=0)
         except filelock.Timeout:
             raise BlockingIOError(
-                f"`{self.folder}` is being written by another process. Wait, or take another."
+                f"`{self.folder}` is being written by another process: wait for its end, or give "
+                "another store (another `--output` of the command)."
             ) from None
         except OSError as error:
             text = f"Nothing can be written to the folder `{self.folder}`: {error.strerror}."

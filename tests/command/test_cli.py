@@ -193,9 +193,26 @@ def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path, no_co
     assert len(rows) == 1 + 6  # "6 of 6 solves are found"
     assert len((tmp_path / "s.csv").read_text().splitlines()) == 7
     assert kept_solves(read_results(tmp_path / "s.h5")) == [(2, 0, 1)]
-    for option, expected in (("speed=1", "'speed' is no axis"), ("seed=a", "`--map seed=a`:")):
+    for option, expected in (("speed=1", "'speed' is no axis"), ("seed=a", "`--map seed=a`:"),
+                             ("seed", "write NAME=VALUE")):  # fmt: skip
         refused = command(*arguments, "--map", option)
         assert refused.exit_code == 2 and expected in refused.stderr
+
+
+@pytest.mark.parametrize("wanted, nearest", [(0.01, 0), (0.5, 1), (4.0, 2), (19.0, 2), (0.005, 0)])
+def test_a_contact_is_drawn_at_the_nearest_ratio(wanted, nearest, capsys):
+    values = np.array([0.01, 1.0, 10.0])
+    assert scene_job._on_axis(f"velocity={wanted}", {"velocity": values}) == ("velocity", nearest)
+    told = "" if wanted == 0.01 else f"at the nearest value, {values[nearest]:g}, is drawn"
+    assert told in capsys.readouterr().out
+
+
+def test_temperatures_are_near_by_their_difference_and_what_is_near_no_value_is_refused():
+    axes = {"temperature": np.array([200.0, 400.0]), "velocity": np.array([0.01, 1.0, 10.0])}
+    assert scene_job._on_axis("temperature=290", axes) == ("temperature", 0)  # of ratios the other
+    for text in ("velocity=1000", "velocity=0.004", "velocity=0", "velocity=-1", "velocity=nan"):
+        with pytest.raises(ValueError, match=f"{text}`: no value .* is near: it has 0.01, 1, 10"):
+            scene_job._on_axis(text, axes)
 
 
 @pytest.fixture
@@ -582,8 +599,10 @@ def test_a_fit_to_moduli_that_may_be_of_shear_has_a_caveat(tmp_path):
     result = command("fit", path, "-o", tmp_path)
     assert result.exit_code == 0, result.output
     assert result.stdout.count("Caveat: The moduli are assumed to be Young's (tension)") == 2
-    assert "pass `--kind shear`" in result.stdout
-    assert 'assumed = ["The moduli are assumed' in (tmp_path / "tread.toml").read_text()
+    assert "read the file with `--kind shear`" in result.stdout
+    text = (tmp_path / "tread.toml").read_text()
+    assert 'assumed = ["The moduli are assumed' in text and "deformation" not in text
+    assert "These are options of `graded-contact fit` and `new`." in text
 
 
 @pytest.mark.filterwarnings("ignore:Error writing persistent compilation cache")

@@ -1,13 +1,16 @@
 """Tables [design] are read strictly."""
 
+import re
 from pathlib import Path
 
 import pytest
 from scene_texts import DESIGN, FLAT
 
+from graded_contact.designs.plan import plan_design
 from graded_contact.designs.table import parse_design, read_design
 
 MOTION = '[motion]\nkind = "sinusoidal"\nstroke = 2e-4\nfrequency = 20.0\n'
+VERIFIED = FLAT.replace("starts = 2", "verify = 2")  # by no contact but of the verification
 EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
 
 
@@ -15,6 +18,17 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
     "old, new, message",
     [
         ("ratio =", "ration =", "did you mean `ratio`"),
+        (
+            "objective =",
+            "objectiv =",
+            r"^\[design\] has no key `objectiv`; did you mean `objective`",
+        ),
+        ('objective = "friction"', "", r"^\[design\] lacks the key `objective`"),
+        (
+            "[5e-5, 1e-3]",
+            "[5e-4, 1e-3]",
+            r"parameters\] 'layers.0..thickness' = \[0.0005, 0.001\] leaves .* own value 0.0002",
+        ),
         ("[5e-5, 1e-3]", "[1e-3, 5e-5]", r"\[design.parameters\] 'layers.0..thickness' = "),
         ('times[0]" = [1e-5, 1e-1]', 'poisson" = [0.4, 0.6]', "at most 0.5"),
         ('"friction"', '"maximise_friction"', "has no key `ratio`"),
@@ -40,6 +54,18 @@ def test_a_table_that_cannot_be_designed_is_refused(old, new, message):
     assert old in DESIGN
     with pytest.raises(ValueError, match=message):
         parse_design(DESIGN.replace(old, new))
+
+
+def test_the_own_value_of_a_block_may_be_a_bound():
+    study = parse_design(DESIGN.replace("[5e-5, 1e-3]", "[2e-4, 1e-3]"))
+    assert study.bounds[0]["layers[0].thickness"] == 2e-4
+
+
+def test_a_plan_says_that_its_number_of_contacts_is_the_most():
+    """Of a search it is estimated, of a verification known."""
+    searched, verified = (str(plan_design(parse_design(text))) for text in (DESIGN, VERIFIED))
+    assert re.search(r"contact solves +at most about 44$", searched, re.MULTILINE)
+    assert re.search(r"contact solves +4$", verified, re.MULTILINE)
 
 
 def test_a_loss_tangent_has_no_motion():

@@ -11,6 +11,8 @@ import pytest
 from scene_texts import TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
+from graded_contact.designs.table import read_design
+from graded_contact.page.document import open_document
 from graded_contact.readers.moduli import read_moduli
 from graded_contact.scenes.scene_file import parse_scene, read_scene
 
@@ -111,6 +113,25 @@ def test_a_scene_file_is_named_in_its_errors(tmp_path):
     path.write_bytes(b"title = '\xff'")
     with pytest.raises(ValueError, match=r"small\.toml"):
         read_scene(path)
+
+
+def test_a_result_in_place_of_a_scene_is_named_as_one_of_any_size(tmp_path):
+    """A scene has at most a megabyte."""
+    path = tmp_path / "small.h5"
+    path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(2_000_000))
+    for read in (read_scene, read_design, open_document):
+        with pytest.raises(ValueError, match=r"is a result .* `graded-contact info .*small\.h5`"):
+            read(path)
+
+
+def test_a_scene_prints_what_is_set_and_no_more():
+    lines = str(
+        parse_scene(changed("[solver]", "[observe]\nflow = true\nstiffness = true\n[solver]"))
+    )
+    assert re.search("^  observed +stiffness, flow$", lines, re.MULTILINE)
+    for unset in ("sweep", "temperature", "motion", "law", "shear", "heating", "observe "):
+        assert not re.search(f"^  {unset}", lines, re.MULTILINE), unset
+    assert "observed" not in str(parse_scene(TEXT))
 
 
 def test_a_scene_is_the_stack_and_surface_that_it_writes():

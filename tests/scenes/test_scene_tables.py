@@ -240,6 +240,8 @@ def test_directions_are_an_axis():
          r"^\[observe\] needs steady sliding on a periodic surface"),
         (BARE + "[observe]\nleakage = true\n", r"\[observe\] has no key `leakage`; it takes `sti"),
         (BARE + PEAKED + SHIFT, r"\[shear\] `temperature=None` is refused"),
+        (BARE + '[shear]\nknd = "peaked"\n', r"^\[shear\] has no key `knd`; did you mean `kind`"),
+        (BARE + '[shear]\nstress = 1e5\n', r"^\[shear\] must be a table with the key `kind`, one"),
         (BARE + HEATING, r"\[heating\] needs the bulk `temperature`"),
         (BARE.replace("self_affine", "sphere"), r"\[surface\] has no key `rms_slope`"),
     ],

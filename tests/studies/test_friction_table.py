@@ -243,6 +243,15 @@ def test_the_command_writes_what_python_computes(invoke, tmp_path):
     assert "exists: give another --output, or --replace" in " ".join(again.output.split())
 
 
+def test_the_printed_table_has_all_digits_of_its_axes(invoke, tmp_path):
+    load = "[0.12345]\ntemperature = [283.15, 293.15]"
+    done = invoke(*MEAN_FIELD, "-o", str(tmp_path), load=load)
+    rows = [line.split() for line in done.stdout.splitlines()]
+    assert [row[:3] for row in rows if row[0][0] == "2"] == [
+        [kelvin, "200000", "0.12345"] for kelvin in ("283.15", "293.15")
+    ]
+
+
 def test_the_table_is_of_contacts_and_says_so(invoke, tmp_path):
     done = invoke("-o", str(tmp_path))
     assert done.exit_code == 0, done.output
