@@ -22,7 +22,7 @@ from ..scenes.scene_checks import refuse_liquids, refuse_tables
 from ..scenes.scene_file import read_scene
 from ..scenes.theory import check_frequencies_of, errors_of_stack, roughness_of
 from ..scenes.toml import parse_toml
-from ..studies.dataset import FAILED, write, write_whole
+from ..studies.dataset import FAILED, read_dataset, write, write_whole
 from ..studies.friction_tables import TableMethod, conditions, friction_table
 from ..studies.interruption import Interruption, interruptible
 from ..surfaces.surface import Surface
@@ -60,7 +60,7 @@ def table(
         stem = terminal.checked_place(folder, f"{name}-friction")
         files = {form: Path(f"{stem}.{form}") for form in ("inp", "csv", "h5")}
         for file in files.values():
-            if file.exists() and not replace:
+            if file.exists() and not replace and not _is_failed_try(files):
                 raise ValueError(f"{file} exists: give another --output, or --replace.")
         if method == "contact":
             found = _contacts(scene, stem.with_name(f"{name}.points"), interruption)
@@ -84,6 +84,16 @@ def _check(scene: Scene) -> None:
         if axis not in ("temperature", "pressure", "velocity"):
             raise ValueError(f"A table of friction has no axis `{axis}`.")
     check_values("velocity", scene.velocity, "a speed [m/s] is not negative", at_least=0)
+
+
+def _is_failed_try(files: dict[str, Path]) -> bool:
+    """Whether a table failed there: its numbers have failed points, and there are no cards."""
+    if any(file.exists() for form, file in files.items() if form != "h5"):
+        return False
+    try:
+        return bool(np.any(read_dataset(files["h5"]).get("message", "") != ""))
+    except ValueError:  # of something else
+        return False
 
 
 def _contacts(scene: Scene, points: Path, interruption: Interruption) -> "Dataset":
