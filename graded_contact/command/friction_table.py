@@ -27,7 +27,7 @@ from ..studies.friction_tables import TableMethod, conditions, friction_table
 from ..studies.interruption import Interruption, interruptible
 from ..surfaces.surface import Surface
 from . import terminal
-from .result_tables import print_caveats, print_table, size_of
+from .result_tables import print_caveats, print_doubts, print_table, size_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -102,6 +102,7 @@ def _contacts(scene: Scene, points: Path, interruption: Interruption) -> "Datase
     with terminal.store_in(points) as store, terminal.progress(interruption) as advance:
         found = planned.run(store=store, workers="auto", progress=partial(advance, "sliding"))
     print_table(found)
+    print_doubts(found)
     terminal.end_if_interrupted(interruption)
     found = found.drop_dims([axis for axis in ("x", "y") if axis in found.dims])
     return found.assign_attrs(_about(scene, planned.surface, "contact"))

@@ -311,7 +311,9 @@ def test_the_caveats_of_a_table_are_those_of_a_run(invoke, tmp_path):
     for sentence in of_theory:
         assert f"Caveat: {sentence}" in done.stdout
     scene = gc.read_scene(tmp_path / "small.toml")
-    assert invoke("-o", str(tmp_path), "--replace", replaced=MEASURED, load=load).exit_code == 0
+    done = invoke("-o", str(tmp_path), "--replace", replaced=MEASURED, load=load)
+    assert done.exit_code == 0
+    assert "Warning: 1 of 1 solves are doubtful; see below the table." in done.stderr
     of_contact = read_dataset(tmp_path / "small-friction.h5").attrs["caveats"]
     assert of_contact == gc.plan(scene).run().attrs["caveats"]
     assert "tread: Read as tension." in of_contact
