@@ -136,8 +136,8 @@ def _refined(
             return table
         nodes = {name: 2 * count for name, count in nodes.items()}
         points = [
-            {axis: table[axis].values[i] for axis, i in zip(missed.dims, index, strict=True)}
-            for index in np.argwhere(missed.values)
+            {str(name): table[name].values[i] for name, i in zip(missed.dims, at, strict=True)}
+            for at in np.argwhere(missed.values)
         ]
         again = sweep(partial(numbers, options | nodes), points, **engine)
         for name, found in again.data_vars.items():
