@@ -25,7 +25,7 @@ from ..studies.store import Store
 from ..studies.sweep import sweep
 from ..surfaces.surface import Surface
 from .limits import BY_MEAN_FIELD
-from .problem import by_contact, contact_of, criteria_in, design_mean_field
+from .problem import by_contact, criteria_in, design_contact, design_mean_field
 from .results import Candidate, DesignResults
 from .search import (
     CONTACT_STARTS,
@@ -152,7 +152,7 @@ def _verified(
 
     def solved(point: dict[str, Any]) -> dict[str, dict[str, Array]]:
         surface = source.of_key(keys[point["surface"]])
-        found = contact_of(study, stack, surface, point["velocity"])
+        found = design_contact(study, stack, surface, point["velocity"])
         numbers = dict(zip(found.numbers, found.compute(*found.numbers), strict=True))
         return {"criteria": criteria_in(study, found), "numbers": numbers}
 

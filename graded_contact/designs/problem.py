@@ -72,10 +72,10 @@ def contact_criteria(
     study: DesignScene, stack: Stack, surface: Surface, velocity: Any
 ) -> dict[str, Array]:
     """Returns the criteria of a stack by contact at a velocity, or highest speed [m/s]."""
-    return criteria_in(study, contact_of(study, stack, surface, velocity))
+    return criteria_in(study, design_contact(study, stack, surface, velocity))
 
 
-def contact_of(study: DesignScene, stack: Stack, surface: Surface, velocity: Any) -> Found:
+def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity: Any) -> Found:
     """Returns the contact of a stack at a velocity, or highest speed [m/s]."""
     scene = study.scene
     bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)
