@@ -232,7 +232,8 @@ def random_cycle(rng, num_times):
     load = 10 ** rng.uniform(-3, 0) * (1 + rng.uniform(0, 0.8) * np.sin(t + rng.uniform(0, 6)))
     mean = float(np.mean(load))
     laws = (gc.HardWall(), gc.HardWall(), gc.contacts.RepulsiveLJ(2e-3, mean))
-    job = dict(displacement=moved + along, period=10 ** rng.uniform(-2, 2), law=laws[rng.integers(3)])
+    period = 10 ** rng.uniform(-2, 2)
+    job = dict(displacement=moved + along, period=period, law=laws[rng.integers(3)])
     return surface, stack, job, load
 
 

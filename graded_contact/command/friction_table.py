@@ -22,12 +22,12 @@ from ..scenes.scene_checks import refuse_liquids, refuse_tables
 from ..scenes.scene_file import read_scene
 from ..scenes.theory import check_frequencies_of, errors_of_stack, roughness_of
 from ..scenes.toml import parse_toml
-from ..studies.dataset import FAILED, write, write_whole
+from ..studies.dataset import FAILED, read_dataset, write, write_whole
 from ..studies.friction_tables import TableMethod, conditions, friction_table
 from ..studies.interruption import Interruption, interruptible
 from ..surfaces.surface import Surface
 from . import terminal
-from .result_tables import print_caveats, print_table, size_of
+from .result_tables import print_caveats, print_doubts, print_table, size_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -60,7 +60,7 @@ def table(
         stem = terminal.checked_place(folder, f"{name}-friction")
         files = {form: Path(f"{stem}.{form}") for form in ("inp", "csv", "h5")}
         for file in files.values():
-            if file.exists() and not replace:
+            if file.exists() and not replace and not _is_failed_try(files):
                 raise ValueError(f"{file} exists: give another --output, or --replace.")
         if method == "contact":
             found = _contacts(scene, stem.with_name(f"{name}.points"), interruption)
@@ -86,12 +86,23 @@ def _check(scene: Scene) -> None:
     check_values("velocity", scene.velocity, "a speed [m/s] is not negative", at_least=0)
 
 
+def _is_failed_try(files: dict[str, Path]) -> bool:
+    """Whether a table failed there: its numbers have failed points, and there are no cards."""
+    if any(file.exists() for form, file in files.items() if form != "h5"):
+        return False
+    try:
+        return bool(np.any(read_dataset(files["h5"]).get("message", "") != ""))
+    except ValueError:  # of something else
+        return False
+
+
 def _contacts(scene: Scene, points: Path, interruption: Interruption) -> "Dataset":
     """The contacts of a scene, without their fields; prints their table."""
     planned = plan(dataclasses.replace(scene, fields="none"))
     with terminal.store_in(points) as store, terminal.progress(interruption) as advance:
         found = planned.run(store=store, workers="auto", progress=partial(advance, "sliding"))
     print_table(found)
+    print_doubts(found)
     terminal.end_if_interrupted(interruption)
     found = found.drop_dims([axis for axis in ("x", "y") if axis in found.dims])
     return found.assign_attrs(_about(scene, planned.surface, "contact"))

@@ -83,9 +83,10 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
             _cell(results, name, index, form) if shown[index] else UNKNOWN
             for name, (_, form) in columns.items()
         ]
-        doubts = [mark for mark, c in numbered if c.where[index] and mark.isdigit()]
+        doubts = [mark for mark, c in numbered if c.where[index]]
         mark = f"[bold red]{states[index]}[/] " if states[index] else "" if doubts else "solved"
-        mark += f"[yellow]doubtful ({','.join(doubts)})[/]" if doubts else ""
+        which = ",".join(filter(str.isdigit, doubts))
+        mark += f"[yellow]doubtful{f' ({which})' * bool(which)}[/]" * bool(doubts)
         numbers = (f"{speed:.3e}", f"{load / load_unit:.4g}", *(f"{number:.5g}" for number in at))
         table.add_row(*numbers, *cells, mark)
     console = Console()
@@ -150,6 +151,14 @@ def _print_failures(results: "Dataset") -> None:
             console.print(f"[bold red]Warning:[/] {chosen.sum()} of {chosen.size} solves {text}.")
             for message in sorted(set(results["message"].values[chosen]) - {state}):
                 console.print(message, markup=False)
+
+
+def print_doubts(results: "Dataset") -> None:
+    """Prints how many solves are doubtful, if any is, on the error stream."""
+    if warnings := warnings_of(results):
+        where = np.any([warning.where for warning in warnings], axis=0)
+        text = f"Warning: {np.sum(where)} of {where.size} solves are doubtful; see below the table."
+        typer.secho(text, fg="yellow", err=True)
 
 
 def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:

@@ -28,7 +28,6 @@ from ..scenes.results import (
     over_seeds,
     read_results,
     surface_of,
-    warnings_of,
 )
 from ..scenes.scene import ONE_OR_AXIS, Scene
 from ..scenes.scene_file import parse_scene, read_scene
@@ -44,6 +43,7 @@ from . import terminal
 from .result_tables import (
     print_caveats,
     print_decisive,
+    print_doubts,
     print_read,
     print_scene,
     print_steps,
@@ -186,10 +186,7 @@ def run_scene_into(
                 figures += [_contacts(scene, results, index, len(kept), whole) for index in kept]
                 for key, figure in itertools.chain(*figures):
                     terminal.save_figure(figure, file.with_name(f"{name}-{key}.{form}"), form)
-    if warnings := warnings_of(results):
-        where = np.any([warning.where for warning in warnings], axis=0)
-        text = f"Warning: {np.sum(where)} of {where.size} solves are doubtful; see below the table."
-        typer.secho(text, fg="yellow", err=True)
+    print_doubts(results)
     terminal.end_if_interrupted(interruption)
     if np.any(results["message"] != ""):
         raise typer.Exit(1)

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks.stack import Stack
+from ..core.caveats import caveats_of
 from ..core.parameters import with_values
 from ..scenes.plan import cost_text
 from ..scenes.scene_checks import refuse_liquids
@@ -24,7 +25,7 @@ from ..studies.store import Store
 from ..studies.sweep import sweep
 from ..surfaces.surface import Surface
 from .limits import BY_MEAN_FIELD
-from .problem import by_contact, contact_criteria, design_mean_field
+from .problem import by_contact, criteria_in, design_contact, design_mean_field
 from .results import Candidate, DesignResults
 from .search import (
     CONTACT_STARTS,
@@ -100,11 +101,12 @@ class DesignPlan:
         for name, values in (("before", study.start), ("designed", design.parameters)):
             stack = with_values(study.scene.stack, values)
             field = design_mean_field(study, stack) if study.has_mean_field else None
+            caveats = ()
             if study.verify or method != "contact":
-                solved = _verified(study, stack, store, partial(say, f"contact, {name}"))
+                solved, caveats = _verified(study, stack, store, partial(say, f"contact, {name}"))
             else:
                 solved = {key: np.asarray(value)[None] for key, value in contacts(values).items()}
-            candidates[name] = Candidate(stack, field, solved)
+            candidates[name] = Candidate(stack, field, solved, caveats)
         return DesignResults(study, design, candidates, method, reason)
 
 
@@ -139,18 +141,22 @@ def plan_design(study: DesignScene) -> DesignPlan:
 
 def _verified(
     study: DesignScene, stack: Stack, store: Store | None, say: Any
-) -> dict[str, Float[np.ndarray, "surfaces velocities"]]:
-    """What contacts of a stack on `verify` unseen surfaces give, from the store or for it."""
+) -> tuple[dict[str, Float[np.ndarray, "surfaces velocities"]], tuple[str, ...]]:
+    """The criteria by contacts of a stack on `verify` unseen surfaces, and what makes them
+    doubtful; from the store or for it.
+    """
     source, velocity = study.scene.surface, study.scene.velocity
     names = dict.fromkeys((*BY_MEAN_FIELD, *study.criteria))
     if not study.verify:
-        return {name: np.zeros((0, len(velocity))) for name in names}
+        return {name: np.zeros((0, len(velocity))) for name in names}, ()
     assert isinstance(source, RandomSurface)
     keys = jax.random.split(jax.random.key(source.seed), study.verify)
 
-    def solved(point: dict[str, Any]) -> dict[str, Array]:
+    def solved(point: dict[str, Any]) -> dict[str, dict[str, Array]]:
         surface = source.of_key(keys[point["surface"]])
-        return contact_criteria(study, stack, surface, point["velocity"])
+        found = design_contact(study, stack, surface, point["velocity"])
+        numbers = dict(zip(found.numbers, found.compute(*found.numbers), strict=True))
+        return {"criteria": criteria_in(study, found), "numbers": numbers}
 
     axes = {"surface": np.arange(study.verify), "velocity": velocity}
     found = sweep(solved, axes, store=store, progress=say)
@@ -159,4 +165,8 @@ def _verified(
         raise KeyboardInterrupt
     if np.any(ends != ""):
         raise RuntimeError(ends[ends != ""][0])
-    return {name: found[name].values for name in names}
+    numbers = {str(name): variable.values for name, variable in found.data_vars.items()}
+    known = lambda name: numbers.get(f"numbers.{name}", 0.0)  # noqa: E731
+    caveats = caveats_of(known, study.scene.motion is not None)
+    criteria = {name: numbers[f"criteria.{name}"] for name in names}
+    return criteria, tuple(caveat.sentence for caveat in caveats)

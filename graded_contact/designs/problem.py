@@ -18,6 +18,7 @@ from ..core.checks import Numbers
 from ..core.compilation import jit
 from ..core.parameters import with_values
 from ..mean_field.mean_field import MeanField
+from ..sliding.result import Found
 from ..sliding.slide import solve
 from ..studies.search import Constraints, Objective
 from ..surfaces.surface import Surface
@@ -71,10 +72,19 @@ def contact_criteria(
     study: DesignScene, stack: Stack, surface: Surface, velocity: Any
 ) -> dict[str, Array]:
     """Returns the criteria of a stack by contact at a velocity, or highest speed [m/s]."""
+    return criteria_in(study, design_contact(study, stack, surface, velocity))
+
+
+def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity: Any) -> Found:
+    """Returns the contact of a stack at a velocity, or highest speed [m/s]."""
     scene = study.scene
     bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)
     case = bare.case({"pressure": scene.pressure[0], "velocity": velocity}, surface)
-    found = solve(case, dataclasses.replace(scene.numerics, throw=True))
+    return solve(case, dataclasses.replace(scene.numerics, throw=True))
+
+
+def criteria_in(study: DesignScene, found: Found) -> dict[str, Array]:
+    """Returns the criteria of a study from a contact."""
     # All of one contact: what nothing uses is left out when it is compiled.
     names = dict.fromkeys((*BY_MEAN_FIELD, *study.criteria))
     return {name: CRITERIA[name].of_contact(found) for name in names}

@@ -32,11 +32,13 @@ class Candidate(NamedTuple):
     - `contacts`: by name "friction", "contact_area" [1] and what else the study limits or searches
       for, each of shape (surfaces, velocities). Without verification there are no surfaces, or
       after a search by contact one row, the mean over its surfaces.
+    - `caveats`: what makes the contacts of the verification doubtful, in sentences.
     """
 
     stack: Stack
     field: MeanField | None
     contacts: dict[str, np.ndarray]
+    caveats: tuple[str, ...] = ()
 
     def judged(self, name: str) -> tuple[str, Float[np.ndarray, "surfaces velocities"]]:
         """Returns by what the block is judged, and the values of a criterion."""
@@ -67,14 +69,20 @@ class DesignResults(NamedTuple):
     def report(self) -> str:
         """Returns a table of before and after, and the runs that led there, as text.
 
-        Contact is given as mean ± standard deviation over the surfaces. A goal or limit that the
-        design misses, see `missed`, is reported below the table.
+        Contact is given as mean ± standard deviation over the surfaces. Below the table are the
+        caveats of the contacts, and the goals and limits that the design misses, see `missed`.
         """
         from pandas import DataFrame  # takes a third of a second to import
 
         rows = dict(_table_rows(self.study, [*self.candidates.values()]))
         table = DataFrame.from_dict(rows, orient="index", columns=[*self.candidates])
-        texts = [table.to_string(), *self.missed()]
+        texts = [table.to_string()]
+        if self.study.verify > 1:
+            spread = f"±: standard deviation over {self.study.verify} surfaces"
+            texts.append(f"{spread}; the error of a contact, as by the grid, is no part of it.")
+        for name, candidate in self.candidates.items():
+            texts += [f"Contact, {name}: {sentence}" for sentence in candidate.caveats]
+        texts += self.missed()
         if self.method == "contact" and not self.study.verify:
             texts.append("Contact is on the surfaces of the search: `verify` draws others.")
         objective = self.study.objective

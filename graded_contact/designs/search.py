@@ -64,10 +64,11 @@ def search_design(
         elif not reason:
             if enough:
                 return design, "mean field" if study.criteria else "response", enough
-            off = _disagreement(study, design.parameters, contacts)
+            off, what = _disagreement(study, design.parameters, contacts)
             if off <= ROOM:
-                return design, "mean field", f"contact agrees with it within {100 * off:.2g} %"
-            reason = f"the mean field is {100 * off:.2g} % off"
+                reason = f"contact agrees with it within {100 * off:.2g} %{what}"
+                return design, "mean field", reason
+            reason = f"the mean field is {100 * off:.2g} % off{what}"
         start = study.start if design is None else design.parameters
         before = contacts(study.start) if relative else {}
         found = searched(
@@ -100,11 +101,14 @@ def _contact_not_needed(study: DesignScene) -> str | None:
     return None
 
 
-def _disagreement(study: DesignScene, designed: Parameters, contacts: Contacts) -> float:
-    """The largest relative difference of the mean field from contact at its design: of the change
-    from the block of the scene, or of the value itself where a goal or a limit is one.
+def _disagreement(
+    study: DesignScene, designed: Parameters, contacts: Contacts
+) -> tuple[float, str]:
+    """The largest relative difference of the mean field from contact at its design, and of what:
+    of the change from the block of the scene, or of the value itself where a goal or a limit is
+    one.
     """
-    own, off, pair = study.scene.stack, 0.0, (designed, study.start)
+    own, worst, pair = study.scene.stack, (0.0, ""), (designed, study.start)
     by_field = [criteria_of(study, with_values(own, values)) for values in pair]
     by_contact = [contacts(values) for values in pair]
     by_value = {limit.criterion for limit in study.limits}
@@ -112,10 +116,12 @@ def _disagreement(study: DesignScene, designed: Parameters, contacts: Contacts) 
         by_value.add("friction")
     for name in study.criteria:
         field, contact = (np.array([found[name] for found in of]) for of in (by_field, by_contact))
+        what = ""
         if name not in by_value:
+            what = " in the change from the block of the scene"
             field, contact = field[:1] / field[1:], contact[:1] / contact[1:]
-        off = max(off, float(np.max(np.abs(field[0] / contact[0] - 1))))
-    return off
+        worst = max(worst, (float(np.max(np.abs(field[0] / contact[0] - 1))), what))
+    return worst
 
 
 def check_design_memory(study: DesignScene, *, searched: bool) -> None:

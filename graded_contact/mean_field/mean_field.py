@@ -69,10 +69,12 @@ from .heating_by_scale import HeatedScales, between_scales, find_rises
 from .quadrature import FieldInputs, Rules, add_up, integrate
 from .roughness import as_roughness
 
-_NOT_REACHED = (
+NUM_WAVENUMBERS, NUM_ANGLES = 64, 16  # intervals of the quadrature
+NO_FIELD = (
     "The mean field did not reach `rtol` or steady temperatures, or is not finite (as with a "
-    "modulus of 0). Raise `num_wavenumbers` and `num_angles`, or `rtol`."
+    "modulus of 0)"
 )
+_NOT_REACHED = f"{NO_FIELD}. Raise `num_wavenumbers` and `num_angles`, or `rtol`."
 
 
 @shown()
@@ -125,8 +127,8 @@ def mean_field_friction(
     own_roughness: SelfAffine | tuple[Numbers, Numbers] | None = None,
     strain_per_slope: ScalarLike | None = None,
     correction: Correction = "yang_persson",
-    num_wavenumbers: int = 64,
-    num_angles: int = 16,
+    num_wavenumbers: int = NUM_WAVENUMBERS,
+    num_angles: int = NUM_ANGLES,
     rtol: float = 1e-4,
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,

@@ -1,6 +1,7 @@
 """Tables of friction over pressure, velocity and temperature."""
 
 import dataclasses
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,14 +13,14 @@ from jax import Array
 from ..blocks.stack import Stack, check_at_rest
 from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
 from ..fields.frequency import velocity_along
-from ..mean_field.mean_field import mean_field_of
+from ..mean_field.mean_field import NO_FIELD, NUM_ANGLES, NUM_WAVENUMBERS, mean_field_of
 from ..sliding.case import Case
 from ..sliding.numerics import numerics_of
 from ..sliding.shear import is_coupled
 from ..sliding.slide import solve
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
-from .dataset import package_versions
+from .dataset import FAILED, NOT_STARTED, package_versions
 from .parameter_covariance import Errors, with_standard_error
 from .sweep import sweep
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 TableMethod = Literal["contact", "mean_field"]
 _ENGINE = ("store", "workers", "client", "progress")  # arguments of `sweep`
+_DOUBLINGS = 3  # of the nodes of a mean field that misses its tolerance
 
 
 @check_types
@@ -58,7 +60,8 @@ def friction_table(
     - `method`: `"contact"`, by `slide`; or `"mean_field"`, by `mean_field_friction`.
     - `errors`: of numbers of the stack, as `propagate` takes them, or None.
     - `options`: further arguments of `slide` or of `mean_field_friction`, such as `shear`; and
-      `store`, `workers`, `client` and `progress` of `sweep`.
+      `store`, `workers`, `client` and `progress` of `sweep`. A mean field that misses its `rtol`
+      is computed again with twice the `num_wavenumbers` and `num_angles`, up to three times.
 
     **Returns:** an `xarray.Dataset` over temperature (if given), pressure and velocity with
     `friction`, `friction_error`, `contact_area`, `contact_area_error` and `message`. The errors of
@@ -77,19 +80,21 @@ def friction_table(
     # Options belong to the case (shear, heating) or to its computation (rtol).
     of_case = {name: options.pop(name) for name in [*options] if name in vars(case)}
     case = dataclasses.replace(case, **of_case)
-    solved = partial(_by_contact if method == "contact" else _by_mean_field, options)
+    solved = _by_contact if method == "contact" else _by_mean_field
 
-    def numbers(point: dict[str, Array]) -> dict[str, Any]:
+    def numbers(options: dict[str, Any], point: dict[str, Array]) -> dict[str, Any]:
         moving = velocity_along(point["velocity"], direction)
 
         def at(block: Stack) -> dict[str, Any]:
             warm = block if temperature is None else block.at(point["temperature"])
             changed: dict[str, Any] = {**point, "velocity": moving, "stack": warm}
-            return solved(dataclasses.replace(case, **changed))
+            return solved(options, dataclasses.replace(case, **changed))
 
         return with_standard_error(at, stack, errors)
 
-    table = sweep(numbers, axes, **engine)
+    table = sweep(partial(numbers, options), axes, **engine)
+    if method == "mean_field" and not isinstance(roughness, Surface):  # its modes are summed
+        table = _refined(table, numbers, options, engine)
     table.attrs |= {
         "method": method,
         "conditions": conditions(direction, case.shear, case.heating, method),
@@ -117,6 +122,32 @@ def _check_table(
     # `sweep` traces temperatures, behind which a liquid is not seen.
     if (is_surface and roughness.grid.ndim == 2) or not np.all(np.asarray(velocity)):
         check_at_rest(stack)
+
+
+def _refined(
+    table: "Dataset", numbers: Callable[..., Any], options: dict[str, Any], engine: dict[str, Any]
+) -> "Dataset":
+    """The table, its points that missed their tolerance computed again with more nodes."""
+    nodes = {"num_wavenumbers": NUM_WAVENUMBERS, "num_angles": NUM_ANGLES}
+    nodes = {name: options.get(name, count) for name, count in nodes.items()}
+    for _ in range(_DOUBLINGS):
+        missed = table["message"].str.startswith(FAILED + NO_FIELD)
+        if not np.any(missed) or np.any(table["message"] == NOT_STARTED):  # by an interruption
+            return table
+        nodes = {name: 2 * count for name, count in nodes.items()}
+        points = [
+            {str(name): table[name].values[i] for name, i in zip(missed.dims, at, strict=True)}
+            for at in np.argwhere(missed.values)
+        ]
+        again = sweep(partial(numbers, options | nodes), points, **engine)
+        for name, found in again.data_vars.items():
+            old = table[name].values
+            new = old.astype(np.promote_types(old.dtype, found.dtype))  # messages may be longer
+            new[missed.values] = found.values
+            table[name] = table[name].copy(data=new)
+    told = f"{NO_FIELD}, also with {2**_DOUBLINGS} times the nodes of its quadrature."
+    missed = table["message"].str.startswith(FAILED + NO_FIELD)
+    return table.assign(message=table["message"].where(~missed, FAILED + told))
 
 
 def _by_contact(options: dict[str, Any], case: Case) -> dict[str, Any]:

@@ -121,6 +121,21 @@ def test_limits_hold_for_the_written_stack(designed):
     np.testing.assert_array_equal(stack.base.material.strengths, own.base.material.strengths)
 
 
+def test_the_error_by_the_grid_of_the_verifying_contacts_is_told_beside_their_spread(ran, designed):
+    source, shares = parse_design(DESIGN).scene.surface, []
+    for key in jax.random.split(jax.random.key(source.seed), 2):
+        surface = gc.random_surface(source.spectrum, source.grid, key)
+        found = gc.slide(designed[1], surface, pressure=3e5, velocity=0.1, rtol=1e-5)
+        shares.append(float(found.friction_grid_error / found.friction))
+    low, high = sorted(shares)
+    assert low < 0.1 < high  # the least that is told
+    text = (ran[0] / "coat-design.txt").read_text(encoding="utf-8")
+    assert "±: standard deviation over 2 surfaces; the error of a contact" in text
+    told = "Contact, designed: The grid does not resolve the contact: the friction has an error of"
+    (line,) = (line for line in text.splitlines() if line.startswith(told))
+    assert f"about {high:.0%}." in line and line.endswith("(1 of 2 solves.)")
+
+
 def test_contact_on_other_surfaces_has_the_required_friction(designed):
     """Surfaces drawn here; a coat's gain scatters much less over them than friction itself."""
     source = parse_design(DESIGN).scene.surface
@@ -284,6 +299,24 @@ def test_the_mean_field_stays_where_contact_agrees_with_it():
     design, method, reason = search_design(study, agreeing, None, lambda *_: None)
     assert method == "mean field" and reason == "contact agrees with it within 2 %"
     assert design.converged
+
+
+def test_a_mean_field_that_stays_for_its_change_alone_says_so():
+    """Its values are 50 % off, at both blocks."""
+    study = parse_design(LINE.replace("limits = {min_contact_area = 0.3, min_mean_gap = 1e-6}", ""))
+    own, start = study.scene.stack, dict(study.start)
+
+    def contacts(values):
+        found = criteria_of(study, with_values(own, values))
+        share = 2.0 if all(values[path] == start[path] for path in start) else 2.06
+        return {name: share * value for name, value in found.items()}
+
+    _, method, reason = search_design(study, contacts, None, lambda *_: None)
+    off = "2.9 %"  # 1 - 1/1.03
+    assert method == "mean field"
+    assert (
+        reason == f"contact agrees with it within {off} in the change from the block of the scene"
+    )
 
 
 @pytest.mark.parametrize(

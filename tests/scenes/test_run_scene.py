@@ -65,7 +65,13 @@ def test_what_is_assumed_of_a_file_is_a_caveat_of_every_solve(scene, capsys):
     first = warnings_of(found)[0]
     assert first.sentence == "tread: Read as tension." and np.all(first.where)
     print_table(found)
-    assert "(each solve) tread: Read as tension." in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "(each solve) tread: Read as tension." in told
+    # The state says so, whether the warning has a number (of one solve) or none.
+    assert told.count("doubtful") == found.message.size == 4 and "solved" not in told
+    print_table(found.isel(pressure=[0], velocity=[0]))
+    told = capsys.readouterr().out
+    assert "doubtful (1" in told and "(1) tread: Read as tension." in told
 
 
 def test_an_observable_is_one_function(capsys):
