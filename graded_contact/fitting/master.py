@@ -15,7 +15,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import Numbers, as_scalar, check_poisson, check_types, check_values, is_concrete
+from ..core.checks import (
+    Numbers,
+    as_scalar,
+    check_poisson,
+    check_squares,
+    check_types,
+    check_values,
+    is_concrete,
+)
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
@@ -204,6 +212,7 @@ def master_curve(
             raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
         as_scalar(std, name)
         check_values(name, std, "it must be zero or positive", at_least=0)
+        check_squares(name, float(std), "decades" if name == "shift_std" else "[1]")
     along, across = map(float, given.values())
     data = joined_curves(
         isotherms, kind, law, (LN10 * along, across), reference, weights, equilibrium
