@@ -1,58 +1,99 @@
 """Errors by the grid and by the times, estimated and true: the sections `grid` and `total`.
 
-Run by `bench_contact.py`. Surfaces without waves beyond a limit are the same on every grid that
-resolves them, by interpolation. The true error of a number is its difference from the limit by the
-grids of 4 and 8 times as many points, (4 f(8n) - f(4n))/3. Blocks: tread or two Prony series, every
-other one under an elastic coat; half of the velocities along x, half oblique. Kinds:
+Run by `bench_contact.py`. A surface has waves up to a limit, so that it is the same on every finer
+grid. The true error of a number is its difference from the contact on four times as many points
+along each axis, at `rtol=1e-7`; for windows from the limit by four and eight times as many,
+(4 f(8n) - f(4n))/3. Blocks: elastic, tread, or Prony series of contrasts 1.3 to 1000; some under an
+elastic coat. Velocities along x or oblique, now and then 0. Grids have 32² or 64² points. Kinds:
 
-    8, 4, 2     64² points, as many for the shortest wave; area from 1 % to complete contact
-    light       8 points, loads 10 times smaller
-    line        512 points in one dimension, 8 for the shortest wave
+    8, 4, 2     as many points for the shortest wave; area from 1 % to complete contact
+    full        area above 0.9, waves up to 2 to 8 points and noise up to the corner of the spectrum
+    light       8 points, area of few points
+    half space  8 points, no coat
+    anisotropic spectra stretched 2 to 4 times along an axis
+    noise       all waves of the grid, flat spectra
+    ridge       one wave or one bump, along an axis or oblique; also in one dimension
+    egg box     one wave along each axis
+    receding    one relaxation time on the scale of the contacts, contrast 10 to 10⁴
+    line        128 to 512 points in one dimension
+    gap         a prescribed mean gap
+    laws        repulsion of finite range, or a hardness
+    attraction  soft enough to be pulled into contact, at rest or sliding
     window      a sphere, with and without waves, or a flat punch, 64² points
-    measured    parts of measured surfaces, 64² points, not smoothed; truth by interpolation
+    measured    parts of measured surfaces, 64² points, not smoothed
     cycle       back and forth, 32² points, 8 for the shortest wave, 64 times; truth by 512 times
 """
 
 import time
-from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from contact_peers import Tamaas
 from contact_scenes import CELL as CELL_OF_PEERS
+from grid_scenes import CELL, NUMBERS, block_of, finer, measured, scene_of, window
 from rows import goal, report, timed
 
 import graded_contact as gc
-from graded_contact.sliding.half_grid import resampled
+from graded_contact.sliding.resolution import neighbours_of
 
-CELL = 8e-3  # m
-NUMBERS = ("friction", "contact_area", "mean_gap")
+KINDS = (
+    "8", "4", "2", "full", "light", "half space", "anisotropic", "noise", "ridge", "egg box",
+    "receding", "line", "gap", "laws", "attraction", "window",
+)  # fmt: skip
 
 
-def grid(count=200, seed=0, surfaces=()):
-    """Estimated errors of the grid over true ones; `surfaces` are files for `measured`."""
-    kinds = {
-        "8": partial(rough, points=8), "4": partial(rough, points=4),
-        "2": partial(rough, points=2), "light": partial(rough, points=8, light=0.1),
-        "line": line, "window": window,
-    }  # fmt: skip
-    if surfaces:
-        kinds["measured"] = partial(measured, files=surfaces)
-    ratios = {}
-    for kind, draw in kinds.items():
-        start = time.perf_counter()
-        rows = [row for i in range(-(-count // len(kinds))) if (row := ratio_of(draw(seed + i)))]
-        for name in NUMBERS:
+def grid(count=40, seed=0, kinds=KINDS, surfaces=()):
+    """Estimated errors of the grid over true ones, `count` scenes of each kind.
+
+    `surfaces` are files for `measured`. The last lines have what the errors cost in FFT pairs.
+    """
+    ratios, pairs = {}, []
+    for kind in (*kinds, *(("measured",) if surfaces else ())):
+        start, rows = time.perf_counter(), []
+        for number in range(seed, seed + count):
+            if kind == "window":
+                row = against_limit(*window(number))
+            elif kind == "measured":
+                row = against_limit(*measured(number, surfaces))
+            else:
+                row = against_finer(*scene_of(kind, number), pairs)
+            rows += [row] if row else []
+        for name in rows[0]:
             show(kind, name, [row[name] for row in rows], ratios)
         print(f"# {kind}: {len(rows)} scenes in {time.perf_counter() - start:.0f} s")
-    for name in ("mean_friction", "peak_friction"):
-        rows = [cycle(seed + i, name) for i in range(-(-count // 8))]
-        show("cycle", name, rows, ratios)
+    for name in ("mean_friction", "peak_friction") if kinds == KINDS else ():
+        show("cycle", name, [cycle(seed + i, name) for i in range(max(count // 2, 1))], ratios)
     for name, found in ratios.items():
         found = np.array(found)
         text = f"median {np.median(found):.1f}, below 1 in {np.mean(found < 1):.1%}"
         goal(f"{name}: below 1 in at most 5 %, median at most 5", text)
+    share = np.array(pairs)
+    print(f"FFT pairs of the errors over those of the contact: median {np.median(share):.2f}")
+
+
+def against_finer(solve, heights, numbers, pairs):
+    """True and claimed errors of each number, relative to it, against four times as many points."""
+    found, fine = solve(heights), None
+    if found is not None:
+        fine = solve(finer(heights, 4), rtol=1e-7)
+    if fine is None:
+        return None
+    rows = {}
+    for name in numbers:
+        exact, own = float(getattr(fine, name)), float(getattr(found, name))
+        claimed = float(getattr(found, f"{name}_error"))
+        # An elastic block has no friction.
+        if abs(exact) > 1e-9 * (float(found.slope_in_contact) if name == "friction" else 0):
+            plain = abs(float(found.contact_area_pixels) / exact - 1) if "area" in name else 0.0
+            rows[name] = abs(own / exact - 1), claimed / abs(exact), plain
+    near = neighbours_of(found)
+    others = {id(near.half): near.half, id(near.same): near.same}
+    cost = sum(
+        float(one.contact.num_fft_pairs) * one.pressure.size / found.pressure.size
+        for one in others.values() if one is not found
+    )  # fmt: skip
+    pairs.append(cost / float(found.num_fft_pairs))
+    return rows
 
 
 def show(kind, name, rows, ratios):
@@ -69,14 +110,10 @@ def show(kind, name, rows, ratios):
     })  # fmt: skip
 
 
-def ratio_of(scene):
-    """True and claimed relative errors of each number, and that of the pixel count."""
-    solve, heights = scene
-    found = solve(heights(1))
-    if found is None:
-        return None
-    near, far = solve(heights(4)), solve(heights(8))
-    if near is None or far is None:
+def against_limit(solve, heights):
+    """True and claimed relative errors of each number, against the limit of finer grids."""
+    found, near, far = (solve(heights(factor)) for factor in (1, 4, 8))
+    if found is None or near is None or far is None:
         return None
     rows = {}
     for name in NUMBERS:
@@ -85,25 +122,6 @@ def ratio_of(scene):
         plain = float(found.contact_area_pixels) / limit - 1 if name == "contact_area" else 0.0
         rows[name] = abs(true / limit), float(claimed) / abs(limit), abs(plain)
     return rows
-
-
-def block_of(rng, number):
-    bases = (
-        gc.tyre_tread(), gc.Prony(1e6, [9e6], [1e-3], 0.49),
-        gc.Prony(2e6, [4e6, 8e6, 2e7], [1e-5, 1e-3, 1e-1], 0.45),
-    )  # fmt: skip
-    coat = gc.Layer(gc.Elastic(10 ** rng.uniform(6, 7.5), 0.49), 10 ** rng.uniform(-5, -3.5))
-    layers = (coat,) if number // 3 % 2 else ()
-    return gc.Stack(layers=layers, base=gc.HalfSpace(bases[number % 3]))
-
-
-def solver(block, size, pressure, velocity, periodic=True):
-    def solve(heights):
-        surface = gc.Surface(heights, gc.Grid(heights.shape, size), periodic=periodic)
-        found = gc.slide(block, surface, pressure=pressure, velocity=velocity, throw=False)
-        return found if found.result == gc.contacts.RESULTS.successful else None
-
-    return solve
 
 
 def drawn(rng, number, shape, cut):
@@ -116,72 +134,12 @@ def drawn(rng, number, shape, cut):
     return surface, float(gc.surfaces.statistics(surface).rms_slope)
 
 
-def finer(heights, factor):
-    shape = tuple(factor * n for n in heights.shape)
-    return resampled(heights, shape) if factor > 1 else heights
-
-
-def rough(number, points, light=1.0):
-    rng = np.random.default_rng((number, points))
-    surface, slope = drawn(rng, number, (64, 64), 64 // points)
-    speed = 10 ** rng.uniform(-3, 1)
-    velocity = speed if number % 2 else (speed * np.cos(0.5), speed * np.sin(0.5))
-    pressure = light * 10 ** rng.uniform(-2.5, -0.7) * slope * 1e7
-    solve = solver(block_of(rng, number), CELL, pressure, velocity)
-    return solve, partial(finer, surface.heights)
-
-
-def line(number):
-    rng = np.random.default_rng((number, 1))
-    surface, slope = drawn(rng, number, (512,), 64)
-    pressure = 10 ** rng.uniform(-2.5, -0.7) * slope * 1e7
-    solve = solver(block_of(rng, number), CELL, pressure, 10 ** rng.uniform(-3, 1))
-    return solve, partial(finer, surface.heights)
-
-
-def window(number):
-    rng = np.random.default_rng((number, 2))
-    radius, wave = 10 ** rng.uniform(-2, -1), 2 * np.pi / CELL * rng.integers(2, 8)
-
-    def heights(factor):
-        n = 64 * factor
-        x = ((jnp.arange(n) + 0.5) / n - 0.5) * CELL
-        x, y = x[:, None], x[None, :]
-        sphere = -(x**2 + y**2) / (2 * radius)
-        if number % 3 == 2:
-            inside = (jnp.abs(x) < CELL / 4) & (jnp.abs(y) < CELL / 4)
-            return jnp.where(inside, 0.0, -1e-4)
-        ripple = jnp.cos(wave * x) * jnp.cos(wave * y) * 0.1 / wave
-        return sphere + (number % 3) * ripple
-
-    solve = solver(
-        block_of(rng, number), CELL, 10 ** rng.uniform(4, 5.5), 10 ** rng.uniform(-3, 1), False
-    )
-    return solve, heights
-
-
-def measured(number, files):
-    rng = np.random.default_rng((number, 3))
-    surface = gc.read_surface(files[number % len(files)])
-    spacing, heights = np.asarray(surface.grid.spacing), np.asarray(surface.heights)
-    side = min(64, min(heights.shape) // 2 * 2)
-    corner = [rng.integers(0, n - side + 1) for n in heights.shape]
-    part = heights[tuple(slice(c, c + side) for c in corner)]
-    taper = np.sqrt(np.hanning(side + 1)[:-1])
-    part = jnp.asarray((part - part.mean()) * np.outer(taper, taper))
-    size = spacing * side
-    slope = gc.surfaces.statistics(gc.Surface(part, gc.Grid(part.shape, size))).rms_slope
-    pressure = 10 ** rng.uniform(-2.5, -0.7) * float(slope) * 1e7
-    speed = 10 ** rng.uniform(-3, 1) * size[0] / CELL
-    return solver(block_of(rng, number), size, pressure, speed), partial(finer, part)
-
-
 def cycle(number, name, times=64, most=512):
     """True and claimed relative error of a number of a cycle by its times and the solver."""
     rng = np.random.default_rng((number, 4))
     surface, slope = drawn(rng, number, (32, 32), 4)
     stroke = times / 2 / np.pi * 0.5 * CELL / 32 * rng.uniform(0.5, 2)
-    block, frequency = block_of(rng, number), 10 ** rng.uniform(-1, 3)
+    block, frequency = block_of(rng, "cycle", 0.1), 10 ** rng.uniform(-1, 3)
     pressure = 10 ** rng.uniform(-2.5, -0.7) * slope * 1e7
 
     def solve(num_times, **more):

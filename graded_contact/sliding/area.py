@@ -9,14 +9,13 @@ from ..contacts.estimates import error_of
 from ..core.quantities import TOTAL, observable, of_cycle, of_steady
 from .errors import (
     add_errors,
-    change_by_grid,
     changes_by_kernel,
     gap_by_solver,
     over_number,
     with_chance,
 )
 from .formulas import indicator_of, share_of, touching
-from .resolution import neighbours_of
+from .grid_errors import OF_PLACE, area_by_grid, by_grid
 from .result import CyclicSliding, Found, Sliding
 
 
@@ -56,18 +55,6 @@ def contact_indicator(found: Found) -> Array:
     return indicator_of(found)
 
 
-def _area_by_grid(found: Found) -> Array:
-    edges = jnp.abs(contact_area_pixels(found) - contact_area(found))
-    error = change_by_grid("contact_area")(found) + 0.4 * neighbours_of(found).factor * edges
-    return jnp.minimum(error, jnp.maximum(contact_area(found), 1 - contact_area(found)))
-
-
-def _gap_by_grid(found: Found) -> Array:
-    # Two changes of both signs may cancel in the gap; they do not in the area.
-    by_area = jnp.abs(mean_gap(found)) * _area_by_grid(found)
-    return change_by_grid("mean_gap")(found) + 0.15 * by_area
-
-
 def _area_in_doubt(found: Found, change: Array) -> Array:
     """The share of points that a change of the pressure may have put on the wrong side."""
     return area_in_doubt(indicator_of(found), jnp.abs(change))
@@ -92,7 +79,7 @@ def _area_by_kernel(found: Sliding) -> Array:
 
 add_errors(
     "contact_area", of_steady, TOTAL, over=over_number,
-    solver=_area_by_solver, grid=_area_by_grid, kernel=_area_by_kernel,
+    solver=_area_by_solver, grid=area_by_grid, kernel=_area_by_kernel,
     temperature=lambda found: found.heated.area_error,
 )  # fmt: skip
-add_errors("mean_gap", of_steady, solver=gap_by_solver, grid=_gap_by_grid)
+add_errors("mean_gap", of_steady, solver=gap_by_solver, grid=by_grid("mean_gap", OF_PLACE))

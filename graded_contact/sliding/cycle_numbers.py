@@ -6,7 +6,7 @@ from jaxtyping import Array
 from ..contacts.operator import nonzero
 from ..core.quantities import FOUR, TOTAL, of_cycle
 from .energy import dissipation_of_waves, exchange
-from .errors import add_errors, by_times, change_by_grid, over_friction, solver_errors
+from .errors import add_errors, by_times, over_friction, solver_errors
 from .facts import SHEARED
 from .formulas import (
     all_tractions,
@@ -20,6 +20,7 @@ from .formulas import (
     power_of,
     shear_power,
 )
+from .grid_errors import OF_FORCE, by_grid, unseen_friction, unseen_power
 from .result import CyclicSliding, Found
 
 
@@ -113,12 +114,15 @@ def _by_temperature(found: Found, index: int) -> Array:
 for _number, _index, _over in (("mean_friction", 0, over_friction), ("peak_friction", 1, None)):
     add_errors(
         _number, of_cycle, TOTAL, over=_over,
-        grid=change_by_grid(_number), time=by_times(_number, friction_of_cycle),
+        grid=by_grid(_number, OF_FORCE, unseen_friction),
+        time=by_times(_number, friction_of_cycle),
         solver=lambda found, index=_index: solver_errors(found)[index],
         temperature=lambda found, index=_index: _by_temperature(found, index),
     )  # fmt: skip
-for _number, _trace in (
-    ("work", _work_over_time), ("load_work", _work_over_time),
-    ("dissipated_power", _power_over_time),
-):  # fmt: skip
-    add_errors(_number, of_cycle, grid=change_by_grid(_number), time=by_times(_number, _trace))
+for _number, _trace, _unseen in (
+    ("work", _work_over_time, lambda found: unseen_power(found) * found.period),
+    ("load_work", _work_over_time, None),
+    ("dissipated_power", _power_over_time, unseen_power),
+):
+    _grid, _time = by_grid(_number, OF_FORCE, _unseen), by_times(_number, _trace)
+    add_errors(_number, of_cycle, grid=_grid, time=_time)

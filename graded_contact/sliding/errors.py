@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array
 
 from ..contacts.estimates import error_of
-from ..contacts.operator import nonzero
 from ..contacts.window import Window
 from ..core.caveats import DOUBTFUL
 from ..core.quantities import OBSERVABLES, Above, NumberOf
@@ -90,22 +89,6 @@ def add_errors(
         rf"\delta {symbol}", unit, f"estimated error of the {meaning}", column=column, needs=needs,
         beside=neighbours_of,
     )(total)  # fmt: skip
-
-
-def change_by_grid(name: str) -> Callable[[Found], Array]:
-    """Returns the formula of the change of a number from half the grid, see `resolution.py`."""
-
-    def change(found):
-        formula, near = OBSERVABLES[name].formula, neighbours_of(found)
-        own, same, half = map(formula, (found, near.same, near.half))
-        # Without its shortest waves a surface has less friction, of about the same relative error.
-        less = jnp.maximum(jnp.abs(own) / nonzero(jnp.abs(same)), 1)
-        moved = jnp.abs(same - half) * less
-        # Half the grid may lose a contact of few points, and with it the friction.
-        lost = jnp.isnan(moved) & ~jnp.isnan(near.factor)
-        return near.factor * jnp.where(lost, jnp.abs(own), moved)
-
-    return change
 
 
 def by_times(

@@ -14,10 +14,8 @@ from jaxtyping import Array
 
 from ..contacts.estimates import error_of
 from ..core.quantities import FOUR, TOTAL, Above, NumberOf, observable, of_cycle, of_steady
-from .energy import dissipation_of_waves
 from .errors import (
     add_errors,
-    change_by_grid,
     changes_by_kernel,
     over_friction,
     solver_errors,
@@ -37,6 +35,7 @@ from .formulas import (
     slopes,
     tractions_of,
 )
+from .grid_errors import OF_FORCE, by_grid, unseen_friction
 from .result import CyclicSliding, Found, Sliding
 from .shear import shear_over_load
 
@@ -190,15 +189,8 @@ def _friction_by_solver(found: Sliding) -> Array:
 # `bench_contact.py grid` has how often these are below the true error, and how far above it.
 
 
-def _friction_by_grid(found: Found) -> Array:
-    # Each alone is sometimes far too small. Without losses friction is 0 on every grid.
-    by_slopes = jnp.abs(geometric_friction(found) - friction(found))
-    by_slopes = jnp.where(jnp.any(dissipation_of_waves(found) != 0), by_slopes, 0)
-    return (2 * change_by_grid("friction")(found) + by_slopes) / 3
-
-
 add_errors(
     "friction", of_steady, TOTAL, over=over_friction,
-    solver=_friction_by_solver, grid=_friction_by_grid,
+    solver=_friction_by_solver, grid=by_grid("friction", OF_FORCE, unseen_friction),
     kernel=_image_error, temperature=lambda found: found.heated.friction_error,
 )  # fmt: skip

@@ -9,7 +9,6 @@ from ..contacts.operator import nonzero
 from ..fields.grid import Grid, derivative, resample_spectrum, to_field, to_spectrum
 
 _FEWEST = 4  # points along an axis that are not halved again
-LACKING = 8.0  # times the share of the squared slope that half the grid lacks
 NOTHING_LACKS = 1e-5  # of the squared slope: below it half the grid lacks nothing
 
 
@@ -26,7 +25,7 @@ def grid_estimate(heights: Float[Array, "*shape"], grid: Grid, window: bool) -> 
     missing = float(heights_on(heights, grid, half, window)[2])
     if missing <= NOTHING_LACKS:
         return "from half the grid"
-    return f"from half the grid, without the waves it lacks, times {1 + LACKING * missing:.2g}"
+    return f"from half the grid, and from the waves it lacks ({missing:.0%} of the squared slope)"
 
 
 @eqx.filter_jit

@@ -7,9 +7,10 @@ from ..contacts.estimates import error_of
 from ..core.derivative import largest
 from ..core.quantities import FOUR, of_steady
 from ..fields.grid import coordinates
-from .errors import add_errors, change_by_grid, changes_by_kernel, gap_by_solver, with_chance
+from .errors import add_errors, changes_by_kernel, gap_by_solver, with_chance
 from .facts import GIVEN_LOAD, GROUND, LOAD_FOLLOWS, WINDOW
 from .formulas import moved_where_loaded
+from .grid_errors import OF_PLACE, by_grid
 from .result import Found, Sliding
 
 
@@ -64,10 +65,10 @@ def _approach_by_kernel(found: Sliding) -> Array:
 
 add_errors(
     "mean_pressure", of_steady, needs=(LOAD_FOLLOWS,),
-    solver=_pressure_by_solver, grid=change_by_grid("mean_pressure"),
+    solver=_pressure_by_solver, grid=by_grid("mean_pressure", OF_PLACE),
     kernel=lambda f: sum(map(with_chance, changes_by_kernel(f))) / f.pressure.size,
 )  # fmt: skip
 add_errors(
     "approach", of_steady, needs=(GROUND, GIVEN_LOAD),
-    solver=gap_by_solver, grid=change_by_grid("approach"), kernel=_approach_by_kernel,
+    solver=gap_by_solver, grid=by_grid("approach", OF_PLACE), kernel=_approach_by_kernel,
 )  # fmt: skip

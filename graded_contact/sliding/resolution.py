@@ -1,10 +1,9 @@
 """The errors of the grid and of the times: the contact with fewer points, or fewer times.
 
-The waves of surface and block that half as many points resolve are kept. Friction and areas change
-with the square of the spacing, roughly, so that their change from half the grid contains the error
-several times (`bench_contact.py grid`). A surface may have waves that half the grid lacks. Then the
-change is that of the surface without them, on the grid and on half of it: as many points for the
-shortest wave as the grid itself has. The more of the slope these waves have, the more it counts.
+The waves of surface and block that half as many points resolve are kept. A surface may have waves
+that half the grid lacks. Then the surface without them is solved on the grid, too, and compared
+with half of it: as many points for the shortest wave as the grid itself has. What errors follow
+from these contacts is in `grid_errors.py` and `errors.py`.
 
 A window has no waves of its own: the heights of half the grid are means of neighbours.
 """
@@ -24,7 +23,7 @@ from ..core.derivative import largest
 from ..fields.grid import interpolate
 from .facts import WINDOW
 from .formulas import lift
-from .half_grid import LACKING, NOTHING_LACKS, halved, heights_on, resampled
+from .half_grid import NOTHING_LACKS, halved, heights_on, resampled
 from .numerics import Numerics
 from .problem import Problem
 from .result import CyclicSliding, Found, Sliding
@@ -41,13 +40,14 @@ class Neighbours(eqx.Module):
     - `same`: on the grid, without the waves that half of it lacks.
     - `half`: the same contact on half as many points.
     - `fewer`: of a cycle, on the grid with half as many times; None if these are too few.
-    - `factor`: by which changes are multiplied: 1, and more if half the grid lacks waves [1].
+    - `lacking`: share of the squared slope in waves that half the grid lacks [1]; NaN if the grid
+      has too few points to be halved.
     """
 
     same: Found
     half: Found
     fewer: Found | None
-    factor: Float[Array, ""]
+    lacking: Float[Array, ""]
 
 
 def neighbours_of(found: Found) -> Neighbours:
@@ -70,7 +70,7 @@ def _neighbours(found: Found) -> Neighbours:
     pressure = found.contact.mean_pressure
     if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
         # Without a contact there is nothing to compare.
-        return Neighbours(found, found, found, jnp.ones_like(pressure))
+        return Neighbours(found, found, found, jnp.zeros_like(pressure))
     times = len(found.displacement) if isinstance(found, CyclicSliding) else 0
     on_half, cut, missing = heights_on(found.heights, found.grid, half, WINDOW in found.facts)
     same, fewer = found, None
@@ -78,10 +78,9 @@ def _neighbours(found: Found) -> Neighbours:
         same = _solved(found, shape, cut, times)
     if times >= 2 * _LEAST_TIMES:
         fewer = _solved(found, shape, found.heights, times // 2)
-    factor = 1 + LACKING * missing
     if half == shape:  # nothing is known of the error of the grid
-        factor = factor * jnp.nan
-    return Neighbours(same, _solved(found, half, on_half, times), fewer, factor)
+        missing = missing * jnp.nan
+    return Neighbours(same, _solved(found, half, on_half, times), fewer, missing)
 
 
 def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int) -> Found:
