@@ -127,9 +127,9 @@ class AbstractOperator(eqx.Module):
         return formula(*fields)
 
     @property
-    def at_edges(self) -> Waves:
-        """The kernel over space that weighs gaps at the edge of contact, see `edge_stiffness`."""
-        return self.kernel
+    def at_edges(self) -> Inexact[Array, "frequencies *half"]:
+        """M over space at each frequency that edges of contact may have, see `edge_stiffness`."""
+        return self.kernel[None]
 
     def traction(self, pressure: Field, profile: Field, q) -> Float[Array, "..."]:
         """Returns -⟨σ ∂f/∂x⟩ [Pa] at each time; `q` is each wave's number along x [rad/m]."""

@@ -52,7 +52,8 @@ class Window(AbstractOperator):
     @property
     def at_edges(self):
         # The wake of sliding ends there with a step, of opposite sign in every other wave along x.
-        return self.kernel / 2 + (jnp.roll(self.kernel, 1, 0) + jnp.roll(self.kernel, -1, 0)) / 4
+        both = jnp.roll(self.kernel, 1, 0) + jnp.roll(self.kernel, -1, 0)
+        return (self.kernel / 2 + both / 4)[None]
 
     def change_by(self, error: Waves, pressure: Field, touching, at_approach: bool) -> Field:
         """Returns the change of the pressure [Pa] by an error of the kernel.
