@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..fields.grid import Grid, Waves, mode_numbers, multiplicity
+from ..fields.grid import Grid, Waves, mode_numbers, multiplicity, wavenumber
 from .operator import Field, Scalar, nonzero, positions
 
 # Directions of waves that `edge_stiffness` tells apart.
@@ -46,9 +46,9 @@ class Edges(eqx.Module):
 def edge_stiffness(kernels: Waves, grid: Grid) -> tuple[Scalar, Scalar]:
     """Returns the softest and the stiffest that an edge of contact can be, 1/|M| [Pa/m].
 
-    Of the waves near half the Nyquist number, the mean in each direction (geometric, of 1/|M|), and
-    the stiffest direction. Under sliding this is along the motion: the field at an edge that moves
-    is singular and full of high frequencies. Softest and stiffest are those of the frequencies.
+    Geometric means of the waves near half the Nyquist number, with the moduli 1/(q |M|) of the
+    direction in which these are largest. Under sliding this is along the motion: the field at an
+    edge is singular and full of high frequencies. Softest and stiffest differ by the frequency.
 
     **Arguments:**
 
@@ -60,14 +60,20 @@ def edge_stiffness(kernels: Waves, grid: Grid) -> tuple[Scalar, Scalar]:
     radius = sum(part**2 for part in parts)
     near = (radius >= 0.5**2) & (radius <= 1.5**2)
     weight = jnp.where(near, multiplicity(grid.shape), 0).astype(grid.size.dtype)
-    logarithm = jnp.log(jnp.abs(jnp.where(near, kernels, 1)))
     sector = jnp.round(_SECTORS / np.pi * jnp.arctan2(parts[0], parts[-1])) % _SECTORS
+
+    def mean(logarithm, weight):
+        total = jnp.sum(weight * logarithm, tuple(range(-grid.ndim, 0)))
+        return total / nonzero(jnp.sum(weight))
+
+    wave = jnp.log(jnp.where(near, wavenumber(grid), 1))
+    compliance = jnp.log(jnp.abs(jnp.where(near, kernels, 1))) + wave
     least = jnp.full(len(kernels), jnp.inf, weight.dtype)
     for number in range(_SECTORS):  # some are empty on few points, and all but one on a line
         own = jnp.where(sector == number, weight, 0)
-        mean = jnp.sum(own * logarithm, tuple(range(1, logarithm.ndim))) / nonzero(jnp.sum(own))
-        least = jnp.where(jnp.sum(own) > 0, jnp.minimum(least, mean), least)
-    return jnp.exp(-jnp.max(least)), jnp.exp(-jnp.min(least))
+        least = jnp.where(jnp.any(own > 0), jnp.minimum(least, mean(compliance, own)), least)
+    stiffness = jnp.exp(mean(wave, weight) - least)
+    return jnp.min(stiffness), jnp.max(stiffness)
 
 
 def cuts_of(heights: Field, periodic: bool) -> tuple[Array, ...]:

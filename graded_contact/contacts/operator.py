@@ -126,9 +126,11 @@ class AbstractOperator(eqx.Module):
         """Returns the formula of fields over space, at each time if they have times."""
         return formula(*fields)
 
-    @property
-    def at_edges(self) -> Inexact[Array, "frequencies *half"]:
-        """M over space at each frequency that edges of contact may have, see `edge_stiffness`."""
+    def at_edges(self, load: Float[Array, "..."]) -> Inexact[Array, "frequencies *half"]:
+        """Returns M over space at the frequencies that edges of contact may have.
+
+        See `edge_stiffness`; `load` is the mean pressure at each time.
+        """
         return self.kernel[None]
 
     def traction(self, pressure: Field, profile: Field, q) -> Float[Array, "..."]:

@@ -49,8 +49,7 @@ class Window(AbstractOperator):
     def on_surface(self, field):
         return field[tuple(slice(0, n // 2) for n in field.shape)]
 
-    @property
-    def at_edges(self):
+    def at_edges(self, load):
         # The wake of sliding ends there with a step, of opposite sign in every other wave along x.
         both = jnp.roll(self.kernel, 1, 0) + jnp.roll(self.kernel, -1, 0)
         return (self.kernel / 2 + both / 4)[None]

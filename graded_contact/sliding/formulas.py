@@ -255,8 +255,9 @@ def indicator_of(found: Found) -> Array:
 
 @shared
 def stiffness_at_edges(found: Found) -> tuple[Array, Array]:
-    """The softest and the stiffest that an edge of contact can be [Pa/m]."""
-    return area.edge_stiffness(found.operator.at_edges, found.cell)
+    """The softest and the stiffest that an edge of contact can be [Pa/m], see `edge_stiffness`."""
+    load = found.operator.at_each_time(jnp.mean, found.pressure)
+    return area.edge_stiffness(found.operator.at_edges(load), found.cell)
 
 
 @shared
