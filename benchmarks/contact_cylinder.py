@@ -59,7 +59,7 @@ def glide(v, points):
     alone = kernel(v, points)
     s = gc.solve_contact(alone, -(x**2) / 2, 1 / (CELL * A), rtol=1e-9)
     pressure = np.asarray(s.pressure)
-    stiffness = edge_stiffness(alone, gc.Grid((n,), CELL * A))
+    stiffness = edge_stiffness(alone[None], gc.Grid((n,), CELL * A))[1]
     left, right = edges(
         x, np.asarray(gc.HardWall().contact_indicator(s.pressure, s.gap, stiffness))
     )

@@ -2,12 +2,16 @@
 
 from collections.abc import Callable
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..fields.grid import Grid, Waves, mode_numbers, multiplicity
-from .operator import Field, Scalar
+from ..fields.grid import Grid, Waves, mode_numbers, multiplicity, wavenumber
+from .operator import Field, Scalar, nonzero, positions
+
+# Directions of waves that `edge_stiffness` tells apart.
+_SECTORS = 8
 
 
 def counted_area(contact: Bool[Array, "*shape"]) -> Scalar:
@@ -26,18 +30,79 @@ def area_in_doubt(indicator: Field, correction: Field) -> Scalar:
     return jnp.mean(jnp.abs(indicator) < doubt, dtype=indicator.dtype)
 
 
-def edge_stiffness(kernel: Waves, grid: Grid) -> Scalar:
-    """Returns a stiffness 1/|M| near the edge of contact [Pa/m], which weighs gaps there.
+class Edges(eqx.Module):
+    """What is known of the edges of contact beside pressures and gaps.
 
-    It is the geometric mean over the waves of all directions near half the Nyquist number, since
-    edges run in all directions and a wave across the velocity excites no losses.
+    **Fields:**
+
+    - `softest`: the softest an edge can be over `edge_stiffness`, by which gaps are weighed [1].
+    - `cuts`: for each axis, whether the body is cut off after a point, see `cuts_of`.
+    """
+
+    softest: Scalar
+    cuts: tuple[Array, ...]
+
+
+def edge_stiffness(kernels: Waves, grid: Grid) -> tuple[Scalar, Scalar]:
+    """Returns the softest and the stiffest that an edge of contact can be, 1/|M| [Pa/m].
+
+    Geometric means of the waves near half the Nyquist number, with the moduli 1/(q |M|) of the
+    direction in which these are largest. Under sliding this is along the motion: the field at an
+    edge is singular and full of high frequencies. Softest and stiffest differ by the frequency.
+
+    **Arguments:**
+
+    - `kernels`: M [m/Pa] at each frequency that edges may have, shape `(frequencies, *half)`.
+    - `grid`: of the waves.
     """
     counts = zip(mode_numbers(grid.shape), grid.shape, strict=True)
-    radius = sum((4 * jnp.asarray(k) / n) ** 2 for k, n in counts)
+    parts = [4 * jnp.asarray(k) / n for k, n in counts]
+    radius = sum(part**2 for part in parts)
     near = (radius >= 0.5**2) & (radius <= 1.5**2)
     weight = jnp.where(near, multiplicity(grid.shape), 0).astype(grid.size.dtype)
-    logarithm = jnp.log(jnp.abs(jnp.where(near, kernel, 1)))
-    return jnp.exp(-jnp.sum(weight * logarithm) / jnp.sum(weight))
+    sector = jnp.round(_SECTORS / np.pi * jnp.arctan2(parts[0], parts[-1])) % _SECTORS
+
+    def mean(logarithm, weight):
+        total = jnp.sum(weight * logarithm, tuple(range(-grid.ndim, 0)))
+        return total / nonzero(jnp.sum(weight))
+
+    wave = jnp.log(jnp.where(near, wavenumber(grid), 1))
+    compliance = jnp.log(jnp.abs(jnp.where(near, kernels, 1))) + wave
+    least = jnp.full(len(kernels), jnp.inf, weight.dtype)
+    for number in range(_SECTORS):  # some are empty on few points, and all but one on a line
+        own = jnp.where(sector == number, weight, 0)
+        least = jnp.where(jnp.any(own > 0), jnp.minimum(least, mean(compliance, own)), least)
+    stiffness = jnp.exp(mean(wave, weight) - least)
+    return jnp.min(stiffness), jnp.max(stiffness)
+
+
+def cuts_of(heights: Field, periodic: bool) -> tuple[Array, ...]:
+    """Returns where the body is cut off between a point and the next along each axis, 0 to 1.
+
+    There the heights jump by more than twice what the slopes on both sides explain, in full from
+    four times on. The end of a window is a cut, too.
+    """
+    return tuple(_cuts_along(heights, axis, periodic) for axis in range(heights.ndim))
+
+
+def _cuts_along(heights, axis, periodic):
+    drop = jnp.abs(jnp.roll(heights, -1, axis) - heights)
+    last = positions(heights.shape)[axis] == heights.shape[axis] - 1
+    ends = last & (not periodic)
+    drop = jnp.where(ends, 0, drop)
+    # A wave of four points looks like teeth: the second neighbours tell it from one tooth.
+    around = sum(
+        weight * (jnp.roll(drop, places, axis) + jnp.roll(drop, -places, axis))
+        for places, weight in ((1, 1.0), (2, 0.25))
+    )
+    jump = drop / nonzero(jnp.maximum(around, drop / 8))
+    return jnp.where(ends, 1, ramp(jump, 2.0, 4.0))
+
+
+def ramp(value: Array, low: float, high: float) -> Array:
+    """Returns 0 below `low`, 1 above `high`, and smoothly rising numbers between."""
+    part = jnp.clip((value - low) / (high - low), 0, 1)
+    return part**2 * (3 - 2 * part)
 
 
 def edge_distance(ratio: Array, ndim: int) -> Array:
@@ -59,7 +124,7 @@ def edge_distance(ratio: Array, ndim: int) -> Array:
 
 
 def contact_shares(
-    indicator: Field, edge: Callable[[Array, int], Array] = edge_distance
+    indicator: Field, edges: Edges, distance: Callable[[Array, int], Array] = edge_distance
 ) -> Float[Array, "*shape"]:
     """Returns the share of each point in contact [1], with the edges of contact between the points.
 
@@ -70,16 +135,19 @@ def contact_shares(
     **Arguments:**
 
     - `indicator`: see `AbstractLaw.contact_indicator` [Pa].
-    - `edge`: function of g/p and the number of dimensions, see `edge_distance`.
+    - `edges`: what is known of them.
+    - `distance`: function of g/p and the number of dimensions, see `edge_distance`.
     """
     inside, parts = indicator > 0, []
     for axis in range(indicator.ndim):
         other = jnp.roll(indicator, -1, axis)
         far = other > 0
         mixed = inside != far
+        behind = jnp.where(inside, jnp.roll(indicator, 1, axis), jnp.roll(indicator, -2, axis))
         high, low = jnp.maximum(indicator, other), jnp.minimum(indicator, other)
-        ratio = jnp.where(mixed, -low / jnp.where(mixed, high, 1), 1)
-        x = edge(jnp.clip(ratio, 1e-7, 1e6), indicator.ndim)  # the root of 0 has no derivative
+        high, low = jnp.where(mixed, high, 1), jnp.where(mixed, low, -1)
+        regular = _regular_edge(-low / high, high, behind, edges.softest, distance)
+        x = _unless_cut(regular, high, behind, edges.cuts[axis])
         # Of the half of the line at the point in contact, and at the other one.
         shares = jnp.minimum(2 * x, 1), jnp.maximum(2 * x - 1, 0)
         near, beyond = (
@@ -89,10 +157,47 @@ def contact_shares(
     return jnp.asarray(sum(parts) / len(parts))
 
 
-def sub_pixel_area(indicator: Field) -> Scalar:
+def _regular_edge(ratio, pressure, behind, softest, distance):
+    """The place of an edge after the last point [spacings], where the body goes on.
+
+    A block that creeps is as stiff as its highest frequencies at an edge that moves, and softer at
+    one that rests or moves back slowly: gap and pressure alone do not tell. So between both the
+    pressures of two points decide, as far as they follow the root of the distance.
+    """
+    # The root of 0 has no derivative.
+    stiff, soft = (
+        distance(jnp.clip(r, 1e-7, 1e6), pressure.ndim) for r in (ratio, softest * ratio)
+    )
+    place = stiff + ramp(_rise(pressure, behind), 1.0, 2.0) * (_root_law(pressure, behind) - stiff)
+    return jnp.clip(place, stiff, soft)
+
+
+def _unless_cut(regular, pressure, behind, cut):
+    """The place of an edge, half way to the next point where the body is cut off.
+
+    The contact may end before, as the pressure shows. A point alone in contact has no inner one; it
+    may leave the contact at any time, without a jump.
+    """
+    corner = jnp.minimum(_root_law(pressure, behind), 0.5)
+    held = cut * ramp(_rise(pressure, behind), 0.0, 0.05)
+    return regular + held * jnp.maximum(corner - regular, 0)
+
+
+def _rise(pressure, behind):
+    """The square of the pressure one point further inside over that at the last point [1]."""
+    behind = jnp.maximum(behind, 0)
+    return (behind / jnp.maximum(pressure, 1e-3 * behind)) ** 2
+
+
+def _root_law(pressure, behind):
+    """The place where a pressure that falls as the root of the distance ends, at most 2."""
+    return 1 / jnp.maximum(_rise(pressure, behind) - 1, 0.5)
+
+
+def sub_pixel_area(indicator: Field, edges: Edges) -> Scalar:
     """Returns the contact area fraction, the mean of `contact_shares` [1].
 
     It is continuous in every parameter and has a derivative, and no contact is so small that it has
     none.
     """
-    return jnp.mean(contact_shares(indicator))
+    return jnp.mean(contact_shares(indicator, edges))

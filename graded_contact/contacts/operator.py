@@ -126,10 +126,12 @@ class AbstractOperator(eqx.Module):
         """Returns the formula of fields over space, at each time if they have times."""
         return formula(*fields)
 
-    @property
-    def at_edges(self) -> Waves:
-        """The kernel over space that weighs gaps at the edge of contact, see `edge_stiffness`."""
-        return self.kernel
+    def at_edges(self, load: Float[Array, "..."]) -> Inexact[Array, "frequencies *half"]:
+        """Returns M over space at the frequencies that edges of contact may have.
+
+        See `edge_stiffness`; `load` is the mean pressure at each time.
+        """
+        return self.kernel[None]
 
     def traction(self, pressure: Field, profile: Field, q) -> Float[Array, "..."]:
         """Returns -⟨σ ∂f/∂x⟩ [Pa] at each time; `q` is each wave's number along x [rad/m]."""

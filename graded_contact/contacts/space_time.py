@@ -29,7 +29,12 @@ import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact
 
 from ..fields.grid import Grid, mode_numbers, resample_spectrum, to_field, to_spectrum, wavevector
-from .operator import AbstractOperator, first_mode, third_mode
+from .operator import AbstractOperator, first_mode, nonzero, third_mode
+
+# The share of a wave from which on a frequency counts at the edges of contact. What a motion or a
+# load excites for a moment has a small share. With 1e-4 the areas of rough contacts that shrink are
+# 2 % larger, with 1e-8 1 % smaller.
+_EXCITED = 1e-6
 
 
 class SpaceTime(AbstractOperator):
@@ -78,11 +83,14 @@ class SpaceTime(AbstractOperator):
     def at_each_time(self, formula, *fields):
         return jax.vmap(formula)(*fields)
 
-    @property
-    def at_edges(self):
-        # |M| of each wave, the geometric mean over the frequencies that it moves with.
+    def at_edges(self, load):
+        # The softest and the stiffest frequency that the motion and the load excite, by |M|.
+        load = load / jnp.sqrt(nonzero(jnp.mean(load**2)))
+        shares = frequency_shares([*self.phases, load.reshape(-1, *[1] * (self.kernel.ndim - 1))])
         size = jnp.log(jnp.abs(jnp.where(self.is_mean, 1, self.kernel)))
-        return jnp.exp(jnp.sum(frequency_shares(self.phases) * size, axis=0))
+        mean = jnp.sum(shares * size, axis=0)
+        beyond = shares / (shares + _EXCITED) * (size - mean)
+        return jnp.exp(mean + jnp.stack([jnp.max(beyond, axis=0), jnp.min(beyond, axis=0)]))
 
     @property
     def is_mean(self):
@@ -112,10 +120,13 @@ def in_motion(
     return SpaceTime(_even_on_nyquist(kernel, phases, (len(kernel), *grid.shape)), phases)
 
 
-def frequency_shares(phases: Sequence[Complex[Array, "nt ..."]]) -> Float[Array, "nt ..."]:
-    """Returns how a motion spreads each wave over the frequencies; the sum over these is 1."""
-    moved = math.prod(phases[1:], start=phases[0])
-    return jnp.abs(jnp.fft.fft(moved, axis=0) / len(moved)) ** 2
+def frequency_shares(factors: Sequence[Inexact[Array, "nt ..."]]) -> Float[Array, "nt ..."]:
+    """Returns how the phases of a motion, and a load, spread each wave over the frequencies.
+
+    The sum of the shares is the mean square of the factors, 1 for phases.
+    """
+    product = math.prod(factors[1:], start=factors[0])
+    return jnp.abs(jnp.fft.fft(product, axis=0) / len(product)) ** 2
 
 
 def _even_on_nyquist(kernel, phases, shape: tuple[int, ...]):

@@ -49,10 +49,10 @@ class Window(AbstractOperator):
     def on_surface(self, field):
         return field[tuple(slice(0, n // 2) for n in field.shape)]
 
-    @property
-    def at_edges(self):
+    def at_edges(self, load):
         # The wake of sliding ends there with a step, of opposite sign in every other wave along x.
-        return self.kernel / 2 + (jnp.roll(self.kernel, 1, 0) + jnp.roll(self.kernel, -1, 0)) / 4
+        both = jnp.roll(self.kernel, 1, 0) + jnp.roll(self.kernel, -1, 0)
+        return (self.kernel / 2 + both / 4)[None]
 
     def change_by(self, error: Waves, pressure: Field, touching, at_approach: bool) -> Field:
         """Returns the change of the pressure [Pa] by an error of the kernel.

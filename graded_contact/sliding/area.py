@@ -7,14 +7,8 @@ from jaxtyping import Array
 from ..contacts.area import area_in_doubt, counted_area, sub_pixel_area
 from ..contacts.estimates import error_of
 from ..core.quantities import TOTAL, observable, of_cycle, of_steady
-from .errors import (
-    add_errors,
-    changes_by_kernel,
-    gap_by_solver,
-    over_number,
-    with_chance,
-)
-from .formulas import indicator_of, share_of, touching
+from .errors import add_errors, changes_by_kernel, gap_by_solver, over_number, with_chance
+from .formulas import edges_of, indicator_of, share_of, touching
 from .grid_errors import OF_PLACE, area_by_grid, by_grid
 from .result import CyclicSliding, Found, Sliding
 
@@ -23,9 +17,12 @@ from .result import CyclicSliding, Found, Sliding
 def contact_area(found: Found) -> Array:
     """Fraction of the surface in contact [1], with edges between the points."""
 
+    edges = edges_of(found)
+
     def share(indicator, pressure):
         # Where the body flows, the pressure ends at its edge at once: its load needs this area.
-        return jnp.maximum(sub_pixel_area(indicator), jnp.mean(pressure) / found.law.bounds[1])
+        flown = jnp.mean(pressure) / found.law.bounds[1]
+        return jnp.maximum(sub_pixel_area(indicator, edges), flown)
 
     return share_of(found, share, indicator_of(found), found.pressure)
 
@@ -61,8 +58,8 @@ def _area_in_doubt(found: Found, change: Array) -> Array:
 
 
 def _area_by_solver(found: Found) -> Array:
-    indicator, value = indicator_of(found), contact_area(found)
-    of = lambda change: sub_pixel_area(indicator + change)[None]  # noqa: E731
+    indicator, edges, value = indicator_of(found), edges_of(found), contact_area(found)
+    of = lambda change: sub_pixel_area(indicator + change, edges)[None]  # noqa: E731
     moved = error_of(of, value[None], found.contact.correction, value)[0]
     return moved + _area_in_doubt(found, found.contact.correction)
 
@@ -73,7 +70,7 @@ def _area_by_kernel(found: Sliding) -> Array:
         in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(inside), 1))
         change += jnp.where(inside, jnp.abs(moved), in_contact)
     # Edges move between the points, too; what a change of both signs moves may cancel by chance.
-    pull = jax.grad(sub_pixel_area)(indicator_of(found))
+    pull = jax.grad(sub_pixel_area)(indicator_of(found), edges_of(found))
     return _area_in_doubt(found, change) + with_chance(pull * change)
 
 

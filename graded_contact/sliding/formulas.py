@@ -66,12 +66,14 @@ def tractions_on(found: Found) -> list[Array]:
     """The tangential traction on the block along each of its components [Pa], on the cell."""
     pressure, indicator, stress = found.pressure, indicator_of(found), found.shear
     assert stress is not None
+    edges = edges_of(found)
     if isinstance(found, CyclicSliding):
         speeds = lengths(found.motion_of_surface[0])
-        at = lambda p, i, speed: shear_field(p, i, dataclasses.replace(stress, speed=speed))  # noqa: E731
+        law = lambda speed: dataclasses.replace(stress, speed=speed)  # noqa: E731
+        at = lambda p, i, speed: shear_field(p, i, edges, law(speed))  # noqa: E731
         size = jax.vmap(at)(pressure, indicator, speeds)
     else:
-        size = shear_field(pressure, indicator, stress)
+        size = shear_field(pressure, indicator, edges, stress)
     return [found.operator.on_cell(size * part) for part in found.directions]
 
 
@@ -164,7 +166,7 @@ def shear_of_cycle(
     The law holds at the pressure and the speed of each time. At rest it has no direction and is 0.
     """
     rate, at_rest = found.motion_of_surface[0], rests(found)
-    fastest = jnp.max(lengths(rate))
+    edges, fastest = edges_of(found), jnp.max(lengths(rate))
     times = refined if fine else (lambda over_time: over_time)
 
     def law(speed):
@@ -174,7 +176,7 @@ def shear_of_cycle(
 
     def at(pressure, indicator, speed):
         added = shear_parts(pressure, law(speed))[1]
-        return area.sub_pixel_area(indicator), jnp.mean(added)
+        return area.sub_pixel_area(indicator, edges), jnp.mean(added)
 
     touches, added = map(times, jax.vmap(at)(pressure, indicator, lengths(rate)))
     rate = times(rate)
@@ -247,8 +249,23 @@ def moved_where_loaded(found: Found, operator: Any, field: Array | float = 0.0) 
 @shared
 def indicator_of(found: Found) -> Array:
     """How far points are inside contact or outside [Pa], see `AbstractLaw.contact_indicator`."""
-    stiffness = area.edge_stiffness(found.operator.at_edges, found.cell)
-    return found.law.contact_indicator(found.pressure, found.gap, stiffness)
+    stiffest = stiffness_at_edges(found)[1]
+    return found.law.contact_indicator(found.pressure, found.gap, stiffest)
+
+
+@shared
+def stiffness_at_edges(found: Found) -> tuple[Array, Array]:
+    """The softest and the stiffest that an edge of contact can be [Pa/m], see `edge_stiffness`."""
+    load = found.operator.at_each_time(jnp.mean, found.pressure)
+    return area.edge_stiffness(found.operator.at_edges(load), found.cell)
+
+
+@shared
+def edges_of(found: Found) -> area.Edges:
+    """What is known of the edges of contact beside pressures and gaps."""
+    softest, stiffest = stiffness_at_edges(found)
+    cuts = area.cuts_of(found.heights, WINDOW not in found.facts)
+    return area.Edges(softest / stiffest, cuts)
 
 
 # Shear in the contact.

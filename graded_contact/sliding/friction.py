@@ -24,6 +24,7 @@ from .errors import (
 from .facts import HEATED
 from .formulas import (
     all_tractions,
+    edges_of,
     friction_of_cycle,
     frictions,
     indicator_of,
@@ -94,7 +95,7 @@ def shear_friction(found: Found) -> Array:
     """The part from shear in the contact area [1]; 0 without `shear`."""
     if isinstance(found, CyclicSliding):
         return over_load(found, sheared(found)[0])
-    return shear_over_load(found.pressure, indicator_of(found), found.shear)
+    return shear_over_load(found.pressure, indicator_of(found), edges_of(found), found.shear)
 
 
 @observable(
@@ -164,11 +165,11 @@ def _image_error(found: Sliding) -> Array:
     by_kernel = sums + 2 * steep / jnp.sqrt(jnp.sum(pressure != 0))
     if not found.at_approach:
         return by_kernel
-    indicator = indicator_of(found)
+    indicator, edges = indicator_of(found), edges_of(found)
 
     def friction_under(p):
         own = frictions(found, found.operator.on_cell(p), indicator)[0]
-        return own + shear_over_load(p, indicator + p - found.pressure, found.shear)
+        return own + shear_over_load(p, indicator + p - found.pressure, edges, found.shear)
 
     pull = jax.grad(friction_under)(found.pressure)
     return by_kernel + sum(with_chance(pull * change) for change in changes_by_kernel(found))
@@ -179,9 +180,10 @@ def _friction_by_solver(found: Sliding) -> Array:
     if found.shear is None:
         return error
     indicator, value = indicator_of(found), jnp.abs(shear_friction(found))
+    edges, pressure = edges_of(found), found.pressure
 
     def of(change):  # in contact the indicator of a hard wall is the pressure
-        return shear_over_load(found.pressure + change, indicator + change, found.shear)[None]
+        return shear_over_load(pressure + change, indicator + change, edges, found.shear)[None]
 
     return error + error_of(of, of(jnp.zeros_like(indicator)), found.contact.correction, value)[0]
 

@@ -134,12 +134,10 @@ def _openings(pressure: Array, touches: Array) -> Array:
         if axes:
             at = to_field(waves * math.prod(_half_step(shape, axis) for axis in axes), shape)
         else:
-            both = [
-                (jnp.roll(pressure, 1, a) + jnp.roll(pressure, -1, a)) for a in range(len(shape))
-            ]
-            around = sum(both) / (2 * len(shape))
-            for axis in range(len(shape)):
-                held = held & jnp.roll(touches, 1, axis) & jnp.roll(touches, -1, axis)
+            beside = [(axis, way) for axis in range(len(shape)) for way in (-1, 1)]
+            around = sum(jnp.roll(pressure, way, axis) for axis, way in beside) / len(beside)
+            for axis, way in beside:
+                held = held & jnp.roll(touches, way, axis)
         dip = _DOUBT * jnp.maximum(around - at, 0)
         share = jnp.clip((1 - at / jnp.where(dip > 0, dip, 1)) / 2, 0, 1)
         share = jnp.where(dip > 0, share, at < 0)

@@ -226,16 +226,18 @@ def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Arra
     return least, jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - least, 0)
 
 
-def shear_field(pressure: Array, indicator: Array, stress: Callable[[Array], Array]) -> Array:
+def shear_field(
+    pressure: Array, indicator: Array, edges: area.Edges, stress: Callable[[Array], Array]
+) -> Array:
     """Returns the shear stress at each point [Pa]; its value without pressure acts in contact.
 
     `indicator` shows which points touch, see `AbstractLaw.contact_indicator`.
     """
     least, added = shear_parts(pressure, stress)
-    return least * area.contact_shares(indicator) + added
+    return least * area.contact_shares(indicator, edges) + added
 
 
-def shear_over_load(pressure: Array, indicator: Array, stress: Any) -> Array:
+def shear_over_load(pressure: Array, indicator: Array, edges: area.Edges, stress: Any) -> Array:
     """Returns the shear force in the contact over the load [1], ∫τ_f dA/∫σ dA; 0 without `stress`.
 
     `stress` gives τ_f [Pa] at a pressure [Pa]. Its value without pressure acts on the
@@ -245,4 +247,4 @@ def shear_over_load(pressure: Array, indicator: Array, stress: Any) -> Array:
     if stress is None:
         return jnp.zeros((), pressure.dtype)
     least, added = shear_parts(pressure, stress)
-    return (least * area.sub_pixel_area(indicator) + jnp.mean(added)) / jnp.mean(pressure)
+    return (least * area.sub_pixel_area(indicator, edges) + jnp.mean(added)) / jnp.mean(pressure)

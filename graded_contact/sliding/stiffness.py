@@ -30,6 +30,7 @@ from ..core.checks import as_scalar, check_positive, check_type, check_types
 from ..core.quantities import FOUR, TOTAL, of_steady
 from ..fields.grid import wavenumber
 from .facts import CONDUCTANCE, STIFFNESS, WINDOW
+from .formulas import edges_of, indicator_of
 from .resolution import neighbours_of
 from .result import Sliding
 
@@ -160,9 +161,10 @@ def _check(sliding: Sliding) -> None:
 @eqx.filter_jit
 def _stiffness(sliding: Sliding, kernel, adjoint: LinearSolver, softness: float = 1.0):
     operator = Steady(kernel)
-    share = contact_shares(sliding.contact_indicator, lambda ratio, _: 1 / (1 + ratio))
+    indicator, edges = indicator_of(sliding), edges_of(sliding)
+    share = contact_shares(indicator, edges, lambda ratio, _: 1 / (1 + ratio))
     penalty = penalty_for(operator, jnp.mean(share), sliding.law)
-    yielding = softness * _YIELDING[share.ndim] / edge_stiffness(kernel, sliding.grid)
+    yielding = softness * _YIELDING[share.ndim] / edge_stiffness(kernel[None], sliding.grid)[1]
     soft = penalty * yielding * (1 - share)
     # Points far from contact carry nothing; 0/0 would spoil the derivative.
     s = jnp.where(share > 0, share / jnp.where(share > 0, share + soft, 1), 0)

@@ -1,0 +1,161 @@
+"""Edges of contact between the points: that recede, that move steadily, and where a body ends."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import rough
+
+import graded_contact as gc
+from graded_contact.contacts.area import Edges, cuts_of, edge_stiffness, sub_pixel_area
+from graded_contact.sliding import slide_cycle
+from graded_contact.sliding.half_grid import resampled
+
+ELASTIC = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.3)))
+
+
+def places(n):
+    x = (np.arange(n) - (n - 1) / 2) / n
+    return x[:, None], x[None]
+
+
+def punch(shape, n=32, shift=0.0):
+    x, y = places(n)
+    x, y = x - shift / n, y + 0.7 * shift / n
+    inside = {
+        "disc": np.hypot(x, y) <= 0.29,
+        "square": np.maximum(abs(x), abs(y)) <= 0.25,
+        "rotated square": np.maximum(abs(0.8 * x + 0.6 * y), abs(0.8 * y - 0.6 * x)) <= 0.25,
+        "ring": abs(np.hypot(x, y) - 0.3) <= 0.09,
+    }[shape]
+    return np.where(inside, 0.0, -0.3)
+
+
+@jax.jit
+def area_of_punch(heights):
+    surface = gc.Surface(heights, gc.Grid(heights.shape, 1.0), periodic=False)
+    return gc.slide(ELASTIC, surface, pressure=1e3, velocity=0.0, rtol=1e-4).contact_area
+
+
+@pytest.mark.parametrize("shape", ["disc", "square", "rotated square", "ring"])
+def test_a_flat_punch_touches_all_of_its_face(shape):
+    """The body ends half way to the next point: its face is the squares of its points."""
+    for shift in (0.0, 0.3):
+        heights = punch(shape, shift=shift)
+        np.testing.assert_allclose(area_of_punch(heights), np.mean(heights == 0), rtol=1e-2)
+
+
+def test_a_punch_that_repeats_touches_all_of_its_face_in_one_dimension():
+    for width in (9, 10):
+        heights = np.where(np.arange(32) < width, 0.0, -0.3)
+        surface = gc.Surface(heights, gc.Grid((32,), 1.0))
+        found = gc.slide(ELASTIC, surface, pressure=1e3, velocity=0.0)
+        np.testing.assert_allclose(found.contact_area, width / 32, rtol=1e-12)
+
+
+def test_a_body_that_fills_its_window_ends_there():
+    surface = gc.Surface(np.zeros(16), gc.Grid((16,), 1.0), periodic=False)
+    found = gc.slide(ELASTIC, surface, pressure=1e3, velocity=0.0)
+    assert found.contact_area == 1
+    # With one side of it lifted, the contact ends at the other side of the window only.
+    slope = np.where(np.arange(16) < 5, -0.3, 0.0)
+    surface = gc.Surface(slope, gc.Grid((16,), 1.0), periodic=False)
+    found = gc.slide(ELASTIC, surface, pressure=1e3, velocity=0.0)
+    np.testing.assert_allclose(found.contact_area, 11 / 16, rtol=1e-12)
+
+
+@pytest.mark.parametrize("points", [4, 5, 6, 8, 16])
+def test_waves_of_four_points_and_more_are_no_cuts(points):
+    for phase in np.linspace(0, 2 * np.pi, 30):
+        wave = jnp.cos(2 * jnp.pi * jnp.arange(16 * points) / points + phase)
+        assert jnp.all(cuts_of(wave, True)[0] <= 1e-12)
+
+
+def test_a_groove_is_cut_at_both_of_its_sides_and_a_step_of_the_seam_of_a_window_is_not():
+    heights = np.array(rough(gc.Grid((32, 32), 1.0), cut=4).heights)
+    heights[9:14] -= 100 * np.std(heights)
+    along, across = cuts_of(jnp.asarray(heights), True)
+    assert jnp.all(along[jnp.array([8, 13])] == 1)
+    assert jnp.sum(along) == 2 * 32 and jnp.all(across == 0)
+    ramp = jnp.arange(16.0)
+    np.testing.assert_array_equal(cuts_of(ramp, False)[0], jnp.arange(16) == 15)
+
+
+@pytest.mark.parametrize("softest", [1.0, 0.01])
+def test_area_is_continuous_and_has_a_derivative_as_edges_pass_points(softest):
+    """A root inside and the power 3/2 outside, moved through several points, beside a step too."""
+    x = jnp.arange(16.0)
+    step = jnp.where(x < 9, 0.0, -5.0)
+
+    def area(edge, cut):
+        inside = x < edge
+        pressure = jnp.sqrt(jnp.where(inside, edge - x, 1))
+        heights = step if cut else jnp.zeros(16)
+        gap = np.pi / 3 * jnp.maximum(x - edge, 0) ** 1.5 - heights
+        edges = Edges(jnp.array(softest), cuts_of(heights, False))
+        return sub_pixel_area(jnp.where(inside, pressure, -gap), edges)
+
+    at = jnp.linspace(4.0, 8.4, 2001)
+    for cut in (False, True):
+        of = jax.jit(jax.vmap(lambda edge, cut=cut: area(edge, cut)))
+        slopes = jax.jit(jax.vmap(jax.grad(lambda edge, cut=cut: area(edge, cut))))(at)
+        assert jnp.all(jnp.isfinite(slopes)) and jnp.all(slopes >= 0)
+        assert jnp.max(jnp.abs(jnp.diff(of(at)))) <= 10 * (at[1] - at[0]) / 16
+        # The mean over whole spacings: the edge moves by as much as the area.
+        np.testing.assert_allclose((of(at)[-1] - of(at)[0]) * 16, 4.4, atol=0.1)
+
+
+def test_an_elastic_block_is_as_stiff_at_all_edges_and_a_layer_is_no_lay():
+    """The directions are told apart by their moduli, not by their wavenumbers."""
+    grid = gc.Grid((32, 16), 1.0)
+    kernel = gc.stack_kernel(ELASTIC, grid)
+    softest, stiffest = edge_stiffness(kernel[None], grid)
+    assert softest == stiffest
+    k = np.abs(np.stack(np.meshgrid(np.fft.fftfreq(32), np.fft.fftfreq(16), indexing="ij"))) * 4
+    radius = np.hypot(*k)
+    near = (radius >= 0.5) & (radius <= 1.5)
+    q = 2 * np.pi * np.hypot(32 * k[0] / 4, 16 * k[1] / 4)[near]
+    reduced = 1e6 / (1 - 0.3**2)
+    np.testing.assert_allclose(stiffest, np.exp(np.mean(np.log(reduced * q / 2))), rtol=1e-9)
+
+
+def test_a_contact_that_shrinks_has_at_once_the_relaxed_area_of_its_load():
+    """T. C. T. Ting, J. Appl. Mech. 33 (1966) 845: after a rest. Area by Westergaard (1939)."""
+    n, num_times, full = 32, 64, 3e5
+    reduced, length = 1e6 / 0.75, 1e-3
+    wave = full * length / (np.pi * reduced) * np.cos(2 * np.pi * np.arange(n) / n)
+    rubber = gc.Prony(1e6, [9e6], [3e-3], poisson=0.5)
+    k = np.arange(num_times)
+    up, down = (0.5 * (1 - np.cos(np.pi * np.clip((k - start) / 5, 0, 1))) for start in (0, 32))
+    load = 0.8e5 + 1.2e5 * (up - down)
+    found = slide_cycle(
+        gc.Stack(base=gc.HalfSpace(rubber)), gc.Surface(wave, gc.Grid((n,), length)),
+        displacement=np.zeros(num_times), period=1.0, pressure=load, rtol=1e-4,
+    )  # fmt: skip
+    area = np.asarray(found.contact_area)[31:50]
+    relaxed = 2 / np.pi * np.arcsin(np.sqrt(load[31:50] / full))
+    # One edge is off by less than a fifth of a spacing at any time, and not to one side.
+    assert np.max(np.abs(area - relaxed)) <= 2 * 0.2 / n
+    assert abs(np.mean(area - relaxed)) <= 2 * 0.07 / n
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("contrast", [10, 100, 1000])
+def test_area_of_steady_sliding_is_that_of_finer_grids(contrast):
+    """Many relaxation times, 8 points for the shortest wave; in the mean within 3 %."""
+    count = round(2 * np.log10(contrast))
+    moduli = 0.75 * np.logspace(0, np.log10(contrast), count + 1)
+    times = np.logspace(-count / 2, 0, count)
+    block = gc.Stack(base=gc.HalfSpace(gc.Prony(0.75, np.diff(moduli)[::-1], times, 0.5)))
+
+    def area(heights, load):
+        surface = gc.Surface(heights, gc.Grid(heights.shape, 1.0))
+        return gc.slide(block, surface, pressure=load, velocity=0.3, rtol=1e-4).contact_area
+
+    off = []
+    for seed in range(3):
+        heights = rough(gc.Grid((32, 32), 1.0), cut=8, seed=seed).heights
+        for load in (0.03, 0.1):
+            load *= contrast**0.25
+            off.append(area(heights, load) / area(resampled(heights, (128, 128)), load) - 1)
+    assert abs(np.mean(off)) <= 0.03
