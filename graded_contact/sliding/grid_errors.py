@@ -54,9 +54,9 @@ class Weights(NamedTuple):
 
 
 # With these weights the claims of `bench_contact.py grid` hold in 95 of 100 scenes of each kind.
-OF_FORCE = Weights(0.42, 0.0, 0.12, 0.6, 0.0)  # friction, work and power
-OF_PLACE = Weights(0.38, 0.28, 0.0095, 0.0, 0.05)  # gap, approach, and the pressure at these
-_AREA_MOVED, _AREA_LACKING, _EDGES, _OPENINGS = 1.3, 0.4, 0.35, 4.0
+OF_FORCE = Weights(0.44, 0.0, 0.13, 0.7, 0.0)  # friction, work and power
+OF_PLACE = Weights(0.38, 0.3, 0.01, 0.0, 0.06)  # gap, approach, and the pressure at these
+_AREA_MOVED, _AREA_LACKING, _EDGES, _OPENINGS = 1.2, 0.4, 0.4, 5.0
 _UNSEEN = 6.0  # times the power of waves without a direction
 _DOUBT = 0.25  # of the dip between two points: how far the lowest pressure may be below that seen
 
@@ -95,20 +95,21 @@ def area_by_grid(found: Found) -> Array:
 
 @shared
 def _area_in_doubt(found: Found) -> Array:
-    own, change, missed = _changes("contact_area", found)
+    own, moved, missed = _changes("contact_area", found)
     edges = jnp.abs(OBSERVABLES["contact_area_pixels"].formula(found) - own)
     by_points = _EDGES * edges + _OPENINGS * hidden_openings(found)
-    return _AREA_MOVED * change + _AREA_LACKING * missed + by_points
+    return _AREA_MOVED * moved + _AREA_LACKING * missed + by_points
 
 
 def _changes(name: str, found: Found) -> tuple[Array, Array, Array]:
     """A number, and the sizes of its changes m and l; NaN if the grid has no half."""
     formula, near = OBSERVABLES[name].formula, neighbours_of(found)
     own, same, half = map(formula, (found, near.same, near.half))
-    change = jnp.abs(same - half)
-    # Half the grid may lose a contact of few points, and with it the number.
-    change = jnp.where(jnp.isnan(change), jnp.abs(own), change)
-    return own, jnp.where(jnp.isnan(near.lacking), jnp.nan, change), jnp.abs(own - same)
+    changes = jnp.abs(jnp.stack([same - half, own - same]))
+    # A neighbour may fail, or lose a contact of few points, and with it the number.
+    changes = jnp.where(jnp.isnan(changes), jnp.abs(own), changes)
+    moved, missed = jnp.where(jnp.isnan(near.lacking), jnp.nan, changes)
+    return own, moved, missed
 
 
 @shared
