@@ -136,7 +136,7 @@ def test_a_contact_that_shrinks_has_at_once_the_relaxed_area_of_its_load():
     relaxed = 2 / np.pi * np.arcsin(np.sqrt(load[31:50] / full))
     # One edge is off by less than a fifth of a spacing at any time, and not to one side.
     assert np.max(np.abs(area - relaxed)) <= 2 * 0.2 / n
-    assert abs(np.mean(area - relaxed)) <= 2 * 0.07 / n
+    assert abs(np.mean(area - relaxed)) <= 2 * 0.1 / n
 
 
 @pytest.mark.slow
