@@ -37,7 +37,8 @@ LIKELIHOOD_STEP = 0.05  # of (atanh ρ, ln σ²) in differences of the likelihoo
 def covariance(series: SeriesProblem, theta: np.ndarray) -> np.ndarray:
     """Returns the covariance of the unknowns; those at a bound have none.
 
-    Neighbours are of one isotherm. What is expected of shifts counts as known.
+    Neighbours are of one isotherm. What is expected of shifts counts as known. Rivals of the shifts
+    lie within the standard deviations.
     """
     residual, jacobian, *_ = series.derivatives(theta)
     free = series.within_bounds(theta)
@@ -60,6 +61,10 @@ def covariance(series: SeriesProblem, theta: np.ndarray) -> np.ndarray:
     inverse = inverse / scale / scale[:, None]
     spread = np.zeros((len(free), len(free)))
     spread[np.ix_(free, free)] = inverse @ noise @ inverse
+    if series.isotherms:
+        shifts = slice(len(theta) - series.num_shifts, None)
+        rivals = np.asarray(series.isotherms.rivals)
+        spread[shifts, shifts] += rivals.T @ rivals
     return spread
 
 

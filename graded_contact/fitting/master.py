@@ -29,12 +29,13 @@ from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
+from .alignment import NUM_STARTS
 from .implicit import attach_derivative, search
 from .lengths import check_terms, choose_liquid
 from .prony import AbstractFit, PronyFit, deviation, refuse_nonsense
 from .quality import percent
 from .series import objective, problem_of
-from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series, with_penalty
+from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series, with_found
 from .shifts import LAW_LIMITS, LN10, Isotherms
 
 SERVES = 1.05  # times the error with the fitted shifts: a law that does no worse replaces them
@@ -225,14 +226,15 @@ def master_curve(
         if choose_liquid(shifted, error):
             data = data.as_liquid()
             found, path = shifts_and_series(data, terms)
-        theta, free, penalty = map(jnp.asarray, found)
+        theta, free, *rest = map(jnp.asarray, found)
     else:
 
         def find(data):
             return shifts_and_series(data, terms)[0]
 
-        theta, free, penalty = search(find, (data.num_unknowns(terms), 2), data)
-    data = with_penalty(data, penalty)
+        sizes = data.num_unknowns(terms), 2, NUM_STARTS * data.num_shifts
+        theta, free, *rest = search(find, sizes, data)
+    data = with_found(data, *rest)
     theta = attach_derivative(objective, theta, free, data)
     curve = MasterCurve(theta, data, poisson, path)
     refuse_nonsense(curve.fit)

@@ -36,6 +36,7 @@ class Isotherms(eqx.Module):
     - `group`: number of the isotherm of each point, shape `(points,)`.
     - `temperatures`: [K], shape `(isotherms,)`, increasing.
     - `penalty`: weights of the squares of departures and of ln b in the objective [1].
+    - `rivals`: changes of the unknowns to other shifts that explain the data about as well.
     - `reference`: the isotherm that is not shifted. Static.
     - `law`: the shift law. Static.
     - `stds`: expected deviations of ln a from the law, and of ln b; 0 if there are none. Static.
@@ -44,6 +45,7 @@ class Isotherms(eqx.Module):
     group: Int[Array, " points"]
     temperatures: Float[Array, " isotherms"]
     penalty: Float[Array, " 2"]
+    rivals: Float[Array, "rivals shifts"]
     reference: int = eqx.field(static=True)
     law: LawKind = eqx.field(static=True)
     stds: tuple[float, float] = eqx.field(static=True)
@@ -93,6 +95,16 @@ class Isotherms(eqx.Module):
         first, second = (np.moveaxis(np.asarray(part), 0, -1) for part in _law_slopes(self, p))
         along = np.concatenate([first, self.others[: len(departures)]])
         return along, second, self.others[: len(lifts)]
+
+    def change(self, unknowns: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Returns the change of the unknowns that to first order gives the shifts of `others`."""
+        slopes, (law, departures, _) = self.slopes(unknowns)[0], self.counts
+        along, across = (there - here for there, here in
+                         zip(self.shifts(others), self.shifts(unknowns), strict=True))  # fmt: skip
+        by_law = self.split(others)[0] - self.split(unknowns)[0]
+        apart = along - by_law @ slopes[:law]
+        lifts = self.others[: self.counts[2]] @ across
+        return np.concatenate([by_law, self.others[:departures] @ apart, lifts])
 
     def weights(self, xp: Any) -> Any:
         """Returns the weight of the square of each unknown in the cost."""
