@@ -1,7 +1,7 @@
-"""Isotherms checked and joined_curves, and the search for their shifts and series together (NumPy).
+"""Isotherms checked and joined, and the search for their shifts and series together (NumPy).
 
-The search starts from several alignments of neighbours, fits law, departures and series at once, and
-keeps the end of the least criterion. Ends that are about as good are its rivals.
+The search starts from several alignments of neighbours, fits law, departures and series at once,
+and keeps the end of the least criterion. Ends that are about as good are its rivals.
 """
 
 import dataclasses
