@@ -26,7 +26,7 @@ from ..core.checks import (
     check_values,
 )
 from ..mean_field.mean_field import RTOL, MeanField, mean_field_of, reached
-from ..mean_field.refinement import NODES, Nodes, misses, refined
+from ..mean_field.refinement import NODES, Nodes, misses, solve_refined
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import refuse_tables
 from ..scenes.schema import Key
@@ -129,14 +129,14 @@ def refined_curve(
     its quadrature, of which it begins with `nodes`. It may miss its tolerance."""
 
     def solve(nodes: Nodes) -> tuple[MeanField, Array]:
-        fields = _curve(case, velocities, nodes)
+        fields = _fields_at(case, velocities, nodes)
         return fields, misses(fields.error, RTOL)
 
-    return refined(solve, nodes)
+    return solve_refined(solve, nodes)
 
 
 @eqx.filter_jit
-def _curve(case: Case, velocities: Float[Array, " n"], nodes: Nodes) -> MeanField:
+def _fields_at(case: Case, velocities: Float[Array, " n"], nodes: Nodes) -> MeanField:
     def at(velocity: Array) -> MeanField:
         moving = dataclasses.replace(case, velocity=velocity)
         return mean_field_of(moving, throw=False, **nodes._asdict())

@@ -26,14 +26,14 @@ UNSEEN = 0.01  # weight of a step between curves without overlap in the law
 
 def first_shifts(series: SeriesProblem, isotherms: Isotherms) -> list[np.ndarray]:
     """Returns `NUM_STARTS` sets of unknowns of the shifts."""
-    steps, paired = _overlapping(series, isotherms)
-    law = _law(isotherms, steps, np.where(paired, 1, UNSEEN))
+    steps, paired = _by_overlap(series, isotherms)
+    law = _nearest_law(isotherms, steps, np.where(paired, 1, UNSEEN))
     fitted = _by_spectra(series, isotherms)
-    by_spectra = _law(isotherms, fitted, np.ones(len(fitted)))
+    by_spectra = _nearest_law(isotherms, fitted, np.ones(len(fitted)))
     return [
-        _unknowns(isotherms, law, _summed(isotherms, steps)),
+        _unknowns(isotherms, law, _summed_steps(isotherms, steps)),
         _unknowns(isotherms, law, isotherms.law_shifts(law)),
-        _unknowns(isotherms, by_spectra, _summed(isotherms, fitted)),
+        _unknowns(isotherms, by_spectra, _summed_steps(isotherms, fitted)),
     ]
 
 
@@ -43,13 +43,13 @@ def _unknowns(isotherms, law, log_shift):
     return np.concatenate([law, apart, np.zeros(lifts)])
 
 
-def _summed(isotherms, steps):
+def _summed_steps(isotherms, steps):
     """ln a of each isotherm, of those from each to the next hotter one."""
     log_shift = -np.cumsum([0.0, *steps])
     return log_shift - log_shift[isotherms.reference]
 
 
-def _law(isotherms, steps, weights):
+def _nearest_law(isotherms, steps, weights):
     """The law nearest to most of the steps; one that is wrong moves it little."""
     return least_squares(
         lambda p: weights * (np.diff(isotherms.law_shifts(p)) + steps),
@@ -59,7 +59,7 @@ def _law(isotherms, steps, weights):
     ).x
 
 
-def _overlapping(series, isotherms):
+def _by_overlap(series, isotherms):
     """Distances of neighbours in ln a at which their curves differ least, and whether they overlap
     there. Of curves that nowhere fit, the ends meet."""
     channels = list(zip(*map(series.by_channel, (series.log_values, series.weights)), strict=True))
@@ -69,7 +69,7 @@ def _overlapping(series, isotherms):
         cost, pairs = np.zeros(len(OVERLAPS)), np.zeros(len(OVERLAPS))
         for values, weights in channels:
             there = (weights > 0) & (series.x > 0)
-            cold, hot = (_curve(series.x, values, there & (series.group == colder + i))
+            cold, hot = (_points_of(series.x, values, there & (series.group == colder + i))
                          for i in (0, 1))  # fmt: skip
             if not (len(cold[0]) and len(hot[0])):
                 continue
@@ -86,7 +86,7 @@ def _overlapping(series, isotherms):
     return np.array(steps), np.array(paired)
 
 
-def _curve(x, values, rows):
+def _points_of(x, values, rows):
     """ln x and values of the rows, in order."""
     order = np.flatnonzero(rows)[np.argsort(x[rows])]
     return np.log(x[order]), values[order]

@@ -67,7 +67,7 @@ from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
 from .quadrature import FieldInputs, Rules, add_up, integrate
-from .refinement import NODES, Nodes, misses, refined
+from .refinement import NODES, Nodes, misses, solve_refined
 from .roughness import as_roughness
 
 RTOL = 1e-4
@@ -187,7 +187,7 @@ def mean_field_friction(
         solution = _field(field, correction, nodes, (shear, temperature, heating))
         return solution, misses(solution.error, rtol)
 
-    solution, _ = refined(solve, Nodes(num_wavenumbers, num_angles))
+    solution, _ = solve_refined(solve, Nodes(num_wavenumbers, num_angles))
     return reached(solution, rtol) if throw else solution
 
 

@@ -22,7 +22,7 @@ class Nodes(NamedTuple):
 NODES = Nodes()
 
 
-def refined(solve: Callable[[Nodes], tuple[T, Any]], nodes: Nodes = NODES) -> tuple[T, Nodes]:
+def solve_refined(solve: Callable[[Nodes], tuple[T, Any]], nodes: Nodes = NODES) -> tuple[T, Nodes]:
     """Returns the first result that meets its tolerance, or the last one, and its nodes.
 
     Nodes are doubled at most three times; inside `jit`, where it is not known whether a result

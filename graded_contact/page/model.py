@@ -20,7 +20,7 @@ from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed
 from ..mean_field.mean_field import RTOL, mean_field_friction
-from ..mean_field.refinement import Nodes, misses, refined
+from ..mean_field.refinement import Nodes, misses, solve_refined
 from ..scenes.plan import build_surface
 from ..scenes.scene_checks import refuse_liquids
 from ..sliding.case import Case
@@ -84,7 +84,7 @@ class Model:
             *found, error = _response_and_theory(self._at(values), self._waves, self._speeds, nodes)
             return found, misses(error, RTOL)
 
-        found, _ = refined(solve)
+        found, _ = solve_refined(solve)
         modulus, friction, area = (np.asarray(numbers) for numbers in found)
         tangent = np.imag(modulus) / np.real(modulus)
         meaning = "composite modulus |2/(q M_zz)|"

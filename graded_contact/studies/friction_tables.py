@@ -14,7 +14,7 @@ from ..blocks.stack import Stack, check_at_rest
 from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
 from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import NO_FIELD, mean_field_of
-from ..mean_field.refinement import NODES, Nodes, refined
+from ..mean_field.refinement import NODES, Nodes, solve_refined
 from ..sliding.case import Case
 from ..sliding.numerics import numerics_of
 from ..sliding.shear import is_coupled
@@ -94,7 +94,7 @@ def friction_table(
     if method == "contact" or isinstance(roughness, Surface):  # its modes are summed
         table = sweep(partial(numbers, options), axes, **engine)
     else:
-        table = _by_quadrature(numbers, options, axes, engine)
+        table = _field_table(numbers, options, axes, engine)
     table.attrs |= {
         "method": method,
         "conditions": conditions(direction, case.shear, case.heating, method),
@@ -124,7 +124,7 @@ def _check_table(
         check_at_rest(stack)
 
 
-def _by_quadrature(
+def _field_table(
     numbers: Callable[..., Any], options: dict[str, Any], axes: dict[str, Any],
     engine: dict[str, Any],
 ) -> "Dataset":  # fmt: skip
@@ -143,11 +143,11 @@ def _by_quadrature(
                 for at in np.argwhere(missed.values)
             ]
             table = _replaced(table, missed.values, sweep(program, points, **engine))
-        interrupted = np.any(table["message"] == NOT_STARTED)
-        return table, _missed(table).values & ~interrupted
+        interrupted = bool(np.any(table["message"] == NOT_STARTED))
+        return table, _missed(table).values & (not interrupted)
 
     first = Nodes(*(options.get(name, count) for name, count in NODES._asdict().items()))
-    found, last = refined(solve, first)
+    found, last = solve_refined(solve, first)
     times = last.num_angles // first.num_angles
     told = f"{NO_FIELD}, also with {times} times the nodes of its quadrature."
     message = found["message"].where(~_missed(found) | (times == 1), FAILED + told)
