@@ -135,8 +135,8 @@ def material_name(path: Path) -> str:
 class MaterialFit(NamedTuple):
     """A material with its errors, a report, and figures by the ends of their names.
 
-    The errors of a series that was only converted are not known. `assumed` has sentences on what the
-    numbers rest on.
+    The errors of a series that was only converted are not known. `assumed` has sentences on what
+    the numbers rest on.
     """
 
     material: Prony
