@@ -246,9 +246,9 @@ class Posed(NamedTuple):
     **Fields:**
 
     - `problem`, `load`: what is solved.
-    - `ends`: whether the kernel is good, and how the contact ends if not. What raises has none.
+    - `reached`: whether the kernel is good; True if a bad one raises.
     """
 
     problem: Problem
     load: Prescribed
-    ends: tuple[tuple[Any, RESULTS], ...] = ()
+    reached: Array | bool = True
