@@ -91,6 +91,11 @@ class GridProblem(eqx.Module):
             return pressure
         return to_mean(self.grid.operator, pressure, self.mean, self.law.bounds)
 
+    def flattening(self) -> Field:
+        """Returns the pressure of zero mean that flattens the heights."""
+        solid = self.solid_at().scaled
+        return solid.filtered(solid.inverse, self.scaled_heights())
+
     @property
     def may_part(self) -> bool:
         """Whether the surfaces may move apart without end: attracted, at a given load."""
@@ -119,8 +124,7 @@ class SolveState(NamedTuple):
     steps: Array  # of all epochs
     newton_pairs: Array
     pairs: Array  # FFT pairs so far, of all grids by their size
-    start: Array | None  # the first z, if the surfaces may part
-    parted: Array  # whether they move apart without end
+    parted: Array  # whether the surfaces move apart without end
 
 
 def as_guess(grid: OneGrid, law, unit, pressure):
@@ -146,8 +150,7 @@ def full_contact_or(problem: GridProblem, guess, touching):
     """
 
     def look():
-        solid = problem.solid_at().scaled
-        flat = problem.mean + solid.filtered(solid.inverse, problem.scaled_heights())
+        flat = problem.mean + problem.flattening()
         return jnp.where(jnp.min(flat) > 0, flat, guess), jnp.ones_like(touching)
 
     return jax.lax.cond(touching > _NEARLY, look, lambda: (guess, jnp.zeros_like(touching)))
@@ -158,13 +161,12 @@ def closed_or(problem: GridProblem, z):
 
     The pressure is the least that closes the contact: where the gap is 0, any higher one would do.
     """
-    operator, heights = problem.grid.operator, problem.scaled_heights()
-    closed = jnp.abs(problem.mean) <= _CLOSED * jnp.std(heights)
+    closed = jnp.abs(problem.mean) <= _CLOSED * jnp.std(problem.scaled_heights())
 
     def close():
-        solid = problem.solid_at().scaled
-        flat = solid.filtered(solid.inverse, heights)
-        least = operator.at_each_time(jnp.min, flat).reshape(jnp.shape(problem.mean))
+        flat = problem.flattening()
+        least = problem.grid.operator.at_each_time(jnp.min, flat)
+        least = least.reshape(jnp.shape(problem.mean))
         return jnp.where(closed, flat - least, z), jnp.ones((), z.dtype)
 
     return jax.lax.cond(jnp.any(closed), close, lambda: (z, jnp.zeros((), z.dtype)))

@@ -189,7 +189,7 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
         z=z, shift=problem.shift(one), factor=one,
         error=one * jnp.inf, converged=no, next=jnp.asarray(_EPOCH_NEXT), confirming=no,
         coat=0 * one, drafted=none, steps=none, newton_pairs=none, pairs=one * pairs,
-        start=z if problem.may_part else None, parted=no,
+        parted=no,
     )  # fmt: skip
     splitting = problem.splitting(state, settings)
     z, drafted = draft(splitting, state.z, max_steps=settings.draft_steps)
@@ -221,12 +221,12 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
         return jax.lax.cond(more, begin_again, lambda same: same, state)
 
     def let_go(state: SolveState) -> SolveState:
-        """Whether the surfaces part from the start of the solve, in as many steps as so far."""
+        """Whether the surfaces part from full contact, in as many steps as so far."""
         first = jnp.ones_like(state.factor)
         splitting = problem.splitting(
             state._replace(factor=first, shift=problem.shift(first)), settings
         )
-        parted, taken = release(splitting, state.start, state.steps)
+        parted, taken = release(splitting, problem.mean + problem.flattening(), state.steps)
         return state._replace(
             parted=parted, next=jnp.where(parted, _NOTHING, state.next),
             pairs=state.pairs + share * taken,

@@ -19,7 +19,7 @@ from ..contacts.abstract_solver import Inputs
 from ..contacts.inputs import as_start, loading_of
 from ..contacts.law import AbstractLaw
 from ..contacts.operator import AbstractOperator, Field, Steady
-from ..contacts.solution import RESULTS, ContactSolution
+from ..contacts.solution import ContactSolution
 from ..contacts.solve import contact_of, solve_contact
 from ..contacts.space_time import SpaceTime, in_motion
 from ..contacts.window import Window, operator_of

@@ -36,7 +36,6 @@ from jaxtyping import Array, Bool
 from ..blocks.tangential_kernel import tangential_kernels
 from ..blocks.window_compliance import without_images
 from ..contacts.operator import first_mode
-from ..core.checks import is_concrete
 from ..core.quantities import FOUR, of_cycle, of_steady
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid, Waves, wavenumber

@@ -335,3 +335,39 @@ def test_steady_sliding_of_a_liquid_in_one_dimension_has_derivatives():
     friction = lambda v: gc.slide(melt, ridges, pressure=1e3, velocity=v, rtol=1e-9).friction  # noqa: E731
     slope = (friction(0.101) - friction(0.099)) / 0.002
     np.testing.assert_allclose(jax.grad(friction)(0.1), slope, rtol=1e-3)
+
+
+def test_the_mean_gap_of_full_contact_is_accepted():
+    """It is 0 at every pressure that closes the contact; the least of them is found."""
+    n, cell = 32, 1e-3
+    heights = 1e-5 * (
+        np.cos(2 * np.pi * np.arange(n) / n) + 0.3 * np.sin(6 * np.pi * np.arange(n) / n)
+    )
+    surface = gc.Surface(heights, gc.Grid((n,), cell))
+
+    def block(modulus=1e6):
+        return gc.Stack(base=gc.HalfSpace(gc.Prony(modulus, [9e6], [1e-3], 0.4)))
+
+    full = gc.slide(block(), surface, pressure=2e6, velocity=1.0)
+    assert 0 <= full.mean_gap < 1e-9 * np.std(heights) and full.contact_area == 1
+    kernel = np.asarray(gc.stack_kernel(block(), surface.grid, 1.0)).copy()
+    kernel[0] = np.inf
+    least = -np.min(np.fft.irfft(np.fft.rfft(heights) / kernel, n))
+
+    def pressure(modulus, gap=0.0):
+        return gc.slide(block(modulus), surface, mean_gap=gap, velocity=1.0).contact.mean_pressure
+
+    for gap in (full.mean_gap, -7e-24, 1e-19):
+        np.testing.assert_allclose(pressure(1e6, gap), least, rtol=1e-6)
+    slope = (pressure(1.001e6) - pressure(0.999e6)) / 2e3
+    np.testing.assert_allclose(jax.grad(pressure)(1e6), slope, rtol=1e-2)
+    # In a cycle at some of the times.
+    steps = 2 * np.pi * np.arange(24) / 24
+    motion = dict(displacement=cell / 20 * np.sin(steps), period=1e-2, rtol=1e-6)
+    load = least * (0.6 + 0.5 * np.cos(steps))
+    cycle = gc.slide_cycle(block(), surface, pressure=load, **motion)
+    gaps = np.asarray(cycle.mean_gap)
+    assert np.any(gaps == 0) and np.all(gaps >= 0) and np.max(gaps) > 1e-7
+    again = gc.slide_cycle(block(), surface, mean_gap=gaps, **motion)
+    open_ = gaps > 1e-9
+    np.testing.assert_allclose(again.load[open_], load[open_], rtol=1e-2)
