@@ -221,15 +221,21 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
         return jax.lax.cond(more, begin_again, lambda same: same, state)
 
     def let_go(state: SolveState) -> SolveState:
-        """Whether the surfaces part from full contact, in as many steps as so far."""
+        """Lets the surfaces go from full contact, for as many steps as so far.
+
+        They part, or come near an equilibrium, where the splitting goes on if it is far from one.
+        """
         first = jnp.ones_like(state.factor)
         splitting = problem.splitting(
             state._replace(factor=first, shift=problem.shift(first)), settings
         )
-        parted, taken = release(splitting, problem.mean + problem.flattening(), state.steps)
+        last = release(splitting, problem.mean + problem.flattening(), state.steps)
+        near = last.settled & (state.error > jnp.sqrt(settings.rtol))
         return state._replace(
-            parted=parted, next=jnp.where(parted, _NOTHING, state.next),
-            pairs=state.pairs + share * taken,
+            z=jnp.where(near, last.z, state.z), factor=jnp.where(near, first, state.factor),
+            shift=jnp.where(near, splitting.shift, state.shift), parted=last.parted,
+            next=jnp.where(last.parted, _NOTHING, state.next),
+            pairs=state.pairs + share * last.num_steps,
         )  # fmt: skip
 
     def begin_again(state: SolveState) -> SolveState:

@@ -208,7 +208,7 @@ def test_claim_under_attraction_holds_where_half_the_grid_does_not_resolve_it():
     amplitude, modulus, alpha = 1e-5, 1e6, 0.2
     full = np.pi * modulus * amplitude / CELL
     work = alpha**2 * np.pi / 2 * amplitude * full
-    law = gc.contacts.ExponentialAdhesion(2.5e-7 * np.sqrt(CELL / 1e-3), work)
+    law = gc.contacts.ExponentialAdhesion(5e-7, work)
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(0.75 * modulus, 0.5)))
 
     def wave(n):
