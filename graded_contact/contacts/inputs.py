@@ -144,6 +144,10 @@ def loading_of(
                     "the contact is full, under the least pressure that closes it; for a higher "
                     "one prescribe `pressure`."
                 )
+    if never_overlaps(law):  # one point stays open: else nothing limits the pressure
+        least = LEAST_GAP * jnp.std(heights)
+        hidden = jax.lax.stop_gradient(jnp.where(jnp.abs(spread) < least, least - spread, 0))
+        spread = spread + hidden
     return Loading(None, spread)
 
 
