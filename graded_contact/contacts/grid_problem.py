@@ -13,6 +13,7 @@ from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
 from .splitting import Splitting
 
 _NEARLY = 0.98  # share of points that touch, from which full contact is tried
+_CLOSED = 1e-3  # mean gap over the rms height, up to which full contact is a good start
 _HIGHEST = 1e3  # limit of the pressure of a start, over that which flattens the stiffest wave
 
 Factor = float | Scalar  # of a penalty, over the first
@@ -90,6 +91,16 @@ class GridProblem(eqx.Module):
             return pressure
         return to_mean(self.grid.operator, pressure, self.mean, self.law.bounds)
 
+    def flattening(self) -> Field:
+        """Returns the pressure of zero mean that flattens the heights."""
+        solid = self.solid_at().scaled
+        return solid.filtered(solid.inverse, self.scaled_heights())
+
+    @property
+    def may_part(self) -> bool:
+        """Whether the surfaces may move apart without end: attracted, at a given load."""
+        return self.law.attracts and not self.free_mean
+
     def meet(self, state: "SolveState"):
         """The pressures of solid and law, x and y, and the gap at which the law has y."""
         x = state.shift + self.solid_at(state.factor).resolve(state.z)
@@ -113,6 +124,7 @@ class SolveState(NamedTuple):
     steps: Array  # of all epochs
     newton_pairs: Array
     pairs: Array  # FFT pairs so far, of all grids by their size
+    parted: Array  # whether the surfaces move apart without end
 
 
 def as_guess(grid: OneGrid, law, unit, pressure):
@@ -138,11 +150,26 @@ def full_contact_or(problem: GridProblem, guess, touching):
     """
 
     def look():
-        solid = problem.solid_at().scaled
-        flat = problem.mean + solid.filtered(solid.inverse, problem.scaled_heights())
+        flat = problem.mean + problem.flattening()
         return jnp.where(jnp.min(flat) > 0, flat, guess), jnp.ones_like(touching)
 
     return jax.lax.cond(touching > _NEARLY, look, lambda: (guess, jnp.zeros_like(touching)))
+
+
+def closed_or(problem: GridProblem, z):
+    """Returns z of full contact where nearly no gap is prescribed, elsewhere z; and FFT pairs.
+
+    The pressure is the least that closes the contact: where the gap is 0, any higher one would do.
+    """
+    closed = jnp.abs(problem.mean) <= _CLOSED * jnp.std(problem.scaled_heights())
+
+    def close():
+        flat = problem.flattening()
+        least = problem.grid.operator.at_each_time(jnp.min, flat)
+        least = least.reshape(jnp.shape(problem.mean))
+        return jnp.where(closed, flat - least, z), jnp.ones((), z.dtype)
+
+    return jax.lax.cond(jnp.any(closed), close, lambda: (z, jnp.zeros((), z.dtype)))
 
 
 def start_of(problem: GridProblem, guess):

@@ -19,7 +19,7 @@ from ..core.checks import (
 from ..core.derivative import largest
 from ..fields.grid import half_shape
 from .abstract_solver import Loading
-from .law import AbstractLaw, HardWall, check_pressure
+from .law import AbstractLaw, HardWall, check_pressure, never_overlaps
 from .operator import AbstractOperator, Field, first_mode
 from .window import Window
 
@@ -40,18 +40,18 @@ def check_heights(heights: Array) -> None:
 
 
 def check_kernel(kernel: Array, shape: tuple[int, ...], on_window: bool, throw: bool) -> None:
-    """Raises `ValueError` for a kernel [m/Pa] of another shape or with Re M <= 0 but at q = 0."""
-    remedy = ""
-    if on_window:
-        remedy = (
-            ". A stiff coat, or a plate on a `Free()` base, spreads the load over the window: put "
-            "the body into a periodic cell several windows wide, with lower heights around it"
-        )
-    else:
+    """Raises `ValueError` for a kernel [m/Pa] of another shape, or that pulls a load towards it.
+
+    Re M may be negative for some waves, on a window that cuts Green's function and under a traction
+    that is part of the kernel, but not for their sum, the displacement of one loaded point.
+    """
+    if not on_window:
         check_shape("kernel", kernel, half_shape(shape))
     if is_concrete(kernel):
         real, imag = _compliances(kernel, throw)
-        check_positive("kernel.real", real, f"[m/Pa] for every q but 0{remedy}", squares=False)
+        check_values("kernel.real", real, "it must be finite")
+        if jnp.sum(real) <= 1:  # with the entry that is ignored
+            check_positive("kernel.real", real, "[m/Pa] for nearly all q but 0", squares=False)
         check_values("kernel.imag", imag, "it must be finite")
 
 
@@ -135,15 +135,19 @@ def loading_of(
     check_values(name, value, f"the {name.replace('_', ' ')} [m] must be finite")
     if name == "approach":
         return Loading(None, _undeformed_gap(value, law, heights))
-    if isinstance(law, HardWall) and is_concrete(heights) and is_concrete(value):
-        least = LEAST_GAP * float(jnp.std(heights))
+    if never_overlaps(law) and is_concrete(heights) and is_concrete(value):
+        least = -LEAST_GAP * float(jnp.std(heights))  # a mean of zeros, but for rounding
         for gap in np.ravel(value):
-            if abs(gap) <= least or (law.hardness is None and gap < 0):
+            if gap < least:
                 raise ValueError(
-                    f"`mean_gap={gap:g}` is refused: at a hard wall it must be above {least:.2g} m "
-                    f"(or, with a `hardness`, below -{least:.2g} m), since in full contact it is 0 "
-                    "at every pressure: prescribe `pressure`."
+                    f"`mean_gap={gap:g}` is refused: at a hard wall it must be at least 0. There "
+                    "the contact is full, under the least pressure that closes it; for a higher "
+                    "one prescribe `pressure`."
                 )
+    if never_overlaps(law):  # one point stays open: else nothing limits the pressure
+        least = LEAST_GAP * jnp.std(heights)
+        hidden = jax.lax.stop_gradient(jnp.where(jnp.abs(spread) < least, least - spread, 0))
+        spread = spread + hidden
     return Loading(None, spread)
 
 

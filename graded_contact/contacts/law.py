@@ -122,6 +122,11 @@ class HardWall(AbstractLaw):
         return jnp.where(pressure > 0, pressure, -stiffness * jnp.maximum(gap, 0))
 
 
+def never_overlaps(law: AbstractLaw) -> bool:
+    """Returns whether no gap is negative: at a hard wall without hardness."""
+    return isinstance(law, HardWall) and law.hardness is None
+
+
 def indicator_of_gap(law, pressure, gap, stiffness):
     """The contact indicator of a smooth law, from pressure and gap less those at its edge."""
     edge = law.contact_gap * law.range

@@ -15,7 +15,7 @@ from .abstract_solver import AbstractContactSolver
 from .adjoint import LinearSolver, LinearSplitting
 from .law import AbstractLaw, check_pressure
 from .nested_solve import DouglasRachford
-from .solution import RESULTS, ContactSolution
+from .solution import RESULTS, ContactSolution, has_failed
 from .solve import solve_contact
 
 
@@ -92,7 +92,8 @@ def follow_contact(
     how: Any = dict(law=law, solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
 
     def advance(last, target):
-        start = None if last is None else last.pressure
+        # Surfaces that parted are open.
+        start = None if last is None else jnp.where(has_failed(last.result), 0, last.pressure)
         contact = solve_contact(kernel, heights, **{name: target}, start=start, **how)
         means = contact.mean_gap, contact.mean_pressure
         return contact, (*means, _area(law, contact), contact.num_fft_pairs, contact.result)

@@ -26,7 +26,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .active_set import REDUCTION, Coated, green_of, pressure_on
-from .law import AbstractLaw, HardWall
+from .law import AbstractLaw, never_overlaps
 from .operator import AbstractOperator, Field, Scalar
 from .window import Windowed
 
@@ -39,7 +39,7 @@ _CLOSER = 3e-3  # tolerance of the steps over `rtol`, which the splitting confir
 def takes_newton_steps(law: AbstractLaw) -> bool:
     """Returns whether the steps can solve a law: a hard wall without hardness."""
     law = law.law if isinstance(law, Windowed) else law
-    return isinstance(law, HardWall) and law.hardness is None
+    return never_overlaps(law)
 
 
 class Round(eqx.Module):

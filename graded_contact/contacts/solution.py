@@ -57,9 +57,16 @@ class RESULTS(eqx.Enumeration):
         "have several temperatures, and one whose stiffness a traction outweighs has no steady "
         "state: lower the shear."
     )
-    no_steady_sliding = (
-        "The traction of friction outweighs the stiffness of the block at some wavelength: sliding "
-        "may have no steady state. Lower the `coefficient` of `shear`, or pass `coupled=False`."
+    not_positive = (
+        "The contact solver did not converge. The real part of the kernel is not positive at some "
+        "wavelength, where a traction of friction outweighs the stiffness of the block: there the "
+        "splitting may not converge. This is a limit of the method; a steady contact may exist. "
+        "Lower the `coefficient` of `shear`, pass `coupled=False`, or give a `start`."
+    )
+    pulled_off = (
+        "No equilibrium: the load is below the pull-off of this contact, and the surfaces moved "
+        "apart without end. Prescribe a load nearer to 0, or a `mean_gap` (`approach`): the lowest "
+        "pressure along a path of gaps, see `follow_contact`, is the pull-off."
     )
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 
@@ -68,7 +75,8 @@ ROUNDING = 10  # of the precision
 
 # After these ends no number means anything.
 FAILURES = (
-    RESULTS.not_finite, RESULTS.inaccurate_kernel, RESULTS.no_steady_sliding, RESULTS.bad_pressure,
+    RESULTS.not_finite, RESULTS.inaccurate_kernel, RESULTS.not_positive, RESULTS.pulled_off,
+    RESULTS.bad_pressure,
 )  # fmt: skip
 
 

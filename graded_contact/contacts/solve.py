@@ -36,7 +36,7 @@ from .abstract_solver import (
 from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
 from .estimates import assess, contact_state, penalty_at
 from .inputs import as_start, check_heights, check_kernel, loading_on
-from .law import AbstractLaw, HardWall, check_one_law
+from .law import AbstractLaw, HardWall, check_one_law, never_overlaps
 from .nested_solve import DouglasRachford
 from .solution import RESULTS, ContactSolution, if_known
 from .window import Window, on_part, on_whole, operator_of
@@ -88,8 +88,8 @@ def solve_contact(
     - `heights`: h [m], positive into the solid, shape `(nx, ny)` or `(nx,)`; the mean is ignored.
       The more precise of `heights` and `kernel` decides in which dtype all is computed.
     - `pressure`: mean pressure σ0 [Pa], within the bounds of the law; or
-    - `mean_gap`: mean of the gap u [m], measured from the mean of the heights; above 0 at a hard
-      wall, because in full contact it is 0 at every pressure; or
+    - `mean_gap`: mean of the gap u [m], measured from the mean of the heights; at a hard wall 0 or
+      more. In full contact it is 0 at every pressure, and the least one is found; or
     - `approach`: on a window, how far the body moved into the block after its first touch [m],
       relative to the block far away. In one dimension only slabs on a rigid base have one.
     - `law`: of contact.
@@ -209,6 +209,8 @@ def _solution(
     penalty = penalty_at(inputs, found)
     state = attach_gradient(inputs, state, found.gap, penalty, adjoint, close)
     pressure, displacement, mean_gap = state
+    if never_overlaps(inputs.law):  # in full contact the error of 0 may be negative
+        mean_gap = mean_gap + jax.lax.stop_gradient(jnp.maximum(-mean_gap, 0))
     heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
     # Errors have no derivative: that of a norm or of a maximum may be 0/0.
@@ -256,6 +258,11 @@ def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, 
     finite = ~jnp.isnan(found.error) & jnp.all(jnp.isfinite(found.pressure))
     finite = finite & (True if gap is None else jnp.all(jnp.isfinite(gap)))
     result = RESULTS.where(finite, result, RESULTS.not_finite)
+    operator = inputs.operator
+    negative = jnp.any((jnp.real(operator.kernel) <= 0) & ~operator.is_mean)
+    result = RESULTS.where((reached & finite) | ~negative, result, RESULTS.not_positive)
+    if law.attracts and pressure is not None:
+        result = RESULTS.where(found.parted, RESULTS.pulled_off, result)
     if pressure is not None:
         # On input the value is unknown if the pressure is traced.
         low, high = law.bounds

@@ -64,7 +64,7 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
         shear=sheared, coupling=coupling, measured_range=coverage(stack),
         prescribed=case.prescribed, facts=facts_of(case),
     )  # fmt: skip
-    return Posed(problem, load, () if how.throw else ((reached, RESULTS.inaccurate_kernel),))
+    return Posed(problem, load, True if how.throw else reached)
 
 
 @derivative_apart

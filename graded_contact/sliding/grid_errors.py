@@ -97,8 +97,17 @@ def area_by_grid(found: Found) -> Array:
 def _area_in_doubt(found: Found) -> Array:
     own, moved, missed = _changes("contact_area", found)
     edges = jnp.abs(OBSERVABLES["contact_area_pixels"].formula(found) - own)
-    by_points = _EDGES * edges + _OPENINGS * hidden_openings(found)
-    return _AREA_MOVED * moved + _AREA_LACKING * missed + by_points
+    total = _AREA_MOVED * moved + _AREA_LACKING * missed + _EDGES * edges
+    return total + (_edges_by_chance if found.law.attracts else _hidden_openings)(found)
+
+
+def _edges_by_chance(found: Found) -> Array:
+    """The area by edges, each half a spacing off: tension around them is not that of Hertz."""
+    inside = touching(found)
+    axes = tuple(range(-found.grid.ndim, 0))
+    crossed = sum(jnp.sum(inside != jnp.roll(inside, 1, axis), axis=axes) for axis in axes)
+    size = jnp.asarray(found.grid.ndim * math.prod(found.grid.shape), found.pressure.dtype)
+    return 0.5 * jnp.sqrt(crossed) / size
 
 
 def _changes(name: str, found: Found) -> tuple[Array, Array, Array]:
@@ -113,19 +122,20 @@ def _changes(name: str, found: Found) -> tuple[Array, Array, Array]:
 
 
 @shared
-def hidden_openings(found: Found) -> Array:
-    """The share of the surface that opens between points in contact [1], in a cycle at each time.
+def _hidden_openings(found: Found) -> Array:
+    """What opens between points in contact, over the surface [1], in a cycle at each time.
 
     The pressure between the points is that of its waves. It is computed at all points of twice the
     grid whose neighbours touch. Its lowest value may lie between these, below by about a quarter of
     the dip from their neighbours: near 0 a point counts in part.
     """
-    if WINDOW in found.facts or found.law.attracts:  # no waves; pressures may be negative
+    if WINDOW in found.facts:  # without waves of its own
         return jnp.zeros((), found.pressure.dtype)
-    return found.operator.at_each_time(_openings, found.pressure, touching(found))
+    return _OPENINGS * found.operator.at_each_time(openings, found.pressure, touching(found))
 
 
-def _openings(pressure: Array, touches: Array) -> Array:
+def openings(pressure: Array, touches: Array) -> Array:
+    """The share of the points of twice the grid at which contact opens between points [1]."""
     waves, shape = to_spectrum(pressure), pressure.shape
     total = jnp.zeros((), pressure.dtype)
     for shift in itertools.product((0, 1), repeat=len(shape)):

@@ -54,15 +54,15 @@ def solve_posed(
     solution: ContactSolution | None = None,
 ) -> Found:
     """Returns the contact of a problem with its load; arguments as of `solve`."""
-    problem, load, ends = posed
+    problem, load, reached = posed
     if problem.coupling is None or problem.coupling.in_kernel:
         found = result_of(problem, problem.contact(load, None, how, start, solution))
     else:
         found = _lagged(problem, load, how, start, solution)
-    contact = found.contact
-    for good, end in ends:
-        contact = ended(contact, good, end)
-    return dataclasses.replace(found, contact=contact) if ends else found
+    if reached is True:
+        return found
+    contact = ended(found.contact, reached, RESULTS.inaccurate_kernel)
+    return dataclasses.replace(found, contact=contact)
 
 
 def _check_speeds(cycle: CyclicSliding) -> None:

@@ -19,7 +19,7 @@ from ..contacts.abstract_solver import Inputs
 from ..contacts.inputs import as_start, loading_of
 from ..contacts.law import AbstractLaw
 from ..contacts.operator import AbstractOperator, Field, Steady
-from ..contacts.solution import RESULTS, ContactSolution
+from ..contacts.solution import ContactSolution
 from ..contacts.solve import contact_of, solve_contact
 from ..contacts.space_time import SpaceTime, in_motion
 from ..contacts.window import Window, operator_of
@@ -246,9 +246,9 @@ class Posed(NamedTuple):
     **Fields:**
 
     - `problem`, `load`: what is solved.
-    - `ends`: whether the kernel is good, and how the contact ends if not. What raises has none.
+    - `reached`: whether the kernel is good; True if a bad one raises.
     """
 
     problem: Problem
     load: Prescribed
-    ends: tuple[tuple[Any, RESULTS], ...] = ()
+    reached: Array | bool = True

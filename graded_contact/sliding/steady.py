@@ -30,13 +30,13 @@ from .facts import facts_of
 from .numerics import Numerics
 from .problem import Posed, SteadyProblem
 from .shear import is_coupled, shear_stress, unless_negative
-from .traction import check_positive_kernel, steady_coupling
+from .traction import steady_coupling
 
 
 def steady_problem(case: Case, how: Numerics) -> Posed:
     """Returns the problem of a case with a velocity, and its load."""
     stack, surface = case.stack, case.rough
-    kernel, reached, kernel_error, coupling, steady = _kernel_of(case, how)
+    kernel, reached, kernel_error, coupling = _kernel_of(case, how)
     sheared = shear_stress(case.shear, direction_and_speed(case.velocity)[1], case.temperature)
     kernel = unless_negative(kernel, sheared)
     on_window, on_rigid = not surface.periodic, isinstance(stack.base, Rigid)
@@ -51,10 +51,7 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)
     if case.approach is not None:
         load["approach"] = check_approach(case.approach, surface, case.law)
-    ends = ()
-    if reached is not True or steady is not True:
-        ends = (steady, RESULTS.no_steady_sliding), (reached, RESULTS.inaccurate_kernel)
-    return Posed(problem, load, ends)
+    return Posed(problem, load, reached)
 
 
 _coverage = jit(coverage)
@@ -63,8 +60,8 @@ _coverage = jit(coverage)
 def _kernel_of(case: Case, how: Numerics) -> tuple:
     """The kernel of a case and more that depends on its block.
 
-    The others: whether the kernel is good, its errors on a window, the coupling by traction or
-    None, and whether sliding with this traction may be steady.
+    The others: whether the kernel is good, its errors on a window, and the coupling by traction or
+    None.
     """
     stack, surface, velocity, grid = case.stack, case.rough, case.velocity, case.rough.grid
     itemsize = surface.heights.dtype.itemsize
@@ -93,7 +90,7 @@ def _kernel_of(case: Case, how: Numerics) -> tuple:
         kernel, error = without_images(near, far, grid, has_ground(stack, grid))
     reached = found[0][1] if surface.periodic else found[0][1] & found[1][1]
     if not is_coupled(case.shear):
-        return kernel, reached, error, None, True
+        return kernel, reached, error, None
     coupling, lift_error, good = steady_coupling(case, cells, strain)
     if how.throw:
         coupling = required(coupling, good, RESULTS.inaccurate_kernel.error_if)
@@ -102,14 +99,11 @@ def _kernel_of(case: Case, how: Numerics) -> tuple:
     coefficient = getattr(case.shear, "coefficient", None) if coupling.in_kernel else None
     # Without friction a real kernel stays real.
     if coefficient is None or (is_concrete(coefficient) and np.asarray(coefficient) == 0):
-        return kernel, reached, error, coupling, True
+        return kernel, reached, error, coupling
     coefficient = coefficient.astype(kernel.real.dtype)
     kernel = kernel + coefficient * coupling.lift[0]
     error = None if error is None or lift_error is None else error + coefficient * lift_error
-    steady = check_positive_kernel(kernel, cells[0], coefficient)
-    if how.throw:
-        kernel, steady = required(kernel, steady, RESULTS.no_steady_sliding.error_if), True
-    return kernel, reached, error, coupling, steady
+    return kernel, reached, error, coupling
 
 
 def check_approach(approach: Numbers, surface: Surface, law: AbstractLaw) -> Array:

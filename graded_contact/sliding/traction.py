@@ -6,8 +6,8 @@ M_ze τ along z, so that
     w = M_zz σ + M_ze τ(σ).
 
 Under Coulomb's law in steady sliding, w = (M_zz + f M_ze) σ: a contact without traction, of another
-kernel, whose real part must be positive. Under other laws, and where the direction changes with
-time, the traction lags (`isothermal.py`).
+kernel, whose real part may be negative for some waves. Under other laws, and where the direction
+changes with time, the traction lags (`isothermal.py`).
 
 The traction does the work τ e·u̇ on the block, and the rest of τ v heats the interface, where the
 surfaces slip by v - e·u̇. So the friction, the sum of shear and slopes, is
@@ -36,7 +36,6 @@ from jaxtyping import Array, Bool
 from ..blocks.tangential_kernel import tangential_kernels
 from ..blocks.window_compliance import without_images
 from ..contacts.operator import first_mode
-from ..core.checks import is_concrete
 from ..core.quantities import FOUR, of_cycle, of_steady
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid, Waves, wavenumber
@@ -75,24 +74,20 @@ def steady_coupling(
     return Coupling((lift,), ((along,),), isinstance(case.shear, Coulomb)), error, good
 
 
-def check_positive_kernel(kernel: Waves, cell: Grid, coefficient: Array) -> Bool[Array, ""]:
-    """Returns whether Re(M_zz + f M_ze) is positive for all waves; raises `ValueError` if not.
-
-    It raises if the numbers are known.
-    """
+def check_positive_kernel(kernel: Waves, cell: Grid, coefficient: Array) -> None:
+    """Raises `ValueError` if Re(M_zz + f M_ze) is not positive for all waves."""
     waves = ~first_mode(kernel.shape)
     given_way = waves & ~(kernel.real > 0) & jnp.isfinite(kernel)
-    positive = ~jnp.any(given_way)
-    if is_concrete(positive) and not positive:
+    if jnp.any(given_way):
         share = np.where(np.asarray(given_way), np.asarray(kernel.real / jnp.abs(kernel)), 1)
         q = np.asarray(wavenumber(cell)).ravel()[np.argmin(share)]
         raise ValueError(
             f"`shear` with the coefficient {float(coefficient):g} is refused: at the wavelength "
             f"{2 * np.pi / q:.3g} m the traction outweighs the stiffness of the block (the real "
-            "part of M_zz + f M_zx is not positive), and sliding may have no steady state. Lower "
-            "the coefficient, or pass `coupled=False`."
+            "part of M_zz + f M_zx is not positive), and a traction that lags did not settle. This "
+            "is a limit of the method; a periodic state may exist. Lower the coefficient, or pass "
+            "`coupled=False`."
         )
-    return positive
 
 
 def slip(found: Sliding) -> Array:

@@ -137,3 +137,26 @@ def test_wave_of_short_range_follows_johnson_kendall_roberts():
         np.testing.assert_allclose(path.mean_pressure, expected, atol=0.025 * full)
         hertz = full * np.sin(half) ** 2
         assert np.all(hertz - path.mean_pressure > 0.05 * full)
+
+
+@pytest.mark.parametrize("contrast", [0.0, 3.0])
+def test_load_below_the_pull_off_ends_soon_and_above_it_is_held(contrast):
+    """The pull-off is the lowest pressure along a path of gaps that open."""
+    rubber = gc.Prony(0.75, [contrast * 0.75 + 1e-9], [0.05], 0.5)
+    kernel = gc.stack_kernel(gc.Stack(base=gc.HalfSpace(rubber)), gc.Grid((N,), 1.0), 1.0)
+    wave = 0.01 * np.cos(2 * np.pi * X)
+    length = 1e-3
+    law = gc.contacts.ExponentialAdhesion(length, 0.15 * STIFFEST * length**2)
+    gaps = np.linspace(0.006, 0.014, 33)
+    path = gc.contacts.follow_contact(kernel, wave, mean_gap=gaps, law=law)
+    pull_off = np.min(path.mean_pressure[path.result == gc.contacts.RESULTS.successful])
+    assert pull_off < 0
+    for share in (0.5, 0.97):
+        held = gc.solve_contact(kernel, wave, share * pull_off, law=law)
+        assert np.any(law.contact_indicator(held.pressure, held.gap, 1.0) > 0)
+    for share in (1.05, 2.0):
+        lost = gc.solve_contact(kernel, wave, share * pull_off, law=law, throw=False)
+        assert lost.result == gc.contacts.RESULTS.pulled_off
+        assert lost.num_steps <= 800 and np.all(np.isnan(lost.pressure))
+    with pytest.raises(RuntimeError, match="No equilibrium: the load is below the pull-off"):
+        gc.solve_contact(kernel, wave, 1.05 * pull_off, law=law)

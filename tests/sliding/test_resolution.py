@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.sliding.grid_errors import _openings as openings
+from graded_contact.sliding.grid_errors import openings
 from graded_contact.sliding.half_grid import halved
 from graded_contact.sliding.resolution import neighbours_of
 
@@ -230,3 +230,27 @@ def test_errors_of_a_cycle_contain_the_times():
         parts = [n for n in found.numbers if n.startswith(f"{name}_") and n != f"{name}_error"]
         np.testing.assert_allclose(total, sum(getattr(found, n) for n in parts), rtol=1e-12)
     assert "number of times" not in " ".join(fine.caveats)
+
+
+def test_claim_under_attraction_holds_where_half_the_grid_does_not_resolve_it():
+    """And the contact is that of Johnson's wave: p = p* sin²(πa) - p* α √tan(πa), a range apart."""
+    amplitude, modulus, alpha = 1e-5, 1e6, 0.2
+    full = np.pi * modulus * amplitude / CELL
+    work = alpha**2 * np.pi / 2 * amplitude * full
+    law = gc.contacts.ExponentialAdhesion(5e-7, work)
+    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(0.75 * modulus, 0.5)))
+
+    def wave(n):
+        heights = amplitude * np.cos(2 * np.pi * np.arange(n) / n)
+        surface = gc.Surface(heights, gc.Grid((n,), CELL))
+        return gc.slide(block, surface, pressure=0.1 * full, velocity=0.0, law=law)
+
+    coarse, fine = wave(256), wave(1024)
+    coarse.compute("contact_area", "contact_area_error", "mean_gap", "mean_gap_error")
+    assert neighbours_of(coarse).half.contact.result == gc.contacts.RESULTS.unresolved
+    for name in ("contact_area", "mean_gap"):
+        error, off = getattr(coarse, f"{name}_error"), getattr(coarse, name) - getattr(fine, name)
+        assert abs(off) <= error <= 0.1 * getattr(coarse, name)
+    half = np.pi / 2 * float(fine.contact_area)
+    pressure = np.sin(half) ** 2 - alpha * np.sqrt(np.tan(half))
+    np.testing.assert_allclose(pressure, 0.1, atol=0.05)

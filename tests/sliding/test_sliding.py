@@ -335,3 +335,38 @@ def test_steady_sliding_of_a_liquid_in_one_dimension_has_derivatives():
     friction = lambda v: gc.slide(melt, ridges, pressure=1e3, velocity=v, rtol=1e-9).friction  # noqa: E731
     slope = (friction(0.101) - friction(0.099)) / 0.002
     np.testing.assert_allclose(jax.grad(friction)(0.1), slope, rtol=1e-3)
+
+
+def test_the_mean_gap_of_full_contact_is_accepted():
+    """It is 0 at every pressure that closes the contact; the least of them is found."""
+    n, cell = 32, 1e-3
+    heights = 1e-5 * (
+        np.cos(2 * np.pi * np.arange(n) / n) + 0.3 * np.sin(6 * np.pi * np.arange(n) / n)
+    )
+    surface = gc.Surface(heights, gc.Grid((n,), cell))
+
+    def block(modulus=1e6):
+        return gc.Stack(base=gc.HalfSpace(gc.Prony(modulus, [9e6], [1e-3], 0.4)))
+
+    full = gc.slide(block(), surface, pressure=2e6, velocity=1.0)
+    assert 0 <= full.mean_gap < 1e-9 * np.std(heights) and full.contact_area == 1
+    kernel = np.asarray(gc.stack_kernel(block(), surface.grid, 1.0)).copy()
+    kernel[0] = np.inf
+    least = -np.min(np.fft.irfft(np.fft.rfft(heights) / kernel, n))
+
+    def pressure(modulus, gap=0.0):
+        return gc.slide(block(modulus), surface, mean_gap=gap, velocity=1.0).contact.mean_pressure
+
+    for gap in (full.mean_gap, -7e-24, 1e-19):
+        np.testing.assert_allclose(pressure(1e6, gap), least, rtol=1e-6)
+    slope = (pressure(1.001e6) - pressure(0.999e6)) / 2e3
+    np.testing.assert_allclose(jax.grad(pressure)(1e6), slope, rtol=1e-2)
+    # In a cycle, too.
+    steps = 2 * np.pi * np.arange(24) / 24
+    motion = dict(displacement=cell / 20 * np.sin(steps), period=1e-2)
+    cycle = gc.slide_cycle(block(), surface, pressure=4 * least, **motion)
+    assert np.all(cycle.mean_gap >= 0)
+    again = gc.slide_cycle(block(), surface, mean_gap=cycle.mean_gap, **motion)
+    np.testing.assert_allclose(np.min(again.pressure, axis=1), 0, atol=1e-6 * least)
+    lower = np.asarray(cycle.pressure - again.pressure)
+    np.testing.assert_allclose(lower, np.broadcast_to(lower[:, :1], lower.shape), rtol=1e-4)

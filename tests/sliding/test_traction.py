@@ -247,16 +247,68 @@ def test_window_is_that_of_a_large_cell():
     assert window.energy_imbalance < 1e-12
 
 
-def test_what_has_no_steady_sliding_is_refused_with_its_wavelength():
-    rubber = gc.Prony(1e6, [9e6], [1e-3], 0.5)
-    thin = gc.Stack(layers=(gc.Layer(rubber, 2e-4),), base=gc.Rigid())
-    with pytest.raises(ValueError, match=r"coefficient 0\.5 .* wavelength 0\.004 m"):
-        rub(Coulomb(0.5), 0.1, thin)
-    # A cycle may pass such a speed, but not under any coefficient.
+def active_set(kernel, heights, load):
+    """The pressures of a periodic cell or a window, by dense matrices; from full contact and less.
+
+    All solutions that are found from five sets of contact.
+    """
+    n, cell = heights.shape, np.array(heights.shape) * (1 if len(kernel) == len(heights) else 2)
+    kernel = np.asarray(kernel).copy()
+    kernel[0, 0] = 0
+    green = np.fft.irfftn(kernel, cell, axes=(0, 1))
+    i, j = np.indices(n).reshape(2, -1)
+    matrix = green[(i[:, None] - i) % cell[0], (j[:, None] - j) % cell[1]]
+    h, num, found = heights.ravel(), heights.size, []
+    for share in (0.0, 0.2, 0.5, 0.8, 0.95):
+        inside, before = h >= np.quantile(h, share), None
+        while not np.array_equal(inside, before):
+            before, (at,) = inside, np.nonzero(inside)
+            bordered = np.ones((len(at) + 1, len(at) + 1))
+            bordered[:-1, :-1], bordered[-1, -1] = matrix[np.ix_(at, at)], 0
+            *pressed, offset = np.linalg.solve(bordered, np.append(h[at], load * num))
+            pressure = np.zeros(num)
+            pressure[at] = pressed
+            gap = matrix @ pressure - h + offset
+            inside = np.where(inside, pressure > 0, gap < -1e-12 * np.ptp(h))
+        found.append(pressure.reshape(n))
+    return found
+
+
+THIN = gc.Stack(layers=(gc.Layer(gc.Prony(1e6, [9e6], [1e-3], 0.5), 2e-4),), base=gc.Rigid())
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_contact_is_that_of_active_sets_where_traction_outweighs_waves(periodic):
+    """A bonded layer, and a window that cuts Green's function of a half space of high contrast."""
+    if periodic:
+        found = rub(Coulomb(0.5), 0.1, THIN)
+    else:
+        x = (np.arange(16) + 0.5) * CELL / 16 - CELL / 2
+        body = gc.Surface(-(x[:, None] ** 2 + x**2) / 0.02, ROAD.grid, periodic=False)
+        half_space = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [3e7], [1.2e-3], 0.2)))
+        found = rub(Coulomb(0.9), (0.4, -0.2), half_space, body)
+    kernel = np.asarray(found.operator.kernel)
+    assert np.sum(kernel.real.ravel()[1:] < 0) > 0
+    for expected in active_set(kernel, np.asarray(found.heights), LOAD):
+        np.testing.assert_allclose(found.pressure, expected, atol=1e-7 * np.max(expected))
+    assert np.sum(expected > 0) >= 4 and found.energy_imbalance < 1e-9
+
+
+def test_derivative_where_traction_outweighs_a_wave():
+    friction = jax.jit(lambda f: rub(Coulomb(f), 0.1, THIN).friction)
+    slope = (friction(0.501) - friction(0.499)) / 0.002
+    np.testing.assert_allclose(jax.grad(friction)(0.5), slope, rtol=1e-4)
+
+
+def test_where_traction_keeps_a_solve_from_its_end_the_method_is_named():
+    few = gc.contacts.DouglasRachford(max_steps=4, newton=False)
+    with pytest.raises(RuntimeError, match="a limit of the method; a steady contact may exist"):
+        rub(Coulomb(0.5), 0.1, THIN, solver=few)
+    # In a cycle the traction lags.
     there = 0.2 * CELL * np.sin(2 * np.pi * np.arange(32) / 32)
     given = dict(displacement=there, period=0.05, pressure=LOAD, rtol=1e-4)
-    with pytest.raises(ValueError, match=r"coefficient 3 .* wavelength 0\.00\d+ m"):
-        slide_cycle(thin, LINE, shear=Coulomb(3.0), **given)
+    with pytest.raises(ValueError, match=r"coefficient 3 .* 0\.00\d+ m .* limit of the method"):
+        slide_cycle(THIN, LINE, shear=Coulomb(3.0), **given)
     window = gc.Surface(ROAD.heights, ROAD.grid, periodic=False)
     with pytest.raises(ValueError, match="only the traction of `Coulomb`"):
         rub(ConstantShear(1e5, coupled=True), surface=window)
