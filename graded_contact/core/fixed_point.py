@@ -144,12 +144,14 @@ def attach_fixed_field(
     fixed = still(given)
     image = function(given, x)
     change = image - jax.lax.stop_gradient(image)
+    return x + solve_lagged(lambda v: jax.jvp(lambda x: function(fixed, x), (x,), (v,))[1], change)
 
-    def linear(v):
-        return v - jax.jvp(lambda x: function(fixed, x), (x,), (v,))[1]
 
-    def solve(linear, rhs):
+def solve_lagged(linear: Callable, rhs: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """Returns x = rhs + linear(x) by GMRES, with its derivative."""
+
+    def solve(operate, rhs):
         how: dict[str, Any] = {"tol": _LINEAR_RTOL, "restart": _RESTART, "maxiter": 4}
-        return jax.scipy.sparse.linalg.gmres(linear, rhs, solve_method="incremental", **how)[0]
+        return jax.scipy.sparse.linalg.gmres(operate, rhs, solve_method="incremental", **how)[0]
 
-    return x + jax.lax.custom_linear_solve(linear, change, solve, solve)
+    return jax.lax.custom_linear_solve(lambda v: v - linear(v), rhs, solve, solve)

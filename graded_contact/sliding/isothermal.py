@@ -27,7 +27,7 @@ from .case import Case
 from .cycle import cycle_problem
 from .formulas import lift
 from .numerics import Numerics
-from .problem import Posed, Prescribed, Problem
+from .problem import Posed, Prescribed, Problem, lags
 from .result import CyclicSliding, Found, result_of
 from .shear import Coulomb
 from .steady import steady_problem
@@ -55,10 +55,10 @@ def solve_posed(
 ) -> Found:
     """Returns the contact of a problem with its load; arguments as of `solve`."""
     problem, load, ends = posed
-    if problem.coupling is None or problem.coupling.in_kernel:
-        found = result_of(problem, problem.contact(load, None, how, start, solution))
-    else:
+    if lags(problem.coupling):
         found = _lagged(problem, load, how, start, solution)
+    else:
+        found = result_of(problem, problem.contact(load, None, how, start, solution))
     contact = found.contact
     for good, end in ends:
         contact = ended(contact, good, end)

@@ -16,9 +16,12 @@ and rough surfaces have the least errors (`bench_contact.py stiffness`). Within 
 error varies: a derivative has a local error of about 30 %, and is right over several spacings.
 """
 
+import dataclasses
+from functools import partial
 from typing import cast
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
@@ -30,6 +33,8 @@ from ..core.checks import as_scalar, check_positive, check_type, check_types
 from ..core.quantities import FOUR, TOTAL, of_steady
 from ..fields.grid import wavenumber
 from .facts import CONDUCTANCE, STIFFNESS, WINDOW
+from .formulas import lift
+from .problem import lags
 from .resolution import neighbours_of
 from .result import Sliding
 
@@ -62,7 +67,7 @@ def contact_stiffness(
     **Raises:** `ValueError` for a surface on a window.
     """
     _check(sliding)
-    return _stiffness(sliding, sliding.kernel, adjoint)
+    return _stiffness(sliding, adjoint)
 
 
 @of_steady(
@@ -92,8 +97,8 @@ def contact_stiffness_error(
     _check(sliding)
     near = neighbours_of(sliding)
     same, half = cast(Sliding, near.same), cast(Sliding, near.half)
-    own, other = (_stiffness(s, s.kernel, adjoint) for s in (same, half))
-    softer = _stiffness(same, same.kernel, adjoint, _SOFTER)
+    own, other = (_stiffness(s, adjoint) for s in (same, half))
+    softer = _stiffness(same, adjoint, _SOFTER)
     return near.factor * (_FROM_HALF * jnp.abs(own - other) + jnp.abs(own - softer))
 
 
@@ -124,7 +129,8 @@ def contact_conductance(
     resistivity = as_scalar(resistivity, "resistivity")
     check_positive("resistivity", resistivity, "[Ω m]")
     q = wavenumber(sliding.grid)
-    return _stiffness(sliding, resistivity / jnp.where(first_mode(q.shape), 1, q), adjoint)
+    kernel = resistivity / jnp.where(first_mode(q.shape), 1, q)
+    return _stiffness(sliding, adjoint, kernel=kernel)
 
 
 @of_steady(
@@ -156,13 +162,30 @@ def _check(sliding: Sliding) -> None:
 
 
 @eqx.filter_jit
-def _stiffness(sliding: Sliding, kernel, adjoint: LinearSolver, softness: float = 1.0):
-    operator = Steady(kernel)
+def _stiffness(sliding: Sliding, adjoint: LinearSolver, softness: float = 1.0, kernel=None):
+    """The stiffness of the block under its traction, or with a kernel in the place of both."""
+    follows = kernel is None and lags(sliding.coupling)
+    operator = sliding.operator if kernel is None else Steady(kernel)
     share = contact_shares(sliding.contact_indicator, lambda ratio, _: 1 / (1 + ratio))
     penalty = penalty_for(operator, jnp.mean(share), sliding.law)
-    yielding = softness * _YIELDING[share.ndim] / edge_stiffness(kernel, sliding.grid)
+    yielding = softness * _YIELDING[share.ndim] / edge_stiffness(operator.kernel, sliding.grid)
     soft = penalty * yielding * (1 - share)
     # Points far from contact carry nothing; 0/0 would spoil the derivative.
     s = jnp.where(share > 0, share / jnp.where(share > 0, share + soft, 1), 0)
     rtol = jnp.asarray(_RTOL, share.dtype)
-    return -penalty / opening_by_load(operator.scaled(penalty), s, adjoint, rtol)
+
+    def follow(pressure, gap):
+        """The displacement under the change of the traction, times the penalty as the gap is."""
+        at = sliding.pressure, sliding.gap
+        return penalty * jax.jvp(partial(_lift_at, sliding), at, (pressure, gap / penalty))[1]
+
+    by_load = opening_by_load(
+        operator.scaled(penalty), s, adjoint, rtol, follow if follows else None
+    )
+    return -penalty / by_load
+
+
+def _lift_at(sliding: Sliding, pressure, gap):
+    """The displacement under the traction that lags, at another pressure and gap."""
+    contact = dataclasses.replace(sliding.contact, pressure=pressure, gap=gap)
+    return lift(dataclasses.replace(sliding, contact=contact))
