@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core.display import shown
+from ..materials.shift import HOTTEST
 from .operator import Field, Scalar
 
 
@@ -52,10 +53,14 @@ class RESULTS(eqx.Enumeration):
         "tenth of the rms height. Tighten `rtol`, or do not use gaps and displacements."
     )
     not_settled = (
-        "The temperatures of the contact, or the traction that moves its surface, did not converge "
-        "to the tolerance. Loosen `rtol`. A block whose losses change fast with temperature may "
-        "have several temperatures, and one whose stiffness a traction outweighs has no steady "
-        "state: lower the shear."
+        "The temperatures of the contact, or the traction that moves its surface, did not settle. "
+        "A block whose losses change fast with temperature may have several temperatures, and one "
+        "whose stiffness a traction outweighs has no steady state: lower the velocity or the shear."
+    )
+    too_hot = (
+        f"No temperature of the contact below {HOTTEST:g} K was found to be steady: friction makes "
+        "more heat than flows away. Lower the velocity, the load or the shear, or raise the "
+        "conductivities in `heating`."
     )
     no_steady_sliding = (
         "The traction of friction outweighs the stiffness of the block at some wavelength: sliding "

@@ -47,10 +47,11 @@ from ..core.checks import (
 )
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart, still
-from ..core.fixed_point import attach_fixed_point, find_fixed_point
+from ..core.fixed_point import attach_fixed_point, find_fixed_point, has_reached
+from ..fields.devices import required
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
-from ..materials.shift import as_temperature
+from ..materials.shift import HOTTEST, as_temperature
 from ..materials.softening import at_strain
 from ..surfaces.surface import check_periodic
 from .case import Case, Heating
@@ -74,6 +75,7 @@ from .traction import interface_power
 
 NUM_CELLS = 8  # of the depth, each at one temperature
 _SAFETY = 4.0  # of the change of friction by twice the cells
+_HOTTEST = HOTTEST * (1 - 1e-6)  # of iterates: rounding must not carry them beyond
 _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
 
 
@@ -124,12 +126,13 @@ def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -
 
     state = (start, None), jnp.zeros((), dtype)
     none = jnp.zeros(NUM_CELLS + 1, dtype)
-    point = find_fixed_point(step, none, state, jnp.asarray(rtol, dtype))
+    most = (_HOTTEST - fixed.temperature).astype(dtype)
+    point = find_fixed_point(step, none, state, jnp.asarray(rtol, dtype), most)
     x = jax.lax.stop_gradient(point.x)
     starts, pairs = point.state
     found, s, block, factor = contact(x, fixed, edges, starts)
     # One more step with twice the cells has less error, of the iteration and of the depths.
-    rises = _rises(factor, s, *heat, block, finer)
+    rises = jnp.minimum(_rises(factor, s, *heat, block, finer), most)
     closer = contact(rises, fixed, finer, (found.pressure, s.pressure))[0]
     errors = still(_errors(found, closer))
     pairs = pairs + found.num_fft_pairs + closer.num_fft_pairs
@@ -143,10 +146,18 @@ def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -
 
         x = attach_fixed_point(image, given, x)
         found, _, block, _ = contact(x, given, edges, solutions=known)
-    reached = point.error <= rtol
-    if numerics.throw:
-        x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
-    solution = ended(found.contact, reached, RESULTS.not_settled)
+    solution, reached = found.contact, point.error <= rtol
+    settled, below = reached | has_reached(x, most), reached | ~has_reached(x, most)
+    for good, end in ((settled, RESULTS.not_settled), (below, RESULTS.too_hot)):
+        solution = ended(solution, good, end)
+        if not numerics.throw:
+            continue
+        if is_concrete(good) and not good:
+            raise RuntimeError(
+                f"{RESULTS[end]} The last contact is {float(x[0]):.4g} K above the bulk; its heat "
+                f"changes temperatures by {float(point.error):.2g} of the largest rise."
+            )
+        solution = required(solution, good, end.error_if)
     return dataclasses.replace(
         found,
         contact=dataclasses.replace(solution, num_fft_pairs=pairs),

@@ -109,7 +109,7 @@ def _lagged(
             found = solve(fixed, x, start, None)
             return _lift(found), (found.pressure, pairs + found.contact.num_fft_pairs)
 
-        point = find_fixed_point(step, none, (start, pairs), tolerance, ordered=False)
+        point = find_fixed_point(step, none, (start, pairs), tolerance)
         x, (start, pairs) = jax.lax.stop_gradient(point.x), point.state
         found, settled = solve(fixed, x, start, None), point.error <= tolerance
         pairs = pairs + found.contact.num_fft_pairs
