@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core.display import shown
-from ..materials.shift import HOTTEST
 from .operator import Field, Scalar
 
 
@@ -58,9 +57,9 @@ class RESULTS(eqx.Enumeration):
         "whose stiffness a traction outweighs has no steady state: lower the velocity or the shear."
     )
     too_hot = (
-        f"No temperature of the contact below {HOTTEST:g} K was found to be steady: friction makes "
-        "more heat than flows away. Lower the velocity, the load or the shear, or raise the "
-        "conductivities in `heating`."
+        "No steady temperature of the contact was found up to the highest that materials can have: "
+        "friction makes more heat than flows away. Lower the velocity, the load or the shear, or "
+        "raise the conductivities in `heating`."
     )
     no_steady_sliding = (
         "The traction of friction outweighs the stiffness of the block at some wavelength: sliding "

@@ -17,13 +17,15 @@ temperature.
 
 With `slide(..., heating=...)` the block has the temperature of its contact. The mean rise over the
 contact at each depth, weighted by the pressure, sets the relaxation times there: the block becomes
-a stack of thin layers, each at its temperature. Anderson's acceleration solves for the fixed point,
-with a contact and its temperatures in each step. The derivative is implicit.
+a stack of thin layers, each at its temperature. The fixed point is found in steps of a contact and
+its temperatures (`core/fixed_point.py`): first by a bracket of the largest rise, up to the highest
+temperature that materials can have, then by Anderson's acceleration. The derivative is implicit.
 
 With `slide_cycle(..., heating=...)` one temperature of each depth holds for the whole cycle. It is
 that of steady sliding at the mean speed and the mean load of the cycle, times the mean power of the
-cycle over the power of that sliding. This is a mean: at the highest speed the contact is warmer,
-and at a turn it cools. And each pass is to meet rubber that has cooled since the last one, which
+cycle over the power of that sliding. The power is that of all forces, friction and load: what the
+block loses and what heats the interface. This is a mean: at the highest speed the contact is
+warmer, and at a turn it cools. And each pass is to meet rubber that has cooled since the last one, which
 is so if the stroke is longer than the spots of contact.
 """
 

@@ -7,6 +7,7 @@ contact. The current between two conductors has the same distribution (J. R. Bar
     M dσ + dū = 0 on the contact A,   dσ = 0 elsewhere,   mean dσ = dp
 
 gives the stiffness -dp/dū with the kernel M of the block, and the conductance with (ϱ₁ + ϱ₂)/q.
+Where a traction moves the surface, its change is part of M, or if it lags it is added to M dσ.
 
 With a set of points as A both numbers would jump whenever a point joins. So a point with the share
 f in contact rests on a spring of compliance c (1 - f)/f times that of the block near half the
@@ -54,7 +55,8 @@ def contact_stiffness(
 ) -> Float[Array, ""]:
     """Returns -dp/dū [Pa/m], by which the mean pressure rises as the mean gap closes.
 
-    The block acts as at the given velocity, at rest with its relaxed moduli. Laws other than the
+    The block acts as at the given velocity, at rest with its relaxed moduli; a traction that moves
+    the surface follows the pressure. Laws other than the
     hard wall enter by their contact area. Differentiable.
 
     **Arguments:**

@@ -236,7 +236,8 @@ def test_heat_that_grows_up_to_the_highest_temperature_ends_there():
     point = find_fixed_point(
         warmer(900.0, 1e5, 0.0), jnp.zeros(6), None, jnp.asarray(1e-6), jnp.asarray(HOT)
     )
-    assert has_reached(point.x, jnp.asarray(HOT)) and point.error > 0.1 and point.history.cycles <= 3
+    assert has_reached(point.x, jnp.asarray(HOT)) and point.error > 0.1
+    assert point.history.cycles <= 3
 
 
 @pytest.mark.slow
@@ -263,7 +264,7 @@ def test_large_spots_at_high_speeds_have_a_steady_temperature_or_are_too_hot():
     hot = {"velocity": 10.0, "temperature": bulk, "shear": gc.sliding.ConstantShear(5e7)}
     s = slide(**hot)
     assert s.result == RESULTS.too_hot and s.state == "not converged: partial results"
-    with pytest.raises(RuntimeError, match=r"below 1000 K .* K above the bulk"):
+    with pytest.raises(RuntimeError, match=r"materials can have.* 666\.\d K above the bulk"):
         slide(**hot | {"throw": True})
 
 
