@@ -120,7 +120,8 @@ def _next(point: FixedPoint, image: Array, rtol: Array, most: Array | None) -> F
     z = jnp.where(jnp.where(near, inside | short, ~bracketed & inside), history.z, other)
     z = z * jnp.minimum(1, most / jnp.maximum(jnp.max(z), most))
     z = jnp.maximum(z, -_NEGATIVE * jnp.max(z))
-    ends = (here.image > here.size) & has_reached(x, most)
+    # Twice: at the first time the profile may be that of a much smaller image.
+    ends = (here.image > here.size) & has_reached(x, most) & has_reached(point.low.size, most)
     z = jnp.where(running, jnp.where(ends, x, z), x)
     history = dataclasses.replace(history, z=z, running=history.running & ~ends)
     return FixedPoint(history, low, high, jnp.minimum(point.best, error), moved, None)

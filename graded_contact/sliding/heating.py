@@ -25,8 +25,8 @@ With `slide_cycle(..., heating=...)` one temperature of each depth holds for the
 that of steady sliding at the mean speed and the mean load of the cycle, times the mean power of the
 cycle over the power of that sliding. The power is that of all forces, friction and load: what the
 block loses and what heats the interface. This is a mean: at the highest speed the contact is
-warmer, and at a turn it cools. And each pass is to meet rubber that has cooled since the last one, which
-is so if the stroke is longer than the spots of contact.
+warmer, and at a turn it cools. And each pass is to meet rubber that has cooled since the last one,
+which is so if the stroke is longer than the spots of contact.
 """
 
 import dataclasses
