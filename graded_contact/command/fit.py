@@ -135,7 +135,8 @@ def material_name(path: Path) -> str:
 class MaterialFit(NamedTuple):
     """A material with its errors, a report, and figures by the ends of their names.
 
-    The errors of a series that was only converted are not known. `assumed` has sentences.
+    The errors of a series that was only converted are not known. `assumed` has sentences on what
+    the numbers rest on.
     """
 
     material: Prony
@@ -184,7 +185,8 @@ def fitted_files(
         f"\nCaveat: {moduli_options.in_options(sentence)}" for sentence in measured.assumed
     )
     means = [part.temperature for part in measured.isotherms() if part.temperature is not None]
-    found = found._replace(report=found.report + caveats, assumed=measured.assumed)
+    assumed = *measured.assumed, *found.assumed
+    found = found._replace(report=found.report + caveats, assumed=assumed)
     return found, [float(np.mean(part)) for part in means]
 
 
@@ -213,7 +215,8 @@ def fitted(measured: Measured, law: str, **arguments: Any) -> MaterialFit:
     if kind == "frequency":
         figures["-van-gurp-palmen"] = plot_van_gurp_palmen(curve)
     material = curve.exported()
-    return MaterialFit(material, errors_of_fit(curve, material), curve.report(), figures)
+    errors = errors_of_fit(curve, material)
+    return MaterialFit(material, errors, curve.report(), figures, curve.caveats())
 
 
 def write_fit(stem: Path, found: MaterialFit, cards: Sequence[str]) -> None:

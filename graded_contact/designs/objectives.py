@@ -8,6 +8,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +25,8 @@ from ..core.checks import (
     check_types,
     check_values,
 )
-from ..mean_field.mean_field import MeanField, mean_field_of
+from ..mean_field.mean_field import RTOL, MeanField, mean_field_of, reached
+from ..mean_field.refinement import NODES, Nodes, misses, solve_refined
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import refuse_tables
 from ..scenes.schema import Key
@@ -114,10 +116,33 @@ def friction_curve(
     if velocities.ndim != 1:
         raise ValueError(f"`velocities` has shape {velocities.shape}; one axis is needed.")
     check_values("velocities", velocities, "velocities [m/s] must be finite")
-    check_positive("pressure", as_scalar(pressure, "pressure"), "[Pa]")
+    pressure = as_scalar(pressure, "pressure")
+    check_positive("pressure", pressure, "[Pa]")
     case = Case(stack, spectrum, velocity=0.0, pressure=pressure, strain_per_slope=strain_per_slope)
+    return reached(refined_curve(case, velocities)[0])
+
+
+def refined_curve(
+    case: Case, velocities: Float[Array, " n"], nodes: Nodes = NODES
+) -> tuple[MeanField, Nodes]:
+    """Returns the mean field of a case at velocities along x, as `friction_curve`, and the nodes of
+    its quadrature, of which it begins with `nodes`. It may miss its tolerance."""
+
+    def solve(nodes: Nodes) -> tuple[MeanField, Array]:
+        fields = _fields_at(case, velocities, nodes)
+        return fields, misses(fields.error, RTOL)
+
+    return solve_refined(solve, nodes)
+
+
+@eqx.filter_jit
+def _fields_at(case: Case, velocities: Float[Array, " n"], nodes: Nodes) -> MeanField:
+    def at(velocity: Array) -> MeanField:
+        moving = dataclasses.replace(case, velocity=velocity)
+        return mean_field_of(moving, throw=False, **nodes._asdict())
+
     # Not `vmap`: the data of one velocity stay in the cache.
-    return jax.lax.map(lambda v: mean_field_of(dataclasses.replace(case, velocity=v)), velocities)
+    return jax.lax.map(at, velocities)
 
 
 class DesignObjective(NamedTuple):

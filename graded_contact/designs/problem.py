@@ -8,22 +8,21 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..blocks.stack import Stack
-from ..core.checks import Numbers
+from ..core.checks import Numbers, as_float
 from ..core.compilation import jit
 from ..core.parameters import with_values
-from ..mean_field.mean_field import MeanField
+from ..mean_field.mean_field import MeanField, reached
 from ..sliding.result import Found
 from ..sliding.slide import solve
 from ..studies.search import Constraints, Objective
 from ..surfaces.surface import Surface
 from .limits import BY_MEAN_FIELD, CRITERIA, Criteria
-from .objectives import friction_curve
+from .objectives import refined_curve
 from .table import DesignScene
 
 Parameters = Mapping[str, Float[Array, "..."]]  # values by path
@@ -55,17 +54,13 @@ def criteria_of(
     return jax.tree.map(lambda values: jnp.mean(values, axis=0), every)
 
 
-@eqx.filter_jit
 def design_mean_field(
     study: DesignScene, stack: Stack, velocities: Numbers | None = None
 ) -> MeanField:
     """Returns the mean field of a stack at the velocities of the study, or at others [m/s]."""
-    scene = study.scene
-    return friction_curve(
-        stack, study.spectrum, pressure=scene.pressure[0],
-        velocities=scene.velocity if velocities is None else velocities,
-        strain_per_slope=scene.strain_per_slope,
-    )  # fmt: skip
+    case = study.case_of(stack)
+    velocities = as_float(study.scene.velocity if velocities is None else velocities)
+    return reached(refined_curve(case, velocities, study.nodes)[0])
 
 
 def contact_criteria(
@@ -111,6 +106,8 @@ def design_problem(
     - `surfaces`: as in `criteria_of`.
     """
     scene, limits = study.scene, study.limits
+    if surfaces is None and study.criteria:
+        _ = study.nodes  # found here, because a search traces the objective
 
     def objective(values: Parameters) -> tuple[Float[Array, ""], dict[str, Array]]:
         stack = with_values(scene.stack, values)

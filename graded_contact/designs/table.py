@@ -11,20 +11,31 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Array
 
-from ..core.checks import check_poisson, check_positive, check_values, check_whole, within
+from ..blocks.stack import Stack
+from ..core.checks import (
+    as_float,
+    as_scalar,
+    check_poisson,
+    check_positive,
+    check_values,
+    check_whole,
+    within,
+)
 from ..core.display import shown
 from ..core.parameters import paths, with_values
 from ..fields.grid import Grid
+from ..mean_field.refinement import Nodes
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import check_paths, refuse_tables
 from ..scenes.scene_file import parse_scene
 from ..scenes.schema import TableReader, keys_of
 from ..scenes.surface_source import RandomSurface
 from ..scenes.toml import parse_toml, text_of_scene
+from ..sliding.case import Case
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .limits import CRITERIA, Limits
-from .objectives import OBJECTIVE, OBJECTIVES, DesignObjective
+from .objectives import OBJECTIVE, OBJECTIVES, DesignObjective, refined_curve
 
 
 @shown("scene", "objective", "limits", "parameters", "starts", "verify")
@@ -92,6 +103,23 @@ class DesignScene:
         if not isinstance(source, RandomSurface):
             return [source.build()]
         return [source.drawn(source.seed + i) for i in range(self.seeds)]
+
+    def case_of(self, stack: Stack) -> Case:
+        """Returns the case of the mean field of a block, at no velocity yet."""
+        scene = self.scene
+        return Case(
+            stack, self.spectrum, velocity=0.0, pressure=as_scalar(scene.pressure[0], "pressure"),
+            strain_per_slope=scene.strain_per_slope,
+        )  # fmt: skip
+
+    @cached_property
+    def nodes(self) -> Nodes:
+        """The nodes with which the mean field of the scene's own block meets its tolerance.
+
+        A search takes the same nodes for all blocks.
+        """
+        velocities = as_float(self.scene.velocity)
+        return refined_curve(self.case_of(self.scene.stack), velocities)[1]
 
     @property
     def has_mean_field(self) -> bool:

@@ -23,6 +23,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 from scipy.optimize import minimize
 
+from .alignment import unseen
 from .series import SeriesProblem
 
 # Limits of atanh ρ, and of ln σ² about the mean square. Errors with ρ > 0.95 are rather a misfit.
@@ -31,13 +32,16 @@ BOUNDS = ((-1.0, 1.8), (-12.0, 12.0))
 # 92 % of the true values at ρ = 0.8; with 2, 92 % and more (`bench_uncertainty.py coverage`).
 CLOUD = 2.0
 FLATTEST = 2.0  # curvature of -ln L: what the data do not determine has the variance 1/2
+# Log residual of a modulus that no instrument, and no search of spectra, goes below.
+LEAST_NOISE = 1e-4
 LIKELIHOOD_STEP = 0.05  # of (atanh ρ, ln σ²) in differences of the likelihood
 
 
 def covariance(series: SeriesProblem, theta: np.ndarray) -> np.ndarray:
     """Returns the covariance of the unknowns; those at a bound have none.
 
-    Neighbours are of one isotherm. What is expected of shifts counts as known.
+    Neighbours are of one isotherm. What is expected of shifts counts as known. Other shifts
+    that are about as likely lie within the standard deviations.
     """
     residual, jacobian, *_ = series.derivatives(theta)
     free = series.within_bounds(theta)
@@ -60,6 +64,10 @@ def covariance(series: SeriesProblem, theta: np.ndarray) -> np.ndarray:
     inverse = inverse / scale / scale[:, None]
     spread = np.zeros((len(free), len(free)))
     spread[np.ix_(free, free)] = inverse @ noise @ inverse
+    if series.isotherms:
+        shifts = slice(len(theta) - series.num_shifts, None)
+        for changes in (np.asarray(series.isotherms.rivals), unseen(series, theta)):
+            spread[shifts, shifts] += changes.T @ changes
     return spread
 
 
@@ -99,8 +107,12 @@ class _NoiseModel:
         return diagonal, np.where(self.first, 0, -alike * diagonal)
 
     def noise(self) -> np.ndarray:
-        """Returns Gᵀ V G, V being the mean over the cloud, and the errors of what is expected."""
+        """Returns Gᵀ V G, V being the mean over the cloud, and the errors of what is expected.
+
+        No search ends so near to exact data that its distance is not a part of V.
+        """
         noise, cloud = np.diag(self.penalty * self.mean_square), self.cloud()
+        noise += LEAST_NOISE**2 * self.design.T @ self.design
         for parameters in cloud:
             diagonal, left = self.filter(parameters)
             bands = np.array([np.append(0, left[1:]), diagonal])

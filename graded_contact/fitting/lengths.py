@@ -67,22 +67,27 @@ def check_terms(data: Observations, terms: int | None) -> None:
 
 
 def choose(series: SeriesProblem, terms: int | None) -> tuple[np.ndarray, tuple[Length, ...]]:
-    """Returns the unknowns of `terms` branches, or of the least criterion and all lengths tried.
-
-    The Bayes information criterion is n ln(mean square) + p ln n of G. Schwarz, Ann. Statist. 6
-    (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION` are rounding and no reason
-    for a further term.
-    """
+    """Returns the unknowns of `terms` branches, or of the least criterion and all lengths tried."""
     if terms is not None:
         return best_of_length(series, terms)[0], ()
-    count, total = np.sum(series.measured), np.sum(series.weights[series.measured])
+    count = np.sum(series.measured)
     fitted = best_path(series, max(int(count - 1 - len(series.static)) // 2, 1))
     path = []
     for length, (theta, cost) in fitted.items():
-        bic = count * np.log(2 * cost / total + RESOLUTION**2) + len(theta) * np.log(count)
-        path.append(Length(length, series.rms(theta), float(bic)))
+        bic = criterion(series, len(theta), cost)
+        path.append(Length(length, series.rms(theta), bic))
     chosen = min(path, key=lambda length: length.bic)
     return fitted[chosen.terms][0], tuple(path)
+
+
+def criterion(series: SeriesProblem, unknowns: int, cost: float) -> float:
+    """Returns the Bayes information criterion n ln(mean square) + p ln n of p unknowns [1].
+
+    G. Schwarz, Ann. Statist. 6 (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION`
+    are rounding and no reason for a further unknown.
+    """
+    count, total = np.sum(series.measured), np.sum(series.weights[series.measured])
+    return float(count * np.log(2 * cost / total + RESOLUTION**2) + unknowns * np.log(count))
 
 
 def choose_liquid(data: Observations, error: float) -> tuple | None:

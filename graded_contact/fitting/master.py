@@ -7,6 +7,7 @@ amount expected beforehand, and their uncertainty is reported.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -29,15 +30,17 @@ from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
+from .alignment import NUM_STARTS, gaps
 from .implicit import attach_derivative, search
 from .lengths import check_terms, choose_liquid
 from .prony import AbstractFit, PronyFit, deviation, refuse_nonsense
 from .quality import percent
 from .series import objective, problem_of
-from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series, with_penalty
+from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series, with_found
 from .shifts import LAW_LIMITS, LN10, Isotherms
 
 SERVES = 1.05  # times the error with the fitted shifts: a law that does no worse replaces them
+RIVAL = 0.1  # decades from which on other shifts are another result
 STEEP_SHIFT = 0.4  # decades per kelvin, two within 5 K
 
 
@@ -151,7 +154,33 @@ class MasterCurve(AbstractFit):
             header=["T [K]", "log10 a_T", "+-", "b_T", "+-"],
             formatters=[f"{{:.{digits}f}}".format for digits in (2, 3, 3, 4, 4)],
         )
-        return "\n".join([*_law_words(self), "", table, *_step_words(self), "", self.fit.report()])
+        doubts = [f"Caveat: {sentence}" for sentence in self.caveats()]
+        lines = [*_law_words(self), "", table, *_step_words(self), *doubts, "", self.fit.report()]
+        return "\n".join(lines)
+
+    def caveats(self) -> tuple[str, ...]:
+        """Returns sentences on shifts that the overlap of neighbours does not determine."""
+        series, theta = self._problem()
+        kelvin = np.asarray(self.temperatures)
+        pairs = itertools.pairwise(kelvin)
+        apart = [f"{a:.2f} and {b:.2f} K" for (a, b), gap in
+                 zip(pairs, gaps(series, theta), strict=True) if gap > 0]  # fmt: skip
+        said = []
+        if apart:
+            said.append(
+                f"The shifted curves of {', '.join(apart)} do not overlap: only the law shows how "
+                "far they lie apart. Measure at more temperatures or frequencies."
+            )
+        slopes = self.isotherms.slopes(theta)[0]
+        along = np.asarray(self.isotherms.rivals)[:, : len(slopes)] @ slopes
+        far = np.max(np.abs(along), axis=0, initial=0) / LN10
+        if np.any(far > RIVAL):
+            which = ", ".join(f"{kelvin[i]:.2f}" for i in np.flatnonzero(far > RIVAL))
+            said.append(
+                f"Other shifts, by up to {np.max(far):.2g} decades, explain the isotherms of "
+                f"{which} K about as well; the errors contain them."
+            )
+        return tuple(said)
 
     def _at_bounds(self):
         """Whether unknowns of the law are no result but the end of the search."""
@@ -225,14 +254,15 @@ def master_curve(
         if choose_liquid(shifted, error):
             data = data.as_liquid()
             found, path = shifts_and_series(data, terms)
-        theta, free, penalty = map(jnp.asarray, found)
+        theta, free, *rest = map(jnp.asarray, found)
     else:
 
         def find(data):
             return shifts_and_series(data, terms)[0]
 
-        theta, free, penalty = search(find, (data.num_unknowns(terms), 2), data)
-    data = with_penalty(data, penalty)
+        sizes = data.num_unknowns(terms), 2, NUM_STARTS * data.num_shifts
+        theta, free, *rest = search(find, sizes, data)
+    data = with_found(data, *rest)
     theta = attach_derivative(objective, theta, free, data)
     curve = MasterCurve(theta, data, poisson, path)
     refuse_nonsense(curve.fit)

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from ..core.display import shown
+from .covariance import LEAST_NOISE
 from .lengths import best_spectrum, flows
 from .observations import Observations
 from .series import SeriesProblem, problem_of
@@ -14,9 +15,6 @@ from .series import SeriesProblem, problem_of
 # How far times of the best spectra may lie outside the data, before and after. Those that decay
 # before the data, or are over by their first strain, show in none of them.
 WIDEST = {"frequency": (1e6, 1e6), "relaxation": (1.0, 1e6), "creep": (1.0, 1e6)}
-LEAST_NOISE = (
-    1e-4  # log residual of a modulus that no instrument, and no search of spectra, goes below
-)
 _NEAR_END = 1.2  # a known modulus over a measured one that noise explains
 JUMP = 0.1  # log difference of neighbours beyond what any spectrum allows
 JUMPING = 0.25  # share of neighbours: fewer are noise

@@ -1,6 +1,7 @@
-"""Isotherms checked and joined_curves, and the search for their shifts and series together (NumPy).
+"""Isotherms checked and joined, and the search for their shifts and series together (NumPy).
 
-The search aligns neighbours, then fits law, departures and series at once.
+The search starts from several alignments of neighbours, fits law, departures and series at once,
+and keeps the end of the least criterion. Ends that are about as good are its rivals.
 """
 
 import dataclasses
@@ -10,7 +11,6 @@ from typing import Any, get_args
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import least_squares
 
 from ..core.checks import (
     Numbers,
@@ -23,12 +23,16 @@ from ..core.checks import (
     short,
 )
 from ..materials.measured import Measured
-from .lengths import SEARCH, Length, best_of_length, choose, non_negative
+from .alignment import first_shifts
+from .lengths import SEARCH, Length, best_of_length, choose, criterion
 from .observations import Observations, Unknowns, observe
 from .series import problem_of
-from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, LawKind
+from .shifts import Isotherms, LawKind
 
 COLDEST_SET = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
+COMPARABLE = 10.0  # difference of the criterion up to which another end is as likely to be right
+ROUNDS = 4  # of choosing the number of terms
+SETTLED = 0.7  # times the error before: the number of terms then shows
 Isotherm = tuple[Numbers, Numbers, Numbers]
 
 
@@ -74,6 +78,7 @@ def joined_curves(
         group=jnp.repeat(jnp.arange(len(x)), np.array([len(points) for points in x])),
         temperatures=jnp.asarray(temperatures),
         penalty=jnp.zeros(2),
+        rivals=jnp.zeros((0, 0)),
         reference=middle,
         law=law,
         stds=stds,
@@ -111,39 +116,55 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
 # Shifts and series ------------------------------------------------------------------------------
 
 
-def with_penalty(data: Observations, penalty: Any) -> Observations:
-    """Returns the data with other weights of the squares of departures and of ln b."""
-    return eqx.tree_at(lambda data: data.isotherms.penalty, data, jnp.asarray(penalty))
+def with_found(data: Observations, penalty: Any, rivals: Any) -> Observations:
+    """Returns the data with these fields of `Isotherms`, of which `rivals` may be flat."""
+    return eqx.tree_at(
+        lambda data: (data.isotherms.penalty, data.isotherms.rivals),
+        data,
+        (jnp.asarray(penalty), jnp.reshape(rivals, (-1, data.num_shifts))),
+    )
 
 
 def shifts_and_series(data: Observations, terms: int | None) -> tuple[tuple, tuple[Length, ...]]:
-    """Returns unknowns, which of them are free, and the penalty; and all lengths tried."""
-    series, isotherms = problem_of(data), data.isotherms
+    """Returns unknowns, which of them are free, penalty and rivals; and all lengths tried."""
+    isotherms = data.isotherms
     assert isotherms is not None
-    log_shift = _aligned(series, isotherms)
-    law = least_squares(
-        lambda p: isotherms.law_shifts(p) - log_shift,
-        np.log(LAW_TYPICAL[isotherms.law]),
-        bounds=np.log(LAW_LIMITS[isotherms.law]).T,
-        loss="soft_l1",
-    ).x
-    by_law, (_, departures, lifts) = isotherms.law_shifts(law), isotherms.counts
-    steps = isotherms.others[:departures] @ (log_shift - by_law)
-    shifts = np.concatenate([law, steps, np.zeros(lifts)])
+    series, path = problem_of(data), ()
+    ends = [_end(data, start) for start in first_shifts(series, isotherms)]
+    least, unknowns = min(ends, key=lambda end: end[0])
+    rivals = [
+        isotherms.change(unknowns, end) * (value <= least + COMPARABLE) for value, end in ends
+    ]
+    for _ in range(ROUNDS):
+        series, penalty = _expecting(data, series.rms(unknowns))
+        theta, path = choose(series.at(unknowns), terms)
+        start = np.concatenate([theta, unknowns[len(unknowns) - series.num_shifts :]])
+        unknowns, _ = series.minimise(start, rtol=0, max_steps=150)
+        # At wrong shifts the error hides how many terms the data show.
+        if series.rms(unknowns) > SETTLED * series.rms(start):
+            break
+    return (unknowns, series.within_bounds(unknowns), penalty, np.ravel(rivals)), path
+
+
+def _end(data, shifts):
+    """The criterion of the minimum that is reached from a start, and its unknowns."""
+    series = problem_of(data)
     alone = series.at(shifts)
     theta, _ = best_of_length(alone, max(len(alone.time_grid(1)) - 1, 1))
-    unknowns, penalty = np.concatenate([theta, shifts]), np.zeros(2)
-    # The residuals' variance is known only once the shifts are.
-    for _ in range(2):
-        variance = series.rms(unknowns) ** 2
-        penalty = np.array([variance / std**2 if std > 0 else 0.0 for std in isotherms.stds])
-        series = problem_of(with_penalty(data, penalty))
-        unknowns, _ = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
-    theta, path = choose(series.at(unknowns), terms)
-    start = np.concatenate([theta, unknowns[len(unknowns) - len(shifts) :]])
-    lower, upper = series.bounds(start)
-    unknowns, _ = series.minimise(start, rtol=0, max_steps=150)
-    return (unknowns, (unknowns > lower) & (unknowns < upper), penalty), path
+    unknowns, cost = np.concatenate([theta, shifts]), np.inf
+    # The residuals' variance is known only once the shifts are: the law holds less and less.
+    for _ in range(3):
+        series, _ = _expecting(data, series.rms(unknowns))
+        unknowns, cost = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
+    return criterion(series, len(unknowns), cost), unknowns
+
+
+def _expecting(data, error):
+    """The problem in which departures and ln b cost what is expected beside such errors, and the
+    weights of their squares."""
+    stds = data.isotherms.stds
+    penalty = np.array([(error / std) ** 2 if std > 0 else 0.0 for std in stds])
+    return problem_of(with_found(data, penalty, data.isotherms.rivals)), penalty
 
 
 @eqx.filter_jit
@@ -155,32 +176,3 @@ def at_reference(unknowns: Unknowns, data: Observations) -> Observations:
     x = data.x * along if data.kind == "frequency" else data.x / along
     values = jnp.where(data.weights > 0, data.values / across, 1)
     return dataclasses.replace(data, x=x, values=values, isotherms=None)
-
-
-def _restricted(series, points):
-    """The problem of some of the points, given as a mask."""
-    rows = np.tile(points, len(series.weights) // len(series.x))
-    parts = {name: getattr(series, name)[rows] for name in ("log_values", "weights", "known")}
-    return dataclasses.replace(
-        series, x=series.x[points], static=series.static[:, rows], num_ends=0, **parts
-    )
-
-
-def _aligned(series, isotherms):
-    """ln a of each isotherm, by fitting a spectrum to every two neighbours at trial distances."""
-    distances = LN10 * np.arange(-0.5, 6.0, 0.25)
-    count, steps = len(isotherms.temperatures), []
-    for colder in range(count - 1):
-        costs = []
-        for distance in distances:
-            shifts = distance * (np.arange(count) == colder)
-            pair = np.isin(series.group, (colder, colder + 1))
-            part = _restricted(series.shifted(shifts, np.zeros(count)), pair)
-            log_times = part.time_grid(4)
-            strengths = non_negative(part, log_times)
-            columns = np.concatenate([part.branches(log_times), part.static])
-            relative = (part.known + strengths @ columns) / np.exp(part.log_values) - 1
-            costs.append(part.weights @ relative**2)
-        steps.append(distances[np.argmin(costs)])
-    log_shift = -np.cumsum([0.0, *steps])
-    return log_shift - log_shift[isotherms.reference]

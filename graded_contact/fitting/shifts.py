@@ -36,6 +36,7 @@ class Isotherms(eqx.Module):
     - `group`: number of the isotherm of each point, shape `(points,)`.
     - `temperatures`: [K], shape `(isotherms,)`, increasing.
     - `penalty`: weights of the squares of departures and of ln b in the objective [1].
+    - `rivals`: changes of the unknowns to other shifts that explain the data about as well.
     - `reference`: the isotherm that is not shifted. Static.
     - `law`: the shift law. Static.
     - `stds`: expected deviations of ln a from the law, and of ln b; 0 if there are none. Static.
@@ -44,6 +45,7 @@ class Isotherms(eqx.Module):
     group: Int[Array, " points"]
     temperatures: Float[Array, " isotherms"]
     penalty: Float[Array, " 2"]
+    rivals: Float[Array, "rivals shifts"]
     reference: int = eqx.field(static=True)
     law: LawKind = eqx.field(static=True)
     stds: tuple[float, float] = eqx.field(static=True)
@@ -75,8 +77,25 @@ class Isotherms(eqx.Module):
 
     def law_shifts(self, p: Any) -> Any:
         """Returns ln a of each isotherm by the law."""
-        shifts = _law_shifts(self, p)
-        return shifts if isinstance(p, jax.Array) else np.asarray(shifts)
+        return self._by_law(p)[0]
+
+    def _by_law(self, p: Any) -> tuple[Any, Any, Any]:
+        """ln a of each isotherm by the law, its derivatives by `p` and its second ones.
+
+        In closed form, because a search in NumPy asks for them at each step.
+        """
+        xp = jnp if isinstance(p, jax.Array) else np
+        temperatures = xp.asarray(self.temperatures)
+        base, factor = temperatures[self.reference], xp.exp(p)
+        if self.law == "arrhenius":
+            value = factor[0] * (1 / temperatures - 1 / base)
+            return value, value[None], value[None, None]
+        above, c2 = temperatures - base, base - temperatures[0] + factor[1]
+        value = -LN10 * factor[0] * c2 * above / (c2 + above)
+        by_distance = -LN10 * factor[0] * factor[1] * (above / (c2 + above)) ** 2
+        twice = by_distance * (1 - 2 * factor[1] / (c2 + above))
+        first = xp.stack([value, by_distance])
+        return value, first, xp.stack([first, xp.stack([by_distance, twice])])
 
     def shifts(self, unknowns: Any) -> tuple[Any, Any]:
         """Returns ln a and ln b of every isotherm."""
@@ -90,9 +109,19 @@ class Isotherms(eqx.Module):
         The isotherms are the last axis.
         """
         p, departures, lifts = self.split(unknowns)
-        first, second = (np.moveaxis(np.asarray(part), 0, -1) for part in _law_slopes(self, p))
+        _, first, second = self._by_law(p)
         along = np.concatenate([first, self.others[: len(departures)]])
         return along, second, self.others[: len(lifts)]
+
+    def change(self, unknowns: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Returns the change of the unknowns that to first order gives the shifts of `others`."""
+        slopes, (law, departures, _) = self.slopes(unknowns)[0], self.counts
+        along, across = (there - here for there, here in
+                         zip(self.shifts(others), self.shifts(unknowns), strict=True))  # fmt: skip
+        by_law = self.split(others)[0] - self.split(unknowns)[0]
+        apart = along - by_law @ slopes[:law]
+        lifts = self.others[: self.counts[2]] @ across
+        return np.concatenate([by_law, self.others[:departures] @ apart, lifts])
 
     def weights(self, xp: Any) -> Any:
         """Returns the weight of the square of each unknown in the cost."""
@@ -103,15 +132,3 @@ class Isotherms(eqx.Module):
         lower, upper = np.log(LAW_LIMITS[self.law]).T
         free = np.full(sum(self.counts[1:]), np.inf)
         return np.append(lower, -free), np.append(upper, free)
-
-
-@eqx.filter_jit
-def _law_shifts(isotherms, p):
-    return jax.vmap(isotherms.law_of(p).log_factor)(isotherms.temperatures)
-
-
-@eqx.filter_jit
-def _law_slopes(isotherms, p):
-    """The first and second derivatives of `_law_shifts` by `p`."""
-    slope = jax.jacfwd(lambda p: _law_shifts(isotherms, p))
-    return slope(p), jax.jacfwd(slope)(p)

@@ -68,9 +68,10 @@ from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
 from .quadrature import FieldInputs, Rules, add_up, integrate
+from .refinement import NODES, Nodes, misses, solve_refined
 from .roughness import as_roughness
 
-NUM_WAVENUMBERS, NUM_ANGLES = 64, 16  # intervals of the quadrature
+RTOL = 1e-4
 NO_FIELD = (
     "The mean field did not reach `rtol` or steady temperatures, or is not finite (as with a "
     "modulus of 0)"
@@ -128,9 +129,9 @@ def mean_field_friction(
     own_roughness: SelfAffine | tuple[Numbers, Numbers] | None = None,
     strain_per_slope: ScalarLike | None = None,
     correction: Correction = "yang_persson",
-    num_wavenumbers: int = NUM_WAVENUMBERS,
-    num_angles: int = NUM_ANGLES,
-    rtol: float = 1e-4,
+    num_wavenumbers: int = NODES.num_wavenumbers,
+    num_angles: int = NODES.num_angles,
+    rtol: float = RTOL,
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
     heating: Heating | None = None,
@@ -139,10 +140,8 @@ def mean_field_friction(
     """Returns friction and contact area of a rough surface sliding on a stack, by Persson's theory.
 
     Differentiable in every leaf of `stack`, `spectrum`, `shear` and `heating`, in `pressure`,
-    `velocity` and `temperature`; works under `jit` and `vmap`. A friction curve is
-    `jax.lax.map(lambda v: mean_field_friction(stack, spectrum, pressure=p, velocity=v),
-    velocities)` inside `jax.jit`, on a CPU faster than `vmap` because the data of one velocity
-    stay in the cache.
+    `velocity` and `temperature`; works under `jit` and `vmap`. A friction curve by `jax.lax.map`
+    is faster on a CPU than by `vmap`, because the data of one velocity stay in the cache.
 
     **Arguments:**
 
@@ -164,7 +163,8 @@ def mean_field_friction(
     - `num_wavenumbers`: intervals of the quadrature in q, shared by the smooth pieces of the
       spectrum and rounded up to multiples of 4 on each.
     - `num_angles`: intervals between the directions along and across the velocity, a multiple of 4.
-    - `rtol`: largest acceptable `error` [1].
+    - `rtol`: largest acceptable `error` [1]. Both numbers of intervals are doubled until it is met,
+      at most three times; inside `jit` and `vmap`, where they are fixed, they stay as given.
     - `shear`, `temperature`: law of the shear stress in the contact and its temperature [K], as in
       `slide`; with `heating` the bulk temperature, to which the block is brought.
     - `heating`: conductivities, see `sliding.Heating`: each scale then has the modulus at the
@@ -176,56 +176,20 @@ def mean_field_friction(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    pressure, velocity = as_scalar(pressure, "pressure"), as_velocity(velocity)
-    check_positive("pressure", pressure, "[Pa]")
-    check_tolerance("rtol", rtol, pressure)
-    # Early, so that a bad law is named before anything is compiled.
-    stress = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
+    check_tolerance("rtol", rtol, as_scalar(pressure, "pressure"))
     temperature = None if temperature is None else as_temperature(temperature)
-    # On input the value is unknown if the pressure is traced.
-    load = unless_negative(jnp.where(pressure > 0, pressure, jnp.nan), stress)
     ratio = None if strain_per_slope is None else as_strain_per_slope(strain_per_slope, stack)
-    if isinstance(spectrum, Surface):
-        for name, value in (("own_roughness", own_roughness), ("heating", heating)):
-            if value is not None:
-                raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
-        if not spectrum.periodic:
-            raise ValueError("`spectrum` is a `Surface` on a window; a periodic one is needed.")
-        field = FieldInputs(stack, spectrum, None, load, velocity, ratio)
-        found, heated = _summed(field, correction, shear, temperature), None
-    else:
-        roughness = as_roughness(spectrum)
-        own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
-        num_pieces = len(roughness.edges) - 1 + (0 if own is None else len(own.edges))
-        rules = _rules(correction, num_wavenumbers, num_pieces, num_angles)
-        if heating is not None:
-            if heating.conductivity.ndim or heating.diffusivity.ndim:
-                raise ValueError(
-                    "`heating` has numbers for each layer; in the mean field the block is one half "
-                    "space: give one `conductivity` and one `diffusivity`."
-                )
-            stack = stack.at(check_bulk(temperature))
-        field = FieldInputs(stack, roughness, own, load, velocity, ratio)
-        found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
-    q, x, friction, error, share, sheared = found
-    solution = MeanField(
-        friction=friction[-1] + sheared[-1],
-        hysteresis_friction=friction[-1],
-        shear_friction=sheared[-1],
-        contact_area=area(x[-1]),
-        against_cutoff=CutoffCurve(q, friction + sheared, area(x)),
-        stress_variance=x * load * load,
-        pressure=load,
-        extrapolated_friction=share,
-        error=error,
-        heated=heated,
-    )
-    if throw:
-        # Written so that NaN fails.
-        if is_concrete(error) and not error <= rtol:
-            raise RuntimeError(_NOT_REACHED)
-        solution = eqx.error_if(solution, ~(error <= rtol), _NOT_REACHED)
-    return solution
+    field = _inputs(
+        stack, (spectrum, own_roughness), pressure, as_velocity(velocity), ratio,
+        (shear, temperature, heating),
+    )  # fmt: skip
+
+    def solve(nodes):
+        solution = _field(field, correction, nodes, (shear, temperature, heating))
+        return solution, misses(solution.error, rtol)
+
+    solution, _ = solve_refined(solve, Nodes(num_wavenumbers, num_angles))
+    return reached(solution, rtol) if throw else solution
 
 
 def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanField:
@@ -247,6 +211,66 @@ def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanFiel
     return mean_field_friction(case.stack, rough, **given)
 
 
+def _inputs(stack, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
+    """What a mean field is integrated from, checked; `acting` are shear, temperature and heat."""
+    (spectrum, own_roughness), (shear, temperature, heating) = spectra, acting
+    pressure = as_scalar(pressure, "pressure")
+    check_positive("pressure", pressure, "[Pa]")
+    # Early, so that a bad law is named before anything is compiled.
+    stress = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
+    # On input the value is unknown if the pressure is traced.
+    load = unless_negative(jnp.where(pressure > 0, pressure, jnp.nan), stress)
+    if isinstance(spectrum, Surface):
+        for name, value in (("own_roughness", own_roughness), ("heating", heating)):
+            if value is not None:
+                raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
+        if not spectrum.periodic:
+            raise ValueError("`spectrum` is a `Surface` on a window; a periodic one is needed.")
+        return FieldInputs(stack, spectrum, None, load, velocity, ratio)
+    roughness = as_roughness(spectrum)
+    own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
+    if heating is not None:
+        if heating.conductivity.ndim or heating.diffusivity.ndim:
+            raise ValueError(
+                "`heating` has numbers for each layer; in the mean field the block is one half "
+                "space: give one `conductivity` and one `diffusivity`."
+            )
+        stack = stack.at(check_bulk(temperature))
+    return FieldInputs(stack, roughness, own, load, velocity, ratio)
+
+
+def _field(field: FieldInputs, correction: Correction, nodes: Nodes, acting) -> MeanField:
+    """The mean field, by so many nodes."""
+    shear, temperature, heating = acting
+    if isinstance(field.roughness, Surface):
+        found, heated = _summed(field, correction, shear, temperature), None
+    else:
+        rules = _rules(field, correction, nodes)
+        found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
+    q, x, friction, error, share, sheared = found
+    load = field.pressure
+    return MeanField(
+        friction=friction[-1] + sheared[-1],
+        hysteresis_friction=friction[-1],
+        shear_friction=sheared[-1],
+        contact_area=area(x[-1]),
+        against_cutoff=CutoffCurve(q, friction + sheared, area(x)),
+        stress_variance=x * load * load,
+        pressure=load,
+        extrapolated_friction=share,
+        error=error,
+        heated=heated,
+    )
+
+
+def reached(solution: MeanField, rtol: float = RTOL) -> MeanField:
+    """Returns one or several mean fields; raises `RuntimeError` for an error above `rtol`."""
+    failed = ~(solution.error <= rtol)  # so that NaN fails
+    if is_concrete(failed) and np.any(failed):
+        raise RuntimeError(_NOT_REACHED)
+    return eqx.error_if(solution, failed, _NOT_REACHED)
+
+
 def _summed(field: FieldInputs, correction, shear, temperature):
     """As `_integrated`, by the modes of a surface."""
     surface, strain = field.roughness, None
@@ -259,13 +283,14 @@ def _summed(field: FieldInputs, correction, shear, temperature):
     return q, x, friction, 0 * friction[-1], share, sheared  # the error is NaN if that is
 
 
-def _rules(correction, num_wavenumbers, num_pieces, num_angles) -> Rules:
-    check_whole("num_wavenumbers", num_wavenumbers, 4)
-    check_whole("num_angles", num_angles, 4)
-    if num_angles % 4:
-        raise ValueError(f"`num_angles={num_angles}` is refused: a multiple of 4 is needed.")
-    per_piece = 4 * -(-num_wavenumbers // (4 * num_pieces))
-    return Rules(correction, per_piece, num_angles)
+def _rules(field: FieldInputs, correction: Correction, nodes: Nodes) -> Rules:
+    for name, count in nodes._asdict().items():
+        check_whole(name, count, 4)
+    if nodes.num_angles % 4:
+        raise ValueError(f"`num_angles={nodes.num_angles}` is refused: a multiple of 4 is needed.")
+    num_pieces = len(field.roughness.edges) - 1 + (0 if field.own is None else len(field.own.edges))
+    per_piece = 4 * -(-nodes.num_wavenumbers // (4 * num_pieces))
+    return Rules(correction, per_piece, nodes.num_angles)
 
 
 def _by_quadrature(rules: Rules, given, heating: Heating | None):

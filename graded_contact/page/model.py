@@ -19,7 +19,8 @@ from ..blocks.compliance import effective_modulus
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed
-from ..mean_field.mean_field import mean_field_friction
+from ..mean_field.mean_field import RTOL, mean_field_friction
+from ..mean_field.refinement import Nodes, misses, solve_refined
 from ..scenes.plan import build_surface
 from ..scenes.scene_checks import refuse_liquids
 from ..sliding.case import Case
@@ -78,7 +79,12 @@ class Model:
 
         The response is over `q` [rad/m] at the chosen velocity, the mean field over `speed` [m/s].
         """
-        found = _response_and_theory(self._at(values), self._waves, self._speeds)
+
+        def solve(nodes: Nodes) -> Any:
+            *found, error = _response_and_theory(self._at(values), self._waves, self._speeds, nodes)
+            return found, misses(error, RTOL)
+
+        found, _ = solve_refined(solve)
         modulus, friction, area = (np.asarray(numbers) for numbers in found)
         tangent = np.imag(modulus) / np.real(modulus)
         meaning = "composite modulus |2/(q M_zz)|"
@@ -156,7 +162,7 @@ def _case(scenery: Scenery) -> Case:
 
 
 @eqx.filter_jit
-def _response_and_theory(scenery, waves, speeds):
+def _response_and_theory(scenery, waves, speeds, nodes):
     case = scenery.case()
     speed = direction_and_speed(case.velocity)[1]
     modulus = effective_modulus(case.stack, waves, waves * speed)
@@ -166,9 +172,9 @@ def _response_and_theory(scenery, waves, speeds):
         field = mean_field_friction(
             case.stack, scenery.roughness(case.surface), pressure=case.pressure, velocity=speed,
             shear=case.shear, temperature=case.temperature,
-            strain_per_slope=case.strain_per_slope, throw=False,
+            strain_per_slope=case.strain_per_slope, throw=False, **nodes._asdict(),
         )  # fmt: skip
-        return field.friction, field.contact_area
+        return field.friction, field.contact_area, field.error
 
     along = speeds if scenery.direction == 0 else speeds[:, None] * case.velocity / speed
     return modulus.astype(complex), *jax.lax.map(at, along)

@@ -30,7 +30,6 @@ from .facts import FLOW
 from .formulas import indicator_of, shared
 from .result import Found
 
-_SHEETS = 5  # copies of the cell in which a path that winds around it ends on another one
 ALONG = {"entries": ("along x", "along y")}  # how arrays print
 
 
@@ -149,40 +148,46 @@ def _solve(weights, spacing, *, dtype):
     links.eliminate_zeros()
     _, label = csgraph.connected_components(links)
     # A pressure is known up to a constant in each connected part: one of its points is tied to 0.
+    roots = np.unique(label, return_index=True)[1]
     ground = np.zeros(size)
-    ground[np.unique(label, return_index=True)[1]] = 1
+    ground[roots] = 1
     total = np.asarray(links.sum(axis=1)).ravel()
     # Scaled to a unit diagonal: conductances differ by many powers of ten.
     scale = 1 / np.sqrt(np.where(total > 0, total, 1))
     matrix = diags_array(scale) @ (diags_array(total * (1 + ground)) - links) @ diags_array(scale)
     matrix = matrix + diags_array((total == 0).astype(float))
     factor = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    pressure, percolates = [], []
+    pressure = []
     for axis in (0, 1):
         flow = weights[axis] * spacing[axis]
         source = flow - np.roll(flow, 1, axis)
-        found = scale * factor.solve(scale * source.ravel())
-        pressure.append(found.reshape(points.shape))
-        percolates.append(_winds(weight > 0, first, second, points, axis))
-    return np.stack(pressure).astype(dtype), np.array(percolates)
+        pressure.append(scale * factor.solve(scale * source.ravel()))
+    pressure = np.reshape(pressure, weights.shape).astype(dtype)
+    return pressure, _winds(links, roots, points.shape, first, second, weight > 0)
 
 
-def _winds(open_, first, second, points, axis) -> bool:
-    """Whether a path of open links winds around the cell along an axis.
+def _winds(links, roots, shape, first, second, open_):
+    """Whether a path of open links winds around the cell along x and along y.
 
-    The cell is copied, and links across its edge lead to the next copy, from the last to the first:
-    a path that winds around connects a point with its copies.
+    A tree joins the points of each connected part, and is laid out on the plane, beyond the
+    edges of the cell. A link whose ends are no neighbours there closes a path that
+    winds, any number of times.
     """
-    from scipy.sparse import coo_array, csgraph
+    from scipy.sparse import block_array, coo_array, csgraph
 
-    edge = np.zeros((2, *points.shape), bool)
-    edge[axis][(slice(None),) * axis + (-1,)] = True
-    start, end, across = first[open_], second[open_], edge.ravel()[open_]
-    sheets = np.arange(_SHEETS)[:, None]
-    rows = (start + sheets * points.size).ravel()
-    columns = (end + (sheets + across) % _SHEETS * points.size).ravel()
-    shape = (_SHEETS * points.size,) * 2
-    graph = coo_array((np.ones(rows.size), (rows, columns)), shape).tocsr()
-    _, label = csgraph.connected_components(graph, directed=False)
-    label = label.reshape(_SHEETS, -1)
-    return bool(np.any(label[0] == label[1]))
+    size = links.shape[0]
+    # One more point, joined to a point of each part, makes one tree of all.
+    stem = coo_array((np.ones(len(roots)), (np.zeros(len(roots), int), roots)), (1, size))
+    joined = block_array([[links, None], [stem, coo_array((1, 1))]], format="csr")
+    parent = csgraph.breadth_first_order(joined, size)[1][:size]
+    parent[roots] = roots
+    place = np.stack(np.unravel_index(np.arange(size), shape))
+    period = np.reshape(shape, (2, 1))
+    laid = place - place[:, parent]
+    laid -= period * np.rint(laid / period).astype(int)
+    # Each round doubles the part of the path from the root that is summed.
+    while np.any(parent != (further := parent[parent])):
+        laid, parent = laid + laid[:, parent], further
+    laid = laid + laid[:, parent]
+    along = np.repeat(np.eye(2, dtype=int), size, axis=1)
+    return np.any((laid[:, second] - laid[:, first] != along) & open_, axis=1)

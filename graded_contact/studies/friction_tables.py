@@ -13,7 +13,8 @@ from jax import Array
 from ..blocks.stack import Stack, check_at_rest
 from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
 from ..fields.frequency import velocity_along
-from ..mean_field.mean_field import NO_FIELD, NUM_ANGLES, NUM_WAVENUMBERS, mean_field_of
+from ..mean_field.mean_field import NO_FIELD, mean_field_of
+from ..mean_field.refinement import NODES, Nodes, solve_refined
 from ..sliding.case import Case
 from ..sliding.numerics import numerics_of
 from ..sliding.shear import is_coupled
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 TableMethod = Literal["contact", "mean_field"]
 _ENGINE = ("store", "workers", "client", "progress")  # arguments of `sweep`
-_DOUBLINGS = 3  # of the nodes of a mean field that misses its tolerance
 
 
 @check_types
@@ -60,8 +60,7 @@ def friction_table(
     - `method`: `"contact"`, by `slide`; or `"mean_field"`, by `mean_field_friction`.
     - `errors`: of numbers of the stack, as `propagate` takes them, or None.
     - `options`: further arguments of `slide` or of `mean_field_friction`, such as `shear`; and
-      `store`, `workers`, `client` and `progress` of `sweep`. A mean field that misses its `rtol`
-      is computed again with twice the `num_wavenumbers` and `num_angles`, up to three times.
+      `store`, `workers`, `client` and `progress` of `sweep`.
 
     **Returns:** an `xarray.Dataset` over temperature (if given), pressure and velocity with
     `friction`, `friction_error`, `contact_area`, `contact_area_error` and `message`. The errors of
@@ -92,9 +91,10 @@ def friction_table(
 
         return with_standard_error(at, stack, errors)
 
-    table = sweep(partial(numbers, options), axes, **engine)
-    if method == "mean_field" and not isinstance(roughness, Surface):  # its modes are summed
-        table = _refined(table, numbers, options, engine)
+    if method == "contact" or isinstance(roughness, Surface):  # its modes are summed
+        table = sweep(partial(numbers, options), axes, **engine)
+    else:
+        table = _field_table(numbers, options, axes, engine)
     table.attrs |= {
         "method": method,
         "conditions": conditions(direction, case.shear, case.heating, method),
@@ -124,30 +124,49 @@ def _check_table(
         check_at_rest(stack)
 
 
-def _refined(
-    table: "Dataset", numbers: Callable[..., Any], options: dict[str, Any], engine: dict[str, Any]
-) -> "Dataset":
-    """The table, its points that missed their tolerance computed again with more nodes."""
-    nodes = {"num_wavenumbers": NUM_WAVENUMBERS, "num_angles": NUM_ANGLES}
-    nodes = {name: options.get(name, count) for name, count in nodes.items()}
-    for _ in range(_DOUBLINGS):
-        missed = table["message"].str.startswith(FAILED + NO_FIELD)
-        if not np.any(missed) or np.any(table["message"] == NOT_STARTED):  # by an interruption
-            return table
-        nodes = {name: 2 * count for name, count in nodes.items()}
-        points = [
-            {str(name): table[name].values[i] for name, i in zip(missed.dims, at, strict=True)}
-            for at in np.argwhere(missed.values)
-        ]
-        again = sweep(partial(numbers, options | nodes), points, **engine)
-        for name, found in again.data_vars.items():
-            old = table[name].values
-            new = old.astype(np.promote_types(old.dtype, found.dtype))  # messages may be longer
-            new[missed.values] = found.values
-            table[name] = table[name].copy(data=new)
-    told = f"{NO_FIELD}, also with {2**_DOUBLINGS} times the nodes of its quadrature."
-    missed = table["message"].str.startswith(FAILED + NO_FIELD)
-    return table.assign(message=table["message"].where(~missed, FAILED + told))
+def _field_table(
+    numbers: Callable[..., Any], options: dict[str, Any], axes: dict[str, Any],
+    engine: dict[str, Any],
+) -> "Dataset":  # fmt: skip
+    """The table by mean field; points that miss their tolerance are computed with more nodes."""
+    table = None
+
+    def solve(nodes: Nodes) -> "tuple[Dataset, Any]":
+        nonlocal table
+        program = partial(numbers, options | nodes._asdict())
+        if table is None:
+            table = sweep(program, axes, **engine)
+        else:
+            missed = _missed(table)
+            points = [
+                {str(name): table[name].values[i] for name, i in zip(missed.dims, at, strict=True)}
+                for at in np.argwhere(missed.values)
+            ]
+            table = _replaced(table, missed.values, sweep(program, points, **engine))
+        interrupted = bool(np.any(table["message"] == NOT_STARTED))
+        return table, _missed(table).values & (not interrupted)
+
+    first = Nodes(*(options.get(name, count) for name, count in NODES._asdict().items()))
+    found, last = solve_refined(solve, first)
+    times = last.num_angles // first.num_angles
+    told = f"{NO_FIELD}, also with {times} times the nodes of its quadrature."
+    message = found["message"].where(~_missed(found) | (times == 1), FAILED + told)
+    return found.assign(message=message)
+
+
+def _missed(table: "Dataset") -> Any:
+    """Which points have no mean field."""
+    return table["message"].str.startswith(FAILED + NO_FIELD)
+
+
+def _replaced(table: "Dataset", where: np.ndarray, again: "Dataset") -> "Dataset":
+    """The table with the numbers of some of its points replaced."""
+    for name, found in again.data_vars.items():
+        old = table[name].values
+        new = old.astype(np.promote_types(old.dtype, found.dtype))  # messages may be longer
+        new[where] = found.values
+        table[name] = table[name].copy(data=new)
+    return table
 
 
 def _by_contact(options: dict[str, Any], case: Case) -> dict[str, Any]:

@@ -15,7 +15,11 @@ from scipy.special import erf
 import graded_contact as gc
 from graded_contact import reference
 from graded_contact.mean_field.diffusion import slowed
-from graded_contact.mean_field.mean_field import mean_field_friction, pressure_distribution
+from graded_contact.mean_field.mean_field import (
+    mean_field_friction,
+    pressure_distribution,
+    reached,
+)
 
 CELL = 0.01  # m
 Q0 = 2 * np.pi / CELL
@@ -261,13 +265,41 @@ def test_pair_of_a_power_law_is_the_self_affine_spectrum():
 
 
 def test_unreached_tolerance_is_not_passed_as_converged():
-    call = dict(pressure=4e5, velocity=1.0, num_wavenumbers=4, num_angles=4)
+    call = dict(pressure=4e5, velocity=1.0)
+    rough = coarse(COATED, SPECTRUM, **call)
+    fine = mean_field(COATED, SPECTRUM, **call)
+    assert rough.error > 1e-4 and len(rough.stress_variance) == 9
     with pytest.raises(RuntimeError, match="num_angles"):
-        mean_field_friction(COATED, SPECTRUM, **call)
-    rough = mean_field_friction(COATED, SPECTRUM, **call, throw=False)
-    fine = mean_field(COATED, SPECTRUM, pressure=4e5, velocity=1.0)
-    assert rough.error > 1e-4
+        reached(rough, 1e-4)
     assert abs(rough.friction / fine.friction - 1) <= rough.error
+
+
+coarse = jax.jit(partial(mean_field_friction, num_wavenumbers=4, num_angles=4, throw=False))
+
+
+def test_a_mean_field_is_refined_until_it_meets_its_tolerance():
+    """Five decades of roughness on a thin, stiff coat: the default nodes are too few."""
+    ends, factor = np.array([1.0, 1e5]) * Q0, 1e-12 * Q0**3.6
+    hard = gc.Stack(layers=(gc.Layer(gc.Elastic(4e9, 0.4), 1e-6),), base=gc.HalfSpace(RUBBER))
+    call = dict(pressure=3e5, velocity=0.1, correction="none")
+    cosine, weight = gauss_over_angles()
+
+    def sums(q):
+        omega = q * 0.1 * cosine
+        below = (rubber_modulus(omega), 0.49)
+        stiffness = 1 / (reference.coated_half_space_compliance(q, 1e-6, 4e9, 0.4, *below) * 3e5)
+        density = factor * q**-3.6
+        spreading = density * q**2 * np.sum(weight * np.abs(stiffness) ** 2)
+        return spreading, density * q**3 * np.sum(weight * cosine * stiffness.imag)
+
+    area, friction = persson(sums, ends, partial(slowing, "none"))
+    spectrum = ends, factor * ends**-3.6
+    fixed = mean_field(hard, spectrum, **call)
+    assert fixed.error > 1 and len(fixed.stress_variance) == 65  # inside `jit`
+    found = mean_field_friction(hard, spectrum, **call)
+    assert found.error <= 1e-4 and len(found.stress_variance) > 65
+    np.testing.assert_allclose(found.friction, friction, rtol=1e-6)
+    np.testing.assert_allclose(found.contact_area, area, rtol=1e-6)
 
 
 def test_error_is_near_the_true_one_for_a_table_of_moduli():

@@ -90,6 +90,54 @@ def test_closed_gaps_and_detours():
     assert list(across.percolates) == [False, True]
 
 
+def test_oblique_grooves_conduct_along_themselves_however_often_they_wind():
+    """K = <u³> times the squared cosine of the groove with each axis; closed between grooves."""
+    grid, exact = gc.Grid((128, 128), 1e-3), np.arange(4096) / 4096
+    x, y = np.meshgrid(*[np.arange(128) / 128] * 2, indexing="ij")
+    mean_cube = np.mean(_groove(exact) ** 3)
+    for waves in ((1, 5), (5, 1), (1, 10), (2, 5), (3, 7), (2, 15)):
+        found = gap_flow(_groove(waves[0] * x - waves[1] * y), grid)
+        along = np.array(waves[::-1]) / np.hypot(*waves)
+        assert np.all(found.percolates)
+        np.testing.assert_allclose(found.conductance, mean_cube * along**2, rtol=0.03)
+
+
+def _groove(turns):
+    return 1e-6 * np.maximum(np.cos(2 * np.pi * turns) + 0.3, 0)
+
+
+def test_percolation_is_that_of_a_walk_on_the_plane():
+    rng, grid = np.random.default_rng(1), gc.Grid((9, 6), 1.0)
+    seen = set()
+    for _ in range(60):
+        gap = 1.0 * (rng.random(grid.shape) < rng.uniform(0.45, 0.75))
+        found = tuple(map(bool, gap_flow(gap, grid).percolates))
+        assert found == _walk(gap > 0)
+        seen.add(found)
+    assert len(seen) == 4
+
+
+def _walk(is_open):
+    """Whether a walk over open points comes back to one of them in another copy of the cell."""
+    copies, winds = {}, [False, False]
+    for start in map(tuple, np.argwhere(is_open)):
+        todo = [] if start in copies else [start]
+        copies.setdefault(start, (0, 0))
+        while todo:
+            place = todo.pop()
+            for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+                over, beyond = zip(*map(divmod, np.add(place, step), is_open.shape), strict=True)
+                copy = tuple(np.add(copies[place], over))
+                if is_open[beyond] and beyond not in copies:
+                    copies[beyond] = copy
+                    todo.append(beyond)
+                elif is_open[beyond]:
+                    winds = [
+                        w or a != b for w, a, b in zip(winds, copy, copies[beyond], strict=True)
+                    ]
+    return tuple(map(bool, winds))
+
+
 def test_derivatives_match_differences_and_batches_work():
     rng = np.random.default_rng(0)
     grid, closed = gc.Grid((16, 12), (1.0, 1.5)), rng.random((16, 12)) < 0.2
