@@ -134,7 +134,9 @@ def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -
     starts, pairs = point.state
     found, s, block, factor = contact(x, fixed, edges, starts)
     # One more step with twice the cells has less error, of the iteration and of the depths.
-    rises = jnp.minimum(_rises(factor, s, *heat, block, finer), most)
+    rises = _rises(factor, s, *heat, block, finer)
+    # One that did not settle may cause temperatures that no material can have.
+    rises = jnp.where(point.error <= rtol, rises, jnp.clip(rises, jnp.min(x), most))
     closer = contact(rises, fixed, finer, (found.pressure, s.pressure))[0]
     errors = still(_errors(found, closer))
     pairs = pairs + found.num_fft_pairs + closer.num_fft_pairs
