@@ -33,6 +33,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one
+from ..core.fixed_point import solve_lagged
 from .abstract_solver import Inputs, history_of, run_steps, slope
 from .active_set import green_of, most_eliminated, solve_on_few
 from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
@@ -250,12 +251,29 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
     )
 
 
-def opening_by_load(operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol) -> Array:
-    """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM."""
-    one, nothing = jnp.ones((), s.dtype), jnp.zeros_like(s)
-    change = response(operator, s, nothing, nothing, one, adjoint, rtol)
+def opening_by_load(
+    operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol, follow: Callable | None
+) -> Array:
+    """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM.
+
+    What the operator lacks `follow` returns: the displacement times ρ that follows from changes of
+    the pressure, and of the gap times ρ. It is linear.
+    """
     total = nonzero(operator.mean(s))
-    return -operator.mean((1 - s) * change + s * operator.displace(change)) / total
+
+    def changes(load, moved):
+        """The changes of pressure, gap and mean gap under a load and a displacement, all by ρ."""
+        change = response(operator, s, jnp.zeros_like(s), -moved, load, adjoint, rtol)
+        moved = operator.displace(change) + moved
+        opening = -operator.mean((1 - s) * change + s * moved) / total
+        return change, moved + opening, opening
+
+    one, nothing = jnp.ones((), s.dtype), jnp.zeros_like(s)
+    if follow is None:
+        return changes(one, nothing)[2]
+    first = follow(*changes(one, nothing)[:2])
+    moved = solve_lagged(lambda v: follow(*changes(jnp.zeros_like(one), v)[:2]), first)
+    return changes(one, moved)[2]
 
 
 def _fill_with_zeros(tangents, primals):

@@ -52,10 +52,14 @@ class RESULTS(eqx.Enumeration):
         "tenth of the rms height. Tighten `rtol`, or do not use gaps and displacements."
     )
     not_settled = (
-        "The temperatures of the contact, or the traction that moves its surface, did not converge "
-        "to the tolerance. Loosen `rtol`. A block whose losses change fast with temperature may "
-        "have several temperatures, and one whose stiffness a traction outweighs has no steady "
-        "state: lower the shear."
+        "The temperatures of the contact, or the traction that moves its surface, did not settle. "
+        "A block whose losses change fast with temperature may have several temperatures, and one "
+        "whose stiffness a traction outweighs has no steady state: lower the velocity or the shear."
+    )
+    too_hot = (
+        "No steady temperature of the contact was found up to the highest that materials can have: "
+        "friction makes more heat than flows away. Lower the velocity, the load or the shear, or "
+        "raise the conductivities in `heating`."
     )
     not_positive = (
         "The contact solver did not converge. The real part of the kernel is not positive at some "

@@ -21,6 +21,16 @@ from .derivative import still
 _MEMORY = 4
 _LINEAR_RTOL, _RESTART = 1e-6, 16  # of GMRES
 MAX_STEPS = 40
+_NEAR = 0.2  # error below which an accelerated iterate may leave the bracket
+_PATIENCE = 4  # steps in which one end of the bracket may stay
+_NEGATIVE = 0.2  # of the largest unknown, by which others may be less than 0
+
+
+class End(NamedTuple):
+    """An end of the bracket of unknowns: the largest of an iterate and of its image."""
+
+    size: Float[Array, ""]
+    image: Float[Array, ""]
 
 
 class FixedPoint(NamedTuple):
@@ -29,15 +39,17 @@ class FixedPoint(NamedTuple):
     **Fields:**
 
     - `history`: the unknowns and the last images; see the properties `x` and `error`.
-    - `low`, `high`: the highest iterate that grew, and the lowest that shrank, by their sums.
-    - `best`: the least change so far.
+    - `low`, `high`: the ends of the bracket: an iterate that grew, and one that shrank.
+    - `best`: the least error so far.
+    - `moved`: how often in a row `high` moved, or -`low`.
     - `state`: what the function carries from one step to the next, such as its start.
     """
 
     history: Iterates
-    low: Float[Array, "..."]
-    high: Float[Array, "..."]
+    low: End
+    high: End
     best: Float[Array, ""]
+    moved: Float[Array, ""]
     state: Any
 
     @property
@@ -53,18 +65,20 @@ class FixedPoint(NamedTuple):
 
 def find_fixed_point(
     function: Callable, start: Float[Array, "..."], state: Any, rtol: Float[Array, ""],
-    *, ordered: bool = True,
+    most: Float[Array, ""] | None = None,
 ) -> FixedPoint:  # fmt: skip
     """Returns x = function(x, state)[0] to a change of `rtol` of the largest |x|.
 
-    The function also returns the next state. `ordered` unknowns grow and shrink together, so that
-    iterates can bracket the fixed point.
+    The function also returns the next state. With `most`, no unknown exceeds it and all grow and
+    shrink together, as temperatures do: iterates bracket the fixed point by their largest. At first
+    the next iterate is the last image, brought to a size in the bracket; near the fixed point it is
+    the accelerated one. If the iterates still grow at `most`, x ends there.
     """
 
     def step(point: FixedPoint) -> FixedPoint:
         image, state = function(point.x, point.state)
         # The state may hold fields: they do not pass through the program of a few unknowns.
-        return _next(point._replace(state=None), image, rtol, ordered)._replace(state=state)
+        return _next(point._replace(state=None), image, rtol, most)._replace(state=state)
 
     running = lambda point: point.history.running  # noqa: E731
     point = step(_first(start)._replace(state=state))
@@ -77,35 +91,92 @@ def find_fixed_point(
 
 @jax.jit
 def _first(start: Array) -> FixedPoint:
-    far = jnp.full_like(start, jnp.inf)
-    return FixedPoint(Iterates.empty(start, _MEMORY), -far, far, far.ravel()[0], None)
+    none, far = jnp.zeros((), start.dtype), jnp.full((), jnp.inf, start.dtype)
+    history = Iterates.empty(start, _MEMORY)
+    return FixedPoint(history, End(-far, none), End(far, none), far, none, None)
 
 
-@partial(jax.jit, static_argnames="ordered")
-def _next(point: FixedPoint, image: Array, rtol: Array, ordered: bool) -> FixedPoint:
-    """The accelerated iterate, or the middle of the bracket if it lies outside."""
-    x, low, high = point.x, point.low, point.high
+@jax.jit
+def _next(point: FixedPoint, image: Array, rtol: Array, most: Array | None) -> FixedPoint:
+    """The next iterate: accelerated, or in the bracket."""
+    x = point.x
     change, largest = jnp.max(jnp.abs(image - x)), jnp.max(jnp.abs(image))
     error = change / jnp.where(largest > 0, largest, 1)
-    running = ~(error <= rtol)
+    running = ~(error <= rtol) & jnp.isfinite(change)
     history = accelerate(point.history, image, error, running)
     history = dataclasses.replace(history, running=running & (history.cycles < MAX_STEPS))
-    if not ordered:
+    if most is None:
         return point._replace(history=history)
-    # The fixed point lies above iterates that grow, and below those that shrink.
-    grows = jnp.sum(image - x) > 0
-    low = jnp.where(grows & (jnp.sum(x) > jnp.sum(low)), x, low)
-    high = jnp.where(~grows & (jnp.sum(x) < jnp.sum(high)), x, high)
-    # Sums alone may contradict each other: forget them.
-    crossed = jnp.sum(low) >= jnp.sum(high)
-    low = jnp.where(crossed & ~grows, -jnp.inf, low)
-    high = jnp.where(crossed & grows, jnp.inf, high)
-    best = jnp.minimum(point.best, change)
-    total, slack = jnp.sum(history.z), len(x) * best
-    inside = (total > jnp.sum(low) - slack) & (total < jnp.sum(high) + slack)
-    middle = jnp.where(jnp.all(jnp.isfinite(high - low)), (low + high) / 2, image)
-    z = jnp.where(inside | ~running, history.z, middle)
-    return FixedPoint(dataclasses.replace(history, z=z), low, high, best, None)
+    low, high, moved = _moved_ends(point, here := End(jnp.max(x), jnp.max(image)))
+    size = _within(low, high)
+    bracketed, total = jnp.isfinite(size), jnp.max(history.z)
+    inside = (total > low.size) & (total < jnp.minimum(high.size, 2 * here.image))
+    short = jnp.max(jnp.abs(history.z - x)) <= 2 * change
+    near = (error < _NEAR) | (error < point.best / 2)
+    # An image that is nearly nothing shows no profile.
+    profile = jnp.where(here.image > here.size / 10, image, x)
+    profile = jnp.maximum(profile / jnp.max(profile), -_NEGATIVE / 2)
+    other = jnp.where(bracketed, profile * size, image)
+    overheats = (here.image > here.size) & has_reached(x, most)
+    fast = ~overheats & jnp.where(near, inside | short, ~bracketed & inside)
+    z = jnp.where(fast, history.z, other)
+    z = z * jnp.minimum(1, most / jnp.maximum(jnp.max(z), most))
+    z = jnp.maximum(z, -_NEGATIVE * jnp.max(z))
+    # Twice: at the first time the profile may be that of a much smaller image.
+    ends = overheats & has_reached(point.low.size, most)
+    z = jnp.where(running, jnp.where(ends, x, z), x)
+    history = dataclasses.replace(history, z=z, running=history.running & ~ends)
+    return FixedPoint(history, low, high, jnp.minimum(point.best, error), moved, None)
+
+
+def has_reached(x: Array, most: Array) -> Array:
+    """Returns whether the largest unknown is `most`, up to rounding."""
+    return jnp.max(x) >= most * (1 - 1e-6)
+
+
+def _moved_ends(point: FixedPoint, here: End) -> tuple[End, End, Array]:
+    """The bracket with a new iterate, and how often in a row this end moved.
+
+    An end is forgotten if the new iterate contradicts it, or if only the other one moves: it was
+    found at another profile.
+    """
+    grows = here.image > here.size
+    moved = jnp.where(grows, jnp.minimum(point.moved, 0) - 1, jnp.maximum(point.moved, 0) + 1)
+
+    stays, again = jnp.abs(moved) > _PATIENCE, jnp.abs(moved) > 1
+
+    def end(is_here, old, other, forgotten, none):
+        size = jnp.where(is_here, here.size, jnp.where(forgotten, none, old.size))
+        # The other end comes nearer if this one moves again (the rule of Illinois).
+        level = jnp.where(old.size > 0, old.size, other.size)
+        image = jnp.where(again, jnp.sqrt(jnp.maximum(old.image, 0) * level), old.image)
+        return End(size, jnp.where(is_here, here.image, image))
+
+    low, high = point.low, point.high
+    return (
+        end(grows, low, here, (here.size <= low.size) | (stays & (low.size > 0)), -jnp.inf),
+        end(~grows, high, here, (here.size >= high.size) | stays, jnp.inf),
+        moved,
+    )
+
+
+def _within(low: End, high: End) -> Array:
+    """Where in a bracket the image has the size of the iterate; not finite without a bracket.
+
+    Between the ends the logarithm of the image is taken as linear.
+    """
+    # Images that are less than nothing have no logarithm.
+    least, most = (jnp.log(jnp.maximum(end.image, 1e-6 * high.size)) for end in (high, low))
+
+    def halve(_, ends):
+        left, right = ends
+        middle = (left + right) / 2
+        share = (middle - low.size) / (high.size - low.size)
+        grows = most + share * (least - most) > jnp.log(middle)
+        return jnp.where(grows, middle, left), jnp.where(grows, right, middle)
+
+    left, right = jax.lax.fori_loop(0, 50, halve, (low.size, high.size))
+    return (left + right) / 2
 
 
 def attach_fixed_point(function: Callable, given: Any, x: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -144,12 +215,14 @@ def attach_fixed_field(
     fixed = still(given)
     image = function(given, x)
     change = image - jax.lax.stop_gradient(image)
+    return x + solve_lagged(lambda v: jax.jvp(lambda x: function(fixed, x), (x,), (v,))[1], change)
 
-    def linear(v):
-        return v - jax.jvp(lambda x: function(fixed, x), (x,), (v,))[1]
 
-    def solve(linear, rhs):
+def solve_lagged(linear: Callable, rhs: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """Returns x = rhs + linear(x) by GMRES, with its derivative."""
+
+    def solve(operate, rhs):
         how: dict[str, Any] = {"tol": _LINEAR_RTOL, "restart": _RESTART, "maxiter": 4}
-        return jax.scipy.sparse.linalg.gmres(linear, rhs, solve_method="incremental", **how)[0]
+        return jax.scipy.sparse.linalg.gmres(operate, rhs, solve_method="incremental", **how)[0]
 
-    return x + jax.lax.custom_linear_solve(linear, change, solve, solve)
+    return jax.lax.custom_linear_solve(lambda v: v - linear(v), rhs, solve, solve)

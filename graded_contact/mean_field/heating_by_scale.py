@@ -57,7 +57,9 @@ class HeatedScales(eqx.Module):
     error: Float[Array, ""]
 
 
-def find_rises(power: Callable, heating: Heating, given: Any) -> tuple[Array, Array, Array]:
+def find_rises(
+    power: Callable, heating: Heating, given: Any, most: Array
+) -> tuple[Array, Array, Array]:
     """Returns the rises of the surface and of the scales [K], their last change, if that is small.
 
     **Arguments:**
@@ -65,6 +67,7 @@ def find_rises(power: Callable, heating: Heating, given: Any) -> tuple[Array, Ar
     - `power`: of `given` and rises: q [rad/m] and the diffusion x [1], the heat of hysteresis up to
       each q and that of shear [W/m²], and the speed [m/s].
     - `given`: all that has derivatives.
+    - `most`: the highest rise that is sought [K].
     """
 
     def step(values, rises):
@@ -79,7 +82,7 @@ def find_rises(power: Callable, heating: Heating, given: Any) -> tuple[Array, Ar
     # The surface and every scale.
     start = jnp.zeros(_INTERVALS + 2, heating.conductivity.dtype)
     rtol = jnp.maximum(_RTOL, 100 * jnp.finfo(start.dtype).eps).astype(start.dtype)
-    point = find_fixed_point(lambda x, state: (step(fixed, x), state), start, None, rtol)
+    point = find_fixed_point(lambda x, state: (step(fixed, x), state), start, None, rtol, most)
     rises = attach_fixed_point(step, values, jax.lax.stop_gradient(point.x))
     return rises, point.error, point.error <= rtol
 

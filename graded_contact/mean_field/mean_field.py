@@ -54,9 +54,10 @@ from ..core.checks import (
     is_concrete,
     short,
 )
+from ..core.derivative import still
 from ..core.display import shown
 from ..fields.frequency import as_velocity, direction_and_speed
-from ..materials.shift import as_temperature
+from ..materials.shift import HOTTEST, as_temperature
 from ..materials.softening import as_strain_per_slope
 from ..sliding.case import Case, Heating
 from ..sliding.shear import ShearLaw, shear_stress, unless_negative
@@ -310,7 +311,7 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
         load = given[0].pressure * speed
         return q, x, load * friction, load * sheared[-1], speed
 
-    rises, change, reached = find_rises(power, heating, given)
+    rises, change, reached = find_rises(power, heating, given, still(HOTTEST - given[2]))
     q, x, friction, error, *rest = _integrated(rules, given, rises)
     scales = HeatedScales(rises[0], between_scales(rises[1:], q), change)
     return (q, x, friction, jnp.where(reached, error, jnp.inf), *rest), scales

@@ -41,6 +41,7 @@ PARTIAL = tuple(
     RESULTS[end]
     for end in (
         RESULTS.max_steps_reached, RESULTS.rounding, RESULTS.unresolved, RESULTS.not_settled,
+        RESULTS.too_hot,
     )
 )  # fmt: skip
 # What the numbers of a file mean: its attribute `format` counts the changes. Each entry says what

@@ -23,6 +23,7 @@ from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import derivative, odd_wavevector
 from .facts import WINDOW
 from .motion import refined
+from .problem import lags
 from .result import CyclicSliding, Found, Sliding
 from .shear import shear_field, shear_parts
 
@@ -80,9 +81,9 @@ def tractions_on(found: Found) -> list[Array]:
 @shared
 def lift(found: Found) -> Array:
     """The displacement along z under the traction that the kernel does not contain [m]."""
-    if found.coupling is None or found.coupling.in_kernel:
-        return jnp.zeros((), found.pressure.dtype)
-    return found.coupling.lifted(found.operator, tractions_on(found))
+    if lags(found.coupling):
+        return found.coupling.lifted(found.operator, tractions_on(found))
+    return jnp.zeros((), found.pressure.dtype)
 
 
 def displaced(found: Found) -> tuple[Array, Array]:

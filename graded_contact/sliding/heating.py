@@ -17,14 +17,16 @@ temperature.
 
 With `slide(..., heating=...)` the block has the temperature of its contact. The mean rise over the
 contact at each depth, weighted by the pressure, sets the relaxation times there: the block becomes
-a stack of thin layers, each at its temperature. Anderson's acceleration solves for the fixed point,
-with a contact and its temperatures in each step. The derivative is implicit.
+a stack of thin layers, each at its temperature. The fixed point is found in steps of a contact and
+its temperatures (`core/fixed_point.py`): first by a bracket of the largest rise, up to the highest
+temperature that materials can have, then by Anderson's acceleration. The derivative is implicit.
 
 With `slide_cycle(..., heating=...)` one temperature of each depth holds for the whole cycle. It is
 that of steady sliding at the mean speed and the mean load of the cycle, times the mean power of the
-cycle over the power of that sliding. This is a mean: at the highest speed the contact is warmer,
-and at a turn it cools. And each pass is to meet rubber that has cooled since the last one, which
-is so if the stroke is longer than the spots of contact.
+cycle over the power of that sliding. The power is that of all forces, friction and load: what the
+block loses and what heats the interface. This is a mean: at the highest speed the contact is
+warmer, and at a turn it cools. And each pass is to meet rubber that has cooled since the last one,
+which is so if the stroke is longer than the spots of contact.
 """
 
 import dataclasses
@@ -47,15 +49,16 @@ from ..core.checks import (
 )
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart, still
-from ..core.fixed_point import attach_fixed_point, find_fixed_point
+from ..core.fixed_point import attach_fixed_point, find_fixed_point, has_reached
+from ..fields.devices import required
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
-from ..materials.shift import as_temperature
+from ..materials.shift import HOTTEST, as_temperature
 from ..materials.softening import at_strain
 from ..surfaces.surface import check_periodic
 from .case import Case, Heating
 from .facts import facts_of
-from .formulas import lengths, shear_power
+from .formulas import lengths
 from .heat_source import (
     as_depths,
     check_series,
@@ -70,9 +73,11 @@ from .isothermal import solve_isothermal
 from .motion import refined
 from .numerics import Numerics
 from .result import CyclicSliding, Found, Sliding
+from .traction import interface_power
 
 NUM_CELLS = 8  # of the depth, each at one temperature
 _SAFETY = 4.0  # of the change of friction by twice the cells
+_HOTTEST = HOTTEST * (1 - 1e-6)  # of iterates: rounding must not carry them beyond
 _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
 
 
@@ -123,12 +128,15 @@ def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -
 
     state = (start, None), jnp.zeros((), dtype)
     none = jnp.zeros(NUM_CELLS + 1, dtype)
-    point = find_fixed_point(step, none, state, jnp.asarray(rtol, dtype))
+    most = (_HOTTEST - fixed.temperature).astype(dtype)
+    point = find_fixed_point(step, none, state, jnp.asarray(rtol, dtype), most)
     x = jax.lax.stop_gradient(point.x)
     starts, pairs = point.state
     found, s, block, factor = contact(x, fixed, edges, starts)
     # One more step with twice the cells has less error, of the iteration and of the depths.
     rises = _rises(factor, s, *heat, block, finer)
+    # One that did not settle may cause temperatures that no material can have.
+    rises = jnp.where(point.error <= rtol, rises, jnp.clip(rises, jnp.min(x), most))
     closer = contact(rises, fixed, finer, (found.pressure, s.pressure))[0]
     errors = still(_errors(found, closer))
     pairs = pairs + found.num_fft_pairs + closer.num_fft_pairs
@@ -142,10 +150,18 @@ def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -
 
         x = attach_fixed_point(image, given, x)
         found, _, block, _ = contact(x, given, edges, solutions=known)
-    reached = point.error <= rtol
-    if numerics.throw:
-        x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
-    solution = ended(found.contact, reached, RESULTS.not_settled)
+    solution, reached = found.contact, point.error <= rtol
+    settled, below = reached | has_reached(x, most), reached | ~has_reached(x, most)
+    for good, end in ((settled, RESULTS.not_settled), (below, RESULTS.too_hot)):
+        solution = ended(solution, good, end)
+        if not numerics.throw:
+            continue
+        if is_concrete(good) and not good:
+            raise RuntimeError(
+                f"{RESULTS[end]} The last contact is {float(x[0]):.4g} K above the bulk; its heat "
+                f"changes temperatures by {float(point.error):.2g} of the largest rise."
+            )
+        solution = required(solution, good, end.error_if)
     return dataclasses.replace(
         found,
         contact=dataclasses.replace(solution, num_fft_pairs=pairs),
@@ -167,7 +183,8 @@ def _of_mean(case: Case, cycle: CyclicSliding) -> tuple[Case, Array]:
         case, displacement=None, period=None, velocity=mean.reshape(cycle.displacement.shape[1:]),
         pressure=cycle.contact.mean_pressure, mean_gap=None,
     )  # fmt: skip
-    return steady, cycle.dissipated_power + shear_power(cycle)
+    # With coupling some of the work of shear is lost in the block: it counts once.
+    return steady, cycle.dissipated_power + interface_power(cycle)
 
 
 def _errors(s: Found, closer: Found):

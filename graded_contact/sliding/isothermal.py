@@ -27,7 +27,7 @@ from .case import Case
 from .cycle import cycle_problem
 from .formulas import lift
 from .numerics import Numerics
-from .problem import Posed, Prescribed, Problem
+from .problem import Posed, Prescribed, Problem, lags
 from .result import CyclicSliding, Found, result_of
 from .shear import Coulomb
 from .steady import steady_problem
@@ -55,10 +55,10 @@ def solve_posed(
 ) -> Found:
     """Returns the contact of a problem with its load; arguments as of `solve`."""
     problem, load, reached = posed
-    if problem.coupling is None or problem.coupling.in_kernel:
-        found = result_of(problem, problem.contact(load, None, how, start, solution))
-    else:
+    if lags(problem.coupling):
         found = _lagged(problem, load, how, start, solution)
+    else:
+        found = result_of(problem, problem.contact(load, None, how, start, solution))
     if reached is True:
         return found
     contact = ended(found.contact, reached, RESULTS.inaccurate_kernel)
@@ -109,7 +109,7 @@ def _lagged(
             found = solve(fixed, x, start, None)
             return _lift(found), (found.pressure, pairs + found.contact.num_fft_pairs)
 
-        point = find_fixed_point(step, none, (start, pairs), tolerance, ordered=False)
+        point = find_fixed_point(step, none, (start, pairs), tolerance)
         x, (start, pairs) = jax.lax.stop_gradient(point.x), point.state
         found, settled = solve(fixed, x, start, None), point.error <= tolerance
         pairs = pairs + found.contact.num_fft_pairs

@@ -7,7 +7,7 @@ traction that both grids resolve.
 
 import functools
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import equinox as eqx
 import jax
@@ -72,6 +72,11 @@ class Coupling(eqx.Module):
 
     def _lifted(self, sheared: Sequence[Waves]) -> Waves:
         return functools.reduce(jnp.add, map(jnp.multiply, self.lift, sheared))
+
+
+def lags(coupling: Coupling | None) -> TypeGuard[Coupling]:
+    """Returns whether a traction that is no part of the kernel moves the surface."""
+    return coupling is not None and not coupling.in_kernel
 
 
 def _coupling_on(coupling: Coupling | None, shape: tuple[int, ...], new: tuple[int, ...]):

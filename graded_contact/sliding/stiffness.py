@@ -7,6 +7,7 @@ contact. The current between two conductors has the same distribution (J. R. Bar
     M dσ + dū = 0 on the contact A,   dσ = 0 elsewhere,   mean dσ = dp
 
 gives the stiffness -dp/dū with the kernel M of the block, and the conductance with (ϱ₁ + ϱ₂)/q.
+Where a traction moves the surface, its change is part of M, or if it lags it is added to M dσ.
 
 With a set of points as A both numbers would jump whenever a point joins. So a point with the share
 f in contact rests on a spring of compliance c (1 - f)/f times that of the block near half the
@@ -16,9 +17,12 @@ and rough surfaces have the least errors (`bench_contact.py stiffness`). Within 
 error varies: a derivative has a local error of about 30 %, and is right over several spacings.
 """
 
+import dataclasses
+from functools import partial
 from typing import cast
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
@@ -30,7 +34,8 @@ from ..core.checks import as_scalar, check_positive, check_type, check_types
 from ..core.quantities import FOUR, TOTAL, of_steady
 from ..fields.grid import wavenumber
 from .facts import CONDUCTANCE, STIFFNESS, WINDOW
-from .formulas import edges_of, indicator_of
+from .formulas import edges_of, indicator_of, lift
+from .problem import lags
 from .resolution import neighbours_of
 from .result import Sliding
 
@@ -51,7 +56,8 @@ def contact_stiffness(
 ) -> Float[Array, ""]:
     """Returns -dp/dū [Pa/m], by which the mean pressure rises as the mean gap closes.
 
-    The block acts as at the given velocity, at rest with its relaxed moduli. Laws other than the
+    The block acts as at the given velocity, at rest with its relaxed moduli; a traction that moves
+    the surface follows the pressure. Laws other than the
     hard wall enter by their contact area. Differentiable.
 
     **Arguments:**
@@ -64,7 +70,7 @@ def contact_stiffness(
     **Raises:** `ValueError` for a surface on a window.
     """
     _check(sliding)
-    return _stiffness(sliding, sliding.kernel, adjoint)
+    return _stiffness(sliding, adjoint)
 
 
 @of_steady(
@@ -94,8 +100,8 @@ def contact_stiffness_error(
     _check(sliding)
     near = neighbours_of(sliding)
     same, half = cast(Sliding, near.same), cast(Sliding, near.half)
-    own, other = (_stiffness(s, s.kernel, adjoint) for s in (same, half))
-    softer = _stiffness(same, same.kernel, adjoint, _SOFTER)
+    own, other = (_stiffness(s, adjoint) for s in (same, half))
+    softer = _stiffness(same, adjoint, _SOFTER)
     missed = 1 + _LACKING * near.lacking
     return missed * (_FROM_HALF * jnp.abs(own - other) + jnp.abs(own - softer))
 
@@ -127,7 +133,8 @@ def contact_conductance(
     resistivity = as_scalar(resistivity, "resistivity")
     check_positive("resistivity", resistivity, "[Ω m]")
     q = wavenumber(sliding.grid)
-    return _stiffness(sliding, resistivity / jnp.where(first_mode(q.shape), 1, q), adjoint)
+    kernel = resistivity / jnp.where(first_mode(q.shape), 1, q)
+    return _stiffness(sliding, adjoint, kernel=kernel)
 
 
 @of_steady(
@@ -159,14 +166,32 @@ def _check(sliding: Sliding) -> None:
 
 
 @eqx.filter_jit
-def _stiffness(sliding: Sliding, kernel, adjoint: LinearSolver, softness: float = 1.0):
-    operator = Steady(kernel)
+def _stiffness(sliding: Sliding, adjoint: LinearSolver, softness: float = 1.0, kernel=None):
+    """The stiffness of the block under its traction, or with a kernel in the place of both."""
+    follows = kernel is None and lags(sliding.coupling)
+    operator = sliding.operator if kernel is None else Steady(kernel)
     indicator, edges = indicator_of(sliding), edges_of(sliding)
     share = contact_shares(indicator, edges, lambda ratio, _: 1 / (1 + ratio))
     penalty = penalty_for(operator, jnp.mean(share), sliding.law)
-    yielding = softness * _YIELDING[share.ndim] / edge_stiffness(kernel[None], sliding.grid)[1]
+    stiffness = edge_stiffness(operator.kernel[None], sliding.grid)[1]
+    yielding = softness * _YIELDING[share.ndim] / stiffness
     soft = penalty * yielding * (1 - share)
     # Points far from contact carry nothing; 0/0 would spoil the derivative.
     s = jnp.where(share > 0, share / jnp.where(share > 0, share + soft, 1), 0)
     rtol = jnp.asarray(_RTOL, share.dtype)
-    return -penalty / opening_by_load(operator.scaled(penalty), s, adjoint, rtol)
+
+    def follow(pressure, gap):
+        """The displacement under the change of the traction, times the penalty as the gap is."""
+        at = sliding.pressure, sliding.gap
+        return penalty * jax.jvp(partial(_lift_at, sliding), at, (pressure, gap / penalty))[1]
+
+    by_load = opening_by_load(
+        operator.scaled(penalty), s, adjoint, rtol, follow if follows else None
+    )
+    return -penalty / by_load
+
+
+def _lift_at(sliding: Sliding, pressure, gap):
+    """The displacement under the traction that lags, at another pressure and gap."""
+    contact = dataclasses.replace(sliding.contact, pressure=pressure, gap=gap)
+    return lift(dataclasses.replace(sliding, contact=contact))

@@ -4,9 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact.sliding import (
+    AbstractShear,
+    Coulomb,
     contact_conductance,
     contact_stiffness,
     contact_stiffness_error,
@@ -78,6 +81,41 @@ def test_stiffness_of_a_sphere_in_a_cell():
     # The same contact conducts as Barber's analogy says.
     barber = 2 * contact_stiffness(found) / (REDUCED * 0.7)
     np.testing.assert_allclose(contact_conductance(found, 0.7), barber, rtol=1e-7)
+
+
+class Adhered(AbstractShear):
+    """A stress on the contact area, and a part of the pressure; it moves the surface."""
+
+    stress: jax.Array
+    coefficient: jax.Array
+    coupled: bool = True
+
+    def __call__(self, pressure, speed, temperature):
+        return self.stress + self.coefficient * pressure
+
+
+def rubbed(pressure, shear):
+    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.0)))
+    return gc.slide(block, WAVE, pressure=pressure, velocity=1.0, shear=shear, rtol=1e-9)
+
+
+def test_stiffness_under_a_traction_is_the_slope_of_loads_over_gaps():
+    """Whether the kernel contains the traction or not, which alone changes it by a tenth."""
+    shares = np.array([0.95, 1.0, 1.05])
+    for shear in (Coulomb(1.0), Adhered(jnp.asarray(2e-3), jnp.asarray(1.0))):
+        found = [rubbed(share * pressure_for(0.5), shear) for share in shares]
+        low, middle, high = found
+        slope = -(high.mean_pressure - low.mean_pressure) / (high.mean_gap - low.mean_gap)
+        np.testing.assert_allclose(contact_stiffness(middle), slope, rtol=0.015)
+
+
+@pytest.mark.slow
+def test_derivative_of_the_stiffness_under_a_traction_is_that_of_differences():
+    def total(pressure, stress, coefficient):
+        return contact_stiffness(rubbed(pressure, Adhered(stress, coefficient)))
+
+    arguments = tuple(map(jnp.asarray, (pressure_for(0.5), 2e-3, 1.0)))
+    np.testing.assert_allclose(*np.transpose(elasticities(total, arguments)), rtol=1e-4)
 
 
 def test_full_contact_is_infinitely_stiff():
