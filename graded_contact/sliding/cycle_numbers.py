@@ -119,8 +119,14 @@ for _number, _index, _over in (("mean_friction", 0, over_friction), ("peak_frict
         solver=lambda found, index=_index: solver_errors(found)[index],
         temperature=lambda found, index=_index: _by_temperature(found, index),
     )  # fmt: skip
+
+
+def _unseen_work(found: Found) -> Array:
+    return unseen_friction(found) * loaded_path(found, mean_load(found)) * found.period
+
+
 for _number, _trace, _unseen in (
-    ("work", _work_over_time, lambda found: unseen_power(found) * found.period),
+    ("work", _work_over_time, _unseen_work),
     ("load_work", _work_over_time, None),
     ("dissipated_power", _power_over_time, unseen_power),
 ):

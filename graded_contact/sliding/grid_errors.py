@@ -54,23 +54,24 @@ class Weights(NamedTuple):
 
 
 # With these weights the claims of `bench_contact.py grid` hold in 95 of 100 scenes of each kind.
-OF_FORCE = Weights(0.44, 0.0, 0.13, 0.7, 0.0)  # friction, work and power
-OF_PLACE = Weights(0.38, 0.3, 0.01, 0.0, 0.06)  # gap, approach, and the pressure at these
+OF_FORCE = Weights(0.55, 0.0, 0.12, 0.6, 0.0)  # friction, work and power
+OF_SHEAR = Weights(1.5, 0.5, 0.0, 0.0, 0.0)  # shear in the contact, which follows the area
+OF_PLACE = Weights(0.45, 0.3, 0.012, 0.0, 0.06)  # gap, approach, and the pressure at these
 _AREA_MOVED, _AREA_LACKING, _EDGES, _OPENINGS = 1.2, 0.4, 0.4, 5.0
-_UNSEEN = 6.0  # times the power of waves without a direction
+_UNSEEN = 8.0  # times the power of waves without a direction
 _DOUBT = 0.25  # of the dip between two points: how far the lowest pressure may be below that seen
 
 
 def by_grid(
-    name: str, weights: Weights, unseen: Callable[[Found], Array] | None = None
+    name: str, weights: Weights, also: Callable[[Found], Array] | None = None
 ) -> Callable[[Found], Array]:
     """Returns the formula of the error of a number by the grid.
 
     **Arguments:**
 
     - `name`: of the observable.
-    - `weights`: `OF_FORCE` or `OF_PLACE`.
-    - `unseen`: what waves without a direction would add to the number.
+    - `weights`: `OF_FORCE`, `OF_SHEAR` or `OF_PLACE`.
+    - `also`: what is added, such as the power that no point shows.
     """
 
     def error(found):
@@ -82,7 +83,7 @@ def by_grid(
         opened = jnp.minimum(doubt / nonzero(1 - area), 1) * weights.relative_open
         total = weights.moved * moved + weights.lacking * missed
         total = total + jnp.abs(own) * (relative + opened)
-        return total if unseen is None else total + _UNSEEN * unseen(found)
+        return total if also is None else total + also(found)
 
     return error
 
@@ -167,7 +168,7 @@ def _half_step(shape: tuple[int, ...], axis: int):
 
 @shared
 def unseen_power(found: Found) -> Array:
-    """The power that waves with two points along an axis would dissipate [W/m²].
+    """The error by the power that waves with two points along an axis would dissipate [W/m²].
 
     They dissipate for their power in the pressure as much as the waves beside them do.
     """
@@ -186,12 +187,21 @@ def unseen_power(found: Found) -> Array:
         part = jnp.sum(jnp.where(highest, size, 0)) / nonzero(jnp.sum(jnp.where(beside, size, 0)))
         expected = part * jnp.sum(jnp.where(beside, lost, 0))
         total = total + jnp.maximum(expected - jnp.sum(jnp.where(highest, lost, 0)), 0) / 2
-    return total
+    return _UNSEEN * total
 
 
 def unseen_friction(found: Found) -> Array:
-    """What `unseen_power` would add to the friction, in a cycle to its mean [1]."""
-    size = mean_load(found)
-    if isinstance(found, CyclicSliding):
-        return unseen_power(found) / nonzero(loaded_path(found, size))
-    return unseen_power(found) / nonzero(size * direction_and_speed(found.velocity)[1])
+    """What `unseen_power` adds to the error of friction [1], and that of shear in the contact.
+
+    In a cycle of its mean.
+    """
+    size, cyclic = mean_load(found), isinstance(found, CyclicSliding)
+    if cyclic:
+        power = loaded_path(found, size)
+    else:
+        power = size * direction_and_speed(found.velocity)[1]
+    hidden = unseen_power(found) / nonzero(power)
+    if found.shear is None:
+        return hidden
+    name = "mean_shear_friction" if cyclic else "shear_friction"
+    return hidden + by_grid(name, OF_SHEAR)(found)
