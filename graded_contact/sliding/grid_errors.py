@@ -196,11 +196,8 @@ def unseen_friction(found: Found) -> Array:
     In a cycle of its mean.
     """
     size, cyclic = mean_load(found), isinstance(found, CyclicSliding)
-    if cyclic:
-        power = loaded_path(found, size)
-    else:
-        power = size * direction_and_speed(found.velocity)[1]
-    hidden = unseen_power(found) / nonzero(power)
+    path = loaded_path(found, size) if cyclic else size * direction_and_speed(found.velocity)[1]
+    hidden = unseen_power(found) / nonzero(path)
     if found.shear is None:
         return hidden
     name = "mean_shear_friction" if cyclic else "shear_friction"
