@@ -58,8 +58,8 @@ def grid(count=40, seed=0, kinds=KINDS, surfaces=()):
             else:
                 row = against_finer(*scene_of(kind, number), pairs)
             rows += [row] if row else []
-        for name in rows[0]:
-            show(kind, name, [row[name] for row in rows], ratios)
+        for name in dict.fromkeys(name for row in rows for name in row):
+            show(kind, name, [row[name] for row in rows if name in row], ratios)
         print(f"# {kind}: {len(rows)} scenes in {time.perf_counter() - start:.0f} s")
     for name in ("mean_friction", "peak_friction") if kinds == KINDS else ():
         show("cycle", name, [cycle(seed + i, name) for i in range(max(count // 2, 1))], ratios)
