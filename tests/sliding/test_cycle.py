@@ -314,7 +314,7 @@ def test_usual_motions():
         ({"s": np.zeros((8, 2))}, "displacement"),
         ({"pressure": np.ones(3)}, "pressure"),
         ({"pressure": np.zeros(N)}, "pressure.*where the surfaces part, prescribe `mean_gap`"),
-        ({"mean_gap": np.zeros(N)}, "mean_gap"),
+        ({"mean_gap": -np.ones(N)}, "mean_gap"),
     ],
 )
 def test_bad_input_is_refused(options, message):

@@ -78,7 +78,7 @@ def test_the_contact_is_at_the_temperatures_that_it_causes(monkeypatch):
     assert s.num_fft_pairs > 2 * again.num_fft_pairs  # of all steps
     assert 0 < s.heated.area_error <= s.contact_area_error < 0.05
     assert (
-        again.friction_solver_error < s.heated.friction_error <= s.friction_error < 0.1 * s.friction
+        again.friction_solver_error < s.heated.friction_error <= s.friction_error < 0.15 * s.friction
     )
 
 
