@@ -153,7 +153,8 @@ class AbstractSliding(eqx.Module):
     def grid_errors(self) -> str:
         """Where the errors by the grid come from, in words; of a batch, those of its first."""
         one = self.heights.reshape(-1, *self.grid.shape)[0]
-        return grid_estimate(one, self.grid, WINDOW in self.facts)
+        grid = jax.tree.map(lambda sizes: sizes.reshape(-1, self.grid.ndim)[0], self.grid)
+        return grid_estimate(one, grid, WINDOW in self.facts)
 
     @property
     def caveats(self) -> tuple[str, ...]:

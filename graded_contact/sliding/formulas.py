@@ -27,6 +27,8 @@ from .problem import lags
 from .result import CyclicSliding, Found, Sliding
 from .shear import shear_field, shear_parts
 
+_NO_LOAD = 1e-9  # of the mean size of the pressure
+
 
 def shared(formula: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Returns a formula that each program computes once, see `Kept`."""
@@ -121,7 +123,11 @@ def all_tractions(found: Found) -> Array:
 def over_load(found: Found, tractions: Array) -> Array:
     """Tractions over the load along the motion, NaN without contact."""
     if isinstance(found, Sliding):
-        return tractions[0] / mean_load(found)
+        size = mean_load(found)
+        if found.law.attracts:  # pressures of both signs may leave a load of rounding
+            known = jnp.abs(size) > _NO_LOAD * jnp.mean(jnp.abs(found.pressure))
+            return jnp.where(known, tractions[0] / jnp.where(known, size, 1), jnp.nan)
+        return tractions[0] / size
     # Times without contact must not spoil the derivatives of the others.
     size = mean_load(found)[:, None]
     over = jnp.where(size > 0, tractions / jnp.where(size > 0, size, 1), jnp.nan)

@@ -83,6 +83,26 @@ def test_near_full_contact_errors_contain_what_the_points_do_not_see():
     assert found.contact_area_error < 1e-12
 
 
+def test_a_wave_of_two_points_has_an_error_of_friction():
+    """It has no direction on the grid, so no friction; on finer grids it has."""
+    wave = gc.Surface(np.tile([1e-6, -1e-6], (32, 16)).T, gc.Grid((32, 32), CELL))
+    found, fine = (slide(s, 2e6) for s in (wave, finer(wave, 4)))
+    assert found.friction == 0 and fine.friction > 1e-6
+    assert fine.friction < found.friction_error < 30 * fine.friction
+
+
+def test_errors_of_tiny_contacts_are_not_absurd(coarse):
+    found = known(slide(rough(32, 4), 1.0))  # Pa, on one point
+    assert found.mean_gap_error < 0.05 * found.mean_gap
+    assert slide(rough(32, 4), None, mean_gap=found.mean_gap).mean_gap_grid_error == 0
+
+
+def test_a_batch_prints_itself():
+    plain = gc.contacts.DouglasRachford(newton=False)
+    solve = lambda load: slide(rough(32, 4), load, solver=plain)  # noqa: E731
+    assert "friction" in repr(jax.vmap(solve)(jnp.array([1e5, 2e5])))
+
+
 @pytest.mark.parametrize("size, waves, phase", [(1.05, 13, 0.3), (1.3, 11, 0.0), (0.5, 12, 0.1)])
 def test_openings_between_points_are_those_of_the_waves_of_the_pressure(size, waves, phase):
     """A pressure that is positive at all points; the truth is its sign at many more."""
