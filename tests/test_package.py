@@ -236,6 +236,7 @@ def lower_bounds(entries: Iterable[str]) -> dict[str, str]:
     return lowest
 
 
+@pytest.mark.slow
 def test_the_command_runs_with_the_lowest_versions_of_its_own_libraries(tmp_path):
     """Those that parse and print, in front of all else that is installed here."""
     project = tomllib.loads(text_of("pyproject.toml"))["project"]

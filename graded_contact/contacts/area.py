@@ -61,18 +61,19 @@ def edge_stiffness(kernels: Waves, grid: Grid) -> tuple[Scalar, Scalar]:
     near = (radius >= 0.5**2) & (radius <= 1.5**2)
     weight = jnp.where(near, multiplicity(grid.shape), 0).astype(grid.size.dtype)
     sector = jnp.round(_SECTORS / np.pi * jnp.arctan2(parts[0], parts[-1])) % _SECTORS
+    sector = jnp.broadcast_to(sector, weight.shape).astype(int)
 
-    def mean(logarithm, weight):
-        total = jnp.sum(weight * logarithm, tuple(range(-grid.ndim, 0)))
-        return total / nonzero(jnp.sum(weight))
+    def sums(values):
+        """Over the waves of each direction."""
+        return jnp.zeros(_SECTORS, weight.dtype).at[sector].add(weight * values)
 
     wave = jnp.log(jnp.where(near, wavenumber(grid), 1))
-    compliance = jnp.log(jnp.abs(jnp.where(near, kernels, 1))) + wave
-    least = jnp.full(len(kernels), jnp.inf, weight.dtype)
-    for number in range(_SECTORS):  # some are empty on few points, and all but one on a line
-        own = jnp.where(sector == number, weight, 0)
-        least = jnp.where(jnp.any(own > 0), jnp.minimum(least, mean(compliance, own)), least)
-    stiffness = jnp.exp(mean(wave, weight) - least)
+    # On few points 0 in some directions, on a line in all but one.
+    count = sums(jnp.ones_like(weight))
+    compliance = [sums(jnp.log(jnp.abs(jnp.where(near, kernel, 1))) + wave) for kernel in kernels]
+    compliance = jnp.stack(compliance) / nonzero(count)
+    least = jnp.min(jnp.where(count > 0, compliance, jnp.inf), axis=1)
+    stiffness = jnp.exp(jnp.sum(weight * wave) / jnp.sum(weight) - least)
     return jnp.min(stiffness), jnp.max(stiffness)
 
 

@@ -671,6 +671,7 @@ def road_file(path):
     return path
 
 
+@pytest.mark.slow
 def test_new_takes_the_options_of_fit_and_temperatures(tmp_path):
     """A liquid is refused after its fit, before there is a scene."""
     moduli = moduli_file(tmp_path / "tread.csv", [-20.0, -5.0, 10.0, 25.0])

@@ -95,6 +95,7 @@ def test_a_run_with_shear_adds_the_stress_on_the_contact():
     np.testing.assert_allclose(results.friction, both, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_law_and_numbers_that_are_asked_for_are_those_of_python(capsys):
     """The softer body flows: no pressure exceeds its hardness."""
     elastic = SMALL.replace('"tyre_tread"', '"elastic"\nmodulus = 2e6\npoisson = 0.5')

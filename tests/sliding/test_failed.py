@@ -25,7 +25,7 @@ def slid(pressure, **more):
     return gc.slide(STACK, SURFACE, pressure=pressure, velocity=0.1, throw=False, **more)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["bare", pytest.param("heated", marks=pytest.mark.slow)])
 def test_every_observable_of_a_failed_solve_is_nan_and_is_no_caveat(kind):
     failed = jax.jit(lambda p: slid(p, **KINDS[kind]))(jnp.nan)
     assert failed.result == RESULTS.bad_pressure  # heat that did not settle is no milder end

@@ -97,6 +97,7 @@ def test_errors_of_tiny_contacts_are_not_absurd(coarse):
     assert slide(rough(32, 4), None, mean_gap=found.mean_gap).mean_gap_grid_error == 0
 
 
+@pytest.mark.slow
 def test_a_batch_prints_itself():
     plain = gc.contacts.DouglasRachford(newton=False)
     solve = lambda load: slide(rough(32, 4), load, solver=plain)  # noqa: E731
@@ -241,6 +242,7 @@ def cycle(num_times, stroke=2e-3):
     )
 
 
+@pytest.mark.slow
 def test_errors_of_a_cycle_contain_the_times():
     found, fine = known(cycle(32)), known(cycle(64))
     for name in ("mean_friction", "peak_friction", "work"):
@@ -252,6 +254,7 @@ def test_errors_of_a_cycle_contain_the_times():
     assert "number of times" not in " ".join(fine.caveats)
 
 
+@pytest.mark.slow
 def test_claim_under_attraction_holds_where_half_the_grid_does_not_resolve_it():
     """And the contact is that of Johnson's wave: p = p* sin²(πa) - p* α √tan(πa), a range apart."""
     amplitude, modulus, alpha = 1e-5, 1e6, 0.2

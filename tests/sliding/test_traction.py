@@ -299,12 +299,14 @@ def test_contact_is_that_of_active_sets_where_traction_outweighs_waves(periodic)
     assert np.sum(expected > 0) >= 4 and found.energy_imbalance < 1e-9
 
 
+@pytest.mark.slow
 def test_derivative_where_traction_outweighs_a_wave():
     friction = jax.jit(lambda f: rub(Coulomb(f), 0.1, THIN).friction)
     slope = (friction(0.501) - friction(0.499)) / 0.002
     np.testing.assert_allclose(jax.grad(friction)(0.5), slope, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_where_traction_keeps_a_solve_from_its_end_the_method_is_named():
     few = gc.contacts.DouglasRachford(max_steps=4, newton=False)
     with pytest.raises(RuntimeError, match="a limit of the method; a steady contact may exist"):
