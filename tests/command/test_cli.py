@@ -727,6 +727,7 @@ def test_temperatures_of_a_new_scene_are_those_of_a_law():
         new_job._check_temperatures(dataclasses.replace(tread, shift=None), [290.0])
 
 
+@pytest.mark.slow
 def test_two_files_make_a_scene_that_runs(tmp_path, monkeypatch):
     (tmp_path / "data").mkdir()
     road_file(tmp_path / "data" / "road.txt")

@@ -27,6 +27,7 @@ def cycles():
     return scene, plan(scene).run()
 
 
+@pytest.mark.slow
 def test_a_run_of_a_motion_is_slide_cycle(cycles):
     scene, results = cycles
     motion = gc.sliding.sinusoidal(1e-4, 20.0, 8)
@@ -60,12 +61,14 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
     np.testing.assert_allclose(at.friction * at["load"], at["traction"], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_table_of_cycles_has_a_column_of_the_shear(cycles, capsys):
     print_table(cycles[1], full=True)
     head = capsys.readouterr().out.split("1.000e-01")[0]
     assert all(word in head for word in ("(peak)", "shear", "phase"))
 
 
+@pytest.mark.slow
 def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(cycles, tmp_path):
     _, results = cycles
     write(tmp_path / "r.h5", results)
