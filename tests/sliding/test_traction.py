@@ -247,7 +247,7 @@ def test_window_is_that_of_a_large_cell():
     window, cell = (
         rub(Coulomb(0.8), 0.5, rubber, sphere(n), pressure=1e4 / n**2, rtol=1e-7) for n in (1, 8)
     )
-    assert abs(window.friction - cell.friction) < window.friction_error < 1e-3
+    assert abs(window.friction - cell.friction) < window.friction_error < 1e-2
     np.testing.assert_allclose(window.block_friction, cell.block_friction, rtol=2e-3)
     assert window.energy_imbalance < 1e-12
 
