@@ -44,7 +44,7 @@ from .grid_problem import (
     start_of,
 )
 from .law import AbstractLaw, HardWall
-from .pull_off import RELEASED_FROM, release
+from .pull_off import RELEASED_FROM, let_part
 from .semismooth_newton import newton_round, takes_newton_steps
 from .splitting import check_relaxation, draft
 
@@ -229,7 +229,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
         splitting = problem.splitting(
             state._replace(factor=first, shift=problem.shift(first)), settings
         )
-        last = release(splitting, problem.mean + problem.flattening(), state.steps)
+        last = let_part(splitting, problem.mean + problem.flattening(), state.steps)
         near = last.settled & (state.error > jnp.sqrt(settings.rtol))
         return state._replace(
             z=jnp.where(near, last.z, state.z), factor=jnp.where(near, first, state.factor),

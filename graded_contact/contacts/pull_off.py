@@ -61,6 +61,6 @@ class Releasing(eqx.Module):
         return state.parted | state.settled
 
 
-def release(splitting: Splitting, start: Field, max_steps: Array) -> Release:
+def let_part(splitting: Splitting, start: Field, max_steps: Array) -> Release:
     """Returns where surfaces are that are let go from a start, after so many steps at most."""
     return run_steps(Releasing(splitting), start, max_steps)

@@ -142,7 +142,6 @@ def _moved_ends(point: FixedPoint, here: End) -> tuple[End, End, Array]:
     """
     grows = here.image > here.size
     moved = jnp.where(grows, jnp.minimum(point.moved, 0) - 1, jnp.maximum(point.moved, 0) + 1)
-
     stays, again = jnp.abs(moved) > _PATIENCE, jnp.abs(moved) > 1
 
     def end(is_here, old, other, forgotten, none):

@@ -20,7 +20,7 @@ from .formulas import (
     power_of,
     shear_power,
 )
-from .grid_errors import OF_FORCE, by_grid, unseen_friction, unseen_power
+from .grid_errors import OF_FORCE, beside_changes, by_grid, unseen_power
 from .result import CyclicSliding, Found
 
 
@@ -114,21 +114,21 @@ def _by_temperature(found: Found, index: int) -> Array:
 for _number, _index, _over in (("mean_friction", 0, over_friction), ("peak_friction", 1, None)):
     add_errors(
         _number, of_cycle, TOTAL, over=_over,
-        grid=by_grid(_number, OF_FORCE, unseen_friction),
+        grid=by_grid(_number, OF_FORCE, beside_changes),
         time=by_times(_number, friction_of_cycle),
         solver=lambda found, index=_index: solver_errors(found)[index],
         temperature=lambda found, index=_index: _by_temperature(found, index),
     )  # fmt: skip
 
 
-def _unseen_work(found: Found) -> Array:
-    return unseen_friction(found) * loaded_path(found, mean_load(found)) * found.period
+def _beside_work(found: Found) -> Array:
+    return beside_changes(found) * loaded_path(found, mean_load(found)) * found.period
 
 
-for _number, _trace, _unseen in (
-    ("work", _work_over_time, _unseen_work),
+for _number, _trace, _also in (
+    ("work", _work_over_time, _beside_work),
     ("load_work", _work_over_time, None),
     ("dissipated_power", _power_over_time, unseen_power),
 ):
-    _grid, _time = by_grid(_number, OF_FORCE, _unseen), by_times(_number, _trace)
+    _grid, _time = by_grid(_number, OF_FORCE, _also), by_times(_number, _trace)
     add_errors(_number, of_cycle, grid=_grid, time=_time)

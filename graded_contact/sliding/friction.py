@@ -37,7 +37,7 @@ from .formulas import (
     slopes,
     tractions_of,
 )
-from .grid_errors import OF_FORCE, by_grid, unseen_friction
+from .grid_errors import OF_FORCE, beside_changes, by_grid
 from .result import CyclicSliding, Found, Sliding
 from .shear import shear_over_load
 
@@ -195,10 +195,10 @@ def _friction_by_solver(found: Sliding) -> Array:
 
 
 def _beside(found: Found) -> Array:
-    """What no change of the grid shows: waves without a direction, shear, slopes of two fields."""
+    """`beside_changes`, and a part of the difference of the frictions by the two slopes [1]."""
     by_slopes = jnp.abs(geometric_friction(found) - friction(found))
     by_slopes = jnp.where(jnp.any(dissipation_of_waves(found) != 0), by_slopes, 0)
-    return unseen_friction(found) + _BY_SLOPES * by_slopes
+    return beside_changes(found) + _BY_SLOPES * by_slopes
 
 
 add_errors(

@@ -169,9 +169,9 @@ def _solve(weights, spacing, *, dtype):
 def _winds(links, roots, shape, first, second, open_):
     """Whether a path of open links winds around the cell along x and along y.
 
-    A tree joins the points of each connected part, and is laid out on the plane, beyond the
-    edges of the cell. A link whose ends are no neighbours there closes a path that
-    winds, any number of times.
+    A tree joins the points of each connected part, and is laid out on the plane, beyond the edges
+    of the cell. A link whose ends are no neighbours there closes a path that winds, any number of
+    times.
     """
     from scipy.sparse import block_array, coo_array, csgraph
 

@@ -150,24 +150,30 @@ def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -
 
         x = attach_fixed_point(image, given, x)
         found, _, block, _ = contact(x, given, edges, solutions=known)
-    solution, reached = found.contact, point.error <= rtol
-    settled, below = reached | has_reached(x, most), reached | ~has_reached(x, most)
-    for good, end in ((settled, RESULTS.not_settled), (below, RESULTS.too_hot)):
-        solution = ended(solution, good, end)
-        if not numerics.throw:
-            continue
-        if is_concrete(good) and not good:
-            raise RuntimeError(
-                f"{RESULTS[end]} The last contact is {float(x[0]):.4g} K above the bulk; its heat "
-                f"changes temperatures by {float(point.error):.2g} of the largest rise."
-            )
-        solution = required(solution, good, end.error_if)
+    reached, hottest = point.error <= rtol, has_reached(x, most)
+    ends = (reached | hottest, RESULTS.not_settled), (reached | ~hottest, RESULTS.too_hot)
+    solution = _with_ends(found.contact, ends, x[0], point.error, numerics.throw)
     return dataclasses.replace(
         found,
         contact=dataclasses.replace(solution, num_fft_pairs=pairs),
         problem=dataclasses.replace(found.problem, facts=facts_of(case)),
         heated=HeatedContact(block, x[0], x[1:], edges, point.error, *errors),
     )
+
+
+def _with_ends(solution, ends, rise, change, throw: bool):
+    """The solution with how the search of temperatures ended; raises if it failed and `throw`."""
+    for good, end in ends:
+        solution = ended(solution, good, end)
+        if not throw:
+            continue
+        if is_concrete(good) and not good:
+            raise RuntimeError(
+                f"{RESULTS[end]} The last contact is {float(rise):.4g} K above the bulk; its heat "
+                f"changes temperatures by {float(change):.2g} of the largest rise."
+            )
+        solution = required(solution, good, end.error_if)
+    return solution
 
 
 def _of_mean(case: Case, cycle: CyclicSliding) -> tuple[Case, Array]:

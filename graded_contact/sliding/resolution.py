@@ -28,7 +28,7 @@ from .numerics import Numerics
 from .problem import Problem
 from .result import CyclicSliding, Found, Sliding
 
-RTOL = 2e-4  # of the pressure; the differences of two grids are larger
+_NEIGHBOURS_RTOL = 2e-4  # of the pressure; the differences of two grids are larger
 _LEAST_TIMES = 8  # times that are not halved again
 
 
@@ -89,7 +89,7 @@ def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int
     problem = eqx.tree_at(lambda one: one.heights, problem, heights)
     # In a program of the user, Newton steps would take long to compile and are seldom needed.
     solver = DouglasRachford(newton=is_concrete(load))
-    how = Numerics(rtol=RTOL, solver=solver, throw=False)
+    how = Numerics(rtol=_NEIGHBOURS_RTOL, solver=solver, throw=False)
     # The displacement by a traction that is no part of the kernel stays as it is.
     contact = problem.contact({found.problem.prescribed: load}, shift, how, start)
     # A number that is not known must not show a small change. What may be unstable on half the grid

@@ -57,8 +57,8 @@ def contact_stiffness(
     """Returns -dp/dū [Pa/m], by which the mean pressure rises as the mean gap closes.
 
     The block acts as at the given velocity, at rest with its relaxed moduli; a traction that moves
-    the surface follows the pressure. Laws other than the
-    hard wall enter by their contact area. Differentiable.
+    the surface follows the pressure. Laws other than the hard wall enter by their contact area.
+    Differentiable.
 
     **Arguments:**
 

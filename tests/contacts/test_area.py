@@ -106,7 +106,7 @@ def test_area_is_continuous_and_has_a_derivative_as_edges_pass_points(softest):
 
 
 def test_an_elastic_block_is_as_stiff_at_all_edges_and_a_layer_is_no_lay():
-    """The directions are told apart by their moduli, not by their wavenumbers."""
+    """Directions differ by their moduli, not by their wavenumbers."""
     grid = gc.Grid((32, 16), 1.0)
     kernel = gc.stack_kernel(ELASTIC, grid)
     softest, stiffest = edge_stiffness(kernel[None], grid)

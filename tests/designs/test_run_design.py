@@ -128,7 +128,7 @@ def test_the_error_by_the_grid_of_the_verifying_contacts_is_told_beside_their_sp
         found = gc.slide(designed[1], surface, pressure=3e5, velocity=0.1, rtol=1e-5)
         shares.append(float(found.friction_grid_error / found.friction))
     low, high = sorted(shares)
-    assert low < 0.1 < high  # the least that is told
+    assert low < 0.1 < high  # the least error that is reported
     text = (ran[0] / "coat-design.txt").read_text(encoding="utf-8")
     assert "±: standard deviation over 2 surfaces; the error of a contact" in text
     told = "Contact, designed: The grid does not resolve the contact: the friction has an error of"
