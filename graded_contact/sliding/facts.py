@@ -20,7 +20,7 @@ def facts_of(case: Case) -> frozenset[str]:
     window = not case.rough.periodic
     known = {
         WINDOW: window,
-        GROUND: window and has_ground(case.stack, case.rough.grid),
+        GROUND: window and all(has_ground(body, case.rough.grid) for body in case.bodies),
         LOAD_FOLLOWS: case.prescribed != "pressure",
         GIVEN_LOAD: case.prescribed != "approach",
         SHEARED: case.shear is not None,

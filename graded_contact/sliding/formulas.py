@@ -3,8 +3,11 @@
 The formulas hold for steady sliding, for cycles and on windows: the operator of the contact knows
 its fields (`contacts/operator.py`). Arrays over time are those of a cycle.
 
-On the moving surface the pressure σ exerts the traction τ = -⟨σ ∇w⟩ [Pa] against the motion; w is
-the displacement of the block.
+On the moving surface the pressure σ exerts the traction τ = -⟨σ ∇(w - h_b)⟩ [Pa] against the
+motion: the power of this force, and of the load, is what the bodies take. w is the displacement of
+the block, h_b are the heights of its own surface, if it is rough. The counter's displacement has no
+part in it: under steady sliding its pressure and its slope have no work, and in a cycle they
+exchange work with the load.
 """
 
 import dataclasses
@@ -21,9 +24,9 @@ from ..contacts.operator import nonzero
 from ..core.derivative import largest
 from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import derivative, odd_wavevector
+from .bodies import lags
 from .facts import WINDOW
 from .motion import refined
-from .problem import lags
 from .result import CyclicSliding, Found, Sliding
 from .shear import shear_field, shear_parts
 
@@ -59,9 +62,31 @@ def friction_of_cycle(found: Found) -> Array:
 
 @shared
 def loaded(found: Found) -> tuple[Array, Array]:
-    """The pressure on the cell, and its own displacement, which balances energy to rounding."""
+    """The pressure on the cell, and the displacement of the block under it.
+
+    This displacement, unlike that of the solution, balances energy to rounding.
+    """
     pressure = found.operator.on_cell(found.pressure)
-    return pressure, found.operator.displace(pressure) + lift(found)
+    return pressure, displaced_by(found, pressure)
+
+
+def displaced_by(found: Found, pressure: Array) -> Array:
+    """The displacement of the block under a pressure, and under the traction of the contact [m]."""
+    return found.problem.block.displace(pressure) + _lifted(found)
+
+
+def surface_of_block(found: Found, moved: Array) -> Array:
+    """The surface of the block that is displaced by `moved`: less its own heights [m]."""
+    if isinstance(found, Sliding) or found.problem.block_heights is None:
+        return moved
+    return moved - found.problem.passing
+
+
+def counter_displacement(found: Found) -> Array:
+    """The displacement of the counter, into it, on the cell [m]."""
+    counter, pressure = found.problem.counter, loaded(found)[0]
+    assert counter is not None
+    return counter.displace(pressure, _on_counter(found))
 
 
 @shared
@@ -81,16 +106,29 @@ def tractions_on(found: Found) -> list[Array]:
 
 
 @shared
-def lift(found: Found) -> Array:
-    """The displacement along z under the traction that the kernel does not contain [m]."""
+def _lifted(found: Found) -> Array:
+    """The displacement of the block along z under the traction that its kernel lacks [m]."""
     if lags(found.coupling):
         return found.coupling.lifted(found.operator, tractions_on(found))
     return jnp.zeros((), found.pressure.dtype)
 
 
+def lift(found: Found) -> Array:
+    """The displacement of both bodies that the kernel of the contact does not contain [m]."""
+    counter = found.problem.counter
+    if counter is None:
+        return _lifted(found)
+    return _lifted(found) + counter.beyond_kernel(found.pressure, _on_counter(found))
+
+
+def _on_counter(found: Found) -> list[Array]:
+    """The tangential traction on the counter, opposite to that on the block [Pa]."""
+    return [-part for part in tractions_on(found)] if lags(found.coupling) else []
+
+
 def displaced(found: Found) -> tuple[Array, Array]:
-    """Pressure and displacement on the cell; the solution's own where it has one everywhere."""
-    if WINDOW in found.facts:
+    """Pressure and displacement of the block on the cell; the solution's own if it is known."""
+    if WINDOW in found.facts or found.problem.counter is not None:
         return loaded(found)
     return found.pressure, found.contact.displacement
 
@@ -111,7 +149,8 @@ def tractions_of(found: Found, pressure: Array, profile: Array) -> Array:
 
 @shared
 def own_tractions(found: Found) -> Array:
-    return tractions_of(found, *loaded(found))
+    pressure, moved = loaded(found)
+    return tractions_of(found, pressure, surface_of_block(found, moved))
 
 
 @shared
@@ -139,7 +178,8 @@ def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
 
     That of a cycle contains the shear, which acts where the indicator of contact is positive.
     """
-    tractions = tractions_of(found, pressure, found.operator.displace(pressure) + lift(found))
+    moved = displaced_by(found, pressure)
+    tractions = tractions_of(found, pressure, surface_of_block(found, moved))
     size = mean_load(found, pressure)
     if isinstance(found, Sliding):
         return tractions / size
