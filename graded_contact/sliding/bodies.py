@@ -12,13 +12,14 @@ bodies without frequencies do not move along z under their traction, as Dundurs'
 The waves of the counter are at rest under the surface: under steady sliding M is that of ω = 0,
 real and even. In a cycle the pressure under the surface varies with time, and M is that of the
 frequencies of the period, without the phases of the motion. It is not diagonal in the waves of the
-block: the kernel of the contact then contains the relaxed M(q, 0) of the counter, and the rest lags
-(`isothermal.py`). The relaxed M is the largest, so that the loop contracts.
+block: the kernel of the contact then contains the middle of its values, a real number for each q,
+and the rest lags (`isothermal.py`). No value is further from the middle than the middle is large,
+so that the loop contracts.
 """
 
 import functools
 from collections.abc import Sequence
-from typing import TypeGuard, TypeVar
+from typing import TypeGuard
 
 import equinox as eqx
 import jax
@@ -124,17 +125,14 @@ class Counter(eqx.Module):
         return Counter(operator, kept, coupling, self.lags, self.measured_range, self.thickness)
 
 
-T = TypeVar("T", bound=AbstractOperator)
-
-
-def of_both(block: T, counter: Counter | None) -> T:
-    """Returns the operator of the contact from that of the block."""
-    return block if counter is None else block.with_kernel(block.kernel + counter.in_kernel)
-
-
-def of_block(both: T, counter: Counter | None) -> T:
+def of_block(both: AbstractOperator, counter: Counter | None) -> AbstractOperator:
     """Returns the operator of the block from that of the contact."""
     return both if counter is None else both.with_kernel(both.kernel - counter.in_kernel)
+
+
+def middle_of(kernel: Waves) -> Waves:
+    """Returns the middle of the real parts of the first axis."""
+    return (jnp.max(kernel.real, axis=0) + jnp.min(kernel.real, axis=0)) / 2
 
 
 def coupling_on(

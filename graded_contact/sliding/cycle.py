@@ -29,7 +29,7 @@ from ..fields.devices import required
 from ..fields.grid import Grid
 from ..materials.coverage import coverage
 from ..surfaces.surface import check_periodic
-from .bodies import Counter, Coupling, of_both
+from .bodies import Counter, Coupling, middle_of
 from .case import Case
 from .facts import facts_of
 from .motion import components
@@ -57,7 +57,7 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
             other, traction, good = _response(case, case.counter)
         reached = reached & good
         counter = Counter(
-            at_rest(other), other[0].real, traction, lags=jnp.iscomplexobj(other),
+            at_rest(other), middle_of(other), traction, lags=jnp.iscomplexobj(other),
             measured_range=coverage(case.counter),
         )  # fmt: skip
     sheared = shear_stress(case.shear, jnp.zeros((), heights.dtype), case.temperature)
@@ -92,4 +92,5 @@ def _operator(kernel, counter: Counter | None, displacement, grid: Grid) -> Spac
     moved = components(displacement)
     # A motion along x alone stays in place on the other axis.
     missing = grid.ndim - moved.shape[1]
-    return of_both(in_motion(kernel, jnp.pad(moved, [(0, 0), (0, missing)]), grid), counter)
+    block = in_motion(kernel, jnp.pad(moved, [(0, 0), (0, missing)]), grid)
+    return block if counter is None else block.with_kernel(block.kernel + counter.in_kernel)

@@ -17,13 +17,16 @@ from ..materials.coverage import is_unknown
 from .area import mean_gap
 from .cycle_numbers import load_work
 from .energy import exchange, frequencies, losses, powers_of_traction
-from .facts import WINDOW
+from .facts import COUNTER, WINDOW
 from .formulas import (
     all_tractions,
     along_motion,
+    counter_displacement,
     displaced,
     lengths,
+    loaded,
     mean_load,
+    moved_where_loaded,
     rests,
     slopes,
     touching,
@@ -88,6 +91,21 @@ def slope_in_contact(found: Found) -> Array:
     It is the size of the strains there. The friction of a hard wall never exceeds it.
     """
     return largest(slopes(found, *displaced(found)))
+
+
+@observable(
+    "", "1", "rms slope of the counter, weighted by the pressure", needs=[COUNTER],
+    warns=Above(
+        STEEPEST,
+        "The rms slope of the counter's displacement where it carries the load is {value:.2g}: its "
+        "strains are not small.",
+    ),
+)  # fmt: skip
+def counter_slope(found: Found) -> Array:
+    """Rms slope of the counter's displacement where it carries the load [1]; 0 if it is rigid."""
+    if found.problem.counter is None:
+        return jnp.zeros((), found.pressure.dtype)
+    return largest(slopes(found, loaded(found)[0], counter_displacement(found)))
 
 
 @of_steady(
@@ -156,11 +174,20 @@ def extrapolated_friction(found: Found) -> Array:
 def compression(found: Sliding) -> Array:
     """How far a body on a window moved into layers on a rigid base, over their thickness [1].
 
-    0 on another base.
+    0 on another base. With a counter the larger of both: each has its share of the approach.
     """
-    if found.problem.thickness is None:
-        return jnp.zeros((), found.pressure.dtype)
-    return approach(found) / found.problem.thickness
+    problem, none = found.problem, jnp.zeros((), found.pressure.dtype)
+    counter = problem.counter
+    if counter is None:
+        return none if problem.thickness is None else approach(found) / problem.thickness
+    bodies = (problem.block, problem.thickness), (counter.operator, counter.thickness)
+    whole = jnp.sum(moved_where_loaded(found, found.operator))
+    parts = (
+        jnp.sum(moved_where_loaded(found, operator)) / nonzero(whole) / thickness
+        for operator, thickness in bodies
+        if thickness is not None
+    )
+    return approach(found) * functools.reduce(jnp.maximum, parts, none)
 
 
 @of_steady(

@@ -24,7 +24,7 @@ from ..contacts.space_time import SpaceTime, at_rest, in_motion
 from ..contacts.window import Window, operator_of
 from ..core.checks import Numbers
 from ..fields.grid import Grid, resample_spectrum
-from .bodies import Counter, Coupling, coupling_on, of_block, of_both
+from .bodies import Counter, Coupling, coupling_on, of_block
 from .half_grid import resampled
 from .motion import components, rate_of
 from .numerics import Numerics
@@ -241,7 +241,7 @@ class CycleProblem(eqx.Module):
         if counter is not None:
             kernel = resample_spectrum(counter.operator.compliance, old, new)
             counter = counter.on(at_rest(kernel), old, new)
-            operator = of_both(operator, counter)
+            operator = operator.with_kernel(operator.kernel + counter.in_kernel)
         return CycleProblem(
             operator=operator, heights=none, grid=grid,
             law=self.law, measured_range=self.measured_range, prescribed=self.prescribed,

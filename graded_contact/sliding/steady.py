@@ -46,7 +46,8 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
         with within("`counter`:"):
             other = _response(case, case.counter, np.zeros(()), strain, how, opposite=True)
         kernel, reached = kernel + other.kernel, reached & other.reached
-        kernel_error = None if kernel_error is None else kernel_error + other.error
+        if kernel_error is not None and other.error is not None:
+            kernel_error = kernel_error + other.error
         counter = Counter(
             operator_of(other.kernel, surface.heights.shape), other.kernel, other.coupling,
             measured_range=_coverage(case.counter), thickness=_thickness(case.counter, surface),
