@@ -16,7 +16,7 @@ the surface, and which of their axes is time. So an observable of a contact is o
 """
 
 from collections.abc import Callable
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -84,11 +84,11 @@ class AbstractOperator(eqx.Module):
         """1/M, 0 for the mean."""
         return jnp.where(self.is_mean, 0, 1 / jnp.where(self.is_mean, 1, self.kernel))
 
-    def scaled(self, factor: Scalar | float) -> Self:
+    def scaled(self, factor: Scalar | float) -> "AbstractOperator":
         """Returns the operator times a factor."""
         return self.with_kernel(factor * self.kernel)
 
-    def with_kernel(self, kernel: Waves) -> Self:
+    def with_kernel(self, kernel: Waves) -> "AbstractOperator":
         """Returns the operator with another kernel in the same waves."""
         return eqx.tree_at(lambda operator: operator.kernel, self, kernel)
 

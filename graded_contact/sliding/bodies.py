@@ -17,6 +17,7 @@ and the rest lags (`isothermal.py`). No value is further from the middle than th
 so that the loop contracts.
 """
 
+import dataclasses
 import functools
 from collections.abc import Sequence
 from typing import TypeGuard
@@ -24,9 +25,10 @@ from typing import TypeGuard
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Inexact
 
 from ..contacts.operator import AbstractOperator, Field
+from ..contacts.space_time import SpaceTime
 from ..fields.grid import Waves, resample_spectrum
 
 
@@ -95,6 +97,10 @@ class Counter(eqx.Module):
     measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
     thickness: Float[Array, "..."] | None = None
 
+    def beside(self, block: SpaceTime) -> SpaceTime:
+        """Returns the operator of the contact from that of the block."""
+        return dataclasses.replace(block, kernel=block.kernel + self.in_kernel)
+
     def displace(self, pressure: Field, tractions: Sequence[Field]) -> Field:
         """Returns w_c [m] under the pressure and the tractions on the counter."""
         moved = self.operator.displace(pressure)
@@ -102,8 +108,8 @@ class Counter(eqx.Module):
             moved = moved + self.coupling.lifted(self.operator, tractions)
         return moved
 
-    def beyond_kernel(self, pressure: Field, tractions: Sequence[Field]) -> Field:
-        """Returns the part of w_c [m] that the kernel of the contact does not contain."""
+    def beyond_kernel(self, pressure: Field, tractions: Sequence[Field]) -> Float[Array, "..."]:
+        """Returns the part of w_c [m] that the kernel of the contact lacks; 0 if there is none."""
         rest = jnp.zeros((), pressure.dtype)
         if self.lags:
             lacking = self.operator.compliance - self.in_kernel
@@ -130,7 +136,7 @@ def of_block(both: AbstractOperator, counter: Counter | None) -> AbstractOperato
     return both if counter is None else both.with_kernel(both.kernel - counter.in_kernel)
 
 
-def middle_of(kernel: Waves) -> Waves:
+def middle_of(kernel: Inexact[Array, "nt *half"]) -> Float[Array, "*half"]:
     """Returns the middle of the real parts of the first axis."""
     return (jnp.max(kernel.real, axis=0) + jnp.min(kernel.real, axis=0)) / 2
 

@@ -93,4 +93,4 @@ def _operator(kernel, counter: Counter | None, displacement, grid: Grid) -> Spac
     # A motion along x alone stays in place on the other axis.
     missing = grid.ndim - moved.shape[1]
     block = in_motion(kernel, jnp.pad(moved, [(0, 0), (0, missing)]), grid)
-    return block if counter is None else block.with_kernel(block.kernel + counter.in_kernel)
+    return block if counter is None else counter.beside(block)

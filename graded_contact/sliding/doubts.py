@@ -105,7 +105,8 @@ def counter_slope(found: Found) -> Array:
     """Rms slope of the counter's displacement where it carries the load [1]; 0 if it is rigid."""
     if found.problem.counter is None:
         return jnp.zeros((), found.pressure.dtype)
-    return largest(slopes(found, loaded(found)[0], counter_displacement(found)))
+    pressure = loaded(found)[0]
+    return largest(slopes(found, pressure, counter_displacement(found, pressure)))
 
 
 @of_steady(

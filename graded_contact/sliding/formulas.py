@@ -5,9 +5,11 @@ its fields (`contacts/operator.py`). Arrays over time are those of a cycle.
 
 On the moving surface the pressure σ exerts the traction τ = -⟨σ ∇(w - h_b)⟩ [Pa] against the
 motion: the power of this force, and of the load, is what the bodies take. w is the displacement of
-the block, h_b are the heights of its own surface, if it is rough. The counter's displacement has no
-part in it: under steady sliding its pressure and its slope have no work, and in a cycle they
-exchange work with the load.
+the block, h_b are the heights of its own surface, if it is rough. The slope is that of the
+interface: where the bodies touch it is also the slope of h - w_c, w_c being the displacement of the
+counter. On a grid the two differ by the slope of the gap at the edges of contact, and heights have
+more of this error than displacements (`friction.py`). So if both bodies are rough, each form counts
+by the part of the other body in the mean square slope: the bodies may be exchanged.
 """
 
 import dataclasses
@@ -75,18 +77,26 @@ def displaced_by(found: Found, pressure: Array) -> Array:
     return found.problem.block.displace(pressure) + _lifted(found)
 
 
-def surface_of_block(found: Found, moved: Array) -> Array:
-    """The surface of the block that is displaced by `moved`: less its own heights [m]."""
+def interface(found: Found, pressure: Array, moved: Array) -> Array:
+    """The surface at which the bodies touch under a pressure that displaces the block [m]."""
     if isinstance(found, Sliding) or found.problem.block_heights is None:
         return moved
-    return moved - found.problem.passing
+    problem = found.problem
+    squared = [
+        sum(jnp.mean(derivative(h, problem.grid, axis) ** 2) for axis in range(h.ndim))
+        for h in problem.roughness
+    ]
+    own = jax.lax.stop_gradient(squared[1] / nonzero(squared[0] + squared[1]))
+    of_counter = problem.heights
+    if problem.counter is not None:
+        of_counter = of_counter - counter_displacement(found, pressure)
+    return (1 - own) * (moved - problem.passing) + own * of_counter
 
 
-def counter_displacement(found: Found) -> Array:
-    """The displacement of the counter, into it, on the cell [m]."""
-    counter, pressure = found.problem.counter, loaded(found)[0]
-    assert counter is not None
-    return counter.displace(pressure, _on_counter(found))
+def counter_displacement(found: Found, pressure: Array) -> Array:
+    """The displacement of the counter under a pressure, into it, on the cell [m]."""
+    assert found.problem.counter is not None
+    return found.problem.counter.displace(pressure, _on_counter(found))
 
 
 @shared
@@ -150,7 +160,7 @@ def tractions_of(found: Found, pressure: Array, profile: Array) -> Array:
 @shared
 def own_tractions(found: Found) -> Array:
     pressure, moved = loaded(found)
-    return tractions_of(found, pressure, surface_of_block(found, moved))
+    return tractions_of(found, pressure, interface(found, pressure, moved))
 
 
 @shared
@@ -179,7 +189,7 @@ def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
     That of a cycle contains the shear, which acts where the indicator of contact is positive.
     """
     moved = displaced_by(found, pressure)
-    tractions = tractions_of(found, pressure, surface_of_block(found, moved))
+    tractions = tractions_of(found, pressure, interface(found, pressure, moved))
     size = mean_load(found, pressure)
     if isinstance(found, Sliding):
         return tractions / size

@@ -134,7 +134,7 @@ def geometric_friction(found: Found) -> Array:
     pressure = loaded(found)[0]
     heights = found.operator.on_cell(found.heights, "symmetric")
     if found.problem.counter is not None:
-        heights = heights - counter_displacement(found)
+        heights = heights - counter_displacement(found, pressure)
     tractions = tractions_of(found, pressure, jnp.broadcast_to(heights, pressure.shape))
     if isinstance(found, CyclicSliding):
         return over_load(found, tractions + sheared(found)[0])

@@ -241,7 +241,7 @@ class CycleProblem(eqx.Module):
         if counter is not None:
             kernel = resample_spectrum(counter.operator.compliance, old, new)
             counter = counter.on(at_rest(kernel), old, new)
-            operator = operator.with_kernel(operator.kernel + counter.in_kernel)
+            operator = counter.beside(operator)
         return CycleProblem(
             operator=operator, heights=none, grid=grid,
             law=self.law, measured_range=self.measured_range, prescribed=self.prescribed,

@@ -40,6 +40,7 @@ from ..blocks.stack import Stack
 from ..blocks.tangential_kernel import tangential_kernels
 from ..blocks.window_compliance import without_images
 from ..contacts.operator import first_mode
+from ..core.checks import as_float
 from ..core.quantities import FOUR, of_cycle, of_steady
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid, Waves, wavenumber
@@ -70,7 +71,7 @@ def steady_coupling(
             "`shear` is refused: on a window only the traction of `Coulomb` can move the surface. "
             "Pass `coupled=False`, or put the body into a periodic cell."
         )
-    direction = direction_and_speed(case.velocity)[0]
+    direction, velocity = direction_and_speed(case.velocity)[0], as_float(velocity)
     found = [tangential_kernels(stack, cell, velocity, direction, strain) for cell in cells]
     (lift, along, good), error = found[0], None
     if len(cells) == 2:
