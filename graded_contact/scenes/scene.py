@@ -62,8 +62,8 @@ class Observe:
 
 
 @shown(
-    "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion",
-    "sampling", "law", "shear", "heating", "observed", unset=False,
+    "title", "stack", "surface", "counter", "block_surface", "sweep", "temperature", "pressure",
+    "velocity", "motion", "sampling", "law", "shear", "heating", "observed", unset=False,
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -87,6 +87,8 @@ class Scene:
     - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
       period, linear in between; if missing, the load is constant.
     - `motion`, `law`, `shear`, `heating`: the tables of these names, or None.
+    - `counter`: the body that carries the surface, or None if it is rigid.
+    - `block_surface`: where the block's own surface comes from, or None.
     - `observe`: the table of this name.
     - `step`: of a motion, its largest step from one time to the next, in spacings of the grid.
     - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
@@ -123,6 +125,8 @@ class Scene:
     step: float | None = None
     law: AbstractLaw | None = None
     shear: AbstractShear | None = None
+    counter: Stack | None = None
+    block_surface: RandomSurface | SurfaceFile | None = None
     heating: Heating | None = None
     observe: Observe = Observe()
     solver: DouglasRachford
@@ -191,6 +195,7 @@ class Scene:
             "stack": self.block(point), "surface": surface, "shear": self.shear,
             "temperature": self._at(point, "temperature"), "heating": self.heating,
             "strain_per_slope": self._at(point, "strain_per_slope"), "law": self.contact_law,
+            "counter": self._warm(self.counter, point),
             **{name: point[name] for name in ("pressure", "approach") if name in point},
         }  # fmt: skip
         direction = self._at(point, "direction")
@@ -206,13 +211,19 @@ class Scene:
             given["pressure"] = given["pressure"] * ratio
         moved = moved if len(along) == 1 else moved[:, None] * along
         period = self.period_at(point["velocity"])
+        if self.block_surface is not None:
+            given["block_surface"] = self.block_surface.build()
         return Case(displacement=moved, period=period, **given)
 
     def block(self, point: Mapping[str, Any]) -> Stack:
         """Returns the stack at a point, given by its numbers on the axes; JAX may trace them."""
         stack = with_values(self.stack, {path: point[path] for path in self.sweep})
+        return self._warm(stack, point)
+
+    def _warm(self, body: Any, point: Mapping[str, Any]) -> Any:
+        """A body at the temperature of a point, if there is one."""
         temperature = self._at(point, "temperature")
-        return stack if temperature is None else stack.at(temperature)
+        return body if body is None or temperature is None else body.at(temperature)
 
     def _at(self, point: Mapping[str, Any], name: str) -> Any:
         """A number at a point: of its axis, or that of the scene."""

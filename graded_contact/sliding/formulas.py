@@ -82,11 +82,13 @@ def interface(found: Found, pressure: Array, moved: Array) -> Array:
     if isinstance(found, Sliding) or found.problem.block_heights is None:
         return moved
     problem = found.problem
-    squared = [
-        sum(jnp.mean(derivative(h, problem.grid, axis) ** 2) for axis in range(h.ndim))
-        for h in problem.roughness
-    ]
-    own = jax.lax.stop_gradient(squared[1] / nonzero(squared[0] + squared[1]))
+
+    def squared(heights):
+        slope = [derivative(heights, problem.grid, axis) for axis in range(heights.ndim)]
+        return jnp.mean(jnp.stack(slope) ** 2)
+
+    surface, own = map(squared, problem.roughness)
+    own = own / nonzero(surface + own)
     of_counter = problem.heights
     if problem.counter is not None:
         of_counter = of_counter - counter_displacement(found, pressure)

@@ -217,18 +217,19 @@ def test_two_bodies_obey_the_conditions_of_contact_with_a_dense_matrix():
 def test_works_and_losses_of_two_bodies_balance_in_the_limit_of_many_points():
     """`load_mismatch` compares the work of the load with that of the gap, an independent form."""
     left = []
-    for n in (32, 64, 128):
+    for n in (16, 32, 64):
         s = 0.2 * np.sin(2 * np.pi * np.arange(n) / n)
         given = {"counter": rubber(10.0, 0.5), "block_surface": rough(n, seed=3), "rtol": 1e-7}
         found = cycle(rubber(), rough(n), s, shear=Coulomb(0.2), **given)
         lost = found.dissipated_power + found.counter_power + found.interface_power
         np.testing.assert_allclose(found.work + found.load_work, lost, rtol=1e-10)
         left.append(float(found.load_mismatch))
-    assert left[2] < 1e-3 and left[2] < left[0]
+    assert left[2] < 2e-3 and left[2] < left[0]
 
 
+@pytest.mark.slow
 def test_a_sphere_on_two_bodies_is_that_of_hertz():
-    n, radius = 48, 0.3
+    n, radius = 32, 0.3
     x = (np.arange(n) - n / 2) / n
     sphere = gc.Surface(-(x[:, None] ** 2 + x**2) / 2, gc.Grid((n, n), 1.0), periodic=False)
     first, second = (1.0, 0.3), (3.0, 0.45)
@@ -239,11 +240,12 @@ def test_a_sphere_on_two_bodies_is_that_of_hertz():
     )
     contact_radius, peak = hertz_sphere(load, 1.0, both)[:2]
     np.testing.assert_allclose(contact_radius, radius)
-    np.testing.assert_allclose(jnp.max(found.pressure), peak, rtol=2e-3)
-    np.testing.assert_allclose(found.approach, radius**2, rtol=2e-3)
+    np.testing.assert_allclose(jnp.max(found.pressure), peak, rtol=5e-3)
+    np.testing.assert_allclose(found.approach, radius**2, rtol=5e-3)
     assert found.approach_error < 0.02 * found.approach
 
 
+@pytest.mark.slow
 def test_a_cylinder_on_a_slab_and_a_counter_is_that_of_the_sum_of_kernels():
     n = 64
     x = (np.arange(n) - n / 2) / n
@@ -262,6 +264,7 @@ def test_a_cylinder_on_a_slab_and_a_counter_is_that_of_the_sum_of_kernels():
     np.testing.assert_allclose(alone.compression, 0.02 / 0.1, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_derivatives_of_steady_sliding_match_differences():
     def friction(strength, modulus, thickness, heights):
         counter = eqx.tree_at(lambda c: c.layers[0].thickness, COATED, thickness)
@@ -288,9 +291,8 @@ def test_derivatives_of_a_cycle_of_two_rough_bodies_match_differences():
         found = cycle(rubber(strength), own, s, **how)
         return found.mean_friction + found.counter_power + jnp.mean(found.mean_gap)
 
-    for gradient, change in elasticities(
-        number, tuple(map(np.array, (3.0, 2.0, 0.1, 1.0))), step=1e-4
-    ):
+    at = tuple(map(np.array, (3.0, 2.0, 0.1, 1.0)))
+    for gradient, change in elasticities(number, at, step=1e-4):
         np.testing.assert_allclose(gradient, change, rtol=2e-3, atol=1e-7)
 
 
@@ -303,6 +305,7 @@ def test_counters_are_a_batch_and_are_traced():
     np.testing.assert_allclose([friction(m) for m in moduli], one_by_one, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_stress_in_the_counter_is_that_in_the_block_of_exchanged_bodies():
     """From the counter the traction of the motion is that of the opposite motion."""
     soft, stiff = elastic(1.0), elastic(4.0, 0.45)
@@ -333,7 +336,7 @@ def test_a_counter_that_softens_has_the_modulus_at_its_strain():
 def test_the_mean_field_of_two_elastic_bodies_is_that_of_one():
     spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=64 * Q0)
     how = {"pressure": LOAD, "velocity": 1.0}
-    for roughness in (spectrum, ROUGH):
+    for roughness in (ROUGH, spectrum):
         two = mean_field_friction(elastic(2.0), roughness, counter=elastic(2.0), **how)
         one = mean_field_friction(elastic(1.0), roughness, **how)
         np.testing.assert_allclose(two.contact_area, one.contact_area, rtol=1e-10)
@@ -342,6 +345,7 @@ def test_the_mean_field_of_two_elastic_bodies_is_that_of_one():
     np.testing.assert_allclose(two.friction, full.friction, rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_the_mean_field_of_exchanged_bodies_is_the_same():
     track = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=64 * Q0)
     own = gc.SelfAffine(rms_slope=0.1, hurst=0.7, q_low=Q0, q_roll=2 * Q0, q_high=32 * Q0)
@@ -352,6 +356,7 @@ def test_the_mean_field_of_exchanged_bodies_is_the_same():
     np.testing.assert_allclose(other.contact_area, found.contact_area, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_counter_says_where_it_was_not_measured():
     """Of a cycle, in which it dissipates; under steady sliding it is at rest."""
     known = gc.Prony(2.0, [8.0], [0.2], 0.3, measured=gc.materials.MeasuredRange([1e3, 1e4]))
@@ -368,16 +373,16 @@ def test_what_has_no_state_is_refused_by_name():
     s = 0.1 * np.sin(2 * np.pi * np.arange(16) / 16)
     how = {"block_surface": OTHER}
     heating = {"heating": Heating(0.2, 1e-7), "temperature": 300.0}
-    with pytest.raises(ValueError, match="`counter`.*liquid"):
+    with pytest.raises(ValueError, match=r"`counter`.*liquid"):
         slide(rubber(), liquid)
-    with pytest.raises(ValueError, match="`counter`.*liquid"):
+    with pytest.raises(ValueError, match=r"`counter`.*liquid"):
         mean_field_friction(rubber(), ROUGH, pressure=LOAD, velocity=1.0, counter=liquid)
-    with pytest.raises(ValueError, match="`block_surface` is refused with a `velocity`"):
+    with pytest.raises(ValueError, match=r"`block_surface` is refused with a `velocity`"):
         Case(rubber(), ROUGH, velocity=1.0, pressure=LOAD, block_surface=OTHER)
-    with pytest.raises(ValueError, match="`heating` is refused with a `block_surface`"):
+    with pytest.raises(ValueError, match=r"`heating` is refused with a `block_surface`"):
         cycle(rubber(), ROUGH, s, **how, **heating)
-    with pytest.raises(ValueError, match="`block_surface` is on"):
+    with pytest.raises(ValueError, match=r"`block_surface` is on"):
         cycle(rubber(), rough(16), s, **how)
     window = gc.Surface(OTHER.heights, OTHER.grid, periodic=False)
-    with pytest.raises(ValueError, match="`block_surface` is on a window"):
+    with pytest.raises(ValueError, match=r"`block_surface` is on a window"):
         cycle(rubber(), ROUGH, s, block_surface=window)
