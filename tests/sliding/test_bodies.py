@@ -20,6 +20,7 @@ from graded_contact.sliding.numerics import Numerics
 from graded_contact.sliding.steady import steady_problem
 
 Q0, LOAD = 2 * np.pi, 0.2
+TRACK = {"rms_slope": 0.2, "hurst": 0.8, "q_low": Q0, "q_roll": 2 * Q0, "q_high": 64 * Q0}
 
 
 def rough(n, seed=0, cut=4, slope=0.2):
@@ -122,7 +123,10 @@ def test_traction_does_not_part_two_equal_bodies_at_rest():
     assert np.max(np.abs(unlike.pressure - alone.pressure)) > 1e-2 * largest
 
 
-@pytest.mark.parametrize("shear", [Coulomb(0.4), ConstantShear(0.05, coupled=True)])
+@pytest.mark.parametrize(
+    "shear",
+    [Coulomb(0.4), pytest.param(ConstantShear(0.05, coupled=True), marks=pytest.mark.slow)],
+)
 def test_force_on_two_bodies_is_what_block_and_interface_lose(shear):
     found = slide(rubber(), COATED, surface=rough(64), shear=shear)
     names = "friction", "geometric_friction", "block_friction", "energy_imbalance"
@@ -160,6 +164,7 @@ def test_exchanged_bodies_have_the_same_friction(shear):
     np.testing.assert_allclose(moved, found.pressure, atol=1e-6 * largest)
 
 
+@pytest.mark.slow
 def test_roughness_on_the_block_alone_is_that_of_a_counter_that_moves_backwards():
     n = 15
     flat = dataclasses.replace(rough(n), heights=jnp.zeros(n))
@@ -333,21 +338,25 @@ def test_a_counter_that_softens_has_the_modulus_at_its_strain():
         slide(rubber(), elastic(2.0), strain_per_slope=1.0)
 
 
-def test_the_mean_field_of_two_elastic_bodies_is_that_of_one():
-    spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=64 * Q0)
-    how = {"pressure": LOAD, "velocity": 1.0}
-    for roughness in (ROUGH, spectrum):
-        two = mean_field_friction(elastic(2.0), roughness, counter=elastic(2.0), **how)
-        one = mean_field_friction(elastic(1.0), roughness, **how)
-        np.testing.assert_allclose(two.contact_area, one.contact_area, rtol=1e-10)
-    two = mean_field_friction(rubber(), ROUGH, counter=COATED, pressure=50.0, velocity=1.0)
+@pytest.mark.parametrize(
+    "spectrum", [None, pytest.param(gc.SelfAffine(**TRACK), marks=pytest.mark.slow)]
+)
+def test_the_mean_field_of_two_elastic_bodies_is_that_of_one(spectrum):
+    roughness, how = spectrum or ROUGH, {"pressure": LOAD, "velocity": 1.0}
+    two = mean_field_friction(elastic(2.0), roughness, counter=elastic(2.0), **how)
+    one = mean_field_friction(elastic(1.0), roughness, **how)
+    np.testing.assert_allclose(two.contact_area, one.contact_area, rtol=1e-10)
+
+
+def test_the_mean_field_of_complete_contact_is_that_of_both_bodies():
+    found = mean_field_friction(rubber(), ROUGH, counter=COATED, pressure=50.0, velocity=1.0)
     full = slide(rubber(), COATED, pressure=50.0)
-    np.testing.assert_allclose(two.friction, full.friction, rtol=2e-3)
+    np.testing.assert_allclose(found.friction, full.friction, rtol=2e-3)
 
 
 @pytest.mark.slow
 def test_the_mean_field_of_exchanged_bodies_is_the_same():
-    track = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=64 * Q0)
+    track = gc.SelfAffine(**TRACK)
     own = gc.SelfAffine(rms_slope=0.1, hurst=0.7, q_low=Q0, q_roll=2 * Q0, q_high=32 * Q0)
     how = {"pressure": LOAD, "velocity": 1.0}
     found = mean_field_friction(rubber(), track, own_roughness=own, counter=COATED, **how)
