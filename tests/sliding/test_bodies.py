@@ -395,3 +395,21 @@ def test_what_has_no_state_is_refused_by_name():
     window = gc.Surface(OTHER.heights, OTHER.grid, periodic=False)
     with pytest.raises(ValueError, match=r"`block_surface` is on a window"):
         cycle(rubber(), ROUGH, s, block_surface=window)
+
+
+@pytest.mark.slow
+def test_heat_of_friction_softens_the_block_under_a_counter():
+    """A stiff counter has the temperatures of a rigid one; under a soft one there is less heat."""
+    q = Q0 / 4e-3
+    spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=q, q_roll=2 * q, q_high=4 * q)
+    surface = gc.random_surface(spectrum, gc.Grid((16, 16), 4e-3), jax.random.key(0))
+    known = gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49, shift=gc.WLF(8.0, 100.0, 293.0))
+    block = gc.Stack(base=gc.HalfSpace(known))
+    how = {"heating": Heating(0.25, 1.1e-7, 1.0), "temperature": 293.0, "pressure": 3e4}
+    found = [
+        slide(block, counter, surface, rtol=1e-6, **how)
+        for counter in (None, elastic(1e12), elastic(1e6, 0.49))
+    ]
+    rigid, stiff, soft = (float(one.surface_rise) for one in found)
+    np.testing.assert_allclose(stiff, rigid, rtol=1e-3)
+    assert rigid > 1 and 0 < soft < rigid
