@@ -28,14 +28,14 @@ import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
-from ..core.checks import check_type
+from ..core.checks import check_type, is_concrete
 from .column import Carried
 from .graded_solver import AbstractGradedSolver, as_tolerance, rounding
 from .layering import add_layered, build_mesh
 from .profile import moduli_at
 from .shapes import breaks_of
 from .slab import Compliance
-from .stack import Free
+from .stack import Free, GradedLayer
 
 
 class Equation(NamedTuple):
@@ -122,6 +122,15 @@ class Riccati(AbstractGradedSolver):
                 f"`controller={self.controller!r}` must be called as controller(rtol=..., "
                 "atol=...) and return a diffrax controller, as `diffrax.PIDController` itself is."
             )
+
+    def check(self, layers):
+        for i, layer in enumerate(layers):
+            shear = getattr(layer.bond, "shear", None)
+            if isinstance(layer, GradedLayer) and is_concrete(shear) and shear == 0:
+                raise ValueError(
+                    f"`layers[{i}].bond` has `shear=0` below a graded layer, where the compliance "
+                    "that `Riccati` integrates is infinite. Use `graded_solver=Layering()`."
+                )
 
     def solve(self, climb, measure, stack, q, omega, rtol):
         inverse = isinstance(stack.base, Free)
