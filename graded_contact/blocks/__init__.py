@@ -18,7 +18,8 @@ from .window_compliance import window_kernel
 
 __all__ = [
     "AbstractBond", "AbstractGradedSolver", "AbstractProfile", "Aged", "Blend", "Bond", "Film",
-    "Free", "GradedLayer", "HalfSpace", "Layer", "Layering", "Mixture", "Riccati", "Rigid", "Stack", "effective_modulus",
+    "Free", "GradedLayer", "HalfSpace", "Layer", "Layering", "Mixture", "Riccati", "Rigid", "Stack",
+    "effective_modulus",
     "graded_compliance", "interface_depths", "interior_fields", "kernel_table",
     "largest_tension", "layered_compliance", "shapes", "sliced", "stack_kernel", "stress_field",
     "surface_compliance", "surface_compliance_matrix", "von_mises", "window_kernel",

@@ -1,4 +1,4 @@
-"""What joins the lower side of a layer to what lies below it: springs, or a thin film of a material.
+"""What joins the lower side of a layer to what lies below it: springs, or a film of a material.
 
 At a bond the displacement jumps and the traction does not: traction = stiffness × jump, per area,
 along each tangent and along the normal. A stiffness is the ratio of a `firmness` and a `give`, so

@@ -193,11 +193,10 @@ def scaled(give: Give, reduced: Array) -> Give:
 
 def _where_there(bond: Give, there: Array) -> Give:
     """A bond that is perfect except where it is `there`."""
-    parts = (jnp.where(there, part, perfect) for part, perfect in zip(bond, PERFECT, strict=True))
+    parts = (
+        jnp.where(there, part, perfect) for part, perfect in zip(bond, (1, 0, 1, 0), strict=True)
+    )
     return Give(*parts)
-
-
-PERFECT = Give(1, 0, 1, 0)
 
 
 def in_rows(numbers: Any, like: Array) -> Array:
@@ -246,8 +245,10 @@ def climb_through(
         if isinstance(run, GradedPart):
             assert add_graded is not None
             cut = None if heights is None else heights[run.number]
-            add = partial(add_graded, run._replace(height=cut), rule=rule)
-            face = _with_bond(add, face, rule, bond)
+            part = run._replace(height=cut)
+            face = _with_bond(
+                lambda face, part=part: add_graded(part, face, rule), face, rule, bond
+            )
             continue
         thickness = run.thickness if parts is None else parts[members]
         layers = (thickness, run.reduced, run.e, *(() if bond is None else (bond,)))

@@ -93,13 +93,14 @@ def _with_base(column: Column) -> Column:
     """The column with its half space as one more layer: at a depth in it, its upper part is one."""
     if isinstance(column.base, Rigid | Free):
         return column
-    runs, moduli = column.runs, [part[None] for part in column.base]
+    runs, (reduced, e) = column.runs, (part[None] for part in column.base)
     last = runs[-1] if runs else None
     if not isinstance(last, Run) or last.bond is not None:
-        return column._replace(runs=(*runs, Run(slice(-1, None), in_rows([0], column.q), *moduli)))
+        base = Run(slice(-1, None), in_rows([0], column.q), reduced, e)
+        return column._replace(runs=(*runs, base))
     # One scan for all.
-    moduli = [jnp.concatenate(pair) for pair in zip(last[2:4], moduli, strict=True)]
-    whole = Run(slice(last.members.start, None), last.thickness, *moduli)
+    reduced, e = jnp.concatenate([last.reduced, reduced]), jnp.concatenate([last.e, e])
+    whole = Run(slice(last.members.start, None), last.thickness, reduced, e)
     return column._replace(runs=(*runs[:-1], whole))
 
 

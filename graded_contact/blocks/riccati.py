@@ -90,7 +90,9 @@ class Riccati(AbstractGradedSolver):
 
     The tolerance of a step is `rtol`/30; a second integration with a tolerance ten times larger
     estimates the error. `benchmarks/bench_grading.py` compares it with `Layering`: `Riccati` is
-    slower for an equal error. The two methods share only a rough solution for the sizes.
+    slower for an equal error. The two methods share only a rough solution for the sizes. Below a
+    graded layer a bond may not be smooth, and on one that is soft against the layer the steps do
+    not suffice, which is an error: use `Layering`.
 
     **Fields:**
 

@@ -35,7 +35,7 @@ LIQUID = (
 
 
 _as_thickness = as_thickness("no layer")
-_as_bond = optional(instance("bond", AbstractBond, "a bond, such as `Bond(normal, shear)`, or None"))
+_as_bond = optional(instance("bond", AbstractBond, "a bond, such as `Bond(normal, shear)`"))
 
 
 def _as_profile(profile: Any) -> Any:

@@ -180,8 +180,8 @@ def check_series(stack: Stack) -> None:
         springs = isinstance(bond, Bond) or isinstance(getattr(bond, "material", None), Elastic)
         if bond is not None and not springs:
             raise ValueError(
-                f"`layers[{i}].bond` may have losses, whose heat in a plane is not known here. Give "
-                "a `Bond`, or a `Film` of an `Elastic` material."
+                f"`layers[{i}].bond` may have losses, whose heat in a plane is not known here. "
+                "Give a `Bond`, or a `Film` of an `Elastic` material."
             )
     eqx.filter_eval_shape(_series_in, stack, jnp.zeros(()))
 
