@@ -97,6 +97,11 @@ def _pair(stiffness, allowed):
     return firmness, jnp.where(perfect, jnp.zeros_like(stiffness), 1)
 
 
+def is_smooth(bond: AbstractBond | None) -> bool:
+    """Returns whether a bond is known to have no shear stiffness."""
+    return isinstance(bond, Bond) and is_concrete(bond.shear) and float(bond.shear) == 0
+
+
 @shown(units=False)
 class Film(AbstractBond):
     """A film of a material, so thin that it yields as springs: a coat of glue, dirt or tack.

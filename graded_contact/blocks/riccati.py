@@ -28,7 +28,8 @@ import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
-from ..core.checks import check_type, is_concrete
+from ..core.checks import check_type
+from .bond import is_smooth
 from .column import Carried
 from .graded_solver import AbstractGradedSolver, as_tolerance, rounding
 from .layering import add_layered, build_mesh
@@ -127,8 +128,7 @@ class Riccati(AbstractGradedSolver):
 
     def check(self, layers):
         for i, layer in enumerate(layers):
-            shear = getattr(layer.bond, "shear", None)
-            if isinstance(layer, GradedLayer) and is_concrete(shear) and shear == 0:
+            if isinstance(layer, GradedLayer) and is_smooth(layer.bond):
                 raise ValueError(
                     f"`layers[{i}].bond` has `shear=0` below a graded layer, where the compliance "
                     "that `Riccati` integrates is infinite. Use `graded_solver=Layering()`."

@@ -23,7 +23,7 @@ from ..core.checks import (
 from ..core.display import shown
 from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
-from .bond import AbstractBond, as_thickness
+from .bond import AbstractBond, as_thickness, is_smooth
 from .graded_solver import AbstractGradedSolver
 
 LIQUID = (
@@ -168,6 +168,12 @@ class Stack(eqx.Module):
             raise ValueError(
                 f"`layers[{len(self.layers) - 1}].bond` is below the lowest layer on a Free base: "
                 "there is nothing to join. Leave it out, or give another `base`."
+            )
+        top = self.layers[0] if self.layers else None
+        if top and is_smooth(top.bond) and is_concrete(top.thickness) and float(top.thickness) == 0:
+            raise ValueError(
+                "`layers[0]` has no thickness and a bond with `shear=0`: no traction along the "
+                "surface has anything to act on. Remove the layer."
             )
         if self.graded_solver is not None:
             self.graded_solver.check(self.layers)

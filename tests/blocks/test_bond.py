@@ -242,14 +242,16 @@ def test_riccati_refuses_a_smooth_interface_by_name():
     gc.Stack(layers=layers, base=gc.Rigid(), graded_solver=Layering())
 
 
-def test_derivatives_by_both_stiffnesses_agree_with_differences():
-    """Of M_zz and of a stress, also at a smooth interface, under jit and vmap."""
+@pytest.mark.parametrize("inside", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_derivatives_by_both_stiffnesses_agree_with_differences(inside):
+    """Of M_zz or of stresses, also at a smooth interface, under jit and vmap."""
 
     def value(springs):
         stack = two_layers("half space", Bond(*springs))
-        fields = interior_fields(stack, 9e3, 0.0, 0.0, [0, 0, 1], 5e-5)
-        found = surface_compliance(stack, jnp.array([1e3, 2e4]), 0.0)
-        return jnp.stack([*(1e11 * found), fields.stress[0, 0].real, fields.stress[0, 2].imag])
+        if not inside:
+            return 1e11 * surface_compliance(stack, jnp.array([1e3, 2e4]), 0.0)
+        stress = interior_fields(stack, 9e3, 0.0, 0.0, [0, 0, 1], 5e-5).stress
+        return jnp.stack([stress[0, 0].real, stress[0, 2].imag])
 
     springs = jnp.array([[2e10, 3e9], [2e10, 0.0], [1e13, 1e5]])
     slopes_of = jax.jit(jax.vmap(jax.jacfwd(value)))
@@ -337,6 +339,8 @@ def test_a_stack_of_many_bonds_is_one_loop():
 
 
 def test_refusals_name_the_bond():
+    with pytest.raises(ValueError, match=r"`layers\[0\]` has no thickness.*`shear=0`"):
+        gc.Stack(layers=(gc.Layer(RUBBER, 0.0, Bond(shear=0)),), base=gc.HalfSpace(RUBBER))
     for wrong in (0, -1.0, np.nan):
         with pytest.raises(ValueError, match=r"`normal=.*positive"):
             Bond(wrong, 1.0)
@@ -354,9 +358,9 @@ def test_refusals_name_the_bond():
 
 # BISAR, KENLAYER and GAMES in the benchmark of the Belgian Road Research Centre (AMADEUS, final
 # report, 2000), as `ALVA_bonding_validation1.m` of ALVA (A. Skar et al.,
-# doi:10.11583/DTU.12387305) lists them: below the centre of the load and below its edge the horizontal strain at the bottom of
-# layer 1 and the vertical strains at the top of layers 2 and 3 [1e-6], positive in compression.
-# GAMES does not have a frictionless first interface.
+# doi:10.11583/DTU.12387305) lists them: below the centre of the load and below its edge the
+# horizontal strain at the bottom of layer 1 and the vertical strains at the top of layers 2 and 3
+# [1e-6], positive in compression. GAMES does not have a frictionless first interface.
 BONDED = [(-100.5, 251.7, 185.0, -61.9, 192.2, 177.5), (-100.5, 251.6, 185.3, -62, 192.2, 177.0),
           (-100.5, 251.6, 185.1, -61.9, 192.2, 177.5)]  # fmt: skip
 SLIPPING = [(-120, 1, 217, -78, -10, 205), (-120, 1, 216, -78, -10, 205)]
