@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from ..core.checks import (
     Numbers,
     as_float,
+    as_numbers,
     check_together,
     check_tolerance,
     check_values,
@@ -47,7 +48,10 @@ def as_waves(stack: Stack, **arrays: Numbers) -> tuple[Array, ...]:
     So a modulus is computed once for each entry of `omega`. Refuses what is not finite, does not
     broadcast, or is outside of what the materials and profiles of the stack allow.
     """
-    waves = {name: as_float(value, name) for name, value in arrays.items()}
+    waves = {
+        name: (as_numbers if name == "omega" else as_float)(value, name)
+        for name, value in arrays.items()
+    }
     for name, value in waves.items():
         check_values(name, value, "wavenumbers and frequencies must be finite")
     check_together(**waves)
