@@ -68,7 +68,9 @@ class Creep(eqx.Module):
     - `kernels`: log(|q| w_k M(q, -i s_k)), shape `(nodes, waves)`.
     - `nodes`: s_k [1/s].
     - `now`: log(|q| I(Δ)/Δ) of each step Δ: what a pressure that grows to 1 within it leaves.
-    - `whole`: log(|q| J(Δ)): what a constant pressure of 1 leaves; both of shape `(steps, waves)`.
+    - `whole`: log(|q| J(Δ)): what a constant pressure of 1 leaves.
+    - `aged`: log(|q| J(t)) of the times t at which the steps end; the three of shape
+      `(steps, waves)`.
     - `error`: estimated error of the displacements, relative [1].
     """
 
@@ -77,6 +79,7 @@ class Creep(eqx.Module):
     nodes: Complex[Array, " nodes"]
     now: Float[Array, "steps waves"]
     whole: Float[Array, "steps waves"]
+    aged: Float[Array, "steps waves"]
     error: Float[Array, ""]
 
     def at(self, table: Array, q: Float[Array, "*waves"]) -> Array:
@@ -114,15 +117,19 @@ def _creep(stack: Stack, ends: Array, steps: Array, rtol: float) -> Creep:
 
     kernels = weights[:, None] * compliance(q, nodes)
     _, creep, now = jax.lax.map(of_step, steps)
+    aged = jax.lax.map(of_step, jnp.cumsum(steps))[1]
     # What the long hyperbola and the interpolation leave, from the shortest time to the whole one.
     times = jnp.exp(jnp.linspace(jnp.log(shortest), jnp.log(whole), _CHECKED))
     exact, _, reached = jax.lax.map(of_step, times)
     by_nodes = jnp.sum((kernels * jnp.exp(nodes * times[:, None])[..., None]).real, axis=1)
     apart = jnp.cumsum(jnp.abs(by_nodes - exact) * times[:, None], axis=0)
     error = jnp.max(apart / reached) * jnp.log(whole / shortest) / (_CHECKED - 1)
-    found = Creep(log_q, jnp.log(kernels * q), nodes, jnp.log(now * q), jnp.log(creep * q), error)
+    by_step = (jnp.log(part * q) for part in (now, creep, aged))
+    found = Creep(log_q, jnp.log(kernels * q), nodes, *by_step, error)
     # Between the wavenumbers.
-    middle = jnp.exp(jnp.mean(log_q) + jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * 0.499 * jnp.diff(log_q))
+    middle = jnp.exp(
+        jnp.mean(log_q) + jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * 0.499 * jnp.diff(log_q)
+    )
     direct = weights[:, None] * compliance(middle, nodes)
     between = jnp.max(jnp.abs(found.at(found.kernels, middle) / direct - 1))
     return eqx.tree_at(lambda c: c.error, found, jax.lax.stop_gradient(error + between))

@@ -35,19 +35,19 @@ class _Ends(NamedTuple):
         return " to ".join(dict.fromkeys(format(float(end), form) for end in self))
 
 
-def caveats_of(number: NumberOf, motion: bool) -> tuple[Caveat, ...]:
+def caveats_of(number: NumberOf, kind: str) -> tuple[Caveat, ...]:
     """Returns the caveats of a result, in the order of the observables.
 
     **Arguments:**
 
     - `number`: returns a number of the result by its name, or 0 if the result has none, as a
       periodic contact has no rim.
-    - `motion`: whether the result is of cycles.
+    - `kind`: of the contacts, one of `KINDS`.
     """
     caveats = []
     for name, entry in OBSERVABLES.items():
         rule = entry.warns
-        if rule is None or (not motion) in (entry.cycle, rule.cycle):
+        if rule is None or kind not in entry.kinds or kind not in rule.kinds:
             continue
         values = np.asarray(number(name) if rule.of is None else rule.of(number))
         where = values > rule.limit

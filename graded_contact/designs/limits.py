@@ -42,7 +42,7 @@ class Criterion(NamedTuple):
 CRITERIA = {
     "friction": Criterion(
         "friction coefficient", "1",
-        lambda found: found.mean_friction if found.is_cycle else found.friction, in_mean_field=True,
+        lambda found: found.mean_friction if found.kind == "cycle" else found.friction, in_mean_field=True,
     ),
     "contact_area": Criterion(
         "fraction of the nominal area in contact", "1", lambda found: jnp.mean(found.contact_area),

@@ -19,6 +19,7 @@ from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
+from ..core.quantities import CYCLE, STEADY
 from ..core.display import shown
 from ..core.parameters import with_values
 from ..fields.frequency import velocity_along
@@ -160,6 +161,11 @@ class Scene:
     def observed(self) -> str:
         """What [observe] asks for, in words."""
         return ", ".join(self.observe.asked)
+
+    @property
+    def kind(self) -> str:
+        """Of its contacts, one of `KINDS`."""
+        return STEADY if self.motion is None else CYCLE
 
     @property
     def num_times(self) -> int:

@@ -11,9 +11,6 @@ frame of the surface, started from the pressure before:
 
     y, p, s(t) ──> displacement that is known ──> contact ──> p ──> y        (one scan)
 
-A wave of pressure is at rest in the block: its phase exp(-iq·s) takes it there and back. Waves with
-two points along an axis x count for both signs (`both_signs`).
-
 A derivative is that of the contact of each step. It keeps the contacts, and computes the memory
 once more from every √n-th step on.
 """
@@ -28,87 +25,33 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.ad_checkpoint import checkpoint_name
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex
 
-from ..blocks.creep import Creep
+from ..blocks.creep import NODES, creep_of
 from ..contacts.abstract_solver import Inputs, Loading
-from ..contacts.law import AbstractLaw
-from ..contacts.operator import Field, Steady, work_of_waves
+from ..contacts.inputs import loading_of
+from ..contacts.law import check_one_law
+from ..contacts.operator import Field, nonzero, work_of_waves
 from ..contacts.solution import RESULTS, ContactSolution
 from ..contacts.solve import contact_of
+from ..core.checks import check_squares, is_concrete
 from ..core.compilation import jit
-from ..fields.grid import (
-    Grid,
-    Waves,
-    both_signs,
-    mode_numbers,
-    multiplicity,
-    odd_wavevector,
-    to_field,
-    to_spectrum,
-    zero_mode,
-)
+from ..core.derivative import largest
+from ..core.memory import check_memory
+from ..fields.devices import required
+from ..fields.grid import half_shape, odd_wavevector, to_field, to_spectrum
+from ..materials.coverage import coverage
+from ..surfaces.surface import check_periodic
 from .area import contact_area, contact_area_pixels
-from .formulas import edges_of, indicator_of, slopes, touching
+from .case import Case
+from .facts import facts_of
+from .formulas import edges_of, indicator_of, lengths, slopes, touching
 from .grid_errors import openings
-from .motion import components
+from .history_problem import BlockWaves, HistoryProblem, OneStep, steps_of
 from .numerics import Numerics
-from .problem import Range, SteadyProblem
-from .result import Sliding
-from .shear import ShearStress, shear_over_load
-
-
-class HistoryProblem(eqx.Module):
-    """A surface in a motion that happens once, on a block.
-
-    **Fields:**
-
-    - `creep`: the memory of the block.
-    - `heights`, `grid`, `law`, `measured_range`, `shear`, `facts`: as in `SteadyProblem`.
-    - `prescribed`: what is given: "pressure" or "mean_gap". Static.
-    - `times`: ends of the steps [s], shape `(nt,)`.
-    - `displacement`: s of the surface at these times [m], since t = 0, shape `(nt,)` or `(nt, 2)`.
-    - `given`: pressure [Pa] or mean gap [m] at these times.
-    """
-
-    creep: Creep
-    heights: Float[Array, "..."]
-    grid: Grid
-    law: AbstractLaw
-    measured_range: Range | None = eqx.field(default=None, kw_only=True)
-    prescribed: str = eqx.field(default="pressure", static=True, kw_only=True)
-    times: Float[Array, " nt"]
-    displacement: Float[Array, "nt ..."]
-    given: Float[Array, " nt"]
-    shear: ShearStress | None = None
-    coupling: None = None
-    facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Of the fields at one time."""
-        return self.grid.shape
-
-    @property
-    def operator(self) -> Steady:
-        """The block in the last step."""
-        return Steady(_Waves(self).kernel(self.creep.now[-1]))
-
-    @property
-    def moved(self) -> Float[Array, "nt components"]:
-        """The displacement, its components on the second axis [m]."""
-        return components(self.displacement)
-
-    @property
-    def steps(self) -> tuple[Float[Array, " nt"], Float[Array, "nt components"]]:
-        """The lengths of the steps [s], and how far the surface moves in them [m]."""
-        before = jnp.zeros((1, self.moved.shape[1]), self.moved.dtype)
-        return steps_of(self.times), jnp.diff(self.moved, axis=0, prepend=before)
-
-
-def steps_of(times: Float[Array, " nt"]) -> Float[Array, " nt"]:
-    """Returns the lengths of the steps that end at these times [s]."""
-    return jnp.diff(times, prepend=jnp.zeros((1,), times.dtype))
+from .problem import SteadyProblem
+from .result import Sliding, TransientSliding
+from .shear import is_coupled, shear_over_load, shear_stress, unless_negative
 
 
 class HistoryState(NamedTuple):
@@ -139,74 +82,13 @@ class _Step(NamedTuple):
     given: Array
     now: Array  # tables of `Creep`
     whole: Array
+    aged: Array
     decay: Array  # exp(s_k Δ)
     from_old: Array  # of the step before
     from_new: Array
     slot: Array  # where its fields are kept
     index: Array
     counts: Array  # False for a step that only fills up the last segment
-
-
-class _Waves:
-    """The waves of a grid in the block: with both signs of the highest number along x."""
-
-    def __init__(self, problem: HistoryProblem):
-        self.problem, self.grid = problem, problem.grid
-        self.shape, ndim = self.grid.shape, self.grid.ndim
-        lowest = 2 * np.pi / self.grid.size
-        counts = [np.arange(n // 2 + 1) for n in self.shape]
-        mesh = jnp.meshgrid(*map(jnp.multiply, lowest, counts), indexing="ij")
-        squared = jnp.sum(jnp.stack(mesh) ** 2, axis=0)
-        self.q = jnp.sqrt(jnp.where(squared > 0, squared, jnp.min(lowest) ** 2))
-        self.numbers = both_signs(self.shape)
-        self.has_two = ndim == 2 and self.shape[0] % 2 == 0
-        self.components = [2 * np.pi * k / length for k, length in zip(self.numbers, self.grid.size, strict=True)]
-
-    def _on(self, quadrant: Array, numbers) -> Array:
-        """What depends on |q|, from its quadrant on the rows of mode numbers; 0 at q = 0."""
-        first = (0,) * self.grid.ndim
-        quadrant = quadrant.at[(..., *first)].set(0)
-        if self.grid.ndim == 1:
-            return quadrant
-        return jnp.take(quadrant, np.abs(numbers[0]).ravel(), axis=-2)
-
-    def kernel(self, table: Array) -> Array:
-        """A table of `Creep` on the half spectrum."""
-        return self._on(self.problem.creep.at(table, self.q), mode_numbers(self.shape))
-
-    def memory(self) -> Array:
-        """w_k M(s_k) of the waves in the block."""
-        creep = self.problem.creep
-        return self._on(creep.at(creep.kernels, self.q), self.numbers)
-
-    def turn(self, shift: Array) -> Array:
-        """exp(iq·s) of the waves in the block."""
-        along = zip(self.components, shift, strict=False)
-        return jnp.exp(1j * sum(q * s for q, s in along))
-
-    def split(self, waves: Array) -> Array:
-        """Half spectra on the waves in the block."""
-        if not self.has_two:
-            return waves
-        return jnp.take(waves, self.numbers[0].ravel() % self.shape[0], axis=-2)
-
-    def joined(self, waves: Array) -> Array:
-        """The half spectrum of waves in the block."""
-        if not self.has_two:
-            return waves
-        half = self.shape[0] // 2
-        line = (waves[half] + waves[half + 1])[None] / 2
-        return jnp.concatenate([waves[:half], line, waves[half + 2 :]])
-
-    def mean_product(self, one: Array, other: Array) -> Array:
-        """⟨f g⟩ of the fields of waves in the block."""
-        weight = np.broadcast_to(multiplicity(self.shape), one.shape[-1:]).astype(float)
-        if self.has_two:
-            rows = np.ones((one.shape[-2], 1))
-            rows[self.shape[0] // 2 : self.shape[0] // 2 + 2] = 0.5
-            weight = weight * rows
-        total = (one.real * other.real + one.imag * other.imag) * jnp.asarray(weight, one.real.dtype)
-        return jnp.sum(total) / math.prod(self.shape) ** 2
 
 
 class Advance(eqx.Module):
@@ -218,8 +100,11 @@ class Advance(eqx.Module):
     def init(self, kept: int) -> HistoryState:
         """Returns the state before t = 0, with room for the fields of so many steps."""
         problem = self.problem
-        waves, dtype = _Waves(problem), problem.heights.dtype
-        rest = jnp.zeros(waves.split(jnp.zeros(_half(problem.shape), dtype)).shape, _complex(dtype))
+        waves, dtype = BlockWaves(problem), problem.heights.dtype
+        rest = jnp.zeros(
+            waves.split(jnp.zeros(half_shape(problem.shape), dtype)).shape,
+            jnp.result_type(dtype, 1j),
+        )
         nodes = jnp.zeros((len(problem.creep.nodes), 2, *rest.shape), dtype)
         field = jnp.zeros(problem.shape, dtype)
         return HistoryState(
@@ -231,13 +116,14 @@ class Advance(eqx.Module):
 
     def step(self, state: HistoryState, given: _Step) -> tuple[HistoryState, dict[str, Array]]:
         """Returns the state at the end of a step, and its numbers."""
-        problem, waves = self.problem, _Waves(self.problem)
+        problem, waves = self.problem, BlockWaves(self.problem)
         turn = waves.turn(given.shift)
-        now, known, memory = self._known(state, given, waves)
+        operator, known, memory = self._known(state, given, waves)
+        now = operator.kernel
         known_field = to_field(waves.joined(known * turn), problem.shape)
         heights = problem.heights - known_field
         loading = (given.given, None) if problem.prescribed == "pressure" else (None, given.given)
-        inputs = Inputs(Steady(now), heights, problem.law, Loading(*loading))
+        inputs = Inputs(operator, heights, problem.law, Loading(*loading))
         contact = contact_of(
             inputs, self.how.solver, self.how.adjoint, self.how.rtol,
             jax.lax.stop_gradient(state.pressure), None, False,
@@ -248,7 +134,7 @@ class Advance(eqx.Module):
         moved = known + waves.split(now * spectrum) * jnp.conj(turn)
         displacement = contact.displacement + known_field
         one = Sliding(contact, SteadyProblem(
-            operator=Steady(now), heights=heights, grid=problem.grid, law=problem.law,
+            operator=operator, heights=heights, grid=problem.grid, law=problem.law,
             velocity=jnp.ones((), heights.dtype), prescribed=problem.prescribed,
         ))  # fmt: skip
         traction, numbers = self._numbers(one, displacement, given)
@@ -268,8 +154,8 @@ class Advance(eqx.Module):
             failed=jnp.where(good & (contact.result != RESULTS.successful), given.index, state.failed),
         ), numbers  # fmt: skip
 
-    def _known(self, state: HistoryState, given: _Step, waves: _Waves):
-        """The kernel of the step, the waves that earlier pressures leave, and the new memory."""
+    def _known(self, state: HistoryState, given: _Step, waves: BlockWaves):
+        """The block in the step, the waves that earlier pressures leave, and the new memory."""
         parts = lambda wave: jnp.stack([wave.real, wave.imag])  # noqa: E731
         old, new, weights = parts(state.before), parts(state.old), waves.memory()
 
@@ -277,15 +163,17 @@ class Advance(eqx.Module):
             real, imag, decay, before, last, weight = node
             real = real + before.real * old + last.real * new
             imag = imag + before.imag * old + last.imag * new
-            real, imag = decay.real * real - decay.imag * imag, decay.real * imag + decay.imag * real
+            real, imag = (
+                decay.real * real - decay.imag * imag,
+                decay.real * imag + decay.imag * real,
+            )
             return total + weight.real * real - weight.imag * imag, (real, imag)
 
         factors = given.decay, given.from_old, given.from_new, weights
         total, memory = jax.lax.scan(add, jnp.zeros_like(old), (*state.memory, *factors))
-        tables = jnp.stack([given.now, given.whole])
-        now, whole = waves.kernel(tables)
+        now, whole, aged = waves.kernel(jnp.stack([given.now, given.whole, given.aged]))
         known = jax.lax.complex(*total) + waves.split(whole - now) * state.old
-        return now, known, memory
+        return OneStep(now, aged), known, memory
 
     def _numbers(self, one: Sliding, displacement: Field, given: _Step):
         """The traction by slopes [Pa], and the numbers of the contact of a step."""
@@ -305,20 +193,15 @@ class Advance(eqx.Module):
             traction=traction + sheared, shear_traction=sheared, load=load,
             contact_area=contact_area(one), contact_area_pixels=contact_area_pixels(one),
             mean_gap=contact.mean_gap, slope=slopes(one, pressure, displacement),
-            openings=openings(pressure, touching(one)), error=contact.error,
-            gap_error=contact.gap_error, num_fft_pairs=contact.num_fft_pairs,
-        )  # fmt: skip
+            openings=openings(pressure, touching(one)),
+        ) | {f"step_{name}": getattr(contact, name) for name in _OF_STEPS}  # fmt: skip
 
 
 _CONTACT = "contact"  # what a derivative keeps of each step
-
-
-def _half(shape: tuple[int, ...]) -> tuple[int, ...]:
-    return (*shape[:-1], shape[-1] // 2 + 1)
-
-
-def _complex(dtype):
-    return jnp.result_type(dtype, 1j)
+_OF_STEPS = (
+    "error", "gap_error", "load_error", "complementarity_error", "penetration", "num_steps",
+    "num_fft_pairs",
+)  # fmt: skip
 
 
 @jit
@@ -345,7 +228,24 @@ def run_history(
     segment = jax.checkpoint(lambda state, given: jax.lax.scan(one, state, given), policy=policy)
     state, numbers = jax.lax.scan(segment, advance.init(len(kept)), filled)
     numbers = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:count], numbers)
-    return state, numbers
+    return state, _of_whole(problem, numbers)
+
+
+def _of_whole(problem: HistoryProblem, numbers: dict[str, Array]) -> dict[str, Array]:
+    """The numbers of all steps, with those over the load and those of the whole."""
+    load = numbers["load"]
+    over = lambda traction: (
+        jnp.where(load > 0, traction.T / jnp.where(load > 0, load, 1), jnp.nan).T
+    )  # noqa: E731
+    shape, way = problem.displacement.shape, lengths(problem.steps[1])
+    friction, path = over(numbers["traction"]), jnp.sum(load * way)
+    return numbers | dict(
+        traction=numbers["traction"].reshape(shape), friction=friction.reshape(shape),
+        shear_friction=over(numbers["shear_traction"]).reshape(shape),
+        mean_friction=numbers["work_done"][-1] / nonzero(path),
+        peak_friction=largest(jnp.where(load > 0, lengths(friction), 0)),
+        slope_in_contact=largest(numbers["slope"]),
+    )  # fmt: skip
 
 
 def _steps(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
@@ -360,7 +260,7 @@ def _steps(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
     slots[list(kept)] = np.arange(len(kept))
     return _Step(
         length=lengths, shift=problem.moved, way=way, given=problem.given, now=creep.now,
-        whole=creep.whole, decay=jnp.exp(z), from_old=before(lengths[:, None] * (once - twice)),
+        whole=creep.whole, aged=creep.aged, decay=jnp.exp(z), from_old=before(lengths[:, None] * (once - twice)),
         from_new=before(lengths[:, None] * twice), slot=jnp.asarray(slots),
         index=jnp.arange(count), counts=jnp.ones(count, bool),
     )  # fmt: skip
@@ -370,5 +270,78 @@ def _rest_of_exponential(z: Complex[Array, "..."]) -> Complex[Array, "..."]:
     """(exp(z) - 1 - z)/z², of small z by its series."""
     small = jnp.abs(z) < 1
     near, far = jnp.where(small, z, 0), jnp.where(small, 1, z)
-    series = functools.reduce(lambda rest, k: rest * near / (k + 2) + 1, range(18, 0, -1), 1 + 0 * near) / 2
+    series = (
+        functools.reduce(lambda rest, k: rest * near / (k + 2) + 1, range(18, 0, -1), 1 + 0 * near)
+        / 2
+    )
     return jnp.where(small, series, (jnp.exp(far) - 1 - far) / far**2)
+
+
+def history_problem(case: Case) -> HistoryProblem:
+    """Returns the problem of a case with displacements at times."""
+    surface, times = case.rough, case.times
+    check_periodic(surface)
+    check_one_law(case.law)
+    check_squares("heights", surface.heights, "m")
+    grid, count, load = (
+        surface.grid,
+        len(times),
+        dict(pressure=case.pressure, mean_gap=case.mean_gap),
+    )
+    fields = 2 * NODES * 2 + 30
+    check_memory("surface", "a history", fields, grid.shape, surface.heights.dtype.itemsize)
+    loading = loading_of(case.law, surface.heights[None], count, **load)
+    given = next(value for value in loading if value is not None).reshape(count)
+    if is_coupled(case.shear):
+        raise ValueError(
+            "`shear` is refused: in a history the traction of a law cannot move the surface of the "
+            "block. Pass `coupled=False`."
+        )
+    lowest = 2 * np.pi / jnp.max(grid.size)
+    highest = np.pi * jnp.sqrt(jnp.sum((np.array(grid.shape) / grid.size) ** 2))
+    creep = creep_of(case.stack, jnp.stack([lowest, highest]), steps_of(times))
+    stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
+    return HistoryProblem(
+        creep=creep, heights=surface.heights, grid=grid, law=case.law, times=times,
+        displacement=case.displacement, given=unless_negative(given, stress), shear=stress,
+        prescribed=case.prescribed, measured_range=coverage(case.stack), facts=facts_of(case),
+    )  # fmt: skip
+
+
+def solve_history(
+    case: Case, how: Numerics, fields_at: tuple[int, ...] = (-1,)
+) -> TransientSliding:
+    """Returns the contact of a case with displacements at times; see `slide_history`."""
+    count = len(case.times)
+    kept = tuple(int(i) % count for i in fields_at)
+    problem = history_problem(case)
+    state, numbers = run_history(problem, how, kept)
+    found = history_of(problem, state, numbers, kept)
+    if not how.throw:
+        return found
+    if is_concrete(found.failed) and np.ndim(found.failed) == 0 and found.failed >= 0:
+        step = int(found.failed)
+        raise RuntimeError(
+            f"Step {step + 1} of {count}, which ends at {float(case.times[step]):.4g} s, failed: "
+            f"{RESULTS[found.result]} With `throw=False` the numbers before it are returned."
+        )
+    good = found.failed < 0
+    return dataclasses.replace(
+        found, recorded=required(found.recorded, good, found.result.error_if),
+        contact=required(found.contact, good, found.result.error_if),
+    )  # fmt: skip
+
+
+def history_of(problem, state: HistoryState, numbers, kept) -> TransientSliding:
+    """Returns the result of the numbers and the state of a history."""
+    pressure, gap, displacement, correction = state.kept
+    over = tuple(range(1, pressure.ndim))
+    contact = ContactSolution(
+        pressure=pressure, gap=gap, displacement=displacement, correction=correction,
+        mean_pressure=jnp.mean(pressure, axis=over), mean_gap=jnp.mean(gap, axis=over),
+        result=state.result, **{
+            name: (jnp.sum if name.startswith("num_") else jnp.max)(numbers[f"step_{name}"])
+            for name in _OF_STEPS
+        },
+    )  # fmt: skip
+    return TransientSliding(contact, problem, numbers, state.failed, kept)

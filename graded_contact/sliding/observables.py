@@ -7,6 +7,7 @@ may be used by the modules below it.
 # ruff: noqa: F401, I001
 from . import load
 from . import cycle_numbers
+from . import history_numbers
 from . import friction
 from . import area
 from . import doubts

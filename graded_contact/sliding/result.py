@@ -1,26 +1,34 @@
 """The results of sliding: a contact and its problem, from which observables are computed."""
 
 import inspect
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..blocks.heated_stack import HeatedContact
 from ..contacts.solution import ContactSolution
 from ..core.display import shown
-from ..core.quantities import OBSERVABLES
+from ..core.quantities import CYCLE, HISTORY, OBSERVABLES, STEADY
 from ..fields.frequency import direction_and_speed
 from .abstract_sliding import AbstractSliding, beyond_contact
+from .history_problem import HistoryProblem
 from .problem import CycleProblem, Problem, SteadyProblem
+
+
+_NOTHING: Mapping[str, Array] = MappingProxyType({})  # recorded step by step
 
 
 def describe(kind: type[AbstractSliding]) -> None:
     """Puts the observables of a class into its docstring, once all are registered."""
     lines = []
     for name, entry in OBSERVABLES.items():
-        if entry.is_of(kind.is_cycle, entry.needs):
+        if entry.is_of(kind.kind, entry.needs):
             text = inspect.cleandoc(entry.formula.__doc__ or "").replace("\n\n", "\n")
             lines.append(f"- `{name}`: {text}".replace("\n", "\n  "))
     kind.__doc__ = inspect.cleandoc(kind.__doc__ or "").replace("OBSERVABLES", "\n".join(lines))
@@ -54,7 +62,8 @@ class Sliding(AbstractSliding):
     contact: ContactSolution
     problem: SteadyProblem
     heated: HeatedContact | None = None
-    is_cycle: ClassVar[bool] = False
+    kind: ClassVar[str] = STEADY
+    recorded = _NOTHING
 
     @property
     def directions(self) -> list[float]:
@@ -108,7 +117,8 @@ class CyclicSliding(AbstractSliding):
     contact: ContactSolution
     problem: CycleProblem
     heated: HeatedContact | None = None
-    is_cycle: ClassVar[bool] = True
+    kind: ClassVar[str] = CYCLE
+    recorded = _NOTHING
 
     @property
     def directions(self) -> list[Float[Array, "nt ..."]]:
@@ -155,7 +165,61 @@ class CyclicSliding(AbstractSliding):
         return self.motion_of_surface[0].reshape(self.displacement.shape)
 
 
-Found = Sliding | CyclicSliding
+@shown("contact", "failed", "grid_errors", "caveats")
+class TransientSliding(AbstractSliding):
+    """Friction, contact area and fields in a motion that happens once.
+
+    Arrays over time have the shape `(nt,)`, one number for each of `.times`; those along the
+    motion, friction and traction, `(nt, 2)` if the displacement has two components. Errors have no
+    derivative. After a step that failed all numbers are NaN.
+
+    **Observables:** friction, traction, load, gap, areas and works over time, others of the whole
+
+    OBSERVABLES
+
+    **Fields:**
+
+    - `contact`: the fields at the ends of some steps, of the shape `(kept, *grid.shape)`, see
+      `ContactSolution`; its numbers are the largest errors and the sums of all steps. The fields are
+      also reached directly as `.pressure`, `.gap`, `.displacement` [Pa, m, m]; `.field_times` [s]
+      are their times.
+    - `problem`: what was solved, see `HistoryProblem`; its `times`, `displacement`, `heights`,
+      `grid`, `law`, `shear` and others are also reached directly.
+    - `recorded`: numbers of the steps by their names, each with the times on its first axis.
+    - `failed`: number of the first step that did not succeed, or -1.
+    - `kept_steps`: numbers of the steps whose fields are kept. Static.
+    """
+
+    contact: ContactSolution
+    problem: HistoryProblem
+    recorded: dict[str, Array]
+    failed: Array
+    kept_steps: tuple[int, ...] = eqx.field(static=True)
+    heated: HeatedContact | None = None
+    kind: ClassVar[str] = HISTORY
+
+    @property
+    def times(self) -> Float[Array, " nt"]:
+        """Ends of the steps [s]."""
+        return self.problem.times
+
+    @property
+    def displacement(self) -> Float[Array, "*kept"]:
+        """Displacement of the block at the kept times [m]."""
+        return self.contact.displacement
+
+    @property
+    def moved(self) -> Float[Array, "nt components"]:
+        """The displacement s of the surface, its components on the second axis [m]."""
+        return self.problem.moved
+
+    @property
+    def field_times(self) -> Float[Array, " kept"]:
+        """Times of the kept fields [s]."""
+        return self.times[np.array(self.kept_steps)]
+
+
+Found = Sliding | CyclicSliding | TransientSliding
 
 
 def result_of(problem: Problem, contact: ContactSolution) -> Found:
