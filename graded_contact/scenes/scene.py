@@ -19,9 +19,9 @@ from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
-from ..core.quantities import CYCLE, STEADY
 from ..core.display import shown
 from ..core.parameters import with_values
+from ..core.quantities import CYCLE, STEADY
 from ..fields.frequency import velocity_along
 from ..materials.material import AbstractMaterial
 from ..sliding.case import Case, Heating
