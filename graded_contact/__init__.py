@@ -19,7 +19,7 @@ from .core import jit, with_values
 from .fields import Grid
 from .materials import WLF, BulkShear, Elastic, Prony, tyre_tread
 from .mean_field import mean_field_friction
-from .sliding import Case, Sliding, slide, slide_cycle
+from .sliding import Case, Sliding, slide, slide_cycle, slide_history
 from .surfaces import SelfAffine, Surface, random_surface
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ __all__ = [  # noqa: RUF022 (in the order in which data flow; the rooms last)
     "Stack", "Layer", "GradedLayer", "HalfSpace", "Rigid", "Free", "surface_compliance",
     "Grid", "SelfAffine", "Surface", "random_surface", "read_surface",
     "HardWall", "solve_contact",
-    "slide", "slide_cycle", "Sliding", "Case", "mean_field_friction",
+    "slide", "slide_cycle", "slide_history", "Sliding", "Case", "mean_field_friction",
     "read_moduli", "fit_prony", "master_curve",
     "sweep", "minimise", "with_values", "jit",
     "read_scene", "plan", "read_results", "explore",

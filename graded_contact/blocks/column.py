@@ -92,7 +92,7 @@ class GradedPart(NamedTuple):
     number: int
     profile: Any
     x: Float[Array, "..."]
-    omega: Float[Array, "..."]
+    omega: Inexact[Array, "..."]
     unit: Float[Array, ""]
     bond: Give | None = None
     height: Float[Array, "..."] | None = None
@@ -141,7 +141,7 @@ class Column(NamedTuple):
     q: Float[Array, "..."]
 
 
-def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) -> Column:
+def column_of(stack: Stack, q: Float[Array, "..."], omega: Inexact[Array, "..."]) -> Column:
     """Returns the column of a stack."""
     graded = [layer for layer in stack.layers if isinstance(layer, GradedLayer)]
     modulus, poisson = moduli_of_all(materials_of(stack), omega)

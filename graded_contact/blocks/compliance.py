@@ -91,7 +91,8 @@ def surface_compliance(
 
     - `stack`: the block.
     - `q`: wavenumbers |q| [rad/m], positive.
-    - `omega`: angular frequencies ω [rad/s], of either sign.
+    - `omega`: angular frequencies ω [rad/s], of either sign; a complex ω = -is stands for fields
+      exp(st), see `AbstractMaterial`.
     - `rtol`: relative tolerance in graded layers; by default that of the stack. If it is not
       reached, an error is raised; `graded_compliance` returns the estimate. Stacks of
       homogeneous layers are exact, and ignore it.

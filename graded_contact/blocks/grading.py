@@ -7,11 +7,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Inexact
 
 from ..core.checks import (
     Numbers,
     as_float,
+    as_numbers,
     check_together,
     check_tolerance,
     check_values,
@@ -30,7 +31,7 @@ _NOT_REACHED = (
 )
 
 
-def check_profiles(stack: Stack, omega: Float[Array, "..."]) -> None:
+def check_profiles(stack: Stack, omega: Inexact[Array, "..."]) -> None:
     """Raises `ValueError` for frequencies that a table refuses, or a profile that is not usable.
 
     Of a profile it names the layer and the height.
@@ -47,7 +48,10 @@ def as_waves(stack: Stack, **arrays: Numbers) -> tuple[Array, ...]:
     So a modulus is computed once for each entry of `omega`. Refuses what is not finite, does not
     broadcast, or is outside of what the materials and profiles of the stack allow.
     """
-    waves = {name: as_float(value, name) for name, value in arrays.items()}
+    waves = {
+        name: (as_numbers if name == "omega" else as_float)(value, name)
+        for name, value in arrays.items()
+    }
     for name, value in waves.items():
         check_values(name, value, "wavenumbers and frequencies must be finite")
     check_together(**waves)

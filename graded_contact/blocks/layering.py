@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ..core.checks import Numbers, as_float, check_type, check_types, check_whole
+from ..core.checks import Numbers, as_numbers, check_type, check_types, check_whole
 from ..materials.material import AbstractMaterial
 from .column import Face, GradedPart, Rule, cast_like, stable_shape, visible
 from .graded_solver import AbstractGradedSolver, as_tolerance, rounding
@@ -270,11 +270,11 @@ class _AtHeight(AbstractMaterial):
     height: Float[Array, ""]
 
     def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
-        omega = as_float(omega, "omega")
+        omega = as_numbers(omega, "omega")
         return jnp.broadcast_to(self.profile(self.height, omega)[0], omega.shape)
 
     def poisson_ratio(self, omega: Numbers) -> Inexact[Array, "..."]:
-        return jnp.asarray(self.profile(self.height, as_float(omega, "omega"))[1])
+        return jnp.asarray(self.profile(self.height, as_numbers(omega, "omega"))[1])
 
     def at(self, temperature: ScalarLike) -> "_AtHeight":
         return _AtHeight(self.profile.at(temperature), self.height)

@@ -12,7 +12,7 @@ from typer import Option
 from ..core.caveats import caveats_of
 from ..core.checks import check_values
 from ..core.display import UNKNOWN
-from ..core.quantities import in_brackets
+from ..core.quantities import STEADY, in_brackets
 from ..exports.friction_cards import export_friction
 from ..plot.words import kelvin
 from ..scenes.described import described
@@ -130,7 +130,7 @@ def _mean_field(scene: Scene, interruption: Interruption) -> "Dataset":
         found = found.isel(temperature=0, drop=True)
     _print_theory(found)
     shares = {"extrapolated_friction": found["extrapolated_friction"]}
-    doubts = caveats_of(lambda number: shares.get(number, 0.0), motion=False)
+    doubts = caveats_of(lambda number: shares.get(number, 0.0), STEADY)
     caveats = [*surface.caveats, *scene.assumed, *(caveat.sentence for caveat in doubts)]
     print_caveats(caveats)
     about = {"title": scene.title, "scene": scene.text, "caveats": "\n".join(caveats)}

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from .display import shown
-from .quantities import OBSERVABLES, NumberOf
+from .quantities import HISTORY, OBSERVABLES, NumberOf
 
 DOUBTFUL = 0.1  # the part of a result above which there is a caveat
 
@@ -35,25 +35,25 @@ class _Ends(NamedTuple):
         return " to ".join(dict.fromkeys(format(float(end), form) for end in self))
 
 
-def caveats_of(number: NumberOf, motion: bool) -> tuple[Caveat, ...]:
+def caveats_of(number: NumberOf, kind: str) -> tuple[Caveat, ...]:
     """Returns the caveats of a result, in the order of the observables.
 
     **Arguments:**
 
     - `number`: returns a number of the result by its name, or 0 if the result has none, as a
       periodic contact has no rim.
-    - `motion`: whether the result is of cycles.
+    - `kind`: of the contacts, one of `KINDS`.
     """
-    caveats = []
+    caveats, what = [], "times" if kind == HISTORY else "solves"
     for name, entry in OBSERVABLES.items():
         rule = entry.warns
-        if rule is None or (not motion) in (entry.cycle, rule.cycle):
+        if rule is None or kind not in entry.kinds or kind not in rule.kinds:
             continue
         values = np.asarray(number(name) if rule.of is None else rule.of(number))
         where = values > rule.limit
         if np.any(where):
             text = rule.sentence.format(value=_Ends(np.min(values[where]), np.max(values[where])))
             if not np.all(where):
-                text += f" ({np.sum(where)} of {values.size} solves.)"
+                text += f" ({np.sum(where)} of {values.size} {what}.)"
             caveats.append(Caveat(text, where))
     return tuple(caveats)

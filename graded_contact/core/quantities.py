@@ -218,6 +218,10 @@ TOTAL = ("±", ".1e")
 NumberOf = Callable[[str], Any]
 
 
+# Kinds of contacts: steady sliding, a periodic motion, and what happens once.
+STEADY, CYCLE, HISTORY = KINDS = ("steady", "cycle", "history")
+
+
 class Above(NamedTuple):
     """What makes a number doubtful: that it exceeds a limit.
 
@@ -227,13 +231,13 @@ class Above(NamedTuple):
     - `sentence`: the caveat; `{value}` is the number; of several solves, the ends of their range.
     - `of`: what is compared instead of the observable: a function of `NumberOf`. Numbers have any
       shape, and are NaN where a solve has none.
-    - `cycle`: True for a caveat of cycles alone, False for one of steady sliding alone.
+    - `kinds`: of the contacts that have the caveat, a part of `KINDS`.
     """
 
     limit: float
     sentence: str
     of: Callable[[NumberOf], Any] | None = None
-    cycle: bool | None = None
+    kinds: Collection[str] = KINDS
 
 
 class Observable(NamedTuple):
@@ -242,9 +246,9 @@ class Observable(NamedTuple):
     **Fields:**
 
     - `quantity`: its name, symbol, unit and meaning.
-    - `formula`: of a `Sliding` or a `CyclicSliding`.
-    - `cycle`: True for a number of cycles alone, False for one of steady sliding alone.
-    - `over_time`: whether a cycle has one number at each time.
+    - `formula`: of a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
+    - `kinds`: of the contacts that have it, a part of `KINDS`.
+    - `over_time`: whether a cycle or a history has one number at each time.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
     - `column`: head and format in the table of the command, if it has a column there.
@@ -255,7 +259,7 @@ class Observable(NamedTuple):
 
     quantity: Quantity
     formula: Callable[[Any], Any]
-    cycle: bool | None = None
+    kinds: Collection[str] = (STEADY, CYCLE)
     over_time: bool = False
     stored: bool = True
     needs: Collection[str] = ()
@@ -277,9 +281,14 @@ class Observable(NamedTuple):
         """Whether several surfaces have its mean; of errors and checks they have the largest."""
         return bool(self.quantity.symbol) and self.has_derivative
 
-    def is_of(self, motion: bool, facts: Collection[str]) -> bool:
+    def is_of(self, kind: str, facts: Collection[str]) -> bool:
         """Whether contacts of this kind have it."""
-        return self.cycle in (None, motion) and {*self.needs} <= {*facts}
+        return kind in self.kinds and {*self.needs} <= {*facts}
+
+    def of(self, found: Any) -> Any:
+        """Returns the number of a contact; a history recorded some of them step by step."""
+        known = found.recorded
+        return known[self.name] if self.name in known else self.formula(found)
 
 
 # In the order of prints and tables.
@@ -287,7 +296,7 @@ OBSERVABLES: dict[str, Observable] = {}
 
 
 def observable(symbol: str, unit: str, meaning: str, **options: Any) -> Callable[[F], F]:
-    """Registers a function of a `Sliding` or a `CyclicSliding` as its attribute of the same name.
+    """Registers a function of a result of sliding as its attribute of the same name.
 
     The attribute is computed when it is read. A name with `_error` is the estimated error of the
     name before it: it is printed behind that, and has no derivative. Several surfaces have the mean
@@ -301,18 +310,35 @@ def observable(symbol: str, unit: str, meaning: str, **options: Any) -> Callable
 
     def register(formula: F) -> F:
         quantity = Quantity(formula.__name__, symbol, unit, meaning)
-        OBSERVABLES[quantity.name] = Observable(quantity, formula, **options)
+        entry = Observable(quantity, formula, **options)
+        known = OBSERVABLES.get(entry.name)
+        OBSERVABLES[entry.name] = entry if known is None else _with(known, entry)
         return formula
 
     return register
 
 
-of_steady, of_cycle = (partial(observable, cycle=kind) for kind in (False, True))
+def _with(known: Observable, more: Observable) -> Observable:
+    """A number that contacts of other kinds have by another formula."""
+
+    def chosen(field):
+        def run(found):
+            return getattr(more if found.kind in more.kinds else known, field)(found)
+
+        return run
+
+    return known._replace(
+        formula=chosen("formula"), beside=chosen("beside") if known.beside else None,
+        kinds=(*known.kinds, *more.kinds), over_time=known.over_time or more.over_time,
+    )  # fmt: skip
 
 
-def numbers_of(motion: bool, facts: Collection[str] = ()) -> tuple[str, ...]:
+of_steady, of_cycle, of_history = (partial(observable, kinds=(kind,)) for kind in KINDS)
+
+
+def numbers_of(kind: str, facts: Collection[str] = ()) -> tuple[str, ...]:
     """Returns the names of the observables that prints and results of such contacts contain."""
-    return tuple(n for n, o in OBSERVABLES.items() if o.stored and o.is_of(motion, facts))
+    return tuple(n for n, o in OBSERVABLES.items() if o.stored and o.is_of(kind, facts))
 
 
 # The pressure of an axis comes before that of a field.

@@ -167,6 +167,6 @@ def _verified(
         raise RuntimeError(ends[ends != ""][0])
     numbers = {str(name): variable.values for name, variable in found.data_vars.items()}
     known = lambda name: numbers.get(f"numbers.{name}", 0.0)  # noqa: E731
-    caveats = caveats_of(known, study.scene.motion is not None)
+    caveats = caveats_of(known, study.scene.kind)
     criteria = {name: numbers[f"criteria.{name}"] for name in names}
     return criteria, tuple(caveat.sentence for caveat in caveats)

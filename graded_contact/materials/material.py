@@ -1,7 +1,8 @@
 """Linear viscoelastic materials: complex Young's modulus E(ω) and Poisson's ratio.
 
 Fields go as exp(iωt), so E = E' + iE'' with loss modulus E'' >= 0 for ω > 0 and
-E(-ω) = conj E(ω). Temperatures are in kelvin.
+E(-ω) = conj E(ω). Temperatures are in kelvin. A complex ω = -is stands for fields exp(st), as
+histories need them (`blocks/creep.py`): a law of one's own is written with iω, without |ω|.
 
 Sources: the generalised Maxwell solid and its creep form, N. W. Tschoegl, The Phenomenological
 Theory of Linear Viscoelastic Behavior, Springer (1989), doi:10.1007/978-3-642-73602-5; the creep
@@ -23,6 +24,7 @@ from jaxtyping import Complex, Float, Inexact, ScalarLike
 from ..core.checks import (
     Numbers,
     as_float,
+    as_numbers,
     as_scalar,
     check_poisson,
     check_positive,
@@ -46,7 +48,10 @@ class AbstractMaterial(eqx.Module):
 
     @abc.abstractmethod
     def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
-        """Returns Young's modulus E(ω) [Pa] at the angular frequencies `omega` [rad/s]."""
+        """Returns Young's modulus E(ω) [Pa] at the angular frequencies `omega` [rad/s].
+
+        `omega` is real, or complex in histories: a law has one analytic form for both.
+        """
 
     @abc.abstractmethod
     def poisson_ratio(self, omega: Numbers) -> Inexact[Array, "..."]:
@@ -84,8 +89,8 @@ class Elastic(AbstractMaterial):
         check_poisson("poisson", self.poisson)
 
     def modulus(self, omega: Numbers) -> Float[Array, "*w"]:
-        omega = as_float(omega, "omega")
-        dtype = jnp.result_type(self.young, omega)
+        omega = as_numbers(omega, "omega")
+        dtype = jnp.result_type(self.young, omega.real)
         return jnp.broadcast_to(self.young.astype(dtype), omega.shape)
 
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:
@@ -170,9 +175,11 @@ class Prony(AbstractMaterial):
         return self.equilibrium + jnp.sum(self.strengths)
 
     def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
-        omega = as_float(omega, "omega")
+        omega = as_numbers(omega, "omega")
         # One more axis, over the branches.
         x = omega[..., None] * self.times
+        if jnp.iscomplexobj(x):
+            return self.equilibrium + jnp.sum(self.strengths * (1j * x / (1 + 1j * x)), axis=-1)
         # x²/(1 + x²) and x/(1 + x²), in forms that neither overflow nor cancel and are even and
         # odd: split into size and sign, they would have no derivative at rest.
         small = jnp.abs(x) <= 1

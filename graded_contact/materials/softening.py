@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import (
@@ -25,6 +26,7 @@ from ..core.checks import (
     check_rows,
     check_types,
     check_values,
+    is_concrete,
     numbers,
     scalar,
 )
@@ -90,6 +92,8 @@ class StrainSoftening(AbstractMaterial):
 
     def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
         modulus, (storage, loss) = self.material.modulus(omega), self.factors()
+        if jnp.iscomplexobj(omega):
+            return _if_equal(storage, loss) * modulus
         # An elastic material has no loss, and stays real.
         if not jnp.issubdtype(modulus.dtype, jnp.complexfloating):
             return storage * modulus
@@ -100,6 +104,18 @@ class StrainSoftening(AbstractMaterial):
 
     def at(self, temperature: ScalarLike) -> "StrainSoftening":
         return eqx.tree_at(lambda m: m.material, self, self.material.at(temperature))
+
+
+def _if_equal(storage: Array, loss: Array) -> Array:
+    """The factor of the modulus at complex frequencies, where only f = g has one; else NaN."""
+    equal = jnp.abs(storage - loss) <= 1e-9 * storage
+    if is_concrete(equal) and not np.all(equal):
+        raise ValueError(
+            f"`StrainSoftening` with the factors {storage:.4g} of E' and {loss:.4g} of E'' is "
+            "refused: what happens once needs one factor, since with two the modulus at complex "
+            "frequencies is that of no causal solid. Give `loss=storage`."
+        )
+    return jnp.where(equal, storage, jnp.nan)
 
 
 @check_types

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, ScalarLike
+from jaxtyping import Array, Complex, Float, Inexact, ScalarLike
 
 from ..core.checks import (
     Numbers,
@@ -78,11 +78,11 @@ class Tabulated(AbstractMaterial):
         check_type("shift", shift, AbstractShift, type(None))
 
     def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
-        omega = as_float(omega, "omega")
+        omega = as_numbers(omega, "omega")
+        self.check(omega)
         first, last = self.omega[0], self.omega[-1]
         size = jnp.abs(omega)
         if self.extrapolate == "refuse":
-            self.check(omega)
             size = eqx.error_if(size, is_unknown(omega, (first, last)), _OUTSIDE)
         below, above = size < first, size > last
         # Clipped before the logarithm: at rest it would be -inf, with a NaN derivative.
@@ -101,8 +101,16 @@ class Tabulated(AbstractMaterial):
         """Returns the ends of the table [rad/s]."""
         return jax.lax.stop_gradient((self.omega[0], self.omega[-1]))
 
-    def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
-        """Raises `ValueError` for frequencies [rad/s] outside a table that refuses them."""
+    def check(self, omega: Inexact[Array | np.ndarray, "..."]) -> None:
+        """Raises `ValueError` for frequencies [rad/s] outside a table that refuses them.
+
+        A table has no modulus at complex frequencies.
+        """
+        if jnp.iscomplexobj(omega):
+            raise ValueError(
+                "A table of moduli (`Tabulated`) is refused: what happens once needs moduli at "
+                "complex frequencies, where a table has none. Fit it: `fit_prony(omega, modulus)`."
+            )
         if self.extrapolate != "refuse" or not (is_concrete(omega) and is_concrete(self.omega)):
             return
         # In NumPy: inside `jit` even what is known would be traced.

@@ -29,7 +29,7 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     case = scene.case({name: at[0] for name, at in scene.axes.items()}, surface)
     known = facts_of(case) | {*scene.observe.asked}
     # What is varied is a coordinate, and no result.
-    names = [n for n in numbers_of(scene.motion is not None, known) if n not in scene.axes]
+    names = [n for n in numbers_of(scene.kind, known) if n not in scene.axes]
     return *names, *(["friction_standard_error"] if errors_of_stack(scene) is not None else [])
 
 

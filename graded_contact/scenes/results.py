@@ -19,7 +19,7 @@ import numpy as np
 
 from ..contacts.solution import FAILURES, RESULTS
 from ..core.caveats import Caveat, caveats_of
-from ..core.quantities import OBSERVABLES
+from ..core.quantities import CYCLE, OBSERVABLES, STEADY
 from ..fields.grid import Grid
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, read_dataset
 from ..surfaces.reading_steps import ReadingStep
@@ -137,7 +137,9 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
         for name, variable in results.data_vars.items()
         if variable.dtype.kind == "f" and {*known.dims} <= {*variable.dims} <= {*known.dims, "time"}
     }
-    return *of_files, *caveats_of(lambda name: told.get(name, 0.0), "time" in results.dims)
+    return *of_files, *caveats_of(
+        lambda name: told.get(name, 0.0), CYCLE if "time" in results.dims else STEADY
+    )
 
 
 def is_of_each(caveat: Caveat, results: "Dataset") -> bool:

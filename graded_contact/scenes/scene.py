@@ -21,6 +21,7 @@ from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
 from ..core.display import shown
 from ..core.parameters import with_values
+from ..core.quantities import CYCLE, STEADY
 from ..fields.frequency import velocity_along
 from ..materials.material import AbstractMaterial
 from ..sliding.case import Case, Heating
@@ -164,6 +165,11 @@ class Scene:
     def observed(self) -> str:
         """What [observe] asks for, in words."""
         return ", ".join(self.observe.asked)
+
+    @property
+    def kind(self) -> str:
+        """Of its contacts, one of `KINDS`."""
+        return STEADY if self.motion is None else CYCLE
 
     @property
     def num_times(self) -> int:

@@ -9,19 +9,22 @@ from .heating import flash_temperature
 from .magnification import area_against_cutoff, cumulative_friction
 from .motion import Motion, recorded, sinusoidal, start_stop, steady
 from .numerics import Numerics
-from .result import CyclicSliding, Sliding, describe
+from .result import CyclicSliding, Sliding, TransientSliding, describe
 from .shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
-from .slide import slide, slide_cycle, solve
+from .single_motion import SingleMotion, dwell, ramp, recorded_once, start
+from .slide import slide, slide_cycle, slide_history, solve
 from .stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 
 __all__ = [
     "AbstractShear", "Case", "ConstantShear", "ContactStress", "Coulomb", "CyclicSliding",
-    "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear", "Sliding",
-    "area_against_cutoff", "contact_conductance", "contact_stiffness", "contact_stiffness_error",
-    "contact_stress", "cumulative_friction", "flash_temperature", "gap_flow", "heat_depths",
-    "heat_source", "recorded", "sinusoidal", "slide", "slide_cycle", "solve", "start_stop",
-    "steady",
+    "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear", "SingleMotion",
+    "Sliding", "TransientSliding", "area_against_cutoff", "contact_conductance",
+    "contact_stiffness", "contact_stiffness_error", "contact_stress", "cumulative_friction",
+    "dwell", "flash_temperature", "gap_flow", "heat_depths", "heat_source", "ramp", "recorded",
+    "recorded_once", "sinusoidal", "slide", "slide_cycle", "slide_history", "solve", "start",
+    "start_stop", "steady",
 ]  # fmt: skip
 
 describe(Sliding)
 describe(CyclicSliding)
+describe(TransientSliding)

@@ -17,7 +17,7 @@ from ..core.caveats import caveats_of
 from ..core.checks import is_concrete
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart
-from ..core.quantities import OBSERVABLES, numbers_of
+from ..core.quantities import HISTORY, OBSERVABLES, numbers_of
 from ..fields.grid import Grid
 from .bodies import Coupling
 from .facts import WINDOW
@@ -48,7 +48,7 @@ class Kept:
 
 
 class AbstractSliding(eqx.Module):
-    """What `Sliding` and `CyclicSliding` have in common: observables, and what they are made of.
+    """What the results of sliding have in common: observables, and what they are made of.
 
     An observable is computed when it is first read, and kept unless it is traced, see `Kept`. Under
     `jit` XLA drops what nothing uses.
@@ -57,14 +57,15 @@ class AbstractSliding(eqx.Module):
     contact: eqx.AbstractVar[ContactSolution]
     problem: eqx.AbstractVar[Problem]
     heated: eqx.AbstractVar[HeatedContact | None]
-    is_cycle: eqx.AbstractClassVar[bool]
+    kind: eqx.AbstractClassVar[str]
+    recorded: eqx.AbstractVar[dict[str, Array]]  # numbers of the steps of a history
 
     def __getattr__(self, name: str) -> Array:
         # Python looks here only for what is no field. Numbers of `contact` need no program.
         entry = OBSERVABLES.get(name)
-        if entry is None or not entry.is_of(self.is_cycle, entry.needs):
+        if entry is None or not entry.is_of(self.kind, entry.needs):
             raise AttributeError(f"`{type(self).__name__}` has no attribute `{name}`.")
-        return entry.formula(self) if name in _OF_CONTACT else self.compute(name)[0]
+        return entry.of(self) if name in _OF_CONTACT else self.compute(name)[0]
 
     def __dir__(self):
         return [*super().__dir__(), *self.numbers]
@@ -133,7 +134,7 @@ class AbstractSliding(eqx.Module):
     @property
     def numbers(self) -> tuple[str, ...]:
         """The names of the observables that prints and results contain."""
-        return numbers_of(self.is_cycle, self.facts)
+        return numbers_of(self.kind, self.facts)
 
     def compute(self, *names: str) -> list[Float[Array, "..."]]:
         """Returns the observables of these names; one program computes those that are missing."""
@@ -161,7 +162,7 @@ class AbstractSliding(eqx.Module):
     def caveats(self) -> tuple[str, ...]:
         """Warnings about these numbers, one sentence each; not under `jit`."""
         known = dict(zip(self.numbers, self.compute(*self.numbers), strict=True))
-        found = caveats_of(lambda name: known.get(name, 0.0), self.is_cycle)
+        found = caveats_of(lambda name: known.get(name, 0.0), self.kind)
         return tuple(caveat.sentence for caveat in found)
 
 
@@ -189,5 +190,7 @@ def _computed(
     for one, others in ((found, near), (still, near_still)):
         one.kept.formulas, one.kept.near = {}, others
     entries = [OBSERVABLES[name] for name in names]
-    numbers = {e.name: e.formula(found if e.has_derivative else still) for e in entries}
+    numbers = {e.name: e.of(found if e.has_derivative else still) for e in entries}
+    if found.kind == HISTORY:  # whose numbers before a failure are known
+        return numbers
     return if_known(found.result, numbers)  # an area is a number even of a pressure that is none

@@ -6,14 +6,21 @@ from jaxtyping import Array
 
 from ..contacts.area import area_in_doubt, counted_area, sub_pixel_area
 from ..contacts.estimates import error_of
-from ..core.quantities import TOTAL, observable, of_cycle, of_steady
+from ..core.quantities import KINDS, TOTAL, observable, of_cycle, of_steady
 from .errors import add_errors, changes_by_kernel, gap_by_solver, over_number, with_chance
 from .formulas import edges_of, indicator_of, share_of, touching
 from .grid_errors import OF_PLACE, area_by_grid, by_grid
 from .result import CyclicSliding, Found, Sliding
 
 
-@observable("A/A_0", "1", "contact area fraction", over_time=True, column=("contact\narea", ".5f"))
+@observable(
+    "A/A_0",
+    "1",
+    "contact area fraction",
+    over_time=True,
+    column=("contact\narea", ".5f"),
+    kinds=KINDS,
+)
 def contact_area(found: Found) -> Array:
     """Fraction of the surface in contact [1], with edges between the points."""
 
@@ -27,7 +34,7 @@ def contact_area(found: Found) -> Array:
     return share_of(found, share, indicator_of(found), found.pressure)
 
 
-@observable("A/A_0", "1", "share of points in contact", over_time=True)
+@observable("A/A_0", "1", "share of points in contact", over_time=True, kinds=KINDS)
 def contact_area_pixels(found: Found) -> Array:
     """Fraction of the points in contact [1]: 4 to 20 % more than the area, without a derivative."""
     return share_of(found, counted_area, touching(found))
@@ -39,7 +46,9 @@ def time_in_contact(found: CyclicSliding) -> Array:
     return jnp.mean(contact_area_pixels(found) > 0, dtype=found.pressure.dtype)
 
 
-@observable(r"\bar u", "m", "mean gap", over_time=True, column=("mean gap\n[m]", ".3e"))
+@observable(
+    r"\bar u", "m", "mean gap", over_time=True, column=("mean gap\n[m]", ".3e"), kinds=KINDS
+)
 def mean_gap(found: Found) -> Array:
     """Mean of the gap [m]."""
     gap = found.contact.mean_gap

@@ -7,13 +7,16 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..blocks.creep import LONGEST
 from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import AbstractLaw, HardWall
 from ..core.checks import (
     Numbers,
     as_float,
     as_scalar,
+    check_increasing,
     check_positive,
+    check_rows,
     check_type,
     check_values,
     is_concrete,
@@ -25,7 +28,7 @@ from ..core.display import shown
 from ..fields.frequency import as_velocity
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
-from .motion import check_resolved
+from .motion import check_closed, check_resolved
 from .shear import ShearLaw
 
 OfParts = Float[Array, ""] | Float[Array, " parts"]
@@ -71,7 +74,8 @@ class Case(eqx.Module):
     - `stack`, `surface`: the block, and the rough surface on it. A case of the mean field alone may
       have a spectrum in its place, see `mean_field_friction`.
     - `velocity`: of the surface over the block [m/s]; or
-    - `displacement`, `period`: s(t) [m] over a period [s].
+    - `displacement`: s(t) [m], with the `period` [s] of a cycle, or the `times` [s] of a motion that
+      happens once.
     - `pressure` [Pa], `mean_gap` [m] or `approach` [m]: what is prescribed.
     - `law`: of contact.
     - `shear`: law of the shear stress in the contact, or None.
@@ -87,6 +91,7 @@ class Case(eqx.Module):
     velocity: Any = eqx.field(converter=_if_given(as_float, "velocity"), default=None)
     displacement: Any = eqx.field(converter=_if_given(as_float, "displacement"), default=None)
     period: Any = eqx.field(converter=_if_given(as_scalar, "period"), default=None)
+    times: Any = eqx.field(converter=_if_given(as_float, "times"), default=None)
     pressure: Numbers | None = None
     mean_gap: Numbers | None = None
     approach: Numbers | None = None
@@ -109,7 +114,9 @@ class Case(eqx.Module):
             with within("`counter`:"):
                 check_at_rest(self.counter)  # its waves rest under the surface
         if (self.velocity is None) == (self.displacement is None):
-            raise ValueError("`velocity` or `displacement` with `period` is needed, not both.")
+            raise ValueError(
+                "`velocity`, or `displacement` with `period` or `times`, is needed, not both."
+            )
         grid: Any = getattr(self.surface, "grid", None)  # a spectrum has none
         if self.velocity is not None:
             as_velocity(self.velocity, grid)
@@ -125,8 +132,12 @@ class Case(eqx.Module):
             raise ValueError(
                 "`strain_per_slope` is refused with a `displacement`: give a velocity."
             )
+        check_values("displacement", self.displacement, "a displacement [m] must be finite")
+        if self.times is not None:
+            self._check_times(grid)
+            return
         if self.period is None:
-            raise ValueError("`displacement` needs the `period` [s] of the motion.")
+            raise ValueError("`displacement` needs the `period` [s] of the motion, or `times` [s].")
         shape = self.displacement.shape
         allowed = ((), (2,)) if grid.ndim == 2 else ((),)
         # Four times are the fewest with a frequency between 0 and the highest one.
@@ -135,8 +146,8 @@ class Case(eqx.Module):
                 f"`displacement` has shape {shape}; `(nt,)` or, on a grid in two dimensions, "
                 "`(nt, 2)` is needed, with nt of at least 4 times."
             )
-        check_values("displacement", self.displacement, "a displacement [m] must be finite")
         check_resolved(f"`displacement` at {shape[0]} times", self.displacement, grid)
+        check_closed(self.displacement, grid, cells=True)
         check_positive("period", self.period, "[s]")
         if self.block_surface is not None:
             self._check_block_surface(self.block_surface)
@@ -162,6 +173,28 @@ class Case(eqx.Module):
     def bodies(self) -> tuple[Stack, ...]:
         """The bodies that deform: the block, and the counter if there is one."""
         return (self.stack,) if self.counter is None else (self.stack, self.counter)
+
+    def _check_times(self, grid: Any) -> None:
+        for name, refused in (("period", self.period), ("heating", self.heating)):
+            if refused is not None:
+                raise ValueError(f"`{name}` is refused with `times`: give one of the two.")
+        times, shape = self.times, self.displacement.shape
+        check_rows(1, times=times)
+        allowed = [(*times.shape, *more) for more in ((), (2,))[: grid.ndim]]
+        if shape not in allowed:
+            raise ValueError(
+                f"`displacement` has shape {shape}; {' or '.join(map(str, allowed))} is needed, "
+                "one for each of the `times`."
+            )
+        check_positive("times", times, "[s]", squares=False)
+        check_increasing("times", times)
+        if is_concrete(times):
+            shortest = float(np.diff(np.asarray(times), prepend=0.0).min())
+            if times[-1] > LONGEST * shortest:
+                raise ValueError(
+                    f"`times` up to {times[-1]:.3g} s with a step of {shortest:.3g} s are "
+                    f"refused: the last time is at most {LONGEST:.0e} times the shortest step."
+                )
 
     @property
     def prescribed(self) -> str:

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..contacts.operator import nonzero
-from ..core.quantities import FOUR, TOTAL, of_cycle
+from ..core.quantities import CYCLE, FOUR, HISTORY, TOTAL, observable, of_cycle
 from .energy import dissipation_of_waves, exchange, losses
 from .errors import add_errors, by_times, over_friction, solver_errors
 from .facts import COUNTER, SHEARED
@@ -25,7 +25,13 @@ from .grid_errors import OF_FORCE, beside_changes, by_grid, unseen_power
 from .result import CyclicSliding, Found
 
 
-@of_cycle(r"\bar\mu", "1", "work of friction over load and path", column=("friction\n(mean)", FOUR))
+@observable(
+    r"\bar\mu",
+    "1",
+    "work of friction over load and path",
+    column=("friction\n(mean)", FOUR),
+    kinds=(CYCLE, HISTORY),
+)
 def mean_friction(found: CyclicSliding) -> Array:
     """Work over ∮ load |v| dt [1]; under steady sliding the friction.
 
@@ -43,9 +49,9 @@ def mean_shear_friction(found: CyclicSliding) -> Array:
     return over_path(found, shear_power(found), mean_load(found))
 
 
-@of_cycle(
+@observable(
     r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle",
-    column=("friction\n(peak)", FOUR),
+    column=("friction\n(peak)", FOUR), kinds=(CYCLE, HISTORY),
 )  # fmt: skip
 def peak_friction(found: CyclicSliding) -> Array:
     """The largest |friction|, also between the times [1]."""

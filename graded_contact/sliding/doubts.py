@@ -11,7 +11,7 @@ from jaxtyping import Array
 from ..contacts.operator import nonzero
 from ..core.caveats import DOUBTFUL
 from ..core.derivative import largest
-from ..core.quantities import Above, observable, of_cycle, of_steady
+from ..core.quantities import KINDS, Above, observable, of_cycle, of_steady
 from ..fields.grid import to_field, to_spectrum
 from ..materials.coverage import is_unknown
 from .area import mean_gap
@@ -83,7 +83,7 @@ def energy_imbalance(found: Found) -> Array:
         STEEPEST,
         "The block's rms slope where it carries the load is {value:.2g}. The model assumes small "
         f"strains: above an rms slope of {STEEPEST:.2g} the neglected terms exceed {DOUBTFUL:.0%}.",
-    ),
+    ), kinds=KINDS,
 )  # fmt: skip
 def slope_in_contact(found: Found) -> Array:
     """Rms slope of the block where it carries the load [1], the largest of all times.
@@ -296,14 +296,14 @@ def unresolved_motion(found: CyclicSliding) -> Array:
 
 @observable(
     "", "1", "estimated relative error of the contact pressure",
-    column=("error of\npressure", ".1e"),
+    column=("error of\npressure", ".1e"), kinds=KINDS,
 )  # fmt: skip
 def error(found: Found) -> Array:
     """Estimated relative error of the pressure [1]."""
     return found.contact.error
 
 
-@observable("", "1", "FFT pairs of the solve", column=("FFT\npairs", ".0f"))
+@observable("", "1", "FFT pairs of the solve", column=("FFT\npairs", ".0f"), kinds=KINDS)
 def num_fft_pairs(found: Found) -> Array:
     """FFT pairs of the solve [1]."""
     return found.contact.num_fft_pairs

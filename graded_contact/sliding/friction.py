@@ -13,7 +13,18 @@ import numpy as np
 from jaxtyping import Array
 
 from ..contacts.estimates import error_of
-from ..core.quantities import FOUR, TOTAL, Above, NumberOf, observable, of_cycle, of_steady
+from ..core.quantities import (
+    CYCLE,
+    FOUR,
+    HISTORY,
+    KINDS,
+    STEADY,
+    TOTAL,
+    Above,
+    NumberOf,
+    observable,
+    of_steady,
+)
 from .energy import dissipation_of_waves
 from .errors import (
     add_errors,
@@ -57,8 +68,8 @@ def _no_shear(number: NumberOf):
     r"\mu", "1", "friction coefficient", over_time=True, column=("friction", FOUR),
     warns=Above(
         0, "The surfaces do not touch: there is no load, so friction is not defined.",
-        of=_apart, cycle=False,
-    ),
+        of=_apart, kinds=(STEADY,),
+    ), kinds=KINDS,
 )  # fmt: skip
 def friction(found: Found) -> Array:
     """Force opposing the motion over the load [1], hysteresis and shear together.
@@ -85,7 +96,7 @@ def hysteresis_friction(found: Found) -> Array:
     return over_load(found, own_tractions(found))
 
 
-@of_steady(
+@observable(
     r"\mu_\mathrm{shear}", "1", "friction coefficient of shear in the contact",
     column=("shear", FOUR),
     warns=Above(
@@ -94,6 +105,7 @@ def hysteresis_friction(found: Found) -> Array:
         "contact.",
         of=_no_shear,
     ),
+    over_time=True, kinds=(STEADY, HISTORY),
 )  # fmt: skip
 def shear_friction(found: Found) -> Array:
     """The part from shear in the contact area [1]; 0 without `shear`."""
@@ -111,7 +123,7 @@ def shear_friction(found: Found) -> Array:
         "The contact is {value:.2g} K above the bulk in the mean over the cycle. Within the cycle "
         "it is warmer at the highest speed and colder at a turn; this, and heat that is left when "
         "the next pass comes, are neglected.",
-        cycle=True,
+        kinds=(CYCLE,),
     ),
 )  # fmt: skip
 def surface_rise(found: Found) -> Array:
@@ -141,18 +153,20 @@ def geometric_friction(found: Found) -> Array:
     return over_load(found, tractions) + shear_friction(found)
 
 
-@of_cycle(r"\tau", "Pa", "shear stress that opposes the motion", over_time=True)
+@observable(
+    r"\tau", "Pa", "shear stress that opposes the motion", over_time=True, kinds=(CYCLE, HISTORY)
+)
 def traction(found: CyclicSliding) -> Array:
     """τ [Pa], the shear stress on the whole area, of hysteresis and shear together."""
     return all_tractions(found).reshape(found.displacement.shape)
 
 
-@of_cycle(
+@observable(
     r"\sigma_0", "Pa", "mean pressure at each time", over_time=True,
     warns=Above(
         0, "The surfaces never touch: without a load there is no friction.",
         of=lambda number: np.all(number("load") == 0, axis=-1),
-    ),
+    ), kinds=(CYCLE, HISTORY),
 )  # fmt: skip
 def load(found: Found) -> Array:
     """Mean pressure [Pa]."""
@@ -207,7 +221,7 @@ def _beside(found: Found) -> Array:
 
 
 add_errors(
-    "friction", of_steady, TOTAL, over=over_friction,
+    "friction", of_steady, TOTAL, over=over_friction, doubted=(STEADY,),
     solver=_friction_by_solver, grid=by_grid("friction", OF_FORCE, _beside),
     kernel=_image_error, temperature=lambda found: found.heated.friction_error,
 )  # fmt: skip

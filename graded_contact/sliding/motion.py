@@ -29,7 +29,7 @@ from ..core.checks import (
     numbers,
     scalar,
 )
-from ..core.display import shown
+from ..core.display import shown, with_unit
 from ..core.memory import CYCLE, check_memory
 from ..fields.grid import Grid
 
@@ -43,6 +43,7 @@ _FEWEST = 32  # times that are chosen
 # frequencies. A rest of 1/8 of the way has 4; the slow ends of the way look like a shorter one.
 _OF_A_WAY = 32
 _REFINED = 64  # times as many for the length of the path
+_OPEN = 0.2  # of the extent of a record: a gap that its next row does not close
 _FINE = 16  # times between two of a recorded motion, before the highest frequencies are cut
 
 
@@ -294,6 +295,7 @@ def recorded(
             f"`times` from {times[0]:g} to {times[-1]:g} s are refused: they must ascend within "
             f"one `period` of {period:g} s, whose end is not listed."
         )
+    check_closed(table, grid, cells=False)
     count = _USUAL if num_times is None else num_times
     moved = _resampled(times, table, period, count)
     if num_times is None and grid is not None:
@@ -304,6 +306,32 @@ def recorded(
             moved = _resampled(times, table, period, count)
     check_resolved(f"`num_times={count}`", moved, grid)
     return Motion(moved, period)
+
+
+def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
+    """Raises `ValueError` for a motion whose end is further from its start than its rows explain.
+
+    If `cells`, the surface may advance by whole cells of the grid.
+    """
+    known = is_concrete(displacement) and (grid is None or is_concrete(grid.size))
+    if not known or len(displacement) < 4:
+        return
+    rows = np.asarray(displacement).reshape(len(displacement), -1)
+    apart, extent = rows[-1] - rows[0], np.ptp(rows, axis=0)
+    if cells and grid is not None:
+        size = np.asarray(grid.size)[: rows.shape[1]]
+        apart = apart - size * np.round(apart / size)
+        extent = np.minimum(extent, size)
+    # The last row is a step before the end; a record of few rows takes long steps.
+    steps = np.max(np.abs(np.diff(rows, axis=0)), axis=0)
+    if np.any(np.abs(apart) > np.maximum(4 * steps, _OPEN * extent)):
+        beyond = " of whole cells" if cells else ""
+        far = with_unit(float(np.linalg.norm(apart)), "m")
+        raise ValueError(
+            f"`displacement` is refused: its end is {far} from its start{beyond}, but a cycle ends "
+            "where it began. Use `slide_history` (with `recorded_once`) for what happens once, or "
+            "let the surface advance by whole cells, see `slide_cycle`."
+        )
 
 
 def _resampled(times, table, period, count: int) -> Float[Array, "nt ..."]:

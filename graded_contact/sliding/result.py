@@ -3,16 +3,19 @@
 import inspect
 from typing import Any, ClassVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..blocks.heated_stack import HeatedContact
 from ..contacts.solution import ContactSolution
-from ..core.display import shown
-from ..core.quantities import OBSERVABLES
+from ..core.display import number, shown
+from ..core.quantities import CYCLE, HISTORY, OBSERVABLES, STEADY
 from ..fields.frequency import direction_and_speed
 from .abstract_sliding import AbstractSliding, beyond_contact
+from .history_problem import HistoryProblem
 from .problem import CycleProblem, Problem, SteadyProblem
 
 
@@ -20,7 +23,7 @@ def describe(kind: type[AbstractSliding]) -> None:
     """Puts the observables of a class into its docstring, once all are registered."""
     lines = []
     for name, entry in OBSERVABLES.items():
-        if entry.is_of(kind.is_cycle, entry.needs):
+        if entry.is_of(kind.kind, entry.needs):
             text = inspect.cleandoc(entry.formula.__doc__ or "").replace("\n\n", "\n")
             lines.append(f"- `{name}`: {text}".replace("\n", "\n  "))
     kind.__doc__ = inspect.cleandoc(kind.__doc__ or "").replace("OBSERVABLES", "\n".join(lines))
@@ -54,7 +57,8 @@ class Sliding(AbstractSliding):
     contact: ContactSolution
     problem: SteadyProblem
     heated: HeatedContact | None = None
-    is_cycle: ClassVar[bool] = False
+    recorded: dict[str, Array] = eqx.field(default_factory=dict)  # of a history alone
+    kind: ClassVar[str] = STEADY
 
     @property
     def directions(self) -> list[float]:
@@ -108,7 +112,8 @@ class CyclicSliding(AbstractSliding):
     contact: ContactSolution
     problem: CycleProblem
     heated: HeatedContact | None = None
-    is_cycle: ClassVar[bool] = True
+    recorded: dict[str, Array] = eqx.field(default_factory=dict)  # of a history alone
+    kind: ClassVar[str] = CYCLE
 
     @property
     def directions(self) -> list[Float[Array, "nt ..."]]:
@@ -155,7 +160,77 @@ class CyclicSliding(AbstractSliding):
         return self.motion_of_surface[0].reshape(self.displacement.shape)
 
 
-Found = Sliding | CyclicSliding
+@shown("contact", "failed", "grid_errors", "caveats")
+class TransientSliding(AbstractSliding):
+    """Friction, contact area and fields in a motion that happens once.
+
+    Arrays over time have the shape `(nt,)`, one number for each of `.times`; those along the
+    motion, friction and traction, `(nt, 2)` if the displacement has two components. Errors have no
+    derivative. After a step that failed all numbers are NaN.
+
+    **Observables:** friction, traction, load, gap, areas and works over time, others of the whole
+
+    OBSERVABLES
+
+    **Fields:**
+
+    - `contact`: the fields at the ends of some steps, of the shape `(kept, *grid.shape)`, see
+      `ContactSolution`; its numbers are the largest errors and the sums of all steps. Also reached
+      directly as `.pressure`, `.gap`, `.displacement` [Pa, m, m], at the `.field_times` [s].
+    - `problem`: what was solved, see `HistoryProblem`; its `times`, `displacement`, `heights`,
+      `grid`, `law`, `shear` and others are also reached directly.
+    - `recorded`: numbers of the steps by their names, each with the times on its first axis.
+    - `failed`: number of the first step that did not succeed, or -1.
+    - `kept_steps`: numbers of the steps whose fields are kept. Static.
+    """
+
+    contact: ContactSolution
+    problem: HistoryProblem
+    recorded: dict[str, Array]
+    failed: Array
+    kept_steps: tuple[int, ...] = eqx.field(static=True)
+    heated: HeatedContact | None = None
+    kind: ClassVar[str] = HISTORY
+
+    @property
+    def times(self) -> Float[Array, " nt"]:
+        """Ends of the steps [s]."""
+        return self.problem.times
+
+    @property
+    def displacement(self) -> Float[Array, "*kept"]:
+        """Displacement of the block at the kept times [m]."""
+        return self.contact.displacement
+
+    @property
+    def moved(self) -> Float[Array, "nt components"]:
+        """The displacement s of the surface, its components on the second axis [m]."""
+        return self.problem.moved
+
+    def table(self, most: int = 25) -> str:
+        """Returns the numbers over time in columns, of at most so many times."""
+        entries = [OBSERVABLES[name] for name in self.numbers if name in self.recorded]
+        shown_of = [(e, e.column) for e in entries if e.over_time and e.column is not None]
+        rows = np.unique(np.linspace(0, len(self.times) - 1, most).round().astype(int))
+        heads = ["time [s]", *(head.replace("\n", " ") for _, (head, _) in shown_of)]
+        columns = [[f"{t:.4g}" for t in np.asarray(self.times)[rows]]]
+        for entry, (_, form) in shown_of:
+            values = np.asarray(self.recorded[entry.name])[rows].reshape(len(rows), -1)
+            columns.append([" ".join(number(v, form) for v in row) for row in values])
+        widths = [max(map(len, (head, *rest))) for head, rest in zip(heads, columns, strict=True)]
+        lines = [heads, *zip(*columns, strict=True)]
+        return "\n".join(
+            "  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True))
+            for line in lines
+        )
+
+    @property
+    def field_times(self) -> Float[Array, " kept"]:
+        """Times of the kept fields [s]."""
+        return self.times[np.array(self.kept_steps)]
+
+
+Found = Sliding | CyclicSliding | TransientSliding
 
 
 def result_of(problem: Problem, contact: ContactSolution) -> Found:

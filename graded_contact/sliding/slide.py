@@ -3,6 +3,7 @@
 `slide` and `slide_cycle` build a `Case`; `solve` solves it.
 """
 
+from collections.abc import Sequence
 from typing import Any, cast
 
 from jaxtyping import ScalarLike
@@ -14,9 +15,10 @@ from ..core.checks import Numbers, check_types
 from ..surfaces.surface import Surface
 from .case import Case, Heating
 from .heating import solve_heated
+from .history import solve_history
 from .isothermal import solve_isothermal
 from .numerics import Numerics, numerics_of
-from .result import CyclicSliding, Found, Sliding
+from .result import CyclicSliding, Found, Sliding, TransientSliding
 from .shear import ShearLaw
 
 
@@ -151,6 +153,59 @@ def slide_cycle(
     return cast(CyclicSliding, solve(case, how, **known))
 
 
+@check_types
+def slide_history(
+    stack: Stack,
+    surface: Surface,
+    *,
+    times: Numbers,
+    displacement: Numbers,
+    pressure: Numbers | None = None,
+    mean_gap: Numbers | None = None,
+    law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
+    shear: ShearLaw | None = None,
+    temperature: ScalarLike | None = None,
+    fields_at: Sequence[int] = (-1,),
+    **numerics: Any,
+) -> TransientSliding:
+    """Returns friction, contact area and fields of a surface in a motion that happens once.
+
+    Start from rest, dwell, braking, steps of the load, unloading. Before t = 0 nothing touches; in
+    the first step the pressure grows from 0. Differentiable in every leaf of `stack`, `surface`,
+    `law` and `shear`, in times and motion and in the prescribed load or gap; works under `jit` and
+    `vmap`.
+
+    **Arguments:**
+
+    - `stack`: the block; it may flow (`equilibrium` 0). Tables of moduli are refused: fit them.
+    - `surface`: the rough surface; heights count into the block.
+    - `times`: ends of the steps [s], shape `(nt,)`, positive and ascending. Steps may differ: where
+      all rests, each may be a fixed part of the time so far. While the surface moves, a step leads
+      it by about half a spacing of the grid at most.
+    - `displacement`: s [m] of the surface at these times since t = 0, shape `(nt,)` (along x) or
+      `(nt, 2)`; see `start`, `ramp`, `dwell`, `joined_motions`.
+    - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
+    - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
+      heights.
+    - `law`: of contact; it has no history.
+    - `shear`, `temperature`: as in `slide`. The law holds at the pressure of each time and the mean
+      speed of its step, and the traction has the direction of that step. At rest there is none. A
+      law that is `coupled` is refused.
+    - `fields_at`: numbers of the steps whose fields are kept; -1 is the last.
+    - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
+
+    **Returns:** friction, areas and works over time, errors, and fields, see `TransientSliding`.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if a step fails.
+    """
+    case = Case(
+        stack=stack, surface=surface, displacement=displacement, times=times, pressure=pressure,
+        mean_gap=mean_gap, law=law, shear=shear, temperature=temperature,
+    )  # fmt: skip
+    how, _ = numerics_of("slide_history", numerics)
+    return solve_history(case, how.of(stack, surface), tuple(fields_at))
+
+
 def solve(
     case: Case,
     how: Numerics = Numerics(),  # noqa: B008 (immutable)
@@ -158,7 +213,7 @@ def solve(
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
 ) -> Found:
-    """Returns the contact of a case: a `Sliding`, or with a displacement a `CyclicSliding`.
+    """Returns the contact of a case: a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
 
     **Arguments:**
 
@@ -178,6 +233,8 @@ def solve(
         raise ValueError(
             "`solution` is refused with `heating` or a motion: it holds steady contacts alone."
         )
+    if case.times is not None:
+        return solve_history(case, how)
     if case.heating is not None:
         return solve_heated(case, how, start)
     return solve_isothermal(case, how, start, solution)

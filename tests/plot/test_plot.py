@@ -64,7 +64,7 @@ def test_an_arrow_points_along_the_velocity(velocity):
 @pytest.mark.parametrize("velocity, scale", [([1.0, 0.01, 0.1], "log"), ([0, 0.1, 1], "linear")])
 def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale):
     message = np.array([["", "", ""], ["", "It stopped.", ""]])
-    values = {n: np.arange(1.0, 7.0).reshape(2, 3) for n in numbers_of(False)}
+    values = {n: np.arange(1.0, 7.0).reshape(2, 3) for n in numbers_of("steady")}
     # Of one solve a fifth of the contact was not measured.
     doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
     values |= dict.fromkeys(("compression", "friction_grid_error"), np.zeros((2, 3)))
@@ -95,7 +95,7 @@ def made(axes, names=(), failing=()):
     """Results over axes whose friction is the sum of the indices."""
     shape = tuple(len(at) for at in axes.values())
     friction = np.sum(np.indices(shape), axis=0).astype(float)
-    values = {n: np.zeros(shape) for n in numbers_of(False)}
+    values = {n: np.zeros(shape) for n in numbers_of("steady")}
     values |= {"friction": friction, "friction_grid_error": 0.01 * friction}
     message = np.full(shape, "", object)
     for index in failing:

@@ -18,7 +18,7 @@ def told(**changed):
     """The caveats of a sound solve, and of changes of it."""
     sound = {"friction": 0.3, "friction_grid_error": 0.01, "slope_in_contact": 0.3}
     sound |= dict.fromkeys(["unmeasured_area", "unmeasured_friction", "extrapolated_friction"], 0.0)
-    return caveats_of(lambda name: (sound | changed).get(name, 0.0), motion=False)
+    return caveats_of(lambda name: (sound | changed).get(name, 0.0), kind="steady")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,169 @@
+"""How a block creeps under each wave of pressure: its memory in time, from complex frequencies.
+
+After a unit impulse of pressure at t = 0 a wave q has the displacement K(q, t), whose Laplace
+transform is M(q, ω = -is). On a hyperbola around all relaxation rates, for t0 <= t <= T,
+
+    K(q, t) = Re Σ_k w_k M(q, -i s_k) exp(s_k t),
+
+whatever the layers and their laws are: a node k is one equation y' = s_k y + p of first order. The
+nodes are those of Weideman & Trefethen in closed form; the angle is the best of a row. `NODES` of
+them leave errors of an exponential of any rate, relative to its start, of 1e-8, 6e-7, 1e-5, 8e-5
+for T/t0 = 1e2, 1e3, 1e4, 1e5 (`tests/sliding/test_history.py`). For one time alone 14 are enough
+for rounding: so the creep under a constant pressure, J = ∫K, and its integral are computed
+for the length of each step.
+
+M depends on |q| only, and log(|q| M) is smooth in log |q|: all is computed at few wavenumbers and
+interpolated by polynomials through Chebyshev nodes.
+
+J. A. C. Weideman & L. N. Trefethen, Math. Comp. 76 (2007) 1341,
+doi:10.1090/S0025-5718-07-01945-X.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from ..core.checks import is_concrete
+from ..core.derivative import derivative_apart
+from .compliance import compliance_of
+from .grading import check_profiles, graded_tolerance
+from .stack import GradedLayer, HalfSpace, Layer, Stack, moduli_of
+
+NODES, _NODES_OF_STEP = 32, 14
+LONGEST = 1e8  # longest time over shortest; the error is 5e-3 there
+_WAVES = 64  # wavenumbers in the table; five decades of them leave 1e-7
+_ANGLES = np.linspace(np.pi / 4, np.pi / 2, 402)[1:-1]
+_CHECKED = 24  # times at which the memory is compared with that of a single time
+
+
+class Contour(NamedTuple):
+    """Nodes s_k [1/s] of a hyperbola, one of each conjugate pair, and their weights w_k [1/s]."""
+
+    nodes: Complex[Array, " nodes"]
+    weights: Complex[Array, " nodes"]
+
+
+def contour(first: Float[Array, ""], last: Float[Array, ""], count: int) -> Contour:
+    """Returns the nodes for times from `first` to `last` [s]."""
+    first, last = jax.lax.stop_gradient((first, last))
+    angle, ratio = jnp.asarray(_ANGLES, last.dtype), last / first
+    bend = (np.pi - 2 * angle) * ratio + 4 * angle - np.pi
+    width = jnp.arccosh(bend / ((4 * angle - np.pi) * jnp.sin(angle)))
+    best = jnp.argmax((np.pi**2 - 2 * np.pi * angle) / width)
+    angle, width = angle[best], width[best]
+    scale = (4 * np.pi * angle - np.pi**2) / width * count / last
+    x = 1j * (jnp.arange(count, dtype=last.dtype) + 0.5) * width / count - angle
+    return Contour(scale * (1 + jnp.sin(x)), scale * width / (count * np.pi) * jnp.cos(x))
+
+
+class Creep(eqx.Module):
+    """The memory of a block: at some wavenumbers, as logarithms for interpolation.
+
+    **Fields:**
+
+    - `log_q`: ends of log |q|, shape `(2,)`.
+    - `kernels`: log(|q| w_k M(q, -i s_k)), shape `(nodes, waves)`.
+    - `nodes`: s_k [1/s].
+    - `now`: log(|q| I(Δ)/Δ) of each step Δ: what a pressure that grows to 1 within it leaves.
+    - `whole`: log(|q| J(Δ)): what a constant pressure of 1 leaves.
+    - `aged`: log(|q| J(t)) of the times t at which the steps end; the three of shape
+      `(steps, waves)`.
+    - `error`: estimated error of the displacements, relative [1].
+    """
+
+    log_q: Float[Array, "2"]
+    kernels: Complex[Array, "nodes waves"]
+    nodes: Complex[Array, " nodes"]
+    now: Float[Array, "steps waves"]
+    whole: Float[Array, "steps waves"]
+    aged: Float[Array, "steps waves"]
+    error: Float[Array, ""]
+
+    def shares(self, q: Float[Array, " points"]) -> Float[Array, "waves points"]:
+        """Returns what a table is multiplied with to have its values at wavenumbers [rad/m]."""
+        # The barycentric formula; a place at a node has its value.
+        angle = np.pi * (np.arange(_WAVES) + 0.5) / _WAVES
+        weight = ((1 - 2 * (np.arange(_WAVES) % 2)) * np.sin(angle))[:, None]
+        low, high = self.log_q
+        place = (2 * jnp.log(q) - low - high) / (high - low)
+        distance = place - jnp.cos(angle).astype(place.dtype)[:, None]
+        share = weight / jnp.where(distance == 0, 1, distance)
+        share = jnp.where(jnp.any(distance == 0, axis=0), distance == 0, share)
+        return share / jnp.sum(share, axis=0)
+
+
+def creep_of(stack: Stack, ends: Float[Array, "2"], steps: Float[Array, " steps"]) -> Creep:
+    """Returns the memory of a block between two wavenumbers [rad/m], for steps in time [s]."""
+    check_profiles(stack, -1j * jnp.ones(1, ends.dtype))
+    _check_analytic(stack, steps)
+    return _creep(stack, ends, steps, graded_tolerance(stack, None, ends))
+
+
+def _check_analytic(stack: Stack, steps: Array) -> None:
+    """Raises `ValueError` for a law of moduli that is not analytic in ω, if it is known."""
+    if not all(map(is_concrete, jax.tree.leaves((stack, steps)))):
+        return
+    omega = -1j * contour(jnp.min(steps), jnp.sum(steps), 8).nodes
+    for part in (*stack.layers, stack.base):
+        if isinstance(part, GradedLayer):
+            name, law = "profile", lambda w, p=part: p.profile(jnp.asarray(0.5, steps.dtype), w)
+        elif isinstance(part, Layer | HalfSpace):
+            name, law = "material", lambda w, p=part: moduli_of(p.material, w)
+        else:
+            continue
+        # Along the imaginary axis the derivative is i times as large.
+        along, across = (
+            jax.jvp(lambda w, law=law: [m + 0 * w for m in law(w)], (omega,), (way + 0 * omega,))[1]
+            for way in (1, 1j)
+        )
+        pairs = zip(along, across, strict=True)
+        if any(bool(jnp.any(jnp.abs(b - 1j * a) > 1e-3 * jnp.abs(a) + 1e-30)) for a, b in pairs):
+            kind = type(getattr(part, name)).__name__
+            raise ValueError(
+                f"`{name}={kind}(...)` is refused: what happens once needs moduli at complex "
+                "frequencies, and this law is not analytic there. Write it with 1j*omega, without "
+                "|omega|, sign or real part; or fit it: `fit_prony(omega, modulus)`."
+            )
+
+
+@derivative_apart
+@eqx.filter_jit
+def _creep(stack: Stack, ends: Array, steps: Array, rtol: float) -> Creep:
+    log_q = jnp.log(ends)
+    angle = np.pi * (np.arange(_WAVES) + 0.5) / _WAVES
+    q = jnp.exp(jnp.mean(log_q) + jnp.cos(angle) * (log_q[1] - log_q[0]) / 2).astype(ends.dtype)
+    shortest, whole = jnp.min(steps), jnp.sum(steps)
+    nodes, weights = contour(shortest, whole, NODES)
+
+    def compliance(q, s):
+        found = compliance_of(stack, q[None, :], -1j * s[:, None], rtol, throw=False)
+        return found + 0j
+
+    def of_step(step):
+        """K, J and I/Δ after one time alone."""
+        s, w = contour(step, step, _NODES_OF_STEP)
+        part = (w * jnp.exp(s * step))[:, None] * compliance(q, s)
+        over = (part, part / s[:, None], part / (s**2 * step)[:, None])
+        return [jnp.sum(each.real, axis=0) for each in over]
+
+    kernels = weights[:, None] * compliance(q, nodes)
+    _, creep, now = jax.lax.map(of_step, steps)
+    aged = jax.lax.map(of_step, jnp.cumsum(steps))[1]
+    # What the long hyperbola and the interpolation leave, from the shortest time to the whole one.
+    times = jnp.exp(jnp.linspace(jnp.log(shortest), jnp.log(whole), _CHECKED))
+    exact, _, reached = jax.lax.map(of_step, times)
+    by_nodes = jnp.sum((kernels * jnp.exp(nodes * times[:, None])[..., None]).real, axis=1)
+    apart = jnp.cumsum(jnp.abs(by_nodes - exact) * times[:, None], axis=0)
+    error = jnp.max(apart / reached) * jnp.log(whole / shortest) / (_CHECKED - 1)
+    now, creep, aged = (jnp.log(part * q) for part in (now, creep, aged))
+    found = Creep(log_q, jnp.log(kernels * q), nodes, now, creep, aged, error)
+    # Between the wavenumbers.
+    beside = jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * (log_q[1] - log_q[0]) / 2
+    middle = jnp.exp(jnp.mean(log_q) + beside).astype(q.dtype)
+    exact = jnp.log(weights[:, None] * compliance(middle, nodes) * middle)
+    between = jnp.max(jnp.abs(found.kernels @ found.shares(middle).astype(exact.dtype) - exact))
+    return eqx.tree_at(lambda c: c.error, found, jax.lax.stop_gradient(error + between))

@@ -1,0 +1,204 @@
+"""Motions that happen once: from rest, at a velocity, to rest, one after the other, and recorded.
+
+A motion is s(t) at the ends of steps, from s = 0 at t = 0. While the surface moves, a step leads it
+by about half a spacing of the grid; while it rests, each step is a fixed part of the time so far.
+"""
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, ScalarLike
+
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_scalar,
+    check_increasing,
+    check_positive,
+    check_rows,
+    check_types,
+    check_values,
+    check_whole,
+    is_concrete,
+    numbers,
+)
+from ..core.display import shown
+from ..fields.grid import Grid
+from .motion import CHOSEN_STEP
+
+_STEPS = 128  # of a motion, where the grid is not known
+_A_DECADE = 10  # steps of a rest, whose error is then below 1e-3
+_FIRST = 1e-4  # of a rest: its first step
+
+
+@shown("num_times", "times", "displacement", units=False)
+class SingleMotion(eqx.Module):
+    """A motion that happens once.
+
+    **Fields:**
+
+    - `times`: ends of the steps [s], shape `(nt,)`.
+    - `displacement`: s [m] at these times since t = 0, shape `(nt,)` along x, or `(nt, 2)`.
+    """
+
+    times: Float[Array, " nt"] = eqx.field(converter=numbers("times"))
+    displacement: Float[Array, "nt ..."] = eqx.field(converter=numbers("displacement"))
+
+    @property
+    def num_times(self) -> int:
+        """How many steps it has."""
+        return len(self.times)
+
+    def then(self, other: "SingleMotion") -> "SingleMotion":
+        """Returns this motion and then another one, which begins where this one ends."""
+        return SingleMotion(
+            jnp.concatenate([self.times, self.times[-1] + other.times]),
+            jnp.concatenate([self.displacement, self.displacement[-1] + other.displacement]),
+        )
+
+
+@check_types
+def dwell(
+    duration: ScalarLike, num_times: int | None = None, first: ScalarLike | None = None
+) -> SingleMotion:
+    """Returns a rest, in steps that grow with the time.
+
+    **Arguments:**
+
+    - `duration`: of the rest [s].
+    - `num_times`: number of steps; None for ten for each decade from `first` on.
+    - `first`: end of the first step [s]; None for 1e-4 of the duration.
+
+    **Returns:** the motion.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    duration = as_scalar(duration, "duration")
+    check_positive("duration", duration, "[s]")
+    first = _FIRST * duration if first is None else as_scalar(first, "first")
+    check_positive("first", first, "[s]")
+    ratio = duration / first
+    if is_concrete(ratio) and not ratio > 1:
+        raise ValueError(f"`first={first:g}` s must be less than `duration={duration:g}` s.")
+    if num_times is None:
+        num_times = _known("num_times", ratio, lambda r: math.ceil(_A_DECADE * math.log10(r)) + 1)
+    check_whole("num_times", num_times, 2)
+    # Equal steps as long as the first one, then in proportion: no step is shorter than the first.
+    part = jnp.linspace(0, 1, num_times, dtype=duration.dtype)
+    grown = jnp.maximum(first * ratio**part, first * jnp.arange(1, num_times + 1))
+    times = jnp.minimum(grown * (duration / grown[-1]), duration)
+    return SingleMotion(times, jnp.zeros_like(times))
+
+
+@check_types
+def ramp(
+    velocity: ScalarLike, duration: ScalarLike, grid: Grid | None = None,
+    num_times: int | None = None,
+) -> SingleMotion:  # fmt: skip
+    """Returns a motion along x at one velocity, in equal steps.
+
+    **Arguments:**
+
+    - `velocity`: v [m/s].
+    - `duration`: of the motion [s].
+    - `grid`: of the surface, which then moves by half a spacing in a step; None for 128 steps.
+    - `num_times`: number of steps, in place of the grid's.
+
+    **Returns:** the motion.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    velocity, duration = as_scalar(velocity, "velocity"), as_scalar(duration, "duration")
+    check_positive("duration", duration, "[s]")
+    count = _count(num_times, velocity * duration, grid)
+    part = jnp.arange(1, count + 1, dtype=duration.dtype) / count
+    return SingleMotion(duration * part, velocity * duration * part)
+
+
+@check_types
+def start(
+    velocity: ScalarLike, duration: ScalarLike, before: ScalarLike = 0.0,
+    grid: Grid | None = None, num_times: int | None = None,
+) -> SingleMotion:  # fmt: skip
+    """Returns a motion along x that goes smoothly from one velocity to another, such as from rest.
+
+    The velocity is before + (v - before)(3x² - 2x³), x = t/duration: a brake if v = 0.
+
+    **Arguments:**
+
+    - `velocity`: v at the end [m/s].
+    - `duration`: of the change [s].
+    - `before`: velocity at the beginning [m/s].
+    - `grid`, `num_times`: as in `ramp`.
+
+    **Returns:** the motion.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    velocity, duration = as_scalar(velocity, "velocity"), as_scalar(duration, "duration")
+    before = as_scalar(before, "before")
+    check_positive("duration", duration, "[s]")
+    # The longest step is at the higher velocity.
+    count = _count(num_times, jnp.maximum(jnp.abs(velocity), jnp.abs(before)) * duration, grid)
+    part = jnp.arange(1, count + 1, dtype=duration.dtype) / count
+    moved = before * part + (velocity - before) * (part**3 - part**4 / 2)
+    return SingleMotion(duration * part, duration * moved)
+
+
+@check_types
+def recorded_once(times: Numbers, displacement: Numbers, grid: Grid) -> SingleMotion:
+    """Returns a measured motion that need not close, in steps that the grid resolves.
+
+    The table is interpolated linearly. Each of its intervals is cut into equal steps, in which the
+    surface moves by at most half a spacing.
+
+    **Arguments:**
+
+    - `times`: t [s], shape `(n,)`, ascending; the first is the time 0 of the motion.
+    - `displacement`: s [m] at these times, shape `(n,)` or `(n, 2)`; counted from the first.
+    - `grid`: of the surface.
+
+    **Returns:** the motion.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    times, table = as_float(times, "times"), as_float(displacement, "displacement")
+    check_rows(2, times=times)
+    check_increasing("times", times)
+    check_values("displacement", table, "a displacement [m] must be finite")
+    if table.shape not in ((len(times),), (len(times), 2)):
+        raise ValueError(
+            f"`displacement` has shape {table.shape}; `({len(times)},)` or `({len(times)}, 2)` is "
+            "needed, one for each of the `times`."
+        )
+    ways = jnp.abs(jnp.diff(table.reshape(len(times), -1), axis=0))
+    spacings = jnp.sum(ways / grid.spacing[: ways.shape[1]], axis=1) / CHOSEN_STEP
+    counts = _known("grid", spacings, lambda n: np.maximum(np.ceil(n), 1).astype(int))
+    place = np.concatenate([i + np.arange(1, n + 1) / n for i, n in enumerate(counts)])
+    index = np.arange(len(times))
+    at = jnp.interp(place, index, times - times[0])
+    columns = (table - table[0]).reshape(len(times), -1).T
+    moved = jnp.stack([jnp.interp(place, index, column) for column in columns], axis=1)
+    return SingleMotion(at, moved.reshape(len(at), *table.shape[1:]))
+
+
+def _count(num_times: int | None, way: Array, grid: Grid | None) -> int:
+    """The number of steps: the one given, or what the longest of them needs."""
+    if num_times is None and grid is not None:
+        spacings = jnp.abs(way) / grid.spacing[0] / CHOSEN_STEP
+        num_times = _known("num_times", spacings, lambda n: max(math.ceil(n), 1))
+    num_times = _STEPS if num_times is None else num_times
+    check_whole("num_times", num_times, 1)
+    return num_times
+
+
+def _known(name: str, number: Array, of):
+    """A whole number that follows from one that must be known."""
+    if not is_concrete(number):
+        raise ValueError(
+            f"`{name}` is needed inside of a program (`jit`, `vmap`, `grad`), where the motion is "
+            "not known."
+        )
+    return of(np.asarray(number))
