@@ -74,8 +74,8 @@ class Case(eqx.Module):
     - `stack`, `surface`: the block, and the rough surface on it. A case of the mean field alone may
       have a spectrum in its place, see `mean_field_friction`.
     - `velocity`: of the surface over the block [m/s]; or
-    - `displacement`: s(t) [m], with the `period` [s] of a cycle, or the `times` [s] of a motion that
-      happens once.
+    - `displacement`: s(t) [m], with the `period` [s] of a cycle, or the `times` [s] of a motion
+      that happens once.
     - `pressure` [Pa], `mean_gap` [m] or `approach` [m]: what is prescribed.
     - `law`: of contact.
     - `shear`: law of the shear stress in the contact, or None.
