@@ -27,7 +27,7 @@ def on_one_line(text: str) -> str:
 
 
 def in_comment(text: str, mark: str) -> str:
-    """Returns a text as comment after `mark`, such as "**", "!" or "#"; long ones in several lines."""
+    """Returns a text as comment after `mark`, such as "**" or "#"; a long one in several lines."""
     lines = textwrap.wrap(on_one_line(text), _LONGEST, break_on_hyphens=False) or [""]
     return "\n".join(f"{mark} {line}" for line in lines)
 

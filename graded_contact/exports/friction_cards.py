@@ -111,7 +111,7 @@ def _abaqus(table: "Dataset", name: str) -> str:
     lines = [
         "** Units: m/s, Pa, K. Friction coefficient, slip rate, contact pressure, temperature.",
         f"** Below {least:.4g} m/s Abaqus keeps the friction of this rate. At rest friction by",
-        "** hysteresis is 0: what holds a surface at rest is adhesion or shear, if the scene has it.",
+        "** hysteresis is 0: adhesion or shear hold a surface at rest, if the scene has them.",
         *(in_comment(line, "**") for line in _remarks(table)),
         f"*SURFACE INTERACTION, NAME={name}",
         "*FRICTION",

@@ -138,7 +138,7 @@ def test_a_law_that_a_format_cannot_hold_is_in_a_comment(format, mark, shift, nu
         (MATERIALS["tread"], "toml", {"name": "my tread"}, "`name='my tread'` is refused"),
         (gc.Prony(0, [1e6], [1.0]), "abaqus", {}, "`equilibrium=0` Pa is refused: Abaqus"),
         (gc.Prony(1e-4, [1e6], [1.0], 0.4), "ansys", {}, "at least 1e-07 of the instant"),
-        (gc.Prony(1e6, [1e6], [1.0], 0.5), "ansys", {}, "`poisson=0.5` is refused.*--poisson 0.4999"),
+        (gc.Prony(1e6, [1e6], [1.0], 0.5), "ansys", {}, "`poisson=0.5` is ref.*--poisson 0.4999"),
         (gc.Prony(1, np.ones(101), np.ones(101), 0.4), "ansys", {}, "at most 100 terms"),
     ],
 )
