@@ -11,12 +11,12 @@ from .motion import Motion, recorded, sinusoidal, start_stop, steady
 from .numerics import Numerics
 from .result import CyclicSliding, Sliding, TransientSliding, describe
 from .shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
-from .single_motion import SingleMotion, dwell, ramp, recorded_once, start
+from .single_motion import SingleMotion, dwell, listed, ramp, recorded_once, start
 from .slide import slide, slide_cycle, slide_history, solve
 from .stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 
 __all__ = [
-    "SingleMotion", "dwell", "ramp", "recorded_once", "start",
+    "SingleMotion", "dwell", "listed", "ramp", "recorded_once", "start",
     "AbstractShear", "Case", "ConstantShear", "ContactStress", "Coulomb", "CyclicSliding",
     "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear", "Sliding",
     "area_against_cutoff", "contact_conductance", "contact_stiffness", "contact_stiffness_error",

@@ -197,6 +197,7 @@ class Advance(eqx.Module):
         ) | {f"step_{name}": getattr(contact, name) for name in _OF_STEPS}  # fmt: skip
 
 
+MEMORY = 4 * NODES + 30  # fields
 _CONTACT = "contact"  # what a derivative keeps of each step
 _OF_STEPS = (
     "error", "gap_error", "load_error", "complementarity_error", "penetration", "num_steps",
@@ -288,8 +289,7 @@ def history_problem(case: Case) -> HistoryProblem:
         len(times),
         dict(pressure=case.pressure, mean_gap=case.mean_gap),
     )
-    fields = 2 * NODES * 2 + 30
-    check_memory("surface", "a history", fields, grid.shape, surface.heights.dtype.itemsize)
+    check_memory("surface", "a history", MEMORY, grid.shape, surface.heights.dtype.itemsize)
     loading = loading_of(case.law, surface.heights[None], count, **load)
     given = next(value for value in loading if value is not None).reshape(count)
     if is_coupled(case.shear):
