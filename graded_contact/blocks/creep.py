@@ -82,11 +82,17 @@ class Creep(eqx.Module):
     aged: Float[Array, "steps waves"]
     error: Float[Array, ""]
 
-    def at(self, table: Array, q: Float[Array, "*waves"]) -> Array:
-        """Returns the numbers of a table, on its last axis, at wavenumbers q > 0 [rad/m]."""
-        return jnp.exp(_interpolated(self.log_q, table, jnp.log(q.ravel()))).reshape(
-            *table.shape[:-1], *q.shape
-        ) / q  # fmt: skip
+    def shares(self, q: Float[Array, " points"]) -> Float[Array, "waves points"]:
+        """Returns what a table is multiplied with to have its values at wavenumbers [rad/m]."""
+        # The barycentric formula; a place at a node has its value.
+        angle = np.pi * (np.arange(_WAVES) + 0.5) / _WAVES
+        weight = ((1 - 2 * (np.arange(_WAVES) % 2)) * np.sin(angle))[:, None]
+        low, high = self.log_q
+        place = (2 * jnp.log(q) - low - high) / (high - low)
+        distance = place - jnp.cos(angle).astype(place.dtype)[:, None]
+        share = weight / jnp.where(distance == 0, 1, distance)
+        share = jnp.where(jnp.any(distance == 0, axis=0), distance == 0, share)
+        return share / jnp.sum(share, axis=0)
 
 
 def creep_of(stack: Stack, ends: Float[Array, "2"], steps: Float[Array, " steps"]) -> Creep:
@@ -127,22 +133,8 @@ def _creep(stack: Stack, ends: Array, steps: Array, rtol: float) -> Creep:
     by_step = (jnp.log(part * q) for part in (now, creep, aged))
     found = Creep(log_q, jnp.log(kernels * q), nodes, *by_step, error)
     # Between the wavenumbers.
-    middle = jnp.exp(
-        jnp.mean(log_q) + jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * 0.499 * jnp.diff(log_q)
-    )
-    direct = weights[:, None] * compliance(middle, nodes)
-    between = jnp.max(jnp.abs(found.at(found.kernels, middle) / direct - 1))
+    beside = jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * (log_q[1] - log_q[0]) / 2
+    middle = jnp.exp(jnp.mean(log_q) + beside).astype(q.dtype)
+    exact = jnp.log(weights[:, None] * compliance(middle, nodes) * middle)
+    between = jnp.max(jnp.abs(found.kernels @ found.shares(middle).astype(exact.dtype) - exact))
     return eqx.tree_at(lambda c: c.error, found, jax.lax.stop_gradient(error + between))
-
-
-def _interpolated(log_q, table, place):
-    """The barycentric formula; a place at a node has its value."""
-    angle = np.pi * (np.arange(_WAVES) + 0.5) / _WAVES
-    weight = (1 - 2 * (np.arange(_WAVES) % 2)) * np.sin(angle)
-    place = (2 * place - log_q[0] - log_q[1]) / (log_q[1] - log_q[0])
-    distance = place[:, None] - np.cos(angle)
-    share = weight / jnp.where(distance == 0, 1, distance)
-    hit = jnp.any(distance == 0, axis=1, keepdims=True)
-    share = jnp.where(hit, distance == 0, share)
-    share = jax.lax.stop_gradient(share / jnp.sum(share, axis=1, keepdims=True))
-    return table @ share.T.astype(table.dtype)

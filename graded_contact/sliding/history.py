@@ -39,7 +39,7 @@ from ..core.compilation import jit
 from ..core.derivative import largest
 from ..core.memory import check_memory
 from ..fields.devices import required
-from ..fields.grid import half_shape, odd_wavevector, to_field, to_spectrum
+from ..fields.grid import odd_wavevector, to_field, to_spectrum
 from ..materials.coverage import coverage
 from ..surfaces.surface import check_periodic
 from .area import contact_area, contact_area_pixels
@@ -66,6 +66,7 @@ class HistoryState(NamedTuple):
     before: Array
     moved: Array
     pressure: Array
+    rise: Array
     traction: Array
     works: Array
     kept: Any
@@ -95,20 +96,18 @@ class Advance(eqx.Module):
     """What does not change from step to step: `init`, and `step` for `lax.scan`."""
 
     problem: HistoryProblem
+    waves: BlockWaves
     how: Numerics
 
     def init(self, kept: int) -> HistoryState:
         """Returns the state before t = 0, with room for the fields of so many steps."""
         problem = self.problem
-        waves, dtype = BlockWaves(problem), problem.heights.dtype
-        rest = jnp.zeros(
-            waves.split(jnp.zeros(half_shape(problem.shape), dtype)).shape,
-            jnp.result_type(dtype, 1j),
-        )
-        nodes = jnp.zeros((len(problem.creep.nodes), 2, *rest.shape), dtype)
+        dtype, memory = problem.heights.dtype, self.waves.memory
+        rest = jnp.zeros_like(memory[0])
+        nodes = jnp.zeros((len(memory), 2, *rest.shape), dtype)
         field = jnp.zeros(problem.shape, dtype)
         return HistoryState(
-            memory=(nodes, nodes), old=rest, before=rest, moved=rest, pressure=field,
+            memory=(nodes, nodes), old=rest, before=rest, moved=rest, pressure=field, rise=field,
             traction=jnp.zeros(problem.moved.shape[1], dtype), works=jnp.zeros(3, dtype),
             kept=tuple(jnp.zeros((kept, *problem.shape), dtype) for _ in range(4)),
             result=RESULTS.successful, failed=jnp.asarray(-1),
@@ -116,9 +115,9 @@ class Advance(eqx.Module):
 
     def step(self, state: HistoryState, given: _Step) -> tuple[HistoryState, dict[str, Array]]:
         """Returns the state at the end of a step, and its numbers."""
-        problem, waves = self.problem, BlockWaves(self.problem)
+        problem, waves = self.problem, self.waves
         turn = waves.turn(given.shift)
-        operator, known, memory = self._known(state, given, waves)
+        operator, known, memory = self._known(state, given)
         now = operator.kernel
         known_field = to_field(waves.joined(known * turn), problem.shape)
         heights = problem.heights - known_field
@@ -126,7 +125,7 @@ class Advance(eqx.Module):
         inputs = Inputs(operator, heights, problem.law, Loading(*loading))
         contact = contact_of(
             inputs, self.how.solver, self.how.adjoint, self.how.rtol,
-            jax.lax.stop_gradient(state.pressure), None, False,
+            jax.lax.stop_gradient(jnp.maximum(state.pressure + given.length * state.rise, 0)), None, False,
         )  # fmt: skip
         contact = jax.tree.map(lambda leaf: checkpoint_name(leaf, _CONTACT), contact)
         spectrum = to_spectrum(contact.pressure)
@@ -147,17 +146,17 @@ class Advance(eqx.Module):
         fields = contact.pressure, contact.gap, displacement, contact.correction
         good = state.result == RESULTS.successful
         return HistoryState(
-            memory=memory, old=pressed, before=state.old, moved=moved, pressure=contact.pressure,
+            memory=memory, old=pressed, before=state.old, moved=moved, pressure=contact.pressure, rise=jax.lax.stop_gradient(jnp.where(given.index>0, (contact.pressure-state.pressure)/given.length,0)),
             traction=traction, works=works,
             kept=tuple(k.at[given.slot].set(f, mode="drop") for k, f in zip(state.kept, fields, strict=True)),
             result=RESULTS.where(good, contact.result, state.result),
             failed=jnp.where(good & (contact.result != RESULTS.successful), given.index, state.failed),
         ), numbers  # fmt: skip
 
-    def _known(self, state: HistoryState, given: _Step, waves: BlockWaves):
+    def _known(self, state: HistoryState, given: _Step):
         """The block in the step, the waves that earlier pressures leave, and the new memory."""
         parts = lambda wave: jnp.stack([wave.real, wave.imag])  # noqa: E731
-        old, new, weights = parts(state.before), parts(state.old), waves.memory()
+        old, new, waves = parts(state.before), parts(state.old), self.waves
 
         def add(total, node):
             real, imag, decay, before, last, weight = node
@@ -169,7 +168,7 @@ class Advance(eqx.Module):
             )
             return total + weight.real * real - weight.imag * imag, (real, imag)
 
-        factors = given.decay, given.from_old, given.from_new, weights
+        factors = given.decay, given.from_old, given.from_new, waves.memory
         total, memory = jax.lax.scan(add, jnp.zeros_like(old), (*state.memory, *factors))
         now, whole, aged = waves.kernel(jnp.stack([given.now, given.whole, given.aged]))
         known = jax.lax.complex(*total) + waves.split(whole - now) * state.old
@@ -210,7 +209,7 @@ def run_history(
     problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
 ) -> tuple[HistoryState, dict[str, Array]]:
     """Returns the state after the last step, and the numbers of all steps."""
-    advance, count = Advance(problem, how), len(problem.times)
+    advance, count = Advance(problem, BlockWaves(problem.grid, problem.creep), how), len(problem.times)
     steps = _steps(problem, kept)
     # Segments of about √n steps, each computed once more in a derivative in reverse.
     length = math.ceil(math.sqrt(count))

@@ -9,12 +9,12 @@ import math
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
 from ..blocks.creep import Creep
 from ..contacts.law import AbstractLaw
 from ..contacts.operator import AbstractOperator
-from ..fields.grid import Grid, Waves, both_signs, mode_numbers, multiplicity
+from ..fields.grid import Grid, Waves, both_signs, mode_numbers, multiplicity, wavevector
 from .motion import components
 from .problem import Range
 from .shear import ShearStress
@@ -91,67 +91,86 @@ def steps_of(times: Float[Array, " nt"]) -> Float[Array, " nt"]:
     return jnp.diff(times, prepend=jnp.zeros((1,), times.dtype))
 
 
-class BlockWaves:
-    """The waves of a grid in the block: with both signs of the highest number along x."""
+class BlockWaves(eqx.Module):
+    """The waves of a grid in the block: with both signs of the highest number along x.
 
-    def __init__(self, problem: HistoryProblem):
-        self.problem, self.grid = problem, problem.grid
-        self.shape, ndim = self.grid.shape, self.grid.ndim
-        lowest = 2 * np.pi / self.grid.size
-        counts = [np.arange(n // 2 + 1) for n in self.shape]
-        mesh = jnp.meshgrid(*map(jnp.multiply, lowest, counts), indexing="ij")
+    **Fields:**
+
+    - `grid`: of the surface.
+    - `q`: wavenumbers of the positive components [rad/m], a placeholder at 0.
+    - `shares`: of the wavenumbers of a `Creep` at these, for interpolation.
+    - `memory`: w_k M(s_k) of the waves, shape `(nodes, *waves)`.
+    """
+
+    grid: Grid
+    q: Float[Array, "*quadrant"]
+    shares: Float[Array, "waves points"]
+    memory: Complex[Array, "nodes *half"]
+
+    def __init__(self, grid: Grid, creep: Creep):
+        counts = [np.arange(n // 2 + 1) for n in grid.shape]
+        mesh = jnp.meshgrid(*map(jnp.multiply, 2 * np.pi / grid.size, counts), indexing="ij")
         squared = jnp.sum(jnp.stack(mesh) ** 2, axis=0)
-        self.q = jnp.sqrt(jnp.where(squared > 0, squared, jnp.min(lowest) ** 2))
-        self.numbers = both_signs(self.shape)
-        self.has_two = ndim == 2 and self.shape[0] % 2 == 0
-        self.components = [
-            2 * np.pi * k / length for k, length in zip(self.numbers, self.grid.size, strict=True)
-        ]
+        self.grid, lowest = grid, jnp.exp(creep.log_q[0])
+        self.q = jnp.sqrt(jnp.where(squared > 0, squared, lowest**2))
+        self.shares = creep.shares(self.q.ravel())
+        self.memory = self._on(creep.kernels, self.numbers)
 
-    def _on(self, quadrant: Array, numbers) -> Array:
-        """What depends on |q|, from its quadrant on the rows of mode numbers; 0 at q = 0."""
-        first = (0,) * self.grid.ndim
-        quadrant = quadrant.at[(..., *first)].set(0)
+    @property
+    def numbers(self) -> tuple[np.ndarray, ...]:
+        """Mode numbers of the waves."""
+        return both_signs(self.grid.shape)
+
+    @property
+    def has_two(self) -> bool:
+        """Whether waves with two points along x count twice."""
+        return self.grid.ndim == 2 and self.grid.shape[0] % 2 == 0
+
+    @property
+    def is_wave(self) -> np.ndarray:
+        """False where the positive components are 0."""
+        return np.arange(self.q.size).reshape(self.q.shape) > 0
+
+    def _on(self, table: Array, numbers: tuple[np.ndarray, ...]) -> Array:
+        """A table of `Creep` at the waves of these mode numbers; 0 at q = 0."""
+        found = jnp.exp(table @ self.shares.astype(table.dtype))
+        found = found.reshape(*table.shape[:-1], *self.q.shape) / self.q
+        found = jnp.where(self.is_wave, found, 0)
         if self.grid.ndim == 1:
-            return quadrant
-        return jnp.take(quadrant, np.abs(numbers[0]).ravel(), axis=-2)
+            return found
+        return jnp.take(found, np.abs(numbers[0]).ravel(), axis=-2)
 
     def kernel(self, table: Array) -> Array:
         """A table of `Creep` on the half spectrum."""
-        return self._on(self.problem.creep.at(table, self.q), mode_numbers(self.shape))
-
-    def memory(self) -> Array:
-        """w_k M(s_k) of the waves in the block."""
-        creep = self.problem.creep
-        return self._on(creep.at(creep.kernels, self.q), self.numbers)
+        return self._on(table, mode_numbers(self.grid.shape))
 
     def turn(self, shift: Array) -> Array:
-        """exp(iq·s) of the waves in the block."""
-        along = zip(self.components, shift, strict=False)
-        return jnp.exp(1j * sum(q * s for q, s in along))
+        """exp(iq·s), broadcastable to the waves."""
+        along = zip(wavevector(self.grid, self.numbers), shift, strict=False)
+        turned = [jnp.exp(1j * q * s) for q, s in along]
+        return math.prod(turned[1:], start=turned[0])
 
     def split(self, waves: Array) -> Array:
-        """Half spectra on the waves in the block."""
+        """Returns half spectra on the waves."""
         if not self.has_two:
             return waves
-        return jnp.take(waves, self.numbers[0].ravel() % self.shape[0], axis=-2)
+        return jnp.take(waves, self.numbers[0].ravel() % self.grid.shape[0], axis=-2)
 
     def joined(self, waves: Array) -> Array:
-        """The half spectrum of waves in the block."""
+        """Returns the half spectrum of waves: on the line of both signs their mean."""
         if not self.has_two:
             return waves
-        half = self.shape[0] // 2
+        half = self.grid.shape[0] // 2
         line = (waves[half] + waves[half + 1])[None] / 2
         return jnp.concatenate([waves[:half], line, waves[half + 2 :]])
 
     def mean_product(self, one: Array, other: Array) -> Array:
-        """⟨f g⟩ of the fields of waves in the block."""
-        weight = np.broadcast_to(multiplicity(self.shape), one.shape[-1:]).astype(float)
+        """Returns ⟨f g⟩ of the fields of waves."""
+        weight = multiplicity(self.grid.shape) / math.prod(self.grid.shape) ** 2
         if self.has_two:
-            rows = np.ones((one.shape[-2], 1))
-            rows[self.shape[0] // 2 : self.shape[0] // 2 + 2] = 0.5
+            half = self.grid.shape[0] // 2
+            rows = np.ones((len(one), 1))
+            rows[half : half + 2] = 0.5
             weight = weight * rows
-        total = (one.real * other.real + one.imag * other.imag) * jnp.asarray(
-            weight, one.real.dtype
-        )
-        return jnp.sum(total) / math.prod(self.shape) ** 2
+        product = one.real * other.real + one.imag * other.imag
+        return jnp.sum(product * jnp.asarray(weight, product.dtype))
