@@ -16,6 +16,7 @@ from ..core.quantities import AXES, FOUR, HISTORY, OBSERVABLES, in_brackets
 from ..plot.words import label_of, title_of
 from ..scenes.described import described
 from ..scenes.results import (
+    FLOWS,
     SEED_ERROR,
     has_numbers,
     is_of_each,
@@ -48,9 +49,7 @@ MAIN = (
     "mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach",
     "contact_stiffness", "specific_conductance", "flow_along_x", "flow_along_y",
 )  # fmt: skip
-OVER_TIME = (
-    "friction", "load", "contact_area", "mean_gap", "work_done", "flow_along_x", "flow_along_y",
-)  # fmt: skip
+OVER_TIME = ("friction", "load", "contact_area", "mean_gap", "work_done", *FLOWS)
 # Errors that are no part of the total: ends of names, and heads.
 APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
 

@@ -8,7 +8,7 @@ import numpy as np
 from ..core.display import time_unit, unit_of, with_time, with_unit
 from ..core.escaping import in_figure
 from ..core.quantities import CYCLE, FIELDS, HISTORY, OBSERVABLES, STEADY, in_brackets
-from ..scenes.results import kind_of_results
+from ..scenes.results import FLOWS, kind_of_results
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
 from .style import PAGE, colours_of, finished, new_figure
@@ -64,8 +64,8 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
 def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
     """Returns a figure of friction, contact area, load and mean gap over time.
 
-    Time is logarithmic if the last step is more than ten times as long as the first. The flow along
-    x is drawn, too, if results have it.
+    A surface that rests has no friction. Time is logarithmic if the last step is more than ten
+    times as long as the first. Flows are drawn, too, if results have some that are not 0.
 
     **Arguments:**
 
@@ -73,23 +73,29 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
       a scene with [motion] `once = true`: one line for each of its solves.
     """
     names = ["friction", "contact_area", "load", "mean_gap"]
-    if hasattr(history, "dims") and "flow_along_x" in history:
-        names.append("flow_along_x")
-    lines = _over_time(history, HISTORY, "time", *names)
-    figure = new_figure(PAGE, 2.3)
-    panels = figure.subplots(1, len(names))
+    if hasattr(history, "dims"):
+        names += [n for n in FLOWS if n in history and np.any(history[n] > 0)]
+    lines = _over_time(history, HISTORY, "time", "surface_displacement", *names)
+    if not np.any(lines[0][2]):
+        names = names[1:]
+        lines = [(*line[:3], *line[4:]) for line in lines]
+    columns = len(names) if len(names) < 5 else 3
+    rows = -(-len(names) // columns)
+    figure = new_figure(PAGE, 2.3 * rows)
+    panels = [figure.add_subplot(rows, columns, i + 1) for i in range(len(names))]
     times = lines[0][1]
     unit, factor = time_unit(times[-1])
-    for i, (axes, name) in enumerate(zip(panels, names, strict=True), start=2):
-        meaning, symbol = OBSERVABLES[name].quantity.meaning, OBSERVABLES[name].quantity.unit
-        scale = 1.0
+    for i, (axes, name) in enumerate(zip(panels, names, strict=True), start=3):
+        symbol, scale = OBSERVABLES[name].quantity.unit, 1.0
         if symbol in ("m", "Pa"):
             symbol, scale = unit_of(symbol, max(float(np.max(line[i])) for line in lines))
         for line, colour in zip(lines, colours_of(len(lines)), strict=False):
             known = np.isfinite(line[i])  # a flow at some times only
             shown = factor * times[known], scale * line[i][known]
             axes.plot(*shown, color=colour, label=line[0] or None)
-        axes.set(xlabel=f"time [{unit}]", ylabel=meaning + in_brackets(symbol))
+        axes.set(xlabel=f"time [{unit}]", ylabel=name.replace("_", " ") + in_brackets(symbol))
+        if name != "friction":
+            axes.set_ylim(0, None)
         if len(times) > 1 and times[-1] - times[-2] > _GEOMETRIC * times[0]:
             axes.set_xscale("log")
     return figure

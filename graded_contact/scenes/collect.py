@@ -15,15 +15,13 @@ from ..sliding.facts import facts_of
 from ..studies.dataset import NOT_STARTED, attach, package_versions
 from ..studies.store import Point, together
 from ..surfaces.surface import Surface
-from .results import FORMAT, KEPT_FIELDS, NO_NUMBERS, TIME, warnings_of
+from .results import FLOWS, FORMAT, KEPT_FIELDS, NO_NUMBERS, TIME, warnings_of
 from .scene import Scene
 from .surface_source import RandomSurface
 from .theory import errors_of_stack
 
 if TYPE_CHECKING:
     from xarray import Dataset
-
-FLOWS = ("flow_along_x", "flow_along_y")  # over time, of what happens once
 
 
 def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.checks import check_increasing, check_positive, check_values, within
+from ..core.checks import as_float, check_increasing, check_positive, check_values, within
 from ..fields.grid import Grid
 from ..readers.recorded_motion import read_over_time
 from ..sliding.motion import Motion
@@ -88,7 +88,7 @@ def with_corners(motion: SingleMotion, load: dict[str, Any]) -> SingleMotion:
             )
         allowed = "a time [s] lies between 0 and the end of [motion]"
         check_values("ratio_times", times, allowed, at_least=0, at_most=own[-1] * (1 + _CLOSE))
-        check_increasing("ratio_times", times)
+        check_increasing("ratio_times", as_float(times))
     near = np.any(np.isclose(times[:, None], own, rtol=_CLOSE, atol=0), axis=1)
     whole = np.sort(np.concatenate([own, times[~near & (times > 0)]]))
     return SingleMotion(whole, np.interp(whole, np.append(0, own), np.append(0, moved)))

@@ -37,8 +37,8 @@ from ..studies.program import Program, trace
 from ..studies.store import Store, open_store
 from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
-from .collect import FLOWS, collect, fields_of, numbers_of_scene
-from .results import KEPT_FIELDS
+from .collect import collect, fields_of, numbers_of_scene
+from .results import FLOWS, KEPT_FIELDS
 from .scene import Scene
 from .scene_checks import refuse_liquids
 from .surface_source import RandomSurface, SurfaceFile

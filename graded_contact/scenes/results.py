@@ -35,6 +35,7 @@ KEPT_FIELDS = {
     "heights": "contact_heights",
 }  # fmt: skip
 TIME = {"units": "s", "long_name": "time"}  # of what happens once
+FLOWS = ("flow_along_x", "flow_along_y")  # over time, of what happens once
 SEED_ERROR = "_seed_error"
 NO_NUMBERS = tuple(RESULTS[end] for end in FAILURES)  # messages of solves without numbers
 # Messages of solves whose numbers are in the file, but not printed.

@@ -70,9 +70,8 @@ class HistoryProblem(eqx.Module):
     @property
     def operator(self) -> OneStep:
         """The block in the last step."""
-        return OneStep(
-            *BlockWaves(self).kernel(jnp.stack([self.creep.now[-1], self.creep.aged[-1]]))
-        )
+        waves = BlockWaves(self.grid, self.creep)
+        return OneStep(*waves.kernel(jnp.stack([self.creep.now[-1], self.creep.aged[-1]])))
 
     @property
     def moved(self) -> Float[Array, "nt components"]:
