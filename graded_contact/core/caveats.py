@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from .display import shown
-from .quantities import OBSERVABLES, NumberOf
+from .quantities import HISTORY, OBSERVABLES, NumberOf
 
 DOUBTFUL = 0.1  # the part of a result above which there is a caveat
 
@@ -44,7 +44,7 @@ def caveats_of(number: NumberOf, kind: str) -> tuple[Caveat, ...]:
       periodic contact has no rim.
     - `kind`: of the contacts, one of `KINDS`.
     """
-    caveats = []
+    caveats, what = [], "times" if kind == HISTORY else "solves"
     for name, entry in OBSERVABLES.items():
         rule = entry.warns
         if rule is None or kind not in entry.kinds or kind not in rule.kinds:
@@ -54,6 +54,6 @@ def caveats_of(number: NumberOf, kind: str) -> tuple[Caveat, ...]:
         if np.any(where):
             text = rule.sentence.format(value=_Ends(np.min(values[where]), np.max(values[where])))
             if not np.all(where):
-                text += f" ({np.sum(where)} of {values.size} solves.)"
+                text += f" ({np.sum(where)} of {values.size} {what}.)"
             caveats.append(Caveat(text, where))
     return tuple(caveats)

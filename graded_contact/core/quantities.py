@@ -308,10 +308,27 @@ def observable(symbol: str, unit: str, meaning: str, **options: Any) -> Callable
 
     def register(formula: F) -> F:
         quantity = Quantity(formula.__name__, symbol, unit, meaning)
-        OBSERVABLES[quantity.name] = Observable(quantity, formula, **options)
+        entry = Observable(quantity, formula, **options)
+        known = OBSERVABLES.get(entry.name)
+        OBSERVABLES[entry.name] = entry if known is None else _with(known, entry)
         return formula
 
     return register
+
+
+def _with(known: Observable, more: Observable) -> Observable:
+    """A number that contacts of other kinds have by another formula."""
+
+    def chosen(field):
+        def run(found):
+            return getattr(more if found.kind in more.kinds else known, field)(found)
+
+        return run
+
+    return known._replace(
+        formula=chosen("formula"), beside=chosen("beside") if known.beside else None,
+        kinds=(*known.kinds, *more.kinds), over_time=known.over_time or more.over_time,
+    )  # fmt: skip
 
 
 of_steady, of_cycle, of_history = (partial(observable, kinds=(kind,)) for kind in KINDS)

@@ -15,7 +15,7 @@ from jaxtyping import Array
 from ..contacts.estimates import error_of
 from ..contacts.window import Window
 from ..core.caveats import DOUBTFUL
-from ..core.quantities import OBSERVABLES, Above, NumberOf
+from ..core.quantities import KINDS, OBSERVABLES, Above, NumberOf
 from ..fields.grid import interpolate
 from .facts import HEATED, WINDOW
 from .formulas import frictions, indicator_of, loaded, shared, slopes, touching
@@ -27,6 +27,7 @@ CAUSES: dict[str, tuple[str, list[str]]] = {
     "solver": ("the solver", []),
     "grid": ("the grid", []),
     "time": ("the number of times", []),
+    "memory": ("the memory of the block", []),
     "temperature": ("the temperatures of the contact", [HEATED]),
     "kernel": ("the kernel of the window", [WINDOW]),
 }
@@ -47,6 +48,9 @@ def add_errors(
     column: tuple[str, str] | None = None,
     needs: Collection[str] = (),
     over: Callable[[str, str], Callable[[NumberOf], Any]] | None = None,
+    beside: Callable[[Any], Any] = neighbours_of,
+    over_time: bool = False,
+    doubted: Collection[str] = KINDS,
     **parts: Callable[[Any], Any],
 ) -> None:
     """Registers `NAME_error`, the sum of its parts, and each part as `NAME_PART_error`.
@@ -59,6 +63,9 @@ def add_errors(
     - `needs`: facts of the contacts that have the errors.
     - `over`: what an error is compared with: `over_number` or `over_friction`. A part above a share
       of `DOUBTFUL` is a caveat, if `UNRESOLVED` has its cause; None: no part is.
+    - `beside`: returns the neighbours of a contact.
+    - `over_time`: whether there is an error at each time.
+    - `doubted`: kinds of contacts that have these caveats.
     - `parts`: the formulas by their causes, see `CAUSES`.
     """
     symbol, unit, meaning = OBSERVABLES[name].quantity[1:4]
@@ -73,10 +80,10 @@ def add_errors(
         warns = None
         if over is not None and part in UNRESOLVED:
             sentence = UNRESOLVED[part].replace("NUMBER", name.replace("_", " "))
-            warns = Above(DOUBTFUL, sentence, of=over(name, of_part.__name__))
+            warns = Above(DOUBTFUL, sentence, over(name, of_part.__name__), doubted)
         kind(
             "", unit, f"error of the {meaning} by {cause}", needs=(*needs, *fact), warns=warns,
-            beside=neighbours_of if part in ("grid", "time") else None,
+            beside=beside if part in ("grid", "time") else None, over_time=over_time,
         )(of_part)  # fmt: skip
 
     def total(found):
@@ -87,7 +94,7 @@ def add_errors(
     total.__doc__ = f"Estimated error of `{name}`, the sum of its parts [{unit}]."
     kind(
         rf"\delta {symbol}", unit, f"estimated error of the {meaning}", column=column, needs=needs,
-        beside=neighbours_of,
+        beside=beside, over_time=over_time,
     )(total)  # fmt: skip
 
 

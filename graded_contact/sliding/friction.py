@@ -216,7 +216,7 @@ def _beside(found: Found) -> Array:
 
 
 add_errors(
-    "friction", of_steady, TOTAL, over=over_friction,
+    "friction", of_steady, TOTAL, over=over_friction, doubted=(STEADY,),
     solver=_friction_by_solver, grid=by_grid("friction", OF_FORCE, _beside),
     kernel=_image_error, temperature=lambda found: found.heated.friction_error,
 )  # fmt: skip

@@ -25,7 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..contacts.operator import nonzero
-from ..core.quantities import OBSERVABLES
+from ..core.quantities import HISTORY, OBSERVABLES
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import mode_numbers, multiplicity, to_field, to_spectrum
 from .energy import frequencies
@@ -61,6 +61,7 @@ OF_SHEAR = Weights(1.5, 0.5, 0.0, 0.0, 0.0, 0.0)  # shear in the contact, which 
 OF_PLACE = Weights(0.45, 0.3, 0.012, 0.0, 0.06, 1.0)  # gap, approach, and the pressure at these
 _AREA_MOVED, _AREA_LACKING, _EDGES, _OPENINGS = 1.2, 0.4, 0.4, 5.0
 _UNSEEN = 6.0  # times the power of waves without a direction
+UNSEEN_AREA = "unseen_area"  # recorded in each step of a history
 _DOUBT = 0.25  # of the dip between two points: how far the lowest pressure may be below that seen
 
 
@@ -80,8 +81,11 @@ def by_grid(
         if found.problem.prescribed == name:
             return jnp.zeros((), found.pressure.dtype)
         (own, moved, missed), lacking = _changes(name, found), neighbours_of(found).lacking
-        area = jnp.mean(OBSERVABLES["contact_area"].formula(found))
-        doubt = jnp.mean(_area_in_doubt(found))
+        area, doubt = OBSERVABLES["contact_area"].of(found), _area_in_doubt(found)
+        if own.ndim:  # at each time of a history
+            area, doubt = (a.reshape(-1, *[1] * (own.ndim - 1)) for a in (area, doubt))
+        else:
+            area, doubt = jnp.mean(area), jnp.mean(doubt)
         relative = jnp.minimum(doubt / nonzero(area), weights.most)
         relative = relative * (weights.relative_area + weights.of_lacking * lacking)
         # At most 1: a contact that is full, or nearly so, may be open by all that is in doubt.
@@ -95,16 +99,23 @@ def by_grid(
 
 def area_by_grid(found: Found) -> Array:
     """The error of the contact area by the grid [1], in a cycle at each time."""
-    area = OBSERVABLES["contact_area"].formula(found)
+    area = OBSERVABLES["contact_area"].of(found)
     return jnp.minimum(_area_in_doubt(found), jnp.maximum(area, 1 - area))
 
 
 @shared
 def _area_in_doubt(found: Found) -> Array:
     own, moved, missed = _changes("contact_area", found)
-    edges = jnp.abs(OBSERVABLES["contact_area_pixels"].formula(found) - own)
+    edges = jnp.abs(OBSERVABLES["contact_area_pixels"].of(found) - own)
     total = _AREA_MOVED * moved + _AREA_LACKING * missed + _EDGES * edges
-    return total + (_edges_by_chance if found.law.attracts else _hidden_openings)(found)
+    return total + unseen_area(found)
+
+
+def unseen_area(found: Found) -> Array:
+    """The error of the area by what no point shows [1]."""
+    if UNSEEN_AREA in found.recorded:
+        return found.recorded[UNSEEN_AREA]
+    return (_edges_by_chance if found.law.attracts else _hidden_openings)(found)
 
 
 def _edges_by_chance(found: Found) -> Array:
@@ -118,11 +129,13 @@ def _edges_by_chance(found: Found) -> Array:
 
 def _changes(name: str, found: Found) -> tuple[Array, Array, Array]:
     """A number, and the sizes of its changes m and l; NaN if the grid has no half."""
-    formula, near = OBSERVABLES[name].formula, neighbours_of(found)
+    formula, near = OBSERVABLES[name].of, neighbours_of(found)
     own, same, half = map(formula, (found, near.same, near.half))
     changes = jnp.abs(jnp.stack([same - half, own - same]))
     # A neighbour may fail, or lose a contact of few points, and with it the number.
     changes = jnp.where(jnp.isnan(changes), jnp.abs(own), changes)
+    if own.ndim and found.kind == HISTORY:  # at one time they may cancel by chance
+        changes = jnp.maximum(changes, jnp.mean(changes, axis=1, keepdims=True))
     moved, missed = jnp.where(jnp.isnan(near.lacking), jnp.nan, changes)
     return own, moved, missed
 

@@ -31,6 +31,7 @@ from ..blocks.creep import NODES, creep_of
 from ..contacts.abstract_solver import Inputs, Loading
 from ..contacts.inputs import loading_of
 from ..contacts.law import check_one_law
+from ..contacts.nested_solve import DouglasRachford
 from ..contacts.operator import Field, nonzero, work_of_waves
 from ..contacts.solution import RESULTS, ContactSolution
 from ..contacts.solve import contact_of
@@ -39,17 +40,18 @@ from ..core.compilation import jit
 from ..core.derivative import largest
 from ..core.memory import check_memory
 from ..fields.devices import required
-from ..fields.grid import odd_wavevector, to_field, to_spectrum
+from ..fields.grid import Grid, odd_wavevector, to_field, to_spectrum
 from ..materials.coverage import coverage
 from ..surfaces.surface import check_periodic
 from .area import contact_area, contact_area_pixels
 from .case import Case
 from .facts import facts_of
-from .formulas import edges_of, indicator_of, lengths, slopes, touching
-from .grid_errors import openings
+from .formulas import edges_of, indicator_of, lengths, slopes
+from .grid_errors import UNSEEN_AREA, unseen_area
 from .history_problem import BlockWaves, HistoryProblem, OneStep, steps_of
 from .numerics import Numerics
 from .problem import SteadyProblem
+from .resolution import NEIGHBOURS_RTOL
 from .result import Sliding, TransientSliding
 from .shear import is_coupled, shear_over_load, shear_stress, unless_negative
 
@@ -192,8 +194,8 @@ class Advance(eqx.Module):
             traction=traction + sheared, shear_traction=sheared, load=load,
             contact_area=contact_area(one), contact_area_pixels=contact_area_pixels(one),
             mean_gap=contact.mean_gap, slope=slopes(one, pressure, displacement),
-            openings=openings(pressure, touching(one)),
-        ) | {f"step_{name}": getattr(contact, name) for name in _OF_STEPS}  # fmt: skip
+            spread=jnp.sqrt(jnp.mean(pressure**2)),
+        ) | {UNSEEN_AREA: unseen_area(one)} | {f"step_{name}": getattr(contact, name) for name in _OF_STEPS}  # fmt: skip
 
 
 MEMORY = 4 * NODES + 30  # fields
@@ -301,10 +303,31 @@ def history_problem(case: Case) -> HistoryProblem:
     creep = creep_of(case.stack, jnp.stack([lowest, highest]), steps_of(times))
     stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
     return HistoryProblem(
-        creep=creep, heights=surface.heights, grid=grid, law=case.law, times=times,
+        stack=case.stack, creep=creep, heights=surface.heights, grid=grid, law=case.law, times=times,
         displacement=case.displacement, given=unless_negative(given, stress), shear=stress,
         prescribed=case.prescribed, measured_range=coverage(case.stack), facts=facts_of(case),
     )  # fmt: skip
+
+
+def on_grid(
+    found: TransientSliding, shape: tuple[int, ...], heights: Field, chosen: np.ndarray
+) -> TransientSliding:
+    """Returns the history of other heights on a grid of the cell, in fewer steps.
+
+    `chosen` are the numbers of the steps whose ends stay.
+    """
+    problem = found.problem
+    creep, times = problem.creep, problem.times[chosen]
+    if len(chosen) < len(problem.times):
+        creep = creep_of(problem.stack, jnp.exp(creep.log_q), steps_of(times))
+    problem = dataclasses.replace(
+        problem, creep=creep, heights=heights, grid=Grid(shape, problem.grid.size), times=times,
+        displacement=problem.displacement[chosen], given=problem.given[chosen],
+    )  # fmt: skip
+    solver = DouglasRachford(newton=is_concrete(problem.given))
+    how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
+    kept = (len(chosen) - 1,)
+    return history_of(problem, *run_history(problem, how, kept), kept)
 
 
 def solve_history(

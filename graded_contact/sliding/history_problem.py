@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..blocks.creep import Creep
+from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw
 from ..contacts.operator import AbstractOperator
 from ..fields.grid import Grid, Waves, both_signs, mode_numbers, multiplicity, wavevector
@@ -41,7 +42,7 @@ class HistoryProblem(eqx.Module):
 
     **Fields:**
 
-    - `creep`: the memory of the block.
+    - `stack`, `creep`: the block, and its memory.
     - `heights`, `grid`, `law`, `measured_range`, `shear`, `facts`: as in `SteadyProblem`.
     - `prescribed`: what is given: "pressure" or "mean_gap". Static.
     - `times`: ends of the steps [s], shape `(nt,)`.
@@ -49,6 +50,7 @@ class HistoryProblem(eqx.Module):
     - `given`: pressure [Pa] or mean gap [m] at these times.
     """
 
+    stack: Stack
     creep: Creep
     heights: Float[Array, "..."]
     grid: Grid

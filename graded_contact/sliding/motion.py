@@ -43,6 +43,7 @@ _FEWEST = 32  # times that are chosen
 # frequencies. A rest of 1/8 of the way has 4; the slow ends of the way look like a shorter one.
 _OF_A_WAY = 32
 _REFINED = 64  # times as many for the length of the path
+_OPEN = 0.2  # of the extent of a record: a gap that its next row does not close
 _FINE = 16  # times between two of a recorded motion, before the highest frequencies are cut
 
 
@@ -294,6 +295,7 @@ def recorded(
             f"`times` from {times[0]:g} to {times[-1]:g} s are refused: they must ascend within "
             f"one `period` of {period:g} s, whose end is not listed."
         )
+    _check_closed(table, grid)
     count = _USUAL if num_times is None else num_times
     moved = _resampled(times, table, period, count)
     if num_times is None and grid is not None:
@@ -304,6 +306,27 @@ def recorded(
             moved = _resampled(times, table, period, count)
     check_resolved(f"`num_times={count}`", moved, grid)
     return Motion(moved, period)
+
+
+def _check_closed(table: Array, grid: Grid | None) -> None:
+    """Raises `ValueError` for a record whose end is further from its start than two of its rows.
+
+    By whole cells the surface may advance: it then closes, too, see `slide_cycle`.
+    """
+    if not is_concrete(table) or (grid is not None and not is_concrete(grid.size)):
+        return
+    rows = np.asarray(table).reshape(len(table), -1)
+    apart = rows[-1] - rows[0]
+    # A record ends one step before it closes; one of few rows may take long steps.
+    usual = 4 * np.max(np.abs(np.diff(rows, axis=0)), axis=0)
+    if np.any(np.abs(apart) > np.maximum(usual, _OPEN * np.ptp(rows, axis=0))):
+        cells = "" if grid is None else f" of {np.asarray(grid.size)[0]:.3g} m"
+        far = f"{np.linalg.norm(apart):.3g} m"
+        raise ValueError(
+            f"`displacement` is refused: its end is {far} from its start, but a cycle ends where it "
+            "began. For a motion that happens once use `slide_history` with `recorded_once`; for "
+            f"steady sliding over whole cells{cells} use `steady`."
+        )
 
 
 def _resampled(times, table, period, count: int) -> Float[Array, "nt ..."]:

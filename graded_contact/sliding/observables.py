@@ -12,5 +12,6 @@ from . import friction
 from . import area
 from . import doubts
 from . import traction
+from . import history_errors
 from . import gap_flow
 from . import stiffness

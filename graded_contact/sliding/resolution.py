@@ -28,7 +28,7 @@ from .numerics import Numerics
 from .problem import Problem
 from .result import CyclicSliding, Found, Sliding
 
-_NEIGHBOURS_RTOL = 2e-4  # of the pressure; the differences of two grids are larger
+NEIGHBOURS_RTOL = 2e-4  # of the pressure; the differences of two grids are larger
 _LEAST_TIMES = 8  # times that are not halved again
 
 
@@ -39,7 +39,7 @@ class Neighbours(eqx.Module):
 
     - `same`: on the grid, without the waves that half of it lacks.
     - `half`: the same contact on half as many points.
-    - `fewer`: of a cycle, on the grid with half as many times; None if these are too few.
+    - `fewer`: of a cycle or a history, on the grid with half as many times; None if these are too few.
     - `lacking`: share of the squared slope in waves that half the grid lacks [1]; NaN if the grid
       has too few points to be halved.
     """
@@ -89,7 +89,7 @@ def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int
     problem = eqx.tree_at(lambda one: one.heights, problem, heights)
     # In a program of the user, Newton steps would take long to compile and are seldom needed.
     solver = DouglasRachford(newton=is_concrete(load))
-    how = Numerics(rtol=_NEIGHBOURS_RTOL, solver=solver, throw=False)
+    how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
     # The displacement by a traction that is no part of the kernel stays as it is.
     contact = problem.contact({found.problem.prescribed: load}, shift, how, start)
     # A number that is not known must not show a small change. What may be unstable on half the grid

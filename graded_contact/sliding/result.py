@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Inexact
 
 from ..blocks.heated_stack import HeatedContact
 from ..contacts.solution import ContactSolution
-from ..core.display import shown
+from ..core.display import number, shown
 from ..core.quantities import CYCLE, HISTORY, OBSERVABLES, STEADY
 from ..fields.frequency import direction_and_speed
 from .abstract_sliding import AbstractSliding, beyond_contact
@@ -212,6 +212,23 @@ class TransientSliding(AbstractSliding):
     def moved(self) -> Float[Array, "nt components"]:
         """The displacement s of the surface, its components on the second axis [m]."""
         return self.problem.moved
+
+    def table(self, most: int = 25) -> str:
+        """Returns the numbers over time in columns, of at most so many times."""
+        entries = [e for e in map(OBSERVABLES.get, self.numbers) if e and e.over_time and e.column]
+        rows = np.unique(np.linspace(0, len(self.times) - 1, most).round().astype(int))
+        heads = ["time [s]", *(entry.column[0].replace("\n", " ") for entry in entries)]
+        columns = [[f"{t:.4g}" for t in np.asarray(self.times)[rows]]]
+        for entry in entries:
+            values = np.asarray(self.recorded[entry.name])[rows].reshape(len(rows), -1)
+            form = entry.column[1]
+            columns.append([" ".join(number(v, form) for v in row) for row in values])
+        widths = [max(map(len, (head, *rest))) for head, rest in zip(heads, columns, strict=True)]
+        lines = [heads, *zip(*columns, strict=True)]
+        return "\n".join(
+            "  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True))
+            for line in lines
+        )
 
     @property
     def field_times(self) -> Float[Array, " kept"]:

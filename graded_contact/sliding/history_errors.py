@@ -1,0 +1,132 @@
+"""Errors of what happens once: by the grid, the steps, the memory of the block and the solver.
+
+Those by the grid follow from the history on half the grid, as for other contacts, at each time.
+Those by the steps follow from the history in half as many steps: each step is of second order, so
+that a change is three times the error, but where the load or the motion begins at once it is of
+first order, as large as the change.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..contacts.operator import nonzero
+from ..core.checks import is_concrete
+from ..core.quantities import of_history
+from .errors import add_errors
+from .formulas import lengths
+from .grid_errors import OF_FORCE, OF_PLACE, area_by_grid, by_grid
+from .half_grid import NOTHING_LACKS, halved, heights_on
+from .history import on_grid
+from .resolution import Neighbours, neighbours_of
+from .result import TransientSliding
+
+_LEAST_STEPS = 4  # that are not halved again
+_KEPT_BY_TIMES, _MEAN_BY_TIMES = 0.5, 0.15  # of the changes with half as many steps
+
+
+def history_neighbours(found: TransientSliding) -> Neighbours:
+    """Returns the histories on half the grid, and in half as many steps.
+
+    They are kept with the result, unless they are traced.
+    """
+    near = found.kept.near
+    if near is None:
+        near = _neighbours(jax.tree.map(lambda leaf: leaf, found))
+        if all(map(is_concrete, jax.tree.leaves(near))):
+            found.kept.near = near
+    return near
+
+
+def _neighbours(found: TransientSliding) -> Neighbours:
+    shape, every = found.grid.shape, np.arange(len(found.times))
+    half = halved(shape)
+    on_half, cut, missing = heights_on(found.heights, found.grid, half, False)
+    same, fewer = found, None
+    if not (is_concrete(missing) and missing <= NOTHING_LACKS):
+        same = on_grid(found, shape, cut, every)
+    if len(every) >= 2 * _LEAST_STEPS:
+        fewer = on_grid(found, shape, found.heights, _halved_steps(len(every)))
+    if half == shape:  # nothing is known of the error of the grid
+        missing = missing * jnp.nan
+    return Neighbours(same, on_grid(found, half, on_half, every), fewer, missing)
+
+
+def _halved_steps(count: int) -> np.ndarray:
+    """Every second step, with the last one."""
+    return np.arange(count - 1, -1, -2)[::-1]
+
+
+def _by_steps(name: str):
+    """The formula of the error by the steps, from the history with half as many."""
+
+    def error(found):
+        own, fewer = found.recorded[name], neighbours_of(found).fewer
+        if fewer is None:
+            return jnp.abs(own)
+        if own.ndim == 0:
+            return _KEPT_BY_TIMES * jnp.abs(own - fewer.recorded[name])
+        chosen = _halved_steps(len(own))
+        change = jnp.abs(own[chosen] - fewer.recorded[name])
+        change = jnp.where(jnp.isnan(change), jnp.abs(own[chosen]), change)
+        columns = change.reshape(len(change), -1).T
+        at = [jnp.interp(found.times, found.times[chosen], column) for column in columns]
+        moved = jnp.stack(at, axis=-1).reshape(own.shape)
+        return _KEPT_BY_TIMES * moved + _MEAN_BY_TIMES * jnp.mean(change, axis=0)
+
+    return error
+
+
+def _forces(found: TransientSliding) -> Array:
+    """What a relative error of pressures may change in the friction of each step [1]."""
+    return found.recorded["slope"] * found.recorded["spread"] / nonzero(found.recorded["load"])
+
+
+def _heights(found: TransientSliding) -> Array:
+    return jnp.std(found.heights) * jnp.ones_like(found.times)
+
+
+def _area(found: TransientSliding) -> Array:
+    return found.recorded["contact_area"]
+
+
+def _works(found: TransientSliding) -> Array:
+    """The same in the work of friction so far [J/m²]."""
+    way = lengths(found.problem.steps[1])
+    return jnp.cumsum(_forces(found) * found.recorded["load"] * way)
+
+
+def _work_of_load(found: TransientSliding) -> Array:
+    gap = found.recorded["mean_gap"]
+    closed = jnp.abs(jnp.diff(gap, prepend=gap[:1] + 3 * jnp.std(found.heights)))
+    return _works(found) + jnp.cumsum(found.recorded["load"] * closed)
+
+
+def _mean_forces(found: TransientSliding) -> Array:
+    return jnp.max(_forces(found))
+
+
+# Of each number: by what errors of the grid are weighed, and what a relative error of the pressure
+# changes in it; of the gap the solver knows its own.
+for _name, _weights, _scale in (
+    ("friction", OF_FORCE, _forces), ("mean_friction", OF_FORCE, _mean_forces),
+    ("peak_friction", OF_FORCE, _mean_forces), ("contact_area", None, _area),
+    ("mean_gap", OF_PLACE, _heights),
+    ("work_done", OF_FORCE, _works), ("load_work_done", OF_FORCE, _work_of_load),
+):  # fmt: skip
+    _solver = "step_gap_error" if _name == "mean_gap" else "step_error"
+
+    def _scaled(found, by, scale=_scale, name=_name):
+        size = scale(found)
+        size = (jnp.max(by) if size.ndim == 0 else by) * size
+        like = found.recorded[name]
+        return jnp.broadcast_to(size.reshape(size.shape + (1,) * (like.ndim - size.ndim)), like.shape)
+
+    add_errors(
+        _name, of_history, over_time=not _name.endswith("_friction"), beside=history_neighbours,
+        grid=area_by_grid if _weights is None else by_grid(_name, _weights),
+        time=_by_steps(_name),
+        solver=lambda f, scaled=_scaled, of=_solver: 2 * scaled(f, f.recorded[of]),
+        memory=lambda f, scaled=_scaled: scaled(f, f.problem.creep.error),
+    )  # fmt: skip
