@@ -225,8 +225,9 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         if scene.motion is not None:  # along the direction of the motion
             direction = point.get("direction", scene.direction)
             along = jnp.atleast_1d(velocity_along(1.0, direction))
-            for name in ("friction", "traction"):
-                found[name] = found[name].reshape(scene.num_times, -1) @ along
+            for name, number in found.items():
+                if number.ndim == 2:
+                    found[name] = number @ (jnp.abs(along) if name.endswith("_error") else along)
         if scene.kind == HISTORY and scene.observe.flow:  # of the times with a gap
             unknown = jnp.full(scene.num_times, jnp.nan, rough.heights.dtype)
             for name in FLOWS:

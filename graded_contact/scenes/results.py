@@ -139,7 +139,12 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
         for name, variable in results.data_vars.items()
         if variable.dtype.kind == "f" and {*known.dims} <= {*variable.dims} <= {*known.dims, "time"}
     }
-    return *of_files, *caveats_of(lambda name: told.get(name, 0.0), kind_of_results(results))
+    if (kind := kind_of_results(results)) != HISTORY:
+        return *of_files, *caveats_of(lambda name: told.get(name, 0.0), kind)
+    # What is doubtful at one time makes its solve doubtful.
+    over_time = {n: v if v.ndim > known.ndim else v[..., None] for n, v in told.items()}
+    found = caveats_of(lambda name: over_time.get(name, np.zeros(1)), kind)
+    return *of_files, *(c._replace(where=c.where.any(axis=-1)) for c in found)
 
 
 def kind_of_results(results: "Dataset") -> str:

@@ -251,7 +251,10 @@ def test_a_wrong_table_is_refused_with_its_place(text, expected):
         parse_scene(text)
 
 
-@pytest.mark.parametrize("name", ["reciprocating", "shear_and_heat", "indenter"])
+EXAMPLES = ("reciprocating", "shear_and_heat", "indenter", "braking", "seal", "load_steps")
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_is_read(name):
     assert read_scene(Path(__file__).parents[2] / "examples" / f"{name}.toml").title
 
