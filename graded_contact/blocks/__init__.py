@@ -4,6 +4,7 @@
 """
 
 from . import shapes
+from .bond import AbstractBond, Bond, Film
 from .compliance import effective_modulus, graded_compliance, layered_compliance, surface_compliance
 from .graded_solver import AbstractGradedSolver
 from .kernel import kernel_table, stack_kernel
@@ -16,8 +17,9 @@ from .stress import interior_fields, largest_tension, stress_field, von_mises
 from .window_compliance import window_kernel
 
 __all__ = [
-    "AbstractGradedSolver", "AbstractProfile", "Aged", "Blend", "Free", "GradedLayer", "HalfSpace",
-    "Layer", "Layering", "Mixture", "Riccati", "Rigid", "Stack", "effective_modulus",
+    "AbstractBond", "AbstractGradedSolver", "AbstractProfile", "Aged", "Blend", "Bond", "Film",
+    "Free", "GradedLayer", "HalfSpace", "Layer", "Layering", "Mixture", "Riccati", "Rigid", "Stack",
+    "effective_modulus",
     "graded_compliance", "interface_depths", "interior_fields", "kernel_table",
     "largest_tension", "layered_compliance", "shapes", "sliced", "stack_kernel", "stress_field",
     "surface_compliance", "surface_compliance_matrix", "von_mises", "window_kernel",

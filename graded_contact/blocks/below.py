@@ -18,7 +18,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Inexact
 
-from .column import Carried, Column, Face, Rule, face_in
+from .bond import Give
+from .column import Carried, Column, Face, Rule, face_in, scaled
 from .slab import Compliance, factors, half_space, in_units, lower_face, split_of, times, upwards
 from .stack import Free, Rigid
 
@@ -106,7 +107,22 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     return above._replace(state=state)
 
 
-FULL = Rule(_add, _half_space, _numbers, _face)
+def _join(face: Face, give: Give) -> Face:
+    """The state above a bond: its springs are in series with what lies below."""
+    (n, (c11, c12, c22, det), n_t, c_t, split), bond = face.state, scaled(give, face.reduced)
+    (firm_n, give_n, firm_s, give_s), firm = bond, bond.normal_firmness * bond.shear_firmness
+    along, across = firm_s * c11 + give_s * n, firm_n * c22 + give_n * n
+    # det(c + diag(1/k_s, 1/k_n)), all of one sign.
+    area = firm * det + give_s * across + firm_s * give_n * c11
+    state = Below(firm * n, Compliance(firm_n * along, firm * c12, firm_s * across, area))
+    if n_t is not None:
+        # c11 and c_T get the same 1/k_s: what they differ by is unchanged.
+        c_t = firm_s * c_t + give_s * face.shear / face.reduced * n_t
+        state = state._replace(n_t=firm_s * n_t, c_t=c_t, split=firm * firm_s * split)
+    return face._replace(state=state)
+
+
+FULL = Rule(_add, _join, _half_space, _numbers, _face)
 PLANE = FULL._replace(half_space=lambda reduced, e: in_plane(_half_space(reduced, e)))
 
 

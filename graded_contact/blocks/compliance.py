@@ -31,7 +31,7 @@ from .column import climb_through, column_of
 from .grading import as_waves, graded_tolerance, solve_graded
 from .layering import Layering
 from .recursion import compliance_of_layers, layers_of
-from .stack import Free, HalfSpace, Rigid, Stack, is_graded, moduli_of
+from .stack import Free, HalfSpace, Rigid, Stack, is_bonded, is_graded, moduli_of
 
 
 @check_types
@@ -168,14 +168,21 @@ def _checked(stack, q, omega, rtol):
     return *as_waves(stack, q=q, omega=omega), graded_tolerance(stack, rtol, q)
 
 
-@eqx.filter_jit
-def _graded(stack, q, omega, rtol, throw):
+def _climb(stack, q, omega):
+    """The recursion to M_zz, given what adds a graded layer."""
     column = column_of(stack, q, omega)
     base = in_plane(base_face(column, jnp.zeros_like(q)))
 
     def climb(add_graded):
         top = climb_through(column, base, PLANE, add_graded)
         return (top.state.c.c22 / top.state.n * (2 / column.unit) / (top.reduced * q),)
+
+    return climb
+
+
+@eqx.filter_jit
+def _graded(stack, q, omega, rtol, throw):
+    climb = _climb(stack, q, omega)
 
     def relative(differences, values):
         return jnp.abs(differences[0]) / jnp.abs(values[0])
@@ -198,11 +205,14 @@ def compliance_of(stack, q, omega, rtol, *, attempt=False, throw=True) -> Array:
             # An attempt only counts coefficients: errors show in the table made after it.
             return found.value
         return jnp.where(found.error <= rtol, found.value, jnp.nan)
-    base = stack.base
-    if isinstance(base, HalfSpace):
-        base = moduli_of(base.material, omega)
+    if is_bonded(stack):
+        (compliance,) = _climb(stack, q, omega)(None)
+    else:
+        base = stack.base
+        if isinstance(base, HalfSpace):
+            base = moduli_of(base.material, omega)
+        compliance = compliance_of_layers(q, *layers_of(stack, omega), base)
     # Of elastic layers it has the shape of q alone.
-    compliance = compliance_of_layers(q, *layers_of(stack, omega), base)
     return jnp.broadcast_to(compliance, jnp.broadcast_shapes(q.shape, omega.shape))
 
 

@@ -27,10 +27,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core.checks import is_concrete
 from ..core.derivative import derivative_apart
 from .compliance import compliance_of
 from .grading import check_profiles, graded_tolerance
-from .stack import Stack
+from .stack import GradedLayer, HalfSpace, Layer, Stack, moduli_of
 
 NODES, _NODES_OF_STEP = 32, 14
 LONGEST = 1e8  # longest time over shortest; the error is 5e-3 there
@@ -98,7 +99,35 @@ class Creep(eqx.Module):
 def creep_of(stack: Stack, ends: Float[Array, "2"], steps: Float[Array, " steps"]) -> Creep:
     """Returns the memory of a block between two wavenumbers [rad/m], for steps in time [s]."""
     check_profiles(stack, -1j * jnp.ones(1, ends.dtype))
+    _check_analytic(stack, steps)
     return _creep(stack, ends, steps, graded_tolerance(stack, None, ends))
+
+
+def _check_analytic(stack: Stack, steps: Array) -> None:
+    """Raises `ValueError` for a law of moduli that is not analytic in ω, if it is known."""
+    if not all(map(is_concrete, jax.tree.leaves((stack, steps)))):
+        return
+    omega = -1j * contour(jnp.min(steps), jnp.sum(steps), 8).nodes
+    for part in (*stack.layers, stack.base):
+        if isinstance(part, GradedLayer):
+            name, law = "profile", lambda w, p=part: p.profile(jnp.asarray(0.5, steps.dtype), w)
+        elif isinstance(part, Layer | HalfSpace):
+            name, law = "material", lambda w, p=part: moduli_of(p.material, w)
+        else:
+            continue
+        # Along the imaginary axis the derivative is i times as large.
+        along, across = (
+            jax.jvp(lambda w, law=law: [m + 0 * w for m in law(w)], (omega,), (way + 0 * omega,))[1]
+            for way in (1, 1j)
+        )
+        pairs = zip(along, across, strict=True)
+        if any(bool(jnp.any(jnp.abs(b - 1j * a) > 1e-3 * jnp.abs(a) + 1e-30)) for a, b in pairs):
+            kind = type(getattr(part, name)).__name__
+            raise ValueError(
+                f"`{name}={kind}(...)` is refused: what happens once needs moduli at complex "
+                "frequencies, and this law is not analytic there. Write it with 1j*omega, without "
+                "|omega|, sign or real part; or fit it: `fit_prony(omega, modulus)`."
+            )
 
 
 @derivative_apart

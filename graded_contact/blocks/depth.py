@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .below import FULL, base_face
+from .bond import Give
 from .column import (
     AddGraded,
     Carried,
@@ -26,9 +27,10 @@ from .column import (
     column_of,
     face_in,
     in_rows,
+    scaled,
 )
 from .slab import Compliance, Slab, factors, in_units, lower_face, release, stack_on
-from .stack import Free, GradedLayer, Rigid, Stack, concatenated, interface_depths
+from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack, concatenated, interface_depths
 
 Side = Literal["above", "below"]
 
@@ -55,6 +57,7 @@ def depth_climb(
         for i, layer in enumerate(stack.layers)
         if isinstance(layer, GradedLayer)
     }
+    passed = in_rows(range(len(stack.layers)), depth) < place  # whose bonds lie above the cut
     zero = jnp.zeros(jnp.broadcast_shapes(q.shape, depth.shape), q.dtype)
     one, nothing = jnp.ones_like(zero), Compliance(zero, zero, zero, zero)
     # Nothing lies above the surface: no stiffness, and the traction as it is.
@@ -62,8 +65,9 @@ def depth_climb(
 
     def climb(add_graded):
         start = base_face(column, zero)
-        lower = climb_through(column, start, FULL, add_graded, below, heights)
-        upper = climb_through(_with_base(column), surface, _ABOVE, add_graded, above, heights)
+        lower = climb_through(column, start, FULL, add_graded, below, heights, ~passed)
+        whole = _with_base(column)
+        upper = climb_through(whole, surface, _ABOVE, add_graded, above, heights, passed)
         return _joined(upper, lower)
 
     return climb, _material(column, heights, place), column.unit
@@ -80,33 +84,36 @@ def _cut(stack, depth, side):
     # All of a layer that ends above: a difference of depths would be rounded.
     above = jnp.where(depth >= tops[1:], thickness, jnp.clip(depth - tops[:-1], 0, thickness))
     rest = jnp.maximum(depth - tops[-1:], 0)
-    return jnp.concatenate([above, rest]), jnp.maximum(jnp.sum(passed, axis=0) - 1, 0)
+    # A rigid base is no place: at its face the depth is in the layer above.
+    last = len(stack.layers) - (not isinstance(stack.base, HalfSpace))
+    return jnp.concatenate([above, rest]), jnp.clip(jnp.sum(passed, axis=0) - 1, 0, last)
 
 
 def _with_base(column: Column) -> Column:
     """The column with its half space as one more layer: at a depth in it, its upper part is one."""
     if isinstance(column.base, Rigid | Free):
         return column
-    runs, moduli = column.runs, [part[None] for part in column.base]
+    runs, (reduced, e) = column.runs, (part[None] for part in column.base)
     last = runs[-1] if runs else None
-    if not isinstance(last, Run):
-        return column._replace(runs=(*runs, Run(slice(-1, None), in_rows([0], column.q), *moduli)))
+    if not isinstance(last, Run) or last.bond is not None:
+        base = Run(slice(-1, None), in_rows([0], column.q), reduced, e)
+        return column._replace(runs=(*runs, base))
     # One scan for all.
-    moduli = [jnp.concatenate(pair) for pair in zip(last[2:], moduli, strict=True)]
-    whole = Run(slice(last.members.start, None), last.thickness, *moduli)
+    reduced, e = jnp.concatenate([last.reduced, reduced]), jnp.concatenate([last.e, e])
+    whole = Run(slice(last.members.start, None), last.thickness, reduced, e)
     return column._replace(runs=(*runs[:-1], whole))
 
 
 def _material(column, heights, place):
     """E_r and e at the depth: those of the layer in this place, or of the base."""
     parts = [
-        run[2:] if isinstance(run, Run) else [one[None] for one in run.moduli(heights[run.number])]
+        run[2:4] if isinstance(run, Run) else [one[None] for one in run.moduli(heights[run.number])]
         for run in column.runs
     ]
     if not isinstance(column.base, Rigid | Free):
         parts.append([one[None] for one in column.base])
     moduli = [concatenated(rows, place.ndim) for rows in zip(*parts, strict=True)]
-    here = jnp.minimum(place, len(moduli[0]) - 1) == in_rows(range(len(moduli[0])), place)
+    here = place == in_rows(range(len(moduli[0])), place)
     return tuple(jnp.sum(jnp.where(here, rows, 0), axis=0) for rows in moduli)
 
 
@@ -142,7 +149,28 @@ def _face(carried: Carried, reference: Array, _: bool, e: Array) -> Face:
     return face._replace(state=carried._replace(antiplane=antiplane))
 
 
-_ABOVE = Rule(_add, None, _carried, _face)
+def _join(face: Face, give: Give) -> Face:
+    """The state below a bond, (1 + G A)⁻¹ of both stiffness and force; A = diag(1/k_s, 1/k_n)."""
+    (g, g_t, (t, n, across)), bond = face.state, scaled(give, face.reduced)
+    (firm_n, give_n, firm_s, give_s), (g11, g12, g22, det) = bond, g
+    along, normal = firm_s + give_s * g11, firm_n + give_n * g22
+    inverse = 1 / (firm_s * normal + give_s * (firm_n * g11 + give_n * det))
+    plane = Compliance(
+        firm_s * (firm_n * g11 + give_n * det) * inverse,
+        firm_s * firm_n * g12 * inverse,
+        firm_n * (firm_s * g22 + give_s * det) * inverse,
+        firm_s * firm_n * det * inverse,
+    )
+    held = firm_s / (firm_s + give_s * face.shear / face.reduced * g_t)
+    traction = (
+        firm_s * (normal * t - give_n * g12 * n) * inverse,
+        firm_n * (along * n - give_s * g12 * t) * inverse,
+        held * across,
+    )
+    return face._replace(state=Carried(plane, held * g_t, traction))
+
+
+_ABOVE = Rule(_add, _join, None, _carried, _face)
 
 
 def _joined(face: Face, below: Face) -> tuple[Array, ...]:

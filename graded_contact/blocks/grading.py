@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Inexact
 
 from ..core.checks import (
     Numbers,
@@ -31,7 +31,7 @@ _NOT_REACHED = (
 )
 
 
-def check_profiles(stack: Stack, omega: Float[Array, "..."]) -> None:
+def check_profiles(stack: Stack, omega: Inexact[Array, "..."]) -> None:
     """Raises `ValueError` for frequencies that a table refuses, or a profile that is not usable.
 
     Of a profile it names the layer and the height.

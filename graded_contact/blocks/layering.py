@@ -304,4 +304,5 @@ def sliced(stack: Stack, num_slices: int) -> Stack:
             continue
         heights, thickness = 1 - (jnp.arange(num_slices) + 0.5) / num_slices, layer.thickness
         layers += [Layer(_AtHeight(layer.profile, s), thickness / num_slices) for s in heights]
+        layers[-1] = dataclasses.replace(layers[-1], bond=layer.bond)
     return dataclasses.replace(stack, layers=layers)

@@ -41,7 +41,7 @@ class AbstractProfile(eqx.Module):
 
     @abc.abstractmethod
     def __call__(
-        self, s: Float[Array, "..."], omega: Float[Array, "..."]
+        self, s: Float[Array, "..."], omega: Inexact[Array, "..."]
     ) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
         """Returns E [Pa] and ν [1] at heights `s` [1] and frequencies `omega` [rad/s]."""
 
@@ -176,7 +176,7 @@ class Aged(AbstractProfile):
         least, most = self._range()
         return known[0] / least, known[1] / most
 
-    def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
+    def check(self, omega: Inexact[Array | np.ndarray, "..."]) -> None:
         """Raises `ValueError` if the material has no modulus at these ω [rad/s] at some height."""
         for factor in self._range():
             check_frequencies(self.material, factor * omega)
@@ -196,7 +196,7 @@ def moduli_at(profile: Any, s: Array, omega: Array) -> tuple[Array, Array]:
     return jnp.asarray(modulus), jnp.asarray(poisson)
 
 
-def check_profile(name: str, profile: Any, omega: Float[Array, "..."]) -> None:
+def check_profile(name: str, profile: Any, omega: Inexact[Array, "..."]) -> None:
     """Raises `ValueError` naming the height at which a profile is not usable, if it is known.
 
     Sampled at 65 heights and up to five of the frequencies: finite E of positive real part, ν

@@ -17,7 +17,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Inexact
 
 from .column import scan_layers, unit_of_moduli
 from .slab import factors, free, half_space, hyperbolic, plane_strain, push_down, rigid, stack_on
@@ -204,7 +204,7 @@ def _computed_once_jvp(primals, tangents):
     return _computed_once(*primals), tangents[0]
 
 
-def layers_of(stack: Stack, omega: Float[Array, "..."]) -> tuple[Any, Any, Any]:
+def layers_of(stack: Stack, omega: Inexact[Array, "..."]) -> tuple[Any, Any, Any]:
     """Returns thicknesses, E and ν of homogeneous layers, as lists or, if they are many, arrays."""
     layers = [layer for layer in stack.layers if isinstance(layer, Layer)]
     thickness = [layer.thickness for layer in layers]

@@ -29,13 +29,14 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
 from ..core.checks import check_type
+from .bond import is_smooth
 from .column import Carried
 from .graded_solver import AbstractGradedSolver, as_tolerance, rounding
 from .layering import add_layered, build_mesh
 from .profile import moduli_at
 from .shapes import breaks_of
 from .slab import Compliance
-from .stack import Free
+from .stack import Free, GradedLayer
 
 
 class Equation(NamedTuple):
@@ -90,7 +91,9 @@ class Riccati(AbstractGradedSolver):
 
     The tolerance of a step is `rtol`/30; a second integration with a tolerance ten times larger
     estimates the error. `benchmarks/bench_grading.py` compares it with `Layering`: `Riccati` is
-    slower for an equal error. The two methods share only a rough solution for the sizes.
+    slower for an equal error. The two methods share only a rough solution for the sizes. Below a
+    graded layer a bond may not be smooth, and on one that is soft against the layer the steps do
+    not suffice, which is an error: use `Layering`.
 
     **Fields:**
 
@@ -122,6 +125,14 @@ class Riccati(AbstractGradedSolver):
                 f"`controller={self.controller!r}` must be called as controller(rtol=..., "
                 "atol=...) and return a diffrax controller, as `diffrax.PIDController` itself is."
             )
+
+    def check(self, layers):
+        for i, layer in enumerate(layers):
+            if isinstance(layer, GradedLayer) and is_smooth(layer.bond):
+                raise ValueError(
+                    f"`layers[{i}].bond` has `shear=0` below a graded layer, where the compliance "
+                    "that `Riccati` integrates is infinite. Use `graded_solver=Layering()`."
+                )
 
     def solve(self, climb, measure, stack, q, omega, rtol):
         inverse = isinstance(stack.base, Free)

@@ -12,17 +12,18 @@ import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import (
-    as_scalar,
     check_type,
     check_types,
-    check_values,
+    instance,
     is_concrete,
+    optional,
     short,
     within,
 )
 from ..core.display import shown
 from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
+from .bond import AbstractBond, as_thickness, is_smooth
 from .graded_solver import AbstractGradedSolver
 
 LIQUID = (
@@ -33,11 +34,8 @@ LIQUID = (
 )
 
 
-def _as_thickness(thickness: Any) -> Float[Array, ""]:
-    thickness = as_scalar(thickness, "thickness")
-    allowed = "a thickness [m] is zero (no layer) or positive"
-    check_values("thickness", thickness, allowed, at_least=0)
-    return thickness
+_as_thickness = as_thickness("no layer")
+_as_bond = optional(instance("bond", AbstractBond, "a bond, such as `Bond(normal, shear)`"))
 
 
 def _as_profile(profile: Any) -> Any:
@@ -65,7 +63,7 @@ def _as_part(leaf: Any) -> Any:
     return jax.tree_util.Partial(leaf)
 
 
-@shown(units=False)
+@shown(units=False, unset=False)
 class Layer(eqx.Module):
     """A homogeneous layer.
 
@@ -73,13 +71,15 @@ class Layer(eqx.Module):
 
     - `material`: the material of the layer.
     - `thickness`: d [m]. Zero means no layer.
+    - `bond`: `Bond` or `Film` that joins its lower side to what lies below; None for a perfect one.
     """
 
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
     thickness: Float[Array, ""] = eqx.field(converter=_as_thickness)
+    bond: AbstractBond | None = eqx.field(converter=_as_bond, default=None)
 
 
-@shown(units=False)
+@shown(units=False, unset=False)
 class GradedLayer(eqx.Module):
     """A layer whose moduli vary continuously with height.
 
@@ -91,10 +91,12 @@ class GradedLayer(eqx.Module):
       that can be differentiated; each new function is compiled anew. Functions inside a module,
       such as the activation functions of a network, are fixed.
     - `thickness`: d [m]. Zero means no layer.
+    - `bond`: as of a `Layer`.
     """
 
     profile: Any = eqx.field(converter=_as_profile)
     thickness: Float[Array, ""] = eqx.field(converter=_as_thickness)
+    bond: AbstractBond | None = eqx.field(converter=_as_bond, default=None)
 
 
 @shown(units=False)
@@ -111,7 +113,7 @@ class HalfSpace(eqx.Module):
 
 @shown(units=False)
 class Rigid(eqx.Module):
-    """A rigid base to which the lowest layer is bonded."""
+    """A rigid base, to which the lowest layer is joined by its bond."""
 
 
 @shown(units=False)
@@ -139,7 +141,7 @@ def _as_base(base: Any) -> HalfSpace | Rigid | Free:
 
 @shown(units=False)
 class Stack(eqx.Module):
-    """A block: layers bonded to each other and to a base.
+    """A block: layers on a base, each joined to what lies below it by its bond.
 
     **Fields:**
 
@@ -162,6 +164,19 @@ class Stack(eqx.Module):
                 f"`layers` is empty on a {type(self.base).__name__} base: there is nothing to "
                 "deform. Give at least one layer, or a `HalfSpace` as `base`."
             )
+        if isinstance(self.base, Free) and self.layers[-1].bond is not None:
+            raise ValueError(
+                f"`layers[{len(self.layers) - 1}].bond` is below the lowest layer on a Free base: "
+                "there is nothing to join. Leave it out, or give another `base`."
+            )
+        top = self.layers[0] if self.layers else None
+        if top and is_smooth(top.bond) and is_concrete(top.thickness) and float(top.thickness) == 0:
+            raise ValueError(
+                "`layers[0]` has no thickness and a bond with `shear=0`: no traction along the "
+                "surface has anything to act on. Remove the layer."
+            )
+        if self.graded_solver is not None:
+            self.graded_solver.check(self.layers)
 
     def at(self, temperature: ScalarLike) -> "Stack":
         """Returns the stack with every material at another temperature [K].
@@ -171,6 +186,8 @@ class Stack(eqx.Module):
         parts = []
         for place, part in _parts(self).items():
             with within(f"`{place}`:"):
+                if isinstance(part, Layer | GradedLayer) and part.bond is not None:
+                    part = dataclasses.replace(part, bond=part.bond.at(temperature))
                 if isinstance(part, Layer | HalfSpace):
                     part = dataclasses.replace(part, material=part.material.at(temperature))
                 elif isinstance(part, GradedLayer):
@@ -179,7 +196,7 @@ class Stack(eqx.Module):
                             f"`profile={short(part.profile)}` has no method `at(temperature)`: "
                             "the temperature of this graded layer cannot be changed."
                         )
-                    part = GradedLayer(part.profile.at(temperature), part.thickness)
+                    part = dataclasses.replace(part, profile=part.profile.at(temperature))
                 parts.append(part)
         return dataclasses.replace(self, layers=tuple(parts[:-1]), base=parts[-1])
 
@@ -209,6 +226,11 @@ def check_at_rest(stack: Stack) -> None:
 def is_graded(stack: Stack) -> bool:
     """Returns whether a stack has a graded layer."""
     return any(isinstance(layer, GradedLayer) for layer in stack.layers)
+
+
+def is_bonded(stack: Stack) -> bool:
+    """Returns whether a layer of a stack has a bond of its own."""
+    return any(layer.bond is not None for layer in stack.layers)
 
 
 def materials_of(stack: Stack) -> list[AbstractMaterial]:

@@ -111,6 +111,8 @@ PARAMETERS = _table([
     ("StrainSoftening.loss", "g", "1", "factor of the loss modulus"),
     ("StrainSoftening.amplitude", r"\varepsilon", "1", "strain amplitude of the modulus"),
     ("thickness", "d", "m", "layer thickness", Usual("thickness", "µm", _within(50.0))),
+    ("Bond.normal", "k_n", "Pa/m", "normal stiffness of the bond"),
+    ("Bond.shear", "k_s", "Pa/m", "shear stiffness of the bond"),
     ("reference", "T_0", "K", "reference temperature"),
     ("c1", "c_1", "1", "first constant of the WLF law"),
     ("c2", "c_2", "K", "second constant of the WLF law"),
@@ -345,8 +347,9 @@ _ALL = PARAMETERS | OF_RESULTS | FIELDS
 
 def quantity_of(name: str, owner: str = "") -> Quantity | None:
     """Returns the entry of a field of the class `owner`, or of the last part of a path, or None."""
-    # "layers[0].thickness" and "times[2]" are a thickness and a time.
-    last = name.rpartition(".")[2].partition("[")[0]
+    # "layers[0].thickness" and "times[2]" are a thickness and a time; "bond.shear" is of a bond.
+    *_, parent, last = ("", *(word.partition("[")[0] for word in name.split(".")))
+    owner = owner or parent.capitalize()
     found = _ALL.get(f"{owner}.{last}") or AXES.get(last)
     if found is None and last in OBSERVABLES:
         return OBSERVABLES[last].quantity

@@ -16,7 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Inexact
 
 from ..core.checks import check_positive, check_shape, is_concrete, numbers, optional
 from ..core.display import shown
@@ -104,7 +104,7 @@ def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
     return jnp.max(lowest), jnp.min(highest)
 
 
-def check_frequencies(tree: Any, omega: Float[Array | np.ndarray, "..."]) -> None:
+def check_frequencies(tree: Any, omega: Inexact[Array | np.ndarray, "..."]) -> None:
     """Raises `ValueError` if a material in `tree` has no modulus at some ω [rad/s]."""
     for part in filter(_may_refuse, _limited(tree)):
         part.check(omega)

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, ScalarLike
+from jaxtyping import Array, Complex, Float, Inexact, ScalarLike
 
 from ..core.checks import (
     Numbers,
@@ -101,7 +101,7 @@ class Tabulated(AbstractMaterial):
         """Returns the ends of the table [rad/s]."""
         return jax.lax.stop_gradient((self.omega[0], self.omega[-1]))
 
-    def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
+    def check(self, omega: Inexact[Array | np.ndarray, "..."]) -> None:
         """Raises `ValueError` for frequencies [rad/s] outside a table that refuses them.
 
         A table has no modulus at complex frequencies.

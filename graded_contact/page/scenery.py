@@ -156,6 +156,7 @@ def with_numbers(document: Document, before: Scenery, after: Scenery) -> Documen
                 continue
         elif head == "stack":
             table = content["layers"][layer_of(path)]
+            table = table["bond"] if owner.endswith(".bond") else table
         else:
             table = content[head if owner else "load"]
         # The digits that tell the number from its neighbours in its precision.

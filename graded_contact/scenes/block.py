@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import ScalarLike
 
+from ..blocks.bond import AbstractBond, Bond, Film
 from ..blocks.graded_solver import AbstractGradedSolver
 from ..blocks.layering import Layering
 from ..blocks.profile import Blend
@@ -104,7 +105,9 @@ class Block:
         self.errors: dict[str, Errors] = {}
         self.notes: list[str] = []
         self.assumed: list[str] = []
-        self.reader = TableReader(folder, KIND_MAKERS, {AbstractMaterial: self._named})
+        self.reader = TableReader(folder, KIND_MAKERS, {
+            AbstractMaterial: self._named, AbstractBond: self._bond,
+        })  # fmt: skip
 
     def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
         """Makes the materials of [materials], each of which may use those above it."""
@@ -156,11 +159,15 @@ class Block:
             return self.reader.build(place, table, Layer)
         if "material" in table:
             raise ValueError(f"{place} has `material` and also `bottom` or `top`: remove one.")
-        thickness, profile = self.reader.arguments(
-            place, table, keys_of(GradedLayer), keys_of(Blend)
-        )
+        rest, profile = self.reader.arguments(place, table, keys_of(GradedLayer), keys_of(Blend))
         with within(place):
-            return GradedLayer(profile=Blend(**profile), **thickness)
+            return GradedLayer(profile=Blend(**profile), **rest)
+
+    def _bond(self, place: str, key: str, table: Any) -> Bond | Film:
+        place = f"{place[:-1]}.{key}]"
+        check_keys(place, table, [key.name for key in (*keys_of(Bond), *keys_of(Film))])
+        # A bond is a film if it names a material.
+        return self.reader.build(place, table, Film if "material" in table else Bond)
 
     def _named(self, place: str, key: str, value: Any) -> AbstractMaterial:
         name = self.reader.value(place, Key(key, str), value)

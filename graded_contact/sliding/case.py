@@ -27,7 +27,7 @@ from ..core.display import shown
 from ..fields.frequency import as_velocity
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
-from .motion import check_resolved
+from .motion import check_closed, check_resolved
 from .shear import ShearLaw
 
 OfParts = Float[Array, ""] | Float[Array, " parts"]
@@ -131,6 +131,7 @@ class Case(eqx.Module):
                 "`(nt, 2)` is needed, with nt of at least 4 times."
             )
         check_resolved(f"`displacement` at {shape[0]} times", self.displacement, grid)
+        check_closed(self.displacement, grid, cells=True)
         check_positive("period", self.period, "[s]")
 
     def _check_times(self, grid: Any) -> None:

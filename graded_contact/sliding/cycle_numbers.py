@@ -16,6 +16,7 @@ from .formulas import (
     loaded,
     loaded_path,
     mean_load,
+    over_path,
     own_tractions,
     power_of,
     shear_power,
@@ -32,7 +33,10 @@ from .result import CyclicSliding, Found
     kinds=(CYCLE, HISTORY),
 )
 def mean_friction(found: CyclicSliding) -> Array:
-    """Work over ∮ load |v| dt [1], 0 without motion; under steady sliding the friction."""
+    """Work over ∮ load |v| dt [1]; under steady sliding the friction.
+
+    0 without motion, NaN without contact.
+    """
     return frictions(found, loaded(found)[0], indicator_of(found))[0]
 
 
@@ -42,7 +46,7 @@ def mean_friction(found: CyclicSliding) -> Array:
 )  # fmt: skip
 def mean_shear_friction(found: CyclicSliding) -> Array:
     """The part of `mean_friction` from shear in the contact area, with `shear` [1]."""
-    return shear_power(found) / nonzero(loaded_path(found, mean_load(found)))
+    return over_path(found, shear_power(found), mean_load(found))
 
 
 @observable(

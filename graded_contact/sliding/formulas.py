@@ -156,7 +156,13 @@ def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
     # The peak lies between two times; after a jump of the load, waves between them would be noise.
     peak = jnp.where(jnp.min(size) > 0, largest(lengths(between)), largest(lengths(over)))
     # Work over load and path: a mean of ratios would count times with little load too much.
-    return jnp.stack([rubbing / nonzero(loaded_path(found, size)), peak])
+    peak = jnp.where(jnp.any(size > 0), peak, jnp.nan)
+    return jnp.stack([over_path(found, rubbing, size), peak])
+
+
+def over_path(found: Found, power: Array, size: Array) -> Array:
+    """The power of a cycle over load and path [1]: 0 without motion, NaN without contact."""
+    return jnp.where(jnp.any(size > 0), power / nonzero(loaded_path(found, size)), jnp.nan)
 
 
 def loaded_path(found: Found, size: Array) -> Array:

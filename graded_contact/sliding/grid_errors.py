@@ -45,6 +45,7 @@ class Weights(NamedTuple):
     - `of_lacking`: of the same, times the share of the squared slope that half the grid lacks.
     - `relative_open`: of the relative error of the area out of contact.
     - `most`: the largest relative error of an area that counts; contacts of few points have any.
+    - `on_line`: times `relative_area` in one dimension, where few edges make up for each other.
     """
 
     moved: float
@@ -53,12 +54,13 @@ class Weights(NamedTuple):
     of_lacking: float
     relative_open: float
     most: float
+    on_line: float = 1.0
 
 
 # With these weights 97 of 100 claims of `bench_contact.py grid` hold, 87 to 100 of each kind.
 OF_FORCE = Weights(0.5, 0.0, 0.11, 0.6, 0.0, 10.0)  # friction, work and power
 OF_SHEAR = Weights(1.5, 0.5, 0.0, 0.0, 0.0, 0.0)  # shear in the contact, which follows the area
-OF_PLACE = Weights(0.45, 0.3, 0.012, 0.0, 0.06, 1.0)  # gap, approach, and the pressure at these
+OF_PLACE = Weights(0.45, 0.3, 0.012, 0.0, 0.06, 1.0, 2.0)  # gap, approach, pressure at these
 _AREA_MOVED, _AREA_LACKING, _EDGES, _OPENINGS = 1.2, 0.4, 0.4, 5.0
 _UNSEEN = 6.0  # times the power of waves without a direction
 UNSEEN_AREA = "unseen_area"  # recorded in each step of a history
@@ -87,7 +89,8 @@ def by_grid(
         else:
             area, doubt = jnp.mean(area), jnp.mean(doubt)
         relative = jnp.minimum(doubt / nonzero(area), weights.most)
-        relative = relative * (weights.relative_area + weights.of_lacking * lacking)
+        share = weights.relative_area * (weights.on_line if found.grid.ndim == 1 else 1)
+        relative = relative * (share + weights.of_lacking * lacking)
         # At most 1: a contact that is full, or nearly so, may be open by all that is in doubt.
         opened = jnp.minimum(doubt / nonzero(1 - area), 1) * weights.relative_open
         total = weights.moved * moved + weights.lacking * missed

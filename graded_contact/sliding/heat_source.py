@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..blocks.bond import Bond
 from ..blocks.profile import Aged, Blend
 from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, by_kind, interface_depths
 from ..blocks.stress import stress_field
@@ -173,7 +174,15 @@ def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
 
 
 def check_series(stack: Stack) -> None:
-    """Raises `ValueError` for a material whose heat is not known."""
+    """Raises `ValueError` for a material or a bond whose heat is not known."""
+    for i, layer in enumerate(stack.layers):
+        bond = layer.bond
+        springs = isinstance(bond, Bond) or isinstance(getattr(bond, "material", None), Elastic)
+        if bond is not None and not springs:
+            raise ValueError(
+                f"`layers[{i}].bond` may have losses, whose heat in a plane is not known here. "
+                "Give a `Bond`, or a `Film` of an `Elastic` material."
+            )
     eqx.filter_eval_shape(_series_in, stack, jnp.zeros(()))
 
 

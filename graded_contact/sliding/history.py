@@ -42,7 +42,6 @@ from ..core.memory import check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid, odd_wavevector, to_field, to_spectrum
 from ..materials.coverage import coverage
-from ..surfaces.surface import check_periodic
 from .area import contact_area, contact_area_pixels
 from .case import Case
 from .facts import facts_of
@@ -206,11 +205,18 @@ _OF_STEPS = (
 )  # fmt: skip
 
 
-@jit
 def run_history(
     problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
 ) -> tuple[HistoryState, dict[str, Array]]:
     """Returns the state after the last step, and the numbers of all steps."""
+    # The program is that of all blocks.
+    return _run(dataclasses.replace(problem, stack=None, measured_range=None), how, kept)
+
+
+@jit
+def _run(
+    problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
+) -> tuple[HistoryState, dict[str, Array]]:
     advance, count = Advance(problem, BlockWaves(problem.grid, problem.creep), how), len(problem.times)
     steps = _steps(problem, kept)
     # Segments of about √n steps, each computed once more in a derivative in reverse.
@@ -282,7 +288,12 @@ def _rest_of_exponential(z: Complex[Array, "..."]) -> Complex[Array, "..."]:
 def history_problem(case: Case) -> HistoryProblem:
     """Returns the problem of a case with displacements at times."""
     surface, times = case.rough, case.times
-    check_periodic(surface)
+    if not surface.periodic:
+        raise ValueError(
+            "`surface` is on a window (`periodic=False`) and is refused in a history: the memory "
+            "of the block holds the waves of a cell, where the copies of a window's load would "
+            "act, too. Put the body into a periodic cell several times as large as the contact."
+        )
     check_one_law(case.law)
     check_squares("heights", surface.heights, "m")
     grid, count, load = (
@@ -296,7 +307,7 @@ def history_problem(case: Case) -> HistoryProblem:
     if is_coupled(case.shear):
         raise ValueError(
             "`shear` is refused: in a history the traction of a law cannot move the surface of the "
-            "block. Pass `coupled=False`."
+            "block, whose memory is that of pressures alone. Pass `coupled=False`."
         )
     lowest = 2 * np.pi / jnp.max(grid.size)
     highest = np.pi * jnp.sqrt(jnp.sum((np.array(grid.shape) / grid.size) ** 2))
@@ -360,7 +371,7 @@ def history_of(problem, state: HistoryState, numbers, kept) -> TransientSliding:
     over = tuple(range(1, pressure.ndim))
     contact = ContactSolution(
         pressure=pressure, gap=gap, displacement=displacement, correction=correction,
-        mean_pressure=jnp.mean(pressure, axis=over), mean_gap=jnp.mean(gap, axis=over),
+        mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(gap, axis=over),
         result=state.result, **{
             name: (jnp.sum if name.startswith("num_") else jnp.max)(numbers[f"step_{name}"])
             for name in _OF_STEPS

@@ -50,7 +50,7 @@ class HistoryProblem(eqx.Module):
     - `given`: pressure [Pa] or mean gap [m] at these times.
     """
 
-    stack: Stack
+    stack: Stack | None
     creep: Creep
     heights: Float[Array, "..."]
     grid: Grid

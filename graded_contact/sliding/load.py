@@ -31,7 +31,7 @@ def approach(found: Sliding) -> Array:
     Negative if nothing touches.
     """
     if WINDOW not in found.facts:
-        raise ValueError("Only a body on a window has an `approach`; use `mean_gap`.")
+        raise AttributeError("Only a body on a window has an `approach`; use `mean_gap`.")
     moved, mean = moved_where_loaded(found, found.operator, found.heights + found.gap)
     ground = found.kernel[(0,) * found.kernel.ndim] != 0
     return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
@@ -50,7 +50,7 @@ def moment(found: Sliding) -> Array:
 
 def _pressure_by_solver(found: Found) -> Array:
     if found.problem.prescribed == "pressure":
-        raise ValueError("A contact at a given `pressure` has no `mean_pressure_error`.")
+        raise AttributeError("A contact at a given `pressure` has no `mean_pressure_error`.")
     of = lambda change: jnp.mean(found.pressure + change)[None]  # noqa: E731
     mean = found.contact.mean_pressure
     return error_of(of, mean[None], found.contact.correction, mean)[0]

@@ -29,7 +29,7 @@ from ..core.checks import (
     numbers,
     scalar,
 )
-from ..core.display import shown
+from ..core.display import shown, with_unit
 from ..core.memory import CYCLE, check_memory
 from ..fields.grid import Grid
 
@@ -295,7 +295,7 @@ def recorded(
             f"`times` from {times[0]:g} to {times[-1]:g} s are refused: they must ascend within "
             f"one `period` of {period:g} s, whose end is not listed."
         )
-    _check_closed(table, grid)
+    check_closed(table, grid, cells=False)
     count = _USUAL if num_times is None else num_times
     moved = _resampled(times, table, period, count)
     if num_times is None and grid is not None:
@@ -308,24 +308,29 @@ def recorded(
     return Motion(moved, period)
 
 
-def _check_closed(table: Array, grid: Grid | None) -> None:
-    """Raises `ValueError` for a record whose end is further from its start than two of its rows.
+def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
+    """Raises `ValueError` for a motion whose end is further from its start than its rows explain.
 
-    By whole cells the surface may advance: it then closes, too, see `slide_cycle`.
+    If `cells`, the surface may advance by whole cells of the grid.
     """
-    if not is_concrete(table) or (grid is not None and not is_concrete(grid.size)):
+    known = is_concrete(displacement) and (grid is None or is_concrete(grid.size))
+    if not known or len(displacement) < 4:
         return
-    rows = np.asarray(table).reshape(len(table), -1)
-    apart = rows[-1] - rows[0]
-    # A record ends one step before it closes; one of few rows may take long steps.
-    usual = 4 * np.max(np.abs(np.diff(rows, axis=0)), axis=0)
-    if np.any(np.abs(apart) > np.maximum(usual, _OPEN * np.ptp(rows, axis=0))):
-        cells = "" if grid is None else f" of {np.asarray(grid.size)[0]:.3g} m"
-        far = f"{np.linalg.norm(apart):.3g} m"
+    rows = np.asarray(displacement).reshape(len(displacement), -1)
+    apart, extent = rows[-1] - rows[0], np.ptp(rows, axis=0)
+    if cells and grid is not None:
+        size = np.asarray(grid.size)[: rows.shape[1]]
+        apart = apart - size * np.round(apart / size)
+        extent = np.minimum(extent, size)
+    # The last row is a step before the end; a record of few rows takes long steps.
+    steps = np.max(np.abs(np.diff(rows, axis=0)), axis=0)
+    if np.any(np.abs(apart) > np.maximum(4 * steps, _OPEN * extent)):
+        beyond = " of whole cells" if cells else ""
         raise ValueError(
-            f"`displacement` is refused: its end is {far} from its start, but a cycle ends where it "
-            "began. For a motion that happens once use `slide_history` with `recorded_once`; for "
-            f"steady sliding over whole cells{cells} use `steady`."
+            f"`displacement` is refused: its end is {with_unit(np.linalg.norm(apart), 'm')} from "
+            f"its start{beyond}, but a cycle ends where it began. Use `slide_history` (with "
+            "`recorded_once`) for what happens once, or let the surface advance by whole cells, "
+            "see `slide_cycle`."
         )
 
 

@@ -18,11 +18,11 @@ from jaxtyping import Array, Float, Inexact
 from ..contacts.abstract_solver import Inputs
 from ..contacts.inputs import as_start, loading_of
 from ..contacts.law import AbstractLaw
-from ..contacts.operator import AbstractOperator, Field, Steady
+from ..contacts.operator import AbstractOperator, Field
 from ..contacts.solution import ContactSolution
 from ..contacts.solve import contact_of, solve_contact
 from ..contacts.space_time import SpaceTime, in_motion
-from ..contacts.window import Window, operator_of
+from ..contacts.window import operator_of
 from ..core.checks import Numbers
 from ..fields.grid import Grid, Waves, resample_spectrum
 from .half_grid import resampled
@@ -102,7 +102,7 @@ class SteadyProblem(eqx.Module):
     - `facts`: of the contact, see `facts_of`. Static.
     """
 
-    operator: Steady | Window
+    operator: AbstractOperator
     heights: Float[Array, "..."]
     grid: Grid
     law: AbstractLaw

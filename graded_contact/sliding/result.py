@@ -215,7 +215,8 @@ class TransientSliding(AbstractSliding):
 
     def table(self, most: int = 25) -> str:
         """Returns the numbers over time in columns, of at most so many times."""
-        entries = [e for e in map(OBSERVABLES.get, self.numbers) if e and e.over_time and e.column]
+        entries = [e for e in map(OBSERVABLES.get, self.numbers) if e and e.column and e.name in self.recorded]
+        entries = [entry for entry in entries if entry.over_time]
         rows = np.unique(np.linspace(0, len(self.times) - 1, most).round().astype(int))
         heads = ["time [s]", *(entry.column[0].replace("\n", " ") for entry in entries)]
         columns = [[f"{t:.4g}" for t in np.asarray(self.times)[rows]]]

@@ -87,6 +87,8 @@ SCENES = {
     "softened": changed('[[layers]]\nmaterial = "coat"\n', SOFT),
     "sphere": changed(RANDOM, SPHERE),
     "file": changed(RANDOM, FILE),
+    "springs": changed("= 2e-5", "= 2e-5\nbond = {shear = 0.0}"),
+    "film": changed("= 2e-5", '= 2e-5\nbond = {material = "tread", thickness = 1e-6}'),
     "shear and heat": changed("velocity = [0.01, 1.0]", "velocity = 1.0\ntemperature = 300.0")
     + LAWS,
 }

@@ -143,6 +143,9 @@ def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
         ("layers[0].thickness", "coat thickness"),
         ("layers[1].thickness", "layer 2 (glue) thickness"),
         ("layers[0].material.strengths[1]", "coat branch modulus 2"),
+        ("layers[0].bond.shear", "coat shear stiffness of the bond"),
+        ("layers[1].bond.thickness", "layer 2 film thickness"),
+        ("layers[3].bond.material.modulus", "tack Young's modulus"),
         ("layers[3].profile.top.modulus", "hard Young's modulus"),
         ("base.material.shift.c1", "tread first constant of the WLF law"),
         ("layers[9].thickness", "layer 10 thickness"),
@@ -152,6 +155,7 @@ def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
 )
 def test_paths_are_named_by_the_materials_of_the_scene(path, words):
     layers = ['material="coat"', 'material="glue"', 'material="glue"', 'bottom="soft"\ntop="hard"']
+    layers[3] += '\nbond={material="tack", thickness=1e-6}'
     text = "\n".join(f"[[layers]]\n{layer}" for layer in layers) + '\n[base]\nmaterial="tread"'
     assert title_of(path, text) == words
 

@@ -7,9 +7,10 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
-from scene_texts import BARE
+from scene_texts import BARE, TEXT, changed
 
 import graded_contact as gc
+from graded_contact.blocks import Bond, Film
 from graded_contact.contacts import AdhesiveLJ, ExponentialAdhesion, RepulsiveLJ
 from graded_contact.readers.recorded_motion import read_motion
 from graded_contact.scenes.collect import numbers_of_scene
@@ -242,6 +243,14 @@ def test_directions_are_an_axis():
         (BARE + PEAKED + SHIFT, r"\[shear\] `temperature=None` is refused"),
         (BARE + '[shear]\nknd = "peaked"\n', r"^\[shear\] has no key `knd`; did you mean `kind`"),
         (BARE + '[shear]\nstress = 1e5\n', r"^\[shear\] must be a table with the key `kind`, one"),
+        (TEXT.replace("2e-5", "2e-5\nbond = {sheer = 1e9}"),
+         r"\[layers\[0\].bond\] has no key `sheer`; did you mean `shear`"),
+        (TEXT.replace("2e-5", "2e-5\nbond = {normal = 0.0}"),
+         r"\[layers\[0\].bond\] `normal=0` is refused"),
+        (TEXT.replace("2e-5", '2e-5\nbond = {material = "glue", thickness = 1e-6}'),
+         r"\[layers\[0\].bond\] `material` = 'glue' is not in \[materials\]"),
+        (TEXT.replace("2e-5", '2e-5\nbond = {material = "coat", shear = 1e-6}'),
+         r"\[layers\[0\].bond\] has no key `shear`"),
         (BARE + HEATING, r"\[heating\] needs the bulk `temperature`"),
         (BARE.replace("self_affine", "sphere"), r"\[surface\] has no key `rms_slope`"),
     ],
@@ -251,7 +260,31 @@ def test_a_wrong_table_is_refused_with_its_place(text, expected):
         parse_scene(text)
 
 
-EXAMPLES = ("reciprocating", "shear_and_heat", "indenter", "braking", "seal", "load_steps")
+def test_a_bond_is_that_of_the_constructor_and_an_axis():
+    """Springs, a film of a material, a graded layer's bond; a design may be robust against it."""
+    below = lambda bond: changed("thickness = 2e-5", f"thickness = 2e-5\nbond = {bond}")  # noqa: E731
+    text = below("{normal = 1e12, shear = inf}")
+    scene = parse_scene(text + '[sweep]\n"layers[0].bond.shear" = [0.0, 1e10]\n')
+    assert eqx.tree_equal(scene.stack.layers[0].bond, Bond(1e12))
+    assert scene.axes["layers[0].bond.shear"].tolist() == [0.0, 1e10]
+    scene = parse_scene(below('{material = "tread", thickness = 1e-6}'))
+    assert eqx.tree_equal(scene.stack.layers[0].bond, Film(scene.stack.base.material, 1e-6))
+    assert scene.materials["layers[0].bond.material"] == "tread"
+    graded = 'top = "coat"\nbottom = "tread"'
+    scene = parse_scene(below("{shear = 0.0}").replace('material = "coat"', graded))
+    assert eqx.tree_equal(scene.stack.layers[0].bond, Bond(shear=0.0))
+    assert parse_scene(below('"none"')).stack.layers[0].bond is None
+
+
+EXAMPLES = (
+    "reciprocating",
+    "shear_and_heat",
+    "indenter",
+    "failing_bond",
+    "braking",
+    "seal",
+    "load_steps",
+)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -330,6 +330,8 @@ def test_caveats_name_what_the_times_do_not_resolve():
     assert lifted.time_in_contact == np.mean(lifted.load > 0) and 0.3 < lifted.time_in_contact < 0.7
     apart = cycle(pressure=None, mean_gap=0.5, rtol=1e-3)
     assert any("surfaces never touch" in text for text in apart.caveats)
+    assert np.isnan(apart.mean_friction) and np.isnan(apart.peak_friction)
+    assert np.isnan(apart.mean_friction_error)
     with pytest.raises(RuntimeError, match="max_steps"):
         cycle(solver=gc.contacts.DouglasRachford(max_steps=2))
     failed = cycle(solver=gc.contacts.DouglasRachford(max_steps=2), throw=False)

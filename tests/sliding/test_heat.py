@@ -8,6 +8,7 @@ from oracles import elasticities
 from scipy.linalg import solve_banded
 
 import graded_contact as gc
+from graded_contact.blocks import Bond, Film
 from graded_contact.fields.grid import to_field, to_spectrum, wavenumber
 from graded_contact.materials import StrainSoftening
 from graded_contact.sliding import (
@@ -17,7 +18,7 @@ from graded_contact.sliding import (
     heat_depths,
     heat_source,
 )
-from graded_contact.sliding.heat_source import shear_heat
+from graded_contact.sliding.heat_source import check_series, shear_heat
 from graded_contact.sliding.heating import temperatures, thermal_wavenumber
 
 CELL = 4e-3  # m
@@ -52,6 +53,15 @@ def heat_over_depth(stack, **how):
 @pytest.mark.parametrize("stack", [CLAMPED, SOFTENED], ids=["clamped", "soft"])
 def test_heat_over_the_depth_is_the_work_of_friction(stack):
     assert abs(heat_over_depth(stack) - 1) <= 1e-3
+
+
+def test_springs_of_a_bond_make_no_heat_and_a_bond_with_losses_is_refused():
+    stack = lambda bond: gc.Stack(  # noqa: E731
+        layers=(gc.Layer(COAT, 2e-4, bond),), base=gc.HalfSpace(RUBBER)
+    )
+    assert abs(heat_over_depth(stack(Bond(1e10, 1e9))) - 1) <= 1e-3
+    with pytest.raises(ValueError, match=r"`layers\[0\].bond` may have losses"):
+        check_series(stack(Film(RUBBER, 1e-6)))
 
 
 @pytest.mark.slow

@@ -1,0 +1,340 @@
+"""What happens once: its memory, its contacts, and the numbers over time."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.blocks import Blend
+from graded_contact.blocks.creep import NODES, contour, creep_of
+from graded_contact.contacts import DouglasRachford
+from graded_contact.materials import AbstractMaterial, StrainSoftening, Tabulated
+from graded_contact.sliding import ConstantShear, Coulomb, dwell, ramp, recorded_once, start
+
+RUBBER = gc.Prony(1e6, [4e6, 8e6], [1e-2, 1e-3], 0.49)
+BLOCK = gc.Stack(base=gc.HalfSpace(RUBBER))
+COAT = gc.Stack(layers=(gc.Layer(gc.Elastic(3e6, 0.45), 3e-5),), base=gc.HalfSpace(RUBBER))
+GRID = gc.Grid((64,), 1e-3)
+PLACE = np.arange(64) / 64
+SURFACE = gc.Surface(
+    jnp.asarray(5e-5 * np.cos(2 * np.pi * PLACE) + 5e-6 * np.cos(10 * np.pi * PLACE + 1)), GRID
+)
+STEPS = 64  # of all histories here: they share a program
+
+
+def run(stack, times, displacement, pressure, surface=SURFACE, **options):
+    options = dict(solver=DouglasRachford(newton=False), rtol=1e-6) | options
+    pressure = jnp.broadcast_to(jnp.asarray(pressure, float), (len(times),))
+    return gc.slide_history(
+        stack, surface, times=times, displacement=displacement, pressure=pressure, **options
+    )
+
+
+def elastic(modulus):
+    return gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus, 0.49)))
+
+
+def creep_compliance(t):
+    glassy, compliances, times = map(np.asarray, RUBBER.creep())
+    return 1 / glassy + np.sum(compliances * (1 - np.exp(-np.asarray(t)[..., None] / times)), -1)
+
+
+def test_moduli_at_complex_frequencies_are_those_of_the_laplace_transform():
+    s = jnp.asarray([3.0 + 40j, -5.0 + 200j, 1e4 + 0j])
+    omega = -1j * s
+    expected = 1e6 + sum(e * s * t / (1 + s * t) for e, t in ((4e6, 1e-2), (8e6, 1e-3)))
+    np.testing.assert_allclose(RUBBER.modulus(omega), expected, rtol=1e-13)
+    np.testing.assert_allclose(RUBBER.modulus(jnp.asarray([7.0 + 0j])), RUBBER.modulus([7.0]))
+    assert gc.Elastic(2e6).modulus(omega).dtype == jnp.float64
+    bulk = gc.BulkShear(gc.Elastic(2e9), RUBBER)
+    shear, ratio = expected, expected / 6e9
+    np.testing.assert_allclose(bulk.modulus(omega), 3 * shear / (1 + ratio), rtol=1e-13)
+    strain, factor = [0.01, 0.1], [1.0, 0.5]
+    soft = StrainSoftening(RUBBER, strain, factor, factor, 0.1)
+    np.testing.assert_allclose(soft.modulus(omega), 0.5 * expected, rtol=1e-12)
+    with pytest.raises(ValueError, match="one factor"):
+        StrainSoftening(RUBBER, strain, factor, [1.0, 0.9], 0.1).modulus(omega)
+    # M of a half space, by the closed form.
+    found = gc.surface_compliance(BLOCK, 1e4, omega)
+    np.testing.assert_allclose(found, 2 * (1 - 0.49**2) / (1e4 * expected), rtol=1e-13)
+
+
+@pytest.mark.parametrize("ratio, most", [(1e2, 1e-8), (1e3, 1e-6), (1e5, 2e-4)])
+def test_the_nodes_sum_up_to_exponentials_of_every_rate(ratio, most):
+    nodes, weights = map(np.asarray, contour(jnp.asarray(1.0), jnp.asarray(ratio), NODES))
+    times, rates = np.geomspace(1, ratio, 40), np.append(0, np.geomspace(1e-3 / ratio, 1e4, 60))
+    found = (np.exp(np.outer(times, nodes)) * weights @ (1 / (nodes[:, None] + rates))).real
+    assert np.max(np.abs(found - np.exp(-np.outer(times, rates)))) < most
+
+
+def test_the_creep_of_a_half_space_is_that_of_its_material():
+    ends, steps = jnp.asarray([1e3, 1e6]), jnp.asarray([1e-3, 2e-3, 4e-3])
+    found = creep_of(BLOCK, ends, steps)
+    q = jnp.asarray([2e3, 7e5])
+    whole = jnp.exp(found.whole @ found.shares(q)) / q
+    expected = 2 * (1 - 0.49**2) * creep_compliance(steps)[:, None] / q
+    np.testing.assert_allclose(whole, expected, rtol=1e-9)
+    assert found.error < 1e-6
+
+
+def test_the_creep_of_a_coat_is_the_inverse_laplace_transform():
+    q, step = 5e4, 3e-3
+    found = creep_of(COAT, jnp.asarray([1e3, 1e6]), jnp.asarray([step, step]))
+
+    def transform(s):
+        omega = jnp.asarray(complex(-1j * s))
+        return mpmath.mpmathify(complex(gc.surface_compliance(COAT, q, omega))) / s
+
+    expected = float(mpmath.invertlaplace(transform, step, method="dehoog", degree=14))
+    whole = float(jnp.exp(found.whole @ found.shares(jnp.asarray([q])))[0, 0]) / q
+    assert whole == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_load_that_stays_has_the_elastic_contact_of_the_creep_compliance():
+    """E. H. Lee & J. R. M. Radok, J. Appl. Mech. 27 (1960) 438: the contact grows."""
+    rest = dwell(1.0, STEPS, first=1e-5)
+    found = run(BLOCK, rest.times, rest.displacement, 1e5)
+    for i in (0, 40, 63):
+        soft = elastic(1 / creep_compliance(rest.times[i]))
+        expected = gc.slide(soft, SURFACE, pressure=1e5, velocity=0.0, rtol=1e-6)
+        assert found.mean_gap[i] == pytest.approx(float(expected.mean_gap), rel=2e-3)
+        assert found.contact_area[i] == pytest.approx(float(expected.contact_area), abs=0.01)
+    assert np.all(np.diff(found.contact_area) > -1e-4)  # the error of the memory
+    assert np.abs(found.pressure.mean() / 1e5 - 1) < 1e-10
+
+
+def test_after_a_step_down_of_the_load_the_area_never_falls():
+    """The area drops with the load at once; afterwards it only grows (arXiv:2511.19402)."""
+    times = np.arange(1, STEPS + 1) * 1e-3
+    load = np.where(np.arange(STEPS) < 32, 1.2e5, 5e4)
+    found = run(BLOCK, times, np.zeros(STEPS), load)
+    area = np.asarray(found.contact_area)
+    assert area[32] < 0.9 * area[31]
+    assert np.all(np.diff(area[32:]) > -1e-6)
+
+
+def test_an_elastic_block_stores_the_work_of_friction_and_load():
+    """Its energy is ⟨σ w⟩/2, whatever happened before."""
+    times = np.arange(1, STEPS + 1) * 1e-3
+    moved, load = 2e-4 * np.sin(40 * times), 1e5 * (1 + np.sin(30 * times) / 2)
+    found = run(elastic(2e6), times, moved, load)
+    energy = 0.5 * jnp.mean(found.pressure * found.displacement)
+    work = found.work_done[-1] + found.load_work_done[-1]
+    assert work == pytest.approx(float(energy), rel=1e-4)
+
+
+def test_a_block_that_is_unloaded_has_taken_energy():
+    times = np.arange(1, STEPS + 1) * 1e-3
+    load = np.where(np.arange(STEPS) < 40, 1e5, 1.0)
+    found = run(COAT, times, 1e-4 * np.sin(100 * times), load)
+    taken = np.asarray(found.work_done + found.load_work_done)
+    assert np.all(taken > 0)
+    assert taken[-1] > 0.05 * taken[39]
+
+
+def test_the_traction_is_that_of_the_slopes():
+    times = np.arange(1, STEPS + 1) * 1e-3
+    found = run(COAT, times, 8e-6 * np.arange(1, STEPS + 1), 1e5)
+    q = 2 * np.pi * np.fft.rfftfreq(64, 1e-3 / 64)
+    slope = np.fft.irfft(1j * q * np.fft.rfft(found.displacement[-1]) * (np.arange(33) < 32), 64)
+    traction = -np.mean(np.asarray(found.pressure[-1]) * slope)
+    assert found.traction[-1] == pytest.approx(traction, rel=1e-9)
+    assert found.friction[-1] == pytest.approx(traction / 1e5, rel=1e-9)
+    text = found.table(5).splitlines()
+    assert len(text) == 6
+    assert "friction" in text[0]
+
+
+def test_a_step_that_fails_is_named_with_its_time():
+    times = np.arange(1, STEPS + 1) * 1e-3
+    with pytest.raises(RuntimeError, match=r"Step 1 of 64, which ends at 0.001 s.*max_steps"):
+        run(COAT, times, np.zeros(STEPS), 1e5, solver=DouglasRachford(2, newton=False))
+
+
+class Fractional(AbstractMaterial):
+    def modulus(self, omega):
+        power = (1j * jnp.asarray(omega) * 1e-3) ** 0.5
+        return 1e6 + 9e6 * power / (1 + power)
+
+    def poisson_ratio(self, omega):
+        return jnp.asarray(0.5)
+
+    def at(self, temperature):
+        return self
+
+
+class Even(Fractional):
+    def modulus(self, omega):
+        return 1e6 * (1 + jnp.abs(omega) ** 0.2) + 1e5j
+
+
+def test_laws_of_ones_own_are_taken_if_they_are_analytic():
+    ends, steps = jnp.asarray([1e3, 1e6]), jnp.full(3, 1e-3)
+    found = creep_of(gc.Stack(base=gc.HalfSpace(Fractional())), ends, steps)
+    q = jnp.asarray([1e4])
+
+    def compliance(s):
+        power = mpmath.sqrt(s * mpmath.mpf("1e-3"))
+        return 1.5 / (1e4 * (1e6 + 9e6 * power / (1 + power))) / s
+
+    expected = float(mpmath.invertlaplace(compliance, 1e-3, method="talbot"))
+    whole = float(jnp.exp(found.whole @ found.shares(q))[0, 0]) / 1e4
+    assert whole == pytest.approx(expected, rel=1e-8)
+    with pytest.raises(ValueError, match="material=Even.*fit_prony"):
+        creep_of(gc.Stack(base=gc.HalfSpace(Even())), ends, steps)
+
+
+TABLE = Tabulated([1.0, 1e3], [1e6 + 1e5j, 2e6 + 1e5j], extrapolate="plateau")
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        (dict(stack=gc.Stack(base=gc.HalfSpace(TABLE))), "fit_prony"),
+        (
+            dict(
+                stack=gc.Stack(
+                    layers=(gc.GradedLayer(Blend(RUBBER, TABLE), 1e-4),), base=gc.HalfSpace(RUBBER)
+                )
+            ),
+            "fit_prony",
+        ),
+        (dict(times=[1.0, 0.5]), "increasing"),
+        (dict(times=[0.0, 0.5]), "`times"),
+        (dict(times=[1e-12, 1.0]), "shortest step"),
+        (dict(displacement=[0.0]), "one for each"),
+        (dict(pressure=[1e5]), "`pressure`"),
+        (dict(pressure=None), "exactly one"),
+        (dict(shear=Coulomb(0.3)), "coupled=False"),
+        (dict(surface=gc.Surface(SURFACE.heights, GRID, periodic=False)), "window"),
+    ],
+)
+def test_what_a_history_refuses(changes, words):
+    given = dict(stack=BLOCK, surface=SURFACE, times=[0.5, 1.0], displacement=[0.0, 0.0])
+    given = given | dict(pressure=1e5) | changes
+    with pytest.raises(ValueError, match=words):
+        gc.slide_history(given.pop("stack"), given.pop("surface"), **given)
+
+
+def test_heat_and_strain_are_refused_by_name():
+    for name in ("heating", "strain_per_slope"):
+        with pytest.raises(TypeError, match=name):
+            gc.slide_history(
+                BLOCK, SURFACE, times=[1.0], displacement=[0.0], pressure=1e5, **{name: 1.0}
+            )
+
+
+def test_a_record_that_does_not_close_names_what_happens_once():
+    times, moved = np.linspace(0, 1, 50, endpoint=False), np.linspace(0, 0.1, 50)
+    with pytest.raises(ValueError, match="100 mm from its start.*`slide_history`"):
+        gc.sliding.recorded(times, moved, 1.0, grid=GRID)
+    with pytest.raises(ValueError, match="450 µm from its start.*whole cells"):
+        gc.slide_cycle(
+            BLOCK, SURFACE, displacement=np.linspace(0, 4.5e-4, 50), period=1.0, pressure=1e5
+        )
+
+
+def test_motions_that_happen_once():
+    rest = dwell(1.0)
+    assert rest.times[-1] == pytest.approx(1.0)
+    assert np.min(np.diff(rest.times, prepend=0)) >= 0.99e-4
+    whole = rest.then(start(0.02, 0.01, grid=GRID)).then(ramp(0.02, 0.01, grid=GRID))
+    assert whole.times[-1] == pytest.approx(1.02)
+    assert whole.displacement[-1] == pytest.approx(0.02 * (0.005 + 0.01))
+    assert np.max(np.diff(whole.displacement)) < 0.51 * 1e-3 / 64
+    brake = start(0.0, 0.01, before=0.02, num_times=1000)
+    assert brake.displacement[-1] == pytest.approx(1e-4)
+    speeds = np.diff(brake.displacement) / np.diff(brake.times)
+    assert speeds[0] == pytest.approx(0.02, rel=1e-3)
+    assert speeds[-1] == pytest.approx(0, abs=1e-4)
+    read = recorded_once([2.0, 3.0, 5.0], [1e-4, 1e-4, 3e-4], GRID)
+    assert read.times[0] == 1.0
+    assert read.times[-1] == 3.0
+    assert read.displacement[-1] == pytest.approx(2e-4)
+    assert np.max(np.diff(read.displacement)) < 0.51 * 1e-3 / 64
+    with pytest.raises(ValueError, match="inside of a program"):
+        jax.jit(lambda v: ramp(v, 1.0, GRID).times)(1.0)
+
+
+@pytest.mark.slow
+def test_after_many_periods_it_is_the_cycle_with_an_error_of_second_order():
+    period, stroke = 0.05, 1e-4
+    phase = 2 * np.pi * np.arange(512) / 512
+    cycle = gc.slide_cycle(
+        COAT, SURFACE, displacement=stroke * np.sin(phase), period=period, pressure=1e5, rtol=1e-8
+    )
+    errors = []
+    for count in (32, 64):
+        times = np.arange(1, 8 * count + 1) * period / count
+        moved = stroke * np.sin(2 * np.pi * times / period)
+        found = run(COAT, times, moved, 1e5, rtol=1e-7)
+        place = np.arange(512 // count, 513, 512 // count) % 512
+        errors.append(np.median(np.abs(found.friction[-count:] - cycle.friction[place])))
+    assert errors[1] < 0.01 * float(cycle.peak_friction)
+    assert errors[1] < 0.35 * errors[0]
+
+
+@pytest.mark.slow
+def test_steady_sliding_is_its_limit():
+    velocity, count = 0.02, 640
+    steady = gc.slide(COAT, SURFACE, pressure=1e5, velocity=velocity)
+    times = np.arange(1, count + 1) * 0.2e-3 / 2
+    found = run(COAT, times, velocity * times, 1e5, rtol=1e-5)
+    assert found.friction[-1] == pytest.approx(float(steady.friction), rel=0.02)
+    assert found.contact_area[-1] == pytest.approx(float(steady.contact_area), rel=0.02)
+
+
+@pytest.mark.slow
+def test_errors_contain_the_change_to_a_finer_grid_and_more_steps():
+    rough = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=6283.0, q_roll=12566.0, q_high=50265.0)
+
+    def at(factor):
+        grid = gc.Grid((64 * factor,), 1e-3)
+        surface = gc.random_surface(rough, grid, jax.random.key(0))
+        motion = dwell(0.1, 31 * factor).then(start(0.02, 0.005, num_times=13 * factor))
+        motion = motion.then(ramp(0.02, 0.01, num_times=26 * factor))
+        shear = ConstantShear(1e4)
+        given = motion.times, motion.displacement, 1e5, surface
+        return run(COAT, *given, rtol=5e-5 / factor**4, shear=shear)
+
+    coarse, fine = at(1), at(4)
+    for name in ("friction", "contact_area", "mean_gap", "work_done", "load_work_done"):
+        exact = np.interp(coarse.times, fine.times, fine.recorded[name])
+        missed = np.abs(coarse.recorded[name] - exact) > getattr(coarse, f"{name}_error")
+        assert np.mean(missed) < 0.05, name
+    for name in ("mean_friction", "peak_friction"):
+        change = abs(getattr(coarse, name) - getattr(fine, name))
+        assert change < getattr(coarse, f"{name}_error")
+
+
+@pytest.mark.slow
+def test_derivatives_are_those_of_differences_and_batches_are_single_histories():
+    motion = dwell(0.1, 10).then(start(0.02, 0.002, num_times=10))
+
+    def number(stack, times, moved, load, heights):
+        surface = gc.Surface(heights, GRID)
+        found = run(stack, times, moved, load, surface, rtol=1e-9)
+        return 10 * found.friction[-1] + 1e5 * found.mean_gap[-1] + found.work_done[-1]
+
+    args = COAT, motion.times, motion.displacement, jnp.full(20, 1e5), SURFACE.heights
+    slopes = jax.grad(number, argnums=(0, 1, 2, 3, 4))(*args)
+    rng = np.random.default_rng(0)
+    for i, given in enumerate(args):
+        leaves, structure = jax.tree.flatten(eqx.filter(given, eqx.is_inexact_array))
+        ways = [1e-5 * leaf * rng.uniform(0.5, 1, leaf.shape) for leaf in leaves]
+        way = structure.unflatten(ways)
+
+        def moved(sign, i=i, way=way):
+            changed = eqx.apply_updates(args[i], jax.tree.map(lambda w: sign * w, way))
+            return float(number(*args[:i], changed, *args[i + 1 :]))
+
+        expected = (moved(1) - moved(-1)) / 2
+        found = sum(jnp.sum(a * b) for a, b in zip(jax.tree.leaves(slopes[i]), ways, strict=True))
+        assert float(found) == pytest.approx(expected, rel=2e-3, abs=1e-9)
+    loads = jnp.asarray([1e5, 2e5])[:, None] * jnp.ones(20)
+    both = jax.vmap(lambda load: number(*args[:3], load, args[4]))(loads)
+    single = [number(*args[:3], load, args[4]) for load in loads]
+    np.testing.assert_allclose(both, single, rtol=1e-6)
