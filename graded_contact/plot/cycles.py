@@ -73,8 +73,9 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
       a scene with [motion] `once = true`: one line for each of its solves.
     """
     names = ["friction", "contact_area", "load", "mean_gap"]
+    results: Any = history
     if hasattr(history, "dims"):
-        names += [n for n in FLOWS if n in history and np.any(history[n] > 0)]
+        names += [n for n in FLOWS if n in results and np.any(results[n] > 0)]
     lines = _over_time(history, HISTORY, "time", "surface_displacement", *names)
     if not np.any(lines[0][2]):
         names = names[1:]

@@ -12,6 +12,7 @@ from ..core.files import read_file
 from ..core.quantities import CYCLE, FIELDS, HISTORY, OBSERVABLES, numbers_of
 from ..materials.shift import shifts_in
 from ..sliding.facts import facts_of
+from ..sliding.single_motion import SingleMotion
 from ..studies.dataset import NOT_STARTED, attach, package_versions
 from ..studies.store import Point, together
 from ..surfaces.surface import Surface
@@ -82,6 +83,7 @@ def collect(
         variables["period"] = "velocity", np.asarray(scene.period_at(scene.velocity))
         coordinates["time"] = "time", np.arange(scene.num_times) / scene.num_times
     if once:
+        assert isinstance(scene.motion, SingleMotion)
         at = np.asarray(scene.motion.times)
         coordinates["time"] = "time", at, TIME
         kept_at = at[np.array(scene.kept_steps)]

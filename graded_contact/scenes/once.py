@@ -18,7 +18,7 @@ from ..sliding.single_motion import SingleMotion
 from .block import KIND_MAKERS, Block
 from .schema import Key, kind_of
 
-_ONCE, _THEN = Key("once", bool, False), Key("then", list[dict], None)
+ONCE, THEN = Key("once", bool, False), Key("then", list[dict], None)
 _CLOSE = 1e-6  # times that differ by this part of them are one
 
 
@@ -31,11 +31,11 @@ def motion_of(block: Block, table: dict[str, Any], grid: Grid) -> Motion | Singl
     - `table`: its keys.
     - `grid`: a line of points along the motion.
     """
-    names = (_ONCE.name, _THEN.name)
+    names = (ONCE.name, THEN.name)
     first = {key: value for key, value in table.items() if key not in names}
     once, later = (
         block.reader.value("[motion]", key, table.get(key.name, default))
-        for key, default in ((_ONCE, False), (_THEN, []))
+        for key, default in ((ONCE, False), (THEN, []))
     )
     single = KIND_MAKERS[SingleMotion] | {"recorded": block.recorded_once}
     if not once:

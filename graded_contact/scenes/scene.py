@@ -230,10 +230,11 @@ class Scene:
         along, moved = jnp.atleast_1d(velocity_along(1.0, direction)), self.motion.displacement
         moved = moved if len(along) == 1 else moved[:, None] * along
         if isinstance(self.motion, SingleMotion):
-            if self.pressure_ratio is not None:
-                ratio = np.interp(self.motion.times, self.ratio_times, self.pressure_ratio)
+            times = np.asarray(self.motion.times)
+            if self.pressure_ratio is not None and self.ratio_times is not None:
+                ratio = np.interp(times, self.ratio_times, self.pressure_ratio)
                 given["pressure"] = given["pressure"] * ratio
-            return Case(displacement=moved, times=self.motion.times, **given)
+            return Case(displacement=moved, times=times, **given)
         if self.pressure_ratio is not None:
             # The load is linear between its times, and periodic as the motion.
             times = np.arange(self.num_times) / self.num_times

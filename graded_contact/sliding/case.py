@@ -73,8 +73,9 @@ class Case(eqx.Module):
     - `stack`, `surface`: the block, and the rough surface on it. A case of the mean field alone may
       have a spectrum in its place, see `mean_field_friction`.
     - `velocity`: of the surface over the block [m/s]; or
-    - `displacement`, `period`: s(t) [m] over a period [s]; or
-    - `displacement`, `times`: s(t) [m] at times that happen once [s].
+    - `displacement`: s(t) of the surface [m], with
+    - `period`: over which it repeats [s], or
+    - `times`: ends of the steps of what happens once [s].
     - `pressure` [Pa], `mean_gap` [m] or `approach` [m]: what is prescribed.
     - `law`: of contact.
     - `shear`: law of the shear stress in the contact, or None.

@@ -277,13 +277,8 @@ def test_a_bond_is_that_of_the_constructor_and_an_axis():
 
 
 EXAMPLES = (
-    "reciprocating",
-    "shear_and_heat",
-    "indenter",
-    "failing_bond",
-    "braking",
-    "seal",
-    "load_steps",
+    *("reciprocating", "shear_and_heat", "indenter", "failing_bond"),
+    *("braking", "seal", "load_steps"),
 )
 
 
