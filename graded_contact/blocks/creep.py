@@ -159,8 +159,8 @@ def _creep(stack: Stack, ends: Array, steps: Array, rtol: float) -> Creep:
     by_nodes = jnp.sum((kernels * jnp.exp(nodes * times[:, None])[..., None]).real, axis=1)
     apart = jnp.cumsum(jnp.abs(by_nodes - exact) * times[:, None], axis=0)
     error = jnp.max(apart / reached) * jnp.log(whole / shortest) / (_CHECKED - 1)
-    by_step = (jnp.log(part * q) for part in (now, creep, aged))
-    found = Creep(log_q, jnp.log(kernels * q), nodes, *by_step, error)
+    now, creep, aged = (jnp.log(part * q) for part in (now, creep, aged))
+    found = Creep(log_q, jnp.log(kernels * q), nodes, now, creep, aged, error)
     # Between the wavenumbers.
     beside = jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * (log_q[1] - log_q[0]) / 2
     middle = jnp.exp(jnp.mean(log_q) + beside).astype(q.dtype)

@@ -17,7 +17,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Inexact
 
 from .column import scan_layers, unit_of_moduli
 from .slab import factors, free, half_space, hyperbolic, plane_strain, push_down, rigid, stack_on

@@ -14,6 +14,7 @@ from ..blocks.stack import Stack
 from ..core.checks import check_positive, check_values, within
 from ..core.derivative import largest
 from ..core.display import shown
+from ..core.quantities import CYCLE
 
 Criteria = Mapping[str, Float[Array, " velocities"]]  # criteria of a block, by name
 
@@ -42,7 +43,8 @@ class Criterion(NamedTuple):
 CRITERIA = {
     "friction": Criterion(
         "friction coefficient", "1",
-        lambda found: found.mean_friction if found.kind == "cycle" else found.friction, in_mean_field=True,
+        lambda found: found.mean_friction if found.kind == CYCLE else found.friction,
+        in_mean_field=True,
     ),
     "contact_area": Criterion(
         "fraction of the nominal area in contact", "1", lambda found: jnp.mean(found.contact_area),

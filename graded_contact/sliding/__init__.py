@@ -16,13 +16,13 @@ from .slide import slide, slide_cycle, slide_history, solve
 from .stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 
 __all__ = [
-    "SingleMotion", "dwell", "listed", "ramp", "recorded_once", "start",
     "AbstractShear", "Case", "ConstantShear", "ContactStress", "Coulomb", "CyclicSliding",
-    "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear", "Sliding",
-    "area_against_cutoff", "contact_conductance", "contact_stiffness", "contact_stiffness_error",
-    "contact_stress", "cumulative_friction", "flash_temperature", "gap_flow", "heat_depths",
-    "heat_source", "recorded", "sinusoidal", "slide", "slide_cycle", "slide_history", "solve", "start_stop",
-    "steady", "TransientSliding",
+    "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear", "SingleMotion",
+    "Sliding", "TransientSliding", "area_against_cutoff", "contact_conductance",
+    "contact_stiffness", "contact_stiffness_error", "contact_stress", "cumulative_friction",
+    "dwell", "flash_temperature", "gap_flow", "heat_depths", "heat_source", "listed", "ramp",
+    "recorded", "recorded_once", "sinusoidal", "slide", "slide_cycle", "slide_history", "solve",
+    "start", "start_stop", "steady",
 ]  # fmt: skip
 
 describe(Sliding)

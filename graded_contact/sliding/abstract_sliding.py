@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -57,7 +57,7 @@ class AbstractSliding(eqx.Module):
     problem: eqx.AbstractVar[Problem]
     heated: eqx.AbstractVar[HeatedContact | None]
     kind: eqx.AbstractClassVar[str]
-    recorded: eqx.AbstractVar[Mapping[str, Array]]  # numbers of the steps of a history
+    recorded: eqx.AbstractVar[dict[str, Array]]  # numbers of the steps of a history
 
     def __getattr__(self, name: str) -> Array:
         # Python looks here only for what is no field. Numbers of `contact` need no program.

@@ -63,7 +63,6 @@ OF_SHEAR = Weights(1.5, 0.5, 0.0, 0.0, 0.0, 0.0)  # shear in the contact, which 
 OF_PLACE = Weights(0.45, 0.3, 0.012, 0.0, 0.06, 1.0, 2.0)  # gap, approach, pressure at these
 _AREA_MOVED, _AREA_LACKING, _EDGES, _OPENINGS = 1.2, 0.4, 0.4, 5.0
 _UNSEEN = 6.0  # times the power of waves without a direction
-UNSEEN_AREA = "unseen_area"  # recorded in each step of a history
 _DOUBT = 0.25  # of the dip between two points: how far the lowest pressure may be below that seen
 
 
@@ -116,8 +115,8 @@ def _area_in_doubt(found: Found) -> Array:
 
 def unseen_area(found: Found) -> Array:
     """The error of the area by what no point shows [1]."""
-    if UNSEEN_AREA in found.recorded:
-        return found.recorded[UNSEEN_AREA]
+    if found.kind == HISTORY:
+        return found.recorded["unseen_area"]
     return (_edges_by_chance if found.law.attracts else _hidden_openings)(found)
 
 

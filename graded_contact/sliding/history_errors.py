@@ -121,7 +121,9 @@ for _name, _weights, _scale in (
         size = scale(found)
         size = (jnp.max(by) if size.ndim == 0 else by) * size
         like = found.recorded[name]
-        return jnp.broadcast_to(size.reshape(size.shape + (1,) * (like.ndim - size.ndim)), like.shape)
+        return jnp.broadcast_to(
+            size.reshape(size.shape + (1,) * (like.ndim - size.ndim)), like.shape
+        )
 
     add_errors(
         _name, of_history, over_time=not _name.endswith("_friction"), beside=history_neighbours,

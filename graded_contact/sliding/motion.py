@@ -326,11 +326,11 @@ def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
     steps = np.max(np.abs(np.diff(rows, axis=0)), axis=0)
     if np.any(np.abs(apart) > np.maximum(4 * steps, _OPEN * extent)):
         beyond = " of whole cells" if cells else ""
+        far = with_unit(float(np.linalg.norm(apart)), "m")
         raise ValueError(
-            f"`displacement` is refused: its end is {with_unit(np.linalg.norm(apart), 'm')} from "
-            f"its start{beyond}, but a cycle ends where it began. Use `slide_history` (with "
-            "`recorded_once`) for what happens once, or let the surface advance by whole cells, "
-            "see `slide_cycle`."
+            f"`displacement` is refused: its end is {far} from its start{beyond}, but a cycle ends "
+            "where it began. Use `slide_history` (with `recorded_once`) for what happens once, or "
+            "let the surface advance by whole cells, see `slide_cycle`."
         )
 
 

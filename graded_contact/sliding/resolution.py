@@ -26,7 +26,7 @@ from .formulas import lift
 from .half_grid import NOTHING_LACKS, halved, heights_on, resampled
 from .numerics import Numerics
 from .problem import Problem
-from .result import CyclicSliding, Found, Sliding
+from .result import CyclicSliding, Found, Sliding, TransientSliding
 
 NEIGHBOURS_RTOL = 2e-4  # of the pressure; the differences of two grids are larger
 _LEAST_TIMES = 8  # times that are not halved again
@@ -39,7 +39,8 @@ class Neighbours(eqx.Module):
 
     - `same`: on the grid, without the waves that half of it lacks.
     - `half`: the same contact on half as many points.
-    - `fewer`: of a cycle or a history, on the grid with half as many times; None if these are too few.
+    - `fewer`: of a cycle or a history, on the grid with half as many times; None if these are
+      too few.
     - `lacking`: share of the squared slope in waves that half the grid lacks [1]; NaN if the grid
       has too few points to be halved.
     """
@@ -123,5 +124,6 @@ def _given(
     shift = lift(found)
     shift = resampled(shift, (*over, *shape)) if shift.ndim else shift
     # A program would return a copy of the heights.
+    assert not isinstance(found, TransientSliding)  # see `history_errors.py`
     problem = found.problem.on(shape, jnp.zeros((), heights.dtype), num_times)
     return problem, load, start, shift

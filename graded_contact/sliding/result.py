@@ -1,8 +1,6 @@
 """The results of sliding: a contact and its problem, from which observables are computed."""
 
 import inspect
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -19,9 +17,6 @@ from ..fields.frequency import direction_and_speed
 from .abstract_sliding import AbstractSliding, beyond_contact
 from .history_problem import HistoryProblem
 from .problem import CycleProblem, Problem, SteadyProblem
-
-
-_NOTHING: Mapping[str, Array] = MappingProxyType({})  # recorded step by step
 
 
 def describe(kind: type[AbstractSliding]) -> None:
@@ -62,8 +57,8 @@ class Sliding(AbstractSliding):
     contact: ContactSolution
     problem: SteadyProblem
     heated: HeatedContact | None = None
+    recorded: dict[str, Array] = eqx.field(default_factory=dict)  # of a history alone
     kind: ClassVar[str] = STEADY
-    recorded = _NOTHING
 
     @property
     def directions(self) -> list[float]:
@@ -117,8 +112,8 @@ class CyclicSliding(AbstractSliding):
     contact: ContactSolution
     problem: CycleProblem
     heated: HeatedContact | None = None
+    recorded: dict[str, Array] = eqx.field(default_factory=dict)  # of a history alone
     kind: ClassVar[str] = CYCLE
-    recorded = _NOTHING
 
     @property
     def directions(self) -> list[Float[Array, "nt ..."]]:
@@ -180,9 +175,8 @@ class TransientSliding(AbstractSliding):
     **Fields:**
 
     - `contact`: the fields at the ends of some steps, of the shape `(kept, *grid.shape)`, see
-      `ContactSolution`; its numbers are the largest errors and the sums of all steps. The fields are
-      also reached directly as `.pressure`, `.gap`, `.displacement` [Pa, m, m]; `.field_times` [s]
-      are their times.
+      `ContactSolution`; its numbers are the largest errors and the sums of all steps. Also reached
+      directly as `.pressure`, `.gap`, `.displacement` [Pa, m, m], at the `.field_times` [s].
     - `problem`: what was solved, see `HistoryProblem`; its `times`, `displacement`, `heights`,
       `grid`, `law`, `shear` and others are also reached directly.
     - `recorded`: numbers of the steps by their names, each with the times on its first axis.
@@ -215,14 +209,13 @@ class TransientSliding(AbstractSliding):
 
     def table(self, most: int = 25) -> str:
         """Returns the numbers over time in columns, of at most so many times."""
-        entries = [e for e in map(OBSERVABLES.get, self.numbers) if e and e.column and e.name in self.recorded]
-        entries = [entry for entry in entries if entry.over_time]
+        entries = [OBSERVABLES[name] for name in self.numbers if name in self.recorded]
+        shown_of = [(e, e.column) for e in entries if e.over_time and e.column is not None]
         rows = np.unique(np.linspace(0, len(self.times) - 1, most).round().astype(int))
-        heads = ["time [s]", *(entry.column[0].replace("\n", " ") for entry in entries)]
+        heads = ["time [s]", *(head.replace("\n", " ") for _, (head, _) in shown_of)]
         columns = [[f"{t:.4g}" for t in np.asarray(self.times)[rows]]]
-        for entry in entries:
+        for entry, (_, form) in shown_of:
             values = np.asarray(self.recorded[entry.name])[rows].reshape(len(rows), -1)
-            form = entry.column[1]
             columns.append([" ".join(number(v, form) for v in row) for row in values])
         widths = [max(map(len, (head, *rest))) for head, rest in zip(heads, columns, strict=True)]
         lines = [heads, *zip(*columns, strict=True)]

@@ -39,7 +39,9 @@ def make_results(shape=(4, 6), dtype=np.float64, keep="every"):
         ),
     )
     variables, places, attributes = surface_variables(surface)
-    variables |= {n: ((*axes,), draw.normal(size=(2, 3)).astype(dtype)) for n in numbers_of("steady")}
+    variables |= {
+        n: ((*axes,), draw.normal(size=(2, 3)).astype(dtype)) for n in numbers_of("steady")
+    }
     variables["mean_gap"][1][0, 1] = np.nan
     message = [["", "", "It stopped."], ["", NOT_STARTED, "failed: no kernel"]]
     variables["message"] = (*axes,), np.array(message)

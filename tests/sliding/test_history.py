@@ -183,7 +183,7 @@ def test_laws_of_ones_own_are_taken_if_they_are_analytic():
     expected = float(mpmath.invertlaplace(compliance, 1e-3, method="talbot"))
     whole = float(jnp.exp(found.whole @ found.shares(q))[0, 0]) / 1e4
     assert whole == pytest.approx(expected, rel=1e-8)
-    with pytest.raises(ValueError, match="material=Even.*fit_prony"):
+    with pytest.raises(ValueError, match=r"material=Even.*fit_prony"):
         creep_of(gc.Stack(base=gc.HalfSpace(Even())), ends, steps)
 
 
@@ -229,9 +229,9 @@ def test_heat_and_strain_are_refused_by_name():
 
 def test_a_record_that_does_not_close_names_what_happens_once():
     times, moved = np.linspace(0, 1, 50, endpoint=False), np.linspace(0, 0.1, 50)
-    with pytest.raises(ValueError, match="100 mm from its start.*`slide_history`"):
+    with pytest.raises(ValueError, match=r"100 mm from its start.*`slide_history`"):
         gc.sliding.recorded(times, moved, 1.0, grid=GRID)
-    with pytest.raises(ValueError, match="450 µm from its start.*whole cells"):
+    with pytest.raises(ValueError, match=r"450 µm from its start.*whole cells"):
         gc.slide_cycle(
             BLOCK, SURFACE, displacement=np.linspace(0, 4.5e-4, 50), period=1.0, pressure=1e5
         )

@@ -1,0 +1,285 @@
+"""A rough rigid surface in a motion that happens once: start, dwell, braking, steps of the load.
+
+Before t = 0 nothing touches. The times cut the history into steps, in each of which the pressure
+grows linearly. In the frame of the block a wave of the pressure leaves the displacement
+
+    u_n = I(Δ)/Δ p_n + [J(Δ) - I(Δ)/Δ] p_(n-1) + Re Σ_k w_k M(s_k) exp(s_k Δ) y_k
+
+at the end of a step Δ (`blocks/creep.py`): the first term has a real and positive kernel, the
+others are known. So each step is one ordinary contact of the heights less what is known, in the
+frame of the surface, started from the pressure before:
+
+    y, p, s(t) ──> displacement that is known ──> contact ──> p ──> y        (one scan)
+
+A derivative is that of the contact of each step. It keeps the contacts, and computes the memory
+once more from every √n-th step on.
+"""
+
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.ad_checkpoint import checkpoint_name
+from jaxtyping import Array, Complex
+
+from ..contacts.abstract_solver import Inputs, Loading
+from ..contacts.operator import Field, nonzero, work_of_waves
+from ..contacts.solution import RESULTS
+from ..contacts.solve import contact_of
+from ..core.compilation import jit
+from ..core.derivative import largest
+from ..fields.grid import odd_wavevector, to_field, to_spectrum
+from .area import contact_area, contact_area_pixels
+from .formulas import edges_of, indicator_of, lengths, slopes
+from .grid_errors import unseen_area
+from .history_problem import BlockWaves, HistoryProblem, OneStep
+from .numerics import Numerics
+from .problem import SteadyProblem
+from .result import Sliding
+from .shear import shear_over_load
+
+
+class HistoryState(NamedTuple):
+    """What a history carries from step to step.
+
+    The memory of the nodes, real and imaginary parts for those of the waves; waves of pressure and
+    displacement in the block; the pressure; traction; works; the kept fields; the first failure.
+    """
+
+    memory: tuple[Array, Array]
+    old: Array
+    before: Array
+    moved: Array
+    pressure: Array
+    rise: Array
+    traction: Array
+    works: Array
+    kept: Any
+    result: RESULTS
+    failed: Array
+
+
+class _Step(NamedTuple):
+    """What a step is given."""
+
+    length: Array
+    shift: Array  # s [m], along each component
+    way: Array  # how far the surface moves [m]
+    given: Array
+    now: Array  # tables of `Creep`
+    whole: Array
+    aged: Array
+    decay: Array  # exp(s_k Δ)
+    from_old: Array  # of the step before
+    from_new: Array
+    slot: Array  # where its fields are kept
+    index: Array
+    counts: Array  # False for a step that only fills up the last segment
+
+
+class Advance(eqx.Module):
+    """What does not change from step to step: `init`, and `step` for `lax.scan`."""
+
+    problem: HistoryProblem
+    waves: BlockWaves
+    how: Numerics
+
+    def init(self, kept: int) -> HistoryState:
+        """Returns the state before t = 0, with room for the fields of so many steps."""
+        problem = self.problem
+        dtype, memory = problem.heights.dtype, self.waves.memory
+        rest = jnp.zeros_like(memory[0])
+        nodes = jnp.zeros((len(memory), 2, *rest.shape), dtype)
+        field = jnp.zeros(problem.shape, dtype)
+        return HistoryState(
+            memory=(nodes, nodes), old=rest, before=rest, moved=rest, pressure=field, rise=field,
+            traction=jnp.zeros(problem.moved.shape[1], dtype), works=jnp.zeros(3, dtype),
+            kept=tuple(jnp.zeros((kept, *problem.shape), dtype) for _ in range(4)),
+            result=RESULTS.successful, failed=jnp.asarray(-1),
+        )  # fmt: skip
+
+    def step(self, state: HistoryState, given: _Step) -> tuple[HistoryState, dict[str, Array]]:
+        """Returns the state at the end of a step, and its numbers."""
+        problem, waves = self.problem, self.waves
+        turn = waves.turn(given.shift)
+        operator, known, memory = self._known(state, given)
+        now = operator.kernel
+        known_field = to_field(waves.joined(known * turn), problem.shape)
+        heights = problem.heights - known_field
+        loading = (given.given, None) if problem.prescribed == "pressure" else (None, given.given)
+        inputs = Inputs(operator, heights, problem.law, Loading(*loading))
+        # As the pressure went on in the step before: two thirds of the FFT pairs.
+        start = jnp.maximum(state.pressure + given.length * state.rise, problem.law.bounds[0])
+        contact = contact_of(
+            inputs, self.how.solver, self.how.adjoint, self.how.rtol,
+            jax.lax.stop_gradient(start), None, False,
+        )  # fmt: skip
+        contact = jax.tree.map(lambda leaf: checkpoint_name(leaf, _CONTACT), contact)
+        spectrum = to_spectrum(contact.pressure)
+        pressed = waves.split(spectrum) * jnp.conj(turn)
+        moved = known + waves.split(now * spectrum) * jnp.conj(turn)
+        displacement = contact.displacement + known_field
+        one = Sliding(contact, SteadyProblem(
+            operator=operator, heights=heights, grid=problem.grid, law=problem.law,
+            velocity=jnp.ones((), heights.dtype), prescribed=problem.prescribed,
+        ))  # fmt: skip
+        traction, numbers = self._numbers(one, displacement, given)
+        work = waves.mean_product(pressed + state.old, moved - state.moved) / 2
+        by_slopes = jnp.sum((traction + state.traction) / 2 * given.way)
+        by_shear = jnp.sum(numbers["shear_traction"] * given.way)
+        works = state.works + jnp.stack([by_slopes + by_shear, work - by_slopes, by_shear])
+        names = ("work_done", "load_work_done", "shear_work_done")
+        numbers |= dict(zip(names, works, strict=True))
+        fields = contact.pressure, contact.gap, displacement, contact.correction
+        kept = [
+            known.at[given.slot].set(field, mode="drop")
+            for known, field in zip(state.kept, fields, strict=True)
+        ]
+        rise = (contact.pressure - state.pressure) / given.length
+        good, ends_well = state.result == RESULTS.successful, contact.result == RESULTS.successful
+        return HistoryState(
+            memory=memory, old=pressed, before=state.old, moved=moved, pressure=contact.pressure,
+            # What a load that begins adds in the first step does not go on.
+            rise=jax.lax.stop_gradient(jnp.where(given.index > 0, rise, 0)),
+            traction=traction, works=works, kept=tuple(kept),
+            result=RESULTS.where(good, contact.result, state.result),
+            failed=jnp.where(good & ~ends_well, given.index, state.failed),
+        ), numbers  # fmt: skip
+
+    def _known(self, state: HistoryState, given: _Step):
+        """The block in the step, the waves that earlier pressures leave, and the new memory."""
+        parts = lambda wave: jnp.stack([wave.real, wave.imag])  # noqa: E731
+        old, new, waves = parts(state.before), parts(state.old), self.waves
+
+        def add(total, node):
+            real, imag, decay, before, last, weight = node
+            real = real + before.real * old + last.real * new
+            imag = imag + before.imag * old + last.imag * new
+            real, imag = (
+                decay.real * real - decay.imag * imag,
+                decay.real * imag + decay.imag * real,
+            )
+            return total + weight.real * real - weight.imag * imag, (real, imag)
+
+        factors = given.decay, given.from_old, given.from_new, waves.memory
+        total, memory = jax.lax.scan(add, jnp.zeros_like(old), (*state.memory, *factors))
+        now, whole, aged = waves.kernel(jnp.stack([given.now, given.whole, given.aged]))
+        known = jax.lax.complex(*total) + waves.split(whole - now) * state.old
+        return OneStep(now, aged), known, memory
+
+    def _numbers(self, one: Sliding, displacement: Field, given: _Step):
+        """The traction by slopes [Pa], and the numbers of the contact of a step."""
+        problem, contact, pressure = self.problem, one.contact, one.contact.pressure
+        axes = odd_wavevector(problem.grid)[: len(given.way)]
+        traction = jnp.stack([jnp.sum(work_of_waves(pressure, displacement, q)) for q in axes])
+        load, sheared = jnp.mean(pressure), jnp.zeros_like(traction)
+        if problem.shear is not None:
+            far = jnp.sqrt(jnp.sum(given.way**2))
+            moves = far > 0
+            unit = jnp.where(moves, given.way / jnp.where(moves, far, 1), 0)
+            speed = jnp.where(moves, far, 1) / given.length
+            stress = dataclasses.replace(problem.shear, speed=speed)
+            size = shear_over_load(pressure, indicator_of(one), edges_of(one), stress)
+            sheared = unit * jnp.where(load > 0, size * load, 0)
+        of_contact = {f"step_{name}": getattr(contact, name) for name in OF_STEPS}
+        return traction, of_contact | dict(
+            traction=traction + sheared, shear_traction=sheared, load=load,
+            contact_area=contact_area(one), contact_area_pixels=contact_area_pixels(one),
+            mean_gap=contact.mean_gap, slope=slopes(one, pressure, displacement),
+            spread=jnp.sqrt(jnp.mean(pressure**2)), unseen_area=unseen_area(one),
+        )  # fmt: skip
+
+
+_CONTACT = "contact"  # what a derivative keeps of each step
+OF_STEPS = (
+    "error", "gap_error", "load_error", "complementarity_error", "penetration", "num_steps",
+    "num_fft_pairs",
+)  # fmt: skip
+
+
+def run_history(
+    problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
+) -> tuple[HistoryState, dict[str, Array]]:
+    """Returns the state after the last step, and the numbers of all steps."""
+    # The program is that of all blocks.
+    return _run(dataclasses.replace(problem, stack=None, measured_range=None), how, kept)
+
+
+@jit
+def _run(
+    problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
+) -> tuple[HistoryState, dict[str, Array]]:
+    advance, count = (
+        Advance(problem, BlockWaves(problem.grid, problem.creep), how),
+        len(problem.times),
+    )
+    steps = _steps(problem, kept)
+    # Segments of about √n steps, each computed once more in a derivative in reverse.
+    length = math.ceil(math.sqrt(count))
+    segments = -(-count // length)
+    rows = jnp.minimum(jnp.arange(segments * length), count - 1)
+    filled = jax.tree.map(lambda leaf: leaf[rows].reshape(segments, length, *leaf.shape[1:]), steps)
+    counts = (jnp.arange(segments * length) < count).reshape(segments, length)
+    filled = filled._replace(counts=counts)
+
+    def one(state, given):
+        like = jax.eval_shape(advance.step, state, given)[1]
+        stay = lambda: (state, jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), like))  # noqa: E731
+        return jax.lax.cond(given.counts, lambda: advance.step(state, given), stay)
+
+    policy = jax.checkpoint_policies.save_only_these_names(_CONTACT)
+    segment = jax.checkpoint(lambda state, given: jax.lax.scan(one, state, given), policy=policy)
+    state, numbers = jax.lax.scan(segment, advance.init(len(kept)), filled)
+    numbers = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:count], numbers)
+    return state, _of_whole(problem, numbers)
+
+
+def _of_whole(problem: HistoryProblem, numbers: dict[str, Array]) -> dict[str, Array]:
+    """The numbers of all steps, with those over the load and those of the whole."""
+    load = numbers["load"]
+
+    def over(traction):
+        return jnp.where(load > 0, traction.T / jnp.where(load > 0, load, 1), jnp.nan).T
+
+    shape, way = problem.displacement.shape, lengths(problem.steps[1])
+    friction, path = over(numbers["traction"]), jnp.sum(load * way)
+    return numbers | dict(
+        traction=numbers["traction"].reshape(shape), friction=friction.reshape(shape),
+        shear_friction=over(numbers["shear_traction"]).reshape(shape),
+        mean_friction=numbers["work_done"][-1] / nonzero(path),
+        peak_friction=largest(jnp.where(load > 0, lengths(friction), 0)),
+        slope_in_contact=largest(numbers["slope"]),
+    )  # fmt: skip
+
+
+def _steps(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
+    """What each step is given."""
+    creep, count = problem.creep, len(problem.times)
+    lengths, way = problem.steps
+    z = creep.nodes * lengths[:, None]
+    twice = _rest_of_exponential(z)
+    once = 1 + z * twice  # (exp(z) - 1)/z
+    before = lambda row: jnp.concatenate([jnp.zeros_like(row[:1]), row[:-1]])  # noqa: E731
+    slots = np.full(count, len(kept))
+    slots[list(kept)] = np.arange(len(kept))
+    return _Step(
+        length=lengths, shift=problem.moved, way=way, given=problem.given, now=creep.now,
+        whole=creep.whole, aged=creep.aged, decay=jnp.exp(z),
+        from_old=before(lengths[:, None] * (once - twice)),
+        from_new=before(lengths[:, None] * twice), slot=jnp.asarray(slots),
+        index=jnp.arange(count), counts=jnp.ones(count, bool),
+    )  # fmt: skip
+
+
+def _rest_of_exponential(z: Complex[Array, "..."]) -> Complex[Array, "..."]:
+    """(exp(z) - 1 - z)/z², of small z by its series."""
+    small = jnp.abs(z) < 1
+    near, far = jnp.where(small, z, 0), jnp.where(small, 1, z)
+    series = jnp.ones_like(z)
+    for k in range(20, 2, -1):
+        series = 1 + series * near / k
+    return jnp.where(small, series / 2, (jnp.exp(far) - 1 - far) / far**2)
