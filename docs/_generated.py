@@ -83,6 +83,9 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
         for place, kinds in zip(SHORT, block.KIND_MAKERS.values(), strict=True)
         for kind, make in kinds.items()
     },
+    '[motion], once = true, kind = "recorded"': {
+        block.Block.recorded_once: keys_of(block.Block.recorded_once, "grid")
+    },
     "[design]": {
         DesignScene: (OBJECTIVE, *keys_of(DesignScene, "scene", "spectrum", "objective", "limits")),
         Limits: keys_of(Limits),

@@ -161,13 +161,14 @@ def _over_time(found: Any, kind: str, *names: str) -> list[tuple[Any, ...]]:
     argument = {CYCLE: "cycle", HISTORY: "history"}[kind]
     # One solve in memory has a single line; results of a scene have one for each solve.
     if not hasattr(found, "dims"):
-        if found.moved.shape[1] > 1:
+        moved = np.asarray(found.displacement if kind == CYCLE else found.problem.displacement)
+        if moved.ndim > 1:
             raise ValueError(
-                f"`{argument}` has a displacement of shape {found.moved.shape}: a motion along x "
-                "is needed."
+                f"`{argument}` has a displacement of shape {moved.shape}: a motion along x is "
+                "needed."
             )
-        own = {"time": "times", "surface_displacement": "displacement"}
-        return [("", *(np.asarray(getattr(found, own.get(name, name))) for name in names))]
+        own = {"surface_displacement": moved, "time": getattr(found, "times", None)}
+        return [("", *(np.asarray(own.get(n, getattr(found, n, None))) for n in names))]
     if kind_of_results(found) != kind:
         raise ValueError(
             f"`{argument}` holds {WORDS[kind_of_results(found)]}: results of a scene with [motion]"

@@ -11,7 +11,6 @@ from jaxtyping import Float, ScalarLike
 from ..core.files import Refusal
 from ..fields.grid import Grid
 from ..sliding.motion import Motion, recorded
-from ..sliding.single_motion import SingleMotion, recorded_once
 from .cells import TABLE_BYTES, holds_data
 from .decisions import Log
 from .registry import opening, read_as
@@ -39,28 +38,9 @@ def read_motion(
     **Raises:** `FileNotFoundError`; `ValueError` for a file that is no such table.
     """
     motion, log = motion_in(path, period, num_times, grid)
-    _warn(log)
-    return motion
-
-
-def read_single_motion(path: os.PathLike, grid: Grid) -> SingleMotion:
-    """Returns the motion of a table as `read_motion` reads it, that need not close.
-
-    **Arguments:**
-
-    - `path`: of the table, see `read_motion`; its first time is the time 0 of the motion.
-    - `grid`: of the surface, see `recorded_once`.
-
-    **Raises:** as `read_motion`.
-    """
-    times, displacement, log = read_over_time(path, "displacements")
-    _warn(log)
-    return recorded_once(times, displacement, grid)
-
-
-def _warn(log: Log) -> None:
     for sentence in log.assumed:
         logging.getLogger("graded_contact").warning(sentence)
+    return motion
 
 
 def motion_in(

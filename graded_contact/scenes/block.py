@@ -31,7 +31,6 @@ from ..readers.recorded_motion import (
     motion_in,
     read_motion,
     read_over_time,
-    read_single_motion,
 )
 from ..readers.units import DIMENSIONS, UNITS
 from ..sliding.motion import Motion, sinusoidal, start_stop
@@ -74,7 +73,6 @@ KIND_MAKERS = {
         "ramp": ramp,
         "dwell": dwell,
         "listed": listed,
-        "recorded": read_single_motion,
     },
 }
 # Of every material.
@@ -249,7 +247,12 @@ class Block:
         return motion
 
     def recorded_once(self, path: os.PathLike, grid: Grid) -> SingleMotion:
-        """Returns the motion of a table that need not close, as `recorded_once`."""
+        """Returns the motion of a table that need not close, as `recorded_once`.
+
+        **Arguments:**
+
+        - `path`: of the table, see `read_motion`; its first time is the time 0 of the motion.
+        """
         times, displacement, log = read_over_time(path, "displacements")
         self.take(log, "motion")
         return recorded_once(times, displacement, grid)

@@ -114,8 +114,8 @@ def _check_rates(scene: Scene) -> None:
             raise ValueError(
                 f"[motion] needs moduli from {rates[0]:.3g} rad/s (one over its last time) to "
                 f"{rates[1]:.3g} rad/s (one over its shortest step), but the materials of the "
-                f"block were measured from {known[0]:.3g} to {known[1]:.3g} rad/s. Take other times, "
-                "or set `extrapolate = true` in [load]."
+                f"block were measured from {known[0]:.3g} to {known[1]:.3g} rad/s. Take other "
+                "times, or set `extrapolate = true` in [load]."
             )
 
 
