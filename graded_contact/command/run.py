@@ -176,11 +176,12 @@ def run_scene_into(
             else:
                 means = "seed" in results["message"].dims and not all_seeds
                 write(file, results)
-                write_csv(file.with_suffix(".csv"), over_seeds(results) if means else results)
+                told = over_seeds(results) if means else results
+                write_csv(file.with_suffix(".csv"), told)
                 typer.echo(f"wrote {file}\nwrote {file.with_suffix('.csv')}")
                 if scene.kind == HISTORY:
                     over_time = file.with_name(f"{name}-time.csv")
-                    write_csv(over_time, results, "time")
+                    write_csv(over_time, told, "time")
                     typer.echo(f"wrote {over_time}")
             print_table(results, all_seeds, full)
             whole = interruption.signal is None

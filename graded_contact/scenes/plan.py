@@ -75,8 +75,10 @@ class Plan:
         return *self.surface.caveats, *self.scene.assumed
 
     def __str__(self) -> str:
-        fields = fields_in_memory(self.scene)
-        return cost_text(self.surface.grid.shape, fields, self.points.size, self.caveats)
+        fields, solves = fields_in_memory(self.scene), str(self.points.size)
+        if self.scene.kind == HISTORY:
+            solves += f", each of {self.scene.num_times} steps"
+        return cost_text(self.surface.grid.shape, fields, solves, self.caveats)
 
     def run(
         self, *, kept: tuple[int, ...] | None = None,

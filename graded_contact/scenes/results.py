@@ -151,7 +151,8 @@ def kind_of_results(results: "Dataset") -> str:
     """Returns of which contacts results are, one of `KINDS`."""
     if "time" not in results.dims:
         return STEADY
-    return CYCLE if "period" in results else HISTORY
+    # Over a period time has no unit.
+    return HISTORY if results["time"].attrs.get("units") == TIME["units"] else CYCLE
 
 
 def is_of_each(caveat: Caveat, results: "Dataset") -> bool:
@@ -170,7 +171,7 @@ def over_seeds(results: "Dataset") -> "Dataset":
     axes, solved = results["message"].dims, results["message"] == ""
     found: dict[str, Any] = {}
     for name, variable in results.data_vars.items():
-        if name in ("message", "point") or not {"seed"} <= {*variable.dims} <= {*axes}:
+        if name in ("message", "point") or not {"seed"} <= {*variable.dims} <= {*axes, "time"}:
             continue
         values = variable.where(solved)
         if name in OBSERVABLES and OBSERVABLES[str(name)].mean_over_seeds:

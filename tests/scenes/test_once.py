@@ -2,7 +2,10 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scene_texts import BARE
@@ -10,10 +13,12 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact.cli import app
+from graded_contact.designs.table import read_design
 from graded_contact.page.document import open_document
 from graded_contact.scenes.plan import build_surface, plan
-from graded_contact.scenes.results import kept_contact, read_results
+from graded_contact.scenes.results import kept_contact, over_seeds, read_results
 from graded_contact.scenes.scene_file import parse_scene, read_scene
+from graded_contact.sliding.history_problem import HistoryProblem
 from graded_contact.sliding.single_motion import dwell, ramp, start
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -224,3 +229,36 @@ def test_the_page_and_designs_refuse_a_history_by_name(tmp_path):
     path.write_text(LINE + REST)
     with pytest.raises(ValueError, match=re.escape("The page does not take the table [motion]")):
         open_document(path)
+    path.write_text(LINE + BRAKE + '[design]\nobjective = "minimise_peak_over_mean"\n'
+        + "[design.parameters]\n"
+        + '"base.material.equilibrium" = [1e6, 3e6]\n')  # fmt: skip
+    with pytest.raises(ValueError, match=re.escape("[design] does not take [motion] with `once")):
+        read_design(path)
+
+
+def test_a_rest_that_is_rounded_has_no_direction():
+    """A turn of the path leaves steps of rounding, in which shear would have its full size."""
+    rest = start(0.0, 2e-3, 0.1, num_times=4).then(dwell(0.1, num_times=6))
+
+    @jax.jit
+    def ways(angle):
+        moved = rest.displacement[:, None] * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+        noise = 1 + jnp.finfo(moved.dtype).eps * (-1.0) ** jnp.arange(10)[:, None]
+        problem = SimpleNamespace(moved=moved * noise, times=rest.times)
+        return HistoryProblem.steps.fget(problem)[1]
+
+    assert np.all(ways(0.5)[4:] == 0) and np.all(ways(0.5)[:4] > 0)
+
+
+@pytest.mark.slow
+def test_friction_of_a_turned_brake_ends_with_its_slip():
+    """With shear, several surfaces and directions; means of surfaces are over time, too."""
+    flat = LOADED.replace("[16]", "[8, 8]").replace("q_roll = 2e4", "q_roll = 1e4")
+    flat = flat.replace("q_high = 4e4", "q_high = 2e4\nseeds = 2").replace(
+        "[load]", "[load]\ndirection = 0.5"
+    )
+    shear = '[shear]\nkind = "constant"\nstress = 1e5\n'
+    results = plan(parse_scene(flat + BRAKE + shear)).run()
+    means = over_seeds(results).isel(pressure=0, velocity=0)
+    assert means.friction.dims == ("time",) and abs(means.friction[-1]) < 0.05 < means.friction[5]
+    np.testing.assert_allclose(means.friction, results.friction.mean("seed")[0, 0], rtol=1e-12)
