@@ -8,8 +8,8 @@ transform is M(q, ω = -is). On a hyperbola around all relaxation rates, for t0 
 whatever the layers and their laws are: a node k is one equation y' = s_k y + p of first order. The
 nodes are those of Weideman & Trefethen in closed form; the angle is the best of a row. `NODES` of
 them leave errors of an exponential of any rate, relative to its start, of 1e-8, 6e-7, 1e-5, 8e-5
-for T/t0 = 1e2, 1e3, 1e4, 1e5 (`benchmarks/bench_history.py nodes`). For one time alone 14 are
-enough for rounding: so the creep under a constant pressure, J = ∫K, and its integral are computed
+for T/t0 = 1e2, 1e3, 1e4, 1e5 (`tests/sliding/test_history.py`). For one time alone 14 are enough
+for rounding: so the creep under a constant pressure, J = ∫K, and its integral are computed
 for the length of each step.
 
 M depends on |q| only, and log(|q| M) is smooth in log |q|: all is computed at few wavenumbers and

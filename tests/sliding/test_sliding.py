@@ -140,7 +140,7 @@ def test_a_case_with_another_load_has_the_friction_of_slide(unchecked_types):
     case = dataclasses.replace(gc.Case(coated(), SURFACE, pressure=1e5, velocity=0.1), pressure=4e5)
     alone = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
     assert gc.sliding.solve(case).friction == alone.friction
-    with pytest.raises(ValueError, match="`velocity` or `displacement` with `period` is needed"):
+    with pytest.raises(ValueError, match="`displacement` with `period` or `times`, is needed"):
         dataclasses.replace(case, displacement=np.zeros(8), period=1.0)
     with pytest.raises(TypeError, match="slide has no argument `rtoll`; its numerics are `rtol`"):
         gc.slide(coated(), SURFACE, pressure=1e4, velocity=0.1, rtoll=1e-6)
