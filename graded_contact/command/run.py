@@ -285,10 +285,10 @@ def _figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tup
         typer.echo(NOTHING)
         return
     if "time" in results.dims:
-        if kind_of_results(results) == HISTORY:
-            yield "history", plot.plot_transient(results)
-        elif not np.all(np.isnan(results["friction"])):
-            yield "cycle", plot.plot_cycle(results)
+        if not np.all(np.isnan(results["friction"])):
+            once = kind_of_results(results) == HISTORY
+            draw = plot.plot_transient if once else plot.plot_cycle
+            yield "history" if once else "cycle", draw(results)
         return
     yield "sweep", plot.plot_sweep(results, all_seeds=all_seeds)
     if "reduced_velocity" in results:

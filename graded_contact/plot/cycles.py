@@ -89,7 +89,7 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
     for i, (axes, name) in enumerate(zip(panels, names, strict=True), start=3):
         symbol, scale = OBSERVABLES[name].quantity.unit, 1.0
         if symbol in ("m", "Pa"):
-            symbol, scale = unit_of(symbol, max(float(np.max(line[i])) for line in lines))
+            symbol, scale = unit_of(symbol, max(float(np.nanmax(line[i])) for line in lines))
         for line, colour in zip(lines, colours_of(len(lines)), strict=False):
             known = np.isfinite(line[i])  # a flow at some times only
             shown = factor * times[known], scale * line[i][known]
@@ -178,7 +178,9 @@ def _over_time(found: Any, kind: str, *names: str) -> list[tuple[Any, ...]]:
     varied = [name for name in found["message"].dims if found.sizes[name] > 1]
     for index in np.ndindex(found["message"].shape):
         at = found.isel(dict(zip(found["message"].dims, index, strict=True)))
-        if not np.all(np.isfinite(at["friction"])):
+        # What happens once is known up to a step that failed.
+        enough = np.any if kind == HISTORY else np.all
+        if not enough(np.isfinite(at["friction"])):
             continue  # failed, or not started
         words = [in_figure(f"{title_of(str(name))} {label_of(at[name])}") for name in varied]
         if "velocity" in varied:

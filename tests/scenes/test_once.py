@@ -73,28 +73,49 @@ def test_motions_follow_one_another_and_steps_end_where_the_load_turns():
     np.testing.assert_allclose(case.pressure, 2e5 * np.interp(times, [0, 3e-3], [1, 1.5]))
 
 
-def test_a_run_is_slide_history_over_time_and_keeps_the_fields_of_its_frames(braking, tmp_path):
+@pytest.mark.slow
+def test_a_run_is_slide_history(braking):
     scene, results = braking
     found = gc.sliding.slide_history(
         scene.stack, build_surface(scene), times=scene.motion.times,
         displacement=scene.motion.displacement, fields_at=scene.kept_steps, rtol=scene.rtol,
         pressure=2e5 * np.interp(scene.motion.times, [0, 3e-3], [1, 1.5]),
     )  # fmt: skip
-    assert np.all(results.message == "")
     one = results.isel(pressure=0, velocity=0)
     for name in ("friction", "load", "contact_area", "mean_gap", "work_done", "mean_friction"):
         np.testing.assert_allclose(one[name], found.recorded[name], rtol=1e-9, atol=1e-12)
-    assert one.friction.dims == ("time",) and one.time.attrs["units"] == "s"
-    np.testing.assert_array_equal(one.time, scene.motion.times)
-    assert scene.kept_steps[-1] == scene.num_times - 1 and len(scene.kept_steps) == 3
     fields, _ = kept_contact(results, (0, 0))
     np.testing.assert_allclose(fields["gap"], found.gap, atol=1e-15)
     np.testing.assert_array_equal(fields["field_time"], found.field_times)
+    drawn = gc.plot.plot_transient(found).axes[1].lines[0].get_ydata()
+    np.testing.assert_allclose(drawn, found.recorded["contact_area"])
+    film = gc.plot.plot_film(found, build_surface(scene), times=[0, 2])
+    assert [axes.get_title() for axes in film.axes] == ["2.25 ms", "104 ms"]
+
+
+def test_results_are_over_time_and_keep_the_fields_of_their_frames(braking, tmp_path):
+    scene, results = braking
+    times = np.asarray(scene.motion.times)
+    assert np.all(results.message == "")
+    one = results.isel(pressure=0, velocity=0)
+    assert one.friction.dims == ("time",) and one.time.attrs["units"] == "s"
+    np.testing.assert_array_equal(one.time, times)
+    np.testing.assert_allclose(one["load"], 2e5 * np.interp(times, [0, 3e-3], [1, 1.5]), rtol=1e-9)
+    # The work is that of the traction along the way, by trapezoids.
+    traction, way = (one[name].values for name in ("traction", "surface_displacement"))
+    steps = np.diff(way, prepend=0) * (traction + np.append(0, traction[:-1])) / 2
+    np.testing.assert_allclose(one.work_done, np.cumsum(steps), rtol=1e-9)
+    kept = list(scene.kept_steps)
+    assert kept[-1] == scene.num_times - 1 and len(kept) == 3
+    fields, _ = kept_contact(results, (0, 0))
+    np.testing.assert_array_equal(fields["field_time"], times[kept])
+    pressure = fields["pressure"].mean("x")
+    np.testing.assert_allclose(pressure, one["load"].values[kept], rtol=1e-6)
     # Of a profile K along its grooves is the mean of u³ over the open gap.
     flow = one.flow_along_y.values
-    assert np.flatnonzero(np.isfinite(flow)).tolist() == list(scene.kept_steps)
+    assert np.flatnonzero(np.isfinite(flow)).tolist() == kept
     cubes = np.where(fields["pressure"] > 0, 0, fields["gap"]) ** 3
-    np.testing.assert_allclose(flow[np.isfinite(flow)], cubes.mean(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(flow[kept], cubes.mean(axis=1), rtol=1e-9)
     gc.studies.dataset.write(tmp_path / "r.h5", results)
     assert read_results(tmp_path / "r.h5").identical(results)
 
@@ -119,6 +140,10 @@ def test_figures_of_a_history_have_its_times(braking):
     fields, surface = kept_contact(results, (0, 0))
     film = gc.plot.plot_film(fields, surface)
     assert film.axes[-1].get_title() == "104 ms"
+    # A step failed: what was before it is drawn.
+    failed = results.assign(friction=results["friction"].where(results["time"] < 3e-3))
+    line = gc.plot.plot_transient(failed).axes[0].lines[0].get_xdata()
+    assert len(line) == np.sum(np.asarray(scene.motion.times) < 3e-3)
     for draw in (gc.plot.plot_cycle, gc.plot.plot_sweep):
         with pytest.raises(ValueError, match="once"):
             draw(results)
