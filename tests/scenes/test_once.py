@@ -90,7 +90,7 @@ def test_a_run_is_slide_history(braking):
     drawn = gc.plot.plot_transient(found).axes[1].lines[0].get_ydata()
     np.testing.assert_allclose(drawn, found.recorded["contact_area"])
     film = gc.plot.plot_film(found, build_surface(scene), times=[0, 2])
-    assert [axes.get_title() for axes in film.axes] == ["2.25 ms", "104 ms"]
+    assert [axes.get_title() for axes in film.axes] == ["2 ms", "104 ms"]
 
 
 def test_results_are_over_time_and_keep_the_fields_of_their_frames(braking, tmp_path):
