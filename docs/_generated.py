@@ -53,6 +53,11 @@ SHORT = ("shift", "shape", "graded_solver", "[law]", "[shear]", "[motion]", "[mo
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene_file.SceneTables: keys_of(scene_file.SceneTables)},
     **{f'[surface], kind = "{kind}"': takers for kind, takers in surface_source.SURFACES.items()},
+    **{
+        f'[block_surface], kind = "{kind}"': takers
+        for kind, takers in surface_source.OF_BLOCK.items()
+        if kind != "file"
+    },
     "[grid]": {Grid: keys_of(Grid)},
     "[materials.NAME], any kind": {gc.studies.read_errors: (block.ERRORS, block.ASSUMED)},
     **{
@@ -68,6 +73,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
         HalfSpace: keys_of(HalfSpace)
     },
+    "[counter]": {scene_file.CounterTables: keys_of(scene_file.CounterTables)},
     "[load]": {scene.Scene: scene_file.KEYS["[load]"]},
     "[motion], any kind": {once.motion_of: (once.ONCE, once.THEN)},
     "[heating]": {Heating: keys_of(Heating)},

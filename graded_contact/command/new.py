@@ -82,6 +82,8 @@ def new(
             terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,
         )  # fmt: skip
         _check_temperatures(found.material, temperatures or [])
+        print_surface(surface)  # once both files are read
+        print_caveats(surface.caveats)
         fit.write_fit(stem, found, ("toml",))
         if surface.grid.ndim == 2 and found.material.equilibrium == 0:
             raise ValueError(f"[materials.{name}] {LIQUID}")
@@ -100,7 +102,7 @@ def new(
 
 
 def _finer(surface_file: Path, **given: Any) -> tuple[Surface, dict[str, Any]]:
-    """Reads and prints a surface, twice as fine as measured, which resolves the edges of contact.
+    """Reads a surface, twice as fine as measured, which resolves the edges of contact.
 
     The other is what `read_surface` was given.
     """
@@ -108,10 +110,7 @@ def _finer(surface_file: Path, **given: Any) -> tuple[Surface, dict[str, Any]]:
     surface = read_surface(surface_file, **read)
     most = FINEST_EDGE if surface.heights.ndim == 2 else FINEST_EDGE**2
     read["shape"] = tuple(min(2 * n, most) for n in surface.grid.shape)
-    surface = read_surface(surface_file, **read)
-    print_surface(surface)
-    print_caveats(surface.caveats)
-    return surface, read
+    return read_surface(surface_file, **read), read
 
 
 def _load_of(

@@ -69,9 +69,9 @@ class DouglasRachford(AbstractContactSolver):
 
     **Fields:**
 
-    - `max_steps`: largest number of steps on each grid, and in the draft of a large one. Steps are
-      done in pairs, and a Newton step counts by its FFT pairs. None for 4000; on grids of fewer
-      than 2¹⁶ points for as many as cost the same, up to 64,000.
+    - `max_steps`: largest number of steps on each grid, and in single precision before those of a
+      large one. Steps are done in pairs, and a Newton step counts by its FFT pairs. None for 4000;
+      on grids of fewer than 2¹⁶ points for as many as cost the same, up to 64,000.
     - `relaxation`: α [1], between 0 and 1; at most 0.5 under a law that attracts.
     - `history_length`: earlier iterates that the acceleration combines, at a given mean gap two at
       most; each stores two fields, on a large grid three quarters of one.

@@ -40,7 +40,7 @@ class RESULTS(eqx.Enumeration):
     unresolved = (
         "The attraction of the law rises too steeply for the grid: the computed equilibrium may be "
         "unstable. Refine the grid until its shortest wave is three times as stiff as the "
-        "attraction rises, or use `solver=ResidualDynamics()`."
+        "attraction rises, or in Python use `solver=ResidualDynamics()`."
     )
     inaccurate_kernel = (
         "The kernel of the block did not reach its tolerance: the profile of a graded layer varies "

@@ -63,6 +63,13 @@ class SpaceTime(AbstractOperator):
             waves = waves * jnp.conj(phase)
         return jax.vmap(lambda one: to_field(one, shape[1:]))(waves)
 
+    def carried(self, field: Float[Array, "*shape"]) -> Float[Array, "nt *shape"]:
+        """Returns a field that rests on the block, in the frame of the surface at each time."""
+        waves = to_spectrum(field)
+        for phase in self.phases:
+            waves = waves * jnp.conj(phase)
+        return jax.vmap(lambda one: to_field(one, field.shape))(waves)
+
     def mean(self, field):
         return jnp.mean(field, axis=tuple(range(1, field.ndim)), keepdims=True)
 
@@ -118,6 +125,14 @@ def in_motion(
         for axis, q in enumerate(wavevector(grid))
     )
     return SpaceTime(_even_on_nyquist(kernel, phases, (len(kernel), *grid.shape)), phases)
+
+
+def at_rest(kernel: Inexact[Array, "nt *half"]) -> SpaceTime:
+    """Returns the operator of a solid that rests under the surface, in the frame of the surface.
+
+    `kernel` as in `in_motion`.
+    """
+    return SpaceTime(_even_on_nyquist(kernel, (), kernel.shape[:1]), ())
 
 
 def frequency_shares(factors: Sequence[Inexact[Array, "nt ..."]]) -> Float[Array, "nt ..."]:

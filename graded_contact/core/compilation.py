@@ -5,7 +5,6 @@ defaults take (`bench_contact.py first`). The code was as fast within the scatte
 machine. Such options belong to a whole program: inside the `jit` of a user the user sets them.
 """
 
-import dataclasses
 import functools
 import logging
 import os
@@ -42,60 +41,29 @@ def jit(function: F) -> F:
     **Returns:** the compiled function. What it returns may contain texts and other objects, too.
     """
     within = eqx.filter_jit(function)
-    outside = functools.cache(lambda: _program(function))  # the options take time: when called
+    # The options take time: when called.
+    outside = functools.cache(lambda: eqx.filter_jit(function, compiler_options=_options()))
 
     @functools.wraps(function)
     def run(*args, **kwargs):
-        leaves, structure = jax.tree.flatten((args, kwargs))
-        if not _alone(leaves):
+        if not alone((args, kwargs)):
             return within(*args, **kwargs)
-        found, rest = outside()(*_parted(leaves, structure))
-        return rest.joined(found)
+        try:
+            return outside()(*args, **kwargs)
+        except RuntimeError as error:  # the cause, without the frames of Equinox and JAX around it
+            cause = str(error).rpartition("EquinoxRuntimeError: ")[2].partition("\n\n---")[0]
+            raise (RuntimeError(cause) if cause != str(error) else error) from None
 
     return cast(F, run)
 
 
 def alone(arguments: Any) -> bool:
     """Returns whether a function of these arguments runs outside `jit` and all transformations."""
-    return _alone(jax.tree.leaves(arguments))
-
-
-def _alone(leaves):
     # Inside `jit` known arguments are traced, too, as a number that depends on none.
-    return all(map(is_concrete, leaves)) and is_concrete(_probe())
+    return all(map(is_concrete, jax.tree.leaves(arguments))) and is_concrete(_probe())
 
 
 _probe = jax.jit(lambda: 0)
-
-
-def _program(function):
-    def program(numbers, rest):
-        args, kwargs = rest.joined(numbers)
-        return _parted(*jax.tree.flatten(function(*args, **kwargs)))
-
-    program.__name__ = getattr(function, "__name__", "program")
-    return jax.jit(program, compiler_options=_options())
-
-
-@jax.tree_util.register_static
-@dataclasses.dataclass(frozen=True)
-class _Rest:
-    """What a tree contains besides arrays: its leaves, None for arrays, and its structure."""
-
-    others: tuple
-    structure: Any
-
-    def joined(self, numbers) -> Any:
-        pairs = zip(numbers, self.others, strict=True)
-        leaves = [other if number is None else number for number, other in pairs]
-        return self.structure.unflatten(leaves)
-
-
-def _parted(leaves, structure):
-    """The arrays of a flattened tree, with None for other leaves, and the rest of it."""
-    numbers = tuple(leaf if eqx.is_array(leaf) else None for leaf in leaves)
-    others = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
-    return numbers, _Rest(others, structure)
 
 
 @functools.cache

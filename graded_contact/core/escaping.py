@@ -1,7 +1,7 @@
 """Text of users and of files as a part of something else: one function for each format.
 
 Titles, names of materials, layers and files, labels, messages and conditions pass one of these on
-their way into a file or a figure, and nothing else does. All of them put the text on one line.
+their way into a file or a figure, and nothing else does. No line end of a text stays one.
 
 | format | what would act | function |
 |---|---|---|
@@ -15,7 +15,9 @@ TOML and JSON have escapes for every character (`entry_text` in `scenes/schema.p
 
 import html
 import re
+import textwrap
 
+_LONGEST = 200  # characters of a line of comment; Abaqus takes lines of 256
 _FORMULAS = tuple("=+-@＝＋－＠")  # how a formula begins, on any keyboard
 
 
@@ -25,8 +27,9 @@ def on_one_line(text: str) -> str:
 
 
 def in_comment(text: str, mark: str) -> str:
-    """Returns a text as one line of comment after `mark`, such as "**", "!" or "#"."""
-    return f"{mark} {on_one_line(text)}"
+    """Returns a text as comment after `mark`, such as "**" or "#"; a long one in several lines."""
+    lines = textwrap.wrap(on_one_line(text), _LONGEST, break_on_hyphens=False) or [""]
+    return "\n".join(f"{mark} {line}" for line in lines)
 
 
 def in_csv(text: str, mark: str = "") -> str:

@@ -18,6 +18,7 @@ KERNEL = 2.0
 CONTACT = 20.0
 SLIDING = 21.0  # a kernel, and a contact with it
 CYCLE = 42.0  # fields over space and time
+COUNTER = 8.0  # more for a counter: its kernel, and the displacement that lags
 DERIVATIVE = 20.0  # more for a derivative
 COMPILER = 8e8  # bytes of compiling, which are not freed
 POINT = 8000  # bytes of a sweep's point, most of it in the printed table

@@ -164,7 +164,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     scene, table = parse_scene(text, folder), parse_toml(text).get("design")
     if table is None:
         raise ValueError("The scene lacks the table [design].")
-    refuse_tables(scene, "[design]", "law", "shear", "heating")
+    refuse_tables(scene, "[design]", "law", "shear", "heating", "counter", "block_surface")
     with within("[design]"):
         check_positive("velocity", scene.velocity, "[m/s]")
         if len(scene.pressure) > 1 or np.any(scene.direction):

@@ -1,4 +1,4 @@
-"""A table of friction as text for other programs, SI units, all digits of a double.
+"""A table of friction as text for other programs, SI units; in CSV all digits of a double.
 
 Source: Abaqus Keywords Reference Guide, *FRICTION: a data line holds the friction coefficient, slip
 rate, contact pressure and average temperature of the two surfaces. The first of these varies
@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.checks import check_values, short
 from ..core.escaping import in_comment, in_csv
-from .prony_cards import check_card
+from .prony_cards import check_card, in_card
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -81,12 +81,14 @@ def _checked(table: "Dataset") -> "Dataset":
     return table
 
 
-def _lines(table: "Dataset", columns: list[str], separator: str) -> list[str]:
+def _lines(
+    table: "Dataset", columns: list[str], separator: str, spell: Callable[[float], str]
+) -> list[str]:
     """A line of numbers for each point, the velocity varying fastest."""
     names = [name for name in NUMBERS if name in table]
     points = table[names].to_dataframe([*table["friction"].dims])
     rows = points.reset_index()[columns].astype(float).to_numpy().tolist()
-    return [separator.join(map(repr, row)) for row in rows]  # `repr` keeps all digits
+    return [separator.join(map(spell, row)) for row in rows]
 
 
 def _remarks(table: "Dataset") -> list[str]:
@@ -105,13 +107,16 @@ def _remarks(table: "Dataset") -> list[str]:
 
 def _abaqus(table: "Dataset", name: str) -> str:
     columns = ["friction", "velocity", "pressure", *table["friction"].dims[:-2]]
+    least = float(table["velocity"].min())
     lines = [
         "** Units: m/s, Pa, K. Friction coefficient, slip rate, contact pressure, temperature.",
+        f"** Below {least:.4g} m/s Abaqus keeps the friction of this rate. At rest friction by",
+        "** hysteresis is 0: adhesion or shear hold a surface at rest, if the scene has them.",
         *(in_comment(line, "**") for line in _remarks(table)),
         f"*SURFACE INTERACTION, NAME={name}",
         "*FRICTION",
     ]
-    return "\n".join([*lines, *_lines(table, columns, ", "), ""])
+    return "\n".join([*lines, *_lines(table, columns, ", ", in_card), ""])
 
 
 def _csv(table: "Dataset", name: str) -> str:
@@ -120,7 +125,7 @@ def _csv(table: "Dataset", name: str) -> str:
     units |= {name: "" for name in NUMBERS if name in table}
     heads = ",".join(f"{column}{unit}" for column, unit in units.items())
     remarks = [in_csv(line, "#") for line in _remarks(table)]
-    return "\n".join([*remarks, heads, *_lines(table, [*units], ","), ""])
+    return "\n".join([*remarks, heads, *_lines(table, [*units], ",", repr), ""])
 
 
 FRICTION_CARDS: dict[str, Callable[["Dataset", str], str]] = {"abaqus": _abaqus, "csv": _csv}

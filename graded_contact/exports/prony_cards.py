@@ -1,10 +1,11 @@
 """A Prony series as text for other programs, and for a scene of this package.
 
-Numbers are written with all digits of a double. The cards of Abaqus and Ansys hold ratios to the
+Scenes, JSON and CSV hold all digits of a double. The cards of Abaqus and Ansys hold ratios to the
 instantaneous modulus E_inf = E_eq + Σ E_k, which they take as the elastic constant:
 E(t) = E_inf (1 - Σ g_k (1 - exp(-t/τ_k))), g_k = E_k/E_inf. Poisson's ratio is constant, so the
-bulk modulus relaxes as the shear modulus does: k_k = g_k. The remainder E_eq = E_inf (1 - Σ g_k)
-keeps a relative error of about 1e-16 E_inf/E_eq; a liquid, of which nothing remains, is refused.
+bulk modulus relaxes as the shear modulus does: k_k = g_k. Items of cards have at most 20
+characters, see `in_card`: the remainder E_eq = E_inf (1 - Σ g_k) keeps a relative error of about
+1e-13 E_inf/E_eq. A liquid, of which nothing remains, is refused.
 
 Sources: Abaqus Keywords Reference Guide, *VISCOELASTIC and *TRS; Mechanical APDL Material
 Reference, TB,PRONY and TB,SHIFT.
@@ -26,7 +27,7 @@ from ..materials.shift import WLF, AbstractShift
 from ..scenes.toml import entry_text
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
-LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6
+LEAST_REMAINDER = 1e-7  # of E_eq in E_inf, to keep it to about 1e-6
 
 
 @check_types
@@ -66,6 +67,11 @@ def check_card(format: Any, formats: Collection[str], name: Any) -> None:
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
         allowed = "a letter, then letters, digits, `_` and `-` are allowed"
         raise ValueError(f"`name={short(name)}` is refused: {allowed}.")
+
+
+def in_card(value: float) -> str:
+    """Returns a number for a card of another program, in at most 20 characters."""
+    return f"{value:.13g}"
 
 
 def _fields(material: Prony) -> dict[str, Any]:
@@ -116,11 +122,11 @@ def _abaqus(material: Prony, name: str) -> str:
         *(in_comment(sentence, "**") for sentence in _measured(material)),
         f"*MATERIAL, NAME={name}",
         "*ELASTIC, MODULI=INSTANTANEOUS",
-        f"{glassy!r}, {float(material.poisson)!r}",
+        f"{in_card(glassy)}, {in_card(float(material.poisson))}",
         "*VISCOELASTIC, TIME=PRONY",
-        *(f"{ratio!r}, {ratio!r}, {time!r}" for ratio, time in zip(ratios, times, strict=True)),
+        *(f"{ratio}, {ratio}, {time}" for ratio, time in zip(ratios, times, strict=True)),
     ]
-    card = "*TRS, DEFINITION=WLF\n{!r}, {!r}, {!r}"
+    card = "*TRS, DEFINITION=WLF\n{}, {}, {}"
     return "\n".join([*lines, *_shift_lines(material.shift, card, "**"), ""])
 
 
@@ -128,7 +134,7 @@ def _ansys(material: Prony, name: str) -> str:
     glassy, ratios, times = _normalised(material, "Ansys")
     poisson = float(material.poisson)
     if poisson == 0.5:
-        remedy = "give the material 0.4999 and use mixed u-P elements"
+        remedy = "give the material 0.4999 (`--poisson 0.4999`) and use mixed u-P elements"
         raise ValueError(f"`poisson=0.5` is refused: Ansys needs less, {remedy}.")
     if len(times) > ANSYS_TERMS:
         raise ValueError(
@@ -138,27 +144,28 @@ def _ansys(material: Prony, name: str) -> str:
         f"! {name}. Units: Pa, s, K. Ratios to the instantaneous moduli; constant Poisson's ratio.",
         *(in_comment(sentence, "!") for sentence in _measured(material)),
         "MATID=1",
-        f"MP,EX,MATID,{glassy!r}",
-        f"MP,PRXY,MATID,{poisson!r}",
+        f"MP,EX,MATID,{in_card(glassy)}",
+        f"MP,PRXY,MATID,{in_card(poisson)}",
     ]
     # TBDATA takes constants by their position: the ratio and the time of each term alternate.
     for part in ("SHEAR", "BULK"):
         lines.append(f"TB,PRONY,MATID,1,{len(times)},{part}")
         for i, (ratio, time) in enumerate(zip(ratios, times, strict=True)):
-            lines.append(f"TBDATA,{2 * i + 1},{ratio!r},{time!r}")
-    card = "TB,SHIFT,MATID,1,3,WLF\nTBDATA,1,{!r},{!r},{!r}"
+            lines.append(f"TBDATA,{2 * i + 1},{ratio},{time}")
+    card = "TB,SHIFT,MATID,1,3,WLF\nTBDATA,1,{},{},{}"
     return "\n".join([*lines, *_shift_lines(material.shift, card, "!"), ""])
 
 
-def _normalised(material: Prony, program: str) -> tuple[float, list[float], list[float]]:
-    """Instantaneous modulus [Pa], ratios g_k [1] and times [s]."""
+def _normalised(material: Prony, program: str) -> tuple[float, list[str], list[str]]:
+    """Instantaneous modulus [Pa]; ratios g_k [1] and times [s] as items of cards."""
     strengths, equilibrium = np.asarray(material.strengths, float), float(material.equilibrium)
     # The card holds the equilibrium modulus as 1 - Σ g_k, whose rounding must not swallow it.
     glassy = equilibrium + float(np.sum(strengths))
     if equilibrium < LEAST_REMAINDER * glassy:
         least = f"at least {LEAST_REMAINDER:g} of the instantaneous modulus, {glassy:.4g} Pa"
         raise ValueError(f"`equilibrium={equilibrium:g}` Pa is refused: {program} needs {least}.")
-    return glassy, (strengths / glassy).tolist(), np.asarray(material.times, float).tolist()
+    ratios, times = strengths / glassy, np.asarray(material.times, float)
+    return glassy, [*map(in_card, ratios.tolist())], [*map(in_card, times.tolist())]
 
 
 def _constants(fields: AbstractShift | MeasuredRange) -> dict[str, Any]:
@@ -183,7 +190,7 @@ def _shift_lines(shift: AbstractShift | None, card: str, comment: str) -> list[s
     if shift is None:
         return []
     if isinstance(shift, WLF):
-        return [card.format(float(shift.reference), float(shift.c1), float(shift.c2))]
+        return [card.format(*(in_card(float(n)) for n in (shift.reference, shift.c1, shift.c2)))]
     return [in_comment(line, comment) for line in ("Not part of this card:", *_law(shift))]
 
 

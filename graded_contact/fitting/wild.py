@@ -29,8 +29,8 @@ QUANTITIES = {
     "relaxation": ("s", "modulus"),
     "creep": ("s", "compliance"),
 }
-ROUNDS = 8  # of finding wild values
-ROUNDS = 3  # of weights by residuals: with 2, 5 of 83 values off by a factor of 2 are missed
+SEARCHES = 8  # for wild values, at most
+WEIGHTINGS = 3  # by residuals: with 2, 5 of 83 values off by a factor of 2 are missed
 
 
 class Wild(NamedTuple):
@@ -101,7 +101,7 @@ def _wild(series: SeriesProblem) -> np.ndarray:
     y = series.by_channel(series.log_values)
     wild = np.abs(y - _around(y, 5)) > FAR_OFF
     seen, residual = [], np.zeros_like(y)
-    for _ in range(ROUNDS):
+    for _ in range(SEARCHES):
         seen.append(wild)
         if np.sum(~wild) < FEWEST_OF_A_CURVE:
             return np.zeros_like(y)
@@ -122,7 +122,7 @@ def _off_curve(series: SeriesProblem, fitted: np.ndarray) -> np.ndarray:
     Fits with weights by the last residuals approach that of Huber's cost.
     """
     weights, residual = fitted.astype(float), np.zeros(fitted.shape)
-    for _ in range(ROUNDS):
+    for _ in range(WEIGHTINGS):
         theta, _ = best_spectrum(dataclasses.replace(series, weights=weights.ravel()))
         residual = (series.log_values - np.log(series.model(theta))).reshape(fitted.shape)
         weights = fitted * HUBER / np.maximum(np.abs(residual), HUBER)

@@ -9,8 +9,9 @@ grow by
 
 E_eff = 2/(q M) being `effective_modulus`. With a lay C depends on the direction of q. Roughness
 C_own of the block moves with the block, excites no frequency, and adds C_own q dq ∫dφ |1/M(q, 0)|²
-to dV. In partial contact the pressure spreads by diffusion that ends where it reaches zero
-(`diffusion.py`), which leaves the contact area
+to dV. A counter that carries the track adds its M(q, 0) to M, and under C_own its M(q, -q·v), whose
+loss is friction, too. In partial contact the pressure spreads by diffusion that ends where it
+reaches zero (`diffusion.py`), which leaves the contact area
 
     A(q) = erf(σ0/√(2V))          (Persson's erf(1/(2√G)), G = V/(2σ0²)),
 
@@ -53,12 +54,13 @@ from ..core.checks import (
     check_whole,
     is_concrete,
     short,
+    within,
 )
 from ..core.derivative import still
 from ..core.display import shown
 from ..fields.frequency import as_velocity, direction_and_speed
 from ..materials.shift import HOTTEST, as_temperature
-from ..materials.softening import as_strain_per_slope
+from ..materials.softening import as_strain_per_slope, softens
 from ..sliding.case import Case, Heating
 from ..sliding.shear import ShearLaw, shear_stress, unless_negative
 from ..surfaces.spectrum import CutoffCurve, SelfAffine
@@ -135,6 +137,7 @@ def mean_field_friction(
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
     heating: Heating | None = None,
+    counter: Stack | None = None,
     throw: bool = True,
 ) -> MeanField:
     """Returns friction and contact area of a rough surface sliding on a stack, by Persson's theory.
@@ -154,7 +157,7 @@ def mean_field_friction(
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
     - `own_roughness`: roughness of the block itself, which moves with it, a `SelfAffine` or a pair
       as above. It reduces the area like the roughness of a track at rest: it excites no frequency
-      and dissipates nothing.
+      of the block and dissipates nothing there; a counter dissipates under it.
     - `strain_per_slope`: for a block with `materials.StrainSoftening`. The modulus at each q is
       that at the amplitude ε = `strain_per_slope` times the rms slope of the track up to q, the
       factor [1] being of order 1. None: the amplitude of each material.
@@ -170,6 +173,7 @@ def mean_field_friction(
     - `heating`: conductivities, see `sliding.Heating`: each scale then has the modulus at the
       temperature that the heat of friction causes there, see `heating_by_scale.py`; `.heated` has
       the temperatures. None for one temperature.
+    - `counter`: the body that carries the track and moves with it, as in `slide`, or None.
     - `throw`: whether to raise if `rtol` is exceeded; otherwise check `.error`.
 
     **Returns:** friction and contact area at every cut-off, see `MeanField`.
@@ -178,9 +182,13 @@ def mean_field_friction(
     """
     check_tolerance("rtol", rtol, as_scalar(pressure, "pressure"))
     temperature = None if temperature is None else as_temperature(temperature)
-    ratio = None if strain_per_slope is None else as_strain_per_slope(strain_per_slope, stack)
+    ratio = (
+        None
+        if strain_per_slope is None
+        else as_strain_per_slope(strain_per_slope, (stack, counter))
+    )
     field = _inputs(
-        stack, (spectrum, own_roughness), pressure, as_velocity(velocity), ratio,
+        (stack, counter), (spectrum, own_roughness), pressure, as_velocity(velocity), ratio,
         (shear, temperature, heating),
     )  # fmt: skip
 
@@ -205,15 +213,21 @@ def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanFiel
     """
     if not isinstance(case.law, HardWall) or case.law.hardness is not None:
         raise ValueError(f"`law={short(case.law)}` is refused: the mean field is of a hard wall.")
-    names = "pressure", "velocity", "shear", "temperature", "heating", "strain_per_slope"
+    names = (
+        "pressure", "velocity", "shear", "temperature", "heating", "strain_per_slope", "counter",
+    )  # fmt: skip
     given: dict[str, Any] = {name: getattr(case, name) for name in names} | options
     rough = case.surface if roughness is None else roughness
     return mean_field_friction(case.stack, rough, **given)
 
 
-def _inputs(stack, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
+def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
     """What a mean field is integrated from, checked; `acting` are shear, temperature and heat."""
-    (spectrum, own_roughness), (shear, temperature, heating) = spectra, acting
+    (stack, counter), (spectrum, own_roughness) = bodies, spectra
+    shear, temperature, heating = acting
+    if counter is not None:
+        with within("`counter`:"):
+            check_at_rest(counter)
     pressure = as_scalar(pressure, "pressure")
     check_positive("pressure", pressure, "[Pa]")
     # Early, so that a bad law is named before anything is compiled.
@@ -226,7 +240,7 @@ def _inputs(stack, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
                 raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
         if not spectrum.periodic:
             raise ValueError("`spectrum` is a `Surface` on a window; a periodic one is needed.")
-        return FieldInputs(stack, spectrum, None, load, velocity, ratio)
+        return FieldInputs(stack, spectrum, None, load, velocity, ratio, counter)
     roughness = as_roughness(spectrum)
     own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
     if heating is not None:
@@ -235,8 +249,13 @@ def _inputs(stack, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
                 "`heating` has numbers for each layer; in the mean field the block is one half "
                 "space: give one `conductivity` and one `diffusivity`."
             )
+        if counter is not None and own is not None:
+            raise ValueError(
+                "`heating` is refused with `own_roughness` and a `counter`: the counter then takes "
+                "a part of the heat, which is not followed."
+            )
         stack = stack.at(check_bulk(temperature))
-    return FieldInputs(stack, roughness, own, load, velocity, ratio)
+    return FieldInputs(stack, roughness, own, load, velocity, ratio, counter)
 
 
 def _field(field: FieldInputs, correction: Correction, nodes: Nodes, acting) -> MeanField:
@@ -277,7 +296,14 @@ def _summed(field: FieldInputs, correction, shear, temperature):
     if field.strain_per_slope is not None:
         q, slope = slope_up_to(surface)
         strain = q, field.strain_per_slope * slope
-    kernel = stack_kernel(field.stack, surface.grid, field.velocity, strain=strain)
+
+    def kernel_of(stack: Stack, velocity):
+        own = strain if softens(stack) else None
+        return stack_kernel(stack, surface.grid, velocity, strain=own)
+
+    kernel = kernel_of(field.stack, field.velocity)
+    if field.counter is not None:
+        kernel = kernel + kernel_of(field.counter, 0.0)
     q, x, friction, share = add_up(field, correction, kernel)
     sheared = _sheared(field, shear, temperature, x)
     return q, x, friction, 0 * friction[-1], share, sheared  # the error is NaN if that is
@@ -301,7 +327,10 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     edges, speed = field.roughness.edges, direction_and_speed(field.velocity)[1]
     if is_concrete(speed) and np.asarray(speed) == 0:
         check_at_rest(field.stack)
-    check_profiles(field.stack, speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]]))
+    ends = speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]])
+    check_profiles(field.stack, ends)
+    if field.counter is not None:
+        check_profiles(field.counter, jnp.append(0.0, ends) if field.own is not None else 0 * ends)
     if heating is None:
         return _integrated(rules, given), None
 

@@ -7,8 +7,11 @@ A spectrum with a lay varies with the angle to the direction across the lay, on 
 direction and that across the velocity cut the half turn into two parts; a rule that is dense at
 both ends (`between_ends`) resolves either scale in each of them.
 
-The rubber's own roughness moves with the rubber: its waves excite no frequency, so that they add
-C_own q dq ∫dφ |1/M(q, 0)|² to the variance and nothing to the loss.
+M is the sum of the block's M(q, -q·v) and, under a counter, of the counter's M(q, 0).
+
+The rubber's own roughness moves with the rubber: its waves excite no frequency there, so that they
+add C_own q dq ∫dφ |1/M(q, 0)|² to the variance and nothing to the loss. Over a counter they move:
+then the counter has the frequencies, and adds its loss.
 
 The error is that against twice the wavenumbers. Those between have the angles between, so that
 errors of either rule show as far as they do not cancel in the integral over both: those of a
@@ -34,7 +37,7 @@ from ..fields.devices import binned
 from ..fields.frequency import direction_and_speed, sliding_frequency, wave_frequencies
 from ..fields.grid import multiplicity, rings, to_spectrum, zero_mode
 from ..materials.coverage import coverage, is_unknown
-from ..materials.softening import at_strain
+from ..materials.softening import at_strain, softens
 from ..surfaces.spectrum import between_ends
 from .angles import angles
 from .diffusion import Correction, area, mean_square_growth, slowed, slowing
@@ -47,8 +50,8 @@ _SAFETY = 5.0  # of the changes by twice the nodes
 class FieldInputs(eqx.Module):
     """What a mean field is integrated from.
 
-    Block, roughness of the track and of the block itself, pressure, velocity, and the strain
-    amplitude per slope or None.
+    Block, roughness of the track and of the block itself, pressure, velocity, the strain amplitude
+    per slope or None, and the counter or None.
     """
 
     stack: Stack
@@ -57,6 +60,12 @@ class FieldInputs(eqx.Module):
     pressure: Float[Array, ""]
     velocity: Float[Array, "..."]
     strain_per_slope: Float[Array, ""] | None
+    counter: Stack | None = None
+
+    @property
+    def moving(self) -> Any:
+        """The bodies over which some roughness moves, so that they dissipate."""
+        return self.stack if self.own is None else (self.stack, self.counter)
 
 
 class Rules(NamedTuple):
@@ -130,7 +139,7 @@ def integrate(
     # By parts the friction is a difference of products.
     product = jnp.max(jnp.abs(ratio[0])) * total[0][-1]
     ends = [jnp.stack([b[-1], area(a[-1])]) for a, b in zip(x, friction, strict=True)]
-    share, known = jnp.zeros_like(q[0]), coverage(field.stack)
+    share, known = jnp.zeros_like(q[0]), coverage(field.moving)
     if known is not None:
         along = _angles(turn, 2 * num_angles, q.dtype)[0][even]
         omega = sliding_frequency(q[even][:, None, None] * along, 0.0, speed)
@@ -146,25 +155,39 @@ def _rates(values, at_q, at_angle, rules):
     tolerance = graded_tolerance(field.stack, None, q)
     state, q = jax.tree.map(lambda a: a[at_q], state), q[at_q][:, None, None]
 
-    def response(q, omega, state):
+    def response(q, omega, of_counter, state):
         strain, temperature = state
-        block = field.stack if strain is None else at_strain(field.stack, strain)
+        block = _softened(field.stack, strain)
         block = block if temperature is None else block.at(temperature)
-        return surface_compliance_unchecked(block, q, omega, tolerance)
+        found = surface_compliance_unchecked(block, q, omega, tolerance)
+        if field.counter is None:
+            return found
+        counter = _softened(field.counter, strain)
+        tolerance_of = graded_tolerance(counter, None, q)
+        return found + surface_compliance_unchecked(counter, q, of_counter, tolerance_of)
 
-    def relative_to(amplitude, omega):
+    def relative_to(amplitude, omega, of_counter):
         # The block is in another state at each q.
         at = jax.vmap(response) if jax.tree.leaves(state) else response
         # √C q/(M σ0): squares of its factors may leave the range of float32.
-        relative = amplitude / (field.pressure * at(q, omega, state))
+        relative = amplitude / (field.pressure * at(q, omega, of_counter, state))
         return relative.real**2 + relative.imag**2, relative.imag
 
     amplitude = field.roughness.root_density(q) * q * field.roughness.root_narrowing(q, offset)
-    growth, lost = relative_to(amplitude, sliding_frequency(q * along, 0.0, speed))
+    omega, rest = sliding_frequency(q * along, 0.0, speed), jnp.zeros_like(q)
+    growth, lost = relative_to(amplitude, omega, rest)
+    loss = -amplitude * q * along * lost
     if field.own is not None:
         own = field.own.root_density(q, mean=True) * q
-        growth = growth + relative_to(own, jnp.zeros_like(q))[0]
-    return jnp.stack([growth, -amplitude * q * along * lost])
+        moving = rest if field.counter is None else omega
+        added, lost = relative_to(own, rest, moving)
+        growth = growth + added
+        loss = loss if field.counter is None else loss - own * q * along * lost
+    return jnp.stack([growth, loss])
+
+
+def _softened(stack: Stack, strain) -> Stack:
+    return at_strain(stack, strain) if strain is not None and softens(stack) else stack
 
 
 @eqx.filter_jit

@@ -85,7 +85,7 @@ def open_document(path: Path | None) -> Document:
         name, folder, text = path.name, path.absolute().parent, text_of_scene(path)
     with within(f"{name}:"):
         scene = parse_scene(text, folder)
-        refuse_tables(scene, "The page", "motion")
+        refuse_tables(scene, "The page", "motion", "counter")
         if not np.any(scene.velocity):
             raise ValueError("[load] `velocity` is 0. The page needs a velocity above 0.")
     moving = np.sort(np.abs(scene.velocity[scene.velocity != 0]))

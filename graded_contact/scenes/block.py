@@ -139,15 +139,17 @@ class Block:
         tables: Sequence[dict[str, Any]],
         below: dict[str, Any],
         graded_solver: AbstractGradedSolver | None,
+        owner: str = "",
     ) -> Stack:
-        """Returns the stack of the tables [[layers]] and [base]."""
-        layers = []
+        """Returns the stack of the tables [[layers]] and [base]; `owner` as "counter."."""
+        layers, place = [], f"[{owner}base]"
         for i, table in enumerate(tables):
-            layers.append(self._layer(f"[layers[{i}]]", table))
+            name = f"{owner}layers[{i}]"
+            layers.append(self._layer(f"[{name}]", table))
             if sentence := unusual("thickness", float(layers[-1].thickness)):
-                self.notes.append(f"layers[{i}]: {sentence}")
-        base = self.reader.build_kind("[base]", below, BASES)
-        with within("[base]"):
+                self.notes.append(f"{name}: {sentence}")
+        base = self.reader.build_kind(place, below, BASES)
+        with within(place):
             return Stack(layers=layers, base=base, graded_solver=graded_solver)
 
     def _layer(self, place: str, table: dict[str, Any]) -> Layer | GradedLayer:

@@ -11,7 +11,13 @@ def described(content: dict[str, Any]) -> str:
     surface = content["surface"]
     kinds = {"self_affine": "a random surface", "sphere": "a sphere"}
     road = kinds.get(surface["kind"]) or Path(surface["path"]).name
-    return f"{', '.join([*layers_in_words(content, ' '), base_name(content)])} on {road}"
+    counter = content.get("counter")
+    road = road if counter is None else f"{road} of {_body(counter)}"
+    return f"{_body(content)} on {road}"
+
+
+def _body(content: dict[str, Any]) -> str:
+    return ", ".join([*layers_in_words(content, " "), base_name(content)])
 
 
 def layers_in_words(content: dict[str, Any], between: str) -> list[str]:

@@ -18,6 +18,7 @@ import numpy as np
 from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.memory import (
+    COUNTER,
     CYCLE,
     DERIVATIVE,
     SLIDING,
@@ -72,7 +73,9 @@ class Plan:
     @property
     def caveats(self) -> tuple[str, ...]:
         """What makes every number doubtful before it is solved: of the surface, and assumed."""
-        return *self.surface.caveats, *self.scene.assumed
+        own = self.scene.block_surface
+        of_block = () if own is None else own.build().caveats
+        return *self.surface.caveats, *of_block, *self.scene.assumed
 
     def __str__(self) -> str:
         fields, solves = fields_in_memory(self.scene), str(self.points.size)
@@ -190,7 +193,9 @@ def fields_in_memory(scene: Scene) -> float:
     if scene.kind == HISTORY:
         return 1 + len(KEPT_FIELDS) * len(scene.kept_steps) * (1 + kept) + MEMORY
     fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
-    return scene.num_times * (fields + (SLIDING if scene.motion is None else CYCLE))
+    if scene.motion is None:
+        return fields + SLIDING
+    return scene.num_times * (fields + CYCLE + (0 if scene.counter is None else COUNTER))
 
 
 def cost_text(

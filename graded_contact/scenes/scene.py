@@ -64,8 +64,8 @@ class Observe:
 
 
 @shown(
-    "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion",
-    "sampling", "law", "shear", "heating", "observed", unset=False,
+    "title", "stack", "surface", "counter", "block_surface", "sweep", "temperature", "pressure",
+    "velocity", "motion", "sampling", "law", "shear", "heating", "observed", unset=False,
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -96,6 +96,8 @@ class Scene:
       pressure, with units in the headings ("time [h]", "pressure [kPa]"), counted from its first
       time.
     - `motion`, `law`, `shear`, `heating`: the tables of these names, or None.
+    - `counter`: the body that carries the surface, or None if it is rigid.
+    - `block_surface`: where the block's own surface comes from, or None.
     - `observe`: the table of this name.
     - `step`: of a motion, its largest step from one time to the next, in spacings of the grid.
     - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
@@ -136,6 +138,8 @@ class Scene:
     step: float | None = None
     law: AbstractLaw | None = None
     shear: AbstractShear | None = None
+    counter: Stack | None = None
+    block_surface: RandomSurface | SurfaceFile | None = None
     heating: Heating | None = None
     observe: Observe = Observe()
     solver: DouglasRachford
@@ -221,6 +225,7 @@ class Scene:
             "stack": self.block(point), "surface": surface, "shear": self.shear,
             "temperature": self._at(point, "temperature"), "heating": self.heating,
             "strain_per_slope": self._at(point, "strain_per_slope"), "law": self.contact_law,
+            "counter": self._warm(self.counter, point),
             **{name: point[name] for name in ("pressure", "approach") if name in point},
         }  # fmt: skip
         direction = self._at(point, "direction")
@@ -242,13 +247,19 @@ class Scene:
             ratio = np.interp(times, known, self.pressure_ratio, period=1.0)
             given["pressure"] = given["pressure"] * ratio
         period = self.period_at(point["velocity"])
+        if self.block_surface is not None:
+            given["block_surface"] = self.block_surface.build()
         return Case(displacement=moved, period=period, **given)
 
     def block(self, point: Mapping[str, Any]) -> Stack:
         """Returns the stack at a point, given by its numbers on the axes; JAX may trace them."""
         stack = with_values(self.stack, {path: point[path] for path in self.sweep})
+        return self._warm(stack, point)
+
+    def _warm(self, body: Any, point: Mapping[str, Any]) -> Any:
+        """A body at the temperature of a point, if there is one."""
         temperature = self._at(point, "temperature")
-        return stack if temperature is None else stack.at(temperature)
+        return body if body is None or temperature is None else body.at(temperature)
 
     def _at(self, point: Mapping[str, Any], name: str) -> Any:
         """A number at a point: of its axis, or that of the scene."""

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..blocks.stack import LIQUID, Stack, liquid_in
+from ..blocks.stack import LIQUID, Stack, check_at_rest, liquid_in
 from ..contacts.law import check_pressure
 from ..core.checks import (
     as_float,
@@ -38,7 +38,7 @@ def check_numbers(scene: Scene) -> None:
         check_values("velocity", scene.velocity, "a velocity [m/s] must be finite")
         check_squares("velocity", scene.velocity, "m/s")
         for value in extremes(scene.strain_per_slope):
-            as_strain_per_slope(value, scene.stack)
+            as_strain_per_slope(value, (scene.stack, scene.counter))
     with within("[solver]"):
         check_tolerance("rtol", scene.rtol, as_float(1.0))  # in the dtype of the session
     if scene.name is not None:
@@ -77,11 +77,22 @@ def check_tables(scene: Scene) -> None:
         # A law with a shift refuses a scene without a temperature.
         for at in extremes(scene.temperature) or [None]:
             shear_stress(scene.shear, as_float(1.0, "velocity"), at)
+    if scene.counter is not None:
+        with within("[counter]"):
+            check_at_rest(scene.counter)  # its waves rest under the surface
+            for at in extremes(scene.temperature):
+                scene.counter.at(at)
+    if scene.block_surface is not None:
+        if motion is None:
+            raise ValueError("[block_surface] needs a table [motion]: see `slide`.")
+        refuse_tables(scene, "[block_surface]", "heating")
     if motion is None:
         if scene.pressure_ratio is not None:
             raise ValueError("[load] `pressure_ratio` needs a table [motion].")
         return
-    refuse_tables(scene, *(["[motion] `once = true`", "heating"] if once else ["[motion]"]))
+    refuse_tables(scene, "[motion]")
+    if once:
+        refuse_tables(scene, "[motion] `once = true`", "heating", "counter", "block_surface")
     with within("[output]"):
         check_values("frames", scene.frames, "at least one time is needed", at_least=1)
     if scene.strain_per_slope is not None:

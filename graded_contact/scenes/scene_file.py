@@ -24,8 +24,22 @@ from .once import motion_of, read_load, with_corners
 from .scene import Axis, Observe, Scene
 from .scene_checks import check_numbers, check_tables
 from .schema import ROOT, keys_of
-from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_source
+from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_of_block, surface_source
 from .toml import check_texts, parse_toml, text_of_scene
+
+
+@dataclasses.dataclass(frozen=True)
+class CounterTables:
+    """The body that carries the surface and moves with it; without the table it is rigid.
+
+    **Fields:**
+
+    - `base`: below its layers, with a `kind`.
+    - `layers`: tables [[counter.layers]], from its rough surface inwards, as [[layers]].
+    """
+
+    base: dict[str, object]
+    layers: list[dict] = dataclasses.field(default_factory=list)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,6 +56,9 @@ class SceneTables:
     - `grid`: of a random surface, or of a sphere.
     - `layers`: tables [[layers]], from the loaded surface downwards. A graded one has, instead of
       `material`, the NAMEs `bottom` and `top`.
+    - `counter`: the body that carries the surface; rigid without the table. It has the temperature
+      of [load], also with [heating].
+    - `block_surface`: heights of the block itself, out of the block, with a `kind`; with [motion].
     - `sweep`: other values for numbers of the block, by paths as in `with_values`:
       "layers[0].thickness" = [1e-5, 1e-4]. A temperature acts on the block with these values.
     - `motion`: in place of steady sliding, with a `kind`: back and forth or with stops; with
@@ -62,6 +79,8 @@ class SceneTables:
     title: str = ""
     grid: Grid | None = None
     layers: list[dict] = dataclasses.field(default_factory=list)
+    counter: CounterTables | None = None
+    block_surface: dict[str, object] | None = None
     sweep: dict[str, Axis] = dataclasses.field(default_factory=dict)
     motion: dict[str, object] | None = None
     law: AbstractLaw | None = None
@@ -151,7 +170,12 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
                 raise ValueError("[load] `velocity` is refused: [motion] `once = true` gives it.")
         step = float(motion.largest_step(line))
         load.setdefault("velocity", np.array([float(motion.highest_speed)]))
-    stack = block.stack(tables.layers, tables.base, accuracy.pop("graded_solver", None))
+    how = accuracy.pop("graded_solver", None)
+    stack, counter, own_surface = block.stack(tables.layers, tables.base, how), None, None
+    if tables.counter is not None:
+        counter = block.stack(tables.counter.layers, tables.counter.base, how, "counter.")
+    if tables.block_surface is not None:
+        own_surface = surface_of_block(tables.block_surface, tables.grid, surface, reader)
     inputs = dict(reader.paths)  # before [output], whose folder is no input
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
     own = {name: getattr(tables, name) for name in _OWN}
@@ -160,7 +184,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     found = Scene(
         text=text, surface=surface, stack=stack, materials=materials, errors=errors, inputs=inputs,
         notes=tuple(block.notes), assumed=tuple(block.assumed), solver=algorithm, motion=motion,
-        step=step,
+        step=step, counter=counter, block_surface=own_surface,
         **own, **load, **accuracy, **output,
     )  # fmt: skip
     check_numbers(found)

@@ -1,4 +1,4 @@
-"""Where the surface of a scene comes from: the tables [surface] and [grid]."""
+"""Where the surfaces of a scene come from: [surface], [block_surface] and [grid]."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, NamedTuple
@@ -107,13 +107,47 @@ SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
 }
 
 
+# The block's own surface rests on the block: it is no window, and no axis of the results.
+OF_BLOCK = {
+    "self_affine": {
+        SelfAffine: SURFACES["self_affine"][SelfAffine],
+        # Another surface than [surface] with the same spectrum.
+        RandomSurface: tuple(
+            key._replace(default=1) if key.name == "seed" else key
+            for key in keys_of(RandomSurface, "spectrum", "grid", "seeds")
+        ),
+    },
+    "file": SURFACES["file"],
+}
+
+
+def surface_of_block(
+    table: dict[str, Any], own: Grid | None, surface: Any, reader: TableReader
+) -> RandomSurface | SurfaceFile:
+    """Returns where the block's own surface comes from, by its table [block_surface].
+
+    `own` is the [grid] of the scene, or None for a `surface` from a file.
+    """
+    is_file = isinstance(table, dict) and table.get("kind") == "file"
+    grid = None if is_file else own
+    if not is_file and grid is None:
+        grid = surface.build().grid
+    return surface_source(table, grid, reader, "[block_surface]", OF_BLOCK)
+
+
 def surface_source(
-    table: dict[str, Any], grid: Grid | None, reader: TableReader
-) -> RandomSurface | SurfaceFile | Sphere:
-    """Returns where the surface of a scene comes from, by its tables [surface] and [grid]."""
-    place = "[surface]"
-    kind, entries = kind_of(place, table, SURFACES)
-    keys = [*SURFACES[kind].values()]
+    table: dict[str, Any],
+    grid: Grid | None,
+    reader: TableReader,
+    place: str = "[surface]",
+    kinds: Mapping[str, Mapping[Callable, tuple[Key, ...]]] = SURFACES,
+) -> Any:
+    """Returns where a surface of a scene comes from, by its table and [grid].
+
+    A `RandomSurface`, a `SurfaceFile` or a `Sphere`.
+    """
+    kind, entries = kind_of(place, table, kinds)
+    keys = [*kinds[kind].values()]
     if kind == "file":
         if grid is not None:
             raise ValueError(
@@ -134,6 +168,8 @@ def surface_source(
     spectrum, drawn = reader.arguments(place, entries, *keys)
     # Unless given, the longest wave is as long as the longest edge.
     spectrum.setdefault("q_low", 2 * np.pi / float(np.max(grid.size)))
+    if kinds is OF_BLOCK:
+        drawn.setdefault("seed", 1)
     with within(place):
         found = RandomSurface(SelfAffine(**spectrum), grid, **drawn)
         if found.seeds is not None:

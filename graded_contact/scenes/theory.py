@@ -60,7 +60,8 @@ def _mean_field(
     scene: Scene, surface: Surface, point: Mapping[str, Any], **changed: Any
 ) -> MeanField:
     """At a hard wall without heat, of a scene with changed fields; as `mean_field_at`."""
-    scene = dataclasses.replace(scene, heating=None, motion=None, law=None, **changed)
+    without = dict(heating=None, motion=None, law=None, block_surface=None)
+    scene = dataclasses.replace(scene, **without, **changed)
     case, rough = scene.case(point, surface), roughness_of(scene, surface)
     return mean_field_of(case, rough, throw=False)
 
@@ -89,6 +90,9 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
     """
     if scene.kind == HISTORY:
         return _check_rates(scene)
+    if scene.counter is not None and scene.motion is not None:
+        with within("[counter] and [motion]:"):
+            check_frequencies(scene.counter, _excited(scene, surface.grid))
     for point, stack in scene.blocks():
         if coverage(stack) is None:  # then of no other block
             return

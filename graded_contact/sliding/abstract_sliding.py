@@ -19,9 +19,10 @@ from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..core.quantities import HISTORY, OBSERVABLES, numbers_of
 from ..fields.grid import Grid
+from .bodies import Coupling
 from .facts import WINDOW
 from .half_grid import grid_estimate
-from .problem import Coupling, Problem
+from .problem import Problem
 from .shear import ShearStress
 
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks.creep import LONGEST
-from ..blocks.stack import Stack
+from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import AbstractLaw, HardWall
 from ..core.checks import (
     Numbers,
@@ -22,6 +22,7 @@ from ..core.checks import (
     is_concrete,
     numbers,
     scalar,
+    within,
 )
 from ..core.display import shown
 from ..fields.frequency import as_velocity
@@ -73,15 +74,16 @@ class Case(eqx.Module):
     - `stack`, `surface`: the block, and the rough surface on it. A case of the mean field alone may
       have a spectrum in its place, see `mean_field_friction`.
     - `velocity`: of the surface over the block [m/s]; or
-    - `displacement`: s(t) of the surface [m], with
-    - `period`: over which it repeats [s], or
-    - `times`: ends of the steps of what happens once [s].
+    - `displacement`: s(t) [m], with the `period` [s] of a cycle, or the `times` [s] of a motion
+      that happens once.
     - `pressure` [Pa], `mean_gap` [m] or `approach` [m]: what is prescribed.
     - `law`: of contact.
     - `shear`: law of the shear stress in the contact, or None.
     - `temperature`: of the contact [K], with `heating` that of the bulk; or None.
     - `heating`: how the heat of friction flows, or None; of a cycle it is the mean heat.
     - `strain_per_slope`: strain amplitude of each wave over the rms slope [1], or None.
+    - `counter`: the body that carries the surface and moves with it, or None if it is rigid.
+    - `block_surface`: heights of the block itself, which rest on it; with a displacement, or None.
     """
 
     stack: Stack
@@ -98,12 +100,19 @@ class Case(eqx.Module):
     temperature: Any = None
     heating: Heating | None = None
     strain_per_slope: Any = None
+    counter: Stack | None = None
+    block_surface: Surface | None = None
 
     def __check_init__(self):
         check_type("stack", self.stack, Stack)
         check_type("surface", self.surface, Surface, SelfAffine, tuple)
         check_type("law", self.law, AbstractLaw)
         check_type("heating", self.heating, Heating, type(None))
+        check_type("counter", self.counter, Stack, type(None))
+        check_type("block_surface", self.block_surface, Surface, type(None))
+        if self.counter is not None:
+            with within("`counter`:"):
+                check_at_rest(self.counter)  # its waves rest under the surface
         if (self.velocity is None) == (self.displacement is None):
             raise ValueError(
                 "`velocity`, or `displacement` with `period` or `times`, is needed, not both."
@@ -111,6 +120,12 @@ class Case(eqx.Module):
         grid: Any = getattr(self.surface, "grid", None)  # a spectrum has none
         if self.velocity is not None:
             as_velocity(self.velocity, grid)
+            if self.block_surface is not None:
+                raise ValueError(
+                    "`block_surface` is refused with a `velocity`: two rough surfaces have no "
+                    "steady state. Use `slide_cycle`; if the sliding surface is smooth, exchange "
+                    "the bodies: the block is the `counter` of its surface, which moves backwards."
+                )
             return
         check_type("surface", self.surface, Surface)
         if self.strain_per_slope is not None:
@@ -134,6 +149,30 @@ class Case(eqx.Module):
         check_resolved(f"`displacement` at {shape[0]} times", self.displacement, grid)
         check_closed(self.displacement, grid, cells=True)
         check_positive("period", self.period, "[s]")
+        if self.block_surface is not None:
+            self._check_block_surface(self.block_surface)
+
+    def _check_block_surface(self, own: Surface) -> None:
+        if self.heating is not None:
+            raise ValueError(
+                "`heating` is refused with a `block_surface`: the heat of a cycle is that of "
+                "steady sliding, which two rough surfaces do not have."
+            )
+        grid, other = self.rough.grid, own.grid
+        if not own.periodic:
+            raise ValueError("`block_surface` is on a window; a periodic one is needed.")
+        same = other.shape == grid.shape
+        if same and is_concrete(grid.size) and is_concrete(other.size):
+            same = np.allclose(np.asarray(grid.size), np.asarray(other.size), rtol=1e-6)
+        if not same:
+            raise ValueError(
+                f"`block_surface` is on {other}; the grid of `surface`, {grid}, is needed."
+            )
+
+    @property
+    def bodies(self) -> tuple[Stack, ...]:
+        """The bodies that deform: the block, and the counter if there is one."""
+        return (self.stack,) if self.counter is None else (self.stack, self.counter)
 
     def _check_times(self, grid: Any) -> None:
         for name, refused in (("period", self.period), ("heating", self.heating)):

@@ -1,4 +1,4 @@
-"""The stress in the block under the pressure and the traction of a contact."""
+"""The stress in a body under the pressure and the traction of a contact."""
 
 from typing import Any, Literal
 
@@ -25,6 +25,7 @@ from .result import Sliding
 
 _SAME = 1e-3  # relative difference of two kernels of one block, in float32 and of tables
 StressKind = Literal["von_mises", "tension", "shear", "opening"]
+BodyName = Literal["block", "counter"]
 
 
 @shown()
@@ -43,7 +44,7 @@ class LargestStress(eqx.Module):
 
 @shown(units=False)
 class ContactStress(eqx.Module):
-    """The stress in the block at some depths under a contact; positive in tension.
+    """The stress in a body at some depths under a contact; positive in tension.
 
     **Fields:**
 
@@ -100,8 +101,9 @@ def contact_stress(
     depths: Numbers,
     *,
     side: Side = "below",
+    body: BodyName = "block",
 ) -> ContactStress:
-    """Returns the stress in the block under the pressure and the traction of a contact.
+    """Returns the stress in a body under the pressure and the traction of a contact.
 
     The traction is that of the law of `shear`, coupled or not. Differentiable in the contact, in
     every leaf of `stack` and in `depths`.
@@ -109,9 +111,11 @@ def contact_stress(
     **Arguments:**
 
     - `sliding`: a result of `slide` on a periodic surface.
-    - `stack`: its block; with heating `sliding.heated.stack`.
+    - `stack`: the body: its block, with heating `sliding.heated.stack`, or its counter.
     - `depths`: z [m], shape `(depths,)`; 0 is the surface. See `interface_depths`.
     - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump.
+
+    - `body`: "block" or "counter". The z axis is into the body: that of the counter is opposite.
 
     **Returns:** stresses, and their largest values with their places, see `ContactStress`.
 
@@ -120,33 +124,50 @@ def contact_stress(
     if WINDOW in sliding.facts:
         raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
     depths = as_depths(depths)
-    _check_block(sliding, stack)
-    return ContactStress(_stress(sliding, stack, depths, side), depths, sliding.grid)
+    if body == "counter" and sliding.problem.counter is None:
+        raise ValueError('`body="counter"` is refused: the contact has a rigid counter.')
+    _check_body(sliding, stack, body)
+    return ContactStress(_stress(sliding, stack, depths, side, body), depths, sliding.grid)
 
 
-def _check_block(sliding: Sliding, stack: Stack) -> None:
+def _check_body(sliding: Sliding, stack: Stack, body: BodyName) -> None:
     """Raises `ValueError` unless two waves have the kernel of the contact; not if traced."""
-    kernel, q = sliding.kernel, wavenumber(sliding.grid)
+    problem, q = sliding.problem, wavenumber(sliding.grid)
+    counter = problem.counter if body == "counter" else None
+    operator, coupling = problem.block, sliding.coupling
+    if counter is not None:
+        operator, coupling = counter.operator, counter.coupling
+    kernel = operator.kernel
     # In a contact, a block that softens may have another strain in each wave.
     if softens(stack) or not all(map(is_concrete, jax.tree.leaves((sliding, stack)))):
         return
     modes = np.unique([1, max(1, min(sliding.grid.shape) // 4)])
     modes = (modes[2 * modes < min(sliding.grid.shape)],) * sliding.grid.ndim
     shear: Any = sliding.shear  # with a coupling there is one
-    if sliding.coupling is not None and sliding.coupling.in_kernel:
-        kernel = kernel - shear.law.coefficient * sliding.coupling.lift[0]
-    omega = jnp.broadcast_to(wave_frequencies(sliding.grid, sliding.velocity), q.shape)[modes]
+    if coupling is not None and coupling.in_kernel:
+        sign = 1 if counter is None else -1
+        kernel = kernel - sign * shear.law.coefficient * coupling.lift[0]
+    velocity = _velocity(sliding, body)
+    omega = jnp.broadcast_to(wave_frequencies(sliding.grid, velocity), q.shape)[modes]
     own = surface_compliance(stack, q[modes], omega)
     if not np.allclose(own, kernel[modes], rtol=_SAME, atol=0):
         raise ValueError(
-            "`stack` is refused: the contact has another block. Pass the stack that `slide` took, "
-            "or with heating `sliding.heated.stack`."
+            f"`stack` is refused: the contact has another {body}. Pass the stack that `slide` "
+            "took, or with heating `sliding.heated.stack`."
         )
 
 
+def _velocity(sliding: Sliding, body: BodyName) -> Array:
+    """The velocity of the surface over a body [m/s]."""
+    return sliding.velocity if body == "block" else jnp.zeros_like(sliding.velocity)
+
+
 @eqx.filter_jit
-def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side):
-    how = {"side": side, "traction": shear_traction(sliding)}
-    grid, pressure, velocity = sliding.grid, sliding.pressure, sliding.velocity
+def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side, body: BodyName):
+    traction = shear_traction(sliding)
+    if body == "counter" and traction is not None:
+        traction = -traction
+    how = {"side": side, "traction": traction}
+    grid, pressure, velocity = sliding.grid, sliding.pressure, _velocity(sliding, body)
     at = lambda z: stress_field(stack, grid, pressure, z, velocity, **how).stress  # noqa: E731
     return jax.lax.map(at, depths)

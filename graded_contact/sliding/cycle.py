@@ -12,65 +12,85 @@ coupling of its traction is that of `isothermal.py`.
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from ..blocks.grading import graded_tolerance
 from ..blocks.periodic_kernel import periodic_kernel
+from ..blocks.stack import Stack
 from ..blocks.tangential_kernel import periodic_tangential_kernels
 from ..contacts.inputs import loading_of
 from ..contacts.law import check_one_law
 from ..contacts.solution import RESULTS
-from ..contacts.space_time import SpaceTime, in_motion
-from ..core.checks import check_squares
+from ..contacts.space_time import SpaceTime, at_rest, in_motion
+from ..core.checks import check_squares, within
 from ..core.derivative import derivative_apart
-from ..core.memory import CYCLE, check_memory
+from ..core.memory import COUNTER, CYCLE, check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid
 from ..materials.coverage import coverage
 from ..surfaces.surface import check_periodic
+from .bodies import Counter, Coupling, middle_of
 from .case import Case
 from .facts import facts_of
 from .motion import components
 from .numerics import Numerics
-from .problem import Coupling, CycleProblem, Posed
+from .problem import CycleProblem, Posed
 from .shear import is_coupled, shear_stress, unless_negative
 
 
 def cycle_problem(case: Case, how: Numerics) -> Posed:
     """Returns the problem of a case with a displacement over time, and its load."""
-    stack, surface, law, period = case.stack, case.rough, case.law, case.period
+    surface, law = case.rough, case.law
     check_periodic(surface)
     check_one_law(law)
     grid, num_times = surface.grid, len(case.displacement)
     check_squares("heights", surface.heights, "m")
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
-    check_memory("displacement", "a cycle", CYCLE, heights.shape, heights.dtype.itemsize)
+    fields = CYCLE if case.counter is None else CYCLE + COUNTER
+    check_memory("displacement", "a cycle", fields, heights.shape, heights.dtype.itemsize)
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
     loading_of(law, heights, num_times, **load)  # refuses what is no load
-    kernel, error = periodic_kernel(stack, grid, num_times, period)
-    reached = error <= graded_tolerance(stack, None, grid.size)
+    kernel, coupling, reached = _response(case, case.stack)
+    counter = None
+    if case.counter is not None:
+        with within("`counter`:"):
+            other, traction, good = _response(case, case.counter)
+        reached = reached & good
+        counter = Counter(
+            at_rest(other), middle_of(other), traction, lags=jnp.iscomplexobj(other),
+            measured_range=coverage(case.counter),
+        )  # fmt: skip
     sheared = shear_stress(case.shear, jnp.zeros((), heights.dtype), case.temperature)
-    coupling = None
-    if is_coupled(case.shear):
-        lift, along, good = periodic_tangential_kernels(
-            stack, grid, num_times, period, components(case.displacement).shape[1]
-        )
-        coupling, reached = Coupling(lift, along), reached & good
     # Under `jit` only the program itself can raise.
     if how.throw:
         kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
+    own = None if case.block_surface is None else case.block_surface.heights
     problem = CycleProblem(
-        operator=_operator(unless_negative(kernel, sheared), case.displacement, grid),
-        heights=surface.heights, grid=grid, law=law, displacement=case.displacement, period=period,
-        shear=sheared, coupling=coupling, measured_range=coverage(stack),
-        prescribed=case.prescribed, facts=facts_of(case),
+        operator=_operator(unless_negative(kernel, sheared), counter, case.displacement, grid),
+        heights=surface.heights, grid=grid, law=law, displacement=case.displacement,
+        period=case.period, shear=sheared, coupling=coupling, counter=counter, block_heights=own,
+        measured_range=coverage(case.stack), prescribed=case.prescribed, facts=facts_of(case),
     )  # fmt: skip
     return Posed(problem, load, True if how.throw else reached)
 
 
+def _response(case: Case, stack: Stack) -> tuple[Array, Coupling | None, Array]:
+    """The kernel of a body, its coupling by traction or None, and whether they are good."""
+    grid, num_times, period = case.rough.grid, len(case.displacement), case.period
+    kernel, error = periodic_kernel(stack, grid, num_times, period)
+    reached = error <= graded_tolerance(stack, None, grid.size)
+    if not is_coupled(case.shear):
+        return kernel, None, reached
+    axes = components(case.displacement).shape[1]
+    lift, along, good = periodic_tangential_kernels(stack, grid, num_times, period, axes)
+    return kernel, Coupling(lift, along), reached & good
+
+
 @derivative_apart
 @eqx.filter_jit
-def _operator(kernel, displacement, grid: Grid) -> SpaceTime:
+def _operator(kernel, counter: Counter | None, displacement, grid: Grid) -> SpaceTime:
     moved = components(displacement)
     # A motion along x alone stays in place on the other axis.
     missing = grid.ndim - moved.shape[1]
-    return in_motion(kernel, jnp.pad(moved, [(0, 0), (0, missing)]), grid)
+    block = in_motion(kernel, jnp.pad(moved, [(0, 0), (0, missing)]), grid)
+    return block if counter is None else counter.beside(block)

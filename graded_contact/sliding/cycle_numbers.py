@@ -5,9 +5,9 @@ from jaxtyping import Array
 
 from ..contacts.operator import nonzero
 from ..core.quantities import CYCLE, FOUR, HISTORY, TOTAL, observable, of_cycle
-from .energy import dissipation_of_waves, exchange
+from .energy import dissipation_of_waves, exchange, losses
 from .errors import add_errors, by_times, over_friction, solver_errors
-from .facts import SHEARED
+from .facts import COUNTER, SHEARED
 from .formulas import (
     all_tractions,
     friction_of_cycle,
@@ -66,9 +66,9 @@ def work(found: CyclicSliding) -> Array:
 
 @of_cycle(r"W_\sigma", "J/m²", "work of the load in a cycle")
 def load_work(found: CyclicSliding) -> Array:
-    """Work of the load on the block per area and cycle [J/m²].
+    """Work of the load on the block, and on the counter, per area and cycle [J/m²].
 
-    The sum of both, less the work of shear, is dissipated in the block.
+    The sum of both, less the work of shear, is dissipated in the block and in the counter.
     """
     return (exchange(found)[0] - power_of(found, own_tractions(found))) * found.period
 
@@ -77,6 +77,15 @@ def load_work(found: CyclicSliding) -> Array:
 def dissipated_power(found: CyclicSliding) -> Array:
     """Mean power lost in the block per area [W/m²]."""
     return jnp.sum(dissipation_of_waves(found))
+
+
+@of_cycle(
+    r"P_\mathrm{c}", "W/m²", "mean power that the counter dissipates", needs=[COUNTER],
+    column=("power of\ncounter\n[W/m²]", FOUR),
+)  # fmt: skip
+def counter_power(found: CyclicSliding) -> Array:
+    """Mean power lost in the counter per area [W/m²]; 0 if it is rigid."""
+    return sum(map(jnp.sum, losses(found)[1:]), jnp.zeros((), found.pressure.dtype))
 
 
 @of_cycle("P", "W/m²", "power dissipated at each frequency", stored=False)

@@ -1,5 +1,8 @@
 """Observables that show whether the numbers of a contact can be trusted."""
 
+import functools
+from collections.abc import Iterable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,18 +16,20 @@ from ..fields.grid import to_field, to_spectrum
 from ..materials.coverage import is_unknown
 from .area import mean_gap
 from .cycle_numbers import load_work
-from .energy import dissipation_of_waves, exchange, frequencies, rates_of
-from .facts import WINDOW
+from .energy import exchange, frequencies, losses, powers_of_traction
+from .facts import COUNTER, WINDOW
 from .formulas import (
     all_tractions,
     along_motion,
+    counter_displacement,
     displaced,
     lengths,
+    loaded,
     mean_load,
+    moved_where_loaded,
     rests,
     slopes,
     touching,
-    tractions_on,
 )
 from .load import approach
 from .motion import Motion, rate_of
@@ -42,6 +47,15 @@ def _unmeasured(what: str) -> str:
     )
 
 
+def _lost(found: Found) -> Array:
+    """The power that both bodies dissipate [W/m²]."""
+    return _sum_of(map(jnp.sum, losses(found)))
+
+
+def _sum_of(parts: Iterable[Array]) -> Array:
+    return functools.reduce(jnp.add, parts)
+
+
 def _share_unmeasured(found: Sliding, weight: Array) -> Array:
     """The share of a weight on points that were not measured."""
     if found.problem.measured is None:
@@ -51,16 +65,15 @@ def _share_unmeasured(found: Sliding, weight: Array) -> Array:
 
 @observable("", "1", "relative difference of friction work and dissipation")
 def energy_imbalance(found: Found) -> Array:
-    """Work of hysteresis, and of the load, against dissipation in the block, relative [1].
+    """Work of hysteresis, and of the load, against dissipation in both bodies, relative [1].
 
-    With coupling also the work of the shear on the block.
+    With coupling also the work of the shear on the bodies.
     """
     exchanged, size = exchange(found)
-    if found.coupling is not None:
-        for traction_, rate in zip(tractions_on(found), rates_of(found)[1:], strict=True):
-            exchanged += jnp.mean(traction_ * rate)
-            size += jnp.mean(jnp.abs(traction_ * rate))
-    imbalance = jnp.abs(exchanged - jnp.sum(dissipation_of_waves(found))) / nonzero(size)
+    for power in powers_of_traction(found):
+        exchanged += jnp.mean(power)
+        size += jnp.mean(jnp.abs(power))
+    imbalance = jnp.abs(exchanged - _lost(found)) / nonzero(size)
     return jax.lax.stop_gradient(imbalance)  # of rounding
 
 
@@ -78,6 +91,22 @@ def slope_in_contact(found: Found) -> Array:
     It is the size of the strains there. The friction of a hard wall never exceeds it.
     """
     return largest(slopes(found, *displaced(found)))
+
+
+@observable(
+    "", "1", "rms slope of the counter, weighted by the pressure", needs=[COUNTER],
+    warns=Above(
+        STEEPEST,
+        "The rms slope of the counter's displacement where it carries the load is {value:.2g}: its "
+        "strains are not small.",
+    ),
+)  # fmt: skip
+def counter_slope(found: Found) -> Array:
+    """Rms slope of the counter's displacement where it carries the load [1]; 0 if it is rigid."""
+    if found.problem.counter is None:
+        return jnp.zeros((), found.pressure.dtype)
+    pressure = loaded(found)[0]
+    return largest(slopes(found, pressure, counter_displacement(found, pressure)))
 
 
 @of_steady(
@@ -119,13 +148,20 @@ def unmeasured_friction(found: Sliding) -> Array:
 def extrapolated_friction(found: Found) -> Array:
     """Share of the dissipation at frequencies at which a material was not measured [1].
 
-    Its modulus there is an extrapolation. See `coverage`.
+    Its modulus there is an extrapolation. See `coverage`; a material of the body that dissipates.
     """
-    if found.problem.measured_range is None:
+    counter, omega = found.problem.counter, frequencies(found)
+    ranges = found.problem.measured_range, None if counter is None else counter.measured_range
+    # Under steady sliding the counter is at rest: the block alone dissipates.
+    lost = [jnp.abs(body) for body in losses(found)]
+    unknown = [
+        jnp.sum(jnp.where(is_unknown(omega, known), body, 0))
+        for body, known in zip(lost, ranges, strict=False)
+        if known is not None
+    ]
+    if not unknown:
         return jnp.zeros((), found.pressure.dtype)
-    lost = jnp.abs(dissipation_of_waves(found))
-    outside = is_unknown(frequencies(found), found.problem.measured_range)
-    return jnp.sum(jnp.where(outside, lost, 0)) / nonzero(jnp.sum(lost))
+    return _sum_of(unknown) / nonzero(_sum_of(map(jnp.sum, lost)))
 
 
 @of_steady(
@@ -139,11 +175,20 @@ def extrapolated_friction(found: Found) -> Array:
 def compression(found: Sliding) -> Array:
     """How far a body on a window moved into layers on a rigid base, over their thickness [1].
 
-    0 on another base.
+    0 on another base. With a counter the larger of both: each has its share of the approach.
     """
-    if found.problem.thickness is None:
-        return jnp.zeros((), found.pressure.dtype)
-    return approach(found) / found.problem.thickness
+    problem, none = found.problem, jnp.zeros((), found.pressure.dtype)
+    counter = problem.counter
+    if counter is None:
+        return none if problem.thickness is None else approach(found) / problem.thickness
+    bodies = (problem.block, problem.thickness), (counter.operator, counter.thickness)
+    whole = jnp.sum(moved_where_loaded(found, found.operator))
+    parts = (
+        jnp.sum(moved_where_loaded(found, operator)) / nonzero(whole) / thickness
+        for operator, thickness in bodies
+        if thickness is not None
+    )
+    return approach(found) * functools.reduce(jnp.maximum, parts, none)
 
 
 @of_steady(
@@ -176,7 +221,7 @@ def load_mismatch(found: CyclicSliding) -> Array:
     It is the error of grid and times; 0 without dissipation.
     """
     by_gap = -jnp.mean(mean_load(found) * rate_of(mean_gap(found), found.period))
-    lost = jnp.sum(dissipation_of_waves(found))
+    lost = _lost(found)
     return jnp.abs(load_work(found) / found.period - by_gap) / nonzero(lost)
 
 

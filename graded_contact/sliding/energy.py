@@ -1,21 +1,41 @@
-"""The power that the block takes, wave by wave.
+"""The power that both bodies take, wave by wave.
 
-The power of the traction τ·v, and in a cycle that of the load ⟨σ ∂w/∂t⟩ at a fixed point of the
-surface, add up to the dissipation -Σ ω Im M |σ_qω|² over all waves of both signs, which is never
-negative for a passive solid. At a fixed point of the block, w changes at the rate U* iωM U σ, so
-that both sides agree to rounding.
+The power of the traction τ·v, and in a cycle that of the load ⟨σ ∂(w + w_c)/∂t⟩ at a fixed point of
+the surface, add up to the dissipation in block and counter, -Σ ω Im M |σ_qω|² over all waves of
+both signs of each, which is never negative for a passive solid. At a fixed point of the block, w
+changes at the rate U* iωM U σ, so that both sides agree to rounding. So does w_c at a fixed point
+of the counter. Under steady sliding the counter is at rest there, and takes no power.
 """
 
+import functools
 import math
+from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..contacts.operator import AbstractOperator
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import multiplicity
+from .bodies import Coupling
 from .formulas import loaded, shared, tractions_on
 from .motion import odd_frequencies
 from .result import Found, Sliding
+
+
+class Body(NamedTuple):
+    """A body whose surface moves, and what acts on it.
+
+    **Fields:**
+
+    - `operator`: M_zz [m/Pa].
+    - `coupling`: how traction moves the surface, or None.
+    - `tractions`: on this body [Pa], with `coupling`.
+    """
+
+    operator: AbstractOperator
+    coupling: Coupling | None
+    tractions: list[Array]
 
 
 @shared
@@ -30,38 +50,82 @@ def frequencies(found: Found) -> Array:
 
 
 @shared
-def dissipation_of_waves(found: Found) -> Array:
-    """Returns the power lost in each wave and its conjugate [W/m²], on the half spectrum."""
-    pressure, omega = loaded(found)[0], frequencies(found)
-    if found.coupling is None:
-        return found.operator.dissipation(pressure, omega)
-    forces, moved = waves_of(found)
-    work = sum(jnp.imag(jnp.conj(f) * u) for f, u in zip(forces, moved, strict=True))
-    return jnp.asarray(-omega * work * multiplicity(pressure.shape))
+def bodies_of(found: Found) -> list[Body]:
+    """The bodies that take power: the block, and in a cycle the counter, unless it is rigid."""
+    tractions = [] if found.coupling is None else tractions_on(found)
+    block = Body(found.problem.block, found.coupling, tractions)
+    counter = found.problem.counter
+    if counter is None or isinstance(found, Sliding):
+        return [block]
+    return [block, Body(counter.operator, counter.coupling, [-t for t in tractions])]
 
 
 @shared
-def waves_of(found: Found) -> tuple[list[Array], list[Array]]:
-    """Waves of pressure and tractions [Pa], and of the displacements along them [m]."""
-    assert found.coupling is not None
-    return found.coupling.waves(found.operator, loaded(found)[0], tractions_on(found))
+def waves_of(found: Found) -> list[tuple[list[Array], list[Array]]]:
+    """For each body, waves of pressure and tractions [Pa], and of the displacements [m]."""
+    pressure = loaded(found)[0]
+    return [
+        body.coupling.waves(body.operator, pressure, body.tractions)
+        for body in bodies_of(found)
+        if body.coupling is not None
+    ]
+
+
+@shared
+def losses(found: Found) -> list[Array]:
+    """The power lost in each wave and its conjugate [W/m²], on the half spectrum, for each body."""
+    pressure, omega = loaded(found)[0], frequencies(found)
+    if found.coupling is None:
+        return [body.operator.dissipation(pressure, omega) for body in bodies_of(found)]
+    lost = []
+    for forces, moved in waves_of(found):
+        work = sum(jnp.imag(jnp.conj(f) * u) for f, u in zip(forces, moved, strict=True))
+        lost.append(jnp.asarray(-omega * work * multiplicity(pressure.shape)))
+    return lost
+
+
+def dissipation_of_waves(found: Found) -> Array:
+    """Returns the power lost in the block, as in `losses`."""
+    return losses(found)[0]
 
 
 @shared
 def exchange(found: Found) -> tuple[Array, Array]:
-    """Power that the pressure exchanges with the block, and the sum of its sizes [W/m²]."""
-    pressure, operator, omega = loaded(found)[0], found.operator, frequencies(found)
+    """Power that the pressure exchanges with the bodies, and the sum of its sizes [W/m²]."""
+    pressure, omega = loaded(found)[0], frequencies(found)
     if found.coupling is None:
-        rate = operator.filtered(1j * omega * operator.compliance, pressure)
+        rates = [
+            body.operator.filtered(1j * omega * body.operator.compliance, pressure)
+            for body in bodies_of(found)
+        ]
     else:
-        rate = rates_of(found)[0]
-    power = pressure * rate
-    return jnp.mean(power), jnp.mean(jnp.abs(power))
+        rates = [rates[0] for rates in rates_of(found)]
+    powers = [pressure * rate for rate in rates]
+    exchanged, size = (
+        functools.reduce(jnp.add, map(jnp.mean, part)) for part in (powers, map(jnp.abs, powers))
+    )
+    return exchanged, size
 
 
 @shared
-def rates_of(found: Found) -> list[Array]:
-    """The rates of the displacements of `waves_of` at a fixed point of the block [m/s]."""
-    shape = loaded(found)[0].shape
-    waves = (1j * frequencies(found) * u * math.prod(shape) for u in waves_of(found)[1])
-    return [found.operator.to_field(w, shape) for w in waves]
+def rates_of(found: Found) -> list[list[Array]]:
+    """The rates of the displacements of `waves_of` at a fixed point of each body [m/s]."""
+    shape, omega = loaded(found)[0].shape, frequencies(found)
+
+    def rates(body, moved):
+        waves = (1j * omega * u * math.prod(shape) for u in moved)
+        return [body.operator.to_field(w, shape) for w in waves]
+
+    of_bodies = zip(bodies_of(found), waves_of(found), strict=True)
+    return [rates(body, moved) for body, (_, moved) in of_bodies]
+
+
+def powers_of_traction(found: Found) -> list[Array]:
+    """Returns the powers of the tractions on the surfaces of the bodies [W/m²]; none uncoupled."""
+    if found.coupling is None:
+        return []
+    return [
+        traction * rate
+        for body, rates in zip(bodies_of(found), rates_of(found), strict=True)
+        for traction, rate in zip(body.tractions, rates[1:], strict=True)
+    ]

@@ -149,7 +149,7 @@ def with_chance(part: Array) -> Array:
 
 def gap_by_solver(found: Found) -> Array:
     """The error of the gap, and of an approach, that the solver left [m]."""
-    return found.contact.gap_error * jnp.std(found.heights)
+    return found.contact.gap_error * jnp.std(found.problem.between)
 
 
 def over_friction(name: str, error: str) -> Callable[[NumberOf], Any]:

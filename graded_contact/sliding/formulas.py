@@ -3,8 +3,13 @@
 The formulas hold for steady sliding, for cycles and on windows: the operator of the contact knows
 its fields (`contacts/operator.py`). Arrays over time are those of a cycle.
 
-On the moving surface the pressure σ exerts the traction τ = -⟨σ ∇w⟩ [Pa] against the motion; w is
-the displacement of the block.
+On the moving surface the pressure σ exerts the traction τ = -⟨σ ∇(w - h_b)⟩ [Pa] against the
+motion: the power of this force, and of the load, is what the bodies take. w is the displacement of
+the block, h_b are the heights of its own surface, if it is rough. The slope is that of the
+interface: where the bodies touch it is also the slope of h - w_c, w_c being the displacement of the
+counter. On a grid the two differ by the slope of the gap at the edges of contact, and heights have
+more of this error than displacements (`friction.py`). So if both bodies are rough, each form counts
+by the part of the other body in the mean square slope: the bodies may be exchanged.
 """
 
 import dataclasses
@@ -21,9 +26,9 @@ from ..contacts.operator import nonzero
 from ..core.derivative import largest
 from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import derivative, odd_wavevector
+from .bodies import lags
 from .facts import WINDOW
 from .motion import refined
-from .problem import lags
 from .result import CyclicSliding, Found, Sliding
 from .shear import shear_field, shear_parts
 
@@ -59,9 +64,41 @@ def friction_of_cycle(found: Found) -> Array:
 
 @shared
 def loaded(found: Found) -> tuple[Array, Array]:
-    """The pressure on the cell, and its own displacement, which balances energy to rounding."""
+    """The pressure on the cell, and the displacement of the block under it.
+
+    This displacement, unlike that of the solution, balances energy to rounding.
+    """
     pressure = found.operator.on_cell(found.pressure)
-    return pressure, found.operator.displace(pressure) + lift(found)
+    return pressure, displaced_by(found, pressure)
+
+
+def displaced_by(found: Found, pressure: Array) -> Array:
+    """The displacement of the block under a pressure, and under the traction of the contact [m]."""
+    return found.problem.block.displace(pressure) + _lifted(found)
+
+
+def interface(found: Found, pressure: Array, moved: Array) -> Array:
+    """The surface at which the bodies touch under a pressure that displaces the block [m]."""
+    if isinstance(found, Sliding) or found.problem.block_heights is None:
+        return moved
+    problem = found.problem
+
+    def squared(heights):
+        slope = [derivative(heights, problem.grid, axis) for axis in range(heights.ndim)]
+        return jnp.mean(jnp.stack(slope) ** 2)
+
+    surface, own = map(squared, problem.roughness)
+    own = own / nonzero(surface + own)
+    of_counter = problem.heights
+    if problem.counter is not None:
+        of_counter = of_counter - counter_displacement(found, pressure)
+    return (1 - own) * (moved - problem.passing) + own * of_counter
+
+
+def counter_displacement(found: Found, pressure: Array) -> Array:
+    """The displacement of the counter under a pressure, into it, on the cell [m]."""
+    assert found.problem.counter is not None
+    return found.problem.counter.displace(pressure, _on_counter(found))
 
 
 @shared
@@ -81,16 +118,29 @@ def tractions_on(found: Found) -> list[Array]:
 
 
 @shared
-def lift(found: Found) -> Array:
-    """The displacement along z under the traction that the kernel does not contain [m]."""
+def _lifted(found: Found) -> Array:
+    """The displacement of the block along z under the traction that its kernel lacks [m]."""
     if lags(found.coupling):
         return found.coupling.lifted(found.operator, tractions_on(found))
     return jnp.zeros((), found.pressure.dtype)
 
 
+def lift(found: Found) -> Array:
+    """The displacement of both bodies that the kernel of the contact does not contain [m]."""
+    counter = found.problem.counter
+    if counter is None:
+        return _lifted(found)
+    return _lifted(found) + counter.beyond_kernel(found.pressure, _on_counter(found))
+
+
+def _on_counter(found: Found) -> list[Array]:
+    """The tangential traction on the counter, opposite to that on the block [Pa]."""
+    return [-part for part in tractions_on(found)] if lags(found.coupling) else []
+
+
 def displaced(found: Found) -> tuple[Array, Array]:
-    """Pressure and displacement on the cell; the solution's own where it has one everywhere."""
-    if WINDOW in found.facts:
+    """Pressure and displacement of the block on the cell; the solution's own if it is known."""
+    if WINDOW in found.facts or found.problem.counter is not None:
         return loaded(found)
     return found.pressure, found.contact.displacement
 
@@ -111,7 +161,8 @@ def tractions_of(found: Found, pressure: Array, profile: Array) -> Array:
 
 @shared
 def own_tractions(found: Found) -> Array:
-    return tractions_of(found, *loaded(found))
+    pressure, moved = loaded(found)
+    return tractions_of(found, pressure, interface(found, pressure, moved))
 
 
 @shared
@@ -139,7 +190,8 @@ def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
 
     That of a cycle contains the shear, which acts where the indicator of contact is positive.
     """
-    tractions = tractions_of(found, pressure, found.operator.displace(pressure) + lift(found))
+    moved = displaced_by(found, pressure)
+    tractions = tractions_of(found, pressure, interface(found, pressure, moved))
     size = mean_load(found, pressure)
     if isinstance(found, Sliding):
         return tractions / size

@@ -36,6 +36,7 @@ from .errors import (
 from .facts import HEATED
 from .formulas import (
     all_tractions,
+    counter_displacement,
     edges_of,
     friction_of_cycle,
     frictions,
@@ -138,10 +139,14 @@ def surface_rise(found: Found) -> Array:
 def geometric_friction(found: Found) -> Array:
     """Friction with hysteresis from the surface's slope instead of the block's [1].
 
+    With a counter the surface is deformed.
+
     Its difference from `friction` shows the error of the grid.
     """
     pressure = loaded(found)[0]
     heights = found.operator.on_cell(found.heights, "symmetric")
+    if found.problem.counter is not None:
+        heights = heights - counter_displacement(found, pressure)
     tractions = tractions_of(found, pressure, jnp.broadcast_to(heights, pressure.shape))
     if isinstance(found, CyclicSliding):
         return over_load(found, tractions + sheared(found)[0])

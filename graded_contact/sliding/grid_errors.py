@@ -198,7 +198,7 @@ def unseen_power(found: Found) -> Array:
     shape, pressure = found.grid.shape, loaded(found)[0]
     size = jnp.abs(found.operator.to_waves(pressure) / pressure.size) ** 2
     size = size * multiplicity(pressure.shape)
-    loss = -frequencies(found) * jnp.imag(found.operator.compliance)
+    loss = -frequencies(found) * jnp.imag(found.problem.block.compliance)
     for axis, n in enumerate(shape):
         if n % 2:
             continue

@@ -62,6 +62,8 @@ class HistoryProblem(eqx.Module):
     given: Float[Array, " nt"]
     shear: ShearStress | None = None
     coupling: None = None
+    counter: None = None
+    block_heights: None = None
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
     @property
@@ -72,8 +74,24 @@ class HistoryProblem(eqx.Module):
     @property
     def operator(self) -> OneStep:
         """The block in the last step."""
-        waves = BlockWaves(self.grid, self.creep)
-        return OneStep(*waves.kernel(jnp.stack([self.creep.now[-1], self.creep.aged[-1]])))
+        last = jnp.stack([self.creep.now[-1], self.creep.aged[-1]])
+        now, aged = BlockWaves(self.grid, self.creep).kernel(last)
+        return OneStep(now, aged)
+
+    @property
+    def block(self) -> OneStep:
+        """The operator of the block alone."""
+        return self.operator
+
+    @property
+    def roughness(self) -> tuple[Float[Array, "..."], ...]:
+        """The heights of the bodies that are rough: of the surface."""
+        return (self.heights,)
+
+    @property
+    def between(self) -> Float[Array, "..."]:
+        """The heights of both bodies together [m]."""
+        return self.heights
 
     @property
     def moved(self) -> Float[Array, "nt components"]:

@@ -2,12 +2,13 @@
 
     case ──> problem and load ──> contact of the heights less d ──> result
              (steady.py, cycle.py)         ^                          │
-                                           └──  d = M_ze τ(pressure) ─┘
+                                           └──     d(pressure)     ───┘
 
-d is the displacement under a traction that is no part of the kernel, else 0. This traction lags: it
-is that of the pressure before. Anderson's acceleration ends the loop, and the derivative is
-implicit. In a cycle the traction has the direction in which the surface moves at each time. While
-the surface rests there is none: the law is that of gross sliding.
+d is the displacement that is no part of the kernel, else 0: M_ze τ under a traction, and in a cycle
+what the counter lacks of its relaxed displacement (`bodies.py`). It lags: it is that under the
+pressure before. Anderson's acceleration ends the loop, and the derivative is implicit. In a cycle
+the traction has the direction in which the surface moves at each time. While the surface rests
+there is none: the law is that of gross sliding.
 """
 
 import dataclasses
@@ -23,11 +24,12 @@ from ..core.derivative import still
 from ..core.fixed_point import attach_fixed_field, find_fixed_point
 from ..fields.devices import required
 from ..fields.frequency import wave_frequencies
+from .bodies import lags
 from .case import Case
 from .cycle import cycle_problem
 from .formulas import lift
 from .numerics import Numerics
-from .problem import Posed, Prescribed, Problem, lags
+from .problem import Posed, Prescribed, Problem
 from .result import CyclicSliding, Found, result_of
 from .shear import Coulomb
 from .steady import steady_problem
@@ -55,7 +57,8 @@ def solve_posed(
 ) -> Found:
     """Returns the contact of a problem with its load; arguments as of `solve`."""
     problem, load, reached = posed
-    if lags(problem.coupling):
+    counter = problem.counter
+    if lags(problem.coupling) or (counter is not None and counter.lags):
         found = _lagged(problem, load, how, start, solution)
     else:
         found = result_of(problem, problem.contact(load, None, how, start, solution))

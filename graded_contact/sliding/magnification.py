@@ -43,6 +43,7 @@ def area_against_cutoff(
     pressure: ScalarLike,
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
+    counter: Stack | None = None,
     **numerics: Any,
 ) -> CutoffCurve:
     """Returns contact area and friction with only the waves up to each cut-off on the surface.
@@ -64,9 +65,11 @@ def area_against_cutoff(
     check_positive("cutoffs", cutoffs, "[rad/m]")
     check_increasing("cutoffs", cutoffs)
     check_periodic(surface)
-    case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity, law=law)
+    case = Case(
+        stack=stack, surface=surface, pressure=pressure, velocity=velocity, law=law, counter=counter
+    )  # fmt: skip
     how, _ = numerics_of("area_against_cutoff", numerics)
-    how = how.of(stack, surface)
+    how = how.of(case.bodies, surface)
     posed = steady_problem(case, how)  # its kernel is that of all cut-offs
 
     def solve(start, cutoff):

@@ -1,13 +1,12 @@
-"""What decides a contact under sliding on one grid: the block as an operator, the surface, the law.
+"""What decides a contact under sliding on one grid: both bodies as an operator, surface, and law.
 
 A `SteadyProblem` is solved once, a `CycleProblem` at all times of a period together. Each gives the
 contact at a load, by `contact`; on another grid of the cell, by `on`, it has the waves of block and
 traction that both grids resolve.
 """
 
-import functools
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, TypeGuard
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,10 +20,11 @@ from ..contacts.law import AbstractLaw
 from ..contacts.operator import AbstractOperator, Field
 from ..contacts.solution import ContactSolution
 from ..contacts.solve import contact_of, solve_contact
-from ..contacts.space_time import SpaceTime, in_motion
+from ..contacts.space_time import SpaceTime, at_rest, in_motion
 from ..contacts.window import operator_of
 from ..core.checks import Numbers
-from ..fields.grid import Grid, Waves, resample_spectrum
+from ..fields.grid import Grid, resample_spectrum
+from .bodies import Counter, Coupling, coupling_on, of_block
 from .half_grid import resampled
 from .motion import components, rate_of
 from .numerics import Numerics
@@ -34,61 +34,12 @@ Range = tuple[Float[Array, "..."], Float[Array, "..."]]
 Prescribed = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m]; the others are None
 
 
-class Coupling(eqx.Module):
-    """How traction moves the surface of the block.
-
-    **Fields:**
-
-    - `lift`: M_zi [m/Pa] of the traction along each component i.
-    - `along`: M_ij [m/Pa].
-    - `in_kernel`: whether the kernel of the contact contains the traction. Static.
-    """
-
-    lift: tuple[Waves, ...]
-    along: tuple[tuple[Waves, ...], ...]
-    in_kernel: bool = eqx.field(default=False, static=True)
-
-    def lifted(self, operator: AbstractOperator, tractions: Sequence[Field]) -> Field:
-        """Returns the displacement along z under tractions [m]."""
-        waves = self._lifted([operator.to_waves(traction) for traction in tractions])
-        return operator.to_field(waves, tractions[0].shape)
-
-    def waves(
-        self, operator: AbstractOperator, pressure: Field, tractions: Sequence[Field]
-    ) -> tuple[list[Waves], list[Waves]]:
-        """Returns the waves of pressure and tractions [Pa], and of the displacements [m].
-
-        The displacements are those along z and along each component of the traction.
-        """
-        pressed, *sheared = (operator.to_waves(f) / pressure.size for f in (pressure, *tractions))
-        down = operator.compliance * pressed
-        if not self.in_kernel:
-            down = down + self._lifted(sheared)
-        moved = [
-            functools.reduce(jnp.add, map(jnp.multiply, row, sheared), -lift * pressed)
-            for lift, row in zip(self.lift, self.along, strict=True)
-        ]
-        return [pressed, *sheared], [down, *moved]
-
-    def _lifted(self, sheared: Sequence[Waves]) -> Waves:
-        return functools.reduce(jnp.add, map(jnp.multiply, self.lift, sheared))
-
-
-def lags(coupling: Coupling | None) -> TypeGuard[Coupling]:
-    """Returns whether a traction that is no part of the kernel moves the surface."""
-    return coupling is not None and not coupling.in_kernel
-
-
-def _coupling_on(coupling: Coupling | None, shape: tuple[int, ...], new: tuple[int, ...]):
-    return jax.tree.map(lambda waves: resample_spectrum(waves, shape, new), coupling)
-
-
 class SteadyProblem(eqx.Module):
     """A surface that slides steadily on a block.
 
     **Fields:**
 
-    - `operator`: the block; `.kernel` is its M [m/Pa].
+    - `operator`: block and counter; `.kernel` is their M [m/Pa].
     - `heights`: h of the surface [m].
     - `grid`, `law`: of the surface and of the contact.
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
@@ -98,6 +49,7 @@ class SteadyProblem(eqx.Module):
     - `kernel_error`: two estimated errors of the kernel of a window [m/Pa]; None if periodic.
     - `shear`: shear stress [Pa] as a function of the pressure, or None.
     - `coupling`: how its traction moves the surface of the block, or None.
+    - `counter`: how the counter deforms, or None if it is rigid.
     - `thickness`: of the layers between a window and a rigid base [m], else None.
     - `facts`: of the contact, see `facts_of`. Static.
     """
@@ -113,6 +65,7 @@ class SteadyProblem(eqx.Module):
     kernel_error: Inexact[Array, "..."] | None = None
     shear: ShearStress | None = None
     coupling: Coupling | None = None
+    counter: Counter | None = None
     thickness: Float[Array, "..."] | None = None
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
@@ -120,6 +73,25 @@ class SteadyProblem(eqx.Module):
     def shape(self) -> tuple[int, ...]:
         """Of the fields."""
         return self.heights.shape
+
+    @property
+    def block(self) -> AbstractOperator:
+        """The operator of the block alone."""
+        return of_block(self.operator, self.counter)
+
+    @property
+    def roughness(self) -> tuple[Field, ...]:
+        """The heights of the bodies that are rough: of the surface."""
+        return (self.heights,)
+
+    @property
+    def between(self) -> Field:
+        """The heights of both bodies together [m]."""
+        return self.heights
+
+    def with_roughness(self, heights: Field) -> "SteadyProblem":
+        """Returns the problem with other heights."""
+        return eqx.tree_at(lambda one: one.heights, self, heights)
 
     def contact(
         self,
@@ -136,19 +108,20 @@ class SteadyProblem(eqx.Module):
             adjoint=how.adjoint, rtol=how.rtol, start=start, solution=solution, throw=how.throw,
         )  # fmt: skip
 
-    def on(
-        self, shape: tuple[int, ...], heights: Field, num_times: int | None = None
-    ) -> "SteadyProblem":
-        """Returns the problem on another grid, with other heights; its errors are not known."""
-        grid = Grid(shape, self.grid.size)
+    def on(self, shape: tuple[int, ...], num_times: int | None = None) -> "SteadyProblem":
+        """Returns the problem on another grid, without heights; its errors are not known."""
+        grid, none = Grid(shape, self.grid.size), jnp.zeros((), self.heights.dtype)
         old, new = self.operator.cell(self.grid).shape, self.operator.cell(grid).shape
-        kernel = resample_spectrum(self.operator.kernel, old, new)
+        on_grid = lambda one: operator_of(resample_spectrum(one.kernel, old, new), shape)  # noqa: E731
+        counter = self.counter
+        if counter is not None:
+            counter = counter.on(on_grid(counter.operator), old, new)
         return SteadyProblem(
-            operator=operator_of(kernel, shape), heights=heights, grid=grid, law=self.law,
+            operator=on_grid(self.operator), heights=none, grid=grid, law=self.law,
             measured_range=self.measured_range, prescribed=self.prescribed, velocity=self.velocity,
             measured=None, kernel_error=None, shear=self.shear,
-            coupling=_coupling_on(self.coupling, old, new), thickness=self.thickness,
-            facts=self.facts,
+            coupling=coupling_on(self.coupling, old, new), counter=counter,
+            thickness=self.thickness, facts=self.facts,
         )  # fmt: skip
 
 
@@ -157,9 +130,10 @@ class CycleProblem(eqx.Module):
 
     **Fields:**
 
-    - `operator`: the block in space and time.
-    - `heights`, `grid`, `law`, `measured_range`, `shear`, `coupling`: as in `SteadyProblem`; the
-      speed of `shear` is that of each time.
+    - `operator`: the block in space and time, and what `counter.in_kernel` has of the counter.
+    - `heights`, `grid`, `law`, `measured_range`, `shear`, `coupling`, `counter`: as in
+      `SteadyProblem`; the speed of `shear` is that of each time.
+    - `block_heights`: of the block's own surface [m], out of the block, or None.
     - `prescribed`: what is given: "pressure" or "mean_gap". Static.
     - `displacement`: s(t) of the surface [m], shape `(nt,)` or `(nt, 2)`.
     - `period`: T [s].
@@ -176,12 +150,41 @@ class CycleProblem(eqx.Module):
     period: Float[Array, ""]
     shear: ShearStress | None = None
     coupling: Coupling | None = None
+    counter: Counter | None = None
+    block_heights: Float[Array, "..."] | None = None
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Of the fields over time."""
         return (len(self.displacement), *self.grid.shape)
+
+    @property
+    def block(self) -> AbstractOperator:
+        """The operator of the block alone."""
+        return of_block(self.operator, self.counter)
+
+    @property
+    def roughness(self) -> tuple[Field, ...]:
+        """The heights of the bodies that are rough: of the surface, and of the block."""
+        both = self.heights, self.block_heights
+        return tuple(heights for heights in both if heights is not None)
+
+    def with_roughness(self, *heights: Field) -> "CycleProblem":
+        """Returns the problem with other heights."""
+        rough = lambda one: [one.heights, one.block_heights][: len(heights)]  # noqa: E731
+        return eqx.tree_at(rough, self, heights)
+
+    @property
+    def passing(self) -> Field:
+        """The heights of the block's own surface under the surface at each time [m]."""
+        assert self.block_heights is not None
+        return self.operator.carried(self.block_heights)
+
+    @property
+    def between(self) -> Field:
+        """The heights of both bodies together [m], at each time if both are rough."""
+        return self.heights if self.block_heights is None else self.heights + self.passing
 
     @property
     def times(self) -> Float[Array, " nt"]:
@@ -217,27 +220,34 @@ class CycleProblem(eqx.Module):
         solution: ContactSolution | None = None,
     ) -> ContactSolution:
         """Returns the contact at all times of the heights less a shift [m]."""
-        heights = jnp.broadcast_to(self.heights, self.shape)
+        heights = jnp.broadcast_to(self.between, self.shape)
         start = as_start(start, heights, self.law)
         loading = loading_of(self.law, heights, self.shape[0], **load)
         heights = heights if shift is None else heights - shift
         inputs = Inputs(self.operator, heights, self.law, loading)
         return contact_of(inputs, how.solver, how.adjoint, how.rtol, start, solution, how.throw)
 
-    def on(self, shape: tuple[int, ...], heights: Field, num_times: int) -> "CycleProblem":
-        """Returns the problem on another grid, with other heights and other times."""
+    def on(self, shape: tuple[int, ...], num_times: int) -> "CycleProblem":
+        """Returns the problem on another grid, with other times and without heights."""
         old, new, grid = self.shape, (num_times, *shape), Grid(shape, self.grid.size)
+        none = jnp.zeros((), self.heights.dtype)
         rate, back = self.motion_of_surface
         moved = resampled(back, (num_times, back.shape[1]))
         drift = jnp.mean(rate, axis=0) * self.period
         moved = moved + drift * (np.arange(num_times) / num_times)[:, None]
-        kernel = resample_spectrum(self.operator.compliance, old, new)
+        kernel = resample_spectrum(self.block.compliance, old, new)
         still = [(0, 0), (0, len(shape) - moved.shape[1])]
+        operator, counter = in_motion(kernel, jnp.pad(moved, still), grid), self.counter
+        if counter is not None:
+            kernel = resample_spectrum(counter.operator.compliance, old, new)
+            counter = counter.on(at_rest(kernel), old, new)
+            operator = counter.beside(operator)
         return CycleProblem(
-            operator=in_motion(kernel, jnp.pad(moved, still), grid), heights=heights, grid=grid,
+            operator=operator, heights=none, grid=grid,
             law=self.law, measured_range=self.measured_range, prescribed=self.prescribed,
             displacement=moved.reshape(num_times, *self.displacement.shape[1:]),
-            period=self.period, shear=self.shear, coupling=_coupling_on(self.coupling, old, new),
+            period=self.period, shear=self.shear, coupling=coupling_on(self.coupling, old, new),
+            counter=counter, block_heights=None if self.block_heights is None else none,
             facts=self.facts,
         )  # fmt: skip
 

@@ -9,6 +9,7 @@ A window has no waves of its own: the heights of half the grid are means of neig
 """
 
 import dataclasses
+import functools
 
 import equinox as eqx
 import jax
@@ -73,21 +74,26 @@ def _neighbours(found: Found) -> Neighbours:
         # Without a contact there is nothing to compare.
         return Neighbours(found, found, found, jnp.zeros_like(pressure))
     times = len(found.displacement) if isinstance(found, CyclicSliding) else 0
-    on_half, cut, missing = heights_on(found.heights, found.grid, half, WINDOW in found.facts)
+    rough, window = found.problem.roughness, WINDOW in found.facts
+    parts = (heights_on(heights, found.grid, half, window) for heights in rough)
+    on_half, cut, lacking = zip(*parts, strict=True)
+    missing = functools.reduce(jnp.maximum, lacking)
     same, fewer = found, None
     if not (is_concrete(missing) and missing <= NOTHING_LACKS):
         same = _solved(found, shape, cut, times)
     if times >= 2 * _LEAST_TIMES:
-        fewer = _solved(found, shape, found.heights, times // 2)
+        fewer = _solved(found, shape, rough, times // 2)
     if half == shape:  # nothing is known of the error of the grid
         missing = missing * jnp.nan
     return Neighbours(same, _solved(found, half, on_half, times), fewer, missing)
 
 
-def _solved(found: Found, shape: tuple[int, ...], heights: Array, num_times: int) -> Found:
+def _solved(
+    found: Found, shape: tuple[int, ...], heights: tuple[Array, ...], num_times: int
+) -> Found:
     """The contact on another grid of the cell; of a cycle with other times."""
-    problem, load, start, shift = _given(found, shape, heights, num_times)
-    problem = eqx.tree_at(lambda one: one.heights, problem, heights)
+    problem, load, start, shift = _given(found, shape, heights[0], num_times)
+    problem = problem.with_roughness(*heights)
     # In a program of the user, Newton steps would take long to compile and are seldom needed.
     solver = DouglasRachford(newton=is_concrete(load))
     how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
@@ -125,5 +131,5 @@ def _given(
     shift = resampled(shift, (*over, *shape)) if shift.ndim else shift
     # A program would return a copy of the heights.
     assert not isinstance(found, TransientSliding)  # see `history_errors.py`
-    problem = found.problem.on(shape, jnp.zeros((), heights.dtype), num_times)
+    problem = found.problem.on(shape, num_times)
     return problem, load, start, shift

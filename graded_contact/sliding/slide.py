@@ -1,4 +1,4 @@
-"""A rough rigid surface sliding on a layered viscoelastic block: steadily, or in periodic motion.
+"""A rough surface sliding on a layered viscoelastic block: steadily, or in periodic motion.
 
 `slide` and `slide_cycle` build a `Case`; `solve` solves it.
 """
@@ -36,6 +36,7 @@ def slide(
     temperature: ScalarLike | None = None,
     heating: Heating | None = None,
     strain_per_slope: ScalarLike | None = None,
+    counter: Stack | None = None,
     **numerics: Any,
 ) -> Sliding:
     """Returns friction, contact area and fields of a rough surface sliding on a block.
@@ -67,6 +68,11 @@ def slide(
     - `strain_per_slope`: for a block with `materials.StrainSoftening`, as in `mean_field_friction`:
       each wave q has the modulus at the amplitude ε = `strain_per_slope` times the rms slope of the
       surface up to q. None: the amplitude of each material.
+    - `counter`: the body that carries the surface and moves with it, a `Stack` from its surface
+      inwards; None for a rigid one. The waves of the pressure rest on it: it has its relaxed moduli
+      and loses nothing. It keeps its temperature, also with `heating`: pass `counter.at(...)`. If
+      the block is rough and the counter is smooth, exchange them: `stack` is then the smooth body,
+      `counter` the rough one, and the velocity that of the rough body over the smooth one.
     - `law`: of contact.
     - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`; `start`
       and `solution`, see `solve`.
@@ -81,7 +87,7 @@ def slide(
     case = Case(
         stack=stack, surface=surface, pressure=pressure, mean_gap=mean_gap, approach=approach,
         velocity=velocity, law=law, shear=shear, temperature=temperature, heating=heating,
-        strain_per_slope=strain_per_slope,
+        strain_per_slope=strain_per_slope, counter=counter,
     )  # fmt: skip
     how, known = numerics_of("slide", numerics, "start", "solution")
     return cast(Sliding, solve(case, how, **known))
@@ -100,6 +106,8 @@ def slide_cycle(
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
     heating: Heating | None = None,
+    counter: Stack | None = None,
+    block_surface: Surface | None = None,
     **numerics: Any,
 ) -> CyclicSliding:
     """Returns friction, contact area and fields of a surface in periodic motion on a block.
@@ -126,6 +134,10 @@ def slide_cycle(
     - `heating`: as in `slide`, by the mean heat of the cycle: the block and the shear have the
       temperature of steady sliding at the mean speed and load, with the mean power of the cycle.
       What varies within the cycle is left out, see `solve_heated`.
+    - `counter`: as in `slide`. Where the pressure under the surface varies, the counter has its
+      moduli at the frequencies of the period, and loses power, `counter_power`.
+    - `block_surface`: the heights of the block itself, which rest on it; heights count out of the
+      block, so that those of both surfaces add up. At s = 0 the points of the two grids coincide.
     - `numerics`: as in `slide`, without `solution`.
 
     **Returns:** friction and areas over time, works, errors and the contact, see `CyclicSliding`.
@@ -135,6 +147,7 @@ def slide_cycle(
     case = Case(
         stack=stack, surface=surface, displacement=displacement, period=period, pressure=pressure,
         mean_gap=mean_gap, law=law, shear=shear, temperature=temperature, heating=heating,
+        counter=counter, block_surface=block_surface,
     )  # fmt: skip
     how, known = numerics_of("slide_cycle", numerics, "start")
     return cast(CyclicSliding, solve(case, how, **known))
@@ -214,7 +227,7 @@ def solve(
 
     **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
     """
-    how = how.of(case.stack, case.rough)
+    how = how.of(case.bodies, case.rough, case.block_surface)
     # With heat several contacts are solved, and a motion has one at each time.
     if solution is not None and (case.heating is not None or case.velocity is None):
         raise ValueError(

@@ -1,30 +1,32 @@
 """The problem of a surface that slides steadily, at one temperature of the block.
 
 In the frame of the surface the contact is steady, and every wavevector q of the pressure deforms
-the block at the frequency ω = -q·v.
+the block at the frequency ω = -q·v, and the counter at rest.
 """
+
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from ..blocks.kernel import attempted_kernel, stack_kernel
-from ..blocks.stack import Rigid, interface_depths
+from ..blocks.stack import Rigid, Stack, interface_depths
 from ..blocks.window_compliance import doubled, has_ground, long_cell, without_images
 from ..contacts.inputs import LEAST_GAP
 from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.solution import RESULTS
 from ..contacts.window import operator_of
-from ..core.checks import Numbers, as_float, check_values, is_concrete
+from ..core.checks import Numbers, as_float, check_values, is_concrete, within
 from ..core.compilation import jit
-from ..core.memory import SLIDING, check_memory
-from ..fields.devices import num_devices, required
+from ..fields.devices import required
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid
 from ..materials.coverage import coverage
-from ..materials.softening import as_strain_per_slope
+from ..materials.softening import as_strain_per_slope, softens
 from ..surfaces.statistics import slope_up_to
 from ..surfaces.surface import Surface, check_periodic
+from .bodies import Counter, Coupling
 from .case import Case
 from .facts import facts_of
 from .numerics import Numerics
@@ -36,17 +38,28 @@ from .traction import steady_coupling
 def steady_problem(case: Case, how: Numerics) -> Posed:
     """Returns the problem of a case with a velocity, and its load."""
     stack, surface = case.stack, case.rough
-    kernel, reached, kernel_error, coupling = _kernel_of(case, how)
+    strain = _strain_of(case)
+    block = _response(case, stack, case.velocity, strain, how)
+    kernel, kernel_error, reached = block.kernel, block.error, block.reached
+    counter = None
+    if case.counter is not None:
+        with within("`counter`:"):
+            other = _response(case, case.counter, np.zeros(()), strain, how, opposite=True)
+        kernel, reached = kernel + other.kernel, reached & other.reached
+        if kernel_error is not None and other.error is not None:
+            kernel_error = kernel_error + other.error
+        counter = Counter(
+            operator_of(other.kernel, surface.heights.shape), other.kernel, other.coupling,
+            measured_range=_coverage(case.counter), thickness=_thickness(case.counter, surface),
+        )  # fmt: skip
     sheared = shear_stress(case.shear, direction_and_speed(case.velocity)[1], case.temperature)
     kernel = unless_negative(kernel, sheared)
-    on_window, on_rigid = not surface.periodic, isinstance(stack.base, Rigid)
     problem = SteadyProblem(
         operator=operator_of(kernel, surface.heights.shape), heights=surface.heights,
         measured=surface.measured, grid=surface.grid, velocity=case.velocity, law=case.law,
-        shear=sheared, coupling=coupling, measured_range=_coverage(stack),
+        shear=sheared, coupling=block.coupling, counter=counter, measured_range=_coverage(stack),
         kernel_error=kernel_error, prescribed=case.prescribed,
-        thickness=interface_depths(stack)[-1] if on_window and on_rigid else None,
-        facts=facts_of(case),
+        thickness=_thickness(stack, surface), facts=facts_of(case),
     )  # fmt: skip
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)
     if case.approach is not None:
@@ -57,20 +70,48 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
 _coverage = jit(coverage)
 
 
-def _kernel_of(case: Case, how: Numerics) -> tuple:
-    """The kernel of a case and more that depends on its block.
+def _thickness(stack: Stack, surface: Surface) -> Array | None:
+    """The thickness of the layers between a window and a rigid base [m], else None."""
+    on_rigid = not surface.periodic and isinstance(stack.base, Rigid)
+    return interface_depths(stack)[-1] if on_rigid else None
 
-    The others: whether the kernel is good, its errors on a window, and the coupling by traction or
-    None.
+
+def _strain_of(case: Case) -> tuple[Array, Array] | None:
+    """The strain amplitudes of the waves, by their wavenumbers, or None."""
+    if case.strain_per_slope is None:
+        return None
+    check_periodic(case.rough)
+    ratio = as_strain_per_slope(case.strain_per_slope, case.bodies)
+    q, slope = slope_up_to(case.rough)
+    return q, ratio * slope
+
+
+class _Response(NamedTuple):
+    """The response of a body to pressure, and to traction in proportion to it.
+
+    **Fields:**
+
+    - `kernel`: M_zz, with Coulomb's law M_zz + f M_ze [m/Pa].
+    - `error`: its errors on a window [m/Pa], or None.
+    - `coupling`: by traction, or None.
+    - `reached`: whether all is good.
     """
-    stack, surface, velocity, grid = case.stack, case.rough, case.velocity, case.rough.grid
-    itemsize = surface.heights.dtype.itemsize
-    check_memory("surface", "sliding", SLIDING, grid.shape, itemsize, num_devices(grid.size))
-    strain = None
-    if case.strain_per_slope is not None:
-        check_periodic(surface)
-        ratio, (q, slope) = as_strain_per_slope(case.strain_per_slope, stack), slope_up_to(surface)
-        strain = q, ratio * slope
+
+    kernel: Array
+    error: Array | None
+    coupling: Coupling | None
+    reached: Array | bool
+
+
+def _response(
+    case: Case, stack: Stack, velocity: Any, strain, how: Numerics, opposite: bool = False
+) -> _Response:
+    """The response of a body of a case over which the surface has this velocity.
+
+    `opposite` if the traction on the body is opposite to that on the block.
+    """
+    surface, grid = case.rough, case.rough.grid
+    strain = strain if softens(stack) else None
     # If the velocity is known to be 0, the kernel is real.
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
 
@@ -87,11 +128,12 @@ def _kernel_of(case: Case, how: Numerics) -> tuple:
     if not surface.periodic:
         # Cells of two sizes give the kernel of a window without the images of its load.
         near, far = (one for one, _ in found)
-        kernel, error = without_images(near, far, grid, has_ground(stack, grid))
+        grounded = all(has_ground(body, grid) for body in case.bodies)
+        kernel, error = without_images(near, far, grid, grounded)
     reached = found[0][1] if surface.periodic else found[0][1] & found[1][1]
     if not is_coupled(case.shear):
-        return kernel, reached, error, None
-    coupling, lift_error, good = steady_coupling(case, cells, strain)
+        return _Response(kernel, error, None, reached)
+    coupling, lift_error, good = steady_coupling(case, stack, velocity, cells, strain)
     if how.throw:
         coupling = required(coupling, good, RESULTS.inaccurate_kernel.error_if)
     else:
@@ -99,11 +141,12 @@ def _kernel_of(case: Case, how: Numerics) -> tuple:
     coefficient = getattr(case.shear, "coefficient", None) if coupling.in_kernel else None
     # Without friction a real kernel stays real.
     if coefficient is None or (is_concrete(coefficient) and np.asarray(coefficient) == 0):
-        return kernel, reached, error, coupling
+        return _Response(kernel, error, coupling, reached)
     coefficient = coefficient.astype(kernel.real.dtype)
+    coefficient = -coefficient if opposite else coefficient
     kernel = kernel + coefficient * coupling.lift[0]
     error = None if error is None or lift_error is None else error + coefficient * lift_error
-    return kernel, reached, error, coupling
+    return _Response(kernel, error, coupling, reached)
 
 
 def check_approach(approach: Numbers, surface: Surface, law: AbstractLaw) -> Array:

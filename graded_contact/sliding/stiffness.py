@@ -33,9 +33,9 @@ from ..contacts.operator import Steady, first_mode
 from ..core.checks import as_scalar, check_positive, check_type, check_types
 from ..core.quantities import FOUR, TOTAL, of_steady
 from ..fields.grid import wavenumber
+from .bodies import lags
 from .facts import CONDUCTANCE, STIFFNESS, WINDOW
 from .formulas import edges_of, indicator_of, lift
-from .problem import lags
 from .resolution import neighbours_of
 from .result import Sliding
 

@@ -5,6 +5,8 @@ M_ze τ along z, so that
 
     w = M_zz σ + M_ze τ(σ).
 
+On the counter, if there is one, it acts in the opposite direction (`bodies.py`).
+
 Under Coulomb's law in steady sliding, w = (M_zz + f M_ze) σ: a contact without traction, of another
 kernel, whose real part may be negative for some waves. Under other laws, and where the direction
 changes with time, the traction lags (`isothermal.py`).
@@ -27,44 +29,50 @@ to this order; the last term is `slope_friction`.
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
+from ..blocks.stack import Stack
 from ..blocks.tangential_kernel import tangential_kernels
 from ..blocks.window_compliance import without_images
 from ..contacts.operator import first_mode
+from ..core.checks import as_float
 from ..core.quantities import FOUR, of_cycle, of_steady
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid, Waves, wavenumber
+from .bodies import Coupling
 from .case import Case
-from .energy import rates_of, waves_of
+from .energy import powers_of_traction, waves_of
 from .facts import COUPLED
 from .formulas import along_motion, loaded, mean_load, shear_power, tractions_of, tractions_on
 from .friction import friction, shear_friction
-from .problem import Coupling
 from .result import CyclicSliding, Sliding
 from .shear import Coulomb
 
 
 def steady_coupling(
-    case: Case, cells: Sequence[Grid], strain: tuple[Array, Array] | None
+    case: Case,
+    stack: Stack,
+    velocity: Any,
+    cells: Sequence[Grid],
+    strain: tuple[Array, Array] | None,
 ) -> tuple[Coupling, Waves | None, Bool[Array, ""]]:
-    """Returns the coupling of a `Case` with a velocity, errors of M_ze, and whether it is good.
+    """Returns the coupling of a body of a `Case`, errors of M_ze, and whether it is good.
 
-    `cells` are the cell of a periodic surface, or the two of a window, which has errors.
+    `velocity` is that of the surface over the body; `cells` are the cell of a periodic surface,
+    or the two of a window, which has errors.
     """
     if len(cells) == 2 and not isinstance(case.shear, Coulomb):
         raise ValueError(
             "`shear` is refused: on a window only the traction of `Coulomb` can move the surface. "
             "Pass `coupled=False`, or put the body into a periodic cell."
         )
-    direction = direction_and_speed(case.velocity)[0]
-    found = [
-        tangential_kernels(case.stack, cell, case.velocity, direction, strain) for cell in cells
-    ]
+    direction, velocity = direction_and_speed(case.velocity)[0], as_float(velocity)
+    found = [tangential_kernels(stack, cell, velocity, direction, strain) for cell in cells]
     (lift, along, good), error = found[0], None
     if len(cells) == 2:
         (far_lift, far_along, far_good), window = found[1], case.rough.grid
@@ -92,7 +100,7 @@ def check_positive_kernel(kernel: Waves, cell: Grid, coefficient: Array) -> None
 
 def slip(found: Sliding) -> Array:
     """Returns the speed of slip over that of the surface [1], on the cell of steady sliding."""
-    (along,), moved = along_motion(found), waves_of(found)[1][1]
+    (along,), moved = along_motion(found), waves_of(found)[0][1][1]
     shape = loaded(found)[0].shape
     return 1 + found.operator.to_field(1j * along * moved, shape) * math.prod(shape)
 
@@ -139,9 +147,8 @@ def slope_friction(found: Sliding) -> Array:
 def interface_power(found: CyclicSliding) -> Array:
     """Mean power that heats the interface per area [W/m²].
 
-    The work of friction and of the load is this and `dissipated_power`.
+    The work of friction and of the load is this, `dissipated_power` and `counter_power`.
     """
     if found.coupling is None:
         return shear_power(found)
-    on_block = zip(tractions_on(found), rates_of(found)[1:], strict=True)
-    return shear_power(found) - sum(jnp.mean(stress * rate) for stress, rate in on_block)
+    return shear_power(found) - sum(map(jnp.mean, powers_of_traction(found)))

@@ -55,7 +55,8 @@ def friction_table(
     - `roughness`: a `Surface`; for the mean field also what `mean_field_friction` takes.
     - `pressure`: mean pressures [Pa], shape `(pressures,)`.
     - `velocity`: speeds [m/s], shape `(velocities,)`, not negative.
-    - `temperature`: of the block [K], shape `(temperatures,)`; None leaves the materials unchanged.
+    - `temperature`: of the block, and of a `counter` [K], shape `(temperatures,)`; None leaves the
+      materials unchanged.
     - `direction`: of sliding, from the x axis [rad].
     - `method`: `"contact"`, by `slide`; or `"mean_field"`, by `mean_field_friction`.
     - `errors`: of numbers of the stack, as `propagate` takes them, or None.
@@ -85,8 +86,11 @@ def friction_table(
         moving = velocity_along(point["velocity"], direction)
 
         def at(block: Stack) -> dict[str, Any]:
-            warm = block if temperature is None else block.at(point["temperature"])
-            changed: dict[str, Any] = {**point, "velocity": moving, "stack": warm}
+            bodies = {"stack": block, "counter": case.counter}
+            if temperature is not None:
+                at_point = lambda body: body and body.at(point["temperature"])  # noqa: E731
+                bodies = {name: at_point(body) for name, body in bodies.items()}
+            changed: dict[str, Any] = {**point, "velocity": moving, **bodies}
             return solved(options, dataclasses.replace(case, **changed))
 
         return with_standard_error(at, stack, errors)

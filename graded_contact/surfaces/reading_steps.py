@@ -12,7 +12,7 @@ from ..core.display import shown, with_unit
 
 # What to do where a step of reading changed the slope.
 REMEDIES = {
-    "resampled": "Leave out `shape`, or take more points.",
+    "resampled": "Take the points of the file (without a `shape`), or more.",
     "equally spaced": "Dense parts lost their short waves, or sparse parts have none.",
     "filled": "Crop to a `region` without holes, or discard the spikes around them with `rim`.",
     "joined": 'Its edges differ much: take `periodic = "mirror"`, which keeps every height.',

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import Counter
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -135,3 +136,11 @@ def test_a_contact_and_its_derivative_compile_each_program_once(programs):
     before = programs.total()
     jax.grad(gap)(2e3)
     assert programs.total() == before
+
+
+def test_a_program_that_fails_says_why_and_nothing_else():
+    checked = gc.jit(lambda x: eqx.error_if(x, jnp.isnan(x), "no such load"))
+    assert checked(jnp.asarray(1.0)) == 1
+    with pytest.raises(RuntimeError) as failed:
+        checked(jnp.asarray(jnp.nan))
+    assert str(failed.value) == "no such load" and failed.value.__suppress_context__

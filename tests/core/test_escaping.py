@@ -84,9 +84,15 @@ def test_a_proposed_scene_has_its_title_in_a_comment_and_as_a_text(text):
 @each_text
 def test_html_shows_the_text_and_a_comment_keeps_it_on_its_line(text):
     page = ElementTree.fromstring(f'<p title="{in_html(text)}">{in_html(text)}</p>')
-    assert page.text == page.get("title") == in_comment(text, "")[1:]
+    assert page.text == page.get("title")
+    assert page.text.split() == in_comment(text, "").split()
     assert not len(page)
     assert len(in_comment(text, "!").splitlines()) == 1
+
+
+def test_a_long_comment_has_lines_that_all_begin_with_its_mark():
+    lines = in_comment("100 % of it was measured, " * 40, "**").splitlines()
+    assert len(lines) > 4 and all(line.startswith("** ") and len(line) < 256 for line in lines)
 
 
 def test_texts_that_do_not_act_are_unchanged():

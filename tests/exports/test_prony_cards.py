@@ -1,5 +1,6 @@
 """Exported series are parsed back and summed here, apart from the package."""
 
+import dataclasses
 import json
 import tomllib
 
@@ -38,7 +39,18 @@ def numbers(line):
 
 
 def same_law(found, law):
-    assert found == [float(law.reference), float(law.c1), float(law.c2)]
+    np.testing.assert_allclose(found, [law.reference, law.c1, law.c2], rtol=1e-12)
+
+
+@each_material
+@pytest.mark.parametrize("format, longest", [("abaqus", 256), ("ansys", 640)])
+def test_cards_keep_to_the_limits_of_their_programs(material, format, longest):
+    table = dataclasses.replace(material, shift=TABLE, measured=RANGE)
+    for given in (material, table):
+        for line in export_prony(given, format, name="m" * 30).splitlines():
+            assert len(line) <= longest
+            if not line.startswith(("**", "!", "*MATERIAL")):
+                assert all(len(item.strip()) <= 20 for item in line.split(","))
 
 
 @each_material
@@ -51,11 +63,11 @@ def test_an_abaqus_card_gives_the_modulus_back(material):
     glassy, poisson = numbers(cards[2])
     end = cards.index("*TRS, DEFINITION=WLF")
     shear, bulk, times = np.array([numbers(line) for line in cards[4:end]]).T
-    assert poisson == float(material.poisson)
+    assert abs(poisson - material.poisson) < 1e-12
     assert np.array_equal(shear, bulk) and np.sum(shear) < 1
-    # What is left for the equilibrium modulus loses the digits of E_inf/E_eq.
+    # Items have 13 digits; what is left for the equilibrium modulus loses those of E_inf/E_eq.
     loss = float(material.glassy / material.equilibrium)
-    check(material, glassy * (1 - np.sum(shear)), glassy * shear, times, rtol=1e-15 * loss)
+    check(material, glassy * (1 - np.sum(shear)), glassy * shear, times, rtol=1e-12 * loss)
     same_law(numbers(cards[end + 1]), material.shift)
 
 
@@ -76,10 +88,10 @@ def test_an_ansys_card_gives_the_modulus_back(material):
         for part in ("SHEAR", "BULK")
     )
     assert tables["SHEAR"]["count"] == len(material.times) and np.array_equal(shear, bulk)
-    assert constants["PRXY"] == float(material.poisson)
+    assert abs(constants["PRXY"] - material.poisson) < 1e-12
     glassy, ratios = constants["EX"], shear[::2]
     loss = float(material.glassy / material.equilibrium)
-    check(material, glassy * (1 - np.sum(ratios)), glassy * ratios, shear[1::2], 1e-15 * loss)
+    check(material, glassy * (1 - np.sum(ratios)), glassy * ratios, shear[1::2], 1e-12 * loss)
     same_law(list(tables["WLF"]["data"].values()), material.shift)
 
 
@@ -125,8 +137,8 @@ def test_a_law_that_a_format_cannot_hold_is_in_a_comment(format, mark, shift, nu
     [
         (MATERIALS["tread"], "toml", {"name": "my tread"}, "`name='my tread'` is refused"),
         (gc.Prony(0, [1e6], [1.0]), "abaqus", {}, "`equilibrium=0` Pa is refused: Abaqus"),
-        (gc.Prony(1e-4, [1e6], [1.0], 0.4), "ansys", {}, "at least 1e-09 of the instant"),
-        (gc.Prony(1e6, [1e6], [1.0], 0.5), "ansys", {}, "`poisson=0.5` is refused"),
+        (gc.Prony(1e-4, [1e6], [1.0], 0.4), "ansys", {}, "at least 1e-07 of the instant"),
+        (gc.Prony(1e6, [1e6], [1.0], 0.5), "ansys", {}, "`poisson=0.5` is ref.*--poisson 0.4999"),
         (gc.Prony(1, np.ones(101), np.ones(101), 0.4), "ansys", {}, "at most 100 terms"),
     ],
 )

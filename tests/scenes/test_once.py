@@ -218,6 +218,8 @@ MEASURED = RUBBER + "\nmeasured = {omega = [10.0, 1e3]}"
         (LINE.replace("[load]", "[load]\ntemperature = 300.0").replace(RUBBER, ELASTIC) + REST
          + "[heating]\nconductivity = 0.2\ndiffusivity = 1e-7\n",
          r"^\[motion\] `once = true` does not take the table \[heating\]"),
+        (LINE + REST + '[counter.base]\nkind = "half_space"\nmaterial = "tread"\n',
+         r"^\[motion\] `once = true` does not take the table \[counter\]"),
         (LINE + REST + "[observe]\nstiffness = true\n", r"^\[observe\] needs steady .* has `flow`"),
         (LINE.replace(RUBBER, MEASURED) + REST, r"^\[motion\] needs moduli from 1 rad/s"),
         (LINE + REST + '[shear]\nkind = "coulomb"\ncoefficient = 0.3\n',

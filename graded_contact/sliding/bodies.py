@@ -1,0 +1,148 @@
+"""What moves the surfaces of both bodies beside the pressure on the block: traction, the counter.
+
+The counter carries the rough surface and moves with it. The pressure σ moves its surface into the
+counter, away from the block, so that the gap opens by both,
+
+    u = ū + w + w_c - h,
+
+and the traction acts on it as on the block, in the opposite direction. Seen from the counter, with
+z into it, both are pressure and traction on an ordinary block: w_c = M_zz σ - M_zi τ_i. Two equal
+bodies without frequencies do not move along z under their traction, as Dundurs's constant β = 0.
+
+The waves of the counter are at rest under the surface: under steady sliding M is that of ω = 0,
+real and even. In a cycle the pressure under the surface varies with time, and M is that of the
+frequencies of the period, without the phases of the motion. It is not diagonal in the waves of the
+block: the kernel of the contact then contains the middle of its values, a real number for each q,
+and the rest lags (`isothermal.py`). No value is further from the middle than the middle is large,
+so that the loop contracts.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import TypeGuard
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Inexact
+
+from ..contacts.operator import AbstractOperator, Field
+from ..contacts.space_time import SpaceTime
+from ..fields.grid import Waves, resample_spectrum
+
+
+class Coupling(eqx.Module):
+    """How traction moves the surface of a body.
+
+    **Fields:**
+
+    - `lift`: M_zi [m/Pa] of the traction along each component i.
+    - `along`: M_ij [m/Pa].
+    - `in_kernel`: whether the kernel of the body contains the traction. Static.
+    """
+
+    lift: tuple[Waves, ...]
+    along: tuple[tuple[Waves, ...], ...]
+    in_kernel: bool = eqx.field(default=False, static=True)
+
+    def lifted(self, operator: AbstractOperator, tractions: Sequence[Field]) -> Field:
+        """Returns the displacement along z under tractions [m]."""
+        waves = self._lifted([operator.to_waves(traction) for traction in tractions])
+        return operator.to_field(waves, tractions[0].shape)
+
+    def waves(
+        self, operator: AbstractOperator, pressure: Field, tractions: Sequence[Field]
+    ) -> tuple[list[Waves], list[Waves]]:
+        """Returns the waves of pressure and tractions [Pa], and of the displacements [m].
+
+        The displacements are those along z and along each component of the traction.
+        """
+        pressed, *sheared = (operator.to_waves(f) / pressure.size for f in (pressure, *tractions))
+        down = operator.compliance * pressed
+        if not self.in_kernel:
+            down = down + self._lifted(sheared)
+        moved = [
+            functools.reduce(jnp.add, map(jnp.multiply, row, sheared), -lift * pressed)
+            for lift, row in zip(self.lift, self.along, strict=True)
+        ]
+        return [pressed, *sheared], [down, *moved]
+
+    def _lifted(self, sheared: Sequence[Waves]) -> Waves:
+        return functools.reduce(jnp.add, map(jnp.multiply, self.lift, sheared))
+
+
+def lags(coupling: Coupling | None) -> TypeGuard[Coupling]:
+    """Returns whether a traction that is no part of the kernel moves the surface."""
+    return coupling is not None and not coupling.in_kernel
+
+
+class Counter(eqx.Module):
+    """How the counter deforms, in waves at rest under the surface; z counts into the counter.
+
+    **Fields:**
+
+    - `operator`: M_zz, in a cycle over its frequencies; with `coupling.in_kernel` it contains the
+      traction.
+    - `in_kernel`: the part of M that the kernel of the contact contains [m/Pa].
+    - `coupling`: how the traction on the counter moves its surface, or None.
+    - `lags`: whether `in_kernel` is not all of M. Static.
+    - `measured_range`, `thickness`: as in `SteadyProblem`, of the counter.
+    """
+
+    operator: AbstractOperator
+    in_kernel: Waves
+    coupling: Coupling | None = None
+    lags: bool = eqx.field(default=False, static=True)
+    measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
+    thickness: Float[Array, "..."] | None = None
+
+    def beside(self, block: SpaceTime) -> SpaceTime:
+        """Returns the operator of the contact from that of the block."""
+        return dataclasses.replace(block, kernel=block.kernel + self.in_kernel)
+
+    def displace(self, pressure: Field, tractions: Sequence[Field]) -> Field:
+        """Returns w_c [m] under the pressure and the tractions on the counter."""
+        moved = self.operator.displace(pressure)
+        if lags(self.coupling):
+            moved = moved + self.coupling.lifted(self.operator, tractions)
+        return moved
+
+    def beyond_kernel(self, pressure: Field, tractions: Sequence[Field]) -> Float[Array, "..."]:
+        """Returns the part of w_c [m] that the kernel of the contact lacks; 0 if there is none."""
+        rest = jnp.zeros((), pressure.dtype)
+        if self.lags:
+            lacking = self.operator.compliance - self.in_kernel
+            rest = self.operator.filtered(lacking, pressure)
+        if lags(self.coupling):
+            rest = rest + self.coupling.lifted(self.operator, tractions)
+        return rest
+
+    def on(
+        self, operator: AbstractOperator, old: tuple[int, ...], new: tuple[int, ...]
+    ) -> "Counter":
+        """Returns the counter on another cell, with the waves that both resolve.
+
+        `operator` has the kernel of the counter there; `old` and `new` are the shapes of the cells.
+        """
+        axes = self.in_kernel.ndim
+        kept = resample_spectrum(self.in_kernel, old[-axes:], new[-axes:])
+        coupling = coupling_on(self.coupling, old, new)
+        return Counter(operator, kept, coupling, self.lags, self.measured_range, self.thickness)
+
+
+def of_block(both: AbstractOperator, counter: Counter | None) -> AbstractOperator:
+    """Returns the operator of the block from that of the contact."""
+    return both if counter is None else both.with_kernel(both.kernel - counter.in_kernel)
+
+
+def middle_of(kernel: Inexact[Array, "nt *half"]) -> Float[Array, "*half"]:
+    """Returns the middle of the real parts of the first axis."""
+    return (jnp.max(kernel.real, axis=0) + jnp.min(kernel.real, axis=0)) / 2
+
+
+def coupling_on(
+    coupling: Coupling | None, old: tuple[int, ...], new: tuple[int, ...]
+) -> Coupling | None:
+    """Returns a coupling on another cell, with the waves that both resolve."""
+    return jax.tree.map(lambda waves: resample_spectrum(waves, old, new), coupling)

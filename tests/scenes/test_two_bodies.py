@@ -1,0 +1,146 @@
+"""Scenes of two bodies: the tables [counter] and [block_surface]."""
+
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.designs.table import parse_design
+from graded_contact.scenes.described import described
+from graded_contact.scenes.plan import plan
+from graded_contact.scenes.scene_file import parse_scene
+from graded_contact.scenes.toml import parse_toml
+
+SCENE = """
+[surface]
+kind = "self_affine"
+rms_slope = 0.1
+hurst = 0.8
+q_roll = 1.3e4
+q_high = 4e4
+
+[grid]
+shape = 16
+size = 1e-3
+
+[materials.rubber]
+kind = "prony"
+equilibrium = 2e6
+strengths = [4e6]
+times = [1e-2]
+poisson = 0.49
+
+[materials.coat]
+kind = "elastic"
+modulus = 1e7
+poisson = 0.4
+
+[base]
+kind = "half_space"
+material = "rubber"
+
+[counter]
+base = {kind = "half_space", material = "rubber"}
+
+[[counter.layers]]
+material = "coat"
+thickness = 2e-5
+
+[load]
+pressure = 1e5
+velocity = 0.1
+"""
+MOVING = (
+    SCENE
+    + """
+[block_surface]
+kind = "self_affine"
+rms_slope = 0.05
+hurst = 0.8
+q_roll = 1.3e4
+q_high = 4e4
+
+[motion]
+kind = "sinusoidal"
+stroke = 4e-4
+frequency = 10.0
+num_times = 32
+"""
+)
+
+
+def case_of(text):
+    scene = parse_scene(text)
+    point = {name: at[0] for name, at in scene.axes.items()}
+    return scene, scene.case(point, scene.surface.build())
+
+
+def test_tables_of_two_bodies_are_those_of_python():
+    scene, case = case_of(MOVING)
+    rubber, coat = gc.Prony(2e6, [4e6], [1e-2], 0.49), gc.Elastic(1e7, 0.4)
+    expected = gc.Stack(layers=(gc.Layer(coat, 2e-5),), base=gc.HalfSpace(rubber))
+    assert case.counter == expected and not case.stack.layers
+    # Another surface than that of the counter, out of the block.
+    np.testing.assert_allclose(gc.statistics(case.block_surface).rms_slope, 0.05, rtol=0.05)
+    aligned = np.corrcoef(case.surface.heights, case.block_surface.heights)[0, 1]
+    assert abs(aligned) < 0.9
+    assert described(parse_toml(MOVING)) == "rubber on a random surface of coat 20 µm, rubber"
+    assert "counter" in str(scene)
+
+
+def test_solves_of_another_counter_have_other_names():
+    softer = SCENE.replace("modulus = 1e7", "modulus = 1e6")
+    rigid = SCENE[: SCENE.index("[counter]")] + SCENE[SCENE.index("[load]") :]
+    names = {str(plan(parse_scene(text)).points.item()) for text in (SCENE, softer, rigid)}
+    assert len(names) == 3
+
+
+def test_a_counter_has_the_temperature_of_the_load():
+    shift = '\nshift = {kind = "wlf", c1 = 10.0, c2 = 80.0, reference = 293.0}\n'
+    warm = SCENE.replace("poisson = 0.49", "poisson = 0.49" + shift, 1) + "temperature = 313.0\n"
+    _, case = case_of(warm)
+    assert case.counter.base.material.times[0] < 0.5 * 1e-2
+    assert case.counter.base.material.times[0] == case.stack.base.material.times[0]
+
+
+@pytest.mark.parametrize(
+    "text, match",
+    [
+        (MOVING.replace("[motion]", "[heating]").split('kind = "sinusoidal"')[0], "heating"),
+        (SCENE + MOVING[len(SCENE) : MOVING.index("[motion]")], r"\[block_surface\] needs"),
+        (SCENE.replace("[[counter.layers]]\nmaterial", "[[counter.layers]]\nmateral"), "counter"),
+        (SCENE.replace("equilibrium = 2e6", "equilibrium = 0.0"), r"\[counter\].*liquid"),
+        (MOVING.replace("rms_slope = 0.05", "rms_slope = 0.05\nseeds = 3"), "block_surface"),
+    ],
+)
+def test_what_no_scene_of_two_bodies_has_is_refused_by_its_table(text, match):
+    with pytest.raises(ValueError, match=match):
+        parse_scene(text)
+
+
+def test_designs_and_pages_refuse_a_counter_by_name(tmp_path):
+    from graded_contact.page.document import open_document
+
+    with pytest.raises(ValueError, match=r"\[design\] does not take the table \[counter\]"):
+        parse_design(SCENE + '[design]\nobjective = "minimise_friction"\n')
+    (tmp_path / "two.toml").write_text(SCENE)
+    with pytest.raises(ValueError, match=r"page does not take the table \[counter\]"):
+        open_document(tmp_path / "two.toml")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", [SCENE, MOVING])
+def test_a_run_of_two_bodies_is_that_of_python(text):
+    scene, case = case_of(text)
+    found = plan(scene).run().squeeze()
+    assert found.message == ""
+    how = {"rtol": scene.rtol, "pressure": 1e5, "counter": case.counter}
+    if scene.motion is None:
+        expected = gc.slide(case.stack, case.surface, velocity=0.1, **how)
+        np.testing.assert_allclose(found.friction, expected.friction, rtol=1e-5)
+        return
+    expected = gc.sliding.slide_cycle(
+        case.stack, case.surface, displacement=case.displacement, period=case.period,
+        block_surface=case.block_surface, **how,
+    )  # fmt: skip
+    np.testing.assert_allclose(found.counter_power, expected.counter_power, rtol=1e-3)
+    np.testing.assert_allclose(found.mean_friction, expected.mean_friction, rtol=1e-3)

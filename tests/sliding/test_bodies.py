@@ -1,0 +1,415 @@
+"""Two bodies: sums of compliances, exchanged bodies, traction on both, energy, derivatives."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import elasticities
+
+import graded_contact as gc
+from graded_contact.fields.grid import wavevector
+from graded_contact.materials import StrainSoftening
+from graded_contact.mean_field import mean_field_friction
+from graded_contact.reference import hertz_line, hertz_pressure, hertz_sphere
+from graded_contact.sliding import ConstantShear, Coulomb, Heating, contact_stress, slide_cycle
+from graded_contact.sliding.case import Case
+from graded_contact.sliding.numerics import Numerics
+from graded_contact.sliding.steady import steady_problem
+
+Q0, LOAD = 2 * np.pi, 0.2
+TRACK = {"rms_slope": 0.2, "hurst": 0.8, "q_low": Q0, "q_roll": 2 * Q0, "q_high": 64 * Q0}
+
+
+def rough(n, seed=0, cut=4, slope=0.2):
+    n = (n,) if isinstance(n, int) else n
+    spectrum = gc.SelfAffine(rms_slope=slope, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=cut * Q0)
+    return gc.random_surface(spectrum, gc.Grid(n, 1.0), jax.random.key(seed))
+
+
+def elastic(modulus, poisson=0.3):
+    return gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus, poisson)))
+
+
+def rubber(strength=3.0, time=0.05, equilibrium=1.0):
+    return gc.Stack(base=gc.HalfSpace(gc.Prony(equilibrium, [strength], [time], 0.3)))
+
+
+ROUGH, OTHER = rough(32), rough(32, seed=3)
+COATED = gc.Stack(layers=(gc.Layer(gc.Elastic(5.0, 0.4), 0.05),), base=rubber(10.0, 0.5).base)
+
+
+def slide(stack, counter=None, surface=ROUGH, velocity=1.0, **how):
+    how = {"pressure": LOAD, "rtol": 1e-10} | how
+    return gc.slide(stack, surface, velocity=velocity, counter=counter, **how)
+
+
+def cycle(stack, surface, displacement, **how):
+    how = {"pressure": LOAD, "rtol": 1e-9, "period": 1.0} | how
+    return slide_cycle(stack, surface, displacement=displacement, **how)
+
+
+def reduced(modulus, poisson):
+    return modulus / (1 - poisson**2)
+
+
+@pytest.mark.parametrize("first, second", [((2.0, 0.3), (2.0, 0.3)), ((1.0, 0.2), (7.0, 0.45))])
+def test_two_elastic_bodies_are_one_with_the_sum_of_compliances(first, second):
+    both = 1 / (1 / reduced(*first) + 1 / reduced(*second))
+    one = slide(elastic(both, 0.0))
+    two = slide(elastic(*first), elastic(*second))
+    np.testing.assert_allclose(two.pressure, one.pressure, atol=1e-9 * float(one.pressure.max()))
+    np.testing.assert_allclose(two.gap, one.gap, atol=1e-9 * float(jnp.std(ROUGH.heights)))
+    s = 0.2 * np.sin(2 * np.pi * np.arange(32) / 32)
+    two = cycle(elastic(*first), ROUGH, s, counter=elastic(*second))
+    expected = np.broadcast_to(one.pressure, two.pressure.shape)
+    np.testing.assert_allclose(two.pressure, expected, atol=1e-7 * float(one.pressure.max()))
+
+
+def test_a_stiff_counter_tends_to_a_rigid_one():
+    rigid = slide(rubber()).compute("friction", "contact_area")
+    away = []
+    for modulus in (1e4, 1e6):
+        found = slide(rubber(), elastic(modulus)).compute("friction", "contact_area")
+        away.append(np.abs(np.subtract(found, rigid)))
+    assert np.all(away[1] < 2e-2 * away[0]) and np.all(away[1] < 1e-6)
+
+
+def test_the_counter_is_at_rest_under_its_waves():
+    """It has its relaxed moduli, and the block loses all power."""
+    found = slide(rubber(), rubber(10.0, 0.5))
+    relaxed = slide(rubber(), elastic(1.0))
+    found.compute("friction", "energy_imbalance")
+    np.testing.assert_allclose(found.friction, relaxed.friction, rtol=1e-8)
+    assert found.energy_imbalance < 1e-12 and found.friction > 0.01
+
+
+def steady_kernels(stack, counter, coefficient, grid, velocity):
+    """M_zz + f M_zx of both bodies; the counter's compliance is turned about the x axis."""
+    qx = np.asarray(wavevector(grid)[0])
+    q = np.where(qx == 0, 1.0, qx)
+    turned = np.diag([1.0, -1.0, -1.0])
+    block = np.asarray(gc.surface_compliance_matrix(stack, q, 0 * q, -qx * velocity))
+    other = np.asarray(gc.surface_compliance_matrix(counter, q, 0 * q, 0 * q))
+    # The forces on the counter are opposite, and so is what opens the gap.
+    other = turned @ other @ turned
+    force = np.array([coefficient, 0.0, 1.0])
+    found = (block @ force)[:, 2] + (other @ force)[:, 2]
+    return np.where(qx == 0, 0, found)
+
+
+@pytest.mark.parametrize("velocity", [1.0, -2.0])
+def test_traction_acts_on_the_counter_in_the_opposite_direction(velocity):
+    case = Case(
+        stack=rubber(), surface=rough(31), pressure=LOAD, velocity=velocity, counter=COATED,
+        shear=Coulomb(0.4),
+    )  # fmt: skip
+    problem = steady_problem(case, Numerics().of(case.bodies)).problem
+    along = np.sign(velocity) * 0.4
+    expected = steady_kernels(rubber(), COATED, along, case.rough.grid, velocity)
+    np.testing.assert_allclose(problem.operator.kernel, expected, rtol=1e-10)
+
+
+def test_traction_does_not_part_two_equal_bodies_at_rest():
+    """Dundurs's constant β is 0."""
+    alone = slide(elastic(1.0))
+    for shear in (Coulomb(0.5), ConstantShear(0.05, coupled=True)):
+        found = slide(elastic(2.0), elastic(2.0), shear=shear)
+        largest = float(alone.pressure.max())
+        np.testing.assert_allclose(found.pressure, alone.pressure, atol=1e-8 * largest)
+    unlike = slide(elastic(2.0, 0.1), elastic(2.0, 0.49), shear=Coulomb(0.5))
+    assert np.max(np.abs(unlike.pressure - alone.pressure)) > 1e-2 * largest
+
+
+@pytest.mark.parametrize(
+    "shear",
+    [Coulomb(0.4), pytest.param(ConstantShear(0.05, coupled=True), marks=pytest.mark.slow)],
+)
+def test_force_on_two_bodies_is_what_block_and_interface_lose(shear):
+    found = slide(rubber(), COATED, surface=rough(64), shear=shear)
+    names = "friction", "geometric_friction", "block_friction", "energy_imbalance"
+    friction, geometric, block, imbalance = found.compute(*names)
+    assert imbalance < 1e-10
+    np.testing.assert_allclose(geometric, friction, rtol=1e-2)
+    assert 0 < block < friction
+
+
+def whole_steps(n):
+    """A motion by whole spacings, which both frames resolve alike."""
+    there = np.array([0, 1, 2, 3, 3, 2, 1, 1, 0])
+    return there / n
+
+
+@pytest.mark.parametrize("shear", [None, pytest.param(Coulomb(0.3), marks=pytest.mark.slow)])
+def test_exchanged_bodies_have_the_same_friction(shear):
+    """The frames of counter and block are equivalent; numbers of points and times are odd."""
+    n = 15
+    own, other, s = rough(n), rough(n, seed=3), whole_steps(n)
+    how = {"shear": shear, "rtol": 1e-10}
+    found = cycle(rubber(), own, s, counter=COATED, block_surface=other, **how)
+    swapped = cycle(COATED, other, -s, counter=rubber(), block_surface=own, **how)
+    for name in ("mean_gap", "work", "load_work", "contact_area_pixels"):
+        tiny = 1e-9 * float(jnp.max(jnp.abs(getattr(found, name))))
+        same = getattr(swapped, name), getattr(found, name)
+        np.testing.assert_allclose(*same, rtol=1e-6, atol=tiny)
+    np.testing.assert_allclose(swapped.friction, -found.friction, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(swapped.counter_power, found.dissipated_power, rtol=1e-6)
+    np.testing.assert_allclose(swapped.dissipated_power, found.counter_power, rtol=1e-6)
+    # The pressure is the same field, seen from the other body.
+    steps = np.round(s * n).astype(int)
+    moved = np.stack([np.roll(p, -k) for p, k in zip(swapped.pressure, steps, strict=True)])
+    largest = float(found.pressure.max())
+    np.testing.assert_allclose(moved, found.pressure, atol=1e-6 * largest)
+
+
+@pytest.mark.slow
+def test_roughness_on_the_block_alone_is_that_of_a_counter_that_moves_backwards():
+    n = 15
+    flat = dataclasses.replace(rough(n), heights=jnp.zeros(n))
+    once = np.arange(n) / n  # once through the cell in a period
+    found = cycle(rubber(), flat, once, counter=COATED, block_surface=rough(n))
+    expected = slide(COATED, rubber(), surface=rough(n), velocity=-1.0)
+    found.compute("friction", "mean_friction")
+    np.testing.assert_allclose(found.friction, expected.friction, rtol=1e-6)
+    np.testing.assert_allclose(found.mean_friction, expected.friction, rtol=1e-6)
+
+
+def test_two_bodies_obey_the_conditions_of_contact_with_a_dense_matrix():
+    """By sums over waves and frequencies of both; energy is what friction, load and bodies have."""
+    n, nt = 11, 9
+    t, x = np.arange(nt) / nt, np.arange(n) / n
+    s = 0.15 * np.sin(2 * np.pi * t) + 0.05 * np.cos(4 * np.pi * t)
+    load = LOAD * (1 + 0.4 * np.sin(2 * np.pi * t))
+    own, other = rough(n, cut=3), rough(n, seed=3, cut=3)
+    counter = rubber(8.0, 0.2, 2.0)
+    found = cycle(rubber(), own, s, pressure=load, counter=counter, block_surface=other)
+    q, w = 2 * np.pi * np.fft.fftfreq(n, 1 / n), 2 * np.pi * np.fft.fftfreq(nt, 1 / nt)
+    waves, iw = q[q != 0], 1j * w
+    moduli = 1 + 3 * iw * 0.05 / (1 + iw * 0.05), 2 + 8 * iw * 0.2 / (1 + iw * 0.2)
+    beat = np.exp(iw * t[:, None])
+    moved, rates = [], []
+    p = np.asarray(found.pressure)
+    for modulus, place in zip(moduli, (s, 0 * s), strict=True):
+        kernel = 2 * (1 - 0.3**2) / (np.abs(waves)[:, None] * modulus)
+        point = np.exp(1j * waves * (x[None, :, None] + place[:, None, None]))
+        wave = np.einsum("uyq,uw,uy->qw", point.conj(), beat.conj(), p) * kernel / (n * nt)
+        moved.append(np.einsum("txq,tw,qw->tx", point, beat, wave).real)
+        # At fixed points of the body.
+        rates.append(np.einsum("txq,tw,qw->tx", point, beat, iw * wave).real)
+    along = np.exp(1j * q * (x[None, :, None] + s[:, None, None]))
+    passing = (along @ (np.fft.fft(other.heights) / n)).real
+    gap = sum(moved) - own.heights - passing + np.asarray(found.mean_gap)[:, None]
+    scale = np.std(own.heights)
+    assert np.all(p >= 0) and np.min(gap) > -1e-6 * scale
+    assert np.max(np.abs(p * gap)) < 1e-6 * scale * p.max() and 0.1 < np.mean(p > 0) < 0.9
+    np.testing.assert_allclose(p.mean(axis=1), load, rtol=1e-12)
+    powers = [np.mean(p * rate) for rate in rates]
+    np.testing.assert_allclose(found.dissipated_power, powers[0], rtol=1e-7)
+    np.testing.assert_allclose(found.counter_power, powers[1], rtol=1e-7)
+    np.testing.assert_allclose(found.work + found.load_work, sum(powers), rtol=1e-7)
+    slope = lambda field: np.fft.ifft(1j * q * np.fft.fft(field, axis=-1), axis=-1).real  # noqa: E731
+    parts = [np.mean(slope(body.heights) ** 2) for body in (other, own)]
+    forms = moved[0] - passing, own.heights - moved[1]
+    force = [-np.mean(p * slope(form), axis=1) for form in forms]
+    force = (parts[1] * force[0] + parts[0] * force[1]) / sum(parts)
+    np.testing.assert_allclose(found.traction, force, rtol=1e-7, atol=1e-12)
+    assert found.energy_imbalance < 1e-10 and min(powers) > 0
+
+
+@pytest.mark.slow
+def test_works_and_losses_of_two_bodies_balance_in_the_limit_of_many_points():
+    """`load_mismatch` compares the work of the load with that of the gap, an independent form."""
+    left = []
+    for n in (16, 32, 64):
+        s = 0.2 * np.sin(2 * np.pi * np.arange(n) / n)
+        given = {"counter": rubber(10.0, 0.5), "block_surface": rough(n, seed=3), "rtol": 1e-7}
+        found = cycle(rubber(), rough(n), s, shear=Coulomb(0.2), **given)
+        lost = found.dissipated_power + found.counter_power + found.interface_power
+        np.testing.assert_allclose(found.work + found.load_work, lost, rtol=1e-10)
+        left.append(float(found.load_mismatch))
+    assert left[2] < 2e-3 and left[2] < left[0]
+
+
+@pytest.mark.slow
+def test_a_sphere_on_two_bodies_is_that_of_hertz():
+    n, radius = 32, 0.3
+    x = (np.arange(n) - n / 2) / n
+    sphere = gc.Surface(-(x[:, None] ** 2 + x**2) / 2, gc.Grid((n, n), 1.0), periodic=False)
+    first, second = (1.0, 0.3), (3.0, 0.45)
+    both = 1 / (1 / reduced(*first) + 1 / reduced(*second))
+    load = 4 / 3 * both * radius**3
+    found = slide(
+        elastic(*first), elastic(*second), surface=sphere, velocity=0.0, pressure=load, rtol=1e-6
+    )
+    contact_radius, peak = hertz_sphere(load, 1.0, both)[:2]
+    np.testing.assert_allclose(contact_radius, radius)
+    np.testing.assert_allclose(jnp.max(found.pressure), peak, rtol=5e-3)
+    np.testing.assert_allclose(found.approach, radius**2, rtol=5e-3)
+    assert found.approach_error < 0.02 * found.approach
+
+
+@pytest.mark.slow
+def test_a_cylinder_on_a_slab_and_a_counter_is_that_of_the_sum_of_kernels():
+    n = 64
+    x = (np.arange(n) - n / 2) / n
+    line = gc.Surface(-(x**2) / 2, gc.Grid((n,), 1.0), periodic=False)
+    both = 1 / (1 / reduced(1.0, 0.3) + 1 / reduced(3.0, 0.45))
+    load = np.pi * both * 0.2**2 / 4
+    found = slide(elastic(1.0), elastic(3.0, 0.45), surface=line, velocity=0.0, pressure=load)
+    true = hertz_pressure(x, *hertz_line(load, 1.0, both)[:2])
+    assert np.sqrt(np.mean((found.pressure - true) ** 2) / np.mean(true**2)) < 2e-2
+    slab = gc.Stack(layers=(gc.Layer(gc.Elastic(1.0, 0.3), 0.1),), base=gc.Rigid())
+    found = slide(slab, slab, surface=line, velocity=0.0, pressure=None, approach=0.02)
+    alone = slide(slab, surface=line, velocity=0.0, pressure=None, approach=0.02)
+    assert found.contact.mean_pressure < alone.contact.mean_pressure
+    # Each of two equal slabs takes half of the approach.
+    np.testing.assert_allclose(found.compression, 0.01 / 0.1, rtol=1e-6)
+    np.testing.assert_allclose(alone.compression, 0.02 / 0.1, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_derivatives_of_steady_sliding_match_differences():
+    def friction(strength, modulus, thickness, heights):
+        counter = eqx.tree_at(lambda c: c.layers[0].thickness, COATED, thickness)
+        counter = eqx.tree_at(lambda c: c.layers[0].material.young, counter, modulus)
+        surface = dataclasses.replace(ROUGH, heights=heights * ROUGH.heights)
+        found = slide(rubber(strength), counter, surface, shear=Coulomb(0.2), rtol=1e-12)
+        return found.friction + found.contact.mean_gap
+
+    for gradient, change in elasticities(friction, tuple(map(np.array, (3.0, 5.0, 0.05, 1.0)))):
+        np.testing.assert_allclose(gradient, change, rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_cycle_of_two_rough_bodies_match_differences():
+    n = 16
+    own, other = rough(n), rough(n, seed=3)
+    t = np.arange(n) / n
+
+    def number(strength, equilibrium, stroke, heights):
+        s = stroke * jnp.sin(2 * np.pi * t)
+        second = dataclasses.replace(other, heights=heights * other.heights)
+        counter = rubber(8.0, 0.2, equilibrium)
+        how = {"counter": counter, "block_surface": second, "rtol": 1e-11}
+        found = cycle(rubber(strength), own, s, **how)
+        return found.mean_friction + found.counter_power + jnp.mean(found.mean_gap)
+
+    at = tuple(map(np.array, (3.0, 2.0, 0.1, 1.0)))
+    for gradient, change in elasticities(number, at, step=1e-4):
+        np.testing.assert_allclose(gradient, change, rtol=2e-3, atol=1e-7)
+
+
+def test_counters_are_a_batch_and_are_traced():
+    moduli = jnp.array([2.0, 5.0])
+    how = {"throw": False, "rtol": 1e-9}
+    friction = jax.jit(lambda modulus: slide(rubber(), elastic(modulus), **how).friction)
+    one_by_one = [float(slide(rubber(), elastic(m), rtol=1e-9).friction) for m in moduli]
+    np.testing.assert_allclose(jax.vmap(friction)(moduli), one_by_one, rtol=1e-6)
+    np.testing.assert_allclose([friction(m) for m in moduli], one_by_one, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_stress_in_the_counter_is_that_in_the_block_of_exchanged_bodies():
+    """From the counter the traction of the motion is that of the opposite motion."""
+    soft, stiff = elastic(1.0), elastic(4.0, 0.45)
+    depths = [0.0, 0.1]
+    found = slide(soft, stiff, shear=Coulomb(0.3))
+    in_counter = contact_stress(found, stiff, depths, body="counter")
+    exchanged = slide(stiff, soft, velocity=-1.0, shear=Coulomb(0.3))
+    in_block = contact_stress(exchanged, stiff, depths)
+    scale = float(jnp.max(jnp.abs(in_block.stress)))
+    np.testing.assert_allclose(in_counter.stress, in_block.stress, atol=1e-6 * scale)
+    assert in_counter.largest("von_mises").value > 0.1 * LOAD
+    with pytest.raises(ValueError, match="another counter"):
+        contact_stress(found, soft, depths, body="counter")
+    with pytest.raises(ValueError, match="rigid counter"):
+        contact_stress(slide(soft), soft, depths, body="counter")
+
+
+def test_a_counter_that_softens_has_the_modulus_at_its_strain():
+    half = StrainSoftening(gc.Elastic(4.0, 0.3), [1e-3, 1.0], [0.5, 0.5], [0.5, 0.5])
+    soft = gc.Stack(base=gc.HalfSpace(half))
+    found = slide(rubber(), soft, strain_per_slope=1.0)
+    expected = slide(rubber(), elastic(2.0))
+    np.testing.assert_allclose(found.friction, expected.friction, rtol=1e-8)
+    with pytest.raises(ValueError, match="strain_per_slope"):
+        slide(rubber(), elastic(2.0), strain_per_slope=1.0)
+
+
+@pytest.mark.parametrize(
+    "spectrum", [None, pytest.param(gc.SelfAffine(**TRACK), marks=pytest.mark.slow)]
+)
+def test_the_mean_field_of_two_elastic_bodies_is_that_of_one(spectrum):
+    roughness, how = spectrum or ROUGH, {"pressure": LOAD, "velocity": 1.0}
+    two = mean_field_friction(elastic(2.0), roughness, counter=elastic(2.0), **how)
+    one = mean_field_friction(elastic(1.0), roughness, **how)
+    np.testing.assert_allclose(two.contact_area, one.contact_area, rtol=1e-10)
+
+
+def test_the_mean_field_of_complete_contact_is_that_of_both_bodies():
+    found = mean_field_friction(rubber(), ROUGH, counter=COATED, pressure=50.0, velocity=1.0)
+    full = slide(rubber(), COATED, pressure=50.0)
+    np.testing.assert_allclose(found.friction, full.friction, rtol=2e-3)
+
+
+@pytest.mark.slow
+def test_the_mean_field_of_exchanged_bodies_is_the_same():
+    track = gc.SelfAffine(**TRACK)
+    own = gc.SelfAffine(rms_slope=0.1, hurst=0.7, q_low=Q0, q_roll=2 * Q0, q_high=32 * Q0)
+    how = {"pressure": LOAD, "velocity": 1.0}
+    found = mean_field_friction(rubber(), track, own_roughness=own, counter=COATED, **how)
+    other = mean_field_friction(COATED, own, own_roughness=track, counter=rubber(), **how)
+    np.testing.assert_allclose(other.friction, found.friction, rtol=1e-4)
+    np.testing.assert_allclose(other.contact_area, found.contact_area, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_a_counter_says_where_it_was_not_measured():
+    """Of a cycle, in which it dissipates; under steady sliding it is at rest."""
+    known = gc.Prony(2.0, [8.0], [0.2], 0.3, measured=gc.materials.MeasuredRange([1e3, 1e4]))
+    counter = gc.Stack(base=gc.HalfSpace(known))
+    s = 0.1 * np.sin(2 * np.pi * np.arange(16) / 16)
+    found = cycle(elastic(1.0), rough(16), s, counter=counter, pressure=LOAD)
+    found.compute("extrapolated_friction", "counter_power")
+    assert found.extrapolated_friction == 1 and found.counter_power > 0
+    assert slide(rubber(), counter).extrapolated_friction == 0
+
+
+def test_what_has_no_state_is_refused_by_name():
+    liquid = gc.Stack(base=gc.HalfSpace(gc.Prony(0.0, [1.0], [0.1], 0.3)))
+    s = 0.1 * np.sin(2 * np.pi * np.arange(16) / 16)
+    how = {"block_surface": OTHER}
+    heating = {"heating": Heating(0.2, 1e-7), "temperature": 300.0}
+    with pytest.raises(ValueError, match=r"`counter`.*liquid"):
+        slide(rubber(), liquid)
+    with pytest.raises(ValueError, match=r"`counter`.*liquid"):
+        mean_field_friction(rubber(), ROUGH, pressure=LOAD, velocity=1.0, counter=liquid)
+    with pytest.raises(ValueError, match=r"`block_surface` is refused with a `velocity`"):
+        Case(rubber(), ROUGH, velocity=1.0, pressure=LOAD, block_surface=OTHER)
+    with pytest.raises(ValueError, match=r"`heating` is refused with a `block_surface`"):
+        cycle(rubber(), ROUGH, s, **how, **heating)
+    with pytest.raises(ValueError, match=r"`block_surface` is on"):
+        cycle(rubber(), rough(16), s, **how)
+    window = gc.Surface(OTHER.heights, OTHER.grid, periodic=False)
+    with pytest.raises(ValueError, match=r"`block_surface` is on a window"):
+        cycle(rubber(), ROUGH, s, block_surface=window)
+
+
+@pytest.mark.slow
+def test_heat_of_friction_softens_the_block_under_a_counter():
+    """A stiff counter has the temperatures of a rigid one; under a soft one there is less heat."""
+    q = Q0 / 4e-3
+    spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=q, q_roll=2 * q, q_high=4 * q)
+    surface = gc.random_surface(spectrum, gc.Grid((16, 16), 4e-3), jax.random.key(0))
+    known = gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49, shift=gc.WLF(8.0, 100.0, 293.0))
+    block = gc.Stack(base=gc.HalfSpace(known))
+    how = {"heating": Heating(0.25, 1.1e-7, 1.0), "temperature": 293.0, "pressure": 3e4}
+    found = [
+        slide(block, counter, surface, rtol=1e-6, **how)
+        for counter in (None, elastic(1e12), elastic(1e6, 0.49))
+    ]
+    rigid, stiff, soft = (float(one.surface_rise) for one in found)
+    np.testing.assert_allclose(stiff, rigid, rtol=1e-3)
+    assert rigid > 1 and 0 < soft < rigid
