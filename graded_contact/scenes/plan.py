@@ -18,8 +18,8 @@ import numpy as np
 from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.memory import (
-    COUNTER,
     CYCLE,
+    CYCLE_COUNTER,
     DERIVATIVE,
     SLIDING,
     available_memory,
@@ -195,7 +195,7 @@ def fields_in_memory(scene: Scene) -> float:
     fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     if scene.motion is None:
         return fields + SLIDING
-    return scene.num_times * (fields + CYCLE + (0 if scene.counter is None else COUNTER))
+    return scene.num_times * (fields + CYCLE + (0 if scene.counter is None else CYCLE_COUNTER))
 
 
 def cost_text(
