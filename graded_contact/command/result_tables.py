@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import typer
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -72,11 +73,10 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
         )
     axes, columns = results["message"].dims, _columns(results, full)
     shown = has_numbers(results).values
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in (*_heads(results), *(head for head, _ in columns.values()), "state"):
-        table.add_column(Text(head), justify="right", no_wrap=True)
+    heads = (*_heads(results), *(head for head, _ in columns.values()), "state")
     states, numbered = solve_states(results).values, [*zip(marks, warnings, strict=True)]
     load_unit = 1e6 if axes[-2] == "pressure" else 1
+    rows = []
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
         cells = [
@@ -88,11 +88,20 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
         which = ",".join(filter(str.isdigit, doubts))
         mark += f"[yellow]doubtful{f' ({which})' * bool(which)}[/]" * bool(doubts)
         numbers = (f"{speed:.3e}", f"{load / load_unit:.4g}", *(f"{number:.5g}" for number in at))
-        table.add_row(*numbers, *cells, mark)
-    console = Console()
-    # A narrower screen wraps the lines; it must not cut the numbers.
-    console.width = max(console.width, 24 * (len(table.columns) + 1))
-    console.print(table)
+        rows.append([*numbers, *cells, mark])
+    console, shared, parts = Console(), len(axes), [[*range(len(heads))]]
+    if console.is_terminal:
+        texts = [[*heads], *([Text.from_markup(text).plain for text in row] for row in rows)]
+        parts = tables_that_fit(texts, shared, console.width)
+    else:  # a file has one line for each solve
+        console.width = max(console.width, 24 * (len(heads) + 1))
+    for part in parts:
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+        for i in part:
+            table.add_column(Text(heads[i]), justify="right", no_wrap=True)
+        for row in rows:
+            table.add_row(*(row[i] for i in part))
+        console.print(table)
     for mark, caveat in numbered:
         text = f"[bold yellow]({mark})[/] {escape(caveat.sentence)}"
         console.print(text, soft_wrap=True)
@@ -101,6 +110,36 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
         words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
         console.print(f"Errors by the grid are {words}.", soft_wrap=True)
     _print_failures(every)
+
+
+def tables_that_fit(texts: list[list[str]], shared: int, room: int) -> list[list[int]]:
+    """Returns the columns of each of some tables that are at most as wide as the screen.
+
+    The first columns, which say what is solved, are in each table; an error stays beside its
+    number.
+
+    **Arguments:**
+
+    - `texts`: heads, then rows.
+    - `shared`: number of the columns that each table has.
+    - `room`: width of the screen [characters].
+    """
+    widths = [
+        3 + max(cell_len(line) for text in column for line in text.split("\n"))
+        for column in zip(*texts, strict=True)
+    ]
+    together: list[list[int]] = []
+    for i in range(shared, len(widths)):
+        together += [[]] * (not texts[0][i].startswith("±"))
+        together[-1] = [*together[-1], i]
+    parts, used = [[*range(shared)]], sum(widths[:shared])
+    for group in together:
+        wide = sum(widths[i] for i in group)
+        if used + wide > room and len(parts[-1]) > shared:
+            parts, used = [*parts, [*range(shared)]], sum(widths[:shared])
+        parts[-1] += group
+        used += wide
+    return parts
 
 
 def _cell(results: "Dataset", name: str, index: tuple[int, ...], form: str) -> str:

@@ -62,8 +62,9 @@ class Observe:
 
 
 @shown(
-    "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion",
-    "sampling", "law", "shear", "heating", "observed", unset=False,
+    "title", "stack", "surface", "sweep", "temperature", "pressure", "approach", "velocity",
+    "direction", "pressure_ratio", "strain_per_slope", "motion", "sampling", "law", "shear",
+    "heating", "observed", unset=False,
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
