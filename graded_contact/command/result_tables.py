@@ -24,6 +24,7 @@ from ..scenes.results import (
     solve_states,
     surface_of,
     warnings_of,
+    without_friction,
 )
 from ..scenes.scene import Scene
 from ..scenes.toml import parse_toml
@@ -47,6 +48,7 @@ STATES = {
 MAIN = (
     "mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach",
     "contact_stiffness", "specific_conductance", "flow_along_x", "flow_along_y",
+    "leakage_along_x", "leakage_along_y",
 )  # fmt: skip
 # Errors that are no part of the total: ends of names, and heads.
 APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
@@ -109,6 +111,7 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
         surface = surface_of(every)
         words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
         console.print(f"Errors by the grid are {words}.", soft_wrap=True)
+    _print_closed(every)
     _print_failures(every)
 
 
@@ -145,6 +148,9 @@ def tables_that_fit(texts: list[list[str]], shared: int, room: int) -> list[list
 def _cell(results: "Dataset", name: str, index: tuple[int, ...], form: str) -> str:
     """A number in words; one below its error as its bound."""
     value = float(results[name].values[index])
+    of_friction = name in {f"friction{end}" for end in ("", "_error", *APART)}
+    if of_friction and np.isfinite(value) and bool(without_friction(results)[index]):
+        return "0"  # what stands there is rounding
     error = float(results[f"{name}_error"].values[index]) if f"{name}_error" in results else 0.0
     return number(value, form, error)
 
@@ -163,6 +169,7 @@ def _heads(results: "Dataset") -> Iterator[str]:
 def _columns(results: "Dataset", full: bool) -> dict[str, tuple[str, str]]:
     """Heads and formats of the columns, of quantities with one number for each solve."""
     known = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
+    known |= {f"leakage_along_{d}": (f"leakage\nalong {d}\n[m³/s]", ".3e") for d in ("x", "y")}
     known |= {name + end: (head, ".1e") for name in MAIN for end, head in APART.items()}
     hidden = {"unmeasured_friction"} if "measured" not in results else set()
     # Without shear in the contact, all friction is hysteresis. With coupling, shear and slopes
@@ -170,15 +177,30 @@ def _columns(results: "Dataset", full: bool) -> dict[str, tuple[str, str]]:
     without = "shear_friction" in results and not np.any(results["shear_friction"])
     if without or "block_friction" in results:
         hidden |= {"hysteresis_friction", "shear_friction"}
+    if "leakage_along_x" in results and not full:
+        hidden |= {"flow_along_x", "flow_along_y"}
     # An error stands beside its number.
-    numbers = [name for name in known if not name.endswith("_error")] if full else MAIN
+    every = [name for name in known if not name.endswith("_error")] if full else MAIN
+    numbers = [name for name in every if name not in hidden]
     beside = [name + end for name in numbers for end in ("", "_error", *APART)]
     axes = results["message"].dims
     return {
         name: known[name]
         for name in beside
-        if name in known and name not in hidden and name in results and results[name].dims == axes
+        if name in known and name in results and results[name].dims == axes
     }
+
+
+def _print_closed(results: "Dataset") -> None:
+    """Prints from which load on the gap lets no fluid pass, in any of the solves."""
+    for axis in ("x", "y"):
+        flow = results.get(f"flow_along_{axis}")
+        if flow is None:
+            continue
+        closed = (flow == 0).all([name for name in flow.dims if name != "pressure"]).values
+        if np.any(closed):
+            least = with_unit(float(np.min(results["pressure"].values[closed])), "Pa")
+            typer.echo(f"No fluid passes along {axis} at a pressure of {least} or more.")
 
 
 def _print_failures(results: "Dataset") -> None:

@@ -24,6 +24,8 @@ from ..core.parameters import with_values
 from ..fields.frequency import velocity_along
 from ..materials.material import AbstractMaterial
 from ..sliding.case import Case, Heating
+from ..sliding.facts import FLOW
+from ..sliding.gap_flow import Fluid
 from ..sliding.motion import Motion
 from ..sliding.numerics import Numerics
 from ..sliding.shear import AbstractShear
@@ -64,7 +66,7 @@ class Observe:
 @shown(
     "title", "stack", "surface", "sweep", "temperature", "pressure", "approach", "velocity",
     "direction", "pressure_ratio", "strain_per_slope", "motion", "sampling", "law", "shear",
-    "heating", "observed", unset=False,
+    "heating", "fluid", "observed", unset=False,
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -88,6 +90,7 @@ class Scene:
     - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
       period, linear in between; if missing, the load is constant.
     - `motion`, `law`, `shear`, `heating`: the tables of these names, or None.
+    - `fluid`: whose leakage through the gap is a result, or None.
     - `observe`: the table of this name.
     - `step`: of a motion, its largest step from one time to the next, in spacings of the grid.
     - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
@@ -125,6 +128,7 @@ class Scene:
     law: AbstractLaw | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
+    fluid: Fluid | None = None
     observe: Observe = Observe()
     solver: DouglasRachford
     rtol: float = RTOL
@@ -156,6 +160,11 @@ class Scene:
     def num_solves(self) -> int:
         """How many combinations there are of what is varied."""
         return math.prod(len(values) for values in self.axes.values())
+
+    @property
+    def asked(self) -> tuple[str, ...]:
+        """What [observe] and [fluid] ask for."""
+        return *self.observe.asked, *([FLOW] if self.fluid is not None else [])
 
     @property
     def observed(self) -> str:

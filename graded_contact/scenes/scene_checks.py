@@ -21,7 +21,7 @@ from ..core.parameters import paths, with_values
 from ..materials.softening import as_strain_per_slope
 from ..sliding.shear import shear_stress
 from .block import extremes
-from .scene import Observe, Scene
+from .scene import Scene
 from .surface_source import Sphere, SurfaceFile
 
 
@@ -61,9 +61,9 @@ def check_tables(scene: Scene) -> None:
         raise ValueError(
             '[load] `approach` needs a surface of kind "sphere", or a file that is "open".'
         )
-    asked = scene.observe != Observe()
-    if asked and (motion is not None or is_open or isinstance(source, Sphere)):
-        raise ValueError("[observe] needs steady sliding on a periodic surface.")
+    for table, asked in (("fluid", scene.fluid), ("observe", scene.observe.asked)):
+        if asked and (motion is not None or is_open or isinstance(source, Sphere)):
+            raise ValueError(f"[{table}] needs steady sliding on a periodic surface.")
     if scene.heating is not None and scene.temperature is None:
         raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
     with within("[shear]"):
