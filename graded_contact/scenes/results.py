@@ -20,8 +20,8 @@ import numpy as np
 from ..contacts.solution import FAILURES, RESULTS
 from ..core.caveats import Caveat, caveats_of
 from ..core.quantities import mean_over_seeds
-from ..sliding.errors import NO_FRICTION
 from ..fields.grid import Grid
+from ..sliding.errors import NO_FRICTION
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, read_dataset
 from ..surfaces.reading_steps import ReadingStep
 from ..surfaces.surface import Surface
