@@ -296,9 +296,8 @@ def keys_page() -> str:
 def key_row(key: Key, make: Callable) -> list[str]:
     """Returns key, meaning, type, default and unit, from signature and docstring."""
     meaning = MEANINGS.get(key.name) or meaning_of(key.name, make)
-    unit = re.search(
-        r"(?<![\w\[])\[((?:1|Pa(?: s)?|rad|m²?|s|K|J|Hz)(?:/\w+)?|W/\(m K\))\]", meaning
-    )
+    units = r"(?:1|Pa(?: s)?|rad|m²?|s|K|J|Hz)(?:/\w+)?|W/\(m K\)"
+    unit = re.search(rf"(?<![\w\[])\[({units})\]", meaning)
     cells = [f"`{key.name}`", meaning, words(key), default_text(key), unit[1] if unit else ""]
     return [cell.replace("|", "\\|") for cell in cells]
 

@@ -173,8 +173,8 @@ OF_RESULTS = _table([
     ("period", "T", "s", "period"),
     ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),
     ("friction_standard_error", "", "1", "standard error of the friction by that of materials"),
-    *((f"leakage_along_{axis}", f"Q_{axis}", "m³/s", f"leakage of the cell along {axis}") for axis in
-      ("x", "y")),
+    ("leakage_along_x", "Q_x", "m³/s", "leakage of the cell along x"),
+    ("leakage_along_y", "Q_y", "m³/s", "leakage of the cell along y"),
     ("GapFlow.conductance", "K", "m³", "conductance of the gap along x and along y"),
     ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height", Usual("rms height", "µm", _within(10.0))),

@@ -14,6 +14,7 @@ from ..blocks.compliance import effective_modulus
 from ..blocks.depth import Side
 from ..blocks.stack import Stack, interface_depths
 from ..core.checks import as_float, check_positive, check_values, within
+from ..core.compilation import jit
 from ..core.derivative import largest
 from ..core.display import shown
 from ..sliding.contact_stress import StressKind, contact_stress
@@ -48,6 +49,7 @@ class Criterion(NamedTuple):
 Depths = Float[Array, " depths"]
 
 
+@jit
 def _largest(found: Any, stack: Stack, kind: StressKind, depths: Depths, side: Side) -> Array:
     # One depth after another, also in the derivative: the stresses of all would fill the memory.
     at = jax.checkpoint(

@@ -16,7 +16,7 @@ from .sweeps import plot_compare, plot_leakage, plot_reduced, plot_sweep
 
 __all__ = [
     "COLOURS", "COLUMN", "PAGE", "STYLE", "plot_compare", "plot_cycle", "plot_design",
-    "plot_dissipation", "plot_distributions", "plot_film", "plot_fit", "plot_history", "plot_leakage",
-    "plot_master_curve", "plot_reduced", "plot_response", "plot_sensitivity",
+    "plot_dissipation", "plot_distributions", "plot_film", "plot_fit", "plot_history",
+    "plot_leakage", "plot_master_curve", "plot_reduced", "plot_response", "plot_sensitivity",
     "plot_sliding", "plot_sweep", "plot_van_gurp_palmen", "slider",
 ]  # fmt: skip

@@ -300,7 +300,8 @@ def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: 
         at = state == word
         if np.any(at):
             lost = word in ("failed", NOT_STARTED)
-            y, how = (np.zeros(at.sum()), bottom) if lost else (values[at], {"clip_on": False})
+            how: Any = bottom if lost else {"clip_on": False}
+            y = np.zeros(at.sum()) if lost else values[at]
             face = colour if filled else "white"
             axes.plot(x[at], y, mark, color=colour, markerfacecolor=face, label=word, **how)
     at = line["doubtful"].values

@@ -44,8 +44,9 @@ MATERIALS = {
     "softened": StrainSoftening,
 }
 NO_MATERIAL = (
-    "Materials are linear and isotropic. The model has no fluid in pores (poroelastic, biphasic), no "
-    "large strains (hyperelastic, neo-Hookean, Ogden), no plastic flow and no fibres (anisotropic)."
+    "Materials are linear and isotropic. The model has no fluid in pores (poroelastic, biphasic), "
+    "no large strains (hyperelastic, neo-Hookean, Ogden), no plastic flow and no fibres "
+    "(anisotropic)."
 )
 BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
 KIND_MAKERS = {

@@ -129,7 +129,7 @@ def has_numbers(results: "Dataset") -> "DataArray":
 
 def without_friction(results: "Dataset") -> "DataArray":
     """Returns for each solve of steady sliding whether its friction is rounding or not known."""
-    return ~(np.abs(results["friction"]) > NO_FRICTION * results["slope_in_contact"])
+    return ~(abs(results["friction"]) > NO_FRICTION * results["slope_in_contact"])
 
 
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:

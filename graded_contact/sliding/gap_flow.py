@@ -76,7 +76,7 @@ class Fluid:
         check_positive("viscosity", self.viscosity, "[Pa s]")
         check_positive("pressure_difference", self.pressure_difference, "[Pa]")
 
-    def leakage(self, conductance: Float[Array, "*any 2"], grid: Grid) -> Float[Array, "*any 2"]:
+    def leakage(self, conductance: Numbers, grid: Grid) -> Float[Array, "*any 2"]:
         """Returns the volume that passes a cell in two dimensions, along x and along y [m³/s].
 
         Q_x = K_x Δp L_y/(12 η L_x). A seal of length l around and width w across has l/w times as
@@ -84,14 +84,14 @@ class Fluid:
 
         **Arguments:**
 
-        - `conductance`: K along x and along y [m³], of `GapFlow`.
+        - `conductance`: K along x and along y [m³], shape `(..., 2)`, of `GapFlow`.
         - `grid`: the cell.
 
         **Returns:** the leakage.
         """
         across = grid.size[::-1] / grid.size
         per_area = self.pressure_difference / (12 * self.viscosity)
-        return conductance * per_area * across
+        return as_float(conductance, "conductance") * per_area * across
 
 
 @check_types

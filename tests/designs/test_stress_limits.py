@@ -39,16 +39,16 @@ def test_stresses_of_full_contact_have_their_closed_form():
 
 def test_a_limit_holds_on_the_surface_and_on_both_sides_of_each_interface():
     """And at depths between, which are computed one by one here."""
-    study = parse_design(CRACKS.replace("[design]", f"{COULOMB}[design]", 1))
+    text = CRACKS.replace("max_von_mises = 1e9\n", "")
+    study = parse_design(text.replace("[design]", f"{COULOMB}[design]", 1))
     block, (rough,), speed = study.scene.stack, study.surfaces, jnp.asarray(0.1)
     criteria = contact_criteria(study, block, rough, speed)
     sliding = design_contact(study, block, rough, speed)
     d = float(block.layers[0].thickness)
     inside = contact_stress(sliding, block, np.array([d / 4, d / 2, d]), side="above")
     below = contact_stress(sliding, block, np.array([0.0, d]), side="below")
-    for name in ("tension", "von_mises"):
-        expected = max(float(stress.largest(name).value) for stress in (inside, below))
-        np.testing.assert_allclose(criteria[name], expected, rtol=1e-5)
+    expected = max(float(stress.largest("tension").value) for stress in (inside, below))
+    np.testing.assert_allclose(criteria["tension"], expected, rtol=1e-5)
     shear = np.max(below.shear[1])
     np.testing.assert_allclose(criteria["interface_shear"], shear, rtol=1e-4)
     margins = study.limits.margins({"tension": criteria["tension"][None]}, np.array([0.1]))
@@ -59,10 +59,10 @@ def test_a_limit_holds_on_the_surface_and_on_both_sides_of_each_interface():
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ("max_tension = 1e9", "max_tension = 0", "`max_tension=0.0?` is refused"),
+        ("max_tension = 1e9", "max_tension = 0", "max_tension=0` is refused"),
         ("max_tension", "max_tensile", "did you mean `max_tension`"),
         ("starts = 2", "starts = 2\nstress_depths = [-1e-6]", "`stress_depths`: .* zero"),
-        ('[[layers]]\nmaterial = "coat"\nthickness = 2e-4\n', "", '"interface_shear" needs a layer'),
+        ('[[layers]]\nmaterial = "coat"\nthickness = 2e-4\n', "", "interface_shear. needs a layer"),
         ("velocity = 0.1", "velocity = 0.1\nstrain_per_slope = 1.0", "strain_per_slope"),
         ("[design]", '[motion]\nkind = "sinusoidal"\nstroke = 1e-4\nfrequency = 1.0\n[design]',
          '"tension" needs steady sliding'),

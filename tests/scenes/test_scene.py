@@ -344,7 +344,7 @@ def test_a_scene_prints_its_load_and_nothing_raw():
 def test_a_scene_prints_the_path_of_its_surface_and_no_pressure_beside_an_approach(tmp_path):
     file = tmp_path / "a-surface-with-a-long-name.txt"
     np.savetxt(file, np.zeros((8, 8)))
-    head, tail = TEXT.split("[materials", 1)
+    tail = TEXT.partition("[materials")[2]
     surface = f'[surface]\nkind = "file"\npath = "{file.as_posix()}"\nsize = 1e-3\nunit = "um"\n'
     text = f'{surface}periodic = "open"\n[materials{tail}'
     lines = str(parse_scene(text.replace("pressure = [2e5, 4e5]", "approach = 1e-6")))

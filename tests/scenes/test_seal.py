@@ -51,7 +51,8 @@ def test_a_figure_of_leakage_is_against_the_load_and_marks_closed_gaps(seal):
         closed = seal.pressure[(seal[name] == 0).all(["seed", "velocity"])]
         np.testing.assert_allclose(lines["v"].get_xdata(), closed)
         mean = seal[name].mean("seed").values[:, 0]
-        np.testing.assert_allclose(axes.lines[0].get_ydata(), np.where(mean > 0, mean, np.nan))
+        (curve,) = (one for one in lines.values() if one.get_linestyle() == "-")
+        np.testing.assert_allclose(curve.get_ydata(), np.where(mean > 0, mean, np.nan))
     with pytest.raises(ValueError, match=r"have no leakage: the scene needs the table \[fluid\]"):
         gc.plot.plot_leakage(seal.drop_vars(["flow_along_x"]))
 
@@ -59,7 +60,7 @@ def test_a_figure_of_leakage_is_against_the_load_and_marks_closed_gaps(seal):
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ("viscosity = 2e-3", "viscosity = 0", r"\[fluid\] `viscosity=0.0?` is refused"),
+        ("viscosity = 2e-3", "viscosity = 0", r"\[fluid\] `viscosity=0` is refused"),
         ("viscosity = 2e-3", "viskosity = 2e-3", "did you mean `viscosity`"),
         ("[16, 16]\n", "[16]\n", "needs a surface in two dimensions"),
         ("[fluid]", '[motion]\nkind = "sinusoidal"\nstroke = 1e-4\nfrequency = 1.0\n[fluid]',
