@@ -29,6 +29,7 @@ from graded_contact.command import new as new_job
 from graded_contact.command import result_tables
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
+from graded_contact.command.result_tables import tables_that_fit
 from graded_contact.core.display import number
 from graded_contact.scenes.plan import build_surface
 from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
@@ -904,3 +905,15 @@ def test_a_table_has_parts_of_friction_that_are_lost_somewhere():
     table = xarray.Dataset({name: (list(axes), [[0.5]]) for name in ("message", *parts)}, axes)
     assert [*result_tables._columns(table, True)] == parts[2:]
     assert [*result_tables._columns(table.drop_vars(parts[2:]), True)] == parts[:2]
+
+
+def test_a_wide_table_is_several_that_fit_and_errors_stay_beside_their_numbers():
+    texts = [
+        ["v\n[m/s]", "friction", "±", "area", "±", "state"],
+        ["0.1", "0.5", "1e-3", "0.2", "0.1", ""],
+    ]
+    # Each column takes three characters more than its widest line.
+    assert tables_that_fit(texts, 1, 47) == [[0, 1, 2, 3, 4, 5]]
+    assert tables_that_fit(texts, 1, 46) == [[0, 1, 2, 3, 4], [0, 5]]
+    assert tables_that_fit(texts, 1, 30) == [[0, 1, 2], [0, 3, 4, 5]]
+    assert tables_that_fit(texts, 1, 10) == [[0, 1, 2], [0, 3, 4], [0, 5]]  # no narrower

@@ -13,6 +13,7 @@ import graded_contact as gc
 from graded_contact.blocks import Bond, Film
 from graded_contact.contacts import AdhesiveLJ, ExponentialAdhesion, RepulsiveLJ
 from graded_contact.readers.recorded_motion import read_motion
+from graded_contact.scenes import block
 from graded_contact.scenes.collect import numbers_of_scene
 from graded_contact.scenes.plan import plan
 from graded_contact.scenes.scene_file import parse_scene, read_scene
@@ -306,3 +307,15 @@ def test_a_scene_chooses_and_names_its_number_of_times(tmp_path):
     times = "[motion] `num_times=16` is refused: the surface moves by up to 2."
     with pytest.raises(ValueError, match=re.escape(times)):
         parse_scene(file + STILL.split("[materials", 1)[1] + SINE, tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["poroelastic", "neo_hookean", "viscoelastic"])
+def test_an_unknown_material_names_all_kinds_and_what_the_model_lacks(kind):
+    kinds = [*block.MATERIALS, "tabulated", "strain_sweep"]
+    known = ", ".join(f"`{one}`" for one in kinds)
+    with pytest.raises(
+        ValueError, match=f"'{kind}' is not known; the kinds are {known}. .*hyperel"
+    ):
+        parse_scene(TEXT.replace('"tyre_tread"', f'"{kind}"'))
+    with pytest.raises(ValueError, match=r"did you mean `elastic`\? The kinds .*no plastic flow"):
+        parse_scene(TEXT.replace('"elastic"', '"elastik"'))
