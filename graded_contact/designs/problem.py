@@ -70,7 +70,7 @@ def contact_criteria(
     return criteria_in(study, design_contact(study, stack, surface, velocity))
 
 
-def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity: Any) -> Found:
+def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity: Any):
     """Returns the contact of a stack at a velocity, or highest speed [m/s]."""
     scene = study.scene
     bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)

@@ -230,7 +230,7 @@ class TransientSliding(AbstractSliding):
         return self.times[np.array(self.kept_steps)]
 
 
-Found = Sliding | CyclicSliding | TransientSliding
+Found = Sliding | CyclicSliding
 
 
 def result_of(problem: Problem, contact: ContactSolution) -> Found:

@@ -12,7 +12,7 @@ from graded_contact.blocks import Blend
 from graded_contact.blocks.creep import NODES, contour, creep_of
 from graded_contact.contacts import DouglasRachford
 from graded_contact.materials import AbstractMaterial, StrainSoftening, Tabulated
-from graded_contact.sliding import ConstantShear, Coulomb, dwell, ramp, recorded_once, start
+from graded_contact.sliding import ConstantShear, dwell, ramp, recorded_once, start
 
 RUBBER = gc.Prony(1e6, [4e6, 8e6], [1e-2, 1e-3], 0.49)
 BLOCK = gc.Stack(base=gc.HalfSpace(RUBBER))
@@ -208,7 +208,7 @@ TABLE = Tabulated([1.0, 1e3], [1e6 + 1e5j, 2e6 + 1e5j], extrapolate="plateau")
         (dict(displacement=[0.0]), "one for each"),
         (dict(pressure=[1e5]), "`pressure`"),
         (dict(pressure=None), "exactly one"),
-        (dict(shear=Coulomb(0.3)), "coupled=False"),
+        (dict(shear=ConstantShear(1e4, coupled=True)), "Coulomb"),
         (dict(surface=gc.Surface(SURFACE.heights, GRID, periodic=False)), "window"),
     ],
 )
