@@ -25,7 +25,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, Inexact
+from jaxtyping import Array, Complex, Float
 
 from ..core.checks import is_concrete
 from ..core.derivative import derivative_apart
@@ -84,7 +84,7 @@ class Creep(eqx.Module):
     whole: Float[Array, "steps waves"]
     aged: Float[Array, "steps waves"]
     error: Float[Array, ""]
-    lift: tuple[Inexact[Array, "rows waves"], ...] | None
+    lift: tuple[Complex[Array, "nodes waves"], Float[Array, "steps waves"], Array] | None
 
     def shares(self, q: Float[Array, " points"]) -> Float[Array, "waves points"]:
         """Returns what a table is multiplied with to have its values at wavenumbers [rad/m]."""

@@ -100,11 +100,11 @@ def test_traction_of_coulomb_moves_elastic_surfaces_as_in_steady_sliding_both_wa
         )
         expected = velocity * float(steady.friction)
         np.testing.assert_allclose(found.friction[moving], expected, rtol=1e-5)
-        np.testing.assert_allclose(found.contact_area[moving], steady.contact_area, atol=1e-4)
+        np.testing.assert_allclose(found.contact_area[moving], steady.contact_area, atol=1e-3)
         np.testing.assert_allclose(found.mean_gap[moving], steady.mean_gap, rtol=1e-5)
     still = gc.slide(block, ROUGH, velocity=0.0, counter=counter, pressure=0.05, rtol=1e-9)
     assert abs(float(still.mean_gap - steady.mean_gap)) > 1e-3 * still.mean_gap
-    np.testing.assert_allclose(found.mean_gap[[0, 2, -1]], still.mean_gap, rtol=1e-5)
+    np.testing.assert_allclose(found.mean_gap[np.array([0, 2, -1])], still.mean_gap, rtol=1e-5)
 
 
 @pytest.mark.slow
