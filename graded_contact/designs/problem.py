@@ -6,7 +6,7 @@ whichever of the two gives them.
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -70,12 +70,12 @@ def contact_criteria(
     return criteria_in(study, design_contact(study, stack, surface, velocity))
 
 
-def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity: Any):
+def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity: Any) -> Found:
     """Returns the contact of a stack at a velocity, or highest speed [m/s]."""
     scene = study.scene
     bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)
     case = bare.case({"pressure": scene.pressure[0], "velocity": velocity}, surface)
-    return solve(case, dataclasses.replace(scene.numerics, throw=True))
+    return cast(Found, solve(case, dataclasses.replace(scene.numerics, throw=True)))
 
 
 def criteria_in(study: DesignScene, found: Found) -> dict[str, Array]:

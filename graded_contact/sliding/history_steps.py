@@ -326,7 +326,7 @@ def _steps(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
     tables = tuple(jnp.stack([c.now, c.whole, c.aged], 1) for c in problem.creeps)
     lifts = (None,) * len(tables)
     if problem.creeps[0].lift is not None:  # the aged one has no traction
-        pairs = (c.lift[1:] for c in problem.creeps)
+        pairs = (c.lift[1:] for c in problem.creeps if c.lift is not None)
         lifts += tuple(jnp.stack([now, whole, 0 * now], 1) for now, whole in pairs)
     # The nodes follow from the times: those of all bodies are equal.
     z = problem.creeps[0].nodes * lengths[:, None]

@@ -358,3 +358,22 @@ def test_derivatives_are_those_of_differences_and_batches_are_single_histories()
     both = jax.vmap(lambda load: number(*args[:3], load, args[4]))(loads)
     single = [number(*args[:3], load, args[4]) for load in loads]
     np.testing.assert_allclose(both, single, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_sphere_under_a_load_that_begins_has_the_radius_of_lee_and_radok():
+    """a³ = 3/4 (1 - ν²) R F J(t), also in a periodic cell four radii wide."""
+    rubber = gc.Prony(1.0, [4.0], [0.1], 0.5)
+    times, radius, force = np.geomspace(1e-3, 1, 16), 1.0, 0.02
+    creep = 1 - 0.8 * np.exp(-times / 0.5)
+    expected = (0.75 * 0.75 * radius * force * creep) ** (1 / 3)
+    size, n = 4 * expected[-1], 40
+    place = (np.arange(n) - n // 2) * size / n
+    sphere = -(place[:, None] ** 2 + place**2) / (2 * radius)
+    found = run(
+        gc.Stack(base=gc.HalfSpace(rubber)), times, 0 * times, force / size**2,
+        gc.Surface(sphere, gc.Grid((n, n), size)), rtol=1e-5,
+    )  # fmt: skip
+    radii = size * np.sqrt(np.asarray(found.contact_area) / np.pi)
+    np.testing.assert_allclose(radii, expected, rtol=0.02)
+    assert np.sqrt(np.mean((radii / expected - 1) ** 2)) < 0.01
