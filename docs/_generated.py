@@ -31,7 +31,7 @@ from graded_contact.designs.objectives import OBJECTIVE, flat_loss_tangent, near
 from graded_contact.designs.table import DesignScene
 from graded_contact.fields.grid import Grid
 from graded_contact.materials.material import AbstractMaterial
-from graded_contact.scenes import block, scene, scene_file, surface_source
+from graded_contact.scenes import block, once, scene, scene_file, surface_source
 from graded_contact.scenes.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
 from graded_contact.scenes.toml import entry_text
 from graded_contact.sliding.case import Heating
@@ -48,7 +48,7 @@ TITLES = {
 }  # fmt: skip
 
 # Keys and tables that have a kind, in the order of `block.KIND_MAKERS`.
-SHORT = ("shift", "shape", "graded_solver", "[law]", "[shear]", "[motion]")
+SHORT = ("shift", "shape", "graded_solver", "[law]", "[shear]", "[motion]", "[motion], once = true")
 # Keys of scenes, by table and by what takes them.
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene_file.SceneTables: keys_of(scene_file.SceneTables)},
@@ -75,6 +75,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     },
     "[counter]": {scene_file.CounterTables: keys_of(scene_file.CounterTables)},
     "[load]": {scene.Scene: scene_file.KEYS["[load]"]},
+    "[motion], any kind": {once.motion_of: (once.ONCE, once.THEN)},
     "[heating]": {Heating: keys_of(Heating)},
     "[observe]": {scene.Observe: keys_of(scene.Observe)},
     "[solver]": {
@@ -87,6 +88,9 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
         f'{place}, kind = "{kind}"': {make: keys_of(make, "grid")}
         for place, kinds in zip(SHORT, block.KIND_MAKERS.values(), strict=True)
         for kind, make in kinds.items()
+    },
+    '[motion], once = true, kind = "recorded"': {
+        block.Block.recorded_once: keys_of(block.Block.recorded_once, "grid")
     },
     "[design]": {
         DesignScene: (OBJECTIVE, *keys_of(DesignScene, "scene", "spectrum", "objective", "limits")),
@@ -108,6 +112,10 @@ MEANINGS = {
     "q_low": "lowest wavenumber [rad/m]; by default 2π over the longest edge of the grid.",
     "errors": "file NAME-errors.csv of `graded-contact fit`: friction then has its standard error.",
     "assumed": "what its numbers rest on and nobody stated; each is a caveat of the results.",
+}
+MEANINGS |= {
+    "once": "true for what happens once; nothing touches before t = 0.",
+    "then": "motions that follow with `once = true`, each a table [[motion.then]] with a `kind`.",
 }
 MEANINGS |= {
     key: f"{CRITERIA[name].words} [{CRITERIA[name].unit}]." for key, (name, _) in LIMIT_KEYS.items()

@@ -1,5 +1,5 @@
 """`python -m graded_contact` is the command `graded-contact`."""
 
-from .cli import start
+from .cli import run_command
 
-start()
+run_command()

@@ -53,7 +53,7 @@ for job in (demo, new, run, info, table, compare, fit, design):
 app.command("explore")(show_page)
 
 
-def start() -> None:
+def run_command() -> None:
     """Runs the command in its own process."""
     keep_freed_memory()
     spell_missing_characters()

@@ -11,14 +11,16 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ..core.display import UNKNOWN, number, with_unit
-from ..core.quantities import AXES, OBSERVABLES, in_brackets
-from ..plot.words import title_of
+from ..core.display import UNKNOWN, number, with_time, with_unit
+from ..core.quantities import AXES, FOUR, HISTORY, OBSERVABLES, in_brackets
+from ..plot.words import label_of, title_of
 from ..scenes.described import described
 from ..scenes.results import (
+    FLOWS,
     SEED_ERROR,
     has_numbers,
     is_of_each,
+    kind_of_results,
     over_seeds,
     solve_states,
     surface_of,
@@ -47,6 +49,7 @@ MAIN = (
     "mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach",
     "contact_stiffness", "specific_conductance", "flow_along_x", "flow_along_y",
 )  # fmt: skip
+OVER_TIME = ("friction", "load", "contact_area", "mean_gap", "work_done", *FLOWS)
 # Errors that are no part of the total: ends of names, and heads.
 APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
 
@@ -96,11 +99,38 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     for mark, caveat in numbered:
         text = f"[bold yellow]({mark})[/] {escape(caveat.sentence)}"
         console.print(text, soft_wrap=True)
+    if kind_of_results(every) == HISTORY:
+        _print_times(every, full)
     if full:
         surface = surface_of(every)
         words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
         console.print(f"Errors by the grid are {words}.", soft_wrap=True)
     _print_failures(every)
+
+
+def _print_times(results: "Dataset", full: bool) -> None:
+    """Prints numbers over time of the last solve that has some: at the times of its fields."""
+    solved = np.argwhere(has_numbers(results).values)
+    if not len(solved):
+        return
+    axes = results["message"].dims
+    at = results.isel(dict(zip(axes, solved[-1], strict=True)))
+    entries = {name: OBSERVABLES[name] for name in OVER_TIME if name in at}
+    columns = {name: entry.column or (name, FOUR) for name, entry in entries.items()}
+    times, table = at["time"].values, Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    moved = at["surface_displacement"].values
+    for head in ("time", "displacement", *(head for head, _ in columns.values())):
+        table.add_column(Text(head), justify="right", no_wrap=True)
+    for i in np.flatnonzero(np.isin(times, at["field_time"].values) | full):
+        cells = [number(float(at[name].values[i]), form) for name, (_, form) in columns.items()]
+        table.add_row(with_time(times[i]), with_unit(moved[i], "m"), *cells)
+    console = Console()
+    console.width = max(console.width, 24 * (len(table.columns) + 1))
+    if len(solved) > 1:
+        scene = results.attrs["scene"]
+        places = (f"{title_of(str(name), scene)} {label_of(at[name])}" for name in axes)
+        console.print(f"Over time, {', '.join(places)}:", markup=False)
+    console.print(table)
 
 
 def _cell(results: "Dataset", name: str, index: tuple[int, ...], form: str) -> str:

@@ -14,6 +14,7 @@ import typer
 from .. import plot
 from ..core.checks import nearest, within
 from ..core.escaping import in_figure
+from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along
 from ..plot.style import entitle
 from ..plot.sweeps import NOTHING
@@ -23,6 +24,7 @@ from ..scenes.results import (
     has_numbers,
     kept_contact,
     kept_solves,
+    kind_of_results,
     lost_solves,
     older_meaning,
     over_seeds,
@@ -174,8 +176,13 @@ def run_scene_into(
             else:
                 means = "seed" in results["message"].dims and not all_seeds
                 write(file, results)
-                write_csv(file.with_suffix(".csv"), over_seeds(results) if means else results)
+                told = over_seeds(results) if means else results
+                write_csv(file.with_suffix(".csv"), told)
                 typer.echo(f"wrote {file}\nwrote {file.with_suffix('.csv')}")
+                if scene.kind == HISTORY:
+                    over_time = file.with_name(f"{name}-time.csv")
+                    write_csv(over_time, told, "time")
+                    typer.echo(f"wrote {over_time}")
             print_table(results, all_seeds, full)
             whole = interruption.signal is None
             decided = what_decides(scene, planned.surface) if whole else {}
@@ -279,7 +286,9 @@ def _figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tup
         return
     if "time" in results.dims:
         if not np.all(np.isnan(results["friction"])):
-            yield "cycle", plot.plot_cycle(results)
+            once = kind_of_results(results) == HISTORY
+            draw = plot.plot_transient if once else plot.plot_cycle
+            yield "history" if once else "cycle", draw(results)
         return
     yield "sweep", plot.plot_sweep(results, all_seeds=all_seeds)
     if "reduced_velocity" in results:

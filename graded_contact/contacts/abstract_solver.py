@@ -128,7 +128,7 @@ def run_steps(steps: Any, start: Array, max_steps: Array | int) -> Any:
     return jax.lax.while_loop(running, lambda state: steps.step(state), steps.init(start))
 
 
-def history_of(length: int, free_mean: bool) -> int:
+def iterates_for(length: int, free_mean: bool) -> int:
     """Returns how many iterates to combine: few if the mean pressure is free.
 
     Near full contact the load drifts, and long histories amplify the drift.

@@ -34,7 +34,7 @@ from jaxtyping import Array, Bool, Float
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one
 from ..core.fixed_point import solve_lagged
-from .abstract_solver import Inputs, history_of, run_steps, slope
+from .abstract_solver import Inputs, iterates_for, run_steps, slope
 from .active_set import green_of, most_eliminated, solve_on_few
 from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
 from .splitting import Splitting, check_relaxation, draft
@@ -100,7 +100,7 @@ class LinearSplitting(eqx.Module):
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
         solid = Solid(operator, jnp.ones((), rhs.dtype), free_mean)
         proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
-        history = history_of(self.history_length, free_mean)
+        history = iterates_for(self.history_length, free_mean)
         splitting = Splitting(
             solid, jnp.zeros_like(share), proximal, rtol, share, None, self.relaxation, history
         )

@@ -97,10 +97,10 @@ def _cuts_along(heights, axis, periodic):
         for places, weight in ((1, 1.0), (2, 0.25))
     )
     jump = drop / nonzero(jnp.maximum(around, drop / 8))
-    return jnp.where(ends, 1, ramp(jump, 2.0, 4.0))
+    return jnp.where(ends, 1, _rising(jump, 2.0, 4.0))
 
 
-def ramp(value: Array, low: float, high: float) -> Array:
+def _rising(value: Array, low: float, high: float) -> Array:
     """Returns 0 below `low`, 1 above `high`, and smoothly rising numbers between."""
     part = jnp.clip((value - low) / (high - low), 0, 1)
     return part**2 * (3 - 2 * part)
@@ -169,7 +169,9 @@ def _regular_edge(ratio, pressure, behind, softest, distance):
     stiff, soft = (
         distance(jnp.clip(r, 1e-7, 1e6), pressure.ndim) for r in (ratio, softest * ratio)
     )
-    place = stiff + ramp(_rise(pressure, behind), 1.0, 2.0) * (_root_law(pressure, behind) - stiff)
+    place = stiff + _rising(_rise(pressure, behind), 1.0, 2.0) * (
+        _root_law(pressure, behind) - stiff
+    )
     return jnp.clip(place, stiff, soft)
 
 
@@ -180,7 +182,7 @@ def _unless_cut(regular, pressure, behind, cut):
     may leave the contact at any time, without a jump.
     """
     corner = jnp.minimum(_root_law(pressure, behind), 0.5)
-    held = cut * ramp(_rise(pressure, behind), 0.0, 0.05)
+    held = cut * _rising(_rise(pressure, behind), 0.0, 0.05)
     return regular + held * jnp.maximum(corner - regular, 0)
 
 

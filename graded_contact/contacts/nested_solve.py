@@ -25,7 +25,7 @@ from .abstract_solver import (
     AbstractContactSolver,
     Loading,
     SolverOutput,
-    history_of,
+    iterates_for,
     participation,
     penalty_for,
     pressure_unit,
@@ -126,7 +126,7 @@ class DouglasRachford(AbstractContactSolver):
         return GridSettings(
             share=share, newton=newton, draft_steps=few, max_steps=most if newton else few,
             relaxation=min(self.relaxation, _MOST_ATTRACTED) if law.attracts else self.relaxation,
-            history_length=history_of(self.history_length, loading.pressure is None),
+            history_length=iterates_for(self.history_length, loading.pressure is None),
             rtol=rtol / softness(law) if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
         )  # fmt: skip
 

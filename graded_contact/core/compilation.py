@@ -42,7 +42,7 @@ def jit(function: F) -> F:
     """
     within = eqx.filter_jit(function)
     # The options take time: when called.
-    outside = functools.cache(lambda: eqx.filter_jit(function, compiler_options=_options()))
+    outside = functools.cache(lambda: cast(Any, eqx.filter_jit)(function, **_options()))
 
     @functools.wraps(function)
     def run(*args, **kwargs):
@@ -67,8 +67,8 @@ _probe = jax.jit(lambda: 0)
 
 
 @functools.cache
-def _options() -> dict[str, bool | int]:
-    """The options that are not set in the environment, if this XLA knows them."""
+def _options() -> dict[str, dict[str, bool | int]]:
+    """The options that are not set in the environment, if this XLA knows them; of `jax.jit`."""
     logging.getLogger("graded_contact").info(COMPILING)
     keep_small_programs()
     flags = os.environ.get("XLA_FLAGS", "")
@@ -78,7 +78,7 @@ def _options() -> dict[str, bool | int]:
         jax.jit(lambda: 0, compiler_options=options)()
     except jax.errors.JaxRuntimeError:
         return {}
-    return options
+    return {"compiler_options": options}
 
 
 def keep_small_programs() -> None:

@@ -23,6 +23,7 @@ K = TypeVar("K", bound=type)
 FEW = 8  # numbers of an array that are printed one by one, and entries of a list
 DIGITS = 8  # of a number with an error at most: a smaller error is one of rounding
 UNKNOWN = "—"  # in place of NaN: a solve failed, or the quantity is not defined there
+_LONG_TIMES = {"years": 365.25 * 86400, "days": 86400.0, "h": 3600.0}  # [s]
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
@@ -242,6 +243,20 @@ def unit_of(base: str, largest: float) -> tuple[str, float]:
     exponent = 3 * int(np.floor(np.log10(largest) / 3 + 1e-9)) if largest > 0 else 0
     exponent = min(max(exponent, min(PREFIXES)), max(PREFIXES))
     return f"{PREFIXES[exponent]}{base}", 10.0**-exponent
+
+
+def time_unit(largest: float) -> tuple[str, float]:
+    """The unit in which a time [s] is written, such as "h" or "years", and its reciprocal in s."""
+    for unit, seconds in _LONG_TIMES.items():
+        if largest >= seconds:
+            return unit, 1 / seconds
+    return unit_of("s", largest)
+
+
+def with_time(value: float) -> str:
+    """Returns a time in a common unit, such as "1.54 ms" or "10 years"."""
+    unit, factor = time_unit(abs(value))
+    return f"{factor * value:.3g} {unit}"
 
 
 def with_unit(value: float, base: str) -> str:

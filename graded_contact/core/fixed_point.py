@@ -23,7 +23,7 @@ _LINEAR_RTOL, _RESTART = 1e-6, 16  # of GMRES
 MAX_STEPS = 40
 _NEAR = 0.2  # error below which an accelerated iterate may leave the bracket
 _PATIENCE = 4  # steps in which one end of the bracket may stay
-_NEGATIVE = 0.2  # of the largest unknown, by which others may be less than 0
+_NEGATIVE = 0.2  # of the largest unknown, by which others may be less than 0 before an image is
 
 
 class End(NamedTuple):
@@ -116,12 +116,15 @@ def _next(point: FixedPoint, image: Array, rtol: Array, most: Array | None) -> F
     # An image that is nearly nothing shows no profile.
     profile = jnp.where(here.image > here.size / 10, image, x)
     profile = jnp.maximum(profile / jnp.max(profile), -_NEGATIVE / 2)
-    other = jnp.where(bracketed, profile * size, image)
     overheats = (here.image > here.size) & has_reached(x, most)
+    # Where most is cooled the largest unknown says nothing.
+    cools = largest > here.image
+    inside, bracketed = inside | cools, bracketed & ~cools
+    other = jnp.where(bracketed, profile * size, image)
     fast = ~overheats & jnp.where(near, inside | short, ~bracketed & inside)
     z = jnp.where(fast, history.z, other)
     z = z * jnp.minimum(1, most / jnp.maximum(jnp.max(z), most))
-    z = jnp.maximum(z, -_NEGATIVE * jnp.max(z))
+    z = jnp.maximum(z, jnp.minimum(jnp.min(image), -_NEGATIVE * jnp.max(z)))
     # Twice: at the first time the profile may be that of a much smaller image.
     ends = overheats & has_reached(point.low.size, most)
     z = jnp.where(running, jnp.where(ends, x, z), x)

@@ -23,6 +23,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..core.parameters import paths, with_values
+from ..core.quantities import HISTORY
 from ..fields.grid import Grid
 from ..mean_field.refinement import Nodes
 from ..scenes.scene import Scene
@@ -68,6 +69,8 @@ class DesignScene:
     verify: int = 0
 
     def __post_init__(self):
+        if self.scene.kind == HISTORY:
+            raise ValueError("[design] does not take [motion] with `once = true`.")
         for name in self.criteria:
             if CRITERIA[name].of_a_cycle and self.scene.motion is None:
                 raise ValueError(f'"{name}" needs the table [motion].')

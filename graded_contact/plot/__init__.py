@@ -6,7 +6,7 @@ and you need not close them. Save one with `figure.savefig("name.pdf")`.
 """
 
 from .contact import plot_dissipation, plot_distributions, plot_sliding
-from .cycles import plot_cycle, plot_film
+from .cycles import plot_cycle, plot_film, plot_transient
 from .designs import plot_design, plot_history
 from .master_curves import plot_master_curve, plot_van_gurp_palmen
 from .material_curves import plot_fit, plot_response, plot_sensitivity
@@ -18,5 +18,5 @@ __all__ = [
     "COLOURS", "COLUMN", "PAGE", "STYLE", "plot_compare", "plot_cycle", "plot_design",
     "plot_dissipation", "plot_distributions", "plot_film", "plot_fit", "plot_history",
     "plot_master_curve", "plot_reduced", "plot_response", "plot_sensitivity",
-    "plot_sliding", "plot_sweep", "plot_van_gurp_palmen", "slider",
+    "plot_sliding", "plot_sweep", "plot_transient", "plot_van_gurp_palmen", "slider",
 ]  # fmt: skip

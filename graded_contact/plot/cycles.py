@@ -1,23 +1,27 @@
-"""Figures of a motion in time: the hysteresis loop, friction and area over time, a film."""
+"""Figures of a motion in time: the hysteresis loop, numbers over time, a film."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.display import unit_of, with_unit
+from ..core.display import time_unit, unit_of, with_time, with_unit
 from ..core.escaping import in_figure
-from ..core.quantities import FIELDS
+from ..core.quantities import CYCLE, FIELDS, HISTORY, OBSERVABLES, STEADY, in_brackets
+from ..scenes.results import FLOWS, kind_of_results
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
 from .style import PAGE, colours_of, finished, new_figure
 from .words import label_of, title_of
 
+WORDS = {STEADY: "steady sliding", CYCLE: "a motion that repeats", HISTORY: "what happens once"}
+_GEOMETRIC = 10.0  # times the first step, of the last one of a logarithmic axis
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-    from ..sliding.result import CyclicSliding
+    from ..sliding.result import CyclicSliding, TransientSliding
 
 
 @finished
@@ -32,7 +36,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     - `cycle`: a solution of `slide_cycle` for a motion along x, or the result of `Plan.run` for a
       scene with [motion]: one line for each of its solves.
     """
-    lines = _over_time(cycle)
+    lines = _over_time(cycle, CYCLE, "surface_displacement", "friction", "contact_area")
     figure = new_figure(PAGE, 2.6)
     loop, over_time, area = figure.subplots(1, 3)
     unit, factor = unit_of("m", max(float(np.ptp(moved)) for _, moved, *_ in lines))
@@ -57,20 +61,66 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
 
 
 @finished
-def plot_film(
-    cycle: "CyclicSliding | Dataset", surface: Surface, times: Sequence[int] | None = None
-) -> "Figure":
-    """Returns a figure of the contact pressure at some times of a cycle, in one scale.
+def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
+    """Returns a figure of friction, contact area, load and mean gap over time.
 
-    It is seen from the surface, over which the block moves. Pressure is white out of contact; its
-    colours follow the square root. One time makes one frame of a film, with the scale of the whole
-    cycle.
+    A surface that rests has no friction. Time is logarithmic if the last step is more than ten
+    times as long as the first. Flows are drawn, too, if results have some that are not 0.
 
     **Arguments:**
 
-    - `cycle`: a solution of `slide_cycle`, or the first of `kept_contact(results, index)`.
+    - `history`: a solution of `slide_history` for a motion along x, or the result of `Plan.run` for
+      a scene with [motion] `once = true`: one line for each of its solves.
+    """
+    names = ["friction", "contact_area", "load", "mean_gap"]
+    results: Any = history
+    if hasattr(history, "dims"):
+        names += [n for n in FLOWS if n in results and np.any(results[n] > 0)]
+    lines = _over_time(history, HISTORY, "time", "surface_displacement", *names)
+    if not np.any(lines[0][2]):
+        names = names[1:]
+        lines = [(*line[:3], *line[4:]) for line in lines]
+    columns = len(names) if len(names) < 5 else 3
+    rows = -(-len(names) // columns)
+    figure = new_figure(PAGE, 2.3 * rows)
+    panels = [figure.add_subplot(rows, columns, i + 1) for i in range(len(names))]
+    times = lines[0][1]
+    unit, factor = time_unit(times[-1])
+    for i, (axes, name) in enumerate(zip(panels, names, strict=True), start=3):
+        symbol, scale = OBSERVABLES[name].quantity.unit, 1.0
+        if symbol in ("m", "Pa"):
+            symbol, scale = unit_of(symbol, max(float(np.nanmax(line[i])) for line in lines))
+        for line, colour in zip(lines, colours_of(len(lines)), strict=False):
+            known = np.isfinite(line[i])  # a flow at some times only
+            shown = factor * times[known], scale * line[i][known]
+            axes.plot(*shown, color=colour, label=line[0] or None)
+        axes.set(xlabel=f"time [{unit}]", ylabel=name.replace("_", " ") + in_brackets(symbol))
+        if name != "friction":
+            axes.set_ylim(0, None)
+        if len(times) > 1 and times[-1] - times[-2] > _GEOMETRIC * times[0]:
+            axes.set_xscale("log")
+    return figure
+
+
+@finished
+def plot_film(
+    cycle: "CyclicSliding | TransientSliding | Dataset",
+    surface: Surface,
+    times: Sequence[int] | None = None,
+) -> "Figure":
+    """Returns a figure of the contact pressure at some times of a motion, in one scale.
+
+    It is seen from the surface, over which the block moves. Pressure is white out of contact; its
+    colours follow the square root. One time makes one frame of a film, with the scale of the whole
+    motion.
+
+    **Arguments:**
+
+    - `cycle`: a solution of `slide_cycle` or `slide_history`, or the first of
+      `kept_contact(results, index)`.
     - `surface`: the surface that moves.
-    - `times`: numbers of the times; by default four, a quarter of the period T apart.
+    - `times`: numbers of the times, of a history among those whose fields are kept; by default
+      four, a quarter of the period T apart, or of the kept ones, with the last.
     """
     from matplotlib.colors import PowerNorm
 
@@ -78,6 +128,9 @@ def plot_film(
     count, high = len(pressure), float(np.max(pressure))
     # Quarters show both directions of a motion to and fro.
     shown = [i * count // 4 for i in range(4)] if times is None else list(times)
+    once = getattr(cycle, "field_time" if hasattr(cycle, "dims") else "field_times", None)
+    if once is not None and times is None:
+        shown = sorted({(i + 1) * count // 4 - 1 for i in range(4)} - {-1})
     unit, factor = unit_of(FIELDS["pressure"].unit, high)
     label = f"{FIELDS['pressure'].meaning} [{unit}]"
     is_map = surface.grid.ndim == 2
@@ -95,32 +148,39 @@ def plot_film(
         else:
             draw_profile(axes, factor * pressure[i], size, color=colour)
             axes.set(ylabel=label, ylim=(0, 1.05 * factor * high))
-        axes.set_title(f"$t/T$ = {i / count:.3g}")
+        when = f"$t/T$ = {i / count:.3g}" if once is None else with_time(float(once[i]))
+        axes.set_title(when)
         axes.label_outer()
     if is_map:
         figure.colorbar(image, ax=list(panels), label=label, shrink=0.9)
     return figure
 
 
-def _over_time(cycle: Any) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
-    """A label, and displacement, friction and area over time, of each solve."""
+def _over_time(found: Any, kind: str, *names: str) -> list[tuple[Any, ...]]:
+    """A label, and the numbers of these names over time, of each solve."""
+    argument = {CYCLE: "cycle", HISTORY: "history"}[kind]
     # One solve in memory has a single line; results of a scene have one for each solve.
-    if not hasattr(cycle, "dims"):
-        moved = np.asarray(cycle.displacement)
+    if not hasattr(found, "dims"):
+        moved = np.asarray(found.displacement if kind == CYCLE else found.problem.displacement)
         if moved.ndim > 1:
             raise ValueError(
-                f"`cycle` has a displacement of shape {moved.shape}: a motion along x is needed."
+                f"`{argument}` has a displacement of shape {moved.shape}: a motion along x is "
+                "needed."
             )
-        return [("", moved, np.asarray(cycle.friction), np.asarray(cycle.contact_area))]
-    if "time" not in cycle.dims:
+        own = {"surface_displacement": moved, "time": getattr(found, "times", None)}
+        return [("", *(np.asarray(own.get(n, getattr(found, n, None))) for n in names))]
+    if kind_of_results(found) != kind:
         raise ValueError(
-            "`cycle` holds steady sliding: results of a scene with [motion] are needed."
+            f"`{argument}` holds {WORDS[kind_of_results(found)]}: results of a scene with [motion]"
+            f"{' `once = true`' if kind == HISTORY else ''} are needed."
         )
-    lines, names = [], ("surface_displacement", "friction", "contact_area")
-    varied = [name for name in cycle["message"].dims if cycle.sizes[name] > 1]
-    for index in np.ndindex(cycle["message"].shape):
-        at = cycle.isel(dict(zip(cycle["message"].dims, index, strict=True)))
-        if not np.all(np.isfinite(at["friction"])):
+    lines = []
+    varied = [name for name in found["message"].dims if found.sizes[name] > 1]
+    for index in np.ndindex(found["message"].shape):
+        at = found.isel(dict(zip(found["message"].dims, index, strict=True)))
+        # What happens once is known up to a step that failed.
+        enough = np.any if kind == HISTORY else np.all
+        if not enough(np.isfinite(at["friction"])):
             continue  # failed, or not started
         words = [in_figure(f"{title_of(str(name))} {label_of(at[name])}") for name in varied]
         if "velocity" in varied:
@@ -128,5 +188,5 @@ def _over_time(cycle: Any) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray
             words[-1] = f"period {with_unit(float(at['period']), 's')}"
         lines.append((", ".join(words), *(at[name].values for name in names)))
     if not lines:
-        raise ValueError("`cycle` holds no solve that succeeded.")
+        raise ValueError(f"`{argument}` holds no solve that succeeded.")
     return lines

@@ -150,7 +150,8 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
         raise ValueError(NOTHING)
     if "time" in results.dims:
         raise ValueError(
-            "`results` holds motions in time: steady sliding is needed; `plot_cycle` draws motions."
+            "`results` holds motions in time: steady sliding is needed; `plot_cycle` draws motions "
+            "that repeat, `plot_transient` what happens once."
         )
     axes = [str(axis) for axis in results["message"].dims]
     longer = [axis for axis in axes if results.sizes[axis] > 1 and axis != "seed"]

@@ -1,11 +1,12 @@
-"""A recorded motion from a table of times and displacements."""
+"""What was recorded over time, from a table: a motion, or a load."""
 
 import logging
 import os
 import re
+from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import ScalarLike
+from jaxtyping import Float, ScalarLike
 
 from ..core.files import Refusal
 from ..fields.grid import Grid
@@ -46,31 +47,53 @@ def motion_in(
     path: os.PathLike, period: ScalarLike, num_times: int | None, grid: Grid | None
 ) -> tuple[Motion, Log]:
     """Returns the motion of a table and the log of the reading, arguments as in `read_motion`."""
-    log = Log()
+    times, displacement, log = read_over_time(path, "displacements")
+    return recorded(times, displacement, period, num_times, grid), log
+
+
+def read_over_time(
+    path: os.PathLike, what: str
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Log]:
+    """Returns the times [s] and the numbers of a table in SI, and the log of the reading.
+
+    **Arguments:**
+
+    - `path`: of the table, as in `read_motion`.
+    - `what`: its second column, a name in `RECORDED_COLUMNS`.
+    """
+    log, (factor_of, usual, example) = Log(), RECORDED_COLUMNS[what]
     with opening(path, TABLE_BYTES) as file:
         rows = read_as(file, "moduli")[0].rows
         data = [row.cells[:2] for row in rows if holds_data(row)]
         try:
-            time, displacement = np.array(data, float).T
+            times, numbers = np.array(data, float).T
         except ValueError:
-            needed = "two columns of numbers are needed, times [s] and displacements [m]"
+            needed = f"two columns of numbers are needed, times [s] and {what} [{usual}]"
             raise Refusal(needed) from None
         heads = [row.cells for row in rows if len(row.cells) > 1 and not holds_data(row)][:2]
-        times, lengths = [head[0] for head in heads], [head[1] for head in heads]
-        second = _factor(log, "times", times, _seconds_of_heading, "s")
-        metre = _factor(log, "displacements", lengths, _metres_of_heading, "m")
-    return recorded(second * time, metre * displacement, period, num_times, grid), log
+        firsts, seconds = [head[0] for head in heads], [head[1] for head in heads]
+        second = _factor(log, "times", firsts, _unit_of("time"), "s", "time [ms]")
+        unit = _factor(log, what, seconds, factor_of, usual, example)
+    return second * times, unit * numbers, log
 
 
-def _seconds_of_heading(head: str) -> float | None:
-    return UNITS["time"].get(parse_heading(head).unit or parse_unit(head) or "")
+def _unit_of(dimension: str) -> Callable[[str], float | None]:
+    return lambda head: UNITS[dimension].get(parse_heading(head).unit or parse_unit(head) or "")
 
 
 def _metres_of_heading(head: str) -> float | None:
     return metres(length_unit(head) or "")
 
 
-def _factor(log: Log, what: str, heads: list[str], factor, usual: str) -> float:
+# What a second column may hold: the factor of its unit in a heading, the unit that is assumed
+# without one, and a heading as an example.
+RECORDED_COLUMNS = {
+    "displacements": (_metres_of_heading, "m", "displacement [mm]"),
+    "pressures": (_unit_of("modulus"), "Pa", "pressure [kPa]"),
+}
+
+
+def _factor(log: Log, what: str, heads: list[str], factor, usual: str, example: str) -> float:
     """The factor to SI of the unit in the headings of a column; `usual` is assumed without any."""
     found = next((each for head in heads if (each := factor(head)) is not None), None)
     if found is not None:
@@ -81,6 +104,6 @@ def _factor(log: Log, what: str, heads: list[str], factor, usual: str) -> float:
     log.assume(
         f"The {what} are assumed to be in {usual}, because the headings name no unit; otherwise "
         "write the unit into the heading, such as "
-        f"{'time [ms]' if usual == 's' else 'displacement [mm]'!r}."
+        f"{example!r}."
     )
     return 1.0

@@ -25,11 +25,17 @@ from ..materials.material import AbstractMaterial, BulkShear, Elastic, Prony
 from ..materials.shift import LAWS, AbstractShift
 from ..materials.softening import StrainSoftening
 from ..materials.table import Tabulated
+from ..readers.decisions import Log
 from ..readers.moduli import read_moduli, strain_sweep
-from ..readers.recorded_motion import motion_in, read_motion
+from ..readers.recorded_motion import (
+    motion_in,
+    read_motion,
+    read_over_time,
+)
 from ..readers.units import DIMENSIONS, UNITS
 from ..sliding.motion import Motion, sinusoidal, start_stop
 from ..sliding.shear import SHEARS, AbstractShear
+from ..sliding.single_motion import SingleMotion, dwell, listed, ramp, recorded_once, start
 from ..studies.parameter_covariance import Errors, check_errors, read_errors
 from ..surfaces.reading_steps import unusual
 from .schema import Key, TableReader, check_keys, keys_of, kind_of
@@ -62,6 +68,12 @@ KIND_MAKERS = {
     },
     AbstractShear: SHEARS,
     Motion: {"sinusoidal": sinusoidal, "start_stop": start_stop, "recorded": read_motion},
+    SingleMotion: {
+        "start": start,
+        "ramp": ramp,
+        "dwell": dwell,
+        "listed": listed,
+    },
 }
 # Of every material.
 ERRORS = Key("errors", os.PathLike, None)
@@ -80,7 +92,7 @@ class Block:
 
     - `materials`: by name, those that were read; `names` are all.
     - `errors`: of the numbers of some of them, by name.
-    - `notes`: what was understood of tables of moduli, and of a recorded motion.
+    - `notes`: what was understood of tables of moduli, of a recorded motion and load.
     - `assumed`: those of them that neither a file nor the scene states; each is a caveat.
     - `reader`: converts the tables.
     """
@@ -233,6 +245,21 @@ class Block:
     ) -> Motion:
         """Returns the motion of a table, as `read_motion`; its history goes to the notes."""
         motion, log = motion_in(path, period, num_times, grid)
-        self.notes += [f"motion: {sentence}" for sentence in log.history]
-        self.assumed += [f"motion: {sentence}" for sentence in log.assumed]
+        self.take(log, "motion")
         return motion
+
+    def recorded_once(self, path: os.PathLike, grid: Grid) -> SingleMotion:
+        """Returns the motion of a table that need not close, as `recorded_once`.
+
+        **Arguments:**
+
+        - `path`: of the table, see `read_motion`; its first time is the time 0 of the motion.
+        """
+        times, displacement, log = read_over_time(path, "displacements")
+        self.take(log, "motion")
+        return recorded_once(times, displacement, grid)
+
+    def take(self, log: Log, owner: str) -> None:
+        """Adds the sentences of a reading to the notes."""
+        self.notes += [f"{owner}: {sentence}" for sentence in log.history]
+        self.assumed += [f"{owner}: {sentence}" for sentence in log.assumed]

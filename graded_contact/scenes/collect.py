@@ -9,13 +9,14 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.files import read_file
-from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
+from ..core.quantities import CYCLE, FIELDS, HISTORY, OBSERVABLES, numbers_of
 from ..materials.shift import shifts_in
 from ..sliding.facts import facts_of
+from ..sliding.single_motion import SingleMotion
 from ..studies.dataset import NOT_STARTED, attach, package_versions
 from ..studies.store import Point, together
 from ..surfaces.surface import Surface
-from .results import FORMAT, KEPT_FIELDS, NO_NUMBERS, warnings_of
+from .results import FLOWS, FORMAT, KEPT_FIELDS, NO_NUMBERS, TIME, warnings_of
 from .scene import Scene
 from .surface_source import RandomSurface
 from .theory import errors_of_stack
@@ -64,9 +65,11 @@ def collect(
         return together(name, like, points).reshape(*shape, *inner)
 
     variables: dict[str, Any] = {}
+    once = scene.kind == HISTORY
     times = {} if scene.motion is None else {"time": scene.num_times}
     for name in numbers_of_scene(scene, surface):
-        inner = times if name in OBSERVABLES and OBSERVABLES[name].over_time else {}
+        over_time = name in OBSERVABLES and OBSERVABLES[name].over_time
+        inner = times if over_time or (once and name in FLOWS) else {}
         variables[name] = (*axes, *inner), over_axes(name, *inner.values())
     ends = [NOT_STARTED if point is None else point.message for point in points]
     variables["message"] = axes, np.reshape(ends, shape)
@@ -76,8 +79,16 @@ def collect(
     coordinates = {name: (name, at) for name, at in scene.axes.items()} | places
     if scene.motion is not None:
         variables["surface_displacement"] = "time", np.asarray(scene.motion.displacement)
+    if scene.kind == CYCLE:
         variables["period"] = "velocity", np.asarray(scene.period_at(scene.velocity))
         coordinates["time"] = "time", np.arange(scene.num_times) / scene.num_times
+    if once:
+        assert isinstance(scene.motion, SingleMotion)
+        at = np.asarray(scene.motion.times)
+        coordinates["time"] = "time", at, TIME
+        kept_at = at[np.array(scene.kept_steps)]
+        coordinates["field_time"] = "field_time", kept_at, TIME
+        times = {"field_time": len(kept_at)}
     if "temperature" in axes:
         factor, attributes["master_curve"] = shift_factors(scene)
         if factor is not None:

@@ -18,8 +18,8 @@ import numpy as np
 from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.memory import (
-    COUNTER,
     CYCLE,
+    CYCLE_COUNTER,
     DERIVATIVE,
     SLIDING,
     available_memory,
@@ -27,7 +27,9 @@ from ..core.memory import (
     in_gigabytes,
     memory_of,
 )
+from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along
+from ..sliding.history import MEMORY, solve_history
 from ..sliding.slide import solve
 from ..sliding.steady import check_approach
 from ..studies.interruption import ctrl_c_later
@@ -37,6 +39,7 @@ from ..studies.store import Store, open_store
 from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
 from .collect import collect, fields_of, numbers_of_scene
+from .results import FLOWS, KEPT_FIELDS
 from .scene import Scene
 from .scene_checks import refuse_liquids
 from .surface_source import RandomSurface, SurfaceFile
@@ -75,8 +78,10 @@ class Plan:
         return *self.surface.caveats, *of_block, *self.scene.assumed
 
     def __str__(self) -> str:
-        fields = fields_in_memory(self.scene)
-        return cost_text(self.surface.grid.shape, fields, self.points.size, self.caveats)
+        fields, solves = fields_in_memory(self.scene), str(self.points.size)
+        if self.scene.kind == HISTORY:
+            solves += f", each of {self.scene.num_times} steps"
+        return cost_text(self.surface.grid.shape, fields, solves, self.caveats)
 
     def run(
         self, *, kept: tuple[int, ...] | None = None,
@@ -113,7 +118,8 @@ class Plan:
         axes (`mean_friction`, `peak_friction`, `work`, ...), `friction`, areas, `load` and
         `mean_gap` also over `time` (over the period, from 0), `surface_displacement` [m] over
         `time`, and the `period` [s] over `velocity`, which is the highest speed. Friction is that
-        along `direction`.
+        along `direction`. With `once = true` the numbers of `TransientSliding` are over `time` [s],
+        the ends of the steps, and fields over `field_time` [s]; a flow is NaN at other times.
 
         **Raises:** `MemoryError`; `OSError` if the store cannot be written; `TimeoutError` as
         `sweep`; `KeyboardInterrupt` if nothing had finished.
@@ -150,7 +156,8 @@ def plan(scene: Scene, *, surface: Surface | None = None) -> Plan:
     with ctrl_c_later() as later:
         surface = build_surface(scene) if surface is None else surface
         # In two dimensions waves across the velocity are at rest, and need a modulus there.
-        if surface.grid.ndim == 2 or scene.motion is not None or not np.all(scene.velocity):
+        at_rest = surface.grid.ndim == 2 or scene.motion is not None or not np.all(scene.velocity)
+        if at_rest and scene.kind != HISTORY:  # for a while a liquid may rest under a load
             refuse_liquids(scene)
         check_frequencies_of(scene, surface)
         if scene.approach is not None:
@@ -183,10 +190,12 @@ def fields_in_memory(scene: Scene) -> float:
     """Returns how many fields of the size of its surface a scene takes."""
     kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.fields]
     # The surface, what is kept, and a derivative.
+    if scene.kind == HISTORY:
+        return 1 + len(KEPT_FIELDS) * len(scene.kept_steps) * (1 + kept) + MEMORY
     fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     if scene.motion is None:
         return fields + SLIDING
-    return scene.num_times * (fields + CYCLE + (0 if scene.counter is None else COUNTER))
+    return scene.num_times * (fields + CYCLE + (0 if scene.counter is None else CYCLE_COUNTER))
 
 
 def cost_text(
@@ -215,13 +224,21 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         if "seed" in point and isinstance(scene.surface, RandomSurface):
             rough = scene.surface.drawn(point["seed"])
         case = dataclasses.replace(scene, stack=stack).case(point, rough)
-        contact = solve(case, scene.numerics)
+        if scene.kind == HISTORY:
+            contact = solve_history(case, scene.numerics, scene.kept_steps)
+        else:
+            contact = solve(case, scene.numerics)
         found = dict(zip(names, contact.compute(*names), strict=True))
         if scene.motion is not None:  # along the direction of the motion
-            for name in ("friction", "traction"):
-                direction = point.get("direction", scene.direction)
-                along = jnp.atleast_1d(velocity_along(1.0, direction))
-                found[name] = found[name].reshape(scene.num_times, -1) @ along
+            direction = point.get("direction", scene.direction)
+            along = jnp.atleast_1d(velocity_along(1.0, direction))
+            for name, number in found.items():
+                if number.ndim == 2:
+                    found[name] = number @ (jnp.abs(along) if name.endswith("_error") else along)
+        if scene.kind == HISTORY and scene.observe.flow:  # of the times with a gap
+            unknown = jnp.full(scene.num_times, jnp.nan, rough.heights.dtype)
+            for name in FLOWS:
+                found[name] = unknown.at[np.array(scene.kept_steps)].set(found[name])
         found |= {name: getattr(contact.contact, name) for name in fields if name != "heights"}
         found |= {"heights": rough.heights} if "heights" in fields else {}
         return found | {"result": contact.result}

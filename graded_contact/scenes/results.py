@@ -6,7 +6,7 @@ decides the numbers). Over `x` and `y` are the `heights` of the surface, of the 
 much of them was `measured`. Fields of solves that were kept are `contact_pressure`, `gap`,
 `displacement` and, where each seed has its own, `contact_heights`: over the axes, `x` and `y` if
 all solves were kept, over `x` and `y` if only one was, whose index is the attribute `kept`. Of a
-cycle they are also over `time`.
+cycle they are also over `time`, of what happens once over `field_time`.
 """
 
 import json
@@ -19,7 +19,7 @@ import numpy as np
 
 from ..contacts.solution import FAILURES, RESULTS
 from ..core.caveats import Caveat, caveats_of
-from ..core.quantities import CYCLE, OBSERVABLES, STEADY
+from ..core.quantities import CYCLE, HISTORY, OBSERVABLES, STEADY
 from ..fields.grid import Grid
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, read_dataset
 from ..surfaces.reading_steps import ReadingStep
@@ -34,6 +34,8 @@ KEPT_FIELDS = {
     "pressure": "contact_pressure", "gap": "gap", "displacement": "displacement",
     "heights": "contact_heights",
 }  # fmt: skip
+TIME = {"units": "s", "long_name": "time"}  # of what happens once
+FLOWS = ("flow_along_x", "flow_along_y")  # over time, of what happens once
 SEED_ERROR = "_seed_error"
 NO_NUMBERS = tuple(RESULTS[end] for end in FAILURES)  # messages of solves without numbers
 # Messages of solves whose numbers are in the file, but not printed.
@@ -137,9 +139,20 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
         for name, variable in results.data_vars.items()
         if variable.dtype.kind == "f" and {*known.dims} <= {*variable.dims} <= {*known.dims, "time"}
     }
-    return *of_files, *caveats_of(
-        lambda name: told.get(name, 0.0), CYCLE if "time" in results.dims else STEADY
-    )
+    if (kind := kind_of_results(results)) != HISTORY:
+        return *of_files, *caveats_of(lambda name: told.get(name, 0.0), kind)
+    # What is doubtful at one time makes its solve doubtful.
+    over_time = {n: v if v.ndim > known.ndim else v[..., None] for n, v in told.items()}
+    found = caveats_of(lambda name: over_time.get(name, np.zeros(1)), kind)
+    return *of_files, *(c._replace(where=c.where.any(axis=-1)) for c in found)
+
+
+def kind_of_results(results: "Dataset") -> str:
+    """Returns of which contacts results are, one of `KINDS`."""
+    if "time" not in results.dims:
+        return STEADY
+    # Over a period time has no unit.
+    return HISTORY if results["time"].attrs.get("units") == TIME["units"] else CYCLE
 
 
 def is_of_each(caveat: Caveat, results: "Dataset") -> bool:
@@ -158,7 +171,7 @@ def over_seeds(results: "Dataset") -> "Dataset":
     axes, solved = results["message"].dims, results["message"] == ""
     found: dict[str, Any] = {}
     for name, variable in results.data_vars.items():
-        if name in ("message", "point") or not {"seed"} <= {*variable.dims} <= {*axes}:
+        if name in ("message", "point") or not {"seed"} <= {*variable.dims} <= {*axes, "time"}:
             continue
         values = variable.where(solved)
         if name in OBSERVABLES and OBSERVABLES[str(name)].mean_over_seeds:

@@ -19,15 +19,16 @@ from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
-from ..core.display import shown
+from ..core.display import shown, with_time
 from ..core.parameters import with_values
-from ..core.quantities import CYCLE, STEADY
+from ..core.quantities import CYCLE, HISTORY, STEADY
 from ..fields.frequency import velocity_along
 from ..materials.material import AbstractMaterial
 from ..sliding.case import Case, Heating
 from ..sliding.motion import Motion
 from ..sliding.numerics import Numerics
 from ..sliding.shear import AbstractShear
+from ..sliding.single_motion import SingleMotion
 from ..studies.parameter_covariance import Errors
 from ..surfaces.surface import Surface
 from .schema import LINEAR, LOGARITHMIC
@@ -82,11 +83,18 @@ class Scene:
     - `pressure`: mean pressures [Pa], an axis; none with an approach.
     - `approach`: of a body on a window since its first touch [m], an axis in place of the pressure.
     - `velocity`: sliding velocities [m/s], an axis. With a motion these are its highest speeds, and
-      each changes its period; if missing, the motion has the period of its table.
+      each changes its period; if missing, the motion has the period of its table. A motion with
+      `once = true` gives its velocity.
     - `temperature`: of the block [K], one or an axis; None leaves the materials unchanged. With
       heating it is the bulk temperature.
     - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
-      period, linear in between; if missing, the load is constant.
+      period, linear in between; if missing, the load is constant. With `once = true` they are the
+      pressures at `ratio_times`.
+    - `ratio_times`: of the pressures of a motion with `once = true` [s]; the load is linear in
+      between and constant before the first and after the last. Steps of the motion also end there.
+    - `pressure_path`: a table, text or Excel, in place of `pressure` and its ratios: time and
+      pressure, with units in the headings ("time [h]", "pressure [kPa]"), counted from its first
+      time.
     - `motion`, `law`, `shear`, `heating`: the tables of these names, or None.
     - `counter`: the body that carries the surface, or None if it is rigid.
     - `block_surface`: where the block's own surface comes from, or None.
@@ -102,6 +110,8 @@ class Scene:
     - `name`: begins the names of the files of results.
     - `directory`: folder of the results, relative to the scene.
     - `fields`: solves whose fields over the surface are stored.
+    - `frames`: of a motion with `once = true`, the number of its times at which a solve has fields,
+      and the flow of [observe]: after equal numbers of steps, with the last one.
     - `materials`: names of the materials by their paths in the block, such as "base.material".
     - `errors`: of materials: name, material of the stack, and errors of its numbers.
     - `inputs`: the files that the scene names, by table and key.
@@ -122,7 +132,9 @@ class Scene:
     extrapolate: bool = False
     pressure_ratio: list[float] | None = None
     strain_per_slope: float | None = None
-    motion: Motion | None = None
+    ratio_times: list[float] | None = None
+    pressure_path: Path | None = None
+    motion: Motion | SingleMotion | None = None
     step: float | None = None
     law: AbstractLaw | None = None
     shear: AbstractShear | None = None
@@ -135,6 +147,7 @@ class Scene:
     name: str | None = None
     directory: Path | None = None
     fields: Literal["last", "every", "none"] = "last"
+    frames: int = 8
     materials: dict[str, str]
     errors: tuple[tuple[str, AbstractMaterial, Errors], ...]
     inputs: dict[tuple[str, str], Path]
@@ -169,7 +182,9 @@ class Scene:
     @property
     def kind(self) -> str:
         """Of its contacts, one of `KINDS`."""
-        return STEADY if self.motion is None else CYCLE
+        if self.motion is None:
+            return STEADY
+        return CYCLE if isinstance(self.motion, Motion) else HISTORY
 
     @property
     def num_times(self) -> int:
@@ -177,15 +192,24 @@ class Scene:
         return 1 if self.motion is None else self.motion.num_times
 
     @property
+    def kept_steps(self) -> tuple[int, ...]:
+        """Numbers of the steps of what happens once at which a solve has fields."""
+        count = min(self.frames, self.num_times)
+        return tuple((i + 1) * self.num_times // count - 1 for i in range(count))
+
+    @property
     def sampling(self) -> str | None:
         """How many times a motion has, and how fine they are, in words."""
         if self.motion is None or self.step is None:
             return None
-        return f"{self.num_times} times, a largest step of {self.step:.2g} spacings"
+        text = f"{self.num_times} times, a largest step of {self.step:.2g} spacings"
+        if isinstance(self.motion, SingleMotion):
+            text += f", {with_time(float(self.motion.times[-1]))} in all"
+        return text
 
     def period_at(self, velocity: Any) -> Any:
         """Returns the period of the motion [s] at a highest speed [m/s]."""
-        assert self.motion is not None
+        assert isinstance(self.motion, Motion)
         # The same path at another speed takes another period; at rest the period stays.
         own = self.motion.highest_speed
         return self.motion.period * jnp.where(own > 0, own / jnp.where(own > 0, velocity, 1), 1)
@@ -209,13 +233,19 @@ class Scene:
             return Case(velocity=velocity_along(point["velocity"], direction), **given)
         # The motion is a path along x; the direction turns it.
         along, moved = jnp.atleast_1d(velocity_along(1.0, direction)), self.motion.displacement
+        moved = moved if len(along) == 1 else moved[:, None] * along
+        if isinstance(self.motion, SingleMotion):
+            times = np.asarray(self.motion.times)
+            if self.pressure_ratio is not None and self.ratio_times is not None:
+                ratio = np.interp(times, self.ratio_times, self.pressure_ratio)
+                given["pressure"] = given["pressure"] * ratio
+            return Case(displacement=moved, times=times, **given)
         if self.pressure_ratio is not None:
             # The load is linear between its times, and periodic as the motion.
             times = np.arange(self.num_times) / self.num_times
             known = np.arange(len(self.pressure_ratio)) / len(self.pressure_ratio)
             ratio = np.interp(times, known, self.pressure_ratio, period=1.0)
             given["pressure"] = given["pressure"] * ratio
-        moved = moved if len(along) == 1 else moved[:, None] * along
         period = self.period_at(point["velocity"])
         if self.block_surface is not None:
             given["block_surface"] = self.block_surface.build()

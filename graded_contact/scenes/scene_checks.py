@@ -18,10 +18,11 @@ from ..core.checks import (
 from ..core.files import check_name
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
+from ..core.quantities import HISTORY
 from ..materials.softening import as_strain_per_slope
 from ..sliding.shear import shear_stress
 from .block import extremes
-from .scene import Observe, Scene
+from .scene import Scene
 from .surface_source import Sphere, SurfaceFile
 
 
@@ -61,9 +62,15 @@ def check_tables(scene: Scene) -> None:
         raise ValueError(
             '[load] `approach` needs a surface of kind "sphere", or a file that is "open".'
         )
-    asked = scene.observe != Observe()
-    if asked and (motion is not None or is_open or isinstance(source, Sphere)):
-        raise ValueError("[observe] needs steady sliding on a periodic surface.")
+    window, once = is_open or isinstance(source, Sphere), scene.kind == HISTORY
+    if {*scene.observe.asked} - ({"flow"} if once else set()) and (motion is not None or window):
+        raise ValueError(
+            "[observe] needs steady sliding on a periodic surface; what happens once has `flow`."
+        )
+    for key, place in (("ratio_times", "load"), ("frames", "output")):
+        default = Scene.__dataclass_fields__[key].default
+        if getattr(scene, key) != default and not once:
+            raise ValueError(f"[{place}] `{key}` needs [motion] with `once = true`.")
     if scene.heating is not None and scene.temperature is None:
         raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
     with within("[shear]"):
@@ -84,6 +91,10 @@ def check_tables(scene: Scene) -> None:
             raise ValueError("[load] `pressure_ratio` needs a table [motion].")
         return
     refuse_tables(scene, "[motion]")
+    if once:
+        refuse_tables(scene, "[motion] `once = true`", "heating", "counter", "block_surface")
+    with within("[output]"):
+        check_values("frames", scene.frames, "at least one time is needed", at_least=1)
     if scene.strain_per_slope is not None:
         raise ValueError("[motion] does not take the key `strain_per_slope` of [load].")
     with within("[load]"):

@@ -17,9 +17,10 @@ from ..core.parameters import places
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
 from ..sliding.case import Heating
-from ..sliding.motion import Motion
 from ..sliding.shear import AbstractShear
-from .block import KIND_MAKERS, Block
+from ..sliding.single_motion import SingleMotion
+from .block import Block
+from .once import motion_of, read_load, with_corners
 from .scene import Axis, Observe, Scene
 from .scene_checks import check_numbers, check_tables
 from .schema import ROOT, keys_of
@@ -60,7 +61,8 @@ class SceneTables:
     - `block_surface`: heights of the block itself, out of the block, with a `kind`; with [motion].
     - `sweep`: other values for numbers of the block, by paths as in `with_values`:
       "layers[0].thickness" = [1e-5, 1e-4]. A temperature acts on the block with these values.
-    - `motion`: back and forth or with stops, in place of steady sliding, with a `kind`.
+    - `motion`: in place of steady sliding, with a `kind`: back and forth or with stops; with
+      `once = true` what happens once, with further motions after it as [[motion.then]].
     - `law`: of contact, with a `kind`: adhesion, hardness or a soft wall; if missing, a hard wall.
     - `shear`: stress in the contact, which adds to the friction, with a `kind`.
     - `heating`: how the heat of friction flows; it then softens the block under the contact.
@@ -102,10 +104,10 @@ KEYS = {
     for place, names in {
         "[load]": (
             *("pressure", "approach", "velocity", "temperature", "direction", "extrapolate"),
-            *("pressure_ratio", "strain_per_slope"),
+            *("pressure_ratio", "ratio_times", "pressure_path", "strain_per_slope"),
         ),
         "[solver]": ("rtol",),
-        "[output]": ("name", "directory", "fields"),
+        "[output]": ("name", "directory", "fields", "frames"),
     }.items()
 }
 # [solver] has a key of the stack, too.
@@ -136,6 +138,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     entries = parse_toml(text)
     tables: SceneTables = reader.build(ROOT, entries, SceneTables)
     (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
+    read_load(block, load)
     if ("pressure" in load) == ("approach" in load):
         both = "has `pressure` and `approach`; give" if "pressure" in load else "lacks"
         raise ValueError(f"[load] {both} one of the keys `pressure` and (on a window) `approach`.")
@@ -160,8 +163,11 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     motion = step = None
     if tables.motion is not None:
         line = _along(surface, direction)
-        motions = {**KIND_MAKERS[Motion], "recorded": block.recorded}
-        motion = reader.build_kind("[motion]", tables.motion, motions, grid=line)
+        motion = motion_of(block, tables.motion, line)
+        if isinstance(motion, SingleMotion):
+            motion = with_corners(motion, load)
+            if "velocity" in load:
+                raise ValueError("[load] `velocity` is refused: [motion] `once = true` gives it.")
         step = float(motion.largest_step(line))
         load.setdefault("velocity", np.array([float(motion.highest_speed)]))
     how = accuracy.pop("graded_solver", None)

@@ -19,13 +19,15 @@ from ..blocks.periodic_kernel import period_frequencies
 from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.parameters import places
+from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along, wave_frequencies
 from ..fields.grid import Grid
-from ..materials.coverage import check_frequencies, coverage, is_unknown
+from ..materials.coverage import check_frequencies, coverage, is_unknown, may_refuse
 from ..materials.material import Prony
 from ..materials.shift import require_shift
 from ..mean_field.mean_field import MeanField, mean_field_of
 from ..sliding.doubts import EXTRAPOLATED
+from ..sliding.single_motion import SingleMotion
 from ..studies.parameter_covariance import Errors
 from ..studies.uncertainty import Sensitivity, sensitivity
 from ..surfaces.statistics import radial_spectrum
@@ -86,6 +88,8 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
     the mean field at the highest pressure. `extrapolate = true` in [load], or `extrapolate =
     "plateau"` of a table, allows them. Each temperature and block of [sweep] is checked.
     """
+    if scene.kind == HISTORY:
+        return _check_rates(scene)
     if scene.counter is not None and scene.motion is not None:
         with within("[counter] and [motion]:"):
             check_frequencies(scene.counter, _excited(scene, surface.grid))
@@ -99,6 +103,24 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
             if surface.periodic:  # there is no mean field of a window
                 shares = partial(_shares, scene, surface, stack)
                 refuse_extrapolated(scene, stack, surface.grid, shares)
+
+
+def _check_rates(scene: Scene) -> None:
+    """Refuses what happens once at rates at which a material was not measured."""
+    assert isinstance(scene.motion, SingleMotion)
+    times = np.asarray(scene.motion.times)
+    rates = np.array([1 / times[-1], 1 / np.min(np.diff(times, prepend=0))])
+    for _, stack in scene.blocks():
+        known = coverage(stack)
+        if scene.extrapolate or known is None or may_refuse(stack):  # a table has no history
+            continue
+        if np.any(is_unknown(rates, known)):
+            raise ValueError(
+                f"[motion] needs moduli from {rates[0]:.3g} rad/s (one over its last time) to "
+                f"{rates[1]:.3g} rad/s (one over its shortest step), but the materials of the "
+                f"block were measured from {known[0]:.3g} to {known[1]:.3g} rad/s. Take other "
+                "times, or set `extrapolate = true` in [load]."
+            )
 
 
 def _shares(scene: Scene, surface: Surface, stack: Stack) -> np.ndarray:

@@ -11,7 +11,7 @@ from .motion import Motion, recorded, sinusoidal, start_stop, steady
 from .numerics import Numerics
 from .result import CyclicSliding, Sliding, TransientSliding, describe
 from .shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
-from .single_motion import SingleMotion, dwell, ramp, recorded_once, start
+from .single_motion import SingleMotion, dwell, listed, ramp, recorded_once, start
 from .slide import slide, slide_cycle, slide_history, solve
 from .stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 
@@ -20,9 +20,9 @@ __all__ = [
     "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear", "SingleMotion",
     "Sliding", "TransientSliding", "area_against_cutoff", "contact_conductance",
     "contact_stiffness", "contact_stiffness_error", "contact_stress", "cumulative_friction",
-    "dwell", "flash_temperature", "gap_flow", "heat_depths", "heat_source", "ramp", "recorded",
-    "recorded_once", "sinusoidal", "slide", "slide_cycle", "slide_history", "solve", "start",
-    "start_stop", "steady",
+    "dwell", "flash_temperature", "gap_flow", "heat_depths", "heat_source", "listed", "ramp",
+    "recorded", "recorded_once", "sinusoidal", "slide", "slide_cycle", "slide_history", "solve",
+    "start", "start_stop", "steady",
 ]  # fmt: skip
 
 describe(Sliding)

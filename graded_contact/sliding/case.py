@@ -195,10 +195,11 @@ class Case(eqx.Module):
         check_positive("times", times, "[s]", squares=False)
         check_increasing("times", times)
         if is_concrete(times):
-            shortest = float(np.diff(np.asarray(times), prepend=0.0).min())
-            if times[-1] > LONGEST * shortest:
+            known = np.asarray(times)  # inside of a program, too
+            steps = np.diff(known, prepend=0)
+            if known[-1] > LONGEST * np.min(steps):
                 raise ValueError(
-                    f"`times` up to {times[-1]:.3g} s with a step of {shortest:.3g} s are "
+                    f"`times` up to {known[-1]:.3g} s with a step of {np.min(steps):.3g} s are "
                     f"refused: the last time is at most {LONGEST:.0e} times the shortest step."
                 )
 

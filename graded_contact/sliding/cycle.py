@@ -24,7 +24,7 @@ from ..contacts.solution import RESULTS
 from ..contacts.space_time import SpaceTime, at_rest, in_motion
 from ..core.checks import check_squares, within
 from ..core.derivative import derivative_apart
-from ..core.memory import COUNTER, CYCLE, check_memory
+from ..core.memory import CYCLE, CYCLE_COUNTER, check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid
 from ..materials.coverage import coverage
@@ -46,7 +46,7 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
     grid, num_times = surface.grid, len(case.displacement)
     check_squares("heights", surface.heights, "m")
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
-    fields = CYCLE if case.counter is None else CYCLE + COUNTER
+    fields = CYCLE if case.counter is None else CYCLE + CYCLE_COUNTER
     check_memory("displacement", "a cycle", fields, heights.shape, heights.dtype.itemsize)
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
     loading_of(law, heights, num_times, **load)  # refuses what is no load

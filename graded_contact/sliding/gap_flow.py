@@ -24,13 +24,14 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import Numbers, as_float, check_shape, check_type, check_types, check_values
 from ..core.display import shown
-from ..core.quantities import of_steady
+from ..core.quantities import HISTORY, STEADY, observable
 from ..fields.grid import Grid
 from .facts import FLOW
 from .formulas import indicator_of, shared
 from .result import Found
 
 ALONG = {"entries": ("along x", "along y")}  # how arrays print
+_KINDS = (STEADY, HISTORY)
 
 
 @shown()
@@ -80,25 +81,33 @@ def gap_flow(gap: Numbers, grid: Grid, *, contact: Numbers | None = None) -> Gap
 
 @shared
 def _flow(found: Found) -> GapFlow:
-    return gap_flow(found.gap, found.grid, contact=indicator_of(found) > 0)
+    of = lambda at: gap_flow(at[0], found.grid, contact=at[1])  # noqa: E731
+    fields = found.gap, indicator_of(found) > 0
+    return jax.lax.map(of, fields) if found.kind == HISTORY else of(fields)
 
 
-@of_steady(
-    "K_x", "m³", "conductance of the gap for a fluid along x", needs=[FLOW],
+@observable(
+    "K_x", "m³", "conductance of the gap for a fluid along x", needs=[FLOW], kinds=_KINDS,
     column=("flow along\nx [m³]", ".3e"),
 )  # fmt: skip
-def flow_along_x(found: Found) -> Float[Array, ""]:
-    """Conductance of the gap along x [m³]; for a profile, across its grooves. See `gap_flow`."""
-    return _flow(found).conductance[0]
+def flow_along_x(found: Found) -> Float[Array, "..."]:
+    """Conductance of the gap along x [m³]; for a profile, across its grooves. See `gap_flow`.
+
+    Of a history one number at each of its `field_times`.
+    """
+    return _flow(found).conductance[..., 0]
 
 
-@of_steady(
-    "K_y", "m³", "conductance of the gap for a fluid along y", needs=[FLOW],
+@observable(
+    "K_y", "m³", "conductance of the gap for a fluid along y", needs=[FLOW], kinds=_KINDS,
     column=("flow along\ny [m³]", ".3e"),
 )  # fmt: skip
-def flow_along_y(found: Found) -> Float[Array, ""]:
-    """Conductance of the gap along y [m³]; for a profile, along its grooves. See `gap_flow`."""
-    return _flow(found).conductance[1]
+def flow_along_y(found: Found) -> Float[Array, "..."]:
+    """Conductance of the gap along y [m³]; for a profile, along its grooves. See `gap_flow`.
+
+    Of a history one number at each of its `field_times`.
+    """
+    return _flow(found).conductance[..., 1]
 
 
 @eqx.filter_jit

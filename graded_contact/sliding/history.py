@@ -24,6 +24,8 @@ from .resolution import NEIGHBOURS_RTOL
 from .result import TransientSliding
 from .shear import Coulomb, is_coupled, shear_stress, unless_negative
 
+MEMORY = 4 * NODES + 30  # fields
+
 
 def history_problem(case: Case) -> HistoryProblem:
     """Returns the problem of a case with displacements at times."""
@@ -37,8 +39,7 @@ def history_problem(case: Case) -> HistoryProblem:
     check_one_law(case.law)
     check_squares("heights", surface.heights, "m")
     grid, count = surface.grid, len(times)
-    fields = 2 * NODES * 2 + 30
-    check_memory("surface", "a history", fields, grid.shape, surface.heights.dtype.itemsize)
+    check_memory("surface", "a history", MEMORY, grid.shape, surface.heights.dtype.itemsize)
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
     loading = loading_of(case.law, surface.heights[None], count, **load)
     given = next(value for value in loading if value is not None).reshape(count)

@@ -102,7 +102,10 @@ class HistoryProblem(eqx.Module):
     def steps(self) -> tuple[Float[Array, " nt"], Float[Array, "nt components"]]:
         """The lengths of the steps [s], and how far the surface moves in them [m]."""
         before = jnp.zeros((1, self.moved.shape[1]), self.moved.dtype)
-        return steps_of(self.times), jnp.diff(self.moved, axis=0, prepend=before)
+        way = jnp.diff(self.moved, axis=0, prepend=before)
+        # What a sum or a turn leaves of a rest by rounding is no motion, and has no direction.
+        least = 16 * jnp.finfo(way.dtype).eps * jnp.max(jnp.abs(self.moved))
+        return steps_of(self.times), jnp.where(jnp.abs(way) > least, way, 0)
 
 
 def steps_of(times: Float[Array, " nt"]) -> Float[Array, " nt"]:

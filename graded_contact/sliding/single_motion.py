@@ -51,6 +51,23 @@ class SingleMotion(eqx.Module):
         """How many steps it has."""
         return len(self.times)
 
+    @property
+    def highest_speed(self) -> Float[Array, ""]:
+        """The largest mean speed of a step [m/s]."""
+        steps = jnp.diff(self.times, prepend=0)
+        return jnp.max(jnp.sqrt(jnp.sum(self._ways**2, axis=1)) / steps)
+
+    def largest_step(self, grid: Grid) -> Float[Array, ""]:
+        """Returns how far a step leads at most, in spacings along x plus y [1]."""
+        ways = jnp.abs(self._ways)
+        return jnp.max(jnp.sum(ways / grid.spacing[: ways.shape[1]], axis=1))
+
+    @property
+    def _ways(self):
+        """How far each step leads, along each axis [m]."""
+        moved = self.displacement.reshape(len(self.times), -1)
+        return jnp.diff(moved, axis=0, prepend=jnp.zeros_like(moved[:1]))
+
     def then(self, other: "SingleMotion") -> "SingleMotion":
         """Returns this motion and then another one, which begins where this one ends."""
         return SingleMotion(
@@ -148,6 +165,27 @@ def start(
 
 
 @check_types
+def listed(times: Numbers, displacement: Numbers) -> SingleMotion:
+    """Returns the motion of given times and displacements, one for each step.
+
+    **Arguments:**
+
+    - `times`: ends of the steps [s], shape `(nt,)`, positive and ascending.
+    - `displacement`: s [m] at these times since t = 0, shape `(nt,)` or `(nt, 2)`.
+
+    **Returns:** the motion.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    motion = SingleMotion(times, displacement)
+    check_rows(1, times=motion.times)
+    check_positive("times", motion.times, "[s]", squares=False)
+    check_increasing("times", motion.times)
+    _check_one_for_each(motion.times, motion.displacement)
+    return motion
+
+
+@check_types
 def recorded_once(times: Numbers, displacement: Numbers, grid: Grid) -> SingleMotion:
     """Returns a measured motion that need not close, in steps that the grid resolves.
 
@@ -168,11 +206,7 @@ def recorded_once(times: Numbers, displacement: Numbers, grid: Grid) -> SingleMo
     check_rows(2, times=times)
     check_increasing("times", times)
     check_values("displacement", table, "a displacement [m] must be finite")
-    if table.shape not in ((len(times),), (len(times), 2)):
-        raise ValueError(
-            f"`displacement` has shape {table.shape}; `({len(times)},)` or `({len(times)}, 2)` is "
-            "needed, one for each of the `times`."
-        )
+    _check_one_for_each(times, table)
     ways = jnp.abs(jnp.diff(table.reshape(len(times), -1), axis=0))
     spacings = jnp.sum(ways / grid.spacing[: ways.shape[1]], axis=1) / CHOSEN_STEP
     counts = _known("grid", spacings, lambda n: np.maximum(np.ceil(n), 1).astype(int))
@@ -182,6 +216,15 @@ def recorded_once(times: Numbers, displacement: Numbers, grid: Grid) -> SingleMo
     columns = (table - table[0]).reshape(len(times), -1).T
     moved = jnp.stack([jnp.interp(place, index, column) for column in columns], axis=1)
     return SingleMotion(at, moved.reshape(len(at), *table.shape[1:]))
+
+
+def _check_one_for_each(times: Array, displacement: Array) -> None:
+    count = len(times)
+    if displacement.shape not in ((count,), (count, 2)):
+        raise ValueError(
+            f"`displacement` has shape {displacement.shape}; `({count},)` or `({count}, 2)` is "
+            "needed, one for each of the `times`."
+        )
 
 
 def _count(num_times: int | None, way: Array, grid: Grid | None) -> int:

@@ -155,10 +155,15 @@ def read_dataset(path: str | os.PathLike) -> "Dataset":
         raise ValueError(f"`path={path}` does not contain a dataset: {error}.") from error
 
 
-def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
-    """Writes a table with a row for each point: axes, numbers (no fields) and message."""
-    axes, numbers = dataset["message"].dims, dataset.data_vars.items()
-    names = [str(n) for n, v in numbers if {*v.dims} <= {*axes} and v.dtype.kind in "fiub"]
+def write_csv(path: str | os.PathLike, dataset: "Dataset", *more: str) -> None:
+    """Writes a table with a row for each point: axes, numbers (no fields) and message.
+
+    With `more` dimensions it has a row for each of their values, and the numbers over these.
+    """
+    axes, numbers = (*dataset["message"].dims, *more), dataset.data_vars.items()
+    names = [
+        str(n) for n, v in numbers if {*more} <= {*v.dims} <= {*axes} and v.dtype.kind in "fiub"
+    ]
     table = dataset[[*names, "message"]].to_dataframe(dim_order=[*axes]).reset_index()
     heads = {n: in_csv(n + in_brackets(dataset[n].attrs.get("units", ""))) for n in table}
     table = table.rename(columns=heads).map(lambda at: in_csv(at) if isinstance(at, str) else at)

@@ -413,7 +413,7 @@ def held(*arguments):
         sys.stdin.read()
     write(*arguments)
 Store.write = held
-cli.start()
+cli.run_command()
 """
 
 
@@ -618,7 +618,7 @@ def test_an_earlier_fit_stays_if_the_disk_is_full(tmp_path, monkeypatch):
 # One process for two commands. It starts JAX once, and ends with 0 if they end as they should.
 COMMANDS = """
 import sys
-from graded_contact.cli import start
+from graded_contact.cli import run_command
 codes = []
 for words in {jobs}:
     sys.argv = ["graded-contact", *words]

@@ -276,7 +276,13 @@ def test_a_bond_is_that_of_the_constructor_and_an_axis():
     assert parse_scene(below('"none"')).stack.layers[0].bond is None
 
 
-@pytest.mark.parametrize("name", ["reciprocating", "shear_and_heat", "indenter", "failing_bond"])
+EXAMPLES = (
+    *("reciprocating", "shear_and_heat", "indenter", "failing_bond"),
+    *("braking", "seal", "load_steps"),
+)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_is_read(name):
     assert read_scene(Path(__file__).parents[2] / "examples" / f"{name}.toml").title
 

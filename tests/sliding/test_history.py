@@ -207,6 +207,26 @@ def test_laws_of_ones_own_are_taken_if_they_are_analytic():
         creep_of(gc.Stack(base=gc.HalfSpace(Even())), ends, steps)
 
 
+def test_the_creep_of_a_graded_layer_is_that_of_many_thin_ones():
+    stiff, ends, steps = gc.Prony(3e6, [2e6, 9e6], [1e-2, 1e-3], 0.4), [1e3, 1e6], [1e-3, 4e-3]
+
+    def mixed(share):  # from the top, which is RUBBER
+        strengths = (1 - share) * RUBBER.strengths + share * stiff.strengths
+        return gc.Prony(1e6 + 2e6 * share, strengths, stiff.times, 0.49 - 0.09 * share)
+
+    graded = gc.GradedLayer(Blend(stiff, RUBBER), 1e-4)
+    thin = tuple(gc.Layer(mixed((i + 0.5) / 12), 1e-4 / 12) for i in range(12))
+    one, many = (
+        creep_of(
+            gc.Stack(layers=layers, base=gc.HalfSpace(stiff)), *map(jnp.asarray, (ends, steps))
+        )
+        for layers in ((graded,), thin)
+    )
+    for name in ("now", "whole", "aged"):
+        np.testing.assert_allclose(getattr(one, name), getattr(many, name), atol=5e-3)
+    assert one.error < 1e-4
+
+
 TABLE = Tabulated([1.0, 1e3], [1e6 + 1e5j, 2e6 + 1e5j], extrapolate="plateau")
 
 
