@@ -140,7 +140,7 @@ class HistoryWaves(eqx.Module):
         memories = [self._on(creep.kernels, self.numbers) for creep in creeps]
         for creep, memory in zip(creeps, memories[:], strict=True):
             if creep.lift is not None:
-                memories.append(memory * self._ratio(creep.lift[0], self.numbers))
+                memories.append(memory * self._at(creep.lift[0], self.numbers))
         self.memories = tuple(memories)
 
     @property
@@ -160,17 +160,13 @@ class HistoryWaves(eqx.Module):
 
     def _on(self, table: Array, numbers: tuple[np.ndarray, ...]) -> Array:
         """A table of `Creep` at the waves of these mode numbers; 0 at q = 0."""
-        return self._at(jnp.where(self.is_wave, jnp.exp(self._values(table)) / self.q, 0), numbers)
+        size = jnp.where(self.is_wave, 1 / self.q, 0)
+        return self._at(table, numbers, lambda found: jnp.exp(found) * size)
 
-    def _ratio(self, table: Array, numbers: tuple[np.ndarray, ...]) -> Array:
-        """A table of `Creep.lift` at the waves of these mode numbers."""
-        return self._at(self._values(table), numbers)
-
-    def _values(self, table: Array) -> Array:
+    def _at(self, table: Array, numbers: tuple[np.ndarray, ...], of=lambda found: found) -> Array:
+        """A function of a table, such as `Creep.lift`, at the waves of these mode numbers."""
         found = table @ self.shares.astype(table.dtype)
-        return found.reshape(*table.shape[:-1], *self.q.shape)
-
-    def _at(self, found: Array, numbers: tuple[np.ndarray, ...]) -> Array:
+        found = of(found.reshape(*table.shape[:-1], *self.q.shape))
         if self.grid.ndim == 1:
             return found
         return jnp.take(found, np.abs(numbers[0]).ravel(), axis=-2)
@@ -179,7 +175,7 @@ class HistoryWaves(eqx.Module):
         """A table of `Creep` on the half spectrum; of traction with the ratios of its `lift`."""
         numbers = mode_numbers(self.grid.shape)
         found = self._on(table, numbers)
-        return found if lift is None else found * self._ratio(lift, numbers)
+        return found if lift is None else found * self._at(lift, numbers)
 
     def along(self, direction: Array) -> Array:
         """i q·e/|q| on the half spectrum, e along the first axes; 0 on Nyquist lines."""

@@ -20,6 +20,7 @@ once more from every √n-th step on.
 
 import dataclasses
 import functools
+import itertools
 import math
 from typing import Any, NamedTuple
 
@@ -153,14 +154,11 @@ class Advance(eqx.Module):
         ))  # fmt: skip
         traction, numbers = self._numbers(one, profile, displacement, given)
         # Of the pressure on each body, also where traction moves it.
-        num_bodies = len(problem.creeps)
+        pairs = list(zip(pasts, state.pasts, strict=True))
+        loads = [(new.pressed + old.pressed) / 2 for new, old in pairs[: len(problem.creeps)]]
         work = sum(
-            waves.mean_product(
-                pasts[i % num_bodies].pressed + state.pasts[i % num_bodies].pressed,
-                new.moved - old.moved,
-            )
-            / 2
-            for i, (new, old) in enumerate(zip(pasts, state.pasts, strict=True))
+            waves.mean_product(load, new.moved - old.moved)
+            for load, (new, old) in zip(itertools.cycle(loads), pairs, strict=False)
         )
         by_slopes = jnp.sum((traction + state.traction) / 2 * given.way)
         by_shear = jnp.sum(numbers["shear_traction"] * given.way)
@@ -194,14 +192,14 @@ class Advance(eqx.Module):
         own, other = block - passing, problem.heights - of_counter
         return block, touching_at(problem.roughness, problem.grid, own, other)
 
-    def _turns(self, given: _Step) -> list[Array]:
+    def _turns(self, given: _Step) -> list[Any]:
         """What takes the waves of each force from its body to the surface: the counter rests."""
-        turns = [self.waves.turn(given.shift), jnp.ones(())][: len(self.problem.creeps)]
+        turns = [self.waves.turn(given.shift), 1.0][: len(self.problem.creeps)]
         return turns * (len(given.tables) // len(turns))
 
-    def _forces(self, given: _Step) -> list[Array]:
+    def _forces(self, given: _Step) -> list[Any]:
         """The waves of each force over those of the pressure; traction on a counter is opposite."""
-        forces = [jnp.ones(())] * len(self.problem.creeps)
+        forces: list[Any] = [1.0] * len(self.problem.creeps)
         if len(given.tables) > len(forces):
             assert self.problem.shear is not None
             unit, law = _direction(given.way)[0], self.problem.shear.law
@@ -338,8 +336,7 @@ def _steps(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
     return _Step(
         length=lengths, shift=problem.moved, way=way, given=problem.given,
         tables=tables * (len(lifts) // len(tables)), lifts=lifts,
-        decay=jnp.exp(z),
-        from_old=before(lengths[:, None] * (once - twice)),
+        decay=jnp.exp(z), from_old=before(lengths[:, None] * (once - twice)),
         from_new=before(lengths[:, None] * twice), slot=jnp.asarray(slots),
         index=jnp.arange(count), counts=jnp.ones(count, bool),
     )  # fmt: skip

@@ -121,9 +121,11 @@ def test_after_a_step_down_of_the_load_the_area_is_that_of_the_relaxed_modulus_a
         relaxed = 1e6 + 4e6 * np.exp(-times[end] / 1e-2) + 8e6 * np.exp(-times[end] / 1e-3)
         full = np.pi * relaxed / (1 - 0.49**2) * height / 1e-3
         expected = 2 / np.pi * np.arcsin(np.sqrt(3e4 / full))  # Westergaard (1939)
-        assert area[end] == pytest.approx(expected, abs=5e-3)
+        assert area[end] == pytest.approx(expected, abs=0.5 / 64)  # half a point of the grid
         assert area[end] < 0.5 * area[end - 1]
-        assert np.all(np.diff(area[end:]) > -1e-3)  # between the points of the grid
+        highest = np.maximum.accumulate(area[end:])
+        assert np.all(area[end:] > highest - 0.5 / 64)
+        assert area[-1] > area[end]
 
 
 def test_an_elastic_block_stores_the_work_of_friction_and_load():
@@ -207,6 +209,7 @@ def test_laws_of_ones_own_are_taken_if_they_are_analytic():
         creep_of(gc.Stack(base=gc.HalfSpace(Even())), ends, steps)
 
 
+@pytest.mark.slow
 def test_the_creep_of_a_graded_layer_is_that_of_many_thin_ones():
     stiff, ends, steps = gc.Prony(3e6, [2e6, 9e6], [1e-2, 1e-3], 0.4), [1e3, 1e6], [1e-3, 4e-3]
 
