@@ -24,7 +24,7 @@ from .resolution import NEIGHBOURS_RTOL
 from .result import TransientSliding
 from .shear import Coulomb, is_coupled, shear_stress, unless_negative
 
-MEMORY = 4 * NODES + 30  # fields
+MEMORY = 4 * NODES + 30  # fields, of a body; twice as many if traction moves it
 
 
 def history_problem(case: Case) -> HistoryProblem:
@@ -34,16 +34,17 @@ def history_problem(case: Case) -> HistoryProblem:
         raise ValueError(
             "`surface` is on a window (`periodic=False`) and is refused in a history: the memory "
             "of the block holds the waves of a cell, where the copies of a window's load would "
-            "act, too. Put the body into a periodic cell several times as large as the contact."
+            "act, too. Put the body into a periodic cell, four radii of its contact wide or more."
         )
     check_one_law(case.law)
     check_squares("heights", surface.heights, "m")
     grid, count = surface.grid, len(times)
-    check_memory("surface", "a history", MEMORY, grid.shape, surface.heights.dtype.itemsize)
+    coupled = is_coupled(case.shear)
+    fields = MEMORY * len(case.bodies) * (2 if coupled else 1)
+    check_memory("surface", "a history", fields, grid.shape, surface.heights.dtype.itemsize)
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
     loading = loading_of(case.law, surface.heights[None], count, **load)
     given = next(value for value in loading if value is not None).reshape(count)
-    coupled = is_coupled(case.shear)
     if coupled and not isinstance(case.shear, Coulomb):
         raise ValueError(
             "`shear` is refused: in a history only the traction of `Coulomb` can move the surface. "
