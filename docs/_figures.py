@@ -191,7 +191,7 @@ FIGURES = {
 }
 # By the name of a page of docs/howto: drawn from the names that its program defines, which takes a
 # minute. So `python docs/_figures.py` draws them, and the repository has them.
-OF_PAGES = {"neural_profile": neural_profile}
+OF_PAGES = {"neural_profile": neural_profile, "seal": lambda found: found["figure"]}
 
 if __name__ == "__main__":
     from _generated import run_program

@@ -35,6 +35,7 @@ from graded_contact.scenes import block, once, scene, scene_file, surface_source
 from graded_contact.scenes.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
 from graded_contact.scenes.toml import entry_text
 from graded_contact.sliding.case import Heating
+from graded_contact.sliding.gap_flow import Fluid
 
 ROOT = Path(__file__).parents[1]
 KEYS_FILE = ROOT / "docs" / "scene_keys.md"
@@ -77,6 +78,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "[load]": {scene.Scene: scene_file.KEYS["[load]"]},
     "[motion], any kind": {once.motion_of: (once.ONCE, once.THEN)},
     "[heating]": {Heating: keys_of(Heating)},
+    "[fluid]": {Fluid: keys_of(Fluid)},
     "[observe]": {scene.Observe: keys_of(scene.Observe)},
     "[solver]": {
         scene.Scene: scene_file.KEYS["[solver]"][:1],
@@ -308,7 +310,8 @@ def keys_page() -> str:
 def key_row(key: Key, make: Callable) -> list[str]:
     """Returns key, meaning, type, default and unit, from signature and docstring."""
     meaning = MEANINGS.get(key.name) or meaning_of(key.name, make)
-    unit = re.search(r"(?<![\w\[])\[((?:1|Pa|rad|m²?|s|K|J|Hz)(?:/\w+)?|W/\(m K\))\]", meaning)
+    units = r"(?:1|Pa(?: s)?|rad|m²?|s|K|J|Hz)(?:/\w+)?|W/\(m K\)"
+    unit = re.search(rf"(?<![\w\[])\[({units})\]", meaning)
     cells = [f"`{key.name}`", meaning, words(key), default_text(key), unit[1] if unit else ""]
     return [cell.replace("|", "\\|") for cell in cells]
 

@@ -22,6 +22,8 @@ os.environ.setdefault(
     * version("jaxlib").startswith("0.10."),
 )
 os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
+# Threads of small matrices mostly wait, and burn the processor while they do.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Workers and commands share what is compiled. Workers inherit the folder.
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:

@@ -14,11 +14,13 @@ import numpy as np
 from jax import Array
 
 from ..core.checks import check_tolerance
+from ..core.display import shown
 
 # Rounding: what no refinement removes, and the tightest tolerance worth trying.
 _FLOOR, REFUSED_BELOW = 100.0, 400.0
 
 
+@shown()
 class AbstractGradedSolver(eqx.Module):
     """A way to pass the graded layers of a stack.
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import typer
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -25,6 +26,7 @@ from ..scenes.results import (
     solve_states,
     surface_of,
     warnings_of,
+    without_friction,
 )
 from ..scenes.scene import Scene
 from ..scenes.toml import parse_toml
@@ -48,6 +50,7 @@ STATES = {
 MAIN = (
     "mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach",
     "contact_stiffness", "specific_conductance", "flow_along_x", "flow_along_y",
+    "leakage_along_x", "leakage_along_y",
 )  # fmt: skip
 OVER_TIME = ("friction", "load", "contact_area", "mean_gap", "work_done", *FLOWS)
 # Errors that are no part of the total: ends of names, and heads.
@@ -75,11 +78,10 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
         )
     axes, columns = results["message"].dims, _columns(results, full)
     shown = has_numbers(results).values
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in (*_heads(results), *(head for head, _ in columns.values()), "state"):
-        table.add_column(Text(head), justify="right", no_wrap=True)
+    heads = (*_heads(results), *(head for head, _ in columns.values()), "state")
     states, numbered = solve_states(results).values, [*zip(marks, warnings, strict=True)]
     load_unit = 1e6 if axes[-2] == "pressure" else 1
+    rows = []
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
         cells = [
@@ -91,11 +93,20 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
         which = ",".join(filter(str.isdigit, doubts))
         mark += f"[yellow]doubtful{f' ({which})' * bool(which)}[/]" * bool(doubts)
         numbers = (f"{speed:.3e}", f"{load / load_unit:.4g}", *(f"{number:.5g}" for number in at))
-        table.add_row(*numbers, *cells, mark)
-    console = Console()
-    # A narrower screen wraps the lines; it must not cut the numbers.
-    console.width = max(console.width, 24 * (len(table.columns) + 1))
-    console.print(table)
+        rows.append([*numbers, *cells, mark])
+    console, shared, parts = Console(), len(axes), [[*range(len(heads))]]
+    if console.is_terminal:
+        texts = [[*heads], *([Text.from_markup(text).plain for text in row] for row in rows)]
+        parts = tables_that_fit(texts, shared, console.width)
+    else:  # a file has one line for each solve
+        console.width = max(console.width, 24 * (len(heads) + 1))
+    for part in parts:
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+        for i in part:
+            table.add_column(Text(heads[i]), justify="right", no_wrap=True)
+        for row in rows:
+            table.add_row(*(row[i] for i in part))
+        console.print(table)
     for mark, caveat in numbered:
         text = f"[bold yellow]({mark})[/] {escape(caveat.sentence)}"
         console.print(text, soft_wrap=True)
@@ -105,6 +116,7 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
         surface = surface_of(every)
         words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
         console.print(f"Errors by the grid are {words}.", soft_wrap=True)
+    _print_closed(every)
     _print_failures(every)
 
 
@@ -133,9 +145,42 @@ def _print_times(results: "Dataset", full: bool) -> None:
     console.print(table)
 
 
+def tables_that_fit(texts: list[list[str]], shared: int, room: int) -> list[list[int]]:
+    """Returns the columns of each of some tables that are at most as wide as the screen.
+
+    The first columns, which say what is solved, are in each table; an error stays beside its
+    number.
+
+    **Arguments:**
+
+    - `texts`: heads, then rows.
+    - `shared`: number of the columns that each table has.
+    - `room`: width of the screen [characters].
+    """
+    widths = [
+        3 + max(cell_len(line) for text in column for line in text.split("\n"))
+        for column in zip(*texts, strict=True)
+    ]
+    together: list[list[int]] = []
+    for i in range(shared, len(widths)):
+        together += [[]] * (not texts[0][i].startswith("±"))
+        together[-1] = [*together[-1], i]
+    parts, used = [[*range(shared)]], sum(widths[:shared])
+    for group in together:
+        wide = sum(widths[i] for i in group)
+        if used + wide > room and len(parts[-1]) > shared:
+            parts, used = [*parts, [*range(shared)]], sum(widths[:shared])
+        parts[-1] += group
+        used += wide
+    return parts
+
+
 def _cell(results: "Dataset", name: str, index: tuple[int, ...], form: str) -> str:
     """A number in words; one below its error as its bound."""
     value = float(results[name].values[index])
+    of_friction = name in {f"friction{end}" for end in ("", "_error", *APART)}
+    if of_friction and np.isfinite(value) and bool(without_friction(results)[index]):
+        return "0"  # what stands there is rounding
     error = float(results[f"{name}_error"].values[index]) if f"{name}_error" in results else 0.0
     return number(value, form, error)
 
@@ -154,6 +199,7 @@ def _heads(results: "Dataset") -> Iterator[str]:
 def _columns(results: "Dataset", full: bool) -> dict[str, tuple[str, str]]:
     """Heads and formats of the columns, of quantities with one number for each solve."""
     known = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
+    known |= {f"leakage_along_{d}": (f"leakage\nalong {d}\n[m³/s]", ".3e") for d in ("x", "y")}
     known |= {name + end: (head, ".1e") for name in MAIN for end, head in APART.items()}
     hidden = {"unmeasured_friction"} if "measured" not in results else set()
     # Without shear in the contact, all friction is hysteresis. With coupling, shear and slopes
@@ -161,15 +207,30 @@ def _columns(results: "Dataset", full: bool) -> dict[str, tuple[str, str]]:
     without = "shear_friction" in results and not np.any(results["shear_friction"])
     if without or "block_friction" in results:
         hidden |= {"hysteresis_friction", "shear_friction"}
+    if "leakage_along_x" in results and not full:
+        hidden |= {"flow_along_x", "flow_along_y"}
     # An error stands beside its number.
-    numbers = [name for name in known if not name.endswith("_error")] if full else MAIN
+    every = [name for name in known if not name.endswith("_error")] if full else MAIN
+    numbers = [name for name in every if name not in hidden]
     beside = [name + end for name in numbers for end in ("", "_error", *APART)]
     axes = results["message"].dims
     return {
         name: known[name]
         for name in beside
-        if name in known and name not in hidden and name in results and results[name].dims == axes
+        if name in known and name in results and results[name].dims == axes
     }
+
+
+def _print_closed(results: "Dataset") -> None:
+    """Prints from which load on the gap lets no fluid pass, in any of the solves."""
+    for axis in ("x", "y"):
+        flow = results.get(f"flow_along_{axis}")
+        if flow is None:
+            continue
+        closed = (flow == 0).all([name for name in flow.dims if name != "pressure"]).values
+        if np.any(closed):
+            least = with_unit(float(np.min(results["pressure"].values[closed])), "Pa")
+            typer.echo(f"No fluid passes along {axis} at a pressure of {least} or more.")
 
 
 def _print_failures(results: "Dataset") -> None:

@@ -30,12 +30,12 @@ from ..scenes.results import (
     over_seeds,
     read_results,
     surface_of,
+    without_friction,
 )
 from ..scenes.scene import ONE_OR_AXIS, Scene
 from ..scenes.scene_file import parse_scene, read_scene
 from ..scenes.theory import mean_field_at, what_decides
 from ..scenes.toml import parse_toml
-from ..sliding.errors import NO_FRICTION
 from ..sliding.magnification import cumulative_friction
 from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..studies.interruption import Interruption, interruptible
@@ -291,6 +291,10 @@ def _figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tup
             yield "history" if once else "cycle", draw(results)
         return
     yield "sweep", plot.plot_sweep(results, all_seeds=all_seeds)
+    if "flow_along_x" in results:
+        yield "leakage", plot.plot_leakage(results)
+    if not np.any(results["velocity"]):
+        return  # a master curve over a_T v has one point
     if "reduced_velocity" in results:
         yield "master", plot.plot_reduced(results)
     elif "master_curve" in results.attrs:
@@ -323,7 +327,7 @@ def _contacts(
         if whole and surface.periodic:
             theory = mean_field_at(scene, surface, index)
             figures["distributions"] = plot.plot_distributions(fields, theory, surface)
-            if abs(solve["friction"]) > NO_FRICTION * solve["slope_in_contact"]:
+            if not without_friction(solve):
                 pressure, moved = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
                 waves = cumulative_friction(pressure, moved, surface.grid, velocity)
                 curves = {"contact": waves}

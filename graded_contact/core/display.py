@@ -7,6 +7,7 @@ material, they do.
 """
 
 import dataclasses
+import os
 import reprlib
 from collections.abc import Iterator, Mapping
 from types import EllipsisType
@@ -97,7 +98,8 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
     noise: Mapping[str, float] = getattr(value, "noise", {})
     beside = {f"{name}_error" for name in parts} | {n for group in causes.values() for n in group}
     for name, part in parts.items():
-        empty = part is None or (isinstance(part, str | Mapping) and not part)
+        no_rows = isinstance(part, np.ndarray) and not part.size
+        empty = part is None or no_rows or (isinstance(part, str | Mapping) and not part)
         if empty and not value._shown.unset:
             continue
         error: Any = parts.get(f"{name}_error")
@@ -217,9 +219,9 @@ def _text(value: Any) -> str:
         return number(value, ".6g")
     if isinstance(value, list | tuple):
         return ", ".join(map(_text, value)) or "none"
-    if value is None:
+    if value is None or (isinstance(value, Mapping) and not value):
         return "none"
-    return str(value) if isinstance(value, bool | str) else short(value)
+    return str(value) if isinstance(value, bool | str | os.PathLike) else short(value)
 
 
 def _array(array: jax.Array | np.ndarray) -> str:
@@ -235,7 +237,8 @@ def _array(array: jax.Array | np.ndarray) -> str:
         return ", ".join(number(n, ".6g") if numbers else str(n) for n in entries.ravel()) or "none"
     if entries.dtype.kind not in "fiu" or np.all(np.isnan(entries)):
         return shape
-    return f"{shape}, {np.nanmin(entries):.6g} to {np.nanmax(entries):.6g}"
+    kind = "numbers" if entries.dtype == float else entries.dtype
+    return f"{entries.size} {kind}, {np.nanmin(entries):.6g} to {np.nanmax(entries):.6g}"
 
 
 def unit_of(base: str, largest: float) -> tuple[str, float]:

@@ -142,6 +142,8 @@ PARAMETERS = _table([
     ("size", "L", "m", "edge lengths of the cell"),
     ("range", r"\rho", "m", "range of the law of contact"),
     ("work", r"\Delta\gamma", "J/m²", "work of adhesion"),
+    ("viscosity", r"\eta", "Pa s", "viscosity of the fluid"),
+    ("pressure_difference", r"\Delta p", "Pa", "difference of the fluid's pressure"),
     ("hardness", r"\sigma_H", "Pa", "hardness"),
     ("coefficient", "f", "1", "friction coefficient of the interface"),
     ("ConstantShear.stress", r"\tau_f", "Pa", "shear stress in the contact",
@@ -171,6 +173,8 @@ OF_RESULTS = _table([
     ("period", "T", "s", "period"),
     ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),
     ("friction_standard_error", "", "1", "standard error of the friction by that of materials"),
+    ("leakage_along_x", "Q_x", "m³/s", "leakage of the cell along x"),
+    ("leakage_along_y", "Q_y", "m³/s", "leakage of the cell along y"),
     ("GapFlow.conductance", "K", "m³", "conductance of the gap along x and along y"),
     ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height", Usual("rms height", "µm", _within(10.0))),
@@ -276,11 +280,6 @@ class Observable(NamedTuple):
         """Whether it has one; estimated errors have none."""
         return not self.name.endswith("_error")
 
-    @property
-    def mean_over_seeds(self) -> bool:
-        """Whether several surfaces have its mean; of errors and checks they have the largest."""
-        return bool(self.quantity.symbol) and self.has_derivative
-
     def is_of(self, kind: str, facts: Collection[str]) -> bool:
         """Whether contacts of this kind have it."""
         return kind in self.kinds and {*self.needs} <= {*facts}
@@ -339,6 +338,12 @@ of_steady, of_cycle, of_history = (partial(observable, kinds=(kind,)) for kind i
 def numbers_of(kind: str, facts: Collection[str] = ()) -> tuple[str, ...]:
     """Returns the names of the observables that prints and results of such contacts contain."""
     return tuple(n for n, o in OBSERVABLES.items() if o.stored and o.is_of(kind, facts))
+
+
+def mean_over_seeds(name: str) -> bool:
+    """Returns whether several surfaces have the mean of a number; else they have the largest."""
+    known = quantity_of(name)
+    return bool(known and known.symbol) and not name.endswith("_error")
 
 
 # The pressure of an axis comes before that of a field.

@@ -5,16 +5,21 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks.compliance import effective_modulus
-from ..blocks.stack import Stack
-from ..core.checks import check_positive, check_values, within
+from ..blocks.depth import Side
+from ..blocks.stack import Stack, interface_depths
+from ..core.checks import as_float, check_positive, check_values, within
+from ..core.compilation import jit
 from ..core.derivative import largest
 from ..core.display import shown
 from ..core.quantities import CYCLE
+from ..sliding.contact_stress import StressKind, contact_stress
+from ..sliding.heat_source import as_depths
 
 Criteria = Mapping[str, Float[Array, " velocities"]]  # criteria of a block, by name
 
@@ -25,38 +30,85 @@ class Criterion(NamedTuple):
     **Fields:**
 
     - `words`, `unit`: what it is.
-    - `of_contact`: gives it from a `Sliding` or a `CyclicSliding`.
+    - `of_contact`: gives it from a `Sliding` or a `CyclicSliding`, its block, and the depths of
+      `Limits`.
     - `in_mean_field`: whether a `MeanField` has it, by the same name.
     - `at_most`: no block has more.
     - `of_a_cycle`: whether only a motion in time has it.
+    - `of_stress`: whether it is a stress in the block, which steady sliding has.
     """
 
     words: str
     unit: str
-    of_contact: Callable[[Any], Array]
+    of_contact: Callable[..., Array]
     in_mean_field: bool = False
     at_most: float = np.inf
     of_a_cycle: bool = False
+    of_stress: bool = False
+
+
+Depths = Float[Array, " depths"]
+
+
+@jit
+def _largest(found: Any, stack: Stack, kind: StressKind, depths: Depths, side: Side) -> Array:
+    # One depth after another, also in the derivative: the stresses of all would fill the memory.
+    at = jax.checkpoint(
+        lambda z: contact_stress(found, stack, z[None], side=side).largest(kind).value
+    )
+    return jnp.max(jax.lax.map(at, depths))
+
+
+def _in_block(kind: StressKind) -> Callable[..., Array]:
+    """The largest stress of a kind on the surface and in the layers, or at depths."""
+
+    def of_contact(found: Any, stack: Stack, depths: list[float] | None) -> Array:
+        faces = interface_depths(stack)
+        if depths is not None:
+            above = below = as_float(depths, "depths")
+        else:
+            whole = jnp.diff(faces, prepend=0.0)
+            above = jnp.ravel(faces - jnp.array([[0.75], [0.5], [0.0]]) * whole)
+            deep = faces[: None if hasattr(stack.base, "material") else -1]  # else nothing is below
+            below = jnp.concatenate([jnp.zeros(1, faces.dtype), deep])
+        sides: tuple[tuple[Side, Depths], ...] = (("above", above), ("below", below))
+        found_on = [_largest(found, stack, kind, at, side) for side, at in sides if at.size]
+        return jnp.max(jnp.stack(found_on))
+
+    return of_contact
+
+
+def _between_layers(found: Any, stack: Stack, _: Any) -> Array:
+    return _largest(found, stack, "shear", interface_depths(stack), "above")
 
 
 # Of a cycle the mean over the times, or the highest pressure of all times.
 CRITERIA = {
     "friction": Criterion(
         "friction coefficient", "1",
-        lambda found: found.mean_friction if found.kind == CYCLE else found.friction,
+        lambda found, *_: found.mean_friction if found.kind == CYCLE else found.friction,
         in_mean_field=True,
     ),
     "contact_area": Criterion(
-        "fraction of the nominal area in contact", "1", lambda found: jnp.mean(found.contact_area),
-        in_mean_field=True, at_most=1,
+        "fraction of the nominal area in contact", "1",
+        lambda found, *_: jnp.mean(found.contact_area), in_mean_field=True, at_most=1,
     ),
-    "mean_gap": Criterion("mean gap", "m", lambda found: jnp.mean(found.mean_gap)),
+    "mean_gap": Criterion("mean gap", "m", lambda found, *_: jnp.mean(found.mean_gap)),
     "peak_pressure": Criterion(
-        "highest contact pressure of the surface", "Pa", lambda found: largest(found.pressure)
+        "highest contact pressure of the surface", "Pa", lambda found, *_: largest(found.pressure)
     ),
     "peak_over_mean": Criterion(
         "peak over mean friction of a cycle", "1",
-        lambda found: found.peak_friction / found.mean_friction, of_a_cycle=True,
+        lambda found, *_: found.peak_friction / found.mean_friction, of_a_cycle=True,
+    ),
+    "tension": Criterion(
+        "largest principal stress in the block", "Pa", _in_block("tension"), of_stress=True
+    ),
+    "von_mises": Criterion(
+        "largest von Mises stress in the block", "Pa", _in_block("von_mises"), of_stress=True
+    ),
+    "interface_shear": Criterion(
+        "largest shear stress between layers", "Pa", _between_layers, of_stress=True
     ),
 }  # fmt: skip
 BY_MEAN_FIELD = tuple(name for name, criterion in CRITERIA.items() if criterion.in_mean_field)
@@ -118,13 +170,19 @@ class Limits:
     - `stiffness`: keeps |effective_modulus| at a wave within a fraction of the scene's own block;
       a material that softens has its own amplitude there.
     - `total_thickness`: at most, of all layers [m].
+    - `stress_depths`: where tension and von Mises stress are limited [m]; by default the surface,
+      and in each layer a quarter, half and all of its thickness, and just below it.
     """
 
     limits: dict[Annotated[str, *LIMIT_KEYS], float] = dataclasses.field(default_factory=dict)
     stiffness: Stiffness | None = None
     total_thickness: float | None = None
+    stress_depths: list[float] | None = None
 
     def __post_init__(self):
+        if self.stress_depths is not None:
+            with within("`stress_depths`:"):
+                as_depths(self.stress_depths)
         with within("[design.limits]"):
             for criterion, end, value in self:
                 about, name = CRITERIA[criterion], f"{end}_{criterion}"

@@ -156,7 +156,7 @@ def _verified(
         surface = source.of_key(keys[point["surface"]])
         found = design_contact(study, stack, surface, point["velocity"])
         numbers = dict(zip(found.numbers, found.compute(*found.numbers), strict=True))
-        return {"criteria": criteria_in(study, found), "numbers": numbers}
+        return {"criteria": criteria_in(study, stack, found), "numbers": numbers}
 
     axes = {"surface": np.arange(study.verify), "velocity": velocity}
     found = sweep(solved, axes, store=store, progress=say)

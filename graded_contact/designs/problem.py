@@ -67,7 +67,7 @@ def contact_criteria(
     study: DesignScene, stack: Stack, surface: Surface, velocity: Any
 ) -> dict[str, Array]:
     """Returns the criteria of a stack by contact at a velocity, or highest speed [m/s]."""
-    return criteria_in(study, design_contact(study, stack, surface, velocity))
+    return criteria_in(study, stack, design_contact(study, stack, surface, velocity))
 
 
 def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity: Any) -> Found:
@@ -78,11 +78,12 @@ def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity:
     return cast(Found, solve(case, dataclasses.replace(scene.numerics, throw=True)))
 
 
-def criteria_in(study: DesignScene, found: Found) -> dict[str, Array]:
-    """Returns the criteria of a study from a contact."""
+def criteria_in(study: DesignScene, stack: Stack, found: Found) -> dict[str, Array]:
+    """Returns the criteria of a study from a contact of a stack."""
     # All of one contact: what nothing uses is left out when it is compiled.
     names = dict.fromkeys((*BY_MEAN_FIELD, *study.criteria))
-    return {name: CRITERIA[name].of_contact(found) for name in names}
+    depths = study.limits.stress_depths
+    return {name: CRITERIA[name].of_contact(found, stack, depths) for name in names}
 
 
 def by_contact(study: DesignScene) -> Callable[[Parameters], Criteria]:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..blocks.stack import Stack
-from ..core.display import shown
+from ..core.display import shown, with_error
 from ..core.parameters import paths
 from ..core.quantities import in_brackets
 from ..mean_field.mean_field import MeanField
@@ -151,7 +151,7 @@ def _table_rows(study: DesignScene, candidates: list[Candidate]) -> Iterator[tup
         if study.verify == 1:
             yield row(f"{label}, contact, one surface, spread unknown", map(np.mean, solved), 4)
         elif study.verify:
-            texts = [f"{values.mean():.4g} ± {values.std(ddof=1):.2g}" for values in solved]
+            texts = [with_error(values.mean(), values.std(ddof=1)) for values in solved]
             yield f"{label}, contact", texts
         elif len(solved[0]):
             yield row(f"{label}, contact", map(np.mean, solved), 4)

@@ -12,7 +12,7 @@ from ..core.parameters import with_values
 from ..scenes.plan import fields_in_memory
 from ..studies.search import Design, NothingAllowed, minimise
 from ..studies.store import Store
-from .limits import BY_MEAN_FIELD, Criteria
+from .limits import BY_MEAN_FIELD, CRITERIA, Criteria
 from .problem import Parameters, criteria_of, design_problem
 from .table import DesignScene
 
@@ -20,6 +20,7 @@ MEAN_FIELD_STARTS = 8  # of the mean field
 CONTACT_STARTS = 4  # friction by contact has more minima than by mean field
 CONTACT_STEPS = 30
 CONTACT_RTOL = 1e-4  # of a search: contacts have errors of this size
+STRESS = 40  # fields of a stress at one depth, and of its derivative
 ROOM = 0.05  # relative difference up to which a design keeps a goal or a limit
 
 Contacts = Callable[[Parameters], Criteria]
@@ -82,6 +83,8 @@ def not_in_mean_field(study: DesignScene) -> str | None:
     """Returns why contact must go on, if that is known before any search."""
     if study.scene.motion is not None:
         return "the mean field has no motion in time"
+    if study.criteria and study.scene.shear is not None:
+        return "designs by the mean field have no shear in the contact"
     if study.criteria and not study.has_mean_field:
         return "the mean field needs a periodic surface"
     unknown = [name.replace("_", " ") for name in study.criteria if name not in BY_MEAN_FIELD]
@@ -135,4 +138,5 @@ def design_fields(study: DesignScene, *, searched: bool) -> float:
     """Returns how many fields of the size of its surface contacts take, or a search by them."""
     scene = dataclasses.replace(study.scene, fields="none")
     fields = scene.num_times * (2 * study.seeds + DERIVATIVE) if searched else 1
+    fields += STRESS if any(CRITERIA[name].of_stress for name in study.criteria) else 0
     return fields + fields_in_memory(scene)

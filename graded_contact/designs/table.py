@@ -71,6 +71,7 @@ class DesignScene:
     def __post_init__(self):
         if self.scene.kind == HISTORY:
             raise ValueError("[design] does not take [motion] with `once = true`.")
+        self._check_stresses()
         for name in self.criteria:
             if CRITERIA[name].of_a_cycle and self.scene.motion is None:
                 raise ValueError(f'"{name}" needs the table [motion].')
@@ -79,6 +80,17 @@ class DesignScene:
         check_values("verify", self.verify, "it must not be negative", at_least=0)
         if self.verify and not isinstance(self.scene.surface, RandomSurface):
             raise ValueError('`verify` needs a [surface] of kind "self_affine".')
+
+    def _check_stresses(self) -> None:
+        """Raises `ValueError` for stresses that the contacts do not have."""
+        scene = self.scene
+        for name in (name for name in self.criteria if CRITERIA[name].of_stress):
+            if scene.motion is not None or not getattr(self.spectrum, "periodic", True):
+                raise ValueError(f'"{name}" needs steady sliding on a periodic surface.')
+            if scene.strain_per_slope is not None:
+                raise ValueError(f'"{name}" does not take `strain_per_slope` in [load].')
+            if name == "interface_shear" and not scene.stack.layers:
+                raise ValueError('"interface_shear" needs a layer.')
 
     @property
     def criteria(self) -> tuple[str, ...]:
@@ -126,8 +138,10 @@ class DesignScene:
 
     @property
     def has_mean_field(self) -> bool:
-        """Whether there is a mean field of the scene: no motion, no window."""
-        return self.scene.motion is None and getattr(self.spectrum, "periodic", True)
+        """Whether there is a mean field of the scene: no motion, no window, no shear."""
+        scene = self.scene
+        periodic = getattr(self.spectrum, "periodic", True)
+        return scene.motion is None and scene.shear is None and periodic
 
     @property
     def bounds(self) -> tuple[dict[str, float], dict[str, float]]:
@@ -164,7 +178,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     scene, table = parse_scene(text, folder), parse_toml(text).get("design")
     if table is None:
         raise ValueError("The scene lacks the table [design].")
-    refuse_tables(scene, "[design]", "law", "shear", "heating", "counter", "block_surface")
+    refuse_tables(scene, "[design]", "law", "heating", "counter", "block_surface")
     with within("[design]"):
         check_positive("velocity", scene.velocity, "[m/s]")
         if len(scene.pressure) > 1 or np.any(scene.direction):

@@ -12,11 +12,11 @@ from .master_curves import plot_master_curve, plot_van_gurp_palmen
 from .material_curves import plot_fit, plot_response, plot_sensitivity
 from .slider import slider
 from .style import COLOURS, COLUMN, PAGE, STYLE
-from .sweeps import plot_compare, plot_reduced, plot_sweep
+from .sweeps import plot_compare, plot_leakage, plot_reduced, plot_sweep
 
 __all__ = [
     "COLOURS", "COLUMN", "PAGE", "STYLE", "plot_compare", "plot_cycle", "plot_design",
     "plot_dissipation", "plot_distributions", "plot_film", "plot_fit", "plot_history",
-    "plot_master_curve", "plot_reduced", "plot_response", "plot_sensitivity",
+    "plot_leakage", "plot_master_curve", "plot_reduced", "plot_response", "plot_sensitivity",
     "plot_sliding", "plot_sweep", "plot_transient", "plot_van_gurp_palmen", "slider",
 ]  # fmt: skip

@@ -10,14 +10,16 @@ import numpy as np
 
 from ..core.caveats import Caveat
 from ..core.escaping import in_figure
-from ..core.quantities import OBSERVABLES, in_brackets
+from ..core.quantities import in_brackets, quantity_of
 from ..scenes.results import (
+    FLOWS,
     SEED_ERROR,
     has_numbers,
     is_of_each,
     over_seeds,
     solve_states,
     warnings_of,
+    without_friction,
 )
 from ..studies.dataset import NOT_STARTED
 from . import style
@@ -28,7 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-DRAWN = ("friction", "contact_area")
+DRAWN, AT_REST = ("friction", "contact_area"), ("contact_area", "mean_gap")
+LEAKAGE = ("leakage_along_x", "leakage_along_y")
 ERROR = "_standard_error"
 NOTHING = "No solve succeeded: no figure is drawn."
 DASHES = ("-", "--", ":", "-.")
@@ -49,6 +52,7 @@ class _Lines(NamedTuple):
       `state` and `doubtful` along the axis, and `NAME_each` over the seeds if all are drawn; the
       numbers on the other axes are its coordinates.
     - `surfaces`: number of seeds; 0 without such an axis.
+    - `drawn`: the quantities, one for each panel.
     - `doubts`: why points are doubtful, in short sentences, and whether all points are.
     """
 
@@ -56,6 +60,7 @@ class _Lines(NamedTuple):
     varied: list[str]
     each: "list[Dataset]"
     surfaces: int
+    drawn: tuple[str, ...]
     doubts: list[tuple[str, bool]]
 
 
@@ -63,6 +68,7 @@ class _Lines(NamedTuple):
 def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
     """Returns a figure of friction and contact area against velocity.
 
+    Where all friction is rounding, as at rest, it is one of contact area and mean gap.
     If there is one velocity they are drawn against the last axis that has several points. The area
     is the sub-pixel one. The first of the other axes has a colour for each value, the rest have
     dashes. Over several surfaces (`seed`) lines are means, and bands are their standard errors.
@@ -78,6 +84,27 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
     **Raises:** `ValueError` if no solve succeeded, and for the results of a scene with [motion].
     """
     lines = _lines(results, all_seeds=all_seeds)
+    return _coloured(lines, lines.varied[0] if lines.varied else "")
+
+
+@style.finished
+def plot_leakage(results: "Dataset") -> "Figure":
+    """Returns a figure of the leakage along x and along y against the load.
+
+    Without [fluid] it is one of the conductances. Where the gap is closed, no fluid passes: a
+    triangle at the bottom. Otherwise as `plot_sweep`.
+
+    **Arguments:**
+
+    - `results`: the result of `Plan.run` for a scene with [fluid], or with `flow` in [observe].
+
+    **Raises:** `ValueError` if there is no flow in the results.
+    """
+    if FLOWS[0] not in results:
+        raise ValueError("`results` have no leakage: the scene needs the table [fluid].")
+    drawn = LEAKAGE if LEAKAGE[0] in results else FLOWS
+    along = "pressure" if results.sizes["pressure"] > 1 else None
+    lines = _lines(results, along, drawn=drawn)
     return _coloured(lines, lines.varied[0] if lines.varied else "")
 
 
@@ -131,7 +158,8 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
     surfaces = max(lines.surfaces for lines in every)
     together = [line for lines in every for line in lines.each]
     doubts = list(dict.fromkeys(doubt for lines in every for doubt in lines.doubts))
-    lines = first._replace(each=together, surfaces=surfaces, doubts=doubts)
+    drawn = AT_REST if {lines.drawn for lines in every} == {AT_REST} else DRAWN
+    lines = first._replace(each=together, surfaces=surfaces, drawn=drawn, doubts=doubts)
     return _drawn(lines, colours, labels, first.varied)
 
 
@@ -144,7 +172,10 @@ def _axes_of(lines: _Lines) -> str:
     )
 
 
-def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = False) -> _Lines:
+def _lines(
+    results: "Dataset", along: str | None = None, *, all_seeds: bool = False,
+    drawn: tuple[str, ...] = (),
+) -> _Lines:  # fmt: skip
     """The lines of results along an axis: by default velocity, or the last with several points."""
     if not np.any(has_numbers(results)):
         raise ValueError(NOTHING)
@@ -171,8 +202,10 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
         middle = over_seeds(results)
         state, doubtful = solve_states(middle), doubtful.any("seed")
         if all_seeds:
-            apart = {f"{name}_each": results[name] for name in DRAWN}
-    names = [name + end for name in DRAWN for end in ("", ERROR, SEED_ERROR)]
+            apart = {f"{name}_each": results[name] for name in (*DRAWN, *AT_REST)}
+    drawn = drawn or (AT_REST if np.all(without_friction(results)) else DRAWN)
+    known = dict.fromkeys((*DRAWN, *AT_REST, *drawn))
+    names = [name + end for name in known for end in ("", ERROR, SEED_ERROR)]
     lines = middle[[name for name in names if name in middle]]
     lines = lines.assign(apart | {"x": results[along], "state": state, "doubtful": doubtful})
     lines = lines.sortby(follows)  # scenes may list velocities in any order
@@ -181,7 +214,7 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
         for index in np.ndindex(*(results.sizes[axis] for axis in others))
     ]
     varied = [axis for axis in others if results.sizes[axis] > 1]
-    return _Lines(along, varied, each, results.sizes.get("seed", 0), doubts)
+    return _Lines(along, varied, each, results.sizes.get("seed", 0), drawn, doubts)
 
 
 def _reason(caveat: Caveat) -> str:
@@ -223,7 +256,7 @@ def _drawn(
     numbers = [", ".join(_label(line, name) for name in dashed) for line in lines.each]
     # The dashes repeat if there are many combinations of numbers.
     dashes: Any = dict(zip(dict.fromkeys(numbers), itertools.cycle(DASHES), strict=False))
-    for axes, quantity in zip(panels, DRAWN, strict=True):
+    for axes, quantity in zip(panels, lines.drawn, strict=True):
         for line, colour, label, number in zip(lines.each, colours, labels, numbers, strict=True):
             _draw(axes, line, quantity, colour, linestyle=dashes[number], label=label)
         _finish(axes, lines, quantity)
@@ -235,9 +268,9 @@ def _drawn(
         label = f"mean of {lines.surfaces} surfaces ± standard error"
         entry(color="0.8", linewidth=6, label=label)
     known = {str(name) for line in lines.each for name in line}
-    if any(f"{name}{ERROR}" in known for name in DRAWN):
+    if any(f"{name}{ERROR}" in known for name in lines.drawn):
         entry(marker="|", ls="", label="± standard error by materials")
-    if f"{DRAWN[0]}_each" in known:
+    if f"{lines.drawn[0]}_each" in known:
         entry(linewidth=THIN, label="each surface")
     for reason, each in lines.doubts:
         if each:
@@ -250,6 +283,12 @@ def _drawn(
 def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: Any) -> None:
     """Draws a line, a band of its error over seeds, bars of that by materials, and the states."""
     x, values, state = (line[name].values for name in ("x", quantity, "state"))
+    closed = (values == 0) & (quantity in (*FLOWS, *LEAKAGE))
+    values = np.where(closed, np.nan, values)  # a logarithm has no 0
+    bottom: Any = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+    if np.any(closed):
+        y = np.zeros(closed.sum())
+        axes.plot(x[closed], y, "v", color=colour, label="closed: no flow", **bottom)
     axes.plot(x, values, color=colour, **options)
     if quantity + SEED_ERROR in line:
         error = line[quantity + SEED_ERROR].values
@@ -262,9 +301,11 @@ def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: 
     for word, (mark, filled) in MARKERS.items():
         at = state == word
         if np.any(at):
-            y = np.zeros(at.sum()) if word in ("failed", NOT_STARTED) else values[at]
+            lost = word in ("failed", NOT_STARTED)
+            how: Any = bottom if lost else {"clip_on": False}
+            y = np.zeros(at.sum()) if lost else values[at]
             face = colour if filled else "white"
-            axes.plot(x[at], y, mark, color=colour, markerfacecolor=face, label=word, clip_on=False)
+            axes.plot(x[at], y, mark, color=colour, markerfacecolor=face, label=word, **how)
     at = line["doubtful"].values
     if np.any(at):  # behind the markers, whose faces show states
         axes.plot(x[at], values[at], "kx", markersize=9, markeredgewidth=1.2, zorder=1.9)
@@ -284,7 +325,11 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
             line[quantity] + line[quantity + end] for line in lines.each if quantity + end in line
         ]
     # Failed solves are NaN, which `fmax` leaves out; markers need room above.
-    axes.set_ylim(0, 1.08 * np.fmax.reduce(np.concatenate(ends), initial=0) or None)
+    most = np.fmax.reduce(np.concatenate(ends), initial=0)
+    if quantity in (*FLOWS, *LEAKAGE) and most > 0:
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(0, 1.08 * most or None)
     line = lines.each[0]
     along = lines.along.removeprefix("reduced_")
     title = title_of(along, line.attrs.get("scene", ""))
@@ -292,4 +337,6 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
     if lines.along == "reduced_velocity":
         title = f"$a_T$ × {title}"
     axes.set_xlabel(title)
-    axes.set_ylabel(OBSERVABLES[quantity].quantity.meaning)
+    known = quantity_of(quantity)
+    assert known is not None
+    axes.set_ylabel(known.meaning + in_brackets(known.unit))

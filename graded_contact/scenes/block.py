@@ -49,6 +49,11 @@ MATERIALS = {
     "bulk_shear": BulkShear,
     "softened": StrainSoftening,
 }
+NO_MATERIAL = (
+    "Materials are linear and isotropic. The model has no fluid in pores (poroelastic, biphasic), "
+    "no large strains (hyperelastic, neo-Hookean, Ogden), no plastic flow and no fibres "
+    "(anisotropic)."
+)
 BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
 KIND_MAKERS = {
     AbstractShift: LAWS,
@@ -115,7 +120,7 @@ class Block:
         for name, table in tables.items():
             understood, assumed = len(self.notes), len(self.assumed)
             place = f"[materials.{name}]"
-            kind, entries = kind_of(place, table, kinds)
+            kind, entries = kind_of(place, table, kinds, NO_MATERIAL)
             keys = keys_of(kinds[kind])
             found, known = self.reader.arguments(place, entries, keys, (ERRORS, ASSUMED))
             with within(place):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     """The numbers of a solve but those of the axes; a standard error if errors are known."""
     case = scene.case({name: at[0] for name, at in scene.axes.items()}, surface)
-    known = facts_of(case) | {*scene.observe.asked}
+    known = facts_of(case) | {*scene.asked}
     # What is varied is a coordinate, and no result.
     names = [n for n in numbers_of(scene.kind, known) if n not in scene.axes]
     return *names, *(["friction_standard_error"] if errors_of_stack(scene) is not None else [])
@@ -71,6 +71,13 @@ def collect(
         over_time = name in OBSERVABLES and OBSERVABLES[name].over_time
         inner = times if over_time or (once and name in FLOWS) else {}
         variables[name] = (*axes, *inner), over_axes(name, *inner.values())
+    if scene.fluid is not None:
+        flows = [variables[f"flow_along_{axis}"][1] for axis in ("x", "y")]
+        leakage = scene.fluid.leakage(np.stack(flows, -1), surface.grid)
+        variables |= {
+            f"leakage_along_{axis}": (axes, np.asarray(leakage[..., i]))
+            for i, axis in enumerate(("x", "y"))
+        }
     ends = [NOT_STARTED if point is None else point.message for point in points]
     variables["message"] = axes, np.reshape(ends, shape)
     variables["point"] = axes, names

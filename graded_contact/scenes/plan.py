@@ -160,6 +160,10 @@ def plan(scene: Scene, *, surface: Surface | None = None) -> Plan:
         if at_rest and scene.kind != HISTORY:  # for a while a liquid may rest under a load
             refuse_liquids(scene)
         check_frequencies_of(scene, surface)
+        if scene.fluid is not None and surface.grid.ndim == 1:
+            raise ValueError(
+                "[fluid] needs a surface in two dimensions: no fluid passes a profile."
+            )
         if scene.approach is not None:
             with within("[load]"):
                 check_approach(scene.approach, surface, scene.contact_law)

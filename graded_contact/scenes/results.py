@@ -19,8 +19,9 @@ import numpy as np
 
 from ..contacts.solution import FAILURES, RESULTS
 from ..core.caveats import Caveat, caveats_of
-from ..core.quantities import CYCLE, HISTORY, OBSERVABLES, STEADY
+from ..core.quantities import CYCLE, HISTORY, STEADY, mean_over_seeds
 from ..fields.grid import Grid
+from ..sliding.errors import NO_FRICTION
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, read_dataset
 from ..surfaces.reading_steps import ReadingStep
 from ..surfaces.surface import Surface
@@ -128,6 +129,11 @@ def has_numbers(results: "Dataset") -> "DataArray":
     return (state == "") | told & found
 
 
+def without_friction(results: "Dataset") -> "DataArray":
+    """Returns for each solve of steady sliding whether its friction is rounding or not known."""
+    return ~(abs(results["friction"]) > NO_FRICTION * results["slope_in_contact"])
+
+
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     """Returns why numbers are doubtful although solved, and the solves that are concerned."""
     known = has_numbers(results)
@@ -174,7 +180,7 @@ def over_seeds(results: "Dataset") -> "Dataset":
         if name in ("message", "point") or not {"seed"} <= {*variable.dims} <= {*axes, "time"}:
             continue
         values = variable.where(solved)
-        if name in OBSERVABLES and OBSERVABLES[str(name)].mean_over_seeds:
+        if mean_over_seeds(str(name)):
             found[str(name)] = values.mean("seed", keep_attrs=True)
             spread = values.std("seed", ddof=1, keep_attrs=True)
             found[f"{name}{SEED_ERROR}"] = spread / values.count("seed") ** 0.5

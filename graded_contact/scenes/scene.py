@@ -25,6 +25,8 @@ from ..core.quantities import CYCLE, HISTORY, STEADY
 from ..fields.frequency import velocity_along
 from ..materials.material import AbstractMaterial
 from ..sliding.case import Case, Heating
+from ..sliding.facts import FLOW
+from ..sliding.gap_flow import Fluid
 from ..sliding.motion import Motion
 from ..sliding.numerics import Numerics
 from ..sliding.shear import AbstractShear
@@ -65,7 +67,8 @@ class Observe:
 
 @shown(
     "title", "stack", "surface", "counter", "block_surface", "sweep", "temperature", "pressure",
-    "velocity", "motion", "sampling", "law", "shear", "heating", "observed", unset=False,
+    "approach", "velocity", "direction", "pressure_ratio", "strain_per_slope", "motion", "sampling",
+    "law", "shear", "heating", "fluid", "observed", unset=False,
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -98,6 +101,7 @@ class Scene:
     - `motion`, `law`, `shear`, `heating`: the tables of these names, or None.
     - `counter`: the body that carries the surface, or None if it is rigid.
     - `block_surface`: where the block's own surface comes from, or None.
+    - `fluid`: whose leakage through the gap is a result, or None.
     - `observe`: the table of this name.
     - `step`: of a motion, its largest step from one time to the next, in spacings of the grid.
     - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
@@ -141,6 +145,7 @@ class Scene:
     counter: Stack | None = None
     block_surface: RandomSurface | SurfaceFile | None = None
     heating: Heating | None = None
+    fluid: Fluid | None = None
     observe: Observe = Observe()
     solver: DouglasRachford
     rtol: float = RTOL
@@ -173,6 +178,11 @@ class Scene:
     def num_solves(self) -> int:
         """How many combinations there are of what is varied."""
         return math.prod(len(values) for values in self.axes.values())
+
+    @property
+    def asked(self) -> tuple[str, ...]:
+        """What [observe] and [fluid] ask for."""
+        return *self.observe.asked, *([FLOW] if self.fluid is not None else [])
 
     @property
     def observed(self) -> str:

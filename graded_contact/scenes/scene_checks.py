@@ -67,6 +67,8 @@ def check_tables(scene: Scene) -> None:
         raise ValueError(
             "[observe] needs steady sliding on a periodic surface; what happens once has `flow`."
         )
+    if scene.fluid is not None and (motion is not None or window):
+        raise ValueError("[fluid] needs steady sliding on a periodic surface.")
     for key, place in (("ratio_times", "load"), ("frames", "output")):
         default = Scene.__dataclass_fields__[key].default
         if getattr(scene, key) != default and not once:

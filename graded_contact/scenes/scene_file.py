@@ -17,6 +17,7 @@ from ..core.parameters import places
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
 from ..sliding.case import Heating
+from ..sliding.gap_flow import Fluid
 from ..sliding.shear import AbstractShear
 from ..sliding.single_motion import SingleMotion
 from .block import Block
@@ -66,6 +67,7 @@ class SceneTables:
     - `law`: of contact, with a `kind`: adhesion, hardness or a soft wall; if missing, a hard wall.
     - `shear`: stress in the contact, which adds to the friction, with a `kind`.
     - `heating`: how the heat of friction flows; it then softens the block under the contact.
+    - `fluid`: in a seal; its leakage is computed.
     - `observe`: numbers that are computed if asked for: stiffness, conductance, flow.
     - `solver`: tolerance and algorithm.
     - `output`: names and fields of the results.
@@ -86,6 +88,7 @@ class SceneTables:
     law: AbstractLaw | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
+    fluid: Fluid | None = None
     observe: Observe = Observe()  # noqa: RUF009 (immutable)
     solver: dict[str, object] = dataclasses.field(default_factory=dict)
     output: dict[str, object] = dataclasses.field(default_factory=dict)
@@ -93,7 +96,7 @@ class SceneTables:
 
 
 # The tables that are fields of a scene as they are.
-_OWN = ("title", "sweep", "law", "shear", "heating", "observe")
+_OWN = ("title", "sweep", "law", "shear", "heating", "fluid", "observe")
 # The keys of tables that are fields of a scene.
 KEYS = {
     place: tuple(

@@ -251,15 +251,20 @@ def parts_of(annotation: Any) -> list[Any]:
     return list(get_args(annotation)) if origin is Literal else [annotation]
 
 
-def kind_of(place: str, table: Any, kinds: Iterable[str]) -> tuple[str, dict[str, Any]]:
-    """Returns the `kind` of a table, one of `kinds`, and its other entries."""
+def kind_of(
+    place: str, table: Any, kinds: Iterable[str], lacking: str = ""
+) -> tuple[str, dict[str, Any]]:
+    """Returns the `kind` of a table, one of `kinds`, and its other entries.
+
+    An error about an unknown kind ends with the sentence `lacking`: what there is no kind for.
+    """
     if isinstance(table, dict) and "kind" not in table:
         for key in difflib.get_close_matches("kind", table, n=1):
             check_keys(place, {key: table[key]}, ["kind"])
     if not isinstance(table, dict) or "kind" not in table:
         raise ValueError(f"{place} must be a table with the key `kind`, one of {list(kinds)}.")
     rest = {key: value for key, value in table.items() if key != "kind"}
-    return _choice(place, "kind", table["kind"], kinds), rest
+    return _choice(place, "kind", table["kind"], kinds, lacking), rest
 
 
 def check_keys(place: str, table: Any, allowed: Iterable[str]) -> None:
@@ -271,9 +276,15 @@ def check_keys(place: str, table: Any, allowed: Iterable[str]) -> None:
             raise ValueError(f"{place} has no key `{key}`; {nearest(key, allowed)}")
 
 
-def _choice(place: str, key: str, value: Any, choices: Iterable[str]) -> str:
+def _choice(
+    place: str, key: str, value: Any, choices: Iterable[str], lacking: str = ""
+) -> str:  # fmt: skip
     if not isinstance(value, str) or value not in choices:
-        raise ValueError(
-            f"{place} `{key}` = {short(value)} is not known; {nearest(value, choices)}"
-        )
+        hint = nearest(value, choices)
+        if lacking:
+            # "poroelastic" is no misspelt "elastic": all kinds, then what none of them is.
+            close = difflib.get_close_matches(str(value), choices, n=1, cutoff=0.8)
+            meant = f"did you mean `{close[0]}`? The" if close else "the"
+            hint = f"{meant} kinds are {', '.join(f'`{c}`' for c in choices)}. {lacking}"
+        raise ValueError(f"{place} `{key}` = {short(value)} is not known; {hint}")
     return value

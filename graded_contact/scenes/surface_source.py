@@ -51,7 +51,7 @@ class RandomSurface(NamedTuple):
         return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
 
 
-@shown()
+@shown(unset=False)
 class SurfaceFile(NamedTuple):
     """A surface to be read: arguments of `read_surface` and of `rescale`."""
 

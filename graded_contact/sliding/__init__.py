@@ -3,7 +3,7 @@
 from . import observables  # noqa: F401 (first: it decides their order)
 from .case import Case, Heating
 from .contact_stress import ContactStress, LargestStress, contact_stress
-from .gap_flow import GapFlow, gap_flow
+from .gap_flow import Fluid, GapFlow, gap_flow
 from .heat_source import heat_depths, heat_source
 from .heating import flash_temperature
 from .magnification import area_against_cutoff, cumulative_friction
@@ -17,8 +17,8 @@ from .stiffness import contact_conductance, contact_stiffness, contact_stiffness
 
 __all__ = [
     "AbstractShear", "Case", "ConstantShear", "ContactStress", "Coulomb", "CyclicSliding",
-    "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear", "SingleMotion",
-    "Sliding", "TransientSliding", "area_against_cutoff", "contact_conductance",
+    "Fluid", "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear",
+    "SingleMotion", "Sliding", "TransientSliding", "area_against_cutoff", "contact_conductance",
     "contact_stiffness", "contact_stiffness_error", "contact_stress", "cumulative_friction",
     "dwell", "flash_temperature", "gap_flow", "heat_depths", "heat_source", "listed", "ramp",
     "recorded", "recorded_once", "sinusoidal", "slide", "slide_cycle", "slide_history", "solve",

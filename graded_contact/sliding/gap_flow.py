@@ -14,6 +14,7 @@ N. Patir & H. S. Cheng, J. Lubr. Technol. 100 (1978) 12, doi:10.1115/1.3453103; 
 C. Yang, J. Phys.: Condens. Matter 20 (2008) 315011, doi:10.1088/0953-8984/20/31/315011.
 """
 
+import dataclasses
 from functools import partial
 
 import equinox as eqx
@@ -22,7 +23,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core.checks import Numbers, as_float, check_shape, check_type, check_types, check_values
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_positive,
+    check_shape,
+    check_type,
+    check_types,
+    check_values,
+)
 from ..core.display import shown
 from ..core.quantities import HISTORY, STEADY, observable
 from ..fields.grid import Grid
@@ -48,6 +57,42 @@ class GapFlow(eqx.Module):
 
     conductance: Float[Array, "2"] = eqx.field(metadata=ALONG)
     percolates: Bool[Array, "2"] = eqx.field(metadata=ALONG)
+
+
+@shown()
+@dataclasses.dataclass(frozen=True)
+class Fluid:
+    """A fluid on both sides of a seal, thin enough that its pressure carries no load.
+
+    **Fields:**
+
+    - `viscosity`: η of the fluid [Pa s].
+    - `pressure_difference`: Δp of the fluid [Pa], over the length of the cell.
+    """
+
+    viscosity: float
+    pressure_difference: float
+
+    def __post_init__(self):
+        check_positive("viscosity", self.viscosity, "[Pa s]")
+        check_positive("pressure_difference", self.pressure_difference, "[Pa]")
+
+    def leakage(self, conductance: Numbers, grid: Grid) -> Float[Array, "*any 2"]:
+        """Returns the volume that passes a cell in two dimensions, along x and along y [m³/s].
+
+        Q_x = K_x Δp L_y/(12 η L_x). A seal of length l around and width w across has l/w times as
+        much as a square cell.
+
+        **Arguments:**
+
+        - `conductance`: K along x and along y [m³], shape `(..., 2)`, of `GapFlow`.
+        - `grid`: the cell.
+
+        **Returns:** the leakage.
+        """
+        across = grid.size[::-1] / grid.size
+        per_area = self.pressure_difference / (12 * self.viscosity)
+        return as_float(conductance, "conductance") * per_area * across
 
 
 @check_types

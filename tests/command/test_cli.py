@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 import xarray
 from scene_texts import BARE as SCENE
+from scene_texts import PLAIN
 from typer.testing import CliRunner
 from waiting import until
 
@@ -29,6 +30,7 @@ from graded_contact.command import new as new_job
 from graded_contact.command import result_tables
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
+from graded_contact.command.result_tables import tables_that_fit
 from graded_contact.core.display import number
 from graded_contact.scenes.plan import build_surface
 from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
@@ -117,7 +119,7 @@ def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):
 
 
 def test_a_solve_that_does_not_converge_warns_and_exits_with_1(tmp_path, no_contacts_drawn):
-    text = SCENE + "[solver]\nmax_steps = 2\n[output]\nfields='every'\n"
+    text = SCENE + PLAIN + "max_steps = 2\n[output]\nfields='every'\n"
     (tmp_path / "scene.toml").write_text(text)
     result = command("run", tmp_path / "scene.toml", "-o", tmp_path)
     assert result.exit_code == 1
@@ -167,7 +169,7 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
 
 
 def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path, no_contacts_drawn):
-    text = SCENE.replace("hurst = 0.8", "hurst = 0.8\nseeds = 3")
+    text = SCENE.replace("hurst = 0.8", "hurst = 0.8\nseeds = 3") + PLAIN
     (tmp_path / "s.toml").write_text(text)
     arguments = ("run", tmp_path / "s.toml", "-o", tmp_path)
     result = command(*arguments, "--map", "velocity=0.02", "--map", "seed=1")
@@ -328,7 +330,7 @@ def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
 
     shutil.rmtree(tmp_path / "out")
     monkeypatch.setattr(PLAN, "solve", failing)
-    result = rerun()
+    result = rerun(text=SCENE + PLAIN)
     assert result.exit_code == 1
     assert "2 of 2 solves failed" in result.stderr and "Traceback" not in result.output
     assert result.stderr.count("failed: no such kernel") == 1
@@ -347,7 +349,7 @@ def test_solves_that_failed_have_neither_numbers_nor_figures(rerun, tmp_path, mo
 
     shutil.rmtree(tmp_path / "out")
     monkeypatch.setattr(PLAN, "solve", not_finite)
-    result = rerun()
+    result = rerun(text=SCENE + PLAIN)
     assert result.exit_code == 1 and "log-scaled" not in result.output
     assert "No solve succeeded: no figure is drawn." in result.stdout
     assert not list((tmp_path / "out").glob("*.png"))
@@ -904,3 +906,15 @@ def test_a_table_has_parts_of_friction_that_are_lost_somewhere():
     table = xarray.Dataset({name: (list(axes), [[0.5]]) for name in ("message", *parts)}, axes)
     assert [*result_tables._columns(table, True)] == parts[2:]
     assert [*result_tables._columns(table.drop_vars(parts[2:]), True)] == parts[:2]
+
+
+def test_a_wide_table_is_several_that_fit_and_errors_stay_beside_their_numbers():
+    texts = [
+        ["v\n[m/s]", "friction", "±", "area", "±", "state"],
+        ["0.1", "0.5", "1e-3", "0.2", "0.1", ""],
+    ]
+    # Each column takes three characters more than its widest line.
+    assert tables_that_fit(texts, 1, 47) == [[0, 1, 2, 3, 4, 5]]
+    assert tables_that_fit(texts, 1, 46) == [[0, 1, 2, 3, 4], [0, 5]]
+    assert tables_that_fit(texts, 1, 30) == [[0, 1, 2], [0, 3, 4, 5]]
+    assert tables_that_fit(texts, 1, 10) == [[0, 1, 2], [0, 3, 4], [0, 5]]  # no narrower

@@ -11,7 +11,7 @@ import h5py
 import jax
 import numpy as np
 import pytest
-from scene_texts import TEXT, changed
+from scene_texts import PLAIN, TEXT, changed
 
 import graded_contact as gc
 from graded_contact.page import model as models
@@ -73,7 +73,7 @@ HEATING = "[heating]\nconductivity = 0.2\ndiffusivity = 1e-7\n"
 
 @pytest.mark.parametrize("heat", ["", pytest.param(HEATING, marks=pytest.mark.slow)])
 def test_shear_and_heat_have_sliders_and_act_as_in_slide(tmp_path, heat):
-    text = TEXT.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4")
+    text = changed("[32, 32]", "[16, 16]", "8e4", "4e4", "[solver]\n", PLAIN)
     text = text.replace("velocity =", "temperature = 300.0\nvelocity =")
     (tmp_path / "hot.toml").write_text(text + SHEAR + heat)
     model = Model(open_document(tmp_path / "hot.toml"))

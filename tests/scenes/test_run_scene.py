@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scene_texts import TABLE, TEXT, changed, tabulated, write
+from scene_texts import PLAIN, TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
@@ -84,7 +84,7 @@ def test_an_observable_is_one_function(capsys):
         return jnp.max(found.pressure)
 
     try:
-        scene = parse_scene(changed("shape = [32, 32]", "shape = [16, 16]", "8e4", "4e4"))
+        scene = parse_scene(changed("[32, 32]", "[16, 16]", "8e4", "4e4", "[solver]\n", PLAIN))
         results = plan(scene).run()
         sliding = gc.slide(scene.stack, build_surface(scene), pressure=4e5, velocity=1.0)
         assert sliding.largest_pressure == np.max(sliding.pressure)
@@ -109,6 +109,8 @@ def measured_tread(omega: str, load: str = "") -> str:
         f"measured = {{omega = {omega}, temperature = [250, 320.0]}}",
         "velocity = [0.01, 1.0]",
         f"velocity = [0.01, 1.0]\n{load}",
+        "[solver]\n",
+        PLAIN,
     )
 
 
@@ -167,7 +169,7 @@ LINE = changed(
     "[32, 32]", "[16]", "8e4", "4e4", "[2e5, 4e5]", "2e5", '"tyre_tread"',
     '"prony"\nequilibrium = 6e6\nstrengths = [2e7]\ntimes = [1e-3]\nshift = {kind = "wlf", '
     "c1 = 4.0, c2 = 100.0, reference = 290.0}", "[solver]", "temperature = 300.0\n[shear]\n"
-    'kind = "peaked"\npeak = 2e5\nvelocity = 0.1\nsteepness = 2.0\n[solver]',
+    'kind = "peaked"\npeak = 2e5\nvelocity = 0.1\nsteepness = 2.0\n[solver]\nnewton = false',
 )  # fmt: skip
 
 
@@ -196,7 +198,8 @@ def test_whatever_decides_the_numbers_of_a_solve_decides_its_name():
     for new, old in (
         ("temperature = 300.00000000000006", "temperature = 300.0"), ("1.0001e-6", "1e-6"),
         ("[24]", "[16]"), ("1.1e-3", "1e-3"), ("seed = 4", "seed = 3"), ("seeds = 1", "seed = 3"),
-        ("[solver]\nmax_steps = 7", "[solver]"), ("[observe]\nflow = true\n[solver]", "[solver]"),
+        ("[solver]\nmax_steps = 7", "[solver]"), ("newton = true", "newton = false"),
+        ("[observe]\nflow = true\n[solver]", "[solver]"),
     ):  # fmt: skip
         names[new] = plan(parse_scene(LINE.replace(old, new))).points
     with jax.enable_x64(False):
@@ -279,7 +282,8 @@ def test_a_scene_that_needs_more_memory_than_there_is_is_refused(scene, monkeypa
 VARIED = changed(
     "seed = 3", "seed = 3\nseeds = 2", "[2e5, 4e5]", "2e5", "[0.01, 1.0]",
     "[0.01, 0.1]\ndirection = 1.5707963267948966", "[solver]",
-    'temperature = [293.15, 273.15]\n[sweep]\n"layers[0].thickness" = [2e-5, 1e-5]\n[solver]',
+    'temperature = [293.15, 273.15]\n[sweep]\n"layers[0].thickness" = [2e-5, 1e-5]\n'
+    "[solver]\nnewton = false",
 )  # fmt: skip
 
 
@@ -299,7 +303,8 @@ def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
     random, index = scene.surface, (1, 1, 1, 0, 1)
     surface = gc.random_surface(random.spectrum, random.grid, jax.random.key(4))
     block = gc.with_values(scene.stack, {"layers[0].thickness": 1e-5}).at(273.15)
-    sliding = gc.slide(block, surface, pressure=2e5, velocity=[0.0, 0.1], rtol=scene.rtol)
+    given = {"pressure": 2e5, "velocity": [0.0, 0.1], "rtol": scene.rtol, "solver": scene.solver}
+    sliding = gc.slide(block, surface, **given)
     for name in ("friction", "contact_area", "mean_gap"):
         np.testing.assert_allclose(results[name][index], getattr(sliding, name), rtol=1e-6)
     assert kept_solves(results) == [index]

@@ -1,5 +1,6 @@
 """Scenes are read strictly and built through the public constructors."""
 
+import itertools
 import re
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import graded_contact as gc
 from graded_contact.designs.table import read_design
 from graded_contact.page.document import open_document
 from graded_contact.readers.moduli import read_moduli
+from graded_contact.scenes import block
 from graded_contact.scenes.scene_file import parse_scene, read_scene
 
 LAYER = 'material = "coat"\nthickness = 2e-5'
@@ -320,3 +322,37 @@ def test_a_text_that_no_file_can_hold_is_refused_before_anything_is_solved():
     for pairs in (("a small one", "a\\u0000b"), named):
         with pytest.raises(ValueError, match=r"the character \\u0000"):
             parse_scene(changed(*pairs))
+
+
+RAW = r"Posix|object at|float64|\w\(|[{}]"  # of Python, not of scenes
+
+
+def test_a_scene_prints_its_load_and_nothing_raw():
+    loads = (
+        ("pressure = [2e5, 4e5]", "pressure = {from = 1e4, to = 1e6, points = 12}"),
+        ("velocity =", "direction = 0.3\ntemperature = [290, 300]\nvelocity ="),
+        ("[solver]", '[solver]\ngraded_solver = {kind = "riccati"}'),
+        ("[solver]", "[fluid]\nviscosity = 1e-3\npressure_difference = 1e4\n[solver]"),
+    )
+    lines = str(parse_scene(changed(*itertools.chain(*loads))))
+    assert not re.search(RAW, lines), lines
+    for line in (r"pressure \[Pa\] +12 numbers, 10000 to 1e\+06", r"direction \[rad\] +0.3",
+                 r"graded_solver +Riccati", r"  viscosity \[Pa s\] +0.001"):  # fmt: skip
+        assert re.search(f"^ +{line}$", lines, re.MULTILINE), line
+
+
+def test_a_scene_prints_the_path_of_its_surface_and_no_pressure_beside_an_approach(tmp_path):
+    file = tmp_path / "a-surface-with-a-long-name.txt"
+    np.savetxt(file, np.zeros((8, 8)))
+    tail = TEXT.partition("[materials")[2]
+    surface = f'[surface]\nkind = "file"\npath = "{file.as_posix()}"\nsize = 1e-3\nunit = "um"\n'
+    text = f'{surface}periodic = "open"\n[materials{tail}'
+    lines = str(parse_scene(text.replace("pressure = [2e5, 4e5]", "approach = 1e-6")))
+    assert re.search(f"^ +path +{re.escape(str(file))}$", lines, re.MULTILINE)
+    assert not re.search(RAW, lines) and "approach [m]" in lines and "pressure" not in lines
+
+
+def test_all_that_a_kind_makes_has_a_print_of_its_own():
+    kinds = (block.MATERIALS, block.BASES, *block.KIND_MAKERS.values())
+    classes = [make for one in kinds for make in one.values() if isinstance(make, type)]
+    assert len(classes) > 15 and all(hasattr(made, "_shown") for made in classes)

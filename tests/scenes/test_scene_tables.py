@@ -13,6 +13,7 @@ import graded_contact as gc
 from graded_contact.blocks import Bond, Film
 from graded_contact.contacts import AdhesiveLJ, ExponentialAdhesion, RepulsiveLJ
 from graded_contact.readers.recorded_motion import read_motion
+from graded_contact.scenes import block
 from graded_contact.scenes.collect import numbers_of_scene
 from graded_contact.scenes.plan import plan
 from graded_contact.scenes.scene_file import parse_scene, read_scene
@@ -105,6 +106,15 @@ def test_shear_and_heating_are_those_of_the_constructors():
     assert float(constant.stress) == 1e5
 
 
+@pytest.fixture(scope="module")
+def plain():
+    """The names of the solves of a scene without a law."""
+    scene = parse_scene(BARE)
+    case = scene.case({"pressure": 2e5, "velocity": 1.0}, scene.surface.build())
+    assert isinstance(case.law, gc.HardWall)
+    return plan(scene).points
+
+
 @pytest.mark.parametrize(
     "lines, law",
     [
@@ -116,7 +126,7 @@ def test_shear_and_heating_are_those_of_the_constructors():
          ExponentialAdhesion(1e-9, 0.05)),
     ],
 )  # fmt: skip
-def test_a_law_of_contact_is_that_of_the_constructor_and_has_no_mean_field(lines, law):
+def test_a_law_of_contact_is_that_of_the_constructor_and_has_no_mean_field(plain, lines, law):
     scene = parse_scene(f"{BARE}\n[law]\n{lines}\n")
     surface = scene.surface.build()
     case = scene.case({"pressure": 2e5, "velocity": 1.0}, surface)
@@ -124,9 +134,7 @@ def test_a_law_of_contact_is_that_of_the_constructor_and_has_no_mean_field(lines
     assert mean_field_at(scene, surface, (0, 0)) is None
     with pytest.raises(ValueError, match=r"The mean field does not take the table \[law\]"):
         roughness_of(scene, surface)
-    plain = parse_scene(BARE)
-    assert isinstance(plain.case({"pressure": 2e5, "velocity": 1.0}, surface).law, gc.HardWall)
-    assert not np.any(np.isin(plan(scene).points, plan(plain).points))
+    assert not np.any(np.isin(plan(scene).points, plain))
 
 
 def test_coulomb_friction_is_a_kind_of_shear():
@@ -306,3 +314,15 @@ def test_a_scene_chooses_and_names_its_number_of_times(tmp_path):
     times = "[motion] `num_times=16` is refused: the surface moves by up to 2."
     with pytest.raises(ValueError, match=re.escape(times)):
         parse_scene(file + STILL.split("[materials", 1)[1] + SINE, tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["poroelastic", "neo_hookean", "viscoelastic"])
+def test_an_unknown_material_names_all_kinds_and_what_the_model_lacks(kind):
+    kinds = [*block.MATERIALS, "tabulated", "strain_sweep"]
+    known = ", ".join(f"`{one}`" for one in kinds)
+    with pytest.raises(
+        ValueError, match=f"'{kind}' is not known; the kinds are {known}. .*hyperel"
+    ):
+        parse_scene(TEXT.replace('"tyre_tread"', f'"{kind}"'))
+    with pytest.raises(ValueError, match=r"did you mean `elastic`\? The kinds .*no plastic flow"):
+        parse_scene(TEXT.replace('"elastic"', '"elastik"'))

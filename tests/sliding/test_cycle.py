@@ -37,6 +37,9 @@ TIMES = np.arange(N) / N
 SINE = 0.2 * np.sin(2 * np.pi * TIMES)
 
 
+PLAIN = gc.contacts.DouglasRachford(newton=False)  # compiles in two thirds of the time
+
+
 def rubber(strength=3.0, time=0.05, poisson=0.3):
     """A half space with one relaxation time."""
     return gc.Stack(base=gc.HalfSpace(gc.Prony(1.0, [strength], [time], poisson)))
@@ -228,7 +231,7 @@ def measured(x, surface=ROUGH, **options):
     surface = eqx.tree_at(lambda one: one.heights, surface, x[4] * surface.heights)
     job = {"pressure": load} if not options else {"mean_gap": options["mean_gap"] * x[2]}
     law = PeakedShear(x[5], 1.0, 0.5)
-    c = cycle(stack, surface, s, x[3], rtol=1e-11, shear=law, **job)
+    c = cycle(stack, surface, s, x[3], rtol=1e-11, shear=law, solver=PLAIN, **job)
     weights = jnp.cos(jnp.arange(N))
     return (
         100 * c.work + c.mean_friction + c.peak_friction + jnp.mean(weights * c.contact_area)
@@ -254,11 +257,12 @@ def test_claimed_errors_hold(control):
         given = {control: size * (1.02 + np.sin(2 * np.pi * TIMES))}
         given["shear"] = PeakedShear(0.02, 1.0, 0.5)
         names = "mean_friction", "peak_friction"
+        needed = (*names, *(f"{name}_error" for name in names))
         close = cycle(stack, surface, rtol=1e-9, **given)
-        close.compute(*names)
+        close.compute(*needed)  # by the program of the others
         for rtol in (1e-3, 1e-4):
             loose = cycle(stack, surface, **given, rtol=rtol)
-            loose.compute(*names, *(f"{name}_error" for name in names))
+            loose.compute(*needed)
             for name in names:
                 error = abs(getattr(loose, name) - getattr(close, name))
                 assert error <= getattr(loose, f"{name}_error")
@@ -387,7 +391,7 @@ def test_time_steps_go_to_the_cycle_with_second_order():
 
 def test_cycles_work_under_jit_and_vmap():
     def work(load):
-        return cycle(pressure=load, rtol=1e-6).work
+        return cycle(pressure=load, rtol=1e-6, solver=PLAIN).work
 
     loads = jnp.array([0.04, 0.06])
     batch = jax.jit(jax.vmap(work))(loads)

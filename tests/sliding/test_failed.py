@@ -21,8 +21,12 @@ KINDS = {
 }
 
 
-def slid(pressure, **more):
-    return gc.slide(STACK, SURFACE, pressure=pressure, velocity=0.1, throw=False, **more)
+PLAIN = gc.contacts.DouglasRachford(newton=False)  # compiles in two thirds of the time
+
+
+def slid(pressure, solver=PLAIN, **more):
+    given = {"pressure": pressure, "velocity": 0.1, "throw": False, "solver": solver}
+    return gc.slide(STACK, SURFACE, **given, **more)
 
 
 @pytest.mark.parametrize("kind", ["bare", pytest.param("heated", marks=pytest.mark.slow)])
@@ -30,7 +34,7 @@ def test_every_observable_of_a_failed_solve_is_nan_and_is_no_caveat(kind):
     failed = jax.jit(lambda p: slid(p, **KINDS[kind]))(jnp.nan)
     assert failed.result == RESULTS.bad_pressure  # heat that did not settle is no milder end
     asked = {*failed.facts, "flow", "stiffness", "conductance"}
-    names = [name for name, entry in OBSERVABLES.items() if entry.is_of(False, asked)]
+    names = [name for name, entry in OBSERVABLES.items() if entry.is_of("steady", asked)]
     assert {"contact_area", "contact_area_pixels", "slope_in_contact", "flow_along_x"} < {*names}
     found = dict(zip(names, failed.compute(*names), strict=True))
     assert [name for name in names if not np.all(np.isnan(found[name]))] == []

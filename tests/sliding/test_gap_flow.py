@@ -3,9 +3,10 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import graded_contact as gc
-from graded_contact.sliding import gap_flow
+from graded_contact.sliding import Fluid, gap_flow
 
 
 def test_grooves_have_the_closed_forms():
@@ -152,3 +153,15 @@ def test_derivatives_match_differences_and_batches_work():
     np.testing.assert_allclose(slope, difference, rtol=1e-7)
     many = jax.vmap(lambda factor: number(factor * gap))(jnp.array([1.0, 2.0]))
     np.testing.assert_allclose(many[1], 8 * many[0], rtol=1e-10)
+
+
+def test_leakage_between_parallel_plates_is_that_of_poiseuille():
+    """h³ Δp W/(12 η L), on a cell that is not square."""
+    grid, height = gc.Grid((8, 6), (2e-3, 5e-4)), 1e-6
+    flow = gap_flow(np.full(grid.shape, height), grid)
+    along_x, along_y = Fluid(1e-3, 1e5).leakage(flow.conductance, grid)
+    np.testing.assert_allclose(along_x, height**3 * 1e5 / (12 * 1e-3) * 5e-4 / 2e-3, rtol=1e-6)
+    np.testing.assert_allclose(along_y, height**3 * 1e5 / (12 * 1e-3) * 2e-3 / 5e-4, rtol=1e-6)
+    for numbers, name in (((0.0, 1e5), "viscosity"), ((1e-3, -1.0), "pressure_difference")):
+        with pytest.raises(ValueError, match=name):
+            Fluid(*numbers)

@@ -1,0 +1,75 @@
+"""The leakage of a seal: results, figures and tables of a scene with [fluid]."""
+
+import numpy as np
+import pytest
+from scene_texts import BARE
+
+import graded_contact as gc
+from graded_contact.command.result_tables import print_table
+from graded_contact.scenes.plan import plan
+from graded_contact.scenes.results import over_seeds
+from graded_contact.scenes.scene_file import parse_scene
+
+FLUID = "[fluid]\nviscosity = 2e-3\npressure_difference = 1e4\n"
+SEAL = BARE.replace("[32, 32]", "[16, 16]\n").replace("size = 1e-3", "size = [1e-3, 5e-4]")
+SEAL = SEAL.replace("q_high = 8e4", "q_high = 4e4\nseeds = 2") + FLUID
+SEAL = SEAL.replace("pressure = 2e5", "pressure = [2e4, 2e5, 2e7]").replace("[0.01, 1.0]", "0.0")
+
+
+@pytest.fixture(scope="module")
+def seal():
+    return plan(parse_scene(SEAL)).run()
+
+
+def test_leakage_is_the_conductance_times_the_pressure_over_the_viscosity(seal):
+    for axis, across in (("x", 0.5), ("y", 2.0)):
+        expected = seal[f"flow_along_{axis}"] * 1e4 / (12 * 2e-3) * across
+        np.testing.assert_allclose(seal[f"leakage_along_{axis}"], expected, rtol=1e-6)
+        assert seal[f"leakage_along_{axis}"].attrs["units"] == "m³/s"
+    assert seal.leakage_along_x[:, 0].min() > 0 and np.all(seal.leakage_along_x[:, 2] == 0)
+    # Of several surfaces it has the mean, as the conductance has.
+    means = over_seeds(seal)
+    np.testing.assert_allclose(means.leakage_along_x, seal.leakage_along_x.mean("seed"))
+    assert "leakage_along_x_seed_error" in means
+
+
+def test_at_rest_no_figure_and_no_cell_is_of_friction_that_is_rounding(seal, capsys):
+    labels = [axes.get_ylabel() for axes in gc.plot.plot_sweep(seal).axes]
+    assert labels == ["contact area fraction", "mean gap [m]"]
+    print_table(seal)
+    printed = capsys.readouterr().out
+    rows = [line.split() for line in printed.splitlines() if "0.000e+00" in line]
+    assert len(rows) == 3 and all(row[2:5] == ["0", "0", "0"] for row in rows)
+    assert "No fluid passes along x at a pressure of 20 MPa or more." in printed
+
+
+def test_a_figure_of_leakage_is_against_the_load_and_marks_closed_gaps(seal):
+    figure = gc.plot.plot_leakage(seal)
+    for axes, name in zip(figure.axes, ("leakage_along_x", "leakage_along_y"), strict=True):
+        assert axes.get_yscale() == "log" and axes.get_xlabel() == "mean pressure [Pa]"
+        lines = {line.get_marker(): line for line in axes.lines if len(line.get_xdata())}
+        closed = seal.pressure[(seal[name] == 0).all(["seed", "velocity"])]
+        np.testing.assert_allclose(lines["v"].get_xdata(), closed)
+        mean = seal[name].mean("seed").values[:, 0]
+        (curve,) = (one for one in lines.values() if one.get_linestyle() == "-")
+        np.testing.assert_allclose(curve.get_ydata(), np.where(mean > 0, mean, np.nan))
+    with pytest.raises(ValueError, match=r"have no leakage: the scene needs the table \[fluid\]"):
+        gc.plot.plot_leakage(seal.drop_vars(["flow_along_x"]))
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("viscosity = 2e-3", "viscosity = 0", r"\[fluid\] `viscosity=0` is refused"),
+        ("viscosity = 2e-3", "viskosity = 2e-3", "did you mean `viscosity`"),
+        ("[16, 16]\n", "[16]\n", "needs a surface in two dimensions"),
+        ("[fluid]", '[motion]\nkind = "sinusoidal"\nstroke = 1e-4\nfrequency = 1.0\n[fluid]',
+         r"\[fluid\] needs steady sliding"),
+    ],
+)  # fmt: skip
+def test_a_fluid_that_has_no_leakage_is_refused(old, new, message):
+    assert old in SEAL
+    text = SEAL.replace(old, new)
+    text = text.replace("[1e-3, 5e-4]", "1e-3") if "[16]" in new else text
+    with pytest.raises(ValueError, match=message):
+        plan(parse_scene(text))
