@@ -20,6 +20,7 @@
     python benchmarks/bench_contact.py features      the same for gradients, Hessians, `vmap`
     python benchmarks/bench_contact.py cycle         periodic motion, beside time steps
     python benchmarks/bench_contact.py cycle_times   periodic motion with more and fewer times
+    python benchmarks/bench_contact.py history       what happens once: cost of a step
     python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
 
 One FFT pair is a real transform and its inverse on the full grid; coarse grids count by their size.
@@ -46,6 +47,7 @@ from contact_cycle import cycle, cycle_times
 from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
 from contact_grid import grid, total
+from contact_history import history
 from contact_peers import elastic, kernel
 from contact_random import attracted, default, hard, random
 from contact_stiffness import stiffness
@@ -55,8 +57,8 @@ from rows import run
 def main():
     run(
         __doc__, elastic, viscoelastic, observables, grid, total, random, default, attracted,
-        hard, stiffness, overhead, overhead_of, many, many_on, cylinder, cycle, cycle_times, kernel,
-        gradient, linear, first, first_of, features, features_of, largest,
+        hard, stiffness, overhead, overhead_of, many, many_on, cylinder, cycle, cycle_times,
+        history, kernel, gradient, linear, first, first_of, features, features_of, largest,
     )  # fmt: skip
 
 

@@ -31,6 +31,7 @@ from ..core.checks import is_concrete
 from ..core.derivative import derivative_apart
 from .compliance import compliance_of
 from .grading import check_profiles, graded_tolerance
+from .matrix import compliance_parts
 from .stack import GradedLayer, HalfSpace, Layer, Stack, moduli_of
 
 NODES, _NODES_OF_STEP = 32, 14
@@ -73,6 +74,7 @@ class Creep(eqx.Module):
     - `aged`: log(|q| J(t)) of the times t at which the steps end; the three of shape
       `(steps, waves)`.
     - `error`: estimated error of the displacements, relative [1].
+    - `lift`: c12/c22 of `kernels`, `now` and `whole`: what a traction leaves along z, or None.
     """
 
     log_q: Float[Array, "2"]
@@ -82,6 +84,7 @@ class Creep(eqx.Module):
     whole: Float[Array, "steps waves"]
     aged: Float[Array, "steps waves"]
     error: Float[Array, ""]
+    lift: tuple[Complex[Array, "nodes waves"], Float[Array, "steps waves"], Array] | None
 
     def shares(self, q: Float[Array, " points"]) -> Float[Array, "waves points"]:
         """Returns what a table is multiplied with to have its values at wavenumbers [rad/m]."""
@@ -96,11 +99,16 @@ class Creep(eqx.Module):
         return share / jnp.sum(share, axis=0)
 
 
-def creep_of(stack: Stack, ends: Float[Array, "2"], steps: Float[Array, " steps"]) -> Creep:
-    """Returns the memory of a block between two wavenumbers [rad/m], for steps in time [s]."""
+def creep_of(
+    stack: Stack, ends: Float[Array, "2"], steps: Float[Array, " steps"], coupled: bool = False
+) -> Creep:
+    """Returns the memory of a block between two wavenumbers [rad/m], for steps in time [s].
+
+    If `coupled`, also of traction.
+    """
     check_profiles(stack, -1j * jnp.ones(1, ends.dtype))
     _check_analytic(stack, steps)
-    return _creep(stack, ends, steps, graded_tolerance(stack, None, ends))
+    return _creep(stack, ends, steps, graded_tolerance(stack, None, ends), coupled)
 
 
 def _check_analytic(stack: Stack, steps: Array) -> None:
@@ -132,7 +140,7 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
 
 @derivative_apart
 @eqx.filter_jit
-def _creep(stack: Stack, ends: Array, steps: Array, rtol: float) -> Creep:
+def _creep(stack: Stack, ends: Array, steps: Array, rtol: float, coupled: bool) -> Creep:
     log_q = jnp.log(ends)
     angle = np.pi * (np.arange(_WAVES) + 0.5) / _WAVES
     q = jnp.exp(jnp.mean(log_q) + jnp.cos(angle) * (log_q[1] - log_q[0]) / 2).astype(ends.dtype)
@@ -140,30 +148,38 @@ def _creep(stack: Stack, ends: Array, steps: Array, rtol: float) -> Creep:
     nodes, weights = contour(shortest, whole, NODES)
 
     def compliance(q, s):
-        found = compliance_of(stack, q[None, :], -1j * s[:, None], rtol, throw=False)
-        return found + 0j
+        """M along z of a pressure, and if `coupled` of a traction, but for i q·e/|q|."""
+        q, omega = jnp.broadcast_arrays(q[None, :], -1j * s[:, None])
+        if not coupled:
+            return compliance_of(stack, q, omega, rtol, throw=False)[None] + 0j
+        (_, c12, c22, *_), _ = compliance_parts(stack, q, omega, rtol, False)
+        return jnp.stack([c22 + 0j, c12 + 0j])
 
     def of_step(step):
         """K, J and I/Δ after one time alone."""
         s, w = contour(step, step, _NODES_OF_STEP)
         part = (w * jnp.exp(s * step))[:, None] * compliance(q, s)
         over = (part, part / s[:, None], part / (s**2 * step)[:, None])
-        return [jnp.sum(each.real, axis=0) for each in over]
+        return [jnp.sum(each.real, axis=1) for each in over]
 
-    kernels = weights[:, None] * compliance(q, nodes)
-    _, creep, now = jax.lax.map(of_step, steps)
-    aged = jax.lax.map(of_step, jnp.cumsum(steps))[1]
+    kernels, *lifts = weights[:, None] * compliance(q, nodes)
+    _, *of_steps = jax.lax.map(of_step, steps)
+    creep, now = (part[:, 0] for part in of_steps)
+    aged = jax.lax.map(of_step, jnp.cumsum(steps))[1][:, 0]
+    lift = None
+    if coupled:
+        lift = (lifts[0] / kernels, *(part[:, 1] / part[:, 0] for part in of_steps[::-1]))
     # What the long hyperbola and the interpolation leave, from the shortest time to the whole one.
     times = jnp.exp(jnp.linspace(jnp.log(shortest), jnp.log(whole), _CHECKED))
-    exact, _, reached = jax.lax.map(of_step, times)
+    exact, _, reached = (part[:, 0] for part in jax.lax.map(of_step, times))
     by_nodes = jnp.sum((kernels * jnp.exp(nodes * times[:, None])[..., None]).real, axis=1)
     apart = jnp.cumsum(jnp.abs(by_nodes - exact) * times[:, None], axis=0)
     error = jnp.max(apart / reached) * jnp.log(whole / shortest) / (_CHECKED - 1)
     now, creep, aged = (jnp.log(part * q) for part in (now, creep, aged))
-    found = Creep(log_q, jnp.log(kernels * q), nodes, now, creep, aged, error)
+    found = Creep(log_q, jnp.log(kernels * q), nodes, now, creep, aged, error, lift)
     # Between the wavenumbers.
     beside = jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * (log_q[1] - log_q[0]) / 2
     middle = jnp.exp(jnp.mean(log_q) + beside).astype(q.dtype)
-    exact = jnp.log(weights[:, None] * compliance(middle, nodes) * middle)
+    exact = jnp.log(weights[:, None] * compliance(middle, nodes)[0] * middle)
     between = jnp.max(jnp.abs(found.kernels @ found.shares(middle).astype(exact.dtype) - exact))
     return eqx.tree_at(lambda c: c.error, found, jax.lax.stop_gradient(error + between))

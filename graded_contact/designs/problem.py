@@ -6,7 +6,7 @@ whichever of the two gives them.
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -75,7 +75,7 @@ def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity:
     scene = study.scene
     bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)
     case = bare.case({"pressure": scene.pressure[0], "velocity": velocity}, surface)
-    return solve(case, dataclasses.replace(scene.numerics, throw=True))
+    return cast(Found, solve(case, dataclasses.replace(scene.numerics, throw=True)))
 
 
 def criteria_in(study: DesignScene, stack: Stack, found: Found) -> dict[str, Array]:

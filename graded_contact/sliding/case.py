@@ -22,6 +22,7 @@ from ..core.checks import (
     is_concrete,
     numbers,
     scalar,
+    short,
     within,
 )
 from ..core.display import shown
@@ -110,9 +111,9 @@ class Case(eqx.Module):
         check_type("heating", self.heating, Heating, type(None))
         check_type("counter", self.counter, Stack, type(None))
         check_type("block_surface", self.block_surface, Surface, type(None))
-        if self.counter is not None:
+        if self.counter is not None and self.times is None:
             with within("`counter`:"):
-                check_at_rest(self.counter)  # its waves rest under the surface
+                check_at_rest(self.counter)  # its waves rest under the surface, forever
         if (self.velocity is None) == (self.displacement is None):
             raise ValueError(
                 "`velocity`, or `displacement` with `period` or `times`, is needed, not both."
@@ -123,8 +124,9 @@ class Case(eqx.Module):
             if self.block_surface is not None:
                 raise ValueError(
                     "`block_surface` is refused with a `velocity`: two rough surfaces have no "
-                    "steady state. Use `slide_cycle`; if the sliding surface is smooth, exchange "
-                    "the bodies: the block is the `counter` of its surface, which moves backwards."
+                    "steady state. Use `slide_cycle` or `slide_history`; if the sliding surface is "
+                    "smooth, exchange the bodies: the block is the `counter` of its surface, which "
+                    "moves backwards."
                 )
             return
         check_type("surface", self.surface, Surface)
@@ -133,9 +135,14 @@ class Case(eqx.Module):
                 "`strain_per_slope` is refused with a `displacement`: give a velocity."
             )
         check_values("displacement", self.displacement, "a displacement [m] must be finite")
-        if self.times is not None:
+        if self.times is None:
+            self._check_period(grid)
+        else:
             self._check_times(grid)
-            return
+        if self.block_surface is not None:
+            self._check_block_surface(self.block_surface)
+
+    def _check_period(self, grid: Any) -> None:
         if self.period is None:
             raise ValueError("`displacement` needs the `period` [s] of the motion, or `times` [s].")
         shape = self.displacement.shape
@@ -149,8 +156,6 @@ class Case(eqx.Module):
         check_resolved(f"`displacement` at {shape[0]} times", self.displacement, grid)
         check_closed(self.displacement, grid, cells=True)
         check_positive("period", self.period, "[s]")
-        if self.block_surface is not None:
-            self._check_block_surface(self.block_surface)
 
     def _check_block_surface(self, own: Surface) -> None:
         if self.heating is not None:
@@ -166,7 +171,8 @@ class Case(eqx.Module):
             same = np.allclose(np.asarray(grid.size), np.asarray(other.size), rtol=1e-6)
         if not same:
             raise ValueError(
-                f"`block_surface` is on {other}; the grid of `surface`, {grid}, is needed."
+                f"`block_surface` is on {short(other.shape)} points over {short(other.size)} m; "
+                f"the grid of `surface`, {short(grid.shape)} over {short(grid.size)} m, is needed."
             )
 
     @property

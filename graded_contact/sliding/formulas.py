@@ -14,7 +14,7 @@ by the part of the other body in the mean square slope: the bodies may be exchan
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -25,7 +25,7 @@ from ..contacts import area
 from ..contacts.operator import nonzero
 from ..core.derivative import largest
 from ..fields.frequency import direction_and_speed, wave_frequencies
-from ..fields.grid import derivative, odd_wavevector
+from ..fields.grid import Grid, derivative, odd_wavevector
 from .bodies import lags
 from .facts import WINDOW
 from .motion import refined
@@ -82,17 +82,22 @@ def interface(found: Found, pressure: Array, moved: Array) -> Array:
     if isinstance(found, Sliding) or found.problem.block_heights is None:
         return moved
     problem = found.problem
-
-    def squared(heights):
-        slope = [derivative(heights, problem.grid, axis) for axis in range(heights.ndim)]
-        return jnp.mean(jnp.stack(slope) ** 2)
-
-    surface, own = map(squared, problem.roughness)
-    own = own / nonzero(surface + own)
     of_counter = problem.heights
     if problem.counter is not None:
         of_counter = of_counter - counter_displacement(found, pressure)
-    return (1 - own) * (moved - problem.passing) + own * of_counter
+    return touching_at(problem.roughness, problem.grid, moved - problem.passing, of_counter)
+
+
+def touching_at(roughness: Sequence[Array], grid: Grid, block: Array, counter: Array) -> Array:
+    """The interface of two rough bodies [m], from the surfaces of both under their pressure."""
+
+    def squared(heights):
+        slope = [derivative(heights, grid, axis) for axis in range(heights.ndim)]
+        return jnp.mean(jnp.stack(slope) ** 2)
+
+    surface, own = map(squared, roughness)
+    own = own / nonzero(surface + own)
+    return (1 - own) * block + own * counter
 
 
 def counter_displacement(found: Found, pressure: Array) -> Array:

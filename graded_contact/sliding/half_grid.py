@@ -1,5 +1,7 @@
 """Heights and fields on half the grid of a surface, and what of the surface it lacks."""
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -46,6 +48,15 @@ def heights_on(
         for field in (heights - cut, heights)
     )
     return less, cut, lost / nonzero(all_of)
+
+
+def roughness_on(
+    rough: tuple[Array, ...], grid: Grid, half: tuple[int, ...], window: bool
+) -> tuple[tuple[Array, ...], tuple[Array, ...], Array]:
+    """Returns what `heights_on` does, of all rough bodies; and the largest share."""
+    parts = [heights_on(heights, grid, half, window) for heights in rough]
+    on_half, cut, lacking = zip(*parts, strict=True)
+    return on_half, cut, functools.reduce(jnp.maximum, lacking)
 
 
 def resampled(field: Float[Array, "*shape"], shape: tuple[int, ...]) -> Float[Array, "*new"]:

@@ -11,11 +11,10 @@ from ..contacts.law import check_one_law
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.operator import Field
 from ..contacts.solution import RESULTS, ContactSolution
-from ..core.checks import check_squares, is_concrete
+from ..core.checks import check_squares, is_concrete, within
 from ..core.memory import check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid
-from ..materials.coverage import coverage
 from .case import Case
 from .facts import facts_of
 from .history_problem import HistoryProblem, steps_of
@@ -23,9 +22,9 @@ from .history_steps import OF_STEPS, HistoryState, run_history
 from .numerics import Numerics
 from .resolution import NEIGHBOURS_RTOL
 from .result import TransientSliding
-from .shear import is_coupled, shear_stress, unless_negative
+from .shear import Coulomb, is_coupled, shear_stress, unless_negative
 
-MEMORY = 4 * NODES + 30  # fields
+MEMORY = 4 * NODES + 30  # fields, of a body; twice as many if traction moves it
 
 
 def history_problem(case: Case) -> HistoryProblem:
@@ -35,46 +34,54 @@ def history_problem(case: Case) -> HistoryProblem:
         raise ValueError(
             "`surface` is on a window (`periodic=False`) and is refused in a history: the memory "
             "of the block holds the waves of a cell, where the copies of a window's load would "
-            "act, too. Put the body into a periodic cell several times as large as the contact."
+            "act, too. Put the body into a periodic cell, four radii of its contact wide or more."
         )
     check_one_law(case.law)
     check_squares("heights", surface.heights, "m")
     grid, count = surface.grid, len(times)
-    check_memory("surface", "a history", MEMORY, grid.shape, surface.heights.dtype.itemsize)
+    coupled = is_coupled(case.shear)
+    fields = MEMORY * len(case.bodies) * (2 if coupled else 1)
+    check_memory("surface", "a history", fields, grid.shape, surface.heights.dtype.itemsize)
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
     loading = loading_of(case.law, surface.heights[None], count, **load)
     given = next(value for value in loading if value is not None).reshape(count)
-    if is_coupled(case.shear):
+    if coupled and not isinstance(case.shear, Coulomb):
         raise ValueError(
-            "`shear` is refused: in a history the traction of a law cannot move the surface of the "
-            "block, whose memory is that of pressures alone. Pass `coupled=False`."
+            "`shear` is refused: in a history only the traction of `Coulomb` can move the surface. "
+            "Pass `coupled=False`."
         )
     lowest = 2 * np.pi / jnp.max(grid.size)
     highest = np.pi * jnp.sqrt(jnp.sum((np.array(grid.shape) / grid.size) ** 2))
-    creep = creep_of(case.stack, jnp.stack([lowest, highest]), steps_of(times))
+    ends, creeps = jnp.stack([lowest, highest]), []
+    for name, body in zip(("`stack`:", "`counter`:"), case.bodies, strict=False):
+        with within(name):
+            creeps.append(creep_of(body, ends, steps_of(times), coupled))
     stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
     return HistoryProblem(
-        stack=case.stack, creep=creep, heights=surface.heights, grid=grid, law=case.law,
+        bodies=case.bodies, creeps=tuple(creeps), heights=surface.heights, grid=grid, law=case.law,
         times=times, displacement=case.displacement, given=unless_negative(given, stress),
-        shear=stress, prescribed=case.prescribed, measured_range=coverage(case.stack),
-        facts=facts_of(case),
+        shear=stress, prescribed=case.prescribed, facts=facts_of(case),
+        block_heights=None if case.block_surface is None else case.block_surface.heights,
     )  # fmt: skip
 
 
 def on_grid(
-    found: TransientSliding, shape: tuple[int, ...], heights: Field, chosen: np.ndarray
+    found: TransientSliding, shape: tuple[int, ...], rough: tuple[Field, ...], chosen: np.ndarray
 ) -> TransientSliding:
     """Returns the history of other heights on a grid of the cell, in fewer steps.
 
     `chosen` are the numbers of the steps whose ends stay.
     """
     problem = found.problem
-    creep, times = problem.creep, problem.times[chosen]
+    creeps, times = problem.creeps, problem.times[chosen]
     if len(chosen) < len(problem.times):
-        assert problem.stack is not None
-        creep = creep_of(problem.stack, jnp.exp(creep.log_q), steps_of(times))
+        ends = jnp.exp(creeps[0].log_q)
+        coupled = creeps[0].lift is not None
+        creeps = tuple(creep_of(body, ends, steps_of(times), coupled) for body in problem.bodies)
+    heights, *own = rough
     problem = dataclasses.replace(
-        problem, creep=creep, heights=heights, grid=Grid(shape, problem.grid.size), times=times,
+        problem, creeps=creeps, heights=heights, block_heights=own[0] if own else None,
+        grid=Grid(shape, problem.grid.size), times=times,
         displacement=problem.displacement[chosen], given=problem.given[chosen],
     )  # fmt: skip
     solver = DouglasRachford(newton=is_concrete(problem.given))

@@ -17,7 +17,7 @@ from ..core.quantities import of_history
 from .errors import add_errors
 from .formulas import lengths
 from .grid_errors import OF_FORCE, OF_PLACE, area_by_grid, by_grid
-from .half_grid import NOTHING_LACKS, halved, heights_on
+from .half_grid import NOTHING_LACKS, halved, roughness_on
 from .history import on_grid
 from .resolution import Neighbours, neighbours_of
 from .result import TransientSliding
@@ -42,12 +42,13 @@ def history_neighbours(found: TransientSliding) -> Neighbours:
 def _neighbours(found: TransientSliding) -> Neighbours:
     shape, every = found.grid.shape, np.arange(len(found.times))
     half = halved(shape)
-    on_half, cut, missing = heights_on(found.heights, found.grid, half, False)
+    rough = found.problem.roughness
+    on_half, cut, missing = roughness_on(rough, found.grid, half, False)
     same, fewer = found, None
     if not (is_concrete(missing) and missing <= NOTHING_LACKS):
         same = on_grid(found, shape, cut, every)
     if len(every) >= 2 * _LEAST_STEPS:
-        fewer = on_grid(found, shape, found.heights, _halved_steps(len(every)))
+        fewer = on_grid(found, shape, rough, _halved_steps(len(every)))
     if half == shape:  # nothing is known of the error of the grid
         missing = missing * jnp.nan
     return Neighbours(same, on_grid(found, half, on_half, every), fewer, missing)
@@ -83,8 +84,13 @@ def _forces(found: TransientSliding) -> Array:
     return found.recorded["slope"] * found.recorded["spread"] / nonzero(found.recorded["load"])
 
 
+def _roughness(found: TransientSliding) -> Array:
+    """The rms roughness of both bodies, at most [m]."""
+    return sum(map(jnp.std, found.problem.roughness), jnp.zeros(()))
+
+
 def _heights(found: TransientSliding) -> Array:
-    return jnp.std(found.heights) * jnp.ones_like(found.times)
+    return _roughness(found) * jnp.ones_like(found.times)
 
 
 def _area(found: TransientSliding) -> Array:
@@ -99,7 +105,7 @@ def _works(found: TransientSliding) -> Array:
 
 def _work_of_load(found: TransientSliding) -> Array:
     gap = found.recorded["mean_gap"]
-    closed = jnp.abs(jnp.diff(gap, prepend=gap[:1] + 3 * jnp.std(found.heights)))
+    closed = jnp.abs(jnp.diff(gap, prepend=gap[:1] + 3 * _roughness(found)))
     return _works(found) + jnp.cumsum(found.recorded["load"] * closed)
 
 
@@ -130,5 +136,5 @@ for _name, _weights, _scale in (
         grid=area_by_grid if _weights is None else by_grid(_name, _weights),
         time=_by_steps(_name),
         solver=lambda f, scaled=_scaled, of=_solver: 2 * scaled(f, f.recorded[of]),
-        memory=lambda f, scaled=_scaled: scaled(f, f.problem.creep.error),
+        memory=lambda f, scaled=_scaled: scaled(f, sum(c.error for c in f.problem.creeps)),
     )  # fmt: skip

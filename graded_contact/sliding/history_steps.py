@@ -1,4 +1,4 @@
-"""A rough rigid surface in a motion that happens once: start, dwell, braking, steps of the load.
+"""A rough surface in a motion that happens once: start, dwell, braking, steps of the load.
 
 Before t = 0 nothing touches. The times cut the history into steps, in each of which the pressure
 grows linearly. In the frame of the block a wave of the pressure leaves the displacement
@@ -11,11 +11,16 @@ frame of the surface, started from the pressure before:
 
     y, p, s(t) ──> displacement that is known ──> contact ──> p ──> y        (one scan)
 
+The counter has a memory like the block's, whose waves rest under the surface: both kernels add up,
+and so do both known displacements.
+
 A derivative is that of the contact of each step. It keeps the contacts, and computes the memory
 once more from every √n-th step on.
 """
 
 import dataclasses
+import functools
+import itertools
 import math
 from typing import Any, NamedTuple
 
@@ -32,28 +37,38 @@ from ..contacts.solution import RESULTS
 from ..contacts.solve import contact_of
 from ..core.compilation import jit
 from ..core.derivative import largest
-from ..fields.grid import odd_wavevector, to_field, to_spectrum
+from ..fields.grid import odd_wavevector, to_spectrum
 from .area import contact_area, contact_area_pixels
-from .formulas import edges_of, indicator_of, lengths, slopes
+from .formulas import edges_of, indicator_of, lengths, slopes, touching_at
 from .grid_errors import unseen_area
-from .history_problem import BlockWaves, HistoryProblem, OneStep
+from .history_problem import HistoryProblem, HistoryWaves, OneStep
 from .numerics import Numerics
 from .problem import SteadyProblem
 from .result import Sliding
 from .shear import shear_over_load
 
 
-class HistoryState(NamedTuple):
-    """What a history carries from step to step.
+class Past(NamedTuple):
+    """What a body carries from step to step.
 
-    The memory of the nodes, real and imaginary parts for those of the waves; waves of pressure and
-    displacement in the block; the pressure; traction; works; the kept fields; the first failure.
+    The memory of the nodes, real and imaginary parts for those of the waves; the waves of the
+    pressure at the end of the step and before it, and of the displacement.
     """
 
     memory: tuple[Array, Array]
-    old: Array
+    pressed: Array
     before: Array
     moved: Array
+
+
+class HistoryState(NamedTuple):
+    """What a history carries from step to step.
+
+    The past of each body; the pressure, and how fast it rises; traction; works; the kept fields;
+    the first failure.
+    """
+
+    pasts: tuple[Past, ...]
     pressure: Array
     rise: Array
     traction: Array
@@ -70,9 +85,8 @@ class _Step(NamedTuple):
     shift: Array  # s [m], along each component
     way: Array  # how far the surface moves [m]
     given: Array
-    now: Array  # tables of `Creep`
-    whole: Array
-    aged: Array
+    tables: tuple[Array, ...]  # `now`, `whole` and `aged` of the `Creep` of each force
+    lifts: tuple[Array | None, ...]
     decay: Array  # exp(s_k Δ)
     from_old: Array  # of the step before
     from_new: Array
@@ -85,18 +99,19 @@ class Advance(eqx.Module):
     """What does not change from step to step: `init`, and `step` for `lax.scan`."""
 
     problem: HistoryProblem
-    waves: BlockWaves
+    waves: HistoryWaves
     how: Numerics
 
     def init(self, kept: int) -> HistoryState:
         """Returns the state before t = 0, with room for the fields of so many steps."""
         problem = self.problem
-        dtype, memory = problem.heights.dtype, self.waves.memory
-        rest = jnp.zeros_like(memory[0])
-        nodes = jnp.zeros((len(memory), 2, *rest.shape), dtype)
+        dtype, memories = problem.heights.dtype, self.waves.memories
+        rest = jnp.zeros_like(memories[0][0])
+        nodes = jnp.zeros((len(memories[0]), 2, *rest.shape), dtype)
         field = jnp.zeros(problem.shape, dtype)
         return HistoryState(
-            memory=(nodes, nodes), old=rest, before=rest, moved=rest, pressure=field, rise=field,
+            pasts=(Past((nodes, nodes), rest, rest, rest),) * len(memories),
+            pressure=field, rise=field,
             traction=jnp.zeros(problem.moved.shape[1], dtype), works=jnp.zeros(3, dtype),
             kept=tuple(jnp.zeros((kept, *problem.shape), dtype) for _ in range(4)),
             result=RESULTS.successful, failed=jnp.asarray(-1),
@@ -105,11 +120,16 @@ class Advance(eqx.Module):
     def step(self, state: HistoryState, given: _Step) -> tuple[HistoryState, dict[str, Array]]:
         """Returns the state at the end of a step, and its numbers."""
         problem, waves = self.problem, self.waves
-        turn = waves.turn(given.shift)
-        operator, known, memory = self._known(state, given)
-        now = operator.kernel
-        known_field = to_field(waves.joined(known * turn), problem.shape)
-        heights = problem.heights - known_field
+        forces, turns = self._forces(given), self._turns(given)
+        parts = zip(state.pasts, waves.memories, given.tables, given.lifts, strict=True)
+        kernels, known, memories = zip(*(self._known(*part, given) for part in parts), strict=True)
+        together = functools.reduce(jnp.add, map(jnp.multiply, forces, kernels))
+        operator = OneStep(together[0], together[1].real)
+        known_field = waves.field(functools.reduce(jnp.add, map(jnp.multiply, known, turns)))
+        passing = jnp.zeros_like(known_field)
+        if problem.block_heights is not None:
+            passing = waves.field(waves.split(to_spectrum(problem.block_heights)) * turns[0])
+        heights = problem.heights + passing - known_field
         loading = (given.given, None) if problem.prescribed == "pressure" else (None, given.given)
         inputs = Inputs(operator, heights, problem.law, Loading(*loading))
         # As the pressure went on in the step before: two thirds of the FFT pairs.
@@ -120,15 +140,26 @@ class Advance(eqx.Module):
         )  # fmt: skip
         contact = jax.tree.map(lambda leaf: checkpoint_name(leaf, _CONTACT), contact)
         spectrum = to_spectrum(contact.pressure)
-        pressed = waves.split(spectrum) * jnp.conj(turn)
-        moved = known + waves.split(now * spectrum) * jnp.conj(turn)
-        displacement = contact.displacement + known_field
+        pasts: list[Past] = []
+        for force, (now, _), left, nodes, past, turn in zip(
+            forces, kernels, known, memories, state.pasts, turns, strict=True
+        ):
+            driven = force * spectrum
+            pressed, moved = (waves.split(w) * jnp.conj(turn) for w in (driven, now * driven))
+            pasts.append(Past(nodes, pressed, past.pressed, left + moved))
+        displacement, profile = self._surfaces(contact.displacement + known_field, passing, pasts)
         one = Sliding(contact, SteadyProblem(
             operator=operator, heights=heights, grid=problem.grid, law=problem.law,
             velocity=jnp.ones((), heights.dtype), prescribed=problem.prescribed,
         ))  # fmt: skip
-        traction, numbers = self._numbers(one, displacement, given)
-        work = waves.mean_product(pressed + state.old, moved - state.moved) / 2
+        traction, numbers = self._numbers(one, profile, displacement, given)
+        # Of the pressure on each body, also where traction moves it.
+        pairs = list(zip(pasts, state.pasts, strict=True))
+        loads = [(new.pressed + old.pressed) / 2 for new, old in pairs[: len(problem.creeps)]]
+        work = sum(
+            waves.mean_product(load, new.moved - old.moved)
+            for load, (new, old) in zip(itertools.cycle(loads), pairs, strict=False)
+        )
         by_slopes = jnp.sum((traction + state.traction) / 2 * given.way)
         by_shear = jnp.sum(numbers["shear_traction"] * given.way)
         works = state.works + jnp.stack([by_slopes + by_shear, work - by_slopes, by_shear])
@@ -142,7 +173,7 @@ class Advance(eqx.Module):
         rise = (contact.pressure - state.pressure) / given.length
         good, ends_well = state.result == RESULTS.successful, contact.result == RESULTS.successful
         return HistoryState(
-            memory=memory, old=pressed, before=state.old, moved=moved, pressure=contact.pressure,
+            pasts=tuple(pasts), pressure=contact.pressure,
             # What a load that begins adds in the first step does not go on.
             rise=jax.lax.stop_gradient(jnp.where(given.index > 0, rise, 0)),
             traction=traction, works=works, kept=tuple(kept),
@@ -150,10 +181,36 @@ class Advance(eqx.Module):
             failed=jnp.where(good & ~ends_well, given.index, state.failed),
         ), numbers  # fmt: skip
 
-    def _known(self, state: HistoryState, given: _Step):
-        """The block in the step, the waves that earlier pressures leave, and the new memory."""
+    def _surfaces(self, moved: Field, passing: Field, pasts: list[Past]) -> tuple[Field, Field]:
+        """The displacement of the block, and the interface, from that of both bodies [m]."""
+        problem, of_counter = self.problem, jnp.zeros_like(moved)
+        if len(problem.creeps) > 1:
+            of_counter = self.waves.field(functools.reduce(jnp.add, [p.moved for p in pasts[1::2]]))
+        block = moved - of_counter
+        if problem.block_heights is None:
+            return block, block
+        own, other = block - passing, problem.heights - of_counter
+        return block, touching_at(problem.roughness, problem.grid, own, other)
+
+    def _turns(self, given: _Step) -> list[Any]:
+        """What takes the waves of each force from its body to the surface: the counter rests."""
+        turns = [self.waves.turn(given.shift), 1.0][: len(self.problem.creeps)]
+        return turns * (len(given.tables) // len(turns))
+
+    def _forces(self, given: _Step) -> list[Any]:
+        """The waves of each force over those of the pressure; traction on a counter is opposite."""
+        forces: list[Any] = [1.0] * len(self.problem.creeps)
+        if len(given.tables) > len(forces):
+            assert self.problem.shear is not None
+            unit, law = _direction(given.way)[0], self.problem.shear.law
+            factor = law.coefficient * self.waves.along(unit)
+            forces += [factor, -factor][: len(forces)]
+        return forces
+
+    def _known(self, past: Past, memory: Array, table: Array, lift: Array | None, given: _Step):
+        """A body in the step, the waves that earlier forces leave, and the new memory."""
         parts = lambda wave: jnp.stack([wave.real, wave.imag])  # noqa: E731
-        old, new, waves = parts(state.before), parts(state.old), self.waves
+        old, new, waves = parts(past.before), parts(past.pressed), self.waves
 
         def add(total, node):
             real, imag, decay, before, last, weight = node
@@ -165,23 +222,21 @@ class Advance(eqx.Module):
             )
             return total + weight.real * real - weight.imag * imag, (real, imag)
 
-        factors = given.decay, given.from_old, given.from_new, waves.memory
-        total, memory = jax.lax.scan(add, jnp.zeros_like(old), (*state.memory, *factors))
-        now, whole, aged = waves.kernel(jnp.stack([given.now, given.whole, given.aged]))
-        known = jax.lax.complex(*total) + waves.split(whole - now) * state.old
-        return OneStep(now, aged), known, memory
+        factors = given.decay, given.from_old, given.from_new, memory
+        total, nodes = jax.lax.scan(add, jnp.zeros_like(old), (*past.memory, *factors))
+        now, whole, aged = waves.kernel(table, lift)
+        known = jax.lax.complex(*total) + waves.split(whole - now) * past.pressed
+        return jnp.stack([now, aged]), known, nodes
 
-    def _numbers(self, one: Sliding, displacement: Field, given: _Step):
+    def _numbers(self, one: Sliding, profile: Field, displacement: Field, given: _Step):
         """The traction by slopes [Pa], and the numbers of the contact of a step."""
         problem, contact, pressure = self.problem, one.contact, one.contact.pressure
         axes = odd_wavevector(problem.grid)[: len(given.way)]
-        traction = jnp.stack([jnp.sum(work_of_waves(pressure, displacement, q)) for q in axes])
+        traction = jnp.stack([jnp.sum(work_of_waves(pressure, profile, q)) for q in axes])
         load, sheared = jnp.mean(pressure), jnp.zeros_like(traction)
         if problem.shear is not None:
-            far = jnp.sqrt(jnp.sum(given.way**2))
-            moves = far > 0
-            unit = jnp.where(moves, given.way / jnp.where(moves, far, 1), 0)
-            speed = jnp.where(moves, far, 1) / given.length
+            unit, far = _direction(given.way)
+            speed = far / given.length
             stress = dataclasses.replace(problem.shear, speed=speed)
             size = shear_over_load(pressure, indicator_of(one), edges_of(one), stress)
             sheared = unit * jnp.where(load > 0, size * load, 0)
@@ -192,6 +247,14 @@ class Advance(eqx.Module):
             mean_gap=contact.mean_gap, slope=slopes(one, pressure, displacement),
             spread=jnp.sqrt(jnp.mean(pressure**2)), unseen_area=unseen_area(one),
         )  # fmt: skip
+
+
+def _direction(way: Array) -> tuple[Array, Array]:
+    """The unit vector of a step and its length; at rest 0 and 1."""
+    far = jnp.sqrt(jnp.sum(way**2))
+    moves = far > 0
+    far = jnp.where(moves, far, 1)
+    return jnp.where(moves, way / far, 0), far
 
 
 _CONTACT = "contact"  # what a derivative keeps of each step
@@ -205,18 +268,16 @@ def run_history(
     problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
 ) -> tuple[HistoryState, dict[str, Array]]:
     """Returns the state after the last step, and the numbers of all steps."""
-    # The program is that of all blocks.
-    return _run(dataclasses.replace(problem, stack=None, measured_range=None), how, kept)
+    # The program is that of all bodies.
+    return _run(dataclasses.replace(problem, bodies=()), how, kept)
 
 
 @jit
 def _run(
     problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
 ) -> tuple[HistoryState, dict[str, Array]]:
-    advance, count = (
-        Advance(problem, BlockWaves(problem.grid, problem.creep), how),
-        len(problem.times),
-    )
+    waves, count = HistoryWaves(problem.grid, problem.creeps), len(problem.times)
+    advance = Advance(problem, waves, how)
     steps = _steps(problem, kept)
     # Segments of about √n steps, each computed once more in a derivative in reverse.
     length = math.ceil(math.sqrt(count))
@@ -258,18 +319,24 @@ def _of_whole(problem: HistoryProblem, numbers: dict[str, Array]) -> dict[str, A
 
 def _steps(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
     """What each step is given."""
-    creep, count = problem.creep, len(problem.times)
+    count = len(problem.times)
     lengths, way = problem.steps
-    z = creep.nodes * lengths[:, None]
+    tables = tuple(jnp.stack([c.now, c.whole, c.aged], 1) for c in problem.creeps)
+    lifts = (None,) * len(tables)
+    if problem.creeps[0].lift is not None:  # the aged one has no traction
+        pairs = (c.lift[1:] for c in problem.creeps if c.lift is not None)
+        lifts += tuple(jnp.stack([now, whole, 0 * now], 1) for now, whole in pairs)
+    # The nodes follow from the times: those of all bodies are equal.
+    z = problem.creeps[0].nodes * lengths[:, None]
     twice = _rest_of_exponential(z)
     once = 1 + z * twice  # (exp(z) - 1)/z
     before = lambda row: jnp.concatenate([jnp.zeros_like(row[:1]), row[:-1]])  # noqa: E731
     slots = np.full(count, len(kept))
     slots[list(kept)] = np.arange(len(kept))
     return _Step(
-        length=lengths, shift=problem.moved, way=way, given=problem.given, now=creep.now,
-        whole=creep.whole, aged=creep.aged, decay=jnp.exp(z),
-        from_old=before(lengths[:, None] * (once - twice)),
+        length=lengths, shift=problem.moved, way=way, given=problem.given,
+        tables=tables * (len(lifts) // len(tables)), lifts=lifts,
+        decay=jnp.exp(z), from_old=before(lengths[:, None] * (once - twice)),
         from_new=before(lengths[:, None] * twice), slot=jnp.asarray(slots),
         index=jnp.arange(count), counts=jnp.ones(count, bool),
     )  # fmt: skip

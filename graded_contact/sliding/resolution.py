@@ -9,7 +9,7 @@ A window has no waves of its own: the heights of half the grid are means of neig
 """
 
 import dataclasses
-import functools
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -24,10 +24,10 @@ from ..core.derivative import largest
 from ..fields.grid import interpolate
 from .facts import WINDOW
 from .formulas import lift
-from .half_grid import NOTHING_LACKS, halved, heights_on, resampled
+from .half_grid import NOTHING_LACKS, halved, resampled, roughness_on
 from .numerics import Numerics
 from .problem import Problem
-from .result import CyclicSliding, Found, Sliding, TransientSliding
+from .result import CyclicSliding, Found, Sliding
 
 NEIGHBOURS_RTOL = 2e-4  # of the pressure; the differences of two grids are larger
 _LEAST_TIMES = 8  # times that are not halved again
@@ -46,9 +46,9 @@ class Neighbours(eqx.Module):
       has too few points to be halved.
     """
 
-    same: Found
-    half: Found
-    fewer: Found | None
+    same: Any  # of the kind of the contact
+    half: Any
+    fewer: Any
     lacking: Float[Array, ""]
 
 
@@ -75,9 +75,7 @@ def _neighbours(found: Found) -> Neighbours:
         return Neighbours(found, found, found, jnp.zeros_like(pressure))
     times = len(found.displacement) if isinstance(found, CyclicSliding) else 0
     rough, window = found.problem.roughness, WINDOW in found.facts
-    parts = (heights_on(heights, found.grid, half, window) for heights in rough)
-    on_half, cut, lacking = zip(*parts, strict=True)
-    missing = functools.reduce(jnp.maximum, lacking)
+    on_half, cut, missing = roughness_on(rough, found.grid, half, window)
     same, fewer = found, None
     if not (is_concrete(missing) and missing <= NOTHING_LACKS):
         same = _solved(found, shape, cut, times)
@@ -130,6 +128,5 @@ def _given(
     shift = lift(found)
     shift = resampled(shift, (*over, *shape)) if shift.ndim else shift
     # A program would return a copy of the heights.
-    assert not isinstance(found, TransientSliding)  # see `history_errors.py`
     problem = found.problem.on(shape, num_times)
     return problem, load, start, shift

@@ -165,6 +165,8 @@ def slide_history(
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
+    counter: Stack | None = None,
+    block_surface: Surface | None = None,
     fields_at: Sequence[int] = (-1,),
     **numerics: Any,
 ) -> TransientSliding:
@@ -189,8 +191,9 @@ def slide_history(
       heights.
     - `law`: of contact; it has no history.
     - `shear`, `temperature`: as in `slide`. The law holds at the pressure of each time and the mean
-      speed of its step, and the traction has the direction of that step. At rest there is none. A
-      law that is `coupled` is refused.
+      speed of its step, and the traction has the direction of that step. At rest there is none.
+      Of laws that are `coupled`, `Coulomb` alone is taken.
+    - `counter`, `block_surface`: as in `slide_cycle`; the counter has its memory, too.
     - `fields_at`: numbers of the steps whose fields are kept; -1 is the last.
     - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
 
@@ -201,9 +204,10 @@ def slide_history(
     case = Case(
         stack=stack, surface=surface, displacement=displacement, times=times, pressure=pressure,
         mean_gap=mean_gap, law=law, shear=shear, temperature=temperature,
+        counter=counter, block_surface=block_surface,
     )  # fmt: skip
     how, _ = numerics_of("slide_history", numerics)
-    return solve_history(case, how.of(stack, surface), tuple(fields_at))
+    return solve_history(case, how.of(case.bodies, surface, block_surface), tuple(fields_at))
 
 
 def solve(
@@ -212,7 +216,7 @@ def solve(
     *,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
-) -> Found:
+) -> Found | TransientSliding:
     """Returns the contact of a case: a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
 
     **Arguments:**

@@ -222,7 +222,7 @@ MEASURED = RUBBER + "\nmeasured = {omega = [10.0, 1e3]}"
          r"^\[motion\] `once = true` does not take the table \[counter\]"),
         (LINE + REST + "[observe]\nstiffness = true\n", r"^\[observe\] needs steady .* has `flow`"),
         (LINE.replace(RUBBER, MEASURED) + REST, r"^\[motion\] needs moduli from 1 rad/s"),
-        (LINE + REST + '[shear]\nkind = "coulomb"\ncoefficient = 0.3\n',
+        (LINE + REST + '[shear]\nkind = "constant"\nstress = 1e4\ncoupled = true\n',
          r"`shear` is refused: in a h"),
     ],
 )  # fmt: skip
