@@ -120,6 +120,7 @@ class Named(gc.blocks.AbstractProfile):
         return jnp.exp(factor) * RUBBER.modulus(omega), jnp.asarray(0.5)
 
 
+@pytest.mark.slow
 def test_a_network_is_a_profile_whose_weights_have_derivatives():
     """Against central differences, in a program and without one; functions in it stay fixed."""
     network = eqx.nn.MLP(1, 1, 3, 1, activation=jax.nn.tanh, key=jax.random.key(0))

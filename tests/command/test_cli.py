@@ -168,6 +168,7 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
         assert result.exit_code == 2 and "velocity" in result.stderr
 
 
+@pytest.mark.slow
 def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path, no_contacts_drawn):
     text = SCENE.replace("hurst = 0.8", "hurst = 0.8\nseeds = 3") + PLAIN
     (tmp_path / "s.toml").write_text(text)
@@ -321,6 +322,7 @@ def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path):
     assert f"{point} is damaged: it is computed again" in result.stderr
 
 
+@pytest.mark.slow
 def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
     solve = PLAN.solve
 

@@ -28,6 +28,7 @@ def attraction(steepness):
 GAPS = np.concatenate([np.linspace(0.016, 0.003, 26), np.linspace(0.0035, 0.024, 42)])
 
 
+@pytest.mark.slow
 def test_path_follows_the_branches_of_a_dense_energy():
     """All but a few states next to a jump, where the two may fall to different sides."""
     law = attraction(0.3)

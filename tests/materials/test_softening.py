@@ -122,6 +122,7 @@ def test_mean_field_matches_the_differential_equations():
     assert result.contact_area > 1.2 * linear.contact_area
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_mean_field_match_differences():
     def value(stack, spectrum, ratio):
         s = mean_field(stack, spectrum, velocity=0.05, strain_per_slope=ratio)

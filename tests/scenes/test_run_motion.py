@@ -88,6 +88,7 @@ def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(c
     assert len(figure.axes[0].lines) == 5  # four loops and zero
 
 
+@pytest.mark.slow
 def test_a_run_with_shear_adds_the_stress_on_the_contact():
     text = SMALL + '[shear]\nkind = "constant"\nstress = 1e5\n' + PLAIN
     scene = parse_scene(text)

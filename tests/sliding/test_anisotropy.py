@@ -192,6 +192,7 @@ def test_an_endless_lay_has_no_friction_along_it_and_that_of_a_profile_across():
     np.testing.assert_allclose(along.contact_area, rest.contact_area, rtol=5e-4)
 
 
+@pytest.mark.slow
 def test_derivatives_by_the_lay_and_by_own_roughness_match_differences():
     def value(spectrum, own, pressure, velocity):
         given = {"pressure": pressure, "velocity": velocity, "own_roughness": own}

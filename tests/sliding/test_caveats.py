@@ -103,6 +103,7 @@ def test_shares_of_points_not_measured_are_sums_over_them():
     np.testing.assert_array_equal(sliding(0 * p, w, grid, measured).compute(*names), 0)
 
 
+@pytest.mark.slow
 def test_a_surface_with_marked_points_slides_under_jit_vmap_and_grad():
     grid = gc.Grid((16,), 1e-3)
     x = jnp.arange(16) / 16

@@ -247,7 +247,7 @@ def test_derivatives_match_central_differences(options):
     np.testing.assert_allclose(*np.transpose(slopes), rtol=2e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("control", ["pressure", "mean_gap"])
+@pytest.mark.parametrize("control", ["pressure", pytest.param("mean_gap", marks=pytest.mark.slow)])
 def test_claimed_errors_hold(control):
     """The gap nearly closes at some times: a mean gap that is off costs far more load there."""
     for seed, contrast in enumerate((2.0, 30.0)):

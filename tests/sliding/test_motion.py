@@ -149,6 +149,7 @@ def test_values_between_the_times_are_those_of_their_waves():
         np.testing.assert_allclose(refined(jnp.asarray(value(j))), value(fine), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_stroke_longer_than_the_cell_has_a_caveat():
     words = "copy of each asperity"
     for stroke in (1.0, 1.5):

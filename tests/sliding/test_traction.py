@@ -166,6 +166,7 @@ def test_cycle_of_steady_sliding_is_that_of_slide():
     np.testing.assert_allclose(c.interface_power / power, s.interface_friction, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_work_of_a_cycle_is_lost_in_block_and_interface():
     there = 0.2 * CELL * np.sin(2 * np.pi * np.arange(32) / 32)
     given = dict(displacement=there, period=0.01, pressure=LOAD, rtol=1e-6)

@@ -211,6 +211,7 @@ def test_friction_at_an_approach_has_the_error_of_the_load():
     assert 1e-6 < change < found.friction_kernel_error < 1e-2 * found.friction
 
 
+@pytest.mark.slow
 def test_load_at_an_approach_has_the_error_of_the_kernel():
     found = gc.slide(COATED, sphere(64), approach=0.026, velocity=1.0, rtol=1e-8)
     printed = repr(found)
