@@ -1,6 +1,8 @@
 """Histories: the problem of a case with times, its steps, and the result."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,7 @@ from ..contacts.law import check_one_law
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.operator import Field
 from ..contacts.solution import RESULTS, ContactSolution
-from ..core.checks import check_squares, is_concrete, within
+from ..core.checks import check_squares, is_concrete, short, within
 from ..core.memory import check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid
@@ -90,12 +92,10 @@ def on_grid(
     return history_of(problem, *run_history(problem, how, kept), kept)
 
 
-def solve_history(
-    case: Case, how: Numerics, fields_at: tuple[int, ...] = (-1,)
-) -> TransientSliding:
+def solve_history(case: Case, how: Numerics, fields_at: Sequence[int] = (-1,)) -> TransientSliding:
     """Returns the contact of a case with displacements at times; see `slide_history`."""
     count = len(case.times)
-    kept = tuple(int(i) % count for i in fields_at)
+    kept = _steps_kept(fields_at, count)
     problem = history_problem(case)
     state, numbers = run_history(problem, how, kept)
     found = history_of(problem, state, numbers, kept)
@@ -112,6 +112,21 @@ def solve_history(
         found, recorded=required(found.recorded, good, found.result.error_if),
         contact=required(found.contact, good, found.result.error_if),
     )  # fmt: skip
+
+
+def _steps_kept(fields_at: Any, count: int) -> tuple[int, ...]:
+    """The numbers of the steps whose fields are kept, from 0."""
+    steps = np.asarray(fields_at)
+    if steps.ndim != 1 or not steps.size or not np.issubdtype(steps.dtype, np.integer):
+        raise ValueError(
+            f"`fields_at={short(fields_at)}` must be a tuple of numbers of steps, such as (0, -1)."
+        )
+    for step in steps[(steps < -count) | (steps >= count)]:
+        raise ValueError(
+            f"`fields_at={step}` is refused: the {count} steps are 0 to {count - 1}, or -1 to "
+            f"{-count} from the last."
+        )
+    return tuple((steps % count).tolist())
 
 
 def history_of(problem, state: HistoryState, numbers, kept) -> TransientSliding:

@@ -1,9 +1,9 @@
 """Errors of what happens once: by the grid, the steps, the memory of the block and the solver.
 
 Those by the grid follow from the history on half the grid, as for other contacts, at each time.
-Those by the steps follow from the history in half as many steps: each step is of second order, so
-that a change is three times the error, but where the load or the motion begins at once it is of
-first order, as large as the change.
+Those by the steps follow from the history in half as many steps. Each step is of second order, so
+that a change is three times the error; but where the load or the motion begins at once it is of
+first order, as large as the change, which the error therefore contains whole.
 """
 
 import jax
@@ -23,7 +23,7 @@ from .resolution import Neighbours, neighbours_of
 from .result import TransientSliding
 
 _LEAST_STEPS = 4  # that are not halved again
-_KEPT_BY_TIMES, _MEAN_BY_TIMES = 0.5, 0.15  # of the changes with half as many steps
+_KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many steps
 
 
 def history_neighbours(found: TransientSliding) -> Neighbours:

@@ -185,7 +185,7 @@ def slide_history(
       all rests, each may be a fixed part of the time so far. While the surface moves, a step leads
       it by about half a spacing of the grid at most.
     - `displacement`: s [m] of the surface at these times since t = 0, shape `(nt,)` (along x) or
-      `(nt, 2)`; see `start`, `ramp`, `dwell`, `joined_motions`.
+      `(nt, 2)`; see `start`, `ramp`, `dwell`, `listed`.
     - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
       heights.
@@ -194,7 +194,7 @@ def slide_history(
       speed of its step, and the traction has the direction of that step. At rest there is none.
       Of laws that are `coupled`, `Coulomb` alone is taken.
     - `counter`, `block_surface`: as in `slide_cycle`; the counter has its memory, too.
-    - `fields_at`: numbers of the steps whose fields are kept; -1 is the last.
+    - `fields_at`: numbers of the steps whose fields are kept, at least one; -1 is the last.
     - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
 
     **Returns:** friction, areas and works over time, errors, and fields, see `TransientSliding`.
@@ -207,7 +207,7 @@ def slide_history(
         counter=counter, block_surface=block_surface,
     )  # fmt: skip
     how, _ = numerics_of("slide_history", numerics)
-    return solve_history(case, how.of(case.bodies, surface, block_surface), tuple(fields_at))
+    return solve_history(case, how.of(case.bodies, surface, block_surface), fields_at)
 
 
 def solve(

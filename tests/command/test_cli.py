@@ -627,7 +627,7 @@ codes = []
 for words in {jobs}:
     sys.argv = ["graded-contact", *words]
     try:
-        start()
+        run_command()
     except SystemExit as end:
         codes.append(end.code)
 sys.exit(codes != [0, 2])

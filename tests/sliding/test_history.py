@@ -400,3 +400,12 @@ def test_a_sphere_under_a_load_that_begins_has_the_radius_of_lee_and_radok():
     radii = size * np.sqrt(np.asarray(found.contact_area) / np.pi)
     np.testing.assert_allclose(radii, expected, rtol=0.02)
     assert np.sqrt(np.mean((radii / expected - 1) ** 2)) < 0.01
+
+
+@pytest.mark.parametrize("steps", [(), (100,), (-100,), (1.7,)])
+def test_steps_that_do_not_exist_keep_no_fields_of_others(steps):
+    times = np.linspace(1e-3, 4e-3, 4)
+    with pytest.raises(ValueError, match=r"`fields_at="):
+        gc.slide_history(
+            BLOCK, SURFACE, times=times, displacement=0 * times, pressure=1e5, fields_at=steps
+        )
