@@ -29,7 +29,7 @@ from ..core.memory import (
 )
 from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along
-from ..sliding.history import MEMORY, solve_history
+from ..sliding.history import fields_of_history, solve_history
 from ..sliding.slide import solve
 from ..sliding.steady import check_approach
 from ..studies.interruption import ctrl_c_later
@@ -195,7 +195,8 @@ def fields_in_memory(scene: Scene) -> float:
     kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.fields]
     # The surface, what is kept, and a derivative.
     if scene.kind == HISTORY:
-        return 1 + len(KEPT_FIELDS) * len(scene.kept_steps) * (1 + kept) + MEMORY
+        own = fields_of_history(scene.counter, scene.shear)
+        return 1 + len(KEPT_FIELDS) * len(scene.kept_steps) * (1 + kept) + own
     fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     if scene.motion is None:
         return fields + SLIDING

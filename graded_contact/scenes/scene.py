@@ -244,6 +244,8 @@ class Scene:
         # The motion is a path along x; the direction turns it.
         along, moved = jnp.atleast_1d(velocity_along(1.0, direction)), self.motion.displacement
         moved = moved if len(along) == 1 else moved[:, None] * along
+        if self.block_surface is not None:
+            given["block_surface"] = self.block_surface.build()
         if isinstance(self.motion, SingleMotion):
             times = np.asarray(self.motion.times)
             if self.pressure_ratio is not None and self.ratio_times is not None:
@@ -256,10 +258,7 @@ class Scene:
             known = np.arange(len(self.pressure_ratio)) / len(self.pressure_ratio)
             ratio = np.interp(times, known, self.pressure_ratio, period=1.0)
             given["pressure"] = given["pressure"] * ratio
-        period = self.period_at(point["velocity"])
-        if self.block_surface is not None:
-            given["block_surface"] = self.block_surface.build()
-        return Case(displacement=moved, period=period, **given)
+        return Case(displacement=moved, period=self.period_at(point["velocity"]), **given)
 
     def block(self, point: Mapping[str, Any]) -> Stack:
         """Returns the stack at a point, given by its numbers on the axes; JAX may trace them."""

@@ -94,7 +94,7 @@ def check_tables(scene: Scene) -> None:
         return
     refuse_tables(scene, "[motion]")
     if once:
-        refuse_tables(scene, "[motion] `once = true`", "heating", "counter", "block_surface")
+        refuse_tables(scene, "[motion] `once = true`", "heating")
     with within("[output]"):
         check_values("frames", scene.frames, "at least one time is needed", at_least=1)
     if scene.strain_per_slope is not None:

@@ -110,7 +110,9 @@ def _check_rates(scene: Scene) -> None:
     assert isinstance(scene.motion, SingleMotion)
     times = np.asarray(scene.motion.times)
     rates = np.array([1 / times[-1], 1 / np.min(np.diff(times, prepend=0))])
-    for _, stack in scene.blocks():
+    bodies = [("block", stack) for _, stack in scene.blocks()]
+    bodies += [] if scene.counter is None else [("counter", scene.counter)]
+    for body, stack in bodies:
         known = coverage(stack)
         if scene.extrapolate or known is None or may_refuse(stack):  # a table has no history
             continue
@@ -118,7 +120,7 @@ def _check_rates(scene: Scene) -> None:
             raise ValueError(
                 f"[motion] needs moduli from {rates[0]:.3g} rad/s (one over its last time) to "
                 f"{rates[1]:.3g} rad/s (one over its shortest step), but the materials of the "
-                f"block were measured from {known[0]:.3g} to {known[1]:.3g} rad/s. Take other "
+                f"{body} were measured from {known[0]:.3g} to {known[1]:.3g} rad/s. Take other "
                 "times, or set `extrapolate = true` in [load]."
             )
 

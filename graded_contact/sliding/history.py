@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..blocks.creep import NODES, creep_of
+from ..blocks.stack import Stack
 from ..contacts.inputs import loading_of
 from ..contacts.law import check_one_law
 from ..contacts.nested_solve import DouglasRachford
@@ -24,9 +25,9 @@ from .history_steps import OF_STEPS, HistoryState, run_history
 from .numerics import Numerics
 from .resolution import NEIGHBOURS_RTOL
 from .result import TransientSliding
-from .shear import Coulomb, is_coupled, shear_stress, unless_negative
+from .shear import Coulomb, ShearLaw, is_coupled, shear_stress, unless_negative
 
-MEMORY = 4 * NODES + 30  # fields, of a body; twice as many if traction moves it
+_MEMORY = 4 * NODES + 30  # fields of a body
 
 
 def history_problem(case: Case) -> HistoryProblem:
@@ -42,7 +43,7 @@ def history_problem(case: Case) -> HistoryProblem:
     check_squares("heights", surface.heights, "m")
     grid, count = surface.grid, len(times)
     coupled = is_coupled(case.shear)
-    fields = MEMORY * len(case.bodies) * (2 if coupled else 1)
+    fields = fields_of_history(case.counter, case.shear)
     check_memory("surface", "a history", fields, grid.shape, surface.heights.dtype.itemsize)
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
     loading = loading_of(case.law, surface.heights[None], count, **load)
@@ -112,6 +113,11 @@ def solve_history(case: Case, how: Numerics, fields_at: Sequence[int] = (-1,)) -
         found, recorded=required(found.recorded, good, found.result.error_if),
         contact=required(found.contact, good, found.result.error_if),
     )  # fmt: skip
+
+
+def fields_of_history(counter: Stack | None, shear: ShearLaw | None) -> float:
+    """Returns how many fields a history takes: of each body, twice if traction moves it."""
+    return _MEMORY * (1 if counter is None else 2) * (2 if is_coupled(shear) else 1)
 
 
 def _steps_kept(fields_at: Any, count: int) -> tuple[int, ...]:

@@ -218,8 +218,6 @@ MEASURED = RUBBER + "\nmeasured = {omega = [10.0, 1e3]}"
         (LINE.replace("[load]", "[load]\ntemperature = 300.0").replace(RUBBER, ELASTIC) + REST
          + "[heating]\nconductivity = 0.2\ndiffusivity = 1e-7\n",
          r"^\[motion\] `once = true` does not take the table \[heating\]"),
-        (LINE + REST + '[counter.base]\nkind = "half_space"\nmaterial = "tread"\n',
-         r"^\[motion\] `once = true` does not take the table \[counter\]"),
         (LINE + REST + "[observe]\nstiffness = true\n", r"^\[observe\] needs steady .* has `flow`"),
         (LINE.replace(RUBBER, MEASURED) + REST, r"^\[motion\] needs moduli from 1 rad/s"),
         (LINE + REST + '[shear]\nkind = "constant"\nstress = 1e4\ncoupled = true\n',
@@ -229,6 +227,17 @@ MEASURED = RUBBER + "\nmeasured = {omega = [10.0, 1e3]}"
 def test_a_wrong_history_is_refused_with_its_key(text, expected):
     with pytest.raises(ValueError, match=expected):
         plan(parse_scene(text))
+
+
+def test_both_bodies_of_a_scene_take_part_in_what_happens_once():
+    counter = '[counter.base]\nkind = "half_space"\nmaterial = "tread"\n'
+    own = '[block_surface]\nkind = "self_affine"\nrms_slope = 0.1\nhurst = 0.8\n'
+    own += "q_roll = 1e4\nq_high = 4e4\n"
+    rigid, both = scene_of(LINE + REST), scene_of(LINE + REST + counter + own)
+    case = both.case({"pressure": 2e5, "velocity": 0.0}, build_surface(both))
+    np.testing.assert_array_equal(case.counter.base.material.times, [1e-3])
+    np.testing.assert_array_equal(case.block_surface.heights, both.block_surface.build().heights)
+    assert plan(rigid).points != plan(both).points
 
 
 def test_tables_of_moduli_and_loads_are_refused_by_name(tmp_path):
