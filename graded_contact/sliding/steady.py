@@ -19,7 +19,8 @@ from ..contacts.solution import RESULTS
 from ..contacts.window import operator_of
 from ..core.checks import Numbers, as_float, check_values, is_concrete, within
 from ..core.compilation import jit
-from ..fields.devices import required
+from ..core.memory import SLIDING, check_memory
+from ..fields.devices import num_devices, required
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid
 from ..materials.coverage import coverage
@@ -37,7 +38,9 @@ from .traction import steady_coupling
 
 def steady_problem(case: Case, how: Numerics) -> Posed:
     """Returns the problem of a case with a velocity, and its load."""
-    stack, surface = case.stack, case.rough
+    stack, surface, grid = case.stack, case.rough, case.rough.grid
+    itemsize = surface.heights.dtype.itemsize
+    check_memory("surface", "sliding", SLIDING, grid.shape, itemsize, num_devices(grid.size))
     strain = _strain_of(case)
     block = _response(case, stack, case.velocity, strain, how)
     kernel, kernel_error, reached = block.kernel, block.error, block.reached

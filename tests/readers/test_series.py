@@ -199,11 +199,13 @@ def test_an_exported_card_is_read_back_with_its_numbers(tmp_path, form):
     )):  # fmt: skip
         found = read_prony(write(tmp_path, export_prony(material, form, name="tread"), f"{i}.txt"))
         for name in ("equilibrium", "strengths", "times", "poisson"):
-            # Abaqus and Ansys have the equilibrium modulus as a small remainder.
+            # Items have 13 digits; the equilibrium modulus is a small remainder of them.
+            loss = float(material.glassy / material.equilibrium) if name == "equilibrium" else 1
             exact = getattr(material, name)
-            np.testing.assert_allclose(getattr(found, name), exact, rtol=1e-12, err_msg=name)
-        same = [float(getattr(found.shift, name)) for name in ("c1", "c2", "reference")]
-        assert same == [float(getattr(material.shift, name)) for name in ("c1", "c2", "reference")]
+            np.testing.assert_allclose(getattr(found, name), exact, 1e-12 * loss, err_msg=name)
+        for name in ("c1", "c2", "reference"):
+            same = getattr(found.shift, name), getattr(material.shift, name)
+            np.testing.assert_allclose(*same, rtol=1e-12)
 
 
 def test_a_scene_table_keeps_a_table_of_shifts_and_what_was_assumed(tmp_path, caplog):

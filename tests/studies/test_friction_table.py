@@ -194,6 +194,8 @@ OTHER_LOADS = {
     "extrapolate": ("true", None),
     "pressure_ratio": ("[1.0, 1.1]", "needs a table"),
     "strain_per_slope": ("0.7", None),
+    "ratio_times": ("[0.0, 1e-3]", "needs [motion] with"),
+    "pressure_path": ('"load.csv"', "remove one of the two"),
 }
 
 
