@@ -71,7 +71,8 @@ SHEAR = "[shear]\nkind = 'constant'\nstress = 1e5\n"
 HEATING = "[heating]\nconductivity = 0.2\ndiffusivity = 1e-7\n"
 
 
-@pytest.mark.parametrize("heat", ["", pytest.param(HEATING, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("heat", ["", HEATING])
 def test_shear_and_heat_have_sliders_and_act_as_in_slide(tmp_path, heat):
     text = changed("[32, 32]", "[16, 16]", "8e4", "4e4", "[solver]\n", PLAIN)
     text = text.replace("velocity =", "temperature = 300.0\nvelocity =")

@@ -154,6 +154,7 @@ def test_contacts_of_one_point_have_an_area_and_shear():
     assert abs(found.friction - fine.friction) < 2 * found.friction_error
 
 
+@pytest.mark.slow
 def test_errors_under_jit_and_in_a_batch_are_those_of_the_call(coarse):
     surface = rough(32, 4)
     plain = gc.contacts.DouglasRachford(newton=False)  # compiles in two thirds of the time

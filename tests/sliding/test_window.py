@@ -181,6 +181,7 @@ def test_before_the_first_touch_there_is_no_load(heights):
         assert np.all(np.isnan(jax.value_and_grad(partial(friction, throw=False))(approach)))
 
 
+@pytest.mark.slow
 def test_an_approach_through_the_layers_or_in_another_unit_is_noticed():
     surface = cylinder(64)
     deep = gc.slide(SLAB, surface, approach=0.08, velocity=1.0)
