@@ -6,7 +6,6 @@ that a change is three times the error; but where the load or the motion begins 
 first order, as large as the change, which the error therefore contains whole.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -19,7 +18,7 @@ from .formulas import lengths
 from .grid_errors import OF_FORCE, OF_PLACE, area_by_grid, by_grid
 from .half_grid import NOTHING_LACKS, halved, roughness_on
 from .history import on_grid
-from .resolution import Neighbours, neighbours_of
+from .resolution import Neighbours, kept_neighbours, neighbours_of
 from .result import TransientSliding
 
 _LEAST_STEPS = 4  # that are not halved again
@@ -27,16 +26,8 @@ _KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many s
 
 
 def history_neighbours(found: TransientSliding) -> Neighbours:
-    """Returns the histories on half the grid, and in half as many steps.
-
-    They are kept with the result, unless they are traced.
-    """
-    near = found.kept.near
-    if near is None:
-        near = _neighbours(jax.tree.map(lambda leaf: leaf, found))
-        if all(map(is_concrete, jax.tree.leaves(near))):
-            found.kept.near = near
-    return near
+    """Returns the histories on half the grid, and in half as many steps."""
+    return kept_neighbours(found, _neighbours)
 
 
 def _neighbours(found: TransientSliding) -> Neighbours:

@@ -9,6 +9,7 @@ A window has no waves of its own: the heights of half the grid are means of neig
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -53,14 +54,16 @@ class Neighbours(eqx.Module):
 
 
 def neighbours_of(found: Found) -> Neighbours:
-    """Returns the contacts on half the grid, and of a cycle with half the times.
+    """Returns the contacts on half the grid, and of a cycle with half the times."""
+    return kept_neighbours(found, _neighbours)
 
-    They are kept with the result, unless they are traced.
-    """
+
+def kept_neighbours(found: Any, solve: Callable[[Any], Neighbours]) -> Neighbours:
+    """Returns the neighbours that `solve` finds; the result keeps them, unless they are traced."""
     near = found.kept.near
     if near is None:
         # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.
-        near = _neighbours(jax.tree.map(lambda leaf: leaf, found))
+        near = solve(jax.tree.map(lambda leaf: leaf, found))
         if all(map(is_concrete, jax.tree.leaves(near))):
             found.kept.near = near
     return near

@@ -193,7 +193,7 @@ class Even(Fractional):
         return 1e6 * (1 + jnp.abs(omega) ** 0.2) + 1e5j
 
 
-def test_laws_of_ones_own_are_taken_if_they_are_analytic():
+def test_own_laws_are_taken_if_they_are_analytic():
     ends, steps = jnp.asarray([1e3, 1e6]), jnp.full(3, 1e-3)
     found = creep_of(gc.Stack(base=gc.HalfSpace(Fractional())), ends, steps)
     q = jnp.asarray([1e4])
