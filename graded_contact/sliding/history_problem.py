@@ -137,20 +137,25 @@ class HistoryProblem(eqx.Module):
         """
         if self.path is None:
             return _at_positive(creep, self.grid, tables, axis)
-        path, numbers = self._all_of_path, slice(0, self.path[0] + 1)
-        ground = GROUND in self.facts
+        positive = slice(0, self.path[0] + 1)
 
-        def around(table):
-            cells = doubled(path), long_cell(path)
-            near, far = (
-                _on_half(_at_positive(creep, cell, table, axis), mode_numbers(cell.shape), axis)
-                for cell in cells
-            )
-            if axis is None:
-                return without_images(near, far, path, ground)[0][numbers]
-            return without_images(1j * near, 1j * far, path, False)[0][numbers].imag
+        def on_window(table):
+            kernel = self.around_path(creep, table, axis)[0][positive]
+            return kernel if axis is None else kernel.imag
 
-        return jax.lax.map(around, tables)
+        return jax.lax.map(on_window, tables)
+
+    def around_path(self, creep: Creep, table: Array, axis: int | None = None) -> tuple[Array, ...]:
+        """Returns the kernel of a table on `memory_grid` around a window's path, and its errors."""
+        path = self._all_of_path
+        cells = doubled(path), long_cell(path)
+        near, far = (
+            _on_half(_at_positive(creep, cell, table, axis), mode_numbers(cell.shape), axis)
+            for cell in cells
+        )
+        if axis is None:
+            return without_images(near, far, path, GROUND in self.facts)
+        return without_images(1j * near, 1j * far, path, False)
 
     @property
     def roughness(self) -> tuple[Float[Array, "..."], ...]:
@@ -179,7 +184,7 @@ def steps_of(times: Float[Array, " nt"]) -> Float[Array, " nt"]:
 
 
 def _at_positive(creep: Creep, cell: Grid, tables: Array, axis: int | None) -> Array:
-    """The responses to tables at the positive numbers of a cell; of traction but for i and a sign."""
+    """The responses to tables at a cell's positive numbers; of traction but for i and a sign."""
     q, is_wave = quadrant(cell)
     found = (tables @ creep.shares(q)).reshape(*tables.shape[:-1], *is_wave.shape)
     found = jnp.where(is_wave, found, 0)

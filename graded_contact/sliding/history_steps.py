@@ -194,7 +194,7 @@ class Advance(eqx.Module):
             failed=jnp.where(good & ~ends_well, given.index, state.failed),
         ), numbers  # fmt: skip
 
-    def _surfaces(self, passing: Field, pasts: list[Past], turns: list[Any]) -> tuple[Field, Field]:
+    def _surfaces(self, passing: Field, pasts: list[Past], turns: list[Any]) -> tuple[Array, Array]:
         """The displacement of the block, and the interface, on the cell of the memory [m]."""
         problem, waves, bodies = self.problem, self.waves, len(self.problem.creeps)
         moved = [past.moved for past in pasts]
@@ -248,7 +248,7 @@ class Advance(eqx.Module):
         known = jax.lax.complex(*total) + waves.split(whole - now) * past.pressed
         return jnp.stack([now, aged]), known, nodes
 
-    def _numbers(self, one: Sliding, profile: Field, moved: Field, given: _Step):
+    def _numbers(self, one: Sliding, profile: Array, moved: Array, given: _Step):
         """The traction by slopes [Pa], and the numbers of the contact of a step."""
         problem, waves, contact = self.problem, self.waves, one.contact
         pressure, on_grid = contact.pressure, waves.on_grid(contact.pressure)
