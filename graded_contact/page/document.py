@@ -145,9 +145,7 @@ def without_layer(document: Document, index: int) -> Document:
     return document
 
 
-def with_moduli(
-    document: Document, path: Path, options: dict[str, Any], name: str
-) -> Document:
+def with_moduli(document: Document, path: Path, options: dict[str, Any], name: str) -> Document:
     """Returns the scene with the moduli in a file for the material `name`.
 
     Isotherms at several temperatures are shifted into a master curve and fitted by a Prony series.

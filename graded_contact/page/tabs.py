@@ -27,7 +27,8 @@ STYLES = """
 .head i {display: inline; margin-left: 6px}
 .title {font-size: 14px; font-weight: 600; flex: 1 1 260px; max-width: 420px; line-height: 1.3;
   overflow-wrap: anywhere}
-@media (max-width: 899px) {.head {gap: 0 6px} .head b {font-size: 11px; letter-spacing: -0.02em} .head span {font-size: 10px}
+@media (max-width: 899px) {.head {gap: 0 6px} .head b {font-size: 11px; letter-spacing: -0.02em}
+  .head span {font-size: 10px}
   .title {flex: 0 0 100%; max-width: 100%; font-size: 12px; white-space: nowrap; overflow: hidden;
   text-overflow: ellipsis}}
 .say {font: 12px system-ui, sans-serif; line-height: 1.35; overflow-wrap: anywhere;
@@ -163,7 +164,7 @@ def _with_fields(
     def read_again(*_: Any) -> None:
         if not last:
             return
-        values: dict[str, Any] = {}
+        (file, data), values = last, {}
         for name, widget in fields.items():
             if not widget.value:
                 continue
@@ -173,7 +174,7 @@ def _with_fields(
                 text = f"“{FIELD_WORDS[name]}” {widget.value} is refused: {error}. Enter "
                 session.show_message(f"{text}{LIKE[name]}.")
                 return
-        session.take_file(*last, partial(change, options=values))
+        session.take_file(file, data, partial(change, options=values))
 
     for widget in fields.values():
         widget.param.watch(read_again, "value")

@@ -104,9 +104,7 @@ class Page(pn.viewable.Viewer):
             pn.bind(_headline, here.shown, here.pinned), stylesheets=[STYLES, HEAD],
             sizing_mode="stretch_width", margin=0, styles={"flex": "1 0 100%"}, min_height=56,
         )  # fmt: skip
-        main = pn.Column(
-            self._plots, **WIDE, styles=_flex("1000 1 600px"), stylesheets=[OPEN]
-        )
+        main = pn.Column(self._plots, **WIDE, styles=_flex("1000 1 600px"), stylesheets=[OPEN])
         return pn.FlexBox(head, side, main, styles={"background": "white"}, gap="0", **WIDE)
 
     def _show_model(self, _: Any) -> None:
@@ -130,8 +128,12 @@ class Page(pn.viewable.Viewer):
         right = pn.Column(_pane_of(self._bars.figure), pn.FlexBox(*lower, gap="0", **WIDE),
                           **WIDE, styles=_flex("1 1 440px"))  # fmt: skip
         self._plots[:] = [
-            pn.FlexBox(*(_pane_of(part.figure, "1 1 270px") for part in upper), gap="0",
-                       stylesheets=[STRIP], **WIDE),
+            pn.FlexBox(
+                *(_pane_of(part.figure, "1 1 270px") for part in upper),
+                gap="0",
+                stylesheets=[STRIP],
+                **WIDE,
+            ),
             pn.FlexBox(chart, right, gap="0", stylesheets=[BELOW], **WIDE),
         ]
         self._layers.show(model.document.content)

@@ -43,7 +43,7 @@ def for_page(text: str, function: Callable[..., Any]) -> str:
         return None
 
     text = text.replace("; `directory` sets the folder", "")
-    text = re.sub(r"`path=[^`]*` is refused: ", "", text)  # its name stands before
+    text = re.sub(r"`path=[^`]*`( is refused)?: ", "", text)  # its name stands before
     text = re.sub(r"\bpass ((for instance )?“)", r"fill in \1", with_words(text, in_words))
     if lacking:
         names = ", ".join(f"`{name}`" for name in lacking)
