@@ -176,8 +176,8 @@ def _creep(stack: Stack, ends: Array, steps: Array, rtol: float, coupled: bool) 
     apart = jnp.cumsum(jnp.abs(by_nodes - exact) * times[:, None], axis=0)
     error = jnp.max(apart / reached) * jnp.log(whole / shortest) / (_CHECKED - 1)
     longest = aged[-1]
-    tables = (part / longest for part in (kernels, now, creep, aged))
-    found = Creep(log_q, longest, nodes, *tables, error)
+    kernels, now, creep, aged = (part / longest for part in (kernels, now, creep, aged))
+    found = Creep(log_q, longest, nodes, kernels, now, creep, aged, error)
     # Between the wavenumbers.
     beside = jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * (log_q[1] - log_q[0]) / 2
     middle = jnp.exp(jnp.mean(log_q) + beside).astype(q.dtype)

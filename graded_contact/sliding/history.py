@@ -32,6 +32,7 @@ from .result import TransientSliding
 from .shear import ShearLaw, is_coupled, shear_stress, unless_negative
 
 _MEMORY = 4 * NODES + 30  # fields of a body
+_WINDOW = 1.4  # times these on a window, for the responses of its table
 
 
 def history_problem(case: Case) -> HistoryProblem:
@@ -52,6 +53,8 @@ def history_problem(case: Case) -> HistoryProblem:
         block_heights=None if case.block_surface is None else case.block_surface.heights,
     )  # fmt: skip
     fields = fields_of_history(case.counter, case.shear, problem.moved.shape[1])
+    if path is not None:
+        fields *= _WINDOW
     shape, itemsize = problem.memory_grid.shape, surface.heights.dtype.itemsize
     check_memory("surface", "a history", fields, shape, itemsize)
     return _with_creeps(problem)
@@ -70,11 +73,11 @@ def _path_of(case: Case) -> tuple[int, ...]:
             "`displacement` must be known on a window, outside of `jit` and `vmap`: the bodies "
             "remember all of its path. Derivatives are allowed."
         )
-    steps, path = np.asarray(grid.spacing), list(grid.shape)
+    steps, path = np.asarray(grid.spacing), np.array(grid.shape)
     for axis, column in enumerate(np.asarray(moved).T):
         far = math.ceil(np.ptp([0, *column]) / steps[axis] - 1e-6)
-        path[axis] = next_fast_len(path[axis] + far) if far else path[axis]
-    return tuple(path)
+        path[axis] = next_fast_len(int(path[axis]) + far) if far else path[axis]
+    return tuple(path.tolist())
 
 
 def _with_creeps(problem: HistoryProblem) -> HistoryProblem:

@@ -76,7 +76,7 @@ def _by_steps(name: str):
 def _memory(found: TransientSliding) -> Array:
     """The relative error of the displacements by the memory, on a window also by its kernel."""
     problem = found.problem
-    error = sum(creep.error for creep in problem.creeps)
+    error = sum((creep.error for creep in problem.creeps), jnp.zeros(()))
     if problem.path is None:
         return error
     pressure, cell = found.pressure[-1], problem.memory_grid.shape

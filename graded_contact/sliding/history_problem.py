@@ -93,7 +93,7 @@ class HistoryProblem(eqx.Module):
     def operator(self) -> OneStep:
         """The bodies in the last step."""
         last = (jnp.stack([creep.now[0, -1], creep.aged[-1]]) for creep in self.creeps)
-        found = sum(map(self.responses, self.creeps, last))
+        found = functools.reduce(jnp.add, map(self.responses, self.creeps, last))
         return self.operator_of(*_on_half(found, mode_numbers(self.memory_grid.shape)))
 
     def operator_of(self, kernel: Waves, aged: Waves) -> OneStep:
