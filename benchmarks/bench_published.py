@@ -157,7 +157,7 @@ def pavement():
             keep(place, read, top, here)
 
 
-def wavy(points: tuple = (256, 1024, 4096)):
+def wavy(points: tuple = (256, 1024)):
     """Widths of the contact of an adhesive wave over its period."""
     for number in points:
         for width in published.WIDTHS:

