@@ -103,7 +103,8 @@ class Plan:
         - `kept`: index along the axes of the solve whose fields are stored, if the scene stores
           one; by default the last.
         - `store`: stores each solve on disk as it ends; a solve in the store is not computed again.
-        - `workers`, `client`, `progress`: as in `sweep`.
+        - `workers`, `client`, `progress`: as in `sweep`. Of what happens once `progress` counts
+          steps, with those of the errors; an interrupted run goes on at the step that it reached.
 
         **Returns:** an `xarray.Dataset` over the axes of the scene: paths of [sweep], `temperature`
         [K] and `seed` if the scene has them, and always `pressure` [Pa] (or `approach` [m]) and

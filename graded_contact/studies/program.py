@@ -122,7 +122,7 @@ def key_of(closed: core.ClosedJaxpr, text: str) -> str:
 
 def compiled(program: Program) -> Callable[[Task], Point]:
     """Returns what solves one point; a point that fails has no values and its reason."""
-    run = _by_steps(program) if program.steps else _as_a_whole(program)
+    run = _step_by_step(program) if program.steps else _as_a_whole(program)
     names = jax.tree.structure(program.like)
 
     def solve(task):
@@ -149,7 +149,7 @@ def compiled(program: Program) -> Callable[[Task], Point]:
     return solve
 
 
-def _by_steps(program: Program) -> Callable[..., list[jax.Array]]:
+def _step_by_step(program: Program) -> Callable[..., list[jax.Array]]:
     """What runs a function as it is: histories in it have programs for their segments."""
     names = jax.tree.structure(program.point)
 
