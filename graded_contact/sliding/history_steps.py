@@ -117,7 +117,7 @@ class Advance(eqx.Module):
             pressure=field, rise=field,
             traction=jnp.zeros(problem.moved.shape[1], dtype), works=jnp.zeros(3, dtype),
             kept=tuple(jnp.zeros((kept, *problem.shape), dtype) for _ in range(4)),
-            result=RESULTS.successful, failed=jnp.asarray(-1),
+            result=RESULTS.successful, failed=jnp.full((), -1, int),
         )  # fmt: skip
 
     def step(self, state: HistoryState, given: _Step) -> tuple[HistoryState, dict[str, Array]]:

@@ -226,7 +226,8 @@ def test_the_page_shows_the_results_of_a_history(braking, tmp_path):
     gc.studies.dataset.write(tmp_path / "r.h5", results)
     *told, figure, place, film = explore(tmp_path / "r.h5")
     shown = "".join(part.object for part in told)
-    assert in_html(results.attrs["title"]) in shown and in_html(results.attrs["caveats"]) in shown
+    texts = (results.attrs["title"], *results.attrs["caveats"].split("\n"))
+    assert all(in_html(text) in shown for text in texts)
     assert figure.alt_text == caption(gc.plot.plot_transient(results))
     assert "200 kPa" in place.object
     kept = 1e3 * np.asarray(planned.scene.motion.times)[list(planned.scene.kept_steps)]
