@@ -67,4 +67,5 @@ def _film(results: "Dataset", index: tuple[int, ...]) -> tuple[Any, Any]:
     )
     at = results["message"][index].coords
     words = ", ".join(f"{title_of(str(name))} {label_of(at[name])}" for name in at)
+    words = words.replace(title_of("velocity"), "highest speed")
     return heading(words), pn.pane.HTML(film._repr_mimebundle_()["text/html"], **WIDE)
