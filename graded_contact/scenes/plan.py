@@ -30,6 +30,7 @@ from ..core.memory import (
 from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along
 from ..sliding.history import fields_of_history, solve_history
+from ..sliding.history_errors import steps_with_errors
 from ..sliding.slide import solve
 from ..sliding.steady import check_approach
 from ..studies.interruption import ctrl_c_later
@@ -102,7 +103,8 @@ class Plan:
         - `kept`: index along the axes of the solve whose fields are stored, if the scene stores
           one; by default the last.
         - `store`: stores each solve on disk as it ends; a solve in the store is not computed again.
-        - `workers`, `client`, `progress`: as in `sweep`.
+        - `workers`, `client`, `progress`: as in `sweep`. Of what happens once `progress` counts
+          steps, with those of the errors; an interrupted run goes on at the step that it reached.
 
         **Returns:** an `xarray.Dataset` over the axes of the scene: paths of [sweep], `temperature`
         [K] and `seed` if the scene has them, and always `pressure` [Pa] (or `approach` [m]) and
@@ -170,7 +172,10 @@ def plan(scene: Scene, *, surface: Surface | None = None) -> Plan:
         later.check()
         # Only names and dtypes of the first point matter: one program solves all points.
         first = {name: column[0] for name, column in columns_of(scene.axes).items()}
-        program = trace(_solver(scene, surface), first)
+        # With errors of materials a solve has a derivative, and is one program.
+        by_steps = scene.kind == HISTORY and not scene.errors
+        steps = steps_with_errors(scene.num_times) if by_steps else 0
+        program = trace(_solver(scene, surface), first, steps)
         later.check()
     return Plan(scene, surface, program)
 

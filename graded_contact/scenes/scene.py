@@ -35,6 +35,7 @@ from ..studies.parameter_covariance import Errors
 from ..surfaces.surface import Surface
 from .schema import LINEAR, LOGARITHMIC
 from .surface_source import RandomSurface, Sphere, SurfaceFile
+from .toml import parse_toml
 
 Axis = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
 ONE_OR_AXIS = ("temperature", "direction")  # fields of a scene that may be varied
@@ -67,8 +68,8 @@ class Observe:
 
 @shown(
     "title", "stack", "surface", "counter", "block_surface", "sweep", "temperature", "pressure",
-    "approach", "velocity", "direction", "pressure_ratio", "strain_per_slope", "motion", "sampling",
-    "law", "shear", "heating", "fluid", "observed", unset=False,
+    "approach", "velocity", "direction", "pressure_ratio", "ratio_times", "strain_per_slope",
+    "tables", "sampling", "observed", unset=False,
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -168,6 +169,13 @@ class Scene:
             found["seed"] = self.surface.seed + np.arange(self.surface.seeds)
         load = "pressure" if self.approach is None else "approach"
         return {**found, load: getattr(self, load), "velocity": self.velocity}
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """Those of its tables that hold one thing, as they are written."""
+        written = parse_toml(self.text)
+        names = ("motion", "law", "shear", "heating", "fluid")
+        return {name: written[name] for name in names if name in written}
 
     @property
     def contact_law(self) -> AbstractLaw:

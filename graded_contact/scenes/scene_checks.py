@@ -22,6 +22,7 @@ from ..core.quantities import HISTORY
 from ..materials.softening import as_strain_per_slope
 from ..sliding.shear import shear_stress
 from .block import extremes
+from .once import LIFTED
 from .scene import Scene
 from .surface_source import Sphere, SurfaceFile
 
@@ -101,7 +102,7 @@ def check_tables(scene: Scene) -> None:
         raise ValueError("[motion] does not take the key `strain_per_slope` of [load].")
     with within("[load]"):
         if scene.pressure_ratio is not None:
-            check_positive("pressure_ratio", np.array(scene.pressure_ratio), "[1]")
+            check_positive("pressure_ratio", np.array(scene.pressure_ratio), f"[1]{LIFTED}")
         if float(motion.highest_speed) > 0:
             check_positive("velocity", scene.velocity, "[m/s]: a motion has a highest speed")
         elif np.any(scene.velocity):
