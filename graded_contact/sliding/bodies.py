@@ -20,7 +20,7 @@ so that the loop contracts.
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import TypeGuard
+from typing import Literal, TypeGuard
 
 import equinox as eqx
 import jax
@@ -30,6 +30,8 @@ from jaxtyping import Array, Float, Inexact
 from ..contacts.operator import AbstractOperator, Field
 from ..contacts.space_time import SpaceTime
 from ..fields.grid import Waves, resample_spectrum
+
+BodyName = Literal["block", "counter"]
 
 
 class Coupling(eqx.Module):
