@@ -143,7 +143,7 @@ def _carried(face: Face, reference: Array, _: bool) -> Carried:
     return Carried(plane, antiplane * face.shear / reference, traction)
 
 
-def _face(carried: Carried, reference: Array, _: bool, e: Array) -> Face:
+def _face(carried: Carried, reference: Array, _: Array, e: Array) -> Face:
     face = face_in(carried, reference, e)
     antiplane = carried.antiplane * reference / face.shear
     return face._replace(state=carried._replace(antiplane=antiplane))

@@ -176,7 +176,7 @@ class Stack(eqx.Module):
                 "surface has anything to act on. Remove the layer."
             )
         if self.graded_solver is not None:
-            self.graded_solver.check(self.layers)
+            self.graded_solver.check(self)
 
     def at(self, temperature: ScalarLike) -> "Stack":
         """Returns the stack with every material at another temperature [K].
