@@ -17,6 +17,7 @@ from .command.explore import show_page
 from .command.fit import fit
 from .command.friction_table import table
 from .command.new import new
+from .command.report import report
 from .command.run import demo, info, run
 from .command.spelling import spell_missing_characters
 from .command.terminal import prepare
@@ -48,7 +49,7 @@ def main(
     prepare()
 
 
-for job in (demo, new, run, info, table, compare, fit, design):
+for job in (demo, new, run, info, report, table, compare, fit, design):
     app.command()(job)
 app.command("explore")(show_page)
 

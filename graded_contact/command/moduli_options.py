@@ -1,14 +1,12 @@
 """Options of the jobs that read moduli, and the arguments that they stand for."""
 
-import ast
-import contextlib
-import re
 import shlex
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
 from typer import Argument, Option
 
+from ..core.arguments import with_words
 from ..core.checks import nearest
 from ..fitting.shifts import LawKind
 
@@ -89,22 +87,19 @@ def law_arguments(text: str) -> dict[str, Any]:
 def in_options(message: str) -> str:
     """Returns a message with options in place of the arguments that it names."""
 
-    def option(found: re.Match) -> str:
-        name, value = found.groups()
-        spelt = _FIT_OPTIONS.get(name, "")
-        with contextlib.suppress(SyntaxError, ValueError):  # a long value is cut
-            pairs = ast.literal_eval(value or "")
-            if spelt and isinstance(pairs, dict):  # as it is typed
-                flag = spelt.split()[0]
-                typed = (f"{flag} {shlex.quote(f'{key}={each}')}" for key, each in pairs.items())
-                return f"`{' '.join(typed)}`"
+    def option(name: str, value: Any) -> str | None:
+        if not (spelt := _FIT_OPTIONS.get(name)):
+            return None
+        if isinstance(value, dict):  # as it is typed
+            flag = spelt.split()[0]
+            typed = (f"{flag} {shlex.quote(f'{key}={each}')}" for key, each in value.items())
+            return f"`{' '.join(typed)}`"
         # An option that shows its form, or takes nothing, is named without the value.
-        if value and spelt and " " not in spelt:
-            spelt += " " + shlex.quote(value.strip("'"))
-        return f"`{spelt}`" if spelt else found[0]
+        if value is not None and " " not in spelt:
+            spelt += f" {shlex.quote(str(value))}"
+        return f"`{spelt}`"
 
-    message = message.replace("`readers.read_prony`", "`--kind series`")
-    return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)
+    return with_words(message.replace("`readers.read_prony`", "`--kind series`"), option)
 
 
 def kinds_of(kind: list[str] | None) -> dict[str, str]:

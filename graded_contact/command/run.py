@@ -188,10 +188,9 @@ def run_scene_into(
             decided = what_decides(scene, planned.surface) if whole else {}
             print_decisive(decided)
             if not lost:
-                figures = [_figures(results, decided, all_seeds)]
-                kept = kept_solves(results)
-                figures += [_contacts(scene, results, index, len(kept), whole) for index in kept]
-                for key, figure in itertools.chain(*figures):
+                kept, shown = kept_solves(results), scene if whole else None
+                parts = [contacts(results, index, len(kept), shown) for index in kept]
+                for key, figure in itertools.chain(figures(results, decided, all_seeds), *parts):
                     terminal.save_figure(figure, file.with_name(f"{name}-{key}.{form}"), form)
     print_doubts(results)
     terminal.end_if_interrupted(interruption)
@@ -279,8 +278,11 @@ def _solved(
         raise typer.Exit(interruption.exit_code) from None
 
 
-def _figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tuple[str, "Figure"]]:
-    """Yields each figure of all solves with the end of its name."""
+def figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tuple[str, "Figure"]]:
+    """Yields each figure of all solves with the end of its name.
+
+    `decided` says which moduli decide the friction, see `what_decides`.
+    """
     if not np.any(has_numbers(results)):
         typer.echo(NOTHING)
         return
@@ -305,36 +307,37 @@ def _figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tup
         yield "sensitivity", plot.plot_sensitivity(curves)
 
 
-def _contacts(
-    scene: Scene, results: "Dataset", index: tuple[int, ...], num_kept: int, whole: bool
+def contacts(
+    results: "Dataset", index: tuple[int, ...], num_kept: int, scene: Scene | None = None
 ) -> Iterator[tuple[str, "Figure"]]:
-    """Yields each figure of a solve that was kept; only the maps if the run was interrupted."""
+    """Yields each figure of a solve that was kept; without a `scene` only the maps."""
     fields, surface = kept_contact(results, index)
     if not np.any(fields["pressure"] > 0):
         typer.echo("The surfaces do not touch: no maps are drawn.")
         return
     solve = results.isel(dict(zip(results["message"].dims, index, strict=True)))
     at = solve["message"]
-    places = (f"{title_of(str(name), scene.text)} {label_of(at[name])}" for name in at.coords)
+    text = results.attrs["scene"]
+    places = (f"{title_of(str(name), text)} {label_of(at[name])}" for name in at.coords)
     title = in_figure(", ".join(places))
-    if scene.motion is not None:
-        figures = {"film": plot.plot_film(fields, surface)}
+    if "time" in results.dims:
+        drawn = {"film": plot.plot_film(fields, surface)}
         title = title.replace(title_of("velocity"), "highest speed")
     else:
         direction = float(at.coords.get("direction", results.attrs.get("direction")))
         velocity = velocity_along(at["velocity"].item(), direction)
-        figures = {"contact": plot.plot_sliding(fields, surface, velocity)}
-        if whole and surface.periodic:
+        drawn = {"contact": plot.plot_sliding(fields, surface, velocity)}
+        if scene is not None and surface.periodic:
             theory = mean_field_at(scene, surface, index)
-            figures["distributions"] = plot.plot_distributions(fields, theory, surface)
+            drawn["distributions"] = plot.plot_distributions(fields, theory, surface)
             if not without_friction(solve):
                 pressure, moved = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
                 waves = cumulative_friction(pressure, moved, surface.grid, velocity)
                 curves = {"contact": waves}
                 if theory is not None:
                     curves["mean field"] = theory.against_cutoff
-                figures["dissipation"] = plot.plot_dissipation(curves)
-                entitle(figures["dissipation"], not_gaussian(surface))
-    for key, figure in figures.items():
+                drawn["dissipation"] = plot.plot_dissipation(curves)
+                entitle(drawn["dissipation"], not_gaussian(surface))
+    for key, figure in drawn.items():
         entitle(figure, title)
         yield "-".join(map(str, (key, *(index if num_kept > 1 else ())))), figure

@@ -145,19 +145,22 @@ def without_layer(document: Document, index: int) -> Document:
     return document
 
 
-def with_moduli(document: Document, path: Path, name: str) -> Document:
+def with_moduli(document: Document, path: Path, options: dict[str, Any], name: str) -> Document:
     """Returns the scene with the moduli in a file for the material `name`.
 
     Isotherms at several temperatures are shifted into a master curve and fitted by a Prony series.
+    `options` are `units`, `columns` and `deformation`, if the file does not give them, as the
+    tables of a scene have them.
     """
     document = document.copied()
     old = document.content["materials"][name]
     poisson = old.get("poisson", 0.5)
     table = dict(kind="tabulated", path=str(path), extrapolate="plateau", poisson=poisson)
+    table |= options
     if old["kind"] == "tabulated" and "shift" in old:
         table["shift"] = old["shift"]
     with within(f"{path.name}:"), worded(read_moduli):
-        isotherms = read_moduli(path, kind="frequency", poisson=poisson).isotherms()
+        isotherms = read_moduli(path, kind="frequency", poisson=poisson, **options).isotherms()
         if len(isotherms) > 1:
             table = material_table(master_curve(isotherms, poisson=poisson).exported())
     document.content["materials"][name] = table

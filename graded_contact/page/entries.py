@@ -1,4 +1,4 @@
-"""What a user enters in a field: a number, with or without a unit."""
+"""What a user enters in a field: a number, with or without a unit, or values with their names."""
 
 import re
 
@@ -51,3 +51,17 @@ def dimension_of(unit: str) -> tuple[str, float, float] | None:
     if not (slash and time and length):
         return None
     return ("diffusivity", length**2 / time, 0.0) if squared else ("velocity", length / time, 0.0)
+
+
+def read_pairs(text: str) -> dict[str, str | int]:
+    """Returns the values in a text by their names: "storage=2, loss=3"; whole numbers as such.
+
+    **Raises:** `ValueError` for a text of another form.
+    """
+    found = {}
+    for part in filter(None, map(str.strip, re.split("[,;]", text))):
+        name, equals, value = map(str.strip, part.partition("="))
+        if not (name and equals and value):
+            raise ValueError(f"{part} has no name and value")
+        found[name] = int(value) if value.isdecimal() else value
+    return found

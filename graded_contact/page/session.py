@@ -19,6 +19,7 @@ import panel as pn
 import param
 
 from ..contacts.solution import RESULTS
+from ..core.display import with_unit
 from ..core.memory import return_freed_memory
 from .document import Document, save_document, with_file
 from .downloads import ShownPoint
@@ -26,6 +27,7 @@ from .model import Model
 
 # Seconds to rest before each stage: no derivatives while a slider moves.
 STAGES = {"curves": 0.0, "contact": 0.0, "derivatives": 0.25}
+SHOWN_AS = {"curves": "curves", "contact": "contact", "derivatives": "bars"}
 EXPECTED = (ValueError, OSError, ImportError, MemoryError)  # errors of the package for bad input
 _COMPILE_THREAD = ThreadPoolExecutor(1, "compiling")
 
@@ -52,7 +54,7 @@ class Session(param.Parameterized):
     shown: Any = param.Parameter(doc="The last point with a contact, `ShownPoint`.")
     message = param.String(doc="What the user must know.")
     error = param.Boolean(doc="Whether the message reports an error.")
-    status = param.String("reading the scene")
+    status = param.String("Reading the scene.")
     busy = param.Boolean(True)
 
     def __init__(self, document: Document, folder: Path):
@@ -128,7 +130,7 @@ class Session(param.Parameterized):
 
     async def _read(self, change: Change) -> None:
         """Changes the scene, and builds its model."""
-        self.show(status="reading the scene", busy=True)
+        self.show(status="Reading the scene.", busy=True)
         old, values = self._newest, self._values
         build = lambda: Model(change(old and old.changed(values)))  # noqa: E731
         try:
@@ -147,7 +149,8 @@ class Session(param.Parameterized):
         """Computes one stage, adds it to `found` and shows it; returns whether that succeeded."""
         first = stage not in self._seconds
         if first:
-            self.show(status=f"compiling: {stage}", busy=True)
+            text = f"Preparing the {SHOWN_AS[stage]}: the first contact takes about half a minute, "
+            self.show(status=f"{text}later moves less than a second.", busy=True)
         started = time.perf_counter()
         compute = partial(getattr(model, stage), values)
         try:
@@ -187,8 +190,10 @@ class Session(param.Parameterized):
         self.show(message=text, error=True, **self._timing())
 
     def _timing(self) -> dict[str, Any]:
-        parts = (f"{name} {1e3 * seconds:.0f}" for name, seconds in self._seconds.items())
-        return {"status": ", ".join(parts) + " ms", "busy": False}
+        spent = self._seconds
+        parts = (f"{SHOWN_AS[name]} {with_unit(one, 's')}" for name, one in spent.items())
+        total = f"Computed in {with_unit(sum(spent.values()), 's')} ({', '.join(parts)})."
+        return {"status": total if spent else "", "busy": False}
 
     def show(self, **values: Any) -> None:
         """Changes parameters, under the lock of the page's document."""

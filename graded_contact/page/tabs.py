@@ -11,9 +11,10 @@ from ..core.escaping import in_html
 from ..scenes.described import base_name, layer_name
 from . import document as tables
 from .downloads import to_csv, to_hdf5
-from .entries import read_entry
+from .entries import read_entry, read_pairs
 from .session import Session
 from .widgets import LARGEST_DROP, Dropper
+from .wording import FIELD_WORDS
 
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
 PADDED: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": (4, 8)}
@@ -26,6 +27,10 @@ STYLES = """
 .head i {display: inline; margin-left: 6px}
 .title {font-size: 14px; font-weight: 600; flex: 1 1 260px; max-width: 420px; line-height: 1.3;
   overflow-wrap: anywhere}
+@media (max-width: 899px) {.head {gap: 0 6px} .head b {font-size: 11px; letter-spacing: -0.02em}
+  .head span {font-size: 10px}
+  .title {flex: 0 0 100%; max-width: 100%; font-size: 12px; white-space: nowrap; overflow: hidden;
+  text-overflow: ellipsis}}
 .say {font: 12px system-ui, sans-serif; line-height: 1.35; overflow-wrap: anywhere;
   color: #5b616b}
 .error {color: #a33600}
@@ -34,6 +39,15 @@ STYLES = """
 EDGES = {
     "joined (harmonic)": "harmonic", "mirrored: twice as long": "mirror",
     "tapered to zero": "window", "periodic already": "none",
+}  # fmt: skip
+DEFORMATIONS = {"as the file says": "", "tension (E)": "tension", "shear (G)": "shear"}
+# How texts of fields are read, and examples.
+READ: dict[str, Callable[[str], Any]] = {
+    "size": lambda text: read_entry(text, "m"), "units": read_pairs, "columns": read_pairs,
+}  # fmt: skip
+LIKE = {
+    "size": "a length, such as 1 mm", "units": "for instance modulus=MPa, frequency=Hz",
+    "columns": "for instance storage=2, loss=3",
 }  # fmt: skip
 NEW_MATERIAL = "a new elastic material"
 LONGEST_MATERIAL = 40  # characters of its name
@@ -85,42 +99,24 @@ def data_tab(session: Session, material: Any) -> pn.Column:
     - `session`: of the page.
     - `material`: the choice of the material that new moduli are for.
     """
-    options: dict[str, Any] = {
+    of_moduli: dict[str, Any] = {
+        "units": pn.widgets.TextInput(placeholder="modulus=MPa", label="its units", **HALF),
+        "columns": pn.widgets.TextInput(placeholder="loss=3", label="its columns", **HALF),
+        "deformation": pn.widgets.Select(label="measured in", options=DEFORMATIONS, **PADDED),
+    }
+    of_heights: dict[str, Any] = {
         "unit": pn.widgets.TextInput(placeholder="um", label="unit of its heights", **HALF),
         "size": pn.widgets.TextInput(placeholder="1e-3", label="edge length [m]", **HALF),
         "periodic": pn.widgets.Select(label="its edges", options=EDGES, **PADDED),
     }
+    with_moduli = lambda *args, options: tables.with_moduli(  # noqa: E731
+        *args, options=options, name=str(material.value)
+    )
+    moduli = _with_fields(session, of_moduli, with_moduli)
+    topography = _with_fields(session, of_heights, tables.with_topography)
+    done = pn.pane.HTML(pn.bind(_what_was_done, session.param.model), stylesheets=[STYLES],
+                        margin=(8, 8, 2, 8))  # fmt: skip
     tab = pn.Column(**PADDED)
-    last: list[Any] = []  # name and data of the last topography
-
-    def moduli(name: str, data: bytes) -> None:
-        change = partial(tables.with_moduli, name=str(material.value))
-        session.take_file(name, data, change)
-
-    def topography(name: str, data: bytes) -> None:
-        if last:  # the fields are those of the file before
-            last.clear()
-            for field, widget in options.items():
-                widget.value = "harmonic" if field == "periodic" else ""
-        last[:] = [name, data]
-        read_again()
-
-    def read_again(*_: Any) -> None:
-        if not last:
-            return
-        (file, data), given = last, options.items()
-        values = {name: widget.value for name, widget in given if widget.value}
-        try:
-            if size := values.pop("size", ""):
-                values["size"] = read_entry(size, "m")
-        except ValueError as error:
-            text = f"`edge length`: {size} is refused: {error}. Enter a length, such as 1 mm."
-            session.show_message(text)
-            return
-        session.take_file(file, data, partial(tables.with_topography, options=values))
-
-    for widget in options.values():
-        widget.param.watch(read_again, "value")
 
     def dropper(take: Callable[[str, bytes], None]) -> Dropper:
         def dropped(event: Any) -> None:
@@ -137,15 +133,60 @@ def data_tab(session: Session, material: Any) -> pn.Column:
     tab[:] = [
         heading("Your moduli over frequency (DMA, rheometer), or isotherms at several "
                  "temperatures"),
-        material, dropper(moduli),
+        material, pn.Row(of_moduli["units"], of_moduli["columns"], **WIDE),
+        of_moduli["deformation"], dropper(moduli),
         heading("Your topography"),
-        pn.Row(options["unit"], options["size"], **WIDE), options["periodic"],
+        pn.Row(of_heights["unit"], of_heights["size"], **WIDE), of_heights["periodic"],
         dropper(topography),
-        heading("Unit, length and edges apply to the file that you dropped last; for the next "
-                 "one they are empty again."),
+        heading("The fields apply to the file that you dropped last; for the next one they are "
+                "empty again. Fill in what a file does not say."),
+        done,
         heading(f"At most {LARGEST_DROP} MB; stored in {session.folder.name}"),
     ]  # fmt: skip
     return tab
+
+
+def _with_fields(
+    session: Session, fields: dict[str, Any], change: Callable[..., Any]
+) -> Callable[[str, bytes], None]:
+    """Returns what takes a file, and takes it again with each change of the fields beside it."""
+    begin = {name: widget.value for name, widget in fields.items()}
+    last: list[Any] = []  # name and data of the last file
+
+    def dropped(name: str, data: bytes) -> None:
+        if last:  # the fields are those of the file before
+            last.clear()
+            for field, widget in fields.items():
+                widget.value = begin[field]
+        last[:] = [name, data]
+        read_again()
+
+    def read_again(*_: Any) -> None:
+        if not last:
+            return
+        (file, data), values = last, {}
+        for name, widget in fields.items():
+            if not widget.value:
+                continue
+            try:
+                values[name] = READ.get(name, str)(widget.value)
+            except ValueError as error:
+                text = f"“{FIELD_WORDS[name]}” {widget.value} is refused: {error}. Enter "
+                session.show_message(f"{text}{LIKE[name]}.")
+                return
+        session.take_file(file, data, partial(change, options=values))
+
+    for widget in fields.values():
+        widget.param.watch(read_again, "value")
+    return dropped
+
+
+def _what_was_done(model: Any) -> str:
+    """What was understood of the files of a scene, and done to its surface, one line each."""
+    if model is None:
+        return ""
+    sentences = *model.document.scene.notes, *model.surface.history
+    return paragraph("What was read and done:") + "".join(map(paragraph, sentences))
 
 
 def save_tab(session: Session) -> pn.Column:

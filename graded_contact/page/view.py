@@ -19,12 +19,21 @@ from .tabs import PADDED, STYLES, WIDE, LayersTab, data_tab, paragraph, save_tab
 from .widgets import Browser, Slider
 
 SIDE = 304  # pixels
-# On a phone the sliders are below the numbers, and the figures below the sliders.
-HEAD = """:host {position: sticky; top: 0; z-index: 2; background: white; padding: 4px 12px;
+# On a phone the numbers and the upper figures, side by side in a strip, stay above the sliders; the
+# other figures are below.
+PHONE = "@media (max-width: 899px)"
+HEAD = """:host {position: sticky; top: 0; z-index: 3; background: white; padding: 4px 12px;
   border-bottom: 1px solid #e3e6ea; box-sizing: border-box}"""
 ASIDE = f""":host {{flex: 1 1 {SIDE}px; min-width: 0; padding-bottom: 8px}}
 @media (min-width: 900px) {{:host {{position: sticky; top: 64px; height: calc(100vh - 64px);
-  overflow: hidden auto; max-width: {SIDE}px; border-right: 1px solid #e3e6ea}}}}"""
+  overflow: hidden auto; max-width: {SIDE}px; border-right: 1px solid #e3e6ea}}}}
+{PHONE} {{:host {{order: 2}}}}"""
+OPEN = f"{PHONE} {{:host {{display: contents !important}}}}"  # its parts have places of their own
+STRIP = f"""{PHONE} {{:host {{order: 1; position: sticky; top: 64px; z-index: 2; background: white;
+  flex: 0 0 100%; border-bottom: 1px solid #e3e6ea}}
+  div[id^=flexbox] {{flex-wrap: nowrap !important; overflow-x: auto}}
+  div[id^=flex-item] > * {{flex: 0 0 270px !important}}}}"""
+BELOW = f"{PHONE} {{:host {{order: 3; flex: 0 0 100%}}}}"
 TEXT: dict[str, Any] = {"stylesheets": [STYLES], "margin": (0, 8), **PADDED}
 MAPS = {
     "pressure": "pressure", "gap": "gap", "displacement": "displacement", "surface": "heights",
@@ -44,7 +53,7 @@ class Page(pn.viewable.Viewer):
         super().__init__()
         self.session = Session(document, folder)
         self.sliders: list[Slider] = []
-        self._plots, self._knobs = pn.Column(**WIDE), pn.Column(**WIDE)
+        self._plots, self._knobs = pn.Column(stylesheets=[OPEN], **WIDE), pn.Column(**WIDE)
         self._layers = LayersTab(self.session)
         self._field: Any = pn.widgets.RadioButtonGroup(
             options=MAPS, variant="outline", color="primary", margin=(4, 48),
@@ -95,7 +104,7 @@ class Page(pn.viewable.Viewer):
             pn.bind(_headline, here.shown, here.pinned), stylesheets=[STYLES, HEAD],
             sizing_mode="stretch_width", margin=0, styles={"flex": "1 0 100%"}, min_height=56,
         )  # fmt: skip
-        main = pn.Column(self._plots, **WIDE, styles=_flex("1000 1 600px"))
+        main = pn.Column(self._plots, **WIDE, styles=_flex("1000 1 600px"), stylesheets=[OPEN])
         return pn.FlexBox(head, side, main, styles={"background": "white"}, gap="0", **WIDE)
 
     def _show_model(self, _: Any) -> None:
@@ -114,13 +123,18 @@ class Page(pn.viewable.Viewer):
         self._block, self._map = BlockPicture(), Map(np.asarray(model.surface.grid.size))
         lines, chart = self._lines, pn.Column(self._field, _pane_of(self._map.figure), **WIDE)
         chart.styles = _flex("0 1 480px")
-        upper = (self._block, lines["friction"], lines["contact_area"])
+        upper = (lines["friction"], lines["contact_area"], self._block)
         lower = [_pane_of(lines[name].figure, "1 1 220px") for name in ("modulus", "loss_tangent")]
         right = pn.Column(_pane_of(self._bars.figure), pn.FlexBox(*lower, gap="0", **WIDE),
                           **WIDE, styles=_flex("1 1 440px"))  # fmt: skip
         self._plots[:] = [
-            pn.FlexBox(*(_pane_of(part.figure, "1 1 270px") for part in upper), gap="0", **WIDE),
-            pn.FlexBox(chart, right, gap="0", **WIDE),
+            pn.FlexBox(
+                *(_pane_of(part.figure, "1 1 270px") for part in upper),
+                gap="0",
+                stylesheets=[STRIP],
+                **WIDE,
+            ),
+            pn.FlexBox(chart, right, gap="0", stylesheets=[BELOW], **WIDE),
         ]
         self._layers.show(model.document.content)
 

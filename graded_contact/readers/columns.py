@@ -152,11 +152,14 @@ def _points_frame(table: DataTable, columns: dict[str, DataColumn]) -> Any:
 def _unit_needed(table: DataTable, name: str, place: int) -> str:
     """How to give the unit of a column, or why the column is not what it was taken for."""
     dimension, unit = _dimension(table, name, place), table.unit(place) or table.units[place]
-    start = f"{table.label(place)}, the {name}, has {unit!r} as unit"
+    stated = f"{unit!r} as unit" if unit else "no known unit"
+    start = f"{table.label(place)}, the {name}, has {stated}"
     if _of_another_kind(unit, dimension):
         return f"{start}, which is none of a {dimension}: choose another column by `columns`"
     first, *rest = UNITS[dimension]
-    return f"{start}; pass for instance `units={ {dimension: first} }`; others are {rest}"
+    return (
+        f"{start}; pass for instance `units={ {dimension: first} }`; others are {', '.join(rest)}"
+    )
 
 
 def _dimension(table: DataTable, quantity: str, place: int) -> str:

@@ -63,7 +63,7 @@ def command(*arguments):
 
 @pytest.fixture
 def no_contacts_drawn(monkeypatch):
-    monkeypatch.setattr(scene_job, "_contacts", lambda *_: ())
+    monkeypatch.setattr(scene_job, "contacts", lambda *_: ())
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +107,18 @@ def test_file_csv_table_and_info_hold_the_same_numbers(folder):
     np.testing.assert_array_equal(written_errors, results.friction_error[0])
     for error in results.friction_error.values[0]:
         assert f"{error:.1e}" in "".join(printed) and f"{error:.1e}" in info.stdout
+
+
+def test_a_report_is_one_page_that_asks_nobody_for_anything(folder, tmp_path):
+    results = read_results(folder / "out" / "small.h5").assign_attrs(title="<i>A & B</i>")
+    write(tmp_path / "a.h5", results)
+    said = command("report", tmp_path / "a.h5")
+    assert said.exit_code == 0, said.output
+    page = (tmp_path / "a.html").read_text("utf-8")
+    assert "<h1>&lt;i&gt;A &amp; B&lt;/i&gt;</h1>" in page and "<i>" not in page
+    assert page.count("<img") == page.count("src=") == page.count('src="data:image/png') == 2
+    for text in ("[surface]", "1.000e-02", "contact area fraction", results.attrs["version_jax"]):
+        assert text in page, text
 
 
 def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):

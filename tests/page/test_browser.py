@@ -76,7 +76,7 @@ def opened(browser, served):
 
 
 def rested(page):
-    page.get_by_text(re.compile(r"derivatives \d+ ms")).wait_for()
+    page.get_by_text(re.compile(r"bars \d")).wait_for()
 
 
 def area(page):
@@ -127,11 +127,29 @@ def test_a_refused_topography_is_tried_again_with_its_unit_and_size(opened, tmp_
     page.close()
 
 
-def test_a_phone_shows_all_in_its_width(opened):
+def test_a_table_of_moduli_is_tried_again_with_its_units(opened, tmp_path):
+    page = opened()
+    page.get_by_text("Data", exact=True).click()
+    table = tmp_path / "dma.csv"
+    table.write_text("f [Hz],E',E''\n" + "".join(f"{f},{2 * f},0.3\n" for f in (1, 3, 9, 27)))
+    page.locator("input[type=file]").first.set_input_files(table)
+    playwright.expect(refusal(page)).to_contain_text("fill in for instance “its units” modulus=Pa")
+    page.get_by_label("its units").fill("modulus=MPa")
+    page.get_by_label("its units").press("Enter")
+    playwright.expect(refusal(page)).to_have_count(0)
+    page.get_by_text("dma.csv", exact=False).first.wait_for()
+    page.close()
+
+
+def test_a_phone_shows_all_in_its_width_and_a_figure_above_its_sliders(opened):
     page = opened()
     page.set_viewport_size({"width": 400, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth") == 400
     assert page.locator(".bk-Figure").last.bounding_box()["width"] <= 400
+    page.get_by_role("slider").last.scroll_into_view_if_needed()
+    place, number = (page.locator(what).first.bounding_box() for what in (".bk-Figure", ".head b"))
+    slider = page.get_by_role("slider").last.bounding_box()
+    assert 0 < number["y"] < place["y"] and place["y"] + place["height"] < slider["y"] < 800
     page.close()
 
 

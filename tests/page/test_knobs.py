@@ -266,7 +266,7 @@ def test_isotherms_become_a_series_with_its_shifts(opened, tmp_path):
         modulus = 1e6 + sum(2e6 / (1 - 1j / (omega * 10**shift * tau)) for tau in TIMES)
         rows += [f"{kelvin},{w},{m.real},{m.imag}" for w, m in zip(omega, modulus, strict=True)]
     path.write_text("\n".join(rows), encoding="utf-8")
-    document = with_moduli(opened(TEXT), path, "tread")
+    document = with_moduli(opened(TEXT), path, {}, "tread")
     table = document.content["materials"]["tread"]
     assert table["kind"] == "prony" and "shift" in table
     material = document.scene.stack.base.material
@@ -320,9 +320,11 @@ def test_errors_speak_of_what_the_page_has(opened, tmp_path):
     table, heights = tmp_path / "dma.csv", tmp_path / "heights.txt"
     table.write_text("frequency,E',E''\n" + "".join(f"{f},{2e6 * f},3e5\n" for f in (1, 3, 9, 27)))
     with pytest.raises(ValueError, match=r"dma.csv: .*") as refused:
-        with_moduli(opened(TEXT), table, "tread")
-    text = str(refused.value)
-    assert "`units=" in text and "has no field for `units`: `read_moduli` in Python" in text
+        with_moduli(opened(TEXT), table, {}, "tread")
+    assert "fill in for instance “its units” modulus=Pa" in str(refused.value)
+    given = {"units": {"modulus": "Pa"}}
+    changed = with_moduli(opened(TEXT), table, given, "tread")
+    assert changed.scene and changed.content["materials"]["tread"]["units"] == given["units"]
     heights.write_text("\n".join("3 1 4 1 5 9 2 6" for _ in range(8)))
     with pytest.raises(ValueError, match="“unit of its heights” 'ell' is not a length"):
         with_topography(opened(TEXT), heights, {"unit": "ell", "size": 1e-3})

@@ -333,17 +333,26 @@ def test_the_fields_of_a_topography_are_empty_for_the_next(document, tmp_path, m
     monkeypatch.setattr(Session, "take_file", take)
     page = Page(document, tmp_path)
     tab = page.__panel__().select(pn.Tabs)[0][2]
-    (unit, size), edges = tab[4], tab[5]
+    (unit, size), edges = tab[6], tab[7]
     unit.value, size.value = "um", "8 mm"  # before the first file: they are of that
-    tab[6].value = {"a.txt": b"1"}
+    tab[8].value = {"a.txt": b"1"}
     assert taken == [("a.txt", {"unit": "um", "size": 8e-3, "periodic": "harmonic"})]
     edges.value = "mirror"  # the file is read again
     assert taken[-1] == ("a.txt", {"unit": "um", "size": 8e-3, "periodic": "mirror"})
-    tab[6].value = {"b.txt": b"2"}
+    tab[8].value = {"b.txt": b"2"}
     assert taken[2:] == [("b.txt", {"periodic": "harmonic"})]
     assert unit.value == size.value == ""
     size.value = "3 kPa"
     assert len(taken) == 3 and "kPa is a unit of pressure" in page.session.message
+    (units, columns), kind = tab[2], tab[3]
+    tab[4].value = {"dma.csv": b"3"}
+    units.value = "modulus=MPa; frequency=Hz"
+    columns.value, kind.value = "storage=2, loss=G''", "shear"
+    given = {"units": {"modulus": "MPa", "frequency": "Hz"},
+             "columns": {"storage": 2, "loss": "G''"}, "deformation": "shear"}  # fmt: skip
+    assert taken[3] == ("dma.csv", {}) and taken[-1] == ("dma.csv", given)
+    units.value = "MPa"
+    assert "“its units” MPa is refused: MPa has no name and value" in page.session.message
 
 
 def upload(name, chunk=1):

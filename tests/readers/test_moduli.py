@@ -509,7 +509,7 @@ def test_several_files_are_isotherms_of_one_material(tmp_path):
         ("0.4\n\n# a note\n0.1, 1, 0.2\n1, 2, 0.3", "0.4", {}, "no table of numbers"),
         ("", "", {"columns": {"storage": "G"}}, "names 'G', but no columns have that name"),
         ("f, E', E''\nHz", "rate, E', E''\n", {"columns": {"frequency": "rate"}},
-         r"column 1 \(rate\), the frequency, has '' as unit"),
+         r"column 1 \(rate\), the frequency, has no known unit"),
         ("", "", {"columns": {"modul": "f"}}, r"`columns=\{'modul': 'f'\}` is refused: use one of"),
         ("", "", {"units": {"force": "N"}}, r"`units=\{'force': 'N'\}` is refused: use one of"),
         ("", "", {"units": {"modulus": "N"}}, r"`units=\{'modulus': 'N'\}` is refused: use one of"),

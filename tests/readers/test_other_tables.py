@@ -80,7 +80,7 @@ def test_periods_become_frequencies(tmp_path):
     measured = read(tmp_path, text)
     check(measured)
     assert any("period (ω = 2π/T) in ms" in sentence for sentence in measured.history)
-    with pytest.raises(ValueError, match=r"has '' as unit; .*`units=\{'time': 's'\}`"):
+    with pytest.raises(ValueError, match=r"has no known unit; .*`units=\{'time': 's'\}`"):
         read(tmp_path, text.replace(" [ms]", ""))
 
 

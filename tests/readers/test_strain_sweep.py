@@ -92,9 +92,9 @@ def sweep(heading, *columns):
         (sweep("f [Hz],Strain [%]", [1, 2, 4], PERCENT), r"frequency varies from 6\.283 to 25\.13"),
         (
             sweep("Strain", PERCENT),
-            "the strain, has '' as unit; pass for instance `units={'strain': ",
+            "the strain, has no known unit; pass for instance `units={'strain': ",
         ),
-        (sweep("strain [mm]", PERCENT), r"\(strain \[mm\]\), the strain, has '' as unit"),
+        (sweep("strain [mm]", PERCENT), r"\(strain \[mm\]\), the strain, has no known unit"),
         (sweep("t [s]", PERCENT), "`columns`: strain, storage"),
         (2 * sweep("Strain [%]", PERCENT), "one curve by `step`, or"),
         (sweep("Strain [%]", [1, 10, 9.0]), "one curve by `step`, or"),
