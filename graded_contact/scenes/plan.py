@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import jax.numpy as jnp
 import numpy as np
 
-from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.memory import (
     CYCLE,
@@ -29,6 +28,7 @@ from ..core.memory import (
 )
 from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along
+from ..sliding.bodies import TwoBodies
 from ..sliding.history import fields_of_history, solve_history
 from ..sliding.history_errors import steps_with_errors
 from ..sliding.slide import solve
@@ -44,7 +44,7 @@ from .results import FLOWS, KEPT_FIELDS
 from .scene import Scene
 from .scene_checks import refuse_liquids
 from .surface_source import RandomSurface, SurfaceFile
-from .theory import check_frequencies_of, errors_of_stack
+from .theory import check_frequencies_of, errors_of_bodies
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -225,15 +225,15 @@ def cost_text(
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
-    fields, errors = fields_of(scene), errors_of_stack(scene)
+    fields, errors = fields_of(scene), errors_of_bodies(scene)
     names = [n for n in numbers_of_scene(scene, surface) if n != "friction_standard_error"]
 
-    def solved(point: dict[str, Any], stack: Stack) -> dict[str, Any]:
+    def solved(point: dict[str, Any], bodies: TwoBodies) -> dict[str, Any]:
         rough = surface
         # A seed is drawn inside the program: JAX traces its number.
         if "seed" in point and isinstance(scene.surface, RandomSurface):
             rough = scene.surface.drawn(point["seed"])
-        case = dataclasses.replace(scene, stack=stack).case(point, rough)
+        case = dataclasses.replace(scene, **bodies._asdict()).case(point, rough)
         if scene.kind == HISTORY:
             contact = solve_history(case, scene.numerics, scene.kept_steps)
         else:
@@ -254,4 +254,5 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         return found | {"result": contact.result}
 
     main = "friction" if scene.motion is None else "mean_friction"
-    return lambda point: with_standard_error(partial(solved, point), scene.stack, errors, main)
+    bodies = TwoBodies(scene.stack, scene.counter)
+    return lambda point: with_standard_error(partial(solved, point), bodies, errors, main)
