@@ -6,6 +6,9 @@
     python benchmarks/bench_published.py adhesion   a sphere between DMT and JKR
     python benchmarks/bench_published.py heat       Jaeger's moving band
     python benchmarks/bench_published.py leakage    the area at which a gap closes
+    python benchmarks/bench_published.py pavement   a load that moves on a layered road
+    python benchmarks/bench_published.py wavy       an adhesive wave of shorter and shorter range
+    python benchmarks/bench_published.py challenge  the system of the contact-mechanics challenge
 
 The page "Published results" of the site has the sources. The scenes are in `published.py`, the
 integral is in `axisymmetric.py`.
@@ -136,5 +139,65 @@ def leakage(seeds: int = 8):
     })  # fmt: skip
 
 
+def pavement():
+    """Deflections over the place of a load that moves, and at rest."""
+
+    def keep(place, read, top, here):
+        report("bench_published-pavement", {
+            "load from the point [mm]": place, "published [mm]": str(read), "asphalt": top,
+            "here [mm]": f"{1e3 * here:.4f}", "difference [%]": percent(1e3 * here, read),
+        })  # fmt: skip
+
+    rest = published.pavement(gc.Elastic(3e9, 0.3), [0.0], nodes=1)[0]
+    keep(0, published.AT_REST, "3 GPa, load at rest", rest)
+    for kind, top in (("creep", "D(t)"), ("relaxation", "E(t) = 1/D(t)")):
+        places = [-place / 1e3 for place in published.MOVING]
+        found = published.pavement(published.asphalt(kind), places, *published.DRIVEN)
+        for (place, read), here in zip(published.MOVING.items(), found, strict=True):
+            keep(place, read, top, here)
+
+
+def wavy(points: tuple = (256, 1024)):
+    """Widths of the contact of an adhesive wave over its period."""
+    for number in points:
+        for width in published.WIDTHS:
+            load = published.wavy_load(width)
+            length, found = published.wavy_contact(load, number)
+            report("bench_published-wavy", {
+                "points": number, "range over h": length, "load over p_w": f"{load:.3f}",
+                "here": f"{found.contact_area:.4f}", "its error": found.contact_area_error,
+                "Johnson": f"{width:.4f}", "difference [%]": percent(found.contact_area, width),
+            })  # fmt: skip
+
+
+def challenge(points: tuple = (512, 1024, 2048), seed: int = 0):
+    """Areas, gaps and pressures of the challenge's system, with 8 points to a shortest wave.
+
+    Errors of quantiles are the differences from half the points.
+    """
+
+    def quantiles(found):
+        """Of the pressure in contact [kPa], and of the gap outside [nm]."""
+        touching = np.asarray(found.gap) <= 1e-12
+        inside = np.quantile(np.asarray(found.pressure)[touching], (0.5, 0.9)) * 1e-3
+        return [*inside, *(np.quantile(np.asarray(found.gap)[~touching], (0.1, 0.5, 0.9)) * 1e9)]
+
+    for number in points:
+        shortest = 8 * published.CELL / number
+        slope, length, found = published.challenge(seed, number, shortest)
+        coarse = published.challenge(seed, number // 2, shortest)[2]
+        pairs = zip(quantiles(found), quantiles(coarse), strict=True)
+        shown = [f"{fine:.4g} ± {abs(fine - other):.2g}" for fine, other in pairs]
+        names = ("median pressure [kPa]", "90 % pressure [kPa]", "10 % gap [nm]",
+                 "median gap [nm]", "90 % gap [nm]")  # fmt: skip
+        report("bench_published-challenge", {
+            "points": number, "shortest wave [nm]": 1e9 * shortest,
+            "slope": slope, "range [nm]": 1e9 * length,
+            "area": f"{found.contact_area:.4f} ± {found.contact_area_error:.1g}",
+            "mean gap [nm]": f"{1e9 * found.mean_gap:.1f} ± {1e9 * found.mean_gap_error:.1g}",
+            **dict(zip(names, shown, strict=True)),
+        })  # fmt: skip
+
+
 if __name__ == "__main__":
-    run(__doc__, layers, rubber, gradient, adhesion, heat, leakage)
+    run(__doc__, layers, rubber, gradient, adhesion, heat, leakage, pavement, wavy, challenge)

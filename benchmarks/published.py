@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
-from scipy.special import gamma, kve
+from scipy.special import gamma, j1, kve
 
 import graded_contact as gc
 
@@ -227,3 +227,99 @@ def closing_area(seed: int, points: int = 256, halvings: int = 7) -> float:
         else:
             area, high = float(found.contact_area), load
     return area
+
+
+# Deflections [mm] of ELLVA_VD over the place of the load [mm], and of ELLEA1 at rest, as ALVA has
+# them (`validation_ve.m`, `validation_let.m`).
+MOVING = {-5000: 0.106, -1000: 0.447, -500: 0.605, -100: 0.763, 0: 0.786, 50: 0.791, 100: 0.790,
+          150: 0.784, 400: 0.702, 900: 0.504, 1400: 0.379, 1900: 0.297, 2900: 0.197,
+          4900: 0.112}  # fmt: skip
+AT_REST = 1.0508
+DRIVEN = 0.3, 60 / 3.6  # beside the point [m], velocity [m/s]
+
+
+def creep(t):
+    """Creep compliance of the asphalt of ELLVA_VD [1/Pa] after the time t [s]."""
+    return 1e-8 - (1e-8 - 2.5e-11) / (1 + (t / 1e3) ** 0.35)
+
+
+def asphalt(kind: str) -> gc.Prony:
+    """Fitted to the creep compliance, or to its inverse as the "relaxation" modulus."""
+    t = np.geomspace(1e-7, 1e7, 71)
+    values = creep(t) if kind == "creep" else 1 / creep(t)
+    return gc.fit_prony(t, values, kind=kind, poisson=0.3).material
+
+
+def pavement(top, x, y: float = 0.0, velocity: float = 0.0, nodes: int = 32) -> np.ndarray:
+    """Deflections [m] at places x, y [m] from a circle of 1.1 MPa that moves along x.
+
+    The circle has the radius 150 mm, the road two layers on a half space. In the frame of the load
+    u = (1/π²) ∫ q dq ∫ dφ Re[M σ exp(iqx cos φ)] cos(qy sin φ), φ from 0 to π/2.
+    """
+    radius, pressure = 0.15, 1.1e6
+    layers = (gc.Layer(top, 0.15), gc.Layer(gc.Elastic(200e6, 0.35), 0.6))
+    stack = gc.Stack(layers=layers, base=gc.HalfSpace(gc.Elastic(40e6, 0.4)))
+    inner, weights = np.polynomial.legendre.leggauss(8)
+    edges = np.concatenate([[0], np.geomspace(0.02, 2, 8), np.linspace(2, 1080, 360)[1:]])
+    half = np.diff(edges)[:, None] / 2
+    q, weights = (edges[:-1, None] + half * (1 + inner)).ravel()[:, None], (half * weights).ravel()
+    angles, shares = np.polynomial.legendre.leggauss(nodes)
+    along, across = q * np.cos(np.pi / 4 * (1 + angles)), q * np.sin(np.pi / 4 * (1 + angles))
+    load = 2 * np.pi * pressure * radius * j1(q * radius)  # q times that of the wave
+    wave = load * np.asarray(gc.surface_compliance(stack, q, -velocity * along))
+    found = [(wave * np.exp(1j * along * place)).real * np.cos(across * y) for place in x]
+    return np.stack([weights @ part @ shares for part in found]) / (4 * np.pi)
+
+
+WIDTHS = 0.22730, 0.33514, 0.5, 0.68223  # at 0, 0.1, 0.3, 0.5 of p_w
+WAVY = 0.2  # α² = 2w/(π h p_w) of the adhesive wave
+
+
+def wavy_load(width: float) -> float:
+    """Mean pressure over p_w of an adhesive wave in contact over a share `width` = 2a, exactly.
+
+    K. L. Johnson, Int. J. Solids Struct. 32 (1995) 423: sin²(πa) - α sqrt(tan(πa)).
+    """
+    half = np.pi * width / 2
+    return float(np.sin(half) ** 2 - WAVY * np.sqrt(np.tan(half)))
+
+
+def wavy_contact(load: float, points: int) -> tuple[float, gc.Sliding]:
+    """Range over the height h of the wave h cos(2πx), and its contact; p_w = π E* h = 1 Pa.
+
+    The range is the shortest that a grid of so many points resolves.
+    """
+    height, work = 1 / np.pi, WAVY**2 / 2
+    surface = gc.Surface(
+        height * np.cos(2 * np.pi * np.arange(points) / points), gc.Grid(points, 1.0)
+    )
+    length = np.sqrt(work / (0.3 * np.pi * points / 2))
+    law = gc.contacts.ExponentialAdhesion(length, work)
+    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1 - POISSON**2, POISSON)))
+    return length / height, gc.slide(block, surface, pressure=load, velocity=0.0, law=law)
+
+
+CHALLENGE = {"modulus": 25e6, "work": 50e-3, "range": 2.071e-9, "pressure": 250e3}  # E*, SI units
+CELL = 1e-4  # m
+
+
+def challenge(seed: int, points: int, shortest: float) -> tuple[float, float, gc.Sliding]:
+    """Rms slope, range [m] and contact of the contact-mechanics challenge.
+
+    Waves are cut below the `shortest` [m]; with those of 0.1 µm the slope is 1. The range is the
+    least that four points to this wave resolve.
+    """
+    q, e, work = 2 * np.pi, CHALLENGE["modulus"], CHALLENGE["work"]
+    band = dict(hurst=0.8, q_low=q / CELL, q_roll=q / 2e-5)
+    whole = gc.SelfAffine(rms_slope=1.0, q_high=q / 1e-7, **band)
+    part = gc.SelfAffine(rms_slope=1.0, q_high=q / shortest, **band)
+    slope = jnp.sqrt(whole.density(band["q_roll"]) / part.density(band["q_roll"]))
+    part = gc.SelfAffine(rms_slope=slope, q_high=q / shortest, **band)
+    surface = gc.random_surface(part, gc.Grid((points, points), CELL), jax.random.key(seed))
+    # A point pulls with 0.3 of the stiffness of the block to a wave of two points.
+    length = max(np.sqrt(work * shortest / (0.3 * q * e)), CHALLENGE["range"])
+    law = gc.contacts.ExponentialAdhesion(length, work)
+    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(e * (1 - POISSON**2), POISSON)))
+    load = CHALLENGE["pressure"]
+    found = gc.slide(block, surface, pressure=load, velocity=0.0, law=law)
+    return float(slope), float(length), found

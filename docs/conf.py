@@ -62,6 +62,7 @@ html_sidebars = {
         "validation",
         "comparison",
         "paper",
+        "published",
     )
 }
 smartquotes = False  # quotes in keys and commands can be copied

@@ -16,6 +16,7 @@ from . import blocks, contacts, core, fields, materials, mean_field, reference, 
 from .blocks import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, surface_compliance
 from .contacts import HardWall, solve_contact
 from .core import jit, with_values
+from .core.deprecation import moved
 from .fields import Grid
 from .materials import WLF, BulkShear, Elastic, Prony, tyre_tread
 from .mean_field import mean_field_friction
@@ -48,9 +49,13 @@ ROOMS = (
     "materials", "blocks", "surfaces", "contacts", "sliding", "mean_field", "fitting", "readers",
     "studies", "scenes", "designs", "exports", "plot", "page", "fields", "reference", "core",
 )  # fmt: skip
+_MOVED = {"motion": "sliding", "design": "studies", "surface": "surfaces"}  # since 1.0.0rc1
 
 
 def __getattr__(name: str) -> object:
+    if name in _MOVED:
+        moved(f"graded_contact.{name}", f"graded_contact.{_MOVED[name]}")
+        name = _MOVED[name]
     # Files, figures and searches are imported when first needed: a script may not need them.
     if name in ROOMS:
         return importlib.import_module(f".{name}", __name__)

@@ -148,8 +148,27 @@ def test_links_of_the_site_to_no_file_and_to_no_anchor_are_found(checks, tmp_pat
     ]  # fmt: skip
 
 
+def test_messages_on_the_page_of_symptoms_are_printed_by_the_package():
+    """They have more than five words; … stands for values."""
+    texts = []
+    for path in (ROOT / "graded_contact").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.JoinedStr):
+                parts = [getattr(part, "value", "…") for part in node.values]
+                texts.append("".join(part if isinstance(part, str) else "…" for part in parts))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                texts.append(re.sub(r"\{.*?\}|NUMBER", "…", node.value))
+    known = "\n".join(texts)
+    page = (DOCS / "howto" / "something_wrong.md").read_text(encoding="utf-8")
+    quoted = [text for _, text in re.findall(r"(`+)(.+?)\1(?!`)", page.replace("\n", " "))]
+    messages = [text for text in quoted if text.count(" ") > 4]
+    assert len(messages) > 15
+    for message in messages:
+        assert all(part.strip() in known for part in message.split("…")), message
+
+
 RUN = [
-    "coat_against_cracks", "design", "indenter", "own_law", "own_profile", "own_solver",
+    "choose", "coat_against_cracks", "design", "indenter", "own_law", "own_profile", "own_solver",
     "precision", "shear_and_heat", "short_answers", "studies",
 ]  # fmt: skip
 

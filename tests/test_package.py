@@ -79,6 +79,11 @@ def test_every_name_is_there_and_files_and_figures_cost_nothing_until_used():
         gc.plots  # noqa: B018
 
 
+def test_a_name_that_moved_works_and_says_where_it_is():
+    with pytest.warns(FutureWarning, match=r"`.*\.motion` is `.*\.sliding` now"):
+        assert gc.motion is gc.sliding
+
+
 def test_what_is_declared_is_imported():
     """But jaxlib, whose version goes with that of jax, and the libraries of files under xarray."""
     project = tomllib.loads(text_of("pyproject.toml"))["project"]

@@ -57,6 +57,39 @@ def test_adhesion_with_a_constant_tension_has_both_limits():
     np.testing.assert_allclose(pull_off, (2.0, 1.5), rtol=1e-4)
 
 
+def test_a_load_at_rest_deflects_three_layers_as_ellea1():
+    """By E. Levenberg (2016), as ALVA tables it: 1.0508 mm."""
+    found = published.pavement(gc.Elastic(3e9, 0.3), [0.0], nodes=1)
+    np.testing.assert_allclose(1e3 * found, published.AT_REST, atol=1e-4)
+
+
+@pytest.mark.slow
+def test_a_load_that_moves_deflects_a_viscoelastic_road_as_ellva_vd():
+    """By E. Levenberg (2018), as ALVA tables it: E(t) = 1/D(t) is nearer to it at its peak."""
+    read = np.array(list(published.MOVING.values()))
+    places = [-place / 1e3 for place in published.MOVING]
+    for kind, most in (("creep", 0.019), ("relaxation", 0.017)):
+        found = 1e3 * published.pavement(published.asphalt(kind), places, *published.DRIVEN)
+        np.testing.assert_allclose(found, read, rtol=most)
+        assert np.argmax(found) == np.argmax(read)  # 50 mm behind the load
+        np.testing.assert_allclose(np.max(found), 0.791, rtol=0.009)
+
+
+@pytest.mark.slow
+def test_an_adhesive_wave_tends_to_that_of_johnson_as_the_range_falls():
+    """Int. J. Solids Struct. 32 (1995) 423, α = 0.2: the range falls from 4 % to 2 % of h."""
+    exact = np.array(published.WIDTHS)
+    loads = [published.wavy_load(width) for width in published.WIDTHS]
+    np.testing.assert_allclose(loads, (0, 0.1, 0.3, 0.5), atol=2e-5)
+    far, near = (
+        np.array([float(published.wavy_contact(p, n)[1].contact_area) for p in loads])
+        for n in (256, 1024)
+    )
+    np.testing.assert_allclose(far, exact, rtol=0.06)
+    np.testing.assert_allclose(near, exact, rtol=0.015)
+    assert np.all(np.abs(near - exact) < np.abs(far - exact))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("layers", "curvature"), ONE_COAT + TWO_LAYERS)
 def test_spheres_on_coats_are_those_of_the_integral(layers, curvature):

@@ -12,6 +12,7 @@ The exception are several free sheets of one modulus with ν = 1/2: there C_xy i
 and its error is the rounding of C_xx.
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -59,25 +60,26 @@ def _half_space(reduced: Array, e: Array) -> Face:
     return face_in(Below(one, half_space(e), one, one, -(1 - e) / 2), reduced, e)
 
 
-def _numbers(face: Face, reference: Array, inverse: bool) -> Carried:
+def _numbers(face: Face, reference: Array, inverse: Array) -> Carried:
     n, (c11, c12, c22, det), n_t, c_t, _ = face.state
     stiff, stiff_t = reference / face.reduced, reference / face.shear
-    if inverse:
-        n, c11, c12, c22, det, n_t, c_t = det, c22, -c12, c11, n, c_t, n_t
-        stiff, stiff_t = 1 / stiff, 1 / stiff_t
-    plane = in_units(Compliance(c11 / n, c12 / n, c22 / n, det / n), stiff)
-    return Carried(plane, None if n_t is None else c_t / n_t * stiff_t)
+    either = partial(jnp.where, inverse > 0)
+    n, c = either(det, n), (either(c22, c11), either(-c12, c12), either(c11, c22), either(n, det))
+    plane = in_units(Compliance(*(part / n for part in c)), either(1 / stiff, stiff))
+    if n_t is None:
+        return Carried(plane)
+    return Carried(plane, either(c_t, n_t) ** -1 * either(n_t / stiff_t, c_t * stiff_t))
 
 
-def _face(numbers: Carried, reference: Array, inverse: bool, e: Array) -> Face:
+def _face(numbers: Carried, reference: Array, inverse: Array, e: Array) -> Face:
     (c11, c12, c22, det), antiplane, _ = numbers
     one, shear = jnp.ones_like(det), (1 + e) / 2  # 2 μ over E_r
-    n, c = one, numbers.plane
-    if inverse:
-        n, c = det, Compliance(c22, -c12, c11, one)
+    either = partial(jnp.where, inverse > 0)
+    n = either(det, one)
+    c = Compliance(either(c22, c11), either(-c12, c12), either(c11, c22), either(one, det))
     if antiplane is None:
         return face_in(Below(n, c), reference, e)
-    n_t, c_t = (antiplane / shear, one) if inverse else (one, antiplane * shear)
+    n_t, c_t = either(antiplane / shear, one), either(one, antiplane * shear)
     return face_in(Below(n, c, n_t, c_t, shear * c.c11 * n_t - n * c_t), reference, e)
 
 

@@ -59,8 +59,8 @@ class AbstractBond(eqx.Module):
     """What joins the lower side of a layer to what lies below it."""
 
     @abc.abstractmethod
-    def gives(self, omega: Float[Array, "*w"]) -> Give:
-        """Returns the stiffnesses at the angular frequencies `omega` [rad/s]."""
+    def gives(self, omega: Inexact[Array, "*w"]) -> Give:
+        """Returns the stiffnesses at angular frequencies `omega` [rad/s], complex in histories."""
 
     @abc.abstractmethod
     def at(self, temperature: ScalarLike) -> "AbstractBond":
@@ -83,7 +83,7 @@ class Bond(AbstractBond):
     )
     shear: Float[Array, ""] = eqx.field(converter=_as_stiffness("shear", _SHEAR, 0), default=np.inf)
 
-    def gives(self, omega: Float[Array, "*w"]) -> Give:
+    def gives(self, omega: Inexact[Array, "*w"]) -> Give:
         return Give(*_pair(self.normal, self.normal > 0), *_pair(self.shear, self.shear >= 0))
 
     def at(self, temperature: ScalarLike) -> "Bond":
@@ -118,7 +118,7 @@ class Film(AbstractBond):
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
     thickness: Float[Array, ""] = eqx.field(converter=as_thickness("a perfect bond"))
 
-    def gives(self, omega: Float[Array, "*w"]) -> Give:
+    def gives(self, omega: Inexact[Array, "*w"]) -> Give:
         modulus = jnp.asarray(self.material.modulus(omega))
         poisson = jnp.asarray(self.material.poisson_ratio(omega))
         # As of traced stiffnesses, what the constructor would refuse gives no number.

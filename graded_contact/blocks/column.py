@@ -57,8 +57,8 @@ class Rule(NamedTuple):
     - `join(face, give)`: the state of the other face of a bond, see `scaled`.
     - `half_space(reduced, e)`: the state of its face; None if the recursion goes downwards.
     - `numbers(face, reference, inverse)`: a state as the `Carried` that `Riccati` integrates, in
-      units of E_ref = `reference`, and `face(numbers, reference, inverse, e)` back. If `inverse`,
-      compliances are inverse ones.
+      units of E_ref = `reference`, and `face(numbers, reference, inverse, e)` back. Where
+      `inverse`, compliances are inverse ones.
     """
 
     add: Callable[..., Face]

@@ -30,10 +30,11 @@ from jaxtyping import Array, Complex, Float
 
 from ..core.checks import is_concrete
 from ..core.derivative import derivative_apart
+from .bond import AbstractBond
 from .compliance import compliance_of
 from .grading import check_profiles, graded_tolerance
 from .matrix import compliance_parts
-from .stack import GradedLayer, HalfSpace, Layer, Stack, moduli_of
+from .stack import GradedLayer, Stack, moduli_of
 
 NODES, _NODES_OF_STEP = 32, 14
 LONGEST = 1e8  # longest time over shortest; the error is 5e-3 there
@@ -120,11 +121,16 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
     if not all(map(is_concrete, jax.tree.leaves((stack, steps)))):
         return
     omega = -1j * contour(jnp.min(steps), jnp.sum(steps), 8).nodes
-    for part in (*stack.layers, stack.base):
+    bonds = [layer.bond for layer in stack.layers if layer.bond is not None]
+    for part in (*stack.layers, stack.base, *bonds):
+        name, own = "material", getattr(part, "material", None)
         if isinstance(part, GradedLayer):
-            name, law = "profile", lambda w, p=part: p.profile(jnp.asarray(0.5, steps.dtype), w)
-        elif isinstance(part, Layer | HalfSpace):
-            name, law = "material", lambda w, p=part: moduli_of(p.material, w)
+            name, own = "profile", part.profile
+            law = lambda w, p=own: p(jnp.asarray(0.5, steps.dtype), w)  # noqa: E731
+        elif isinstance(part, AbstractBond):
+            name, own, law = ("bond", part, part.gives) if own is None else (name, own, part.gives)
+        elif own is not None:
+            law = lambda w, m=own: moduli_of(m, w)  # noqa: E731
         else:
             continue
         # Along the imaginary axis the derivative is i times as large.
@@ -134,11 +140,10 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
         )
         pairs = zip(along, across, strict=True)
         if any(bool(jnp.any(jnp.abs(b - 1j * a) > 1e-3 * jnp.abs(a) + 1e-30)) for a, b in pairs):
-            kind = type(getattr(part, name)).__name__
             raise ValueError(
-                f"`{name}={kind}(...)` is refused: what happens once needs moduli at complex "
-                "frequencies, and this law is not analytic there. Write it with 1j*omega, without "
-                "|omega|, sign or real part; or fit it: `fit_prony(omega, modulus)`."
+                f"`{name}={type(own).__name__}(...)` is refused: what happens once needs moduli at "
+                "complex frequencies, and this law is not analytic there. Write it with 1j*omega, "
+                "without |omega|, sign or real part; or fit it: `fit_prony(omega, modulus)`."
             )
 
 

@@ -9,7 +9,7 @@ layers.
 """
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -120,7 +120,7 @@ def _material(column, heights, place):
 def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     """The state of a slab's lower face from that of its upper face."""
     lower, s = face_in(None, reduced, e), factors(x, e)
-    g, g_t, (t, n, across) = _carried(face, reduced, False)
+    g, g_t, (t, n, across) = _carried(face, reduced)
     g_t = g_t * reduced / lower.shear
     # Upside down, compliances and stiffnesses change places.
     turned = Slab(s.g, s.q, s.p11, s.p21, s.p12, s.p22)
@@ -137,13 +137,13 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     return lower._replace(state=Carried(stiffness, (tanh + g_t) * inverse_t, traction))
 
 
-def _carried(face: Face, reference: Array, _: bool) -> Carried:
+def _carried(face: Face, reference: Array, _: Any = None) -> Carried:
     plane, antiplane, traction = face.state
     plane = in_units(plane, face.reduced / reference)
     return Carried(plane, antiplane * face.shear / reference, traction)
 
 
-def _face(carried: Carried, reference: Array, _: bool, e: Array) -> Face:
+def _face(carried: Carried, reference: Array, _: Any, e: Array) -> Face:
     face = face_in(carried, reference, e)
     antiplane = carried.antiplane * reference / face.shear
     return face._replace(state=carried._replace(antiplane=antiplane))

@@ -5,7 +5,7 @@ its result.
 """
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -31,8 +31,8 @@ class AbstractGradedSolver(eqx.Module):
 
     rtol: eqx.AbstractVar[float | None]
 
-    def check(self, layers: Sequence[Any]) -> None:
-        """Raises `ValueError` for layers that it cannot pass; none by default."""
+    def check(self, stack: Any) -> None:
+        """Raises `ValueError` for a stack that it cannot pass; none by default."""
 
     @abc.abstractmethod
     def solve(

@@ -8,11 +8,12 @@ With κ = ν/(1 - ν), c in units of 2/(E_ref q), ζ = q z upwards, R = 2 E_r/E_
     c22' = B2 + 2 κ c12 - R c12²       (det c)' = B1 c22 + B2 c11 - R c11 det c
     c_T' = B1 - c_T²/B1
 
-(no derivative of a modulus appears; ν may vary). On a free base c is infinite, and its inverse
-is integrated. Upwards the effect of the start decays as e^-2ζ; downwards it would grow. The
-integration starts where the wave has decayed (`column.visible`), so the equation is not stiff. Two
-quantities are integrated downwards, along y = -ζ: the stiffness G of the part above, which with the
-other sign of g12 obeys the equation of the inverse, and the traction v = (t, s) on a clamped face
+(no derivative of a modulus appears; ν may vary). For waves whose c is large at the start, such as
+on a free base or a smooth interface, the inverse of c is integrated. Upwards the effect of the
+start decays as e^-2ζ; downwards it would grow. The integration starts where the wave has decayed
+(`column.visible`), so the equation is not stiff. Two quantities are integrated downwards, along
+y = -ζ: the stiffness G of the part above, which with the other sign of g12 obeys the equation of
+the inverse, and the traction v = (t, s) on a clamped face
 
     t' = κ s - B1 g11 t - B2 g12 s     s' = -t - B1 g12 t - B2 g22 s     T' = -B1 g_T T,
 
@@ -26,6 +27,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ..core.checks import check_type
@@ -36,17 +38,16 @@ from .layering import add_layered, build_mesh
 from .profile import moduli_at
 from .shapes import breaks_of
 from .slab import Compliance
-from .stack import Free, GradedLayer
+from .stack import GradedLayer, Rigid
 
 
 class Equation(NamedTuple):
     """Of the compliance or its inverse, or downwards of a stiffness; the tolerance of a step."""
 
-    inverse: bool
     down: bool
     step: float
 
-    def rates(self, numbers, modulus, poisson, reference):
+    def rates(self, numbers, modulus, poisson, reference, inverse):
         """Returns the rates of change per unit of ζ, or downwards of y."""
         (c11, c12, c22, det), antiplane, traction = numbers
         kappa, b1 = poisson / (1 - poisson), reference * (1 + poisson) / modulus
@@ -59,26 +60,24 @@ class Equation(NamedTuple):
                 s - t - b1 * c12 * t - b2 * c22 * s,
                 across - b1 * antiplane * across,
             )
-        if self.inverse or self.down:
-            c12 = -c12 if self.down else c12
-            rates = (
-                r - 2 * kappa * c12 - b1 * c11 * c11 - b2 * c12 * c12,
-                c11 - kappa * c22 - b1 * c11 * c12 - b2 * c12 * c22,
-                2 * c12 - b1 * c12 * c12 - b2 * c22 * c22,
-                r * c22 - (b1 * c11 + b2 * c22) * det,
-            )
-        else:
-            rates = (
-                b1 - 2 * c12 - r * c11 * c11,
-                kappa * c11 - c22 - r * c11 * c12,
-                b2 + 2 * kappa * c12 - r * c12 * c12,
-                b1 * c22 + b2 * c11 - r * c11 * det,
-            )
-        plane = Compliance(*rates)
-        if self.down:
-            plane = plane._replace(c12=-plane.c12)
+        sign = -1 if self.down else 1
+        c12 = sign * c12
+        stiffness = (
+            r - 2 * kappa * c12 - b1 * c11 * c11 - b2 * c12 * c12,
+            sign * (c11 - kappa * c22 - b1 * c11 * c12 - b2 * c12 * c22),
+            2 * c12 - b1 * c12 * c12 - b2 * c22 * c22,
+            r * c22 - (b1 * c11 + b2 * c22) * det,
+        )
+        compliance = (
+            b1 - 2 * c12 - r * c11 * c11,
+            kappa * c11 - c22 - r * c11 * c12,
+            b2 + 2 * kappa * c12 - r * c12 * c12,
+            b1 * c22 + b2 * c11 - r * c11 * det,
+        )
+        either = partial(jnp.where, True if self.down else inverse > 0)
+        plane = Compliance(*map(either, stiffness, compliance))
         if antiplane is not None:
-            soft = 1 / b1 if self.inverse or self.down else b1
+            soft = either(1 / b1, b1)
             antiplane = soft - antiplane * antiplane / soft
         return Carried(plane, antiplane, traction)
 
@@ -91,9 +90,8 @@ class Riccati(AbstractGradedSolver):
 
     The tolerance of a step is `rtol`/30; a second integration with a tolerance ten times larger
     estimates the error. `benchmarks/bench_grading.py` compares it with `Layering`: `Riccati` is
-    slower for an equal error. The two methods share only a rough solution for the sizes. Below a
-    graded layer a bond may not be smooth, and on one that is soft against the layer the steps do
-    not suffice, which is an error: use `Layering`.
+    slower for an equal error. The two methods share only a rough solution for the sizes. Between a
+    graded layer and a rigid base a bond may not be smooth and stiff along the normal.
 
     **Fields:**
 
@@ -126,20 +124,22 @@ class Riccati(AbstractGradedSolver):
                 "atol=...) and return a diffrax controller, as `diffrax.PIDController` itself is."
             )
 
-    def check(self, layers):
-        for i, layer in enumerate(layers):
-            if isinstance(layer, GradedLayer) and is_smooth(layer.bond):
-                raise ValueError(
-                    f"`layers[{i}].bond` has `shear=0` below a graded layer, where the compliance "
-                    "that `Riccati` integrates is infinite. Use `graded_solver=Layering()`."
-                )
+    def check(self, stack):
+        if not stack.layers or not isinstance(stack.base, Rigid):
+            return
+        lowest = stack.layers[-1]
+        slides = is_smooth(lowest.bond) and bool(np.any(np.isinf(lowest.bond.normal)))
+        if isinstance(lowest, GradedLayer) and slides:
+            raise ValueError(
+                f"`layers[{len(stack.layers) - 1}].bond` has `shear=0` and `normal=inf` between a "
+                "graded layer and a rigid base, where the compliance that `Riccati` integrates and "
+                "its inverse are infinite. Use `graded_solver=Layering()`."
+            )
 
     def solve(self, climb, measure, stack, q, omega, rtol):
-        inverse = isinstance(stack.base, Free)
-
         def found(step):
             def add(part, face, rule):
-                return self._add(part, face, rule, Equation(inverse, rule.down, step))
+                return self._add(part, face, rule, Equation(rule.down, step))
 
             return climb(add)
 
@@ -156,13 +156,18 @@ class Riccati(AbstractGradedSolver):
         """The other face of a graded layer."""
         import diffrax  # costs a quarter of a second that other scenes need not pay
 
-        x, inverse = part.x, equation.inverse
+        x = part.x
         end_height = jnp.ones_like(x) if part.height is None else part.height
         mesh = build_mesh(part.profile, x, part.omega, num_cells=4)
         rough = add_layered(part, face, mesh, rule)
         rough = jax.lax.stop_gradient(jax.tree.map(lambda leaf: leaf[-1], rough))
         end = part.moduli(end_height)
         reference = jax.lax.stop_gradient(jnp.abs(end[0]))
+        # A wave takes what is not large at its start.
+        inverse = jnp.zeros_like(x)
+        if not rule.down:
+            softer = face.state.c.det * (reference / face.reduced) ** 2
+            inverse = jnp.where(jnp.abs(softer) > jnp.abs(face.state.n), 1.0, 0.0).astype(x.dtype)
         scale = rule.numbers(rough, reference, inverse)
         start = rule.numbers(face, reference, inverse)
         if not rule.down:
@@ -170,7 +175,7 @@ class Riccati(AbstractGradedSolver):
             entry = rule.numbers(entry, reference, inverse)
             start = jax.tree.map(lambda a, b: jnp.where(part.seen < 1, a, b), entry, start)
         sizes, stiffness = _sizes(scale, start), reference * part.unit
-        waves = x, part.omega, part.seen, end_height, stiffness, start, sizes
+        waves = x, part.omega, part.seen, end_height, stiffness, start, sizes, inverse
         shape = jnp.broadcast_shapes(*(leaf.shape for leaf in jax.tree.leaves((waves, end))))
         waves = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, shape).ravel(), waves)
 
@@ -182,18 +187,19 @@ class Riccati(AbstractGradedSolver):
         backward = partial(solve, self.adjoint or diffrax.RecursiveCheckpointAdjoint())
         top = _in_both_modes(forward, backward, (part.profile, waves))
         top = jax.tree.map(lambda leaf: leaf.reshape(shape), top)
-        return rule.face(top, jnp.broadcast_to(reference, shape), inverse, end[1])
+        reference, inverse = (jnp.broadcast_to(part, shape) for part in (reference, inverse))
+        return rule.face(top, reference, inverse, end[1])
 
     def _solve_one(self, profile, wave, equation, adjoint):
         """The numbers of one wave at the end; NaN where the steps did not suffice.
 
         A wave has x = q d, ω, the fraction of the layer that is seen, the height of its cut, E_ref
-        [Pa], the numbers at the start and their sizes.
+        [Pa], the numbers at the start and their sizes, and 1 if they are inverse.
         """
         import diffrax
 
         down, step = equation.down, equation.step
-        x, omega, seen, height, reference, start, size = wave
+        x, omega, seen, height, reference, start, size, inverse = wave
         # Heights run from `height - length` upwards, or from the top to `height` downwards.
         length = 1 - height if down else height - (1 - seen)
         highest = 1 if down else height
@@ -210,7 +216,7 @@ class Riccati(AbstractGradedSolver):
 
         def slope(place, y, _):
             s = highest - length * (place if down else 1 - place)
-            rates = equation.rates(join(y), *moduli_at(profile, s, omega), reference)
+            rates = equation.rates(join(y), *moduli_at(profile, s, omega), reference, inverse)
             return split(rates) * (x * length)
 
         controller = (self.controller or diffrax.PIDController)(rtol=step, atol=1e-4 * step)

@@ -23,7 +23,7 @@ from ..core.checks import (
 from ..core.display import shown
 from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
-from .bond import AbstractBond, as_thickness, is_smooth
+from .bond import AbstractBond, Film, as_thickness, is_smooth
 from .graded_solver import AbstractGradedSolver
 
 LIQUID = (
@@ -176,7 +176,7 @@ class Stack(eqx.Module):
                 "surface has anything to act on. Remove the layer."
             )
         if self.graded_solver is not None:
-            self.graded_solver.check(self.layers)
+            self.graded_solver.check(self)
 
     def at(self, temperature: ScalarLike) -> "Stack":
         """Returns the stack with every material at another temperature [K].
@@ -231,6 +231,16 @@ def is_graded(stack: Stack) -> bool:
 def is_bonded(stack: Stack) -> bool:
     """Returns whether a layer of a stack has a bond of its own."""
     return any(layer.bond is not None for layer in stack.layers)
+
+
+def films_of(stack: Stack) -> tuple[Float[Array, " films"], Float[Array, " films"]] | None:
+    """Returns depths and thicknesses of the films below layers [m], or None without films."""
+    below = zip(accumulate(layer.thickness for layer in stack.layers), stack.layers, strict=True)
+    films = [(z, one.bond.thickness) for z, one in below if isinstance(one.bond, Film)]
+    if not films:
+        return None
+    depths, thicknesses = map(jnp.stack, zip(*films, strict=True))
+    return depths, thicknesses
 
 
 def materials_of(stack: Stack) -> list[AbstractMaterial]:

@@ -15,7 +15,10 @@ from .terminal import refusing
 def show_page(
     scene_file: Annotated[
         Path | None,
-        typer.Argument(metavar="[SCENE.toml]", help="Scene file (default: the scene of `demo`)."),
+        typer.Argument(
+            metavar="[SCENE.toml]",
+            help="Scene file, or results of what happens once (default: the scene of `demo`).",
+        ),
     ] = None,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder for saved scenes and dropped files.")
@@ -32,6 +35,8 @@ def show_page(
     browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
 ) -> None:
     """Shows a scene as a page of sliders in the browser, until Ctrl-C.
+
+    Of what happens once the page shows the results (NAME.h5): numbers and the contact over time.
 
     The page writes into the folder only. Everybody who can reach the address can use the page.
     """

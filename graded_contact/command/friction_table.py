@@ -20,7 +20,7 @@ from ..scenes.plan import build_surface, plan
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import refuse_liquids, refuse_tables
 from ..scenes.scene_file import read_scene
-from ..scenes.theory import check_frequencies_of, errors_of_stack, roughness_of
+from ..scenes.theory import check_frequencies_of, errors_of_bodies, roughness_of
 from ..scenes.toml import parse_toml
 from ..studies.dataset import FAILED, read_dataset, write, write_whole
 from ..studies.friction_tables import TableMethod, conditions, friction_table
@@ -122,7 +122,7 @@ def _mean_field(scene: Scene, interruption: Interruption) -> "Dataset":
     with terminal.progress(interruption) as advance:
         found = friction_table(
             scene.stack, roughness_of(scene, surface), temperature=warm, method="mean_field",
-            errors=errors_of_stack(scene), progress=partial(advance, "mean field"), **given,
+            errors=errors_of_bodies(scene), progress=partial(advance, "mean field"), **given,
         )  # fmt: skip
     if interruption.signal is not None:
         raise typer.Exit(interruption.exit_code)

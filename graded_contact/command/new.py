@@ -136,10 +136,10 @@ def _card(found: fit.MaterialFit, name: str) -> str:
 def _by_mean_field(draft: Scene, surface: Surface) -> tuple[list[float], float]:
     """The areas of contact of a scene, and its largest share of friction not measured [1]."""
     areas, shares = [], [0.0]
-    for _, stack in draft.blocks():
-        fields = mean_fields(draft, surface, stack)
+    for _, bodies in draft.all_bodies():
+        fields = mean_fields(draft, surface, bodies)
         areas += [float(field.contact_area) for field in fields]
-        if excites_unknown(draft, stack, surface.grid):
+        if excites_unknown(draft, bodies.stack, surface.grid):
             shares += [float(field.extrapolated_friction) for field in fields]
     return areas, max(shares)
 

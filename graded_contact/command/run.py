@@ -39,6 +39,7 @@ from ..scenes.toml import parse_toml
 from ..sliding.magnification import cumulative_friction
 from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..studies.interruption import Interruption, interruptible
+from ..studies.journal import part_of
 from ..studies.store import Store
 from ..studies.workers import check_workers
 from . import terminal
@@ -122,7 +123,7 @@ def run(
             print_scene(scene)
             planned, file = _prepared(scene, *place, replace)
             typer.echo(planned)
-            _say_stored(planned, file)
+            _say_stored(planned, Store(_points_of(file)))
             return
     run_scene_into(scene, *place, replace, form, engine, all_seeds, full)
 
@@ -162,7 +163,7 @@ def run_scene_into(
     with terminal.refusing(), interruptible() as interruption:
         planned, file = _prepared(scene, folder, name, replace)
         print_caveats(planned.caveats)
-        _say_stored(planned, file)
+        _say_stored(planned, Store(_points_of(file)))
         # The store stays locked: another process writes to neither its points nor the results.
         with terminal.store_in(_points_of(file)) as store:
             results = _solved(planned, store, interruption, engine)
@@ -257,11 +258,12 @@ def _points_of(file: Path) -> Path:
     return file.with_suffix(".points")
 
 
-def _say_stored(planned: Plan, file: Path) -> None:
-    """Prints how many solves of a plan were done before."""
-    store = Store(_points_of(file))
+def _say_stored(planned: Plan, store: Store) -> None:
+    """Prints how many solves of a plan were done before, and begun."""
     if found := sum(store.path(point).exists() for point in planned.points.flat):
         typer.echo(f"{found} of {planned.points.size} solves are found in {store.folder}")
+    if begun := sum(store.path(part_of(point)).exists() for point in planned.points.flat):
+        typer.echo(f"{begun} of them begun: the steps done are in {store.folder}")
 
 
 def _solved(
@@ -275,6 +277,7 @@ def _solved(
             return planned.run(store=store, progress=say, **engine)
     except KeyboardInterrupt:
         typer.echo("Nothing was finished.", err=True)
+        _say_stored(planned, store)
         raise typer.Exit(interruption.exit_code) from None
 
 

@@ -112,6 +112,9 @@ def loading_on(
     return loading
 
 
+PARTED = "; where the surfaces part, prescribe `mean_gap`"  # of a load over time
+
+
 def loading_of(
     law: AbstractLaw, heights: Field, num_times: int | None = None, **given: Numbers | None
 ) -> Loading:
@@ -130,8 +133,7 @@ def loading_of(
     if num_times is not None:  # an array that broadcasts to the heights
         spread = jnp.broadcast_to(value, num_times).reshape(-1, *[1] * (heights.ndim - 1))
     if name == "pressure":
-        parted = "; where the surfaces part, prescribe `mean_gap`" if num_times else ""
-        check_pressure(value, law, parted)
+        check_pressure(value, law, PARTED if num_times else "")
         return Loading(spread, None)
     check_values(name, value, f"the {name.replace('_', ' ')} [m] must be finite")
     if name == "approach":

@@ -136,11 +136,12 @@ def _check_state(path: Path, state: os.stat_result, at_most: float) -> None:
 
 
 def is_hdf5(path: str | os.PathLike) -> bool:
-    """Returns whether there is a file that begins as HDF5 does."""
+    """Returns whether there is a file that begins as HDF5 does, or after a seal of results."""
     if not Path(path).is_file():
         return False
     with open(path, "rb") as file:
-        return file.read(len(_HDF5)) == _HDF5
+        start = file.read(512 + len(_HDF5))  # HDF5 may begin there
+    return _HDF5 in (start[: len(_HDF5)], start[512:])
 
 
 def is_open_for_writing(path: str | os.PathLike) -> bool:

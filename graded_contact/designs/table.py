@@ -124,7 +124,7 @@ class DesignScene:
         scene = self.scene
         return Case(
             stack, self.spectrum, velocity=0.0, pressure=as_scalar(scene.pressure[0], "pressure"),
-            strain_per_slope=scene.strain_per_slope,
+            strain_per_slope=scene.strain_per_slope, counter=scene.counter,
         )  # fmt: skip
 
     @cached_property
@@ -178,7 +178,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     scene, table = parse_scene(text, folder), parse_toml(text).get("design")
     if table is None:
         raise ValueError("The scene lacks the table [design].")
-    refuse_tables(scene, "[design]", "law", "heating", "counter", "block_surface")
+    refuse_tables(scene, "[design]", "law", "heating", "block_surface")
     with within("[design]"):
         check_positive("velocity", scene.velocity, "[m/s]")
         if len(scene.pressure) > 1 or np.any(scene.direction):
@@ -189,9 +189,9 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     if misplaced:
         raise ValueError(f"[design] has no key `{misplaced[0]}`: limits stand in [design.limits].")
     # The parameters are those of the block at the scene's temperature.
-    source, stack = scene.surface, scene.block({})
+    source, (stack, counter) = scene.surface, scene.bodies({})
     spectrum = source.spectrum if isinstance(source, RandomSurface) else source.build()
-    scene = dataclasses.replace(scene, stack=stack, temperature=None)
+    scene = dataclasses.replace(scene, stack=stack, counter=counter, temperature=None)
     reader = TableReader(Path(folder))
     own_keys = {name: keys_of(make, "name", "scene") for name, make in OBJECTIVES.items()}
     keys = (

@@ -244,10 +244,10 @@ def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
     roughness = as_roughness(spectrum)
     own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
     if heating is not None:
-        if heating.conductivity.ndim or heating.diffusivity.ndim:
+        if any(jnp.ndim(number) for number in vars(heating).values()):
             raise ValueError(
-                "`heating` has numbers for each layer; in the mean field the block is one half "
-                "space: give one `conductivity` and one `diffusivity`."
+                "`heating` has numbers for each layer; in the mean field both bodies are half "
+                "spaces: give one `conductivity`, `diffusivity` and `counterface_conductivity`."
             )
         if counter is not None and own is not None:
             raise ValueError(

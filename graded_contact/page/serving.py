@@ -6,10 +6,12 @@ import os
 import re
 import socket
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ..core.files import is_hdf5
 from ..core.memory import return_freed_memory
 from .document import open_document
 
@@ -27,7 +29,8 @@ def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = "
 
     **Arguments:**
 
-    - `path`: of a scene file; None for the scene of the demo.
+    - `path`: of a scene file, or of the results of a scene with [motion] `once = true` (HDF5); None
+      for the scene of the demo.
     - `folder`: the page writes saved scenes and dropped files into this folder only.
 
     **Returns:** a layout of Panel, which a notebook shows as the value of a cell.
@@ -36,9 +39,19 @@ def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = "
     a file without a scene, or without motion.
     """
     _panel()
+    return _opened(None if path is None else Path(path), Path(folder).absolute())()
+
+
+def _opened(path: Path | None, folder: Path) -> Callable[[], Any]:
+    """What makes a page of a scene, or of results; what has no page is refused now."""
+    if path is not None and is_hdf5(path):
+        from .reader import history_page, read_history
+
+        return partial(history_page, read_history(path))
     from .view import Page
 
-    return Page(open_document(None if path is None else Path(path)), Path(folder).absolute())
+    open_document(path)
+    return lambda: Page(open_document(path), folder)
 
 
 def serve(path: Path | None, folder: Path, **where: Any) -> None:
@@ -76,14 +89,14 @@ def new_server(
     from tornado.web import ErrorHandler
 
     from .foreign import Foreign, Framing
-    from .view import Page
 
     pn.config.raw_css = [DARK]
-    open_document(path)  # refused before the server listens
+    make = _opened(path, folder.absolute())  # refused before the server listens
 
     def page() -> Any:
-        new = Page(open_document(path), folder.absolute())
-        pn.state.on_session_destroyed(lambda _: new.session.end())
+        new = make()
+        if hasattr(new, "session"):
+            pn.state.on_session_destroyed(lambda _: new.session.end())
         # Once the page is collected, what it had is returned.
         weakref.finalize(new, server.io_loop.add_callback, return_freed_memory).atexit = False
         return new

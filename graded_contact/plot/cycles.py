@@ -15,6 +15,7 @@ from .style import PAGE, colours_of, finished, new_figure
 from .words import label_of, title_of
 
 WORDS = {STEADY: "steady sliding", CYCLE: "a motion that repeats", HISTORY: "what happens once"}
+_FRAMES = 12  # of what happens once, in one figure
 _GEOMETRIC = 10.0  # times the first step, of the last one of a logarithmic axis
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ def plot_film(
       `kept_contact(results, index)`.
     - `surface`: the surface that moves.
     - `times`: numbers of the times, of a history among those whose fields are kept; by default
-      four, a quarter of the period T apart, or of the kept ones, with the last.
+      four, a quarter of the period T apart, or of the kept ones twelve at most, with the last.
     """
     from matplotlib.colors import PowerNorm
 
@@ -130,17 +131,23 @@ def plot_film(
     shown = [i * count // 4 for i in range(4)] if times is None else list(times)
     once = getattr(cycle, "field_time" if hasattr(cycle, "dims") else "field_times", None)
     if once is not None and times is None:
-        shown = sorted({(i + 1) * count // 4 - 1 for i in range(4)} - {-1})
+        number = min(count, _FRAMES)
+        shown = [(i + 1) * count // number - 1 for i in range(number)]
     unit, factor = unit_of(FIELDS["pressure"].unit, high)
     label = f"{FIELDS['pressure'].meaning} [{unit}]"
     is_map = surface.grid.ndim == 2
     tall = 2.0 * float(np.clip(size[-1] / size[0], 0.5, 2.0)) if is_map else 1.9
-    figure = new_figure(PAGE * max(len(shown), 2) / 4, tall)
-    panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
+    rows = -(-len(shown) // 4)
+    columns = -(-len(shown) // rows)
+    figure = new_figure(PAGE * max(columns, 2) / 4, tall * rows)
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for axes in panels[len(shown) :]:
+        axes.remove()
     colours, exponent, colour = LOOKS["pressure"]
     # One scale for all times: only then can frames be compared.
     norm = PowerNorm(exponent, 0, factor * high)
     image: Any = None
+    panels = panels[: len(shown)]
     for axes, i in zip(panels, shown, strict=True):
         if is_map:
             values = np.where(pressure[i] > 0, factor * pressure[i], np.nan)

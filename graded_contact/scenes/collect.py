@@ -19,7 +19,7 @@ from ..surfaces.surface import Surface
 from .results import FLOWS, FORMAT, KEPT_FIELDS, NO_NUMBERS, TIME, warnings_of
 from .scene import Scene
 from .surface_source import RandomSurface
-from .theory import errors_of_stack
+from .theory import errors_of_bodies
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -31,7 +31,7 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     known = facts_of(case) | {*scene.asked}
     # What is varied is a coordinate, and no result.
     names = [n for n in numbers_of(scene.kind, known) if n not in scene.axes]
-    return *names, *(["friction_standard_error"] if errors_of_stack(scene) is not None else [])
+    return *names, *(["friction_standard_error"] if errors_of_bodies(scene) is not None else [])
 
 
 def fields_of(scene: Scene) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..contacts.inputs import PARTED
 from ..core.checks import as_float, check_increasing, check_positive, check_values, within
 from ..fields.grid import Grid
 from ..readers.recorded_motion import read_over_time
@@ -19,6 +20,7 @@ from .block import KIND_MAKERS, Block
 from .schema import Key, kind_of
 
 ONCE, THEN = Key("once", bool, False), Key("then", list[dict], None)
+LIFTED = f"{PARTED} in Python"  # no scene has a gap
 _CLOSE = 1e-6  # times that differ by this part of them are one
 
 
@@ -48,7 +50,7 @@ def motion_of(block: Block, table: dict[str, Any], grid: Grid) -> Motion | Singl
         return block.reader.build_kind("[motion]", first, periodic, grid=grid)
     parts = []
     for i, part in enumerate([first, *later]):
-        place = f"[motion.then[{i - 1}]]" if i else "[motion]"
+        place = f"[[motion.then]] number {i}" if i else "[motion]"
         kind, entries = kind_of(place, part, single)
         make = single[kind]
         given = {"grid": grid} if "grid" in inspect.signature(make).parameters else {}
@@ -66,7 +68,7 @@ def read_load(block: Block, load: dict[str, Any]) -> None:
             raise ValueError(f"[load] has `pressure_path` and `{name}`: remove one of the two.")
     with within("[load] `pressure_path`:"):
         times, pressures, log = read_over_time(path, "pressures")
-        check_positive("pressure", pressures, "[Pa]")
+        check_positive("pressure", pressures, f"[Pa]{LIFTED}")
     block.take(log, "load")
     highest = np.max(pressures)
     load["pressure"] = np.array([highest])

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import jax.numpy as jnp
 import numpy as np
 
-from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.memory import (
     CYCLE,
@@ -29,7 +28,9 @@ from ..core.memory import (
 )
 from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along
+from ..sliding.bodies import TwoBodies
 from ..sliding.history import fields_of_history, solve_history
+from ..sliding.history_errors import steps_with_errors
 from ..sliding.slide import solve
 from ..sliding.steady import check_approach
 from ..studies.interruption import ctrl_c_later
@@ -43,7 +44,7 @@ from .results import FLOWS, KEPT_FIELDS
 from .scene import Scene
 from .scene_checks import refuse_liquids
 from .surface_source import RandomSurface, SurfaceFile
-from .theory import check_frequencies_of, errors_of_stack
+from .theory import check_frequencies_of, errors_of_bodies
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -102,7 +103,8 @@ class Plan:
         - `kept`: index along the axes of the solve whose fields are stored, if the scene stores
           one; by default the last.
         - `store`: stores each solve on disk as it ends; a solve in the store is not computed again.
-        - `workers`, `client`, `progress`: as in `sweep`.
+        - `workers`, `client`, `progress`: as in `sweep`. Of what happens once `progress` counts
+          steps, with those of the errors; an interrupted run goes on at the step that it reached.
 
         **Returns:** an `xarray.Dataset` over the axes of the scene: paths of [sweep], `temperature`
         [K] and `seed` if the scene has them, and always `pressure` [Pa] (or `approach` [m]) and
@@ -170,7 +172,10 @@ def plan(scene: Scene, *, surface: Surface | None = None) -> Plan:
         later.check()
         # Only names and dtypes of the first point matter: one program solves all points.
         first = {name: column[0] for name, column in columns_of(scene.axes).items()}
-        program = trace(_solver(scene, surface), first)
+        # With errors of materials a solve has a derivative, and is one program.
+        by_steps = scene.kind == HISTORY and not scene.errors
+        steps = steps_with_errors(scene.num_times) if by_steps else 0
+        program = trace(_solver(scene, surface), first, steps)
         later.check()
     return Plan(scene, surface, program)
 
@@ -220,15 +225,15 @@ def cost_text(
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
-    fields, errors = fields_of(scene), errors_of_stack(scene)
+    fields, errors = fields_of(scene), errors_of_bodies(scene)
     names = [n for n in numbers_of_scene(scene, surface) if n != "friction_standard_error"]
 
-    def solved(point: dict[str, Any], stack: Stack) -> dict[str, Any]:
+    def solved(point: dict[str, Any], bodies: TwoBodies) -> dict[str, Any]:
         rough = surface
         # A seed is drawn inside the program: JAX traces its number.
         if "seed" in point and isinstance(scene.surface, RandomSurface):
             rough = scene.surface.drawn(point["seed"])
-        case = dataclasses.replace(scene, stack=stack).case(point, rough)
+        case = dataclasses.replace(scene, **bodies._asdict()).case(point, rough)
         if scene.kind == HISTORY:
             contact = solve_history(case, scene.numerics, scene.kept_steps)
         else:
@@ -249,4 +254,5 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         return found | {"result": contact.result}
 
     main = "friction" if scene.motion is None else "mean_friction"
-    return lambda point: with_standard_error(partial(solved, point), scene.stack, errors, main)
+    bodies = TwoBodies(scene.stack, scene.counter)
+    return lambda point: with_standard_error(partial(solved, point), bodies, errors, main)

@@ -24,6 +24,7 @@ from ..core.parameters import with_values
 from ..core.quantities import CYCLE, HISTORY, STEADY
 from ..fields.frequency import velocity_along
 from ..materials.material import AbstractMaterial
+from ..sliding.bodies import TwoBodies, in_both
 from ..sliding.case import Case, Heating
 from ..sliding.facts import FLOW
 from ..sliding.gap_flow import Fluid
@@ -35,6 +36,7 @@ from ..studies.parameter_covariance import Errors
 from ..surfaces.surface import Surface
 from .schema import LINEAR, LOGARITHMIC
 from .surface_source import RandomSurface, Sphere, SurfaceFile
+from .toml import parse_toml
 
 Axis = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
 ONE_OR_AXIS = ("temperature", "direction")  # fields of a scene that may be varied
@@ -67,8 +69,8 @@ class Observe:
 
 @shown(
     "title", "stack", "surface", "counter", "block_surface", "sweep", "temperature", "pressure",
-    "approach", "velocity", "direction", "pressure_ratio", "strain_per_slope", "motion", "sampling",
-    "law", "shear", "heating", "fluid", "observed", unset=False,
+    "approach", "velocity", "direction", "pressure_ratio", "ratio_times", "strain_per_slope",
+    "tables", "sampling", "observed", unset=False,
 )  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
@@ -80,9 +82,10 @@ class Scene:
 
     - `text`: the TOML text.
     - `title`: one line for the reader.
-    - `stack`: the block of the file; `block` returns that of a point.
+    - `stack`: the block of the file; `bodies` returns that of a point.
     - `surface`: where the surface comes from; `plan` makes it.
-    - `sweep`: other values for numbers of the stack, by their paths.
+    - `sweep`: other values for numbers of the stack by their paths, and of the counter by
+      "counter.layers[0].thickness".
     - `pressure`: mean pressures [Pa], an axis; none with an approach.
     - `approach`: of a body on a window since its first touch [m], an axis in place of the pressure.
     - `velocity`: sliding velocities [m/s], an axis. With a motion these are its highest speeds, and
@@ -170,6 +173,13 @@ class Scene:
         return {**found, load: getattr(self, load), "velocity": self.velocity}
 
     @property
+    def tables(self) -> dict[str, Any]:
+        """Those of its tables that hold one thing, as they are written."""
+        written = parse_toml(self.text)
+        names = ("motion", "law", "shear", "heating", "fluid")
+        return {name: written[name] for name in names if name in written}
+
+    @property
     def contact_law(self) -> AbstractLaw:
         """That of [law], or a hard wall."""
         return self.law or HardWall()
@@ -232,10 +242,9 @@ class Scene:
     def case(self, point: Mapping[str, Any], surface: Surface) -> Case:
         """Returns the case at a point, given by its numbers on the axes; JAX may trace them."""
         given: dict[str, Any] = {
-            "stack": self.block(point), "surface": surface, "shear": self.shear,
+            **self.bodies(point)._asdict(), "surface": surface, "shear": self.shear,
             "temperature": self._at(point, "temperature"), "heating": self.heating,
             "strain_per_slope": self._at(point, "strain_per_slope"), "law": self.contact_law,
-            "counter": self._warm(self.counter, point),
             **{name: point[name] for name in ("pressure", "approach") if name in point},
         }  # fmt: skip
         direction = self._at(point, "direction")
@@ -260,23 +269,20 @@ class Scene:
             given["pressure"] = given["pressure"] * ratio
         return Case(displacement=moved, period=self.period_at(point["velocity"]), **given)
 
-    def block(self, point: Mapping[str, Any]) -> Stack:
-        """Returns the stack at a point, given by its numbers on the axes; JAX may trace them."""
-        stack = with_values(self.stack, {path: point[path] for path in self.sweep})
-        return self._warm(stack, point)
-
-    def _warm(self, body: Any, point: Mapping[str, Any]) -> Any:
-        """A body at the temperature of a point, if there is one."""
+    def bodies(self, point: Mapping[str, Any]) -> TwoBodies:
+        """Returns both bodies at a point, given by its numbers on the axes; JAX may trace them."""
+        bodies = TwoBodies(self.stack, self.counter)
+        bodies = with_values(bodies, {in_both(path): point[path] for path in self.sweep})
         temperature = self._at(point, "temperature")
-        return body if body is None or temperature is None else body.at(temperature)
+        return bodies if temperature is None else bodies.at(temperature)
 
     def _at(self, point: Mapping[str, Any], name: str) -> Any:
         """A number at a point: of its axis, or that of the scene."""
         return point.get(name, getattr(self, name))
 
-    def blocks(self) -> Iterator[tuple[dict[str, float], Stack]]:
-        """Yields the stacks that differ, each with its numbers of [sweep] and its temperature."""
+    def all_bodies(self) -> Iterator[tuple[dict[str, float], TwoBodies]]:
+        """Yields the bodies that differ, each with their numbers of [sweep] and temperature."""
         axes = {name: at for name, at in self.axes.items() if name in (*self.sweep, "temperature")}
         for numbers in itertools.product(*axes.values()):
             point = dict(zip(axes, numbers, strict=True))
-            yield point, self.block(point)
+            yield point, self.bodies(point)

@@ -20,8 +20,10 @@ from ..core.memory import check_points
 from ..core.parameters import paths, with_values
 from ..core.quantities import HISTORY
 from ..materials.softening import as_strain_per_slope
+from ..sliding.bodies import OF_COUNTER, BodyName, TwoBodies, in_both
 from ..sliding.shear import shear_stress
 from .block import extremes
+from .once import LIFTED
 from .scene import Scene
 from .surface_source import Sphere, SurfaceFile
 
@@ -45,10 +47,12 @@ def check_numbers(scene: Scene) -> None:
         with within("[output]"):
             check_name(scene.name)
     with within("[sweep]"):
-        check_paths(scene.sweep, scene.stack)
+        bodies = TwoBodies(scene.stack, scene.counter)
         for path, values in scene.sweep.items():
+            body: BodyName = "counter" if path.startswith(OF_COUNTER) else "block"
+            check_paths([path.removeprefix(OF_COUNTER)], bodies[body == "counter"], body)
             for value in (np.min(values), np.max(values)):  # what is allowed has no gaps
-                changed = with_values(scene.stack, {path: value})
+                changed = with_values(bodies, {in_both(path): value})
                 for at in extremes(scene.temperature):
                     changed.at(at)
     check_points("` x `".join(scene.axes), scene.num_solves)
@@ -79,11 +83,10 @@ def check_tables(scene: Scene) -> None:
         # A law with a shift refuses a scene without a temperature.
         for at in extremes(scene.temperature) or [None]:
             shear_stress(scene.shear, as_float(1.0, "velocity"), at)
-    if scene.counter is not None:
-        with within("[counter]"):
-            check_at_rest(scene.counter)  # its waves rest under the surface
-            for at in extremes(scene.temperature):
-                scene.counter.at(at)
+    with within("[counter]"):  # its waves rest under the surface
+        for _, (_, counter) in scene.all_bodies():
+            if counter is not None:
+                check_at_rest(counter)
     if scene.block_surface is not None:
         if motion is None:
             raise ValueError("[block_surface] needs a table [motion]: see `slide`.")
@@ -101,7 +104,7 @@ def check_tables(scene: Scene) -> None:
         raise ValueError("[motion] does not take the key `strain_per_slope` of [load].")
     with within("[load]"):
         if scene.pressure_ratio is not None:
-            check_positive("pressure_ratio", np.array(scene.pressure_ratio), "[1]")
+            check_positive("pressure_ratio", np.array(scene.pressure_ratio), f"[1]{LIFTED}")
         if float(motion.highest_speed) > 0:
             check_positive("velocity", scene.velocity, "[m/s]: a motion has a highest speed")
         elif np.any(scene.velocity):
@@ -123,16 +126,18 @@ def refuse_tables(scene: Scene, place: str, *names: str) -> None:
 
 def refuse_liquids(scene: Scene) -> None:
     """Raises `ValueError` with the name of a material that is a liquid, in any block of a scene."""
-    for _, stack in scene.blocks():
+    for _, (stack, _) in scene.all_bodies():
         path = liquid_in(stack)
         if path is not None:
             raise ValueError(f"[materials.{scene.materials[path]}] {LIQUID}")
 
 
-def check_paths(given: Iterable[str], stack: Stack) -> None:
-    """Raises `ValueError` unless all name numbers of the block."""
+def check_paths(given: Iterable[str], stack: Stack | None, body: BodyName = "block") -> None:
+    """Raises `ValueError` unless all name numbers of the body."""
+    if stack is None:
+        raise ValueError(f"{[*given]} need the table [{body}].")
     known = paths(stack)
     whole = [path for path in known if not path.endswith("]")]  # entries of arrays are many
     for path in given:
         if path not in known:
-            raise ValueError(f"`{path}` is not a number of the block; {nearest(path, whole)}")
+            raise ValueError(f"`{path}` is not a number of the {body}; {nearest(path, whole)}")

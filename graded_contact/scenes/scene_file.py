@@ -58,10 +58,11 @@ class SceneTables:
     - `layers`: tables [[layers]], from the loaded surface downwards. A graded one has, instead of
       `material`, the NAMEs `bottom` and `top`.
     - `counter`: the body that carries the surface; rigid without the table. It has the temperature
-      of [load], also with [heating].
+      of [load], and [heating] warms it.
     - `block_surface`: heights of the block itself, out of the block, with a `kind`; with [motion].
     - `sweep`: other values for numbers of the block, by paths as in `with_values`:
-      "layers[0].thickness" = [1e-5, 1e-4]. A temperature acts on the block with these values.
+      "layers[0].thickness" = [1e-5, 1e-4], and of the counter: "counter.layers[0].thickness". A
+      temperature acts on bodies with these values.
     - `motion`: in place of steady sliding, with a `kind`: back and forth or with stops; with
       `once = true` what happens once, with further motions after it as [[motion.then]].
     - `law`: of contact, with a `kind`: adhesion, hardness or a soft wall; if missing, a hard wall.

@@ -26,6 +26,7 @@ from ..materials.coverage import check_frequencies, coverage, is_unknown, may_re
 from ..materials.material import Prony
 from ..materials.shift import require_shift
 from ..mean_field.mean_field import MeanField, mean_field_of
+from ..sliding.bodies import TwoBodies
 from ..sliding.doubts import EXTRAPOLATED
 from ..sliding.single_motion import SingleMotion
 from ..studies.parameter_covariance import Errors
@@ -90,18 +91,19 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
     """
     if scene.kind == HISTORY:
         return _check_rates(scene)
-    if scene.counter is not None and scene.motion is not None:
-        with within("[counter] and [motion]:"):
-            check_frequencies(scene.counter, _excited(scene, surface.grid))
-    for point, stack in scene.blocks():
-        if coverage(stack) is None:  # then of no other block
-            return
+    for point, bodies in scene.all_bodies():
+        stack, counter = bodies
         where = ", ".join(f"{name} = {value:g}" for name, value in point.items())
         with within(f"At {where}:") if where else contextlib.nullcontext():
+            if counter is not None and scene.motion is not None:
+                with within("[counter] and [motion]:"):
+                    check_frequencies(counter, _excited(scene, surface.grid))
+            if coverage(stack) is None:
+                continue
             with within("[load] `velocity` and the surface:"):
                 check_frequencies(stack, _excited(scene, surface.grid))
             if surface.periodic:  # there is no mean field of a window
-                shares = partial(_shares, scene, surface, stack)
+                shares = partial(_shares, scene, surface, bodies)
                 refuse_extrapolated(scene, stack, surface.grid, shares)
 
 
@@ -110,8 +112,12 @@ def _check_rates(scene: Scene) -> None:
     assert isinstance(scene.motion, SingleMotion)
     times = np.asarray(scene.motion.times)
     rates = np.array([1 / times[-1], 1 / np.min(np.diff(times, prepend=0))])
-    bodies = [("block", stack) for _, stack in scene.blocks()]
-    bodies += [] if scene.counter is None else [("counter", scene.counter)]
+    bodies = [
+        (name, stack)
+        for _, both in scene.all_bodies()
+        for name, stack in zip(("block", "counter"), both, strict=True)
+        if stack is not None
+    ]
     for body, stack in bodies:
         known = coverage(stack)
         if scene.extrapolate or known is None or may_refuse(stack):  # a table has no history
@@ -125,7 +131,7 @@ def _check_rates(scene: Scene) -> None:
             )
 
 
-def _shares(scene: Scene, surface: Surface, stack: Stack) -> np.ndarray:
+def _shares(scene: Scene, surface: Surface, bodies: TwoBodies) -> np.ndarray:
     """The share of the friction from frequencies that were not measured, at each velocity.
 
     Of several directions it is the largest.
@@ -133,19 +139,19 @@ def _shares(scene: Scene, surface: Surface, stack: Stack) -> np.ndarray:
     shares = []
     for direction in np.ravel(scene.direction):
         one = dataclasses.replace(scene, direction=float(direction))
-        shares.append([f.extrapolated_friction for f in mean_fields(one, surface, stack)])
+        shares.append([f.extrapolated_friction for f in mean_fields(one, surface, bodies)])
     return np.max(np.array(shares), axis=0)
 
 
-def mean_fields(scene: Scene, surface: Surface, stack: Stack) -> list[MeanField]:
+def mean_fields(scene: Scene, surface: Surface, bodies: TwoBodies) -> list[MeanField]:
     """Returns the mean field at each velocity and the highest pressure of a scene.
 
     **Arguments:**
 
     - `surface`: of the scene.
-    - `stack`: one of its blocks.
+    - `bodies`: of one of its points.
     """
-    given = {"stack": stack, "sweep": {}, "temperature": None, "shear": None}
+    given = {**bodies._asdict(), "sweep": {}, "temperature": None, "shear": None}
     points = [{"pressure": np.max(scene.pressure), "velocity": v} for v in scene.velocity]
     return [_mean_field(scene, surface, point, **given) for point in points]
 
@@ -211,14 +217,15 @@ def _excited(scene: Scene, grid: Grid) -> np.ndarray:
     return np.abs(np.concatenate([np.ravel(wave_frequencies(grid, v)) for v in velocities]))
 
 
-def errors_of_stack(scene: Scene) -> Errors | None:
-    """Returns the errors of the numbers of a scene's stack, or None without errors.
+def errors_of_bodies(scene: Scene) -> Errors | None:
+    """Returns the errors of the numbers of both bodies of a scene, or None without errors.
 
     A material at several places has the same errors at all of them.
     """
     names, blocks = [], []
     for _, material, known in scene.errors:
-        at = places(scene.stack, material)
+        at = places(TwoBodies(scene.stack, scene.counter), material)
+        at = [place.removeprefix("stack.") for place in at]
         if at:
             names += [f"{place}.{path}" for place in at for path in known.paths]
             # The errors of one material act at all its places together.
@@ -265,10 +272,10 @@ def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -
         # By identity: another material with the same numbers stays.
         swapped = jax.tree.map(
             lambda node: table if node is material else node,
-            scene.stack,
+            TwoBodies(scene.stack, scene.counter),
             is_leaf=lambda node: node is material,
         )
-        given = {"stack": swapped, "sweep": {}, "shear": None, "direction": 0.0}
+        given = {**swapped._asdict(), "sweep": {}, "shear": None, "direction": 0.0}
         return _mean_field(scene, surface, point, **given).friction
 
     # The table is about the temperature at which the material is written.

@@ -2,10 +2,10 @@
 
 from . import observables  # noqa: F401 (first: it decides their order)
 from .case import Case, Heating
+from .conduction import flash_temperature
 from .contact_stress import ContactStress, LargestStress, contact_stress
 from .gap_flow import Fluid, GapFlow, gap_flow
 from .heat_source import heat_depths, heat_source
-from .heating import flash_temperature
 from .magnification import area_against_cutoff, cumulative_friction
 from .motion import Motion, recorded, sinusoidal, start_stop, steady
 from .numerics import Numerics

@@ -20,16 +20,39 @@ so that the loop contracts.
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import TypeGuard
+from typing import Literal, NamedTuple, TypeGuard
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float, Inexact, ScalarLike
 
+from ..blocks.stack import Stack
 from ..contacts.operator import AbstractOperator, Field
 from ..contacts.space_time import SpaceTime
 from ..fields.grid import Waves, resample_spectrum
+
+BodyName = Literal["block", "counter"]
+OF_COUNTER = "counter."  # begins the paths of its numbers beside those of a block
+
+
+class TwoBodies(NamedTuple):
+    """The block, and the counter or None if it is rigid; values by paths are in both.
+
+    Paths of the counter begin with `OF_COUNTER`, those of the block with nothing, see `in_both`.
+    """
+
+    stack: Stack
+    counter: Stack | None
+
+    def at(self, temperature: ScalarLike) -> "TwoBodies":
+        """Returns both bodies at another temperature [K]."""
+        return TwoBodies(*(body and body.at(temperature) for body in self))  # pyright: ignore
+
+
+def in_both(path: str) -> str:
+    """Returns the path in `TwoBodies` of a number of the block or of the counter."""
+    return path if path.startswith(OF_COUNTER) else f"stack.{path}"
 
 
 class Coupling(eqx.Module):

@@ -21,7 +21,6 @@ from ..core.checks import (
     check_values,
     is_concrete,
     numbers,
-    scalar,
     short,
     within,
 )
@@ -37,25 +36,28 @@ OfParts = Float[Array, ""] | Float[Array, " parts"]
 
 @shown(units=False)
 class Heating(eqx.Module):
-    """How heat flows in the block and in the counterface.
+    """How heat flows in the block and in the body that carries the surface.
 
     **Fields:**
 
     - `conductivity`: κ of the block [W/(m K)]: one number, or one for each layer, surface first,
       and one for the half space below (also below a rigid base).
     - `diffusivity`: D of the block [m²/s]: one number, or as many as layers plus one.
-    - `counterface_conductivity`: κ of the rough counterface [W/(m K)]; 0 if no heat flows into it.
+    - `counterface_conductivity`: κ of the body that carries the surface [W/(m K)]: one number, 0 if
+      no heat flows into it, or one for each layer of a `counter`, surface first, and one below.
     """
 
     conductivity: OfParts = eqx.field(converter=numbers("conductivity"))
     diffusivity: OfParts = eqx.field(converter=numbers("diffusivity"))
-    counterface_conductivity: Float[Array, ""] = eqx.field(
-        converter=scalar("counterface_conductivity"), default=0.0
+    counterface_conductivity: OfParts = eqx.field(
+        converter=numbers("counterface_conductivity"), default=0.0
     )
 
     def __check_init__(self):
         check_positive("conductivity", self.conductivity, "[W/(m K)]")
         check_positive("diffusivity", self.diffusivity, "[m²/s]")
+        if self.counterface_conductivity.ndim:
+            check_positive("counterface_conductivity", self.counterface_conductivity, "[W/(m K)]")
         allowed = "a conductivity [W/(m K)] is zero or positive"
         check_values("counterface_conductivity", self.counterface_conductivity, allowed, at_least=0)
 

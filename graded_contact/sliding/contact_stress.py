@@ -19,13 +19,13 @@ from ..core.display import shown
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import Grid, coordinates, wavenumber
 from ..materials.softening import softens
+from .bodies import BodyName
 from .facts import WINDOW
 from .heat_source import as_depths, shear_traction
 from .result import Sliding
 
 _SAME = 1e-3  # relative difference of two kernels of one block, in float32 and of tables
 StressKind = Literal["von_mises", "tension", "shear", "opening"]
-BodyName = Literal["block", "counter"]
 
 
 @shown()
@@ -111,10 +111,9 @@ def contact_stress(
     **Arguments:**
 
     - `sliding`: a result of `slide` on a periodic surface.
-    - `stack`: the body: its block, with heating `sliding.heated.stack`, or its counter.
+    - `stack`: the body: its block or counter, with heating `sliding.heated.stack` or `.counter`.
     - `depths`: z [m], shape `(depths,)`; 0 is the surface. See `interface_depths`.
     - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump.
-
     - `body`: "block" or "counter". The z axis is into the body: that of the counter is opposite.
 
     **Returns:** stresses, and their largest values with their places, see `ContactStress`.
@@ -153,7 +152,8 @@ def _check_body(sliding: Sliding, stack: Stack, body: BodyName) -> None:
     if not np.allclose(own, kernel[modes], rtol=_SAME, atol=0):
         raise ValueError(
             f"`stack` is refused: the contact has another {body}. Pass the stack that `slide` "
-            "took, or with heating `sliding.heated.stack`."
+            "took, with heating `sliding.heated.stack` (or `.counter`), and of the counter "
+            '`body="counter"`.'
         )
 
 

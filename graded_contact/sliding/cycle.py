@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from ..blocks.grading import graded_tolerance
 from ..blocks.periodic_kernel import periodic_kernel
-from ..blocks.stack import Stack
+from ..blocks.stack import Stack, films_of
 from ..blocks.tangential_kernel import periodic_tangential_kernels
 from ..contacts.inputs import loading_of
 from ..contacts.law import check_one_law
@@ -69,7 +69,8 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
         operator=_operator(unless_negative(kernel, sheared), counter, case.displacement, grid),
         heights=surface.heights, grid=grid, law=law, displacement=case.displacement,
         period=case.period, shear=sheared, coupling=coupling, counter=counter, block_heights=own,
-        measured_range=coverage(case.stack), prescribed=case.prescribed, facts=facts_of(case),
+        measured_range=coverage(case.stack), prescribed=case.prescribed,
+        films=tuple(map(films_of, case.bodies)), facts=facts_of(case),
     )  # fmt: skip
     return Posed(problem, load, True if how.throw else reached)
 

@@ -18,12 +18,13 @@ A derivative is that of the contact of each step. It keeps the contacts, and com
 once more from every √n-th step on.
 """
 
+import contextlib
 import dataclasses
 import functools
 import itertools
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -37,6 +38,7 @@ from ..contacts.area import contact_shares
 from ..contacts.operator import Field, nonzero, work_of_waves
 from ..contacts.solution import RESULTS
 from ..contacts.solve import contact_of
+from ..core.checks import is_concrete
 from ..core.compilation import jit
 from ..core.derivative import largest
 from ..fields.grid import odd_wavevector, to_field, to_spectrum
@@ -117,7 +119,7 @@ class Advance(eqx.Module):
             pressure=field, rise=field, shares=field,
             traction=jnp.zeros(problem.moved.shape[1], dtype), works=jnp.zeros(3, dtype),
             kept=tuple(jnp.zeros((kept, *problem.shape), dtype) for _ in range(4)),
-            result=RESULTS.successful, failed=jnp.asarray(-1),
+            result=RESULTS.successful, failed=jnp.full((), -1, int),
         )  # fmt: skip
 
     def step(self, state: HistoryState, given: _Step) -> tuple[HistoryState, dict[str, Array]]:
@@ -290,40 +292,105 @@ OF_STEPS = (
 )  # fmt: skip
 
 
+@runtime_checkable
+class Journal(Protocol):
+    """What follows histories, see `followed`."""
+
+    def begin(self, start: Any) -> tuple[int, Any]:
+        """Returns the step at which a history begins, and what is known there: 0 and `start`, or
+        what was kept.
+        """
+        ...
+
+    def keep(self, step: int, found: Any) -> None:
+        """Takes what is known before a step; what this raises ends the history."""
+        ...
+
+
+_journals: list[Journal] = []
+
+
+@contextlib.contextmanager
+def followed(journal: Journal) -> Iterator[None]:
+    """Inside, each history that is not traced goes on part by part, and `journal` follows it."""
+    _journals.append(journal)
+    try:
+        yield
+    finally:
+        _journals.pop()
+
+
 def run_history(
     problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
 ) -> tuple[HistoryState, dict[str, Array]]:
     """Returns the state after the last step, and the numbers of all steps."""
     # The program is that of all bodies.
-    return _run(dataclasses.replace(problem, bodies=()), how, kept)
+    problem, count = dataclasses.replace(problem, bodies=()), len(problem.times)
+    if not _journals or not all(map(is_concrete, jax.tree.leaves(problem))):
+        return _run(problem, how, kept)
+    step, found = _journals[-1].begin(_before(problem, how, kept))
+    while step < count:
+        found = _one_segment(problem, how, kept, found, jnp.asarray(step))
+        step = min(step + _length(count), count)
+        _journals[-1].keep(step, found)
+    state, numbers = found
+    return state, _of_whole(problem, numbers)
 
 
-@jit
-def _run(
-    problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
-) -> tuple[HistoryState, dict[str, Array]]:
-    count, advance = len(problem.times), Advance(problem, HistoryWaves(problem), how)
-    steps = _steps(problem, kept)
-    # Segments of about √n steps, each computed once more in a derivative in reverse.
-    length = math.ceil(math.sqrt(count))
-    segments = -(-count // length)
-    rows = jnp.minimum(jnp.arange(segments * length), count - 1)
-    filled = jax.tree.map(lambda leaf: leaf[rows].reshape(segments, length, *leaf.shape[1:]), steps)
-    counts = (jnp.arange(segments * length) < count).reshape(segments, length)
-    filled = filled._replace(counts=counts)
+def _length(count: int) -> int:
+    """Of a segment: about √n steps, each computed once more in a derivative in reverse."""
+    return math.ceil(math.sqrt(count))
+
+
+def _segments(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]):
+    """The state before t = 0, and what advances a state by a segment from a step on."""
+    advance = Advance(problem, HistoryWaves(problem), how)
+    steps, count = _steps(problem, kept), len(problem.times)
 
     def one(state, given):
         like = jax.eval_shape(advance.step, state, given)[1]
         stay = lambda: (state, jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), like))  # noqa: E731
         return jax.lax.cond(given.counts, lambda: advance.step(state, given), stay)
 
+    def segment(state, first):
+        rows = first + jnp.arange(_length(count))
+        given = jax.tree.map(lambda leaf: leaf[jnp.minimum(rows, count - 1)], steps)
+        return jax.lax.scan(one, state, given._replace(counts=rows < count))
+
+    return advance.init(len(kept)), segment
+
+
+@jit
+def _run(
+    problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
+) -> tuple[HistoryState, dict[str, Array]]:
+    start, segment = _segments(problem, how, kept)
+    count = len(problem.times)
     policy = jax.checkpoint_policies.save_only_these_names(_CONTACT)
-    segment = jax.checkpoint(lambda state, given: jax.lax.scan(one, state, given), policy=policy)
-    state, numbers = jax.lax.scan(segment, advance.init(len(kept)), filled)
+    segment = jax.checkpoint(segment, policy=policy)
+    state, numbers = jax.lax.scan(segment, start, jnp.arange(0, count, _length(count)))
     numbers = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:count], numbers)
     return state, _of_whole(problem, numbers)
 
 
+@jit
+def _before(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]):
+    """The state before t = 0, and room for the numbers of all steps."""
+    start, segment = _segments(problem, how, kept)
+    like, count = jax.eval_shape(segment, start, 0)[1], len(problem.times)
+    return start, jax.tree.map(lambda a: jnp.zeros((count, *a.shape[1:]), a.dtype), like)
+
+
+@jit
+def _one_segment(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...], found, first):
+    """The state and the numbers after a segment."""
+    segment, (state, numbers) = _segments(problem, how, kept)[1], found
+    state, new = segment(state, first)
+    rows = first + jnp.arange(_length(len(problem.times)))
+    return state, jax.tree.map(lambda a, b: a.at[rows].set(b, mode="drop"), numbers, new)
+
+
+@jit
 def _of_whole(problem: HistoryProblem, numbers: dict[str, Array]) -> dict[str, Array]:
     """The numbers of all steps, with those over the load and those of the whole."""
     load = numbers["load"]

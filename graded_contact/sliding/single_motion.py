@@ -13,7 +13,6 @@ from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import (
     Numbers,
-    as_float,
     as_scalar,
     check_increasing,
     check_positive,
@@ -30,7 +29,6 @@ from .motion import CHOSEN_STEP
 
 _STEPS = 128  # of a motion, where the grid is not known
 _A_DECADE = 10  # steps of a rest, whose error is then below 1e-3
-_FIRST = 1e-4  # of a rest: its first step
 
 
 @shown("num_times", "times", "displacement", units=False)
@@ -94,13 +92,13 @@ def dwell(
     """
     duration = as_scalar(duration, "duration")
     check_positive("duration", duration, "[s]")
-    first = _FIRST * duration if first is None else as_scalar(first, "first")
+    first = 1e-4 * duration if first is None else as_scalar(first, "first")
     check_positive("first", first, "[s]")
     ratio = duration / first
     if is_concrete(ratio) and not ratio > 1:
         raise ValueError(f"`first={first:g}` s must be less than `duration={duration:g}` s.")
     if num_times is None:
-        num_times = _known("num_times", ratio, lambda r: math.ceil(_A_DECADE * math.log10(r)) + 1)
+        num_times = math.ceil(_A_DECADE * math.log10(_known("num_times", ratio))) + 1
     check_whole("num_times", num_times, 2)
     # Equal steps as long as the first one, then in proportion: no step is shorter than the first.
     part = jnp.linspace(0, 1, num_times, dtype=duration.dtype)
@@ -119,19 +117,13 @@ def ramp(
     **Arguments:**
 
     - `velocity`: v [m/s].
-    - `duration`: of the motion [s].
-    - `grid`: of the surface, which then moves by half a spacing in a step; None for 128 steps.
-    - `num_times`: number of steps, in place of the grid's.
+    - `duration`, `grid`, `num_times`: as in `start`.
 
     **Returns:** the motion.
 
     **Raises:** `ValueError` for a refused argument.
     """
-    velocity, duration = as_scalar(velocity, "velocity"), as_scalar(duration, "duration")
-    check_positive("duration", duration, "[s]")
-    count = _count(num_times, velocity * duration, grid)
-    part = jnp.arange(1, count + 1, dtype=duration.dtype) / count
-    return SingleMotion(duration * part, velocity * duration * part)
+    return start(velocity, duration, velocity, grid, num_times)
 
 
 @check_types
@@ -146,9 +138,10 @@ def start(
     **Arguments:**
 
     - `velocity`: v at the end [m/s].
-    - `duration`: of the change [s].
+    - `duration`: of the motion [s].
     - `before`: velocity at the beginning [m/s].
-    - `grid`, `num_times`: as in `ramp`.
+    - `grid`: of the surface, which then moves by half a spacing in a step; None for 128 steps.
+    - `num_times`: number of steps, in place of the grid's.
 
     **Returns:** the motion.
 
@@ -157,9 +150,12 @@ def start(
     velocity, duration = as_scalar(velocity, "velocity"), as_scalar(duration, "duration")
     before = as_scalar(before, "before")
     check_positive("duration", duration, "[s]")
-    # The longest step is at the higher velocity.
-    count = _count(num_times, jnp.maximum(jnp.abs(velocity), jnp.abs(before)) * duration, grid)
-    part = jnp.arange(1, count + 1, dtype=duration.dtype) / count
+    if num_times is None and grid is not None:  # the longest step is at the higher velocity
+        way = jnp.maximum(jnp.abs(velocity), jnp.abs(before)) * duration
+        num_times = max(math.ceil(_known("num_times", way / grid.spacing[0]) / CHOSEN_STEP), 1)
+    num_times = _STEPS if num_times is None else num_times
+    check_whole("num_times", num_times, 1)
+    part = jnp.arange(1, num_times + 1, dtype=duration.dtype) / num_times
     moved = before * part + (velocity - before) * (part**3 - part**4 / 2)
     return SingleMotion(duration * part, duration * moved)
 
@@ -177,11 +173,8 @@ def listed(times: Numbers, displacement: Numbers) -> SingleMotion:
 
     **Raises:** `ValueError` for a refused argument.
     """
-    motion = SingleMotion(times, displacement)
-    check_rows(1, times=motion.times)
+    motion = _table(times, displacement, 1)
     check_positive("times", motion.times, "[s]", squares=False)
-    check_increasing("times", motion.times)
-    _check_one_for_each(motion.times, motion.displacement)
     return motion
 
 
@@ -202,46 +195,36 @@ def recorded_once(times: Numbers, displacement: Numbers, grid: Grid) -> SingleMo
 
     **Raises:** `ValueError` for a refused argument.
     """
-    times, table = as_float(times, "times"), as_float(displacement, "displacement")
-    check_rows(2, times=times)
-    check_increasing("times", times)
-    check_values("displacement", table, "a displacement [m] must be finite")
-    _check_one_for_each(times, table)
-    ways = jnp.abs(jnp.diff(table.reshape(len(times), -1), axis=0))
-    spacings = jnp.sum(ways / grid.spacing[: ways.shape[1]], axis=1) / CHOSEN_STEP
-    counts = _known("grid", spacings, lambda n: np.maximum(np.ceil(n), 1).astype(int))
+    table = _table(times, displacement, 2)
+    rows = table.displacement.reshape(len(table.times), -1)
+    ways = jnp.abs(jnp.diff(rows, axis=0)) / grid.spacing[: rows.shape[1]]
+    counts = np.maximum(np.ceil(_known("grid", jnp.sum(ways, axis=1)) / CHOSEN_STEP), 1)
     place = np.concatenate([i + np.arange(1, n + 1) / n for i, n in enumerate(counts)])
-    index = np.arange(len(times))
-    at = jnp.interp(place, index, times - times[0])
-    columns = (table - table[0]).reshape(len(times), -1).T
-    moved = jnp.stack([jnp.interp(place, index, column) for column in columns], axis=1)
-    return SingleMotion(at, moved.reshape(len(at), *table.shape[1:]))
+    at = lambda column: jnp.interp(place, np.arange(len(column)), column - column[0])  # noqa: E731
+    moved = jnp.stack([at(column) for column in rows.T], axis=1)
+    return SingleMotion(at(table.times), moved.reshape(-1, *table.displacement.shape[1:]))
 
 
-def _check_one_for_each(times: Array, displacement: Array) -> None:
-    count = len(times)
-    if displacement.shape not in ((count,), (count, 2)):
+def _table(times: Numbers, displacement: Numbers, least: int) -> SingleMotion:
+    """Times and displacements, at least so many, of which the times ascend."""
+    table = SingleMotion(times, displacement)
+    check_rows(least, times=table.times)
+    check_increasing("times", table.times)
+    check_values("displacement", table.displacement, "a displacement [m] must be finite")
+    count, shape = len(table.times), table.displacement.shape
+    if shape not in ((count,), (count, 2)):
         raise ValueError(
-            f"`displacement` has shape {displacement.shape}; `({count},)` or `({count}, 2)` is "
-            "needed, one for each of the `times`."
+            f"`displacement` has shape {shape}; `({count},)` or `({count}, 2)` is needed, one for "
+            "each of the `times`."
         )
+    return table
 
 
-def _count(num_times: int | None, way: Array, grid: Grid | None) -> int:
-    """The number of steps: the one given, or what the longest of them needs."""
-    if num_times is None and grid is not None:
-        spacings = jnp.abs(way) / grid.spacing[0] / CHOSEN_STEP
-        num_times = _known("num_times", spacings, lambda n: max(math.ceil(n), 1))
-    num_times = _STEPS if num_times is None else num_times
-    check_whole("num_times", num_times, 1)
-    return num_times
-
-
-def _known(name: str, number: Array, of):
-    """A whole number that follows from one that must be known."""
+def _known(name: str, number: Array) -> np.ndarray:
+    """What a number of steps follows from, which must be known."""
     if not is_concrete(number):
         raise ValueError(
             f"`{name}` is needed inside of a program (`jit`, `vmap`, `grad`), where the motion is "
             "not known."
         )
-    return of(np.asarray(number))
+    return np.asarray(number)

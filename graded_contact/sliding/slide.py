@@ -70,9 +70,10 @@ def slide(
       surface up to q. None: the amplitude of each material.
     - `counter`: the body that carries the surface and moves with it, a `Stack` from its surface
       inwards; None for a rigid one. The waves of the pressure rest on it: it has its relaxed moduli
-      and loses nothing. It keeps its temperature, also with `heating`: pass `counter.at(...)`. If
-      the block is rough and the counter is smooth, exchange them: `stack` is then the smooth body,
-      `counter` the rough one, and the velocity that of the rough body over the smooth one.
+      and loses nothing. It keeps its temperature: pass `counter.at(...)`; with `heating` it has the
+      bulk temperature and is heated, too. If the block is rough and the counter is smooth, exchange
+      them: `stack` is then the smooth body, `counter` the rough one, and the velocity that of the
+      rough body over the smooth one.
     - `law`: of contact.
     - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`; `start`
       and `solution`, see `solve`.

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..blocks.kernel import attempted_kernel, stack_kernel
-from ..blocks.stack import Rigid, Stack, interface_depths
+from ..blocks.stack import Rigid, Stack, films_of, interface_depths
 from ..blocks.window_compliance import doubled, has_ground, long_cell, without_images
 from ..contacts.inputs import LEAST_GAP
 from ..contacts.law import AbstractLaw, HardWall
@@ -62,7 +62,8 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
         measured=surface.measured, grid=surface.grid, velocity=case.velocity, law=case.law,
         shear=sheared, coupling=block.coupling, counter=counter, measured_range=_coverage(stack),
         kernel_error=kernel_error, prescribed=case.prescribed,
-        thickness=_thickness(stack, surface), facts=facts_of(case),
+        thickness=_thickness(stack, surface), films=tuple(map(films_of, case.bodies)),
+        facts=facts_of(case),
     )  # fmt: skip
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)
     if case.approach is not None:

@@ -85,15 +85,13 @@ def friction_table(
     def numbers(options: dict[str, Any], point: dict[str, Array]) -> dict[str, Any]:
         moving = velocity_along(point["velocity"], direction)
 
-        def at(block: Stack) -> dict[str, Any]:
-            bodies = {"stack": block, "counter": case.counter}
+        def at(bodies: TwoBodies) -> dict[str, Any]:
             if temperature is not None:
-                at_point = lambda body: body and body.at(point["temperature"])  # noqa: E731
-                bodies = {name: at_point(body) for name, body in bodies.items()}
-            changed: dict[str, Any] = {**point, "velocity": moving, **bodies}
+                bodies = bodies.at(point["temperature"])
+            changed: dict[str, Any] = {**point, "velocity": moving, **bodies._asdict()}
             return solved(options, dataclasses.replace(case, **changed))
 
-        return with_standard_error(at, stack, errors)
+        return with_standard_error(at, TwoBodies(stack, case.counter), errors)
 
     if method == "contact" or isinstance(roughness, Surface):  # its modes are summed
         table = sweep(partial(numbers, options), axes, **engine)

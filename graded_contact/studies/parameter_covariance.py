@@ -5,6 +5,7 @@ direction of their errors: one standard deviation, in the units of the numbers.
 """
 
 import csv
+import dataclasses
 import io
 import os
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from ..core.checks import as_float, check_values, nearest, within
 from ..core.display import shown
 from ..core.files import read_file
 from ..core.parameters import paths, with_values
+from ..sliding.bodies import TwoBodies, in_both
 from .dataset import write_whole
 
 _LARGEST = 10_000_000  # bytes of a file; 500 numbers have 6 MB
@@ -63,18 +65,22 @@ def moved(tree: T, errors: Errors, steps: Float[Array, " directions"]) -> T:
 
 
 def with_standard_error(
-    solved: Callable[[T], dict[str, Any]], tree: T, errors: Errors | None, name: str = "friction"
+    solved: Callable[[TwoBodies], dict[str, Any]],
+    bodies: TwoBodies,
+    errors: Errors | None,
+    name: str = "friction",
 ) -> dict[str, Any]:
-    """Returns what `solved` finds of a tree and, if errors are known, `friction_standard_error`.
+    """Returns what `solved` finds of bodies and, if errors are known, `friction_standard_error`.
 
     `name` is the number that stands for the friction. One backward pass gives its slopes along all
     directions of the errors.
     """
     if errors is None:
-        return solved(tree)
+        return solved(bodies)
+    errors = dataclasses.replace(errors, paths=tuple(map(in_both, errors.paths)))
 
     def friction(steps):
-        found = solved(moved(tree, errors, steps))
+        found = solved(moved(bodies, errors, steps))
         return found[name], found
 
     none = jnp.zeros(len(errors.directions), errors.directions.dtype)

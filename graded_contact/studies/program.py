@@ -8,6 +8,7 @@ the surface.
 import logging
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -39,6 +40,8 @@ class Program(NamedTuple):
     - `closed`: the jaxpr, and the arrays that the function closes over.
     - `text`: of the jaxpr and of the names of what it returns.
     - `like`: shapes and dtypes of what it returns: arrays by name, and a member of `RESULTS`.
+    - `steps`: of a function of histories that is run step by step, how many a point has at most; 0
+      for a function that is compiled as a whole.
     """
 
     function: Callable[[dict[str, Any]], Any]
@@ -46,6 +49,7 @@ class Program(NamedTuple):
     closed: core.ClosedJaxpr
     text: str
     like: tuple[dict[str, jax.ShapeDtypeStruct], Any]
+    steps: int = 0
 
     @property
     def key(self) -> str:
@@ -79,7 +83,9 @@ class Program(NamedTuple):
         ]
 
 
-def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic]) -> Program:
+def trace(
+    function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic], steps: int = 0
+) -> Program:
     """Returns the program of a function of a point.
 
     The program returns the arrays of the function by their paths, complex ones as real and
@@ -103,7 +109,7 @@ def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic
             f"`function` reads {name!r}, which is no axis; {nearest(name, point)}"
         ) from error
     names = jax.tree.structure((point, like))
-    return Program(inner, point, closed, f"{closed.jaxpr} {names}", like)
+    return Program(inner, point, closed, f"{closed.jaxpr} {names}", like, steps)
 
 
 def key_of(closed: core.ClosedJaxpr, text: str) -> str:
@@ -116,17 +122,7 @@ def key_of(closed: core.ClosedJaxpr, text: str) -> str:
 
 def compiled(program: Program) -> Callable[[Task], Point]:
     """Returns what solves one point; a point that fails has no values and its reason."""
-    jaxpr = program.closed.jaxpr
-    # Constants become the first arguments, so that XLA neither copies nor compiles them in.
-    open_jaxpr = jaxpr.replace(constvars=[], invars=[*jaxpr.constvars, *jaxpr.invars])
-    code = fingerprint(program.text, *map(_plain, _inside(jaxpr)))
-    if code not in _COMPILED:
-        if len(_COMPILED) == _MOST_COMPILED:  # the oldest goes
-            del _COMPILED[next(iter(_COMPILED))]
-        run = jax.jit(core.jaxpr_as_fun(core.ClosedJaxpr(open_jaxpr, [])))
-        arguments = *program.closed.consts, *jax.tree.leaves(program.point)
-        _COMPILED[code] = run.lower(*arguments).compile()
-    run, arrays = _COMPILED[code], jax.device_put(program.closed.consts)
+    run = _step_by_step(program) if program.steps else _as_a_whole(program)
     names = jax.tree.structure(program.like)
 
     def solve(task):
@@ -135,7 +131,7 @@ def compiled(program: Program) -> Callable[[Task], Point]:
         log = logging.getLogger("jax._src.callback")
         log.addFilter(silence := lambda _: False)
         try:
-            found = jax.tree.map(np.asarray, run(*arrays, *jax.tree.leaves(point)))
+            found = jax.tree.map(np.asarray, run(*jax.tree.leaves(point)))
         except (ValueError, RuntimeError) as error:  # `eqx.error_if` raises through XLA
             # Equinox puts a stack before the message, and advice on debugging after it.
             reason = str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
@@ -151,6 +147,32 @@ def compiled(program: Program) -> Callable[[Task], Point]:
         return Point({name: values[name] for name in needed or values}, message)
 
     return solve
+
+
+def _step_by_step(program: Program) -> Callable[..., list[jax.Array]]:
+    """What runs a function as it is: histories in it have programs for their segments."""
+    names = jax.tree.structure(program.point)
+
+    def run(*numbers):
+        point = jax.tree.unflatten(names, map(jnp.asarray, numbers))
+        return jax.tree.leaves(_named(with_observables(program.function(point))))
+
+    return run
+
+
+def _as_a_whole(program: Program) -> Callable[..., list[jax.Array]]:
+    """What runs a function as one compiled program."""
+    jaxpr = program.closed.jaxpr
+    # Constants become the first arguments, so that XLA neither copies nor compiles them in.
+    open_jaxpr = jaxpr.replace(constvars=[], invars=[*jaxpr.constvars, *jaxpr.invars])
+    code = fingerprint(program.text, *map(_plain, _inside(jaxpr)))
+    if code not in _COMPILED:
+        if len(_COMPILED) == _MOST_COMPILED:  # the oldest goes
+            del _COMPILED[next(iter(_COMPILED))]
+        run = jax.jit(core.jaxpr_as_fun(core.ClosedJaxpr(open_jaxpr, [])))
+        arguments = *program.closed.consts, *jax.tree.leaves(program.point)
+        _COMPILED[code] = run.lower(*arguments).compile()
+    return partial(_COMPILED[code], *jax.device_put(program.closed.consts))
 
 
 def _named(found: Any) -> tuple[dict[str, jax.Array], Any]:

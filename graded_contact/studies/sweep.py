@@ -13,8 +13,10 @@ import numpy as np
 
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
+from ..sliding.history_steps import followed
 from .dataset import FAILED, LOST, NOT_STARTED, attach
 from .interruption import Interruption, ctrl_c_later
+from .journal import PointJournal, forget
 from .program import Program, Task, compiled, trace
 from .store import Point, Store, open_store, together
 from .workers import check_workers, connected, num_cores, on_workers, pays
@@ -133,34 +135,45 @@ def solve_points(
             points[i] = point
         else:
             tasks[i] = {name: column[i] for name, column in columns.items()}, needed
-    stored = count - len(tasks)
-    say = progress or (lambda *_: None)
-    begin = partial(say, stored, count)
+    stored, steps = count - len(tasks), program.steps or 1
+
+    def say(done: int, of_next: int = 0) -> None:
+        if progress is not None:
+            progress((stored + done) * steps + of_next, count * steps)
+
     if not tasks:
-        begin()
+        say(0)
         return points
     with (
         ctrl_c_later() as later,
         contextlib.suppress(KeyboardInterrupt),
         # Closing ends workers and cancels their tasks at once, also after Ctrl-C.
-        contextlib.closing(_solved(program, tasks, workers, client, later, begin)) as solved,
+        contextlib.closing(
+            _solved(program, tasks, workers, client, later, say, store, names)
+        ) as solved,
     ):
-        for done, (i, point) in enumerate(solved, start=stored + 1):
+        for done, (i, point) in enumerate(solved, start=1):
             points[i] = point
             if store is not None and point.message != LOST:  # a lost point is tried again
                 store.write(names[i], point)
-            say(done, count)
+                forget(store, names[i])
+            say(done)
     return points
 
 
 def _solved(
     program: Program, tasks: dict[int, Task], workers: Workers, client: Any, later: Interruption,
-    begin: Callable[[], None],
+    say: Callable[[int, int], None], store: Store | None, names: Sequence[str],
 ) -> Generator[tuple[int, Point]]:  # fmt: skip
     """Yields points as they end: in this process, on workers, or first here and then there.
 
-    `begin` is called before the first one, when the program is compiled.
+    `say` is called with the points and steps done: first when the program is compiled.
     """
+
+    def after_steps(done: int, steps: int) -> None:
+        say(done, steps)
+        later.check()
+
     left = dict(tasks)
     if client is None and workers in (None, "auto"):
         can_start = workers == "auto" and importlib.util.find_spec("distributed")
@@ -170,17 +183,23 @@ def _solved(
         solve = compiled(program)
         later.check()
         compiling = time.perf_counter() - start
-        begin()
-        for i, task in tasks.items():
+        if not program.steps:  # of which the first point compiles the segments
+            say(0, 0)
+        for done, (i, task) in enumerate(tasks.items()):
             start = time.perf_counter()
-            yield i, solve(task)
+            name = names[i] if names else ""
+            with followed(PointJournal(store, name, partial(after_steps, done))):
+                point = solve(task)
+            yield i, point
             later.check()  # the point is kept
             del left[i]
             seconds = time.perf_counter() - start
-            if can_start and pays(len(left) * seconds, compiling):
+            if program.steps and not done:
+                compiling = seconds
+            elif can_start and pays(len(left) * seconds, compiling):
                 break
     else:
-        begin()
+        say(0, 0)
     if left:
         count = num_cores() if workers == "auto" else workers
         with connected(count, client) as client:

@@ -141,7 +141,7 @@ def on_workers(
         # A separate task: dask repeats it if all workers with its result have died.
         options = {name: getattr(jax.config, name) for name in OPTIONS}
         # Packed twice: to unpack the function may start XLA, which must wait for the options.
-        code = cloudpickle.dumps((program.function, program.point))
+        code = cloudpickle.dumps((program.function, program.point, program.steps))
         code = cloudpickle.dumps((options, program.key, code))
         packed = client.submit(bytes, code, pure=False)
         alone = hand_out()

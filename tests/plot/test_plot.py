@@ -149,6 +149,7 @@ def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
         ("layers[3].profile.top.modulus", "hard Young's modulus"),
         ("base.material.shift.c1", "tread first constant of the WLF law"),
         ("layers[9].thickness", "layer 10 thickness"),
+        ("counter.layers[0].thickness", "counter layer 1 thickness"),
         ("pressure", "mean pressure"),
         ("speed of sound", "speed of sound"),
     ],

@@ -1,6 +1,8 @@
 """[motion] with `once = true`: what scenes make of it, run, print, write and refuse."""
 
+import os
 import re
+import signal
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,16 +12,21 @@ import numpy as np
 import pytest
 from scene_texts import BARE
 from typer.testing import CliRunner
+from waiting import until
 
 import graded_contact as gc
 from graded_contact.cli import app
+from graded_contact.core.escaping import in_html
 from graded_contact.designs.table import read_design
 from graded_contact.page.document import open_document
+from graded_contact.plot.style import caption
 from graded_contact.scenes.plan import build_surface, plan
 from graded_contact.scenes.results import kept_contact, over_seeds, read_results
 from graded_contact.scenes.scene_file import parse_scene, read_scene
 from graded_contact.sliding.history_problem import HistoryProblem
 from graded_contact.sliding.single_motion import dwell, ramp, start
+from graded_contact.studies import interruption
+from graded_contact.studies.journal import PointJournal
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RUBBER = 'kind = "prony"\nequilibrium = 2e6\nstrengths = [4e6]\ntimes = [1e-3]\npoisson = 0.49'
@@ -55,8 +62,9 @@ def scene_of(text=LOADED + BRAKE + ASKED):
 
 @pytest.fixture(scope="module")
 def braking():
-    scene = scene_of()
-    return scene, plan(scene).run()
+    scene, said = scene_of(), []
+    planned = plan(scene)
+    return planned, planned.run(progress=lambda *done: said.append(done)), said
 
 
 def test_motions_follow_one_another_and_steps_end_where_the_load_turns():
@@ -75,7 +83,8 @@ def test_motions_follow_one_another_and_steps_end_where_the_load_turns():
 
 @pytest.mark.slow
 def test_a_run_is_slide_history(braking):
-    scene, results = braking
+    planned, results, _ = braking
+    scene = planned.scene
     found = gc.sliding.slide_history(
         scene.stack, build_surface(scene), times=scene.motion.times,
         displacement=scene.motion.displacement, fields_at=scene.kept_steps, rtol=scene.rtol,
@@ -94,7 +103,8 @@ def test_a_run_is_slide_history(braking):
 
 
 def test_results_are_over_time_and_keep_the_fields_of_their_frames(braking, tmp_path):
-    scene, results = braking
+    planned, results, _ = braking
+    scene = planned.scene
     times = np.asarray(scene.motion.times)
     assert np.all(results.message == "")
     one = results.isel(pressure=0, velocity=0)
@@ -120,6 +130,29 @@ def test_results_are_over_time_and_keep_the_fields_of_their_frames(braking, tmp_
     assert read_results(tmp_path / "r.h5").identical(results)
 
 
+def test_progress_counts_steps_and_an_interrupted_run_goes_on_at_its_step(braking, tmp_path):
+    planned, results, whole = braking
+    done, count = zip(*whole, strict=True)
+    steps = planned.scene.num_times
+    assert {*count} == {3 * steps + -(-steps // 2)} and steps in done and done[-1] == count[-1]
+    said = []
+
+    def stopped_at(step):
+        def say(done, count):
+            said.append((done, count))
+            if done >= step:
+                raise KeyboardInterrupt
+
+        return say
+
+    with pytest.raises(KeyboardInterrupt):  # in the steps of the errors
+        planned.run(store=tmp_path, progress=stopped_at(steps + 1))
+    again = planned.run(store=tmp_path, progress=stopped_at(count[-1] + 1))
+    assert said == whole  # each segment once
+    assert again.identical(results)
+    assert [path.stem for path in tmp_path.glob("*.point")] == [planned.points.item()]
+
+
 def test_each_number_of_the_history_is_part_of_the_name_of_its_solve():
     """A stored solve of another motion or load would be a wrong number."""
     texts = [
@@ -130,7 +163,8 @@ def test_each_number_of_the_history_is_part_of_the_name_of_its_solve():
 
 
 def test_figures_of_a_history_have_its_times(braking):
-    scene, results = braking
+    planned, results, _ = braking
+    scene = planned.scene
     figure = gc.plot.plot_transient(results)
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels[:4] == ["friction", "contact area", "load [kPa]", "mean gap [µm]"]
@@ -155,6 +189,20 @@ def test_a_command_runs_a_history_and_writes_its_numbers_over_time(braking, tmp_
     (tmp_path / "load.csv").write_text("time [ms],pressure [kPa]\n100,200\n103,400\n")
     text = LINE.replace("pressure = 2e5", 'pressure_path = "load.csv"') + BRAKE + ASKED
     (tmp_path / "s.toml").write_text(text)
+    if os.name == "posix":  # Ctrl-C after the first steps
+        keep, said = PointJournal.keep, []
+
+        def interrupted(*arguments):
+            if not said:
+                os.kill(os.getpid(), signal.SIGINT)
+                until(lambda: said)
+            keep(*arguments)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(PointJournal, "keep", interrupted)
+            patch.setattr(interruption, "_say", said.append)
+            told = CliRunner().invoke(app, ["run", "s.toml"])
+        assert told.exit_code == 130 and "1 of them begun" in told.output, told.output
     told = CliRunner().invoke(app, ["run", "s.toml"])
     assert told.exit_code == 0, told.output
     for words in ("friction\n", "flow along", "104 ms"):
@@ -170,11 +218,30 @@ def test_a_command_runs_a_history_and_writes_its_numbers_over_time(braking, tmp_
     assert ("[load]", "pressure_path") in read_scene(tmp_path / "s.toml").inputs
 
 
+def test_the_page_shows_the_results_of_a_history(braking, tmp_path):
+    pytest.importorskip("panel")
+    from graded_contact.page import explore
+
+    planned, results, _ = braking
+    gc.studies.dataset.write(tmp_path / "r.h5", results)
+    *told, figure, place, film = explore(tmp_path / "r.h5")
+    shown = "".join(part.object for part in told)
+    texts = (results.attrs["title"], *results.attrs["caveats"].split("\n"))
+    assert all(in_html(text) in shown for text in texts)
+    assert figure.alt_text == caption(gc.plot.plot_transient(results))
+    assert "200 kPa" in place.object
+    kept = 1e3 * np.asarray(planned.scene.motion.times)[list(planned.scene.kept_steps)]
+    assert re.findall(r'alt="time \[ms\]: (\S+)"', film.object) == [f"{t:.4g}" for t in kept]
+    gc.studies.dataset.write(tmp_path / "r.h5", results.drop_vars("field_time").isel(time=0))
+    with pytest.raises(ValueError, match=r"has no \[motion\] with `once = true`"):
+        explore(tmp_path / "r.h5")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["braking", "seal", "load_steps"])
 def test_an_example_of_what_happens_once_runs(name, monkeypatch):
     scene = read_scene(EXAMPLES / f"{name}.toml")
-    text = scene.text.replace("[32, 32]", "[16]").replace("q_high = 5e4", "q_high = 4e4")
+    text = scene.text.replace("[64, 64]", "[16]").replace("q_high = 5e4", "q_high = 4e4")
     results = plan(parse_scene(text, EXAMPLES)).run()
     assert np.all(results.message == "") and np.isfinite(results.contact_area).all()
     one = results.isel(pressure=0, velocity=0)
@@ -198,9 +265,9 @@ MEASURED = RUBBER + "\nmeasured = {omega = [10.0, 1e3]}"
         (LINE + BRAKE.replace("once = true", "once = 1"),
          r"^\[motion\] `once=1` must be True or False"),
         (LINE + BRAKE.replace('kind = "start"\nbefore', 'kind = "start"\nbefor'),
-         r"^\[motion.then\[0\]\] has no key `befor`; did you mean `before`"),
+         r"^\[\[motion.then\]\] number 1 has no key `befor`; did you mean `before`"),
         (LINE + BRAKE.replace('kind = "dwell"', 'kind = "sinusoidal"'),
-         r"^\[motion.then\[1\]\] `kind` = 'sinusoidal' is not known"),
+         r"^\[\[motion.then\]\] number 2 `kind` = 'sinusoidal' is not known"),
         (LINE + REST.replace("1.0", "-1.0"), r"^\[motion\] `duration=-1` is refused"),
         (LINE.replace("[load]", "[load]\nvelocity = 1.0") + REST,
          r"^\[load\] `velocity` is refused"),
@@ -211,7 +278,8 @@ MEASURED = RUBBER + "\nmeasured = {omega = [10.0, 1e3]}"
         (LOADED.replace("3e-3]", "3.0]") + REST,
          r"^\[load\] `ratio_times\[1\]=3` is refused.*end of"),
         (LOADED.replace("[0.0, 3e-3]", "[1e-2, 3e-3]") + REST, r"^\[load\] `ratio_times"),
-        (LOADED.replace("1.5]", "0.0]") + REST, r"^\[load\] `pressure_ratio\[1\]=0` is refused"),
+        (LOADED.replace("1.5]", "0.0]") + REST,
+         r"^\[load\] `pressure_ratio\[1\]=0` is refused.*prescribe `mean_gap` in Python"),
         (LOADED.replace("[load]", "[load]\nvelocity = 1.0"),
          r"^\[load\] `ratio_times` needs \[motion\]"),
         (LINE + REST + "[output]\nframes = 0\n", r"^\[output\] `frames=0` is refused"),
@@ -251,7 +319,9 @@ def test_tables_of_moduli_and_loads_are_refused_by_name(tmp_path):
         plan(scene)
     (tmp_path / "load.csv").write_text("t [s],p [Pa]\n0,1e5\n1,-1e5\n")
     text = LINE.replace("pressure = 2e5", 'pressure_path = "load.csv"')
-    with pytest.raises(ValueError, match=r"^\[load\] `pressure_path`: `pressure\[1\]=-100000`"):
+    with pytest.raises(
+        ValueError, match=r"^\[load\] `pressure_path`: `pressure\[1\]=-100000`.*`mean_gap`"
+    ):
         parse_scene(text + REST, tmp_path)
     with pytest.raises(ValueError, match=r"^\[load\] has `pressure_path` and `pressure`: remove"):
         parse_scene(text.replace("[load]", "[load]\npressure = 1e5") + REST, tmp_path)
@@ -263,7 +333,7 @@ def test_tables_of_moduli_and_loads_are_refused_by_name(tmp_path):
 def test_the_page_and_designs_refuse_a_history_by_name(tmp_path):
     path = tmp_path / "s.toml"
     path.write_text(LINE + REST)
-    with pytest.raises(ValueError, match=re.escape("The page does not take the table [motion]")):
+    with pytest.raises(ValueError, match=r"once = true`: .*graded-contact run`, and open the file"):
         open_document(path)
     path.write_text(LINE + BRAKE + '[design]\nobjective = "minimise_peak_over_mean"\n'
         + "[design.parameters]\n"

@@ -297,10 +297,10 @@ def test_what_a_scene_varies_is_in_the_order_of_its_axes():
     np.testing.assert_allclose(scene.axes["temperature"], [280, 290, 300])
     np.testing.assert_allclose(scene.axes["layers[0].thickness"], [1e-5, 1e-4, 1e-3])
     assert scene.axes["seed"].tolist() == [3, 4]
-    block = scene.block({"layers[0].thickness": 1e-4, "temperature": 290.0})
+    block = scene.bodies({"layers[0].thickness": 1e-4, "temperature": 290.0}).stack
     expected = gc.with_values(scene.stack, {"layers[0].thickness": 1e-4}).at(290.0)
     assert eqx.tree_equal(block, expected)
-    assert len(list(scene.blocks())) == 9
+    assert len(list(scene.all_bodies())) == 9
 
 
 def test_a_scene_of_many_megabytes_is_refused_before_it_is_parsed(tmp_path):

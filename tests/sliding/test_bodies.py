@@ -413,3 +413,42 @@ def test_heat_of_friction_softens_the_block_under_a_counter():
     rigid, stiff, soft = (float(one.surface_rise) for one in found)
     np.testing.assert_allclose(stiff, rigid, rtol=1e-3)
     assert rigid > 1 and 0 < soft < rigid
+
+
+@pytest.mark.slow
+def test_heat_of_a_cycle_warms_both_bodies():
+    """Each is in thin layers at temperatures that fall from that of the contact."""
+    q = Q0 / 4e-3
+    spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=q, q_roll=2 * q, q_high=4 * q)
+    surface = gc.random_surface(spectrum, gc.Grid(32, 4e-3), jax.random.key(0))
+    shift = gc.WLF(8.0, 100.0, 293.0)
+    block = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49, shift=shift)))
+    soft = gc.HalfSpace(gc.Prony(1e6, [9e6], [1e-3], 0.4, shift=shift))
+    counter = gc.Stack(layers=(gc.Layer(gc.Elastic(1e7, 0.4), 1e-4),), base=soft)
+    motion = gc.sliding.sinusoidal(2e-3, 250.0, grid=surface.grid)
+    how = {
+        "displacement": motion.displacement,
+        "period": motion.period,
+        "shear": ConstantShear(3e6),
+    }
+    how |= {"pressure": 3e4, "rtol": 1e-6}
+    heat = {"heating": Heating(0.25, 1.1e-7, [1.0, 0.25]), "temperature": 293.0}
+    found = slide_cycle(block, surface, counter=counter, **heat, **how)
+    own, other, at = found.heated.rises, found.heated.counter_rises, float(found.surface_rise)
+    # The heat stays under the contact of the counter, and is carried away from that of the block.
+    assert at > 10 and np.all(np.diff(other) < 0) and 0.9 * at < other[0] < at
+    assert 0 < own[0] < 0.2 * at
+    # The cycle is that of these bodies; of cold ones it is another.
+    names = "mean_friction", "dissipated_power", "counter_power"
+    warm, cold = (
+        slide_cycle(first, surface, counter=second, **how).compute(*names)
+        for first, second in ((found.heated.stack, found.heated.counter), (block, counter))
+    )
+    np.testing.assert_allclose(found.compute(*names), warm, rtol=1e-4)
+    assert np.all(np.abs(np.divide(cold, warm) - 1) > 0.05)
+    # Under an elastic block without shear nothing is lost at a constant load.
+    for ratio in (0.0, 0.5):
+        load = 3e4 * (1 + ratio * np.sin(2 * np.pi * motion.displacement / 2e-3))
+        given = how | {"shear": None, "pressure": load}
+        rise = slide_cycle(elastic(1e7), surface, counter=counter, **heat, **given).surface_rise
+        assert rise == 0 if ratio == 0 else 0 < rise < at

@@ -9,7 +9,7 @@ from scipy.linalg import solve_banded
 
 import graded_contact as gc
 from graded_contact.blocks import Bond, Film
-from graded_contact.fields.grid import to_field, to_spectrum, wavenumber
+from graded_contact.fields.grid import multiplicity, to_field, to_spectrum, wavenumber
 from graded_contact.materials import StrainSoftening
 from graded_contact.sliding import (
     ConstantShear,
@@ -18,8 +18,8 @@ from graded_contact.sliding import (
     heat_depths,
     heat_source,
 )
+from graded_contact.sliding.conduction import Heat, temperatures, thermal_wavenumber
 from graded_contact.sliding.heat_source import check_series, shear_heat
-from graded_contact.sliding.heating import temperatures, thermal_wavenumber
 
 CELL = 4e-3  # m
 Q0 = 2 * np.pi / CELL
@@ -140,7 +140,8 @@ def still():
 def one_wave(s, stack, heating, depths, sources=1.0):
     """Temperatures of a wave by random sources in slices, the sources and k in each layer."""
     source = sources * jax.random.normal(jax.random.key(1), (3, *s.grid.shape))
-    found = temperatures(s, stack, heating, source, jnp.diff(EDGES), jnp.asarray(depths))
+    heat = Heat(source, jnp.diff(EDGES), shear_heat(s))
+    (found,) = temperatures(s, (stack,), heating, heat, [jnp.asarray(depths)])
     k = [
         complex(thermal_wavenumber(s.grid, s.velocity, d)[1, 2])
         for d in jnp.atleast_1d(heating.diffusivity)
@@ -185,14 +186,54 @@ def test_a_coat_reflects_heat_of_the_surface(sheared):
 
 def test_two_half_spaces_at_rest_share_the_heat_by_their_conductivities(sheared):
     """With D so large that all is steady, each takes κ/(κ + κ')."""
-    none = jnp.zeros((1, *sheared.grid.shape)), jnp.array([1e-4]), jnp.zeros(1)
+    heat = of_shear(sheared), [jnp.zeros(1)]
     alone, shared = (
-        temperatures(sheared, HALF_SPACE, Heating(0.25, 1e9, other), *none)[0]
+        temperatures(sheared, (HALF_SPACE,), Heating(0.25, 1e9, other), *heat)[0][0]
         for other in (0.0, 1.0)
     )
     np.testing.assert_allclose(shared, alone / 5, rtol=1e-6, atol=1e-9)
     equal = to_spectrum(shear_heat(sheared)) / (1.25 * jnp.maximum(wavenumber(sheared.grid), 1e-9))
     np.testing.assert_allclose(shared[1:], equal[1:], rtol=1e-6, atol=1e-9)
+
+
+def of_shear(sheared, lost=0.0):
+    none = jnp.zeros((1, *sheared.grid.shape)), jnp.array([1e-4])
+    return Heat(*none, shear_heat(sheared), lost)
+
+
+def test_heat_divides_between_a_moving_block_and_a_coated_counter_at_rest(sheared):
+    """1/T = 1/T_b + 1/T_c of the temperatures that each has alone (J. C. Jaeger, 1942)."""
+    q = np.array(wavenumber(sheared.grid))
+    q[0, 0] = 1.0
+    k = np.array(thermal_wavenumber(sheared.grid, sheared.velocity, 1.1e-7))
+    # Of a coat on a half space, by images.
+    image = (0.25 - 40.0) / (0.25 + 40.0) * np.exp(-2 * q * 1e-4)
+    coated = (1 + image) / (1 - image) / (0.25 * q)
+    weight = np.abs(to_spectrum(sheared.pressure / jnp.mean(sheared.pressure))) ** 2
+    weight = weight * np.asarray(multiplicity(sheared.grid.shape)) / sheared.pressure.size**2
+    weight[0, 0] = 0
+    alone = [np.sum(weight * one.real) for one in (1 / (0.25 * k), coated)]
+    power, lost = float(jnp.mean(shear_heat(sheared))), 30.0
+    expected = (power + lost) / sum(1 / one for one in alone)
+    counter = gc.Stack(layers=(gc.Layer(COAT, 1e-4),), base=gc.Rigid())
+    heating, depths = Heating(0.25, 1.1e-7, [0.25, 40.0]), jnp.array([0.0, 3e-5])
+    bodies, heat = (HALF_SPACE, counter), of_shear(sheared, lost)
+    found = temperatures(sheared, bodies, heating, heat, [depths] * 2)
+    pressure = sheared.pressure / jnp.mean(sheared.pressure)
+    block, other = (to_field(body[0], sheared.grid.shape) for body in found)
+    np.testing.assert_allclose([jnp.mean(one * pressure) for one in (block, other)], expected)
+    # Below the surface the coat's waves decay, and are reflected.
+    share = (np.exp(-q * 3e-5) + image * np.exp(q * 3e-5)) / (1 + image)
+    np.testing.assert_allclose(found[1][1], found[1][0] * share, atol=1e-9)
+    one = flash_temperature(sheared, HALF_SPACE, heating, depths, counter=counter, body="counter")
+    assert one.shape == (2, *sheared.grid.shape) and 0 < one[1].max() < one[0].max()
+
+
+def test_two_equal_bodies_at_rest_have_equal_temperatures(sheared):
+    body = gc.Stack(layers=(gc.Layer(COAT, 1e-4),), base=gc.HalfSpace(RUBBER))
+    heating, depths = Heating([0.3, 2.0], 1e9, [0.3, 2.0]), jnp.array([0.0, 5e-5, 3e-4])
+    block, counter = temperatures(sheared, (body, body), heating, of_shear(sheared), [depths] * 2)
+    np.testing.assert_allclose(counter, block, rtol=1e-6, atol=1e-9)
 
 
 def test_heat_at_depth_makes_less_of_a_flash_than_at_the_surface():
@@ -248,7 +289,11 @@ def test_what_has_no_known_heat_is_refused(sheared, stack, depths, words):
 def test_conductivities_of_other_layers_are_refused(sheared):
     with pytest.raises(ValueError, match=r"`conductivity` has shape \(3,\); one number"):
         flash_temperature(sheared, HALF_SPACE, DIFFERENT, [0.0])
-    with pytest.raises(ValueError, match="numbers for each layer"):
-        gc.mean_field_friction(
-            HALF_SPACE, SPECTRUM, pressure=1e5, velocity=1.0, temperature=293.0, heating=DIFFERENT
-        )
+    with pytest.raises(ValueError, match=r"`counterface_conductivity` has shape \(2,\).*counter"):
+        flash_temperature(sheared, HALF_SPACE, Heating(0.2, 1e-7, [0.2, 1.0]), [0.0])
+    with pytest.raises(ValueError, match="counterface_conductivity"):
+        Heating(0.2, 1e-7, [0.2, 0.0])
+    for each in (DIFFERENT, Heating(0.2, 1e-7, [0.2, 1.0])):
+        how = {"pressure": 1e5, "velocity": 1.0, "temperature": 293.0, "heating": each}
+        with pytest.raises(ValueError, match="numbers for each layer"):
+            gc.mean_field_friction(HALF_SPACE, SPECTRUM, **how)

@@ -211,6 +211,9 @@ def test_own_laws_are_taken_if_they_are_analytic():
     assert whole == pytest.approx(expected, rel=1e-8)
     with pytest.raises(ValueError, match=r"material=Even.*fit_prony"):
         creep_of(gc.Stack(base=gc.HalfSpace(Even())), ends, steps)
+    layers = (gc.Layer(Fractional(), 1e-4, gc.blocks.Film(Even(), 1e-6)),)
+    with pytest.raises(ValueError, match=r"material=Even.*fit_prony"):
+        creep_of(gc.Stack(layers=layers, base=gc.Rigid()), ends, steps)
 
 
 @pytest.mark.slow
