@@ -52,19 +52,7 @@ html_theme_options = {
     "header_links_before_dropdown": 10,
     "secondary_sidebar_items": {"**": ["page-toc"], "index": []},
 }
-html_sidebars = {
-    name: []
-    for name in (
-        "index",
-        "numbers",
-        "beside_a_measurement",
-        "explore",
-        "validation",
-        "comparison",
-        "paper",
-        "published",
-    )
-}
+html_sidebars = {"index": [], "explore": []}  # the only ones of their sections
 smartquotes = False  # quotes in keys and commands can be copied
 html_math_renderer = "mathml"
 
