@@ -7,6 +7,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 from scipy.fft import next_fast_len
 
 from ..blocks.creep import NODES, creep_of
@@ -24,7 +25,8 @@ from ..fields.grid import Grid
 from .case import Case
 from .facts import COUPLED, facts_of
 from .history_problem import HistoryProblem, steps_of
-from .history_steps import OF_STEPS, HistoryState, run_history
+from .history_run import run_history
+from .history_steps import OF_STEPS, HistoryState
 from .motion import components
 from .numerics import Numerics
 from .resolution import NEIGHBOURS_RTOL
@@ -52,7 +54,7 @@ def history_problem(case: Case) -> HistoryProblem:
         shear=stress, prescribed=case.prescribed, facts=facts_of(case), path=path,
         block_heights=None if case.block_surface is None else case.block_surface.heights,
     )  # fmt: skip
-    fields = fields_of_history(case.counter, case.shear, problem.moved.shape[1])
+    fields = fields_of_history(case.counter, case.shear, case.displacement)
     if path is not None:
         fields *= _WINDOW
     shape, itemsize = problem.memory_grid.shape, surface.heights.dtype.itemsize
@@ -136,9 +138,9 @@ def solve_history(case: Case, how: Numerics, fields_at: Sequence[int] = (-1,)) -
     )  # fmt: skip
 
 
-def fields_of_history(counter: Stack | None, shear: ShearLaw | None, components: int = 1) -> float:
+def fields_of_history(counter: Stack | None, shear: ShearLaw | None, moved: Array) -> float:
     """Returns how many fields a history takes: for each force on each body."""
-    forces = 1 + components if is_coupled(shear) else 1
+    forces = 1 + components(moved).shape[1] if is_coupled(shear) else 1
     return _MEMORY * forces * (1 if counter is None else 2)
 
 

@@ -13,18 +13,13 @@ frame of the surface, started from the pressure before:
 
 The counter has a memory like the block's, whose waves rest under the surface: both kernels add up,
 and so do both known displacements.
-
-A derivative is that of the contact of each step. It keeps the contacts, and computes the memory
-once more from every √n-th step on.
 """
 
-import contextlib
 import dataclasses
 import functools
 import itertools
-import math
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -35,16 +30,13 @@ from jaxtyping import Array, Complex
 
 from ..contacts.abstract_solver import Inputs, Loading
 from ..contacts.area import contact_shares
-from ..contacts.operator import Field, nonzero, work_of_waves
+from ..contacts.operator import Field, work_of_waves
 from ..contacts.solution import RESULTS
 from ..contacts.solve import contact_of
-from ..core.checks import is_concrete
-from ..core.compilation import jit
-from ..core.derivative import largest
 from ..fields.grid import odd_wavevector, to_field, to_spectrum
 from .area import contact_area, contact_area_pixels
 from .facts import WINDOW
-from .formulas import edges_of, indicator_of, lengths, touching_at, weighted_slope
+from .formulas import edges_of, indicator_of, touching_at, weighted_slope
 from .grid_errors import unseen_area
 from .history_problem import HistoryProblem, HistoryWaves
 from .numerics import Numerics
@@ -148,7 +140,7 @@ class Advance(eqx.Module):
             inputs, self.how.solver, self.how.adjoint, self.how.rtol,
             jax.lax.stop_gradient(start), None, False,
         )  # fmt: skip
-        contact = jax.tree.map(lambda leaf: checkpoint_name(leaf, _CONTACT), contact)
+        contact = jax.tree.map(lambda leaf: checkpoint_name(leaf, STEP_CONTACT), contact)
         spectrum = to_spectrum(waves.on_grid(contact.pressure))
         driven = [factor * spectrum for factor in factors] + ahead
         pasts = [
@@ -285,132 +277,14 @@ def _direction(way: Array) -> tuple[Array, Array]:
     return jnp.where(moves, way / far, 0), far
 
 
-_CONTACT = "contact"  # what a derivative keeps of each step
+STEP_CONTACT = "contact"  # what a derivative keeps of each step
 OF_STEPS = (
     "error", "gap_error", "load_error", "complementarity_error", "penetration", "num_steps",
     "num_fft_pairs",
 )  # fmt: skip
 
 
-@runtime_checkable
-class Journal(Protocol):
-    """What follows histories, see `followed`."""
-
-    def begin(self, start: Any) -> tuple[int, Any]:
-        """Returns the step at which a history begins, and what is known there: 0 and `start`, or
-        what was kept.
-        """
-        ...
-
-    def keep(self, step: int, found: Any) -> None:
-        """Takes what is known before a step; what this raises ends the history."""
-        ...
-
-
-_journals: list[Journal] = []
-
-
-@contextlib.contextmanager
-def followed(journal: Journal) -> Iterator[None]:
-    """Inside, each history that is not traced goes on part by part, and `journal` follows it."""
-    _journals.append(journal)
-    try:
-        yield
-    finally:
-        _journals.pop()
-
-
-def run_history(
-    problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
-) -> tuple[HistoryState, dict[str, Array]]:
-    """Returns the state after the last step, and the numbers of all steps."""
-    # The program is that of all bodies.
-    problem, count = dataclasses.replace(problem, bodies=()), len(problem.times)
-    if not _journals or not all(map(is_concrete, jax.tree.leaves(problem))):
-        return _run(problem, how, kept)
-    step, found = _journals[-1].begin(_before(problem, how, kept))
-    while step < count:
-        found = _one_segment(problem, how, kept, found, jnp.asarray(step))
-        step = min(step + _length(count), count)
-        _journals[-1].keep(step, found)
-    state, numbers = found
-    return state, _of_whole(problem, numbers)
-
-
-def _length(count: int) -> int:
-    """Of a segment: about √n steps, each computed once more in a derivative in reverse."""
-    return math.ceil(math.sqrt(count))
-
-
-def _segments(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]):
-    """The state before t = 0, and what advances a state by a segment from a step on."""
-    advance = Advance(problem, HistoryWaves(problem), how)
-    steps, count = _steps(problem, kept), len(problem.times)
-
-    def one(state, given):
-        like = jax.eval_shape(advance.step, state, given)[1]
-        stay = lambda: (state, jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), like))  # noqa: E731
-        return jax.lax.cond(given.counts, lambda: advance.step(state, given), stay)
-
-    def segment(state, first):
-        rows = first + jnp.arange(_length(count))
-        given = jax.tree.map(lambda leaf: leaf[jnp.minimum(rows, count - 1)], steps)
-        return jax.lax.scan(one, state, given._replace(counts=rows < count))
-
-    return advance.init(len(kept)), segment
-
-
-@jit
-def _run(
-    problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
-) -> tuple[HistoryState, dict[str, Array]]:
-    start, segment = _segments(problem, how, kept)
-    count = len(problem.times)
-    policy = jax.checkpoint_policies.save_only_these_names(_CONTACT)
-    segment = jax.checkpoint(segment, policy=policy)
-    state, numbers = jax.lax.scan(segment, start, jnp.arange(0, count, _length(count)))
-    numbers = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:count], numbers)
-    return state, _of_whole(problem, numbers)
-
-
-@jit
-def _before(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]):
-    """The state before t = 0, and room for the numbers of all steps."""
-    start, segment = _segments(problem, how, kept)
-    like, count = jax.eval_shape(segment, start, 0)[1], len(problem.times)
-    return start, jax.tree.map(lambda a: jnp.zeros((count, *a.shape[1:]), a.dtype), like)
-
-
-@jit
-def _one_segment(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...], found, first):
-    """The state and the numbers after a segment."""
-    segment, (state, numbers) = _segments(problem, how, kept)[1], found
-    state, new = segment(state, first)
-    rows = first + jnp.arange(_length(len(problem.times)))
-    return state, jax.tree.map(lambda a, b: a.at[rows].set(b, mode="drop"), numbers, new)
-
-
-@jit
-def _of_whole(problem: HistoryProblem, numbers: dict[str, Array]) -> dict[str, Array]:
-    """The numbers of all steps, with those over the load and those of the whole."""
-    load = numbers["load"]
-
-    def over(traction):
-        return jnp.where(load > 0, traction.T / jnp.where(load > 0, load, 1), jnp.nan).T
-
-    shape, way = problem.displacement.shape, lengths(problem.steps[1])
-    friction, path = over(numbers["traction"]), jnp.sum(load * way)
-    return numbers | dict(
-        traction=numbers["traction"].reshape(shape), friction=friction.reshape(shape),
-        shear_friction=over(numbers["shear_traction"]).reshape(shape),
-        # Without a way, or without a load on it, there is none.
-        mean_friction=jnp.where(path > 0, numbers["work_done"][-1] / nonzero(path), jnp.nan),
-        peak_friction=largest(jnp.where(load > 0, lengths(friction), 0)),
-        slope_in_contact=largest(numbers["slope"]),
-    )  # fmt: skip
-
-
-def _steps(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
+def steps_given(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
     """What each step is given."""
     count = len(problem.times)
     lengths, way = problem.steps
