@@ -160,6 +160,7 @@ def test_a_stroke_longer_than_the_cell_has_a_caveat():
     assert not any(words in text for text in found.caveats) and found.stroke_over_cell < 1e-12
 
 
+@pytest.mark.slow
 def test_a_sudden_start_ripples_and_a_smooth_one_does_not():
     moving = start_stop(0.2, 0.25, 0.25, 128)
     t = np.arange(128) / 128
