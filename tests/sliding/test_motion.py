@@ -7,7 +7,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.sliding import recorded, sinusoidal, slide_cycle, start_stop, steady
-from graded_contact.sliding.motion import refined
+from graded_contact.sliding.over_period import refined
 
 GRID = gc.Grid((32,), 1.0)
 WAVES = gc.Surface(0.02 * np.cos(2 * np.pi * np.arange(32) / 32), GRID)
