@@ -69,14 +69,19 @@ def _path_of(case: Case) -> tuple[int, ...]:
             "`mean_gap` is refused: only a surface in a periodic cell has one. Prescribe "
             "`pressure`."
         )
-    moved, grid = components(still(case.displacement)), still(case.rough.grid)
-    if not (is_concrete(moved) and is_concrete(grid.size)):
+    # Inside of a program what is known stays known only if nothing of JAX's touches it.
+    moved, size = (
+        given if is_concrete(given) else still(given)
+        for given in (case.displacement, case.rough.grid.size)
+    )
+    if not (is_concrete(moved) and is_concrete(size)):
         raise ValueError(
             "`displacement` must be known on a window, outside of `jit` and `vmap`: the bodies "
             "remember all of its path. Derivatives are allowed."
         )
-    steps, path = np.asarray(grid.spacing), np.array(grid.shape)
-    for axis, column in enumerate(np.asarray(moved).T):
+    path = np.array(case.rough.grid.shape)
+    steps = np.asarray(size) / path
+    for axis, column in enumerate(np.asarray(moved).reshape(len(moved), -1).T):
         far = math.ceil(np.ptp([0, *column]) / steps[axis] - 1e-6)
         path[axis] = next_fast_len(int(path[axis]) + far) if far else path[axis]
     return tuple(path.tolist())

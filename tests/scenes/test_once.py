@@ -288,13 +288,25 @@ MEASURED = RUBBER + "\nmeasured = {omega = [10.0, 1e3]}"
          r"^\[motion\] `once = true` does not take the table \[heating\]"),
         (LINE + REST + "[observe]\nstiffness = true\n", r"^\[observe\] needs steady .* has `flow`"),
         (LINE.replace(RUBBER, MEASURED) + REST, r"^\[motion\] needs moduli from 1 rad/s"),
-        (re.sub(r"(?s)self_affine.*q_high = 4e4", 'sphere"\nradius = 1e-2', LINE) + REST,
-         "`displacement` must be known on a window"),
     ],
 )  # fmt: skip
 def test_a_wrong_history_is_refused_with_its_key(text, expected):
     with pytest.raises(ValueError, match=expected):
         plan(parse_scene(text))
+
+
+@pytest.mark.slow
+def test_an_indenter_rests_and_slides_as_in_python():
+    """On a window, whose path a scene knows before its solves."""
+    text = re.sub(r"(?s)self_affine.*q_high = 4e4", 'sphere"\nradius = 1e-2', LINE)
+    scene = parse_scene(text + BRAKE)
+    results, motion = plan(scene).run(), scene.motion
+    found = gc.slide_history(
+        scene.stack, build_surface(scene), times=motion.times, displacement=motion.displacement,
+        pressure=2e5,
+    )  # fmt: skip
+    for name in ("friction", "contact_area", "mean_gap"):
+        np.testing.assert_allclose(results[name][0, 0], getattr(found, name), rtol=1e-3, atol=1e-9)
 
 
 def test_both_bodies_of_a_scene_take_part_in_what_happens_once():
