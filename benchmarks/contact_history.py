@@ -53,16 +53,16 @@ def _of(run, count):
 
 def _of_nodes(found):
     problem = found.problem
-    advance = Advance(problem, HistoryWaves(problem.grid, problem.creeps), Numerics())
-    past, creep = advance.init(1).pasts[0], problem.creeps[0]
-    table = jnp.stack([creep.now[0], creep.whole[0], creep.aged[0]])
+    advance, creep = Advance(problem, HistoryWaves(problem), Numerics()), problem.creeps[0]
+    past = advance.init(1).pasts[0]
+    rows = jnp.stack([creep.now[0, 0], creep.whole[0, 0], creep.aged[0]])
     factors = jnp.exp(creep.nodes * problem.times[0])
 
     class Given:
+        tables = (rows,)
         decay = from_old = from_new = factors
 
-    memory = advance.waves.memories[0]
-    run = jax.jit(lambda past: advance._known(past, memory, table, None, Given))
+    run = jax.jit(lambda past: advance._known(0, past, Given))
     return _of(lambda: run(past), 8)[0]
 
 

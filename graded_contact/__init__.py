@@ -16,7 +16,7 @@ from . import blocks, contacts, core, fields, materials, mean_field, reference, 
 from .blocks import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, surface_compliance
 from .contacts import HardWall, solve_contact
 from .core import jit, with_values
-from .core.deprecation import moved
+from .core.deprecation import has_moved
 from .fields import Grid
 from .materials import WLF, BulkShear, Elastic, Prony, tyre_tread
 from .mean_field import mean_field_friction
@@ -54,7 +54,7 @@ _MOVED = {"motion": "sliding", "design": "studies", "surface": "surfaces"}  # si
 
 def __getattr__(name: str) -> object:
     if name in _MOVED:
-        moved(f"graded_contact.{name}", f"graded_contact.{_MOVED[name]}")
+        has_moved(f"graded_contact.{name}", f"graded_contact.{_MOVED[name]}")
         name = _MOVED[name]
     # Files, figures and searches are imported when first needed: a script may not need them.
     if name in ROOMS:

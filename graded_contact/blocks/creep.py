@@ -12,8 +12,9 @@ for T/t0 = 1e2, 1e3, 1e4, 1e5 (`tests/sliding/test_history.py`). For one time al
 for rounding: so the creep under a constant pressure, J = ∫K, and its integral are computed
 for the length of each step.
 
-M depends on |q| only, and log(|q| M) is smooth in log |q|: all is computed at few wavenumbers and
-interpolated by polynomials through Chebyshev nodes.
+M depends on |q| only, and M over the creep at the last time is smooth in log |q|: all is computed
+at few wavenumbers and interpolated by polynomials through Chebyshev nodes. So a response on a grid
+is linear in the few numbers of its table, and so is all that is linear in a kernel, as on a window.
 
 J. A. C. Weideman & L. N. Trefethen, Math. Comp. 76 (2007) 1341,
 doi:10.1090/S0025-5718-07-01945-X.
@@ -63,32 +64,34 @@ def contour(first: Float[Array, ""], last: Float[Array, ""], count: int) -> Cont
 
 
 class Creep(eqx.Module):
-    """The memory of a block: at some wavenumbers, as logarithms for interpolation.
+    """The memory of a block at some wavenumbers, first of pressure, then of traction, if it counts.
+
+    All is that of z over that of `aged` at the end, Q(q) [m], for interpolation between the
+    wavenumbers; of a traction it is without the factor i q·e/|q|.
 
     **Fields:**
 
     - `log_q`: ends of log |q|, shape `(2,)`.
-    - `kernels`: log(|q| w_k M(q, -i s_k)), shape `(nodes, waves)`.
+    - `longest`: |q| J(T) at the end of all steps [m/Pa], shape `(waves,)`.
     - `nodes`: s_k [1/s].
-    - `now`: log(|q| I(Δ)/Δ) of each step Δ: what a pressure that grows to 1 within it leaves.
-    - `whole`: log(|q| J(Δ)): what a constant pressure of 1 leaves.
-    - `aged`: log(|q| J(t)) of the times t at which the steps end; the three of shape
-      `(steps, waves)`.
+    - `kernels`: w_k M(q, -i s_k), shape `(forces, nodes, waves)`.
+    - `now`: I(Δ)/Δ of each step Δ: what a force that grows to 1 within it leaves.
+    - `whole`: J(Δ): what a constant force of 1 leaves; both of shape `(forces, steps, waves)`.
+    - `aged`: J(t) of pressure, of the times t at which the steps end, shape `(steps, waves)`.
     - `error`: estimated error of the displacements, relative [1].
-    - `lift`: c12/c22 of `kernels`, `now` and `whole`: what a traction leaves along z, or None.
     """
 
     log_q: Float[Array, "2"]
-    kernels: Complex[Array, "nodes waves"]
+    longest: Float[Array, " waves"]
     nodes: Complex[Array, " nodes"]
-    now: Float[Array, "steps waves"]
-    whole: Float[Array, "steps waves"]
+    kernels: Complex[Array, "forces nodes waves"]
+    now: Float[Array, "forces steps waves"]
+    whole: Float[Array, "forces steps waves"]
     aged: Float[Array, "steps waves"]
     error: Float[Array, ""]
-    lift: tuple[Complex[Array, "nodes waves"], Float[Array, "steps waves"], Array] | None
 
     def shares(self, q: Float[Array, " points"]) -> Float[Array, "waves points"]:
-        """Returns what a table is multiplied with to have its values at wavenumbers [rad/m]."""
+        """Returns what a table is multiplied with: its response at wavenumbers [m/Pa, rad/m]."""
         # The barycentric formula; a place at a node has its value.
         angle = np.pi * (np.arange(_WAVES) + 0.5) / _WAVES
         weight = ((1 - 2 * (np.arange(_WAVES) % 2)) * np.sin(angle))[:, None]
@@ -97,7 +100,8 @@ class Creep(eqx.Module):
         distance = place - jnp.cos(angle).astype(place.dtype)[:, None]
         share = weight / jnp.where(distance == 0, 1, distance)
         share = jnp.where(jnp.any(distance == 0, axis=0), distance == 0, share)
-        return share / jnp.sum(share, axis=0)
+        share = share / jnp.sum(share, axis=0)
+        return share * (jnp.exp(jnp.log(self.longest) @ share) / q)
 
 
 def creep_of(
@@ -153,12 +157,12 @@ def _creep(stack: Stack, ends: Array, steps: Array, rtol: float, coupled: bool) 
     nodes, weights = contour(shortest, whole, NODES)
 
     def compliance(q, s):
-        """M along z of a pressure, and if `coupled` of a traction, but for i q·e/|q|."""
-        q, omega = jnp.broadcast_arrays(q[None, :], -1j * s[:, None])
+        """|q| M along z of a pressure, and if `coupled` of a traction, but for i q·e/|q|."""
+        wave, omega = jnp.broadcast_arrays(q[None, :], -1j * s[:, None])
         if not coupled:
-            return compliance_of(stack, q, omega, rtol, throw=False)[None] + 0j
-        (_, c12, c22, *_), _ = compliance_parts(stack, q, omega, rtol, False)
-        return jnp.stack([c22 + 0j, c12 + 0j])
+            return q * compliance_of(stack, wave, omega, rtol, throw=False)[None] + 0j
+        (_, c12, c22, *_), _ = compliance_parts(stack, wave, omega, rtol, False)
+        return q * jnp.stack([c22 + 0j, c12 + 0j])
 
     def of_step(step):
         """K, J and I/Δ after one time alone."""
@@ -167,24 +171,22 @@ def _creep(stack: Stack, ends: Array, steps: Array, rtol: float, coupled: bool) 
         over = (part, part / s[:, None], part / (s**2 * step)[:, None])
         return [jnp.sum(each.real, axis=1) for each in over]
 
-    kernels, *lifts = weights[:, None] * compliance(q, nodes)
-    _, *of_steps = jax.lax.map(of_step, steps)
-    creep, now = (part[:, 0] for part in of_steps)
+    kernels = weights[:, None] * compliance(q, nodes)
+    _, creep, now = (jnp.moveaxis(part, 1, 0) for part in jax.lax.map(of_step, steps))
     aged = jax.lax.map(of_step, jnp.cumsum(steps))[1][:, 0]
-    lift = None
-    if coupled:
-        lift = (lifts[0] / kernels, *(part[:, 1] / part[:, 0] for part in of_steps[::-1]))
     # What the long hyperbola and the interpolation leave, from the shortest time to the whole one.
     times = jnp.exp(jnp.linspace(jnp.log(shortest), jnp.log(whole), _CHECKED))
     exact, _, reached = (part[:, 0] for part in jax.lax.map(of_step, times))
-    by_nodes = jnp.sum((kernels * jnp.exp(nodes * times[:, None])[..., None]).real, axis=1)
+    by_nodes = jnp.sum((kernels[0] * jnp.exp(nodes * times[:, None])[..., None]).real, axis=1)
     apart = jnp.cumsum(jnp.abs(by_nodes - exact) * times[:, None], axis=0)
     error = jnp.max(apart / reached) * jnp.log(whole / shortest) / (_CHECKED - 1)
-    now, creep, aged = (jnp.log(part * q) for part in (now, creep, aged))
-    found = Creep(log_q, jnp.log(kernels * q), nodes, now, creep, aged, error, lift)
+    longest = aged[-1]
+    kernels, now, creep, aged = (part / longest for part in (kernels, now, creep, aged))
+    found = Creep(log_q, longest, nodes, kernels, now, creep, aged, error)
     # Between the wavenumbers.
     beside = jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * (log_q[1] - log_q[0]) / 2
     middle = jnp.exp(jnp.mean(log_q) + beside).astype(q.dtype)
-    exact = jnp.log(weights[:, None] * compliance(middle, nodes)[0] * middle)
-    between = jnp.max(jnp.abs(found.kernels @ found.shares(middle).astype(exact.dtype) - exact))
+    exact = weights[:, None] * compliance(middle, nodes)[0]
+    known = found.kernels[0] @ (middle * found.shares(middle)).astype(exact.dtype)
+    between = jnp.max(jnp.abs(known / exact - 1))
     return eqx.tree_at(lambda c: c.error, found, jax.lax.stop_gradient(error + between))

@@ -61,7 +61,7 @@ def _kernel(stack, grid: Grid, num_times: int, period, rtol):
     """The kernel and the error of its table."""
     points = (num_times // 2 + 1) * int(np.prod([n // 2 + 1 for n in grid.shape]))
     make = _interpolated if is_dear(stack, points) else _direct
-    q, has_wave = _quadrant(grid)
+    q, has_wave = quadrant(grid)
     # One vector of wavenumbers for both ways; the entry at q = 0 is a placeholder.
     found, error = make(stack, q, num_times, period, rtol)
     return _whole(found, has_wave, num_times, grid), error
@@ -74,13 +74,16 @@ def of_period(
 
     `response(q, omega)` returns its parts at these waves, functions of |q| and ω.
     """
-    q, has_wave = _quadrant(grid)
+    q, has_wave = quadrant(grid)
     found = _at_frequencies(lambda omega: response(q, omega), num_times, period)
     return [_whole(part, has_wave, num_times, grid) for part in found]
 
 
-def _quadrant(grid: Grid) -> tuple[Array, Array]:
-    """|q| of the positive components, in one vector, and where it is not 0, in their shape."""
+def quadrant(grid: Grid) -> tuple[Array, Array]:
+    """Returns |q| of the positive components in one vector, and where it is not 0 in their shape.
+
+    At 0 it is that of the lowest wave.
+    """
     numbers = [np.arange(n // 2 + 1) for n in grid.shape]
     lowest = 2 * np.pi / grid.size
     mesh = jnp.meshgrid(*map(jnp.multiply, lowest, numbers), indexing="ij")

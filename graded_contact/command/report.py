@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-STYLE = """body {font: 15px/1.45 system-ui, sans-serif; color: #2b2f36; max-width: 1000px;
+SHEET = """body {font: 15px/1.45 system-ui, sans-serif; color: #2b2f36; max-width: 1000px;
   margin: 2em auto; padding: 0 1em}
 pre {font-size: 12px; overflow-x: auto; background: #f4f5f7; padding: .8em; border-radius: 4px}
 figure {margin: 1.5em 0} img {max-width: 100%} figcaption {color: #5b616b}
@@ -84,7 +84,7 @@ def _page(results: "Dataset", name: str, all_seeds: bool, full: bool) -> str:
     body = "".join(f"<h2>{head}</h2>{part}" for head, part in parts.items() if part)
     return (
         f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f"<style>{STYLE}</style></head><body><h1>{title}</h1>{body}</body></html>\n"
+        f"<style>{SHEET}</style></head><body><h1>{title}</h1>{body}</body></html>\n"
     )
 
 

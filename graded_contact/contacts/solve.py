@@ -126,14 +126,19 @@ def solve_contact(
     loading = loading_on(operator, law, heights, **given)
     start = as_start(start, heights, law)
     inputs = Inputs(operator, heights, law, loading)
-    if on_window:
-        inputs, start, solution = on_whole(inputs, start, solution)
-    found = contact_of(inputs, solver, adjoint, rtol, start, solution, throw)
-    return on_part(found, operator) if on_window else found
+    return contact_of(inputs, solver, adjoint, rtol, start, solution, throw)
 
 
 def contact_of(inputs: Inputs, solver, adjoint, rtol, start, solution, throw: bool):
     """Returns the contact of checked inputs; see `solve_contact` for the arguments."""
+    if not isinstance(inputs.operator, Window):
+        return _contact_on_cell(inputs, solver, adjoint, rtol, start, solution, throw)
+    whole, start, solution = on_whole(inputs, start, solution)
+    found = _contact_on_cell(whole, solver, adjoint, rtol, start, solution, throw)
+    return on_part(found, inputs.operator)
+
+
+def _contact_on_cell(inputs: Inputs, solver, adjoint, rtol, start, solution, throw: bool):
     # In one precision: what ends a solve counts the digits of the fields.
     kernel = inputs.operator.kernel
     dtype = jnp.result_type(inputs.heights, jnp.finfo(kernel.dtype).dtype)

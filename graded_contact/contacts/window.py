@@ -31,7 +31,7 @@ class Window(AbstractOperator):
     """
 
     kernel: Waves
-    grounded: bool = eqx.field(default=False, static=True)
+    grounded: bool = eqx.field(default=False, static=True, kw_only=True)
 
     def mean(self, field):
         return jnp.zeros((), field.dtype) if self.grounded else jnp.mean(field)

@@ -199,8 +199,8 @@ def fields_in_memory(scene: Scene) -> float:
     """Returns how many fields of the size of its surface a scene takes."""
     kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.fields]
     # The surface, what is kept, and a derivative.
-    if scene.kind == HISTORY:
-        own = fields_of_history(scene.counter, scene.shear)
+    if scene.motion is not None and scene.kind == HISTORY:
+        own = fields_of_history(scene.counter, scene.shear, scene.motion.displacement)
         return 1 + len(KEPT_FIELDS) * len(scene.kept_steps) * (1 + kept) + own
     fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     if scene.motion is None:

@@ -166,8 +166,12 @@ class Case(eqx.Module):
                 "steady sliding, which two rough surfaces do not have."
             )
         grid, other = self.rough.grid, own.grid
-        if not own.periodic:
-            raise ValueError("`block_surface` is on a window; a periodic one is needed.")
+        for name, one in (("block_surface", own), ("surface", self.rough)):
+            if not one.periodic:
+                raise ValueError(
+                    f"`{name}` is on a window and is refused where the block is rough, too: a "
+                    "periodic one is needed."
+                )
         same = other.shape == grid.shape
         if same and is_concrete(grid.size) and is_concrete(other.size):
             same = np.allclose(np.asarray(grid.size), np.asarray(other.size), rtol=1e-6)

@@ -264,14 +264,15 @@ def shear_of_cycle(
 
 def slopes(found: Found, pressure: Array, displacement: Array) -> Array:
     """The rms slope weighted by |pressure|, at each time; 0 without contact."""
-
-    def slope(p, w):
-        squared = sum(derivative(w, found.cell, axis) ** 2 for axis in range(found.cell.ndim))
-        # With adhesion some pressures are negative.
-        weight = jnp.abs(p)
-        return _root(jnp.mean(weight * squared) / nonzero(jnp.mean(weight)))
-
+    slope = lambda p, w: weighted_slope(p, w, found.cell)  # noqa: E731
     return found.operator.at_each_time(slope, pressure, displacement)
+
+
+def weighted_slope(pressure: Array, displacement: Array, cell: Grid) -> Array:
+    """The rms slope weighted by |pressure|; 0 without contact."""
+    squared = sum(derivative(displacement, cell, axis) ** 2 for axis in range(cell.ndim))
+    weight = jnp.abs(pressure)  # with adhesion some pressures are negative
+    return _root(jnp.mean(weight * squared) / nonzero(jnp.mean(weight)))
 
 
 def _root(squared: Array) -> Array:

@@ -1,11 +1,14 @@
 """Histories: the problem of a case with times, its steps, and the result."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
+from scipy.fft import next_fast_len
 
 from ..blocks.creep import NODES, creep_of
 from ..blocks.stack import Stack
@@ -15,57 +18,77 @@ from ..contacts.nested_solve import DouglasRachford
 from ..contacts.operator import Field
 from ..contacts.solution import RESULTS, ContactSolution
 from ..core.checks import check_squares, is_concrete, short, within
+from ..core.derivative import still
 from ..core.memory import check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid
 from .case import Case
-from .facts import facts_of
+from .facts import COUPLED, facts_of
 from .history_problem import HistoryProblem, steps_of
-from .history_steps import OF_STEPS, HistoryState, run_history
+from .history_run import run_history
+from .history_steps import OF_STEPS, HistoryState
+from .motion import components
 from .numerics import Numerics
 from .resolution import NEIGHBOURS_RTOL
 from .result import TransientSliding
-from .shear import Coulomb, ShearLaw, is_coupled, shear_stress, unless_negative
+from .shear import ShearLaw, is_coupled, shear_stress, unless_negative
 
 _MEMORY = 4 * NODES + 30  # fields of a body
+_WINDOW = 1.4  # times these on a window, for the responses of its table
 
 
 def history_problem(case: Case) -> HistoryProblem:
     """Returns the problem of a case with displacements at times."""
     surface, times = case.rough, case.times
-    if not surface.periodic:
-        raise ValueError(
-            "`surface` is on a window (`periodic=False`) and is refused in a history: the memory "
-            "of the block holds the waves of a cell, where the copies of a window's load would "
-            "act, too. Put the body into a periodic cell, four radii of its contact wide or more."
-        )
     check_one_law(case.law)
     check_squares("heights", surface.heights, "m")
     grid, count = surface.grid, len(times)
-    coupled = is_coupled(case.shear)
-    fields = fields_of_history(case.counter, case.shear)
-    check_memory("surface", "a history", fields, grid.shape, surface.heights.dtype.itemsize)
+    path = None if surface.periodic else _path_of(case)
+    stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
     loading = loading_of(case.law, surface.heights[None], count, **load)
     given = next(value for value in loading if value is not None).reshape(count)
-    if coupled and not isinstance(case.shear, Coulomb):
-        raise ValueError(
-            "`shear` is refused: in a history only the traction of `Coulomb` can move the surface. "
-            "Pass `coupled=False`."
-        )
-    lowest = 2 * np.pi / jnp.max(grid.size)
-    highest = np.pi * jnp.sqrt(jnp.sum((np.array(grid.shape) / grid.size) ** 2))
-    ends, creeps = jnp.stack([lowest, highest]), []
-    for name, body in zip(("`stack`:", "`counter`:"), case.bodies, strict=False):
-        with within(name):
-            creeps.append(creep_of(body, ends, steps_of(times), coupled))
-    stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
-    return HistoryProblem(
-        bodies=case.bodies, creeps=tuple(creeps), heights=surface.heights, grid=grid, law=case.law,
+    problem = HistoryProblem(
+        bodies=case.bodies, creeps=(), heights=surface.heights, grid=grid, law=case.law,
         times=times, displacement=case.displacement, given=unless_negative(given, stress),
-        shear=stress, prescribed=case.prescribed, facts=facts_of(case),
+        shear=stress, prescribed=case.prescribed, facts=facts_of(case), path=path,
         block_heights=None if case.block_surface is None else case.block_surface.heights,
     )  # fmt: skip
+    fields = fields_of_history(case.counter, case.shear, case.displacement)
+    if path is not None:
+        fields *= _WINDOW
+    shape, itemsize = problem.memory_grid.shape, surface.heights.dtype.itemsize
+    check_memory("surface", "a history", fields, shape, itemsize)
+    return _with_creeps(problem)
+
+
+def _path_of(case: Case) -> tuple[int, ...]:
+    """The points of the part of the block over which the window of a case moves."""
+    if case.mean_gap is not None:
+        raise ValueError(
+            "`mean_gap` is refused: only a surface in a periodic cell has one. Prescribe "
+            "`pressure`."
+        )
+    moved, grid = components(still(case.displacement)), still(case.rough.grid)
+    if not (is_concrete(moved) and is_concrete(grid.size)):
+        raise ValueError(
+            "`displacement` must be known on a window, outside of `jit` and `vmap`: the bodies "
+            "remember all of its path. Derivatives are allowed."
+        )
+    steps, path = np.asarray(grid.spacing), np.array(grid.shape)
+    for axis, column in enumerate(np.asarray(moved).T):
+        far = math.ceil(np.ptp([0, *column]) / steps[axis] - 1e-6)
+        path[axis] = next_fast_len(int(path[axis]) + far) if far else path[axis]
+    return tuple(path.tolist())
+
+
+def _with_creeps(problem: HistoryProblem) -> HistoryProblem:
+    """The problem with the memories of its bodies."""
+    creeps, coupled = [], COUPLED in problem.facts
+    for name, body in zip(("`stack`:", "`counter`:"), problem.bodies, strict=False):
+        with within(name):
+            creeps.append(creep_of(body, problem.waves_between, steps_of(problem.times), coupled))
+    return dataclasses.replace(problem, creeps=tuple(creeps))
 
 
 def on_grid(
@@ -75,18 +98,18 @@ def on_grid(
 
     `chosen` are the numbers of the steps whose ends stay.
     """
-    problem = found.problem
-    creeps, times = problem.creeps, problem.times[chosen]
-    if len(chosen) < len(problem.times):
-        ends = jnp.exp(creeps[0].log_q)
-        coupled = creeps[0].lift is not None
-        creeps = tuple(creep_of(body, ends, steps_of(times), coupled) for body in problem.bodies)
-    heights, *own = rough
+    problem, (heights, *own) = found.problem, rough
+    path = problem.path
+    if path is not None:
+        points = zip(path, shape, problem.shape, strict=True)
+        path = tuple(-(-n * new // old) for n, new, old in points)
     problem = dataclasses.replace(
-        problem, creeps=creeps, heights=heights, block_heights=own[0] if own else None,
-        grid=Grid(shape, problem.grid.size), times=times,
+        problem, heights=heights, block_heights=own[0] if own else None, path=path,
+        grid=Grid(shape, problem.grid.size), times=problem.times[chosen],
         displacement=problem.displacement[chosen], given=problem.given[chosen],
     )  # fmt: skip
+    if path is not None or len(chosen) < len(found.times):
+        problem = _with_creeps(problem)
     solver = DouglasRachford(newton=is_concrete(problem.given))
     how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
     kept = (len(chosen) - 1,)
@@ -115,9 +138,10 @@ def solve_history(case: Case, how: Numerics, fields_at: Sequence[int] = (-1,)) -
     )  # fmt: skip
 
 
-def fields_of_history(counter: Stack | None, shear: ShearLaw | None) -> float:
-    """Returns how many fields a history takes: of each body, twice if traction moves it."""
-    return _MEMORY * (1 if counter is None else 2) * (2 if is_coupled(shear) else 1)
+def fields_of_history(counter: Stack | None, shear: ShearLaw | None, moved: Array) -> float:
+    """Returns how many fields a history takes: for each force on each body."""
+    forces = 1 + components(moved).shape[1] if is_coupled(shear) else 1
+    return _MEMORY * forces * (1 if counter is None else 2)
 
 
 def _steps_kept(fields_at: Any, count: int) -> tuple[int, ...]:

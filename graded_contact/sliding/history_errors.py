@@ -13,8 +13,10 @@ from jaxtyping import Array
 from ..contacts.operator import nonzero
 from ..core.checks import is_concrete
 from ..core.quantities import of_history
+from ..fields.grid import to_field, to_spectrum
 from .errors import add_errors
-from .formulas import lengths
+from .facts import WINDOW
+from .formulas import lengths, shared
 from .grid_errors import OF_FORCE, OF_PLACE, area_by_grid, by_grid
 from .half_grid import NOTHING_LACKS, halved, roughness_on
 from .history import on_grid
@@ -34,7 +36,7 @@ def _neighbours(found: TransientSliding) -> Neighbours:
     shape, every = found.grid.shape, np.arange(len(found.times))
     half = halved(shape)
     rough = found.problem.roughness
-    on_half, cut, missing = roughness_on(rough, found.grid, half, False)
+    on_half, cut, missing = roughness_on(rough, found.grid, half, WINDOW in found.facts)
     same, fewer = found, None
     if not (is_concrete(missing) and missing <= NOTHING_LACKS):
         same = on_grid(found, shape, cut, every)
@@ -72,6 +74,26 @@ def _by_steps(name: str):
         moved = jnp.stack(at, axis=-1).reshape(own.shape)
         return _KEPT_BY_TIMES * moved + _MEAN_BY_TIMES * jnp.mean(change, axis=0)
 
+    return error
+
+
+@shared
+def _memory(found: TransientSliding) -> Array:
+    """The relative error of the displacements by the memory, on a window also by its kernel."""
+    problem = found.problem
+    error = sum((creep.error for creep in problem.creeps), jnp.zeros(()))
+    if problem.path is None:
+        return error
+    pressure, cell = found.pressure[-1], problem.memory_grid.shape
+    missing = [(0, n - m) for n, m in zip(cell, pressure.shape, strict=True)]
+    waves = to_spectrum(jnp.pad(pressure, missing))
+
+    def moved(kernel):
+        return jnp.std(to_field(kernel * waves, cell)[tuple(map(slice, pressure.shape))])
+
+    for creep in problem.creeps:
+        kernel, errors = problem.around_path(creep, creep.aged[-1])
+        error = error + sum(map(moved, errors)) / nonzero(moved(kernel))
     return error
 
 
@@ -132,5 +154,5 @@ for _name, _weights, _scale in (
         grid=area_by_grid if _weights is None else by_grid(_name, _weights),
         time=_by_steps(_name),
         solver=lambda f, scaled=_scaled, of=_solver: 2 * scaled(f, f.recorded[of]),
-        memory=lambda f, scaled=_scaled: scaled(f, sum(c.error for c in f.problem.creeps)),
+        memory=lambda f, scaled=_scaled: scaled(f, _memory(f)),
     )  # fmt: skip

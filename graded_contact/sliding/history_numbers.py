@@ -17,7 +17,9 @@ def work_done(found: TransientSliding) -> Array:
 def load_work_done(found: TransientSliding) -> Array:
     """Work of the load on the block per area since t = 0 [J/m²].
 
-    The sum of both, less the work of shear, is stored and dissipated in the block.
+    The sum of both, less the work of shear, is stored and dissipated in the block. How much is
+    stored does not follow from the response: bodies of equal response may store different parts.
+    What an unloading gives back shows how much of it was free.
     """
     return found.recorded["load_work_done"]
 

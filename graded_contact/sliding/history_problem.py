@@ -9,25 +9,29 @@ import functools
 import math
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..blocks.creep import Creep
+from ..blocks.periodic_kernel import quadrant
 from ..blocks.stack import Stack
+from ..blocks.window_compliance import doubled, long_cell, without_images
 from ..contacts.law import AbstractLaw
-from ..contacts.operator import AbstractOperator, nonzero
+from ..contacts.operator import AbstractOperator
+from ..contacts.window import Window
 from ..fields.grid import (
     Grid,
     Waves,
     both_signs,
     mode_numbers,
     multiplicity,
-    nyquist_lines,
     to_field,
-    wavenumber,
+    to_spectrum,
     wavevector,
 )
+from .facts import GROUND
 from .motion import components
 from .shear import ShearStress
 
@@ -46,6 +50,10 @@ class OneStep(AbstractOperator):
 
     def at_edges(self, load):
         return jnp.stack([self.kernel, self.aged])
+
+
+class OneStepOnWindow(OneStep, Window):
+    """The bodies in one step of a history, on a window."""
 
 
 class HistoryProblem(eqx.Module):
@@ -74,6 +82,7 @@ class HistoryProblem(eqx.Module):
     shear: ShearStress | None = None
     block_heights: Float[Array, "..."] | None = None
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
+    path: tuple[int, ...] | None = eqx.field(default=None, static=True)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -83,9 +92,70 @@ class HistoryProblem(eqx.Module):
     @property
     def operator(self) -> OneStep:
         """The bodies in the last step."""
-        waves = HistoryWaves(self.grid, self.creeps)
-        last = (jnp.stack([creep.now[-1], creep.aged[-1]]) for creep in self.creeps)
-        return OneStep(*functools.reduce(jnp.add, map(waves.kernel, last)))
+        last = (jnp.stack([creep.now[0, -1], creep.aged[-1]]) for creep in self.creeps)
+        found = functools.reduce(jnp.add, map(self.responses, self.creeps, last))
+        return self.operator_of(*_on_half(found, mode_numbers(self.memory_grid.shape)))
+
+    def operator_of(self, kernel: Waves, aged: Waves) -> OneStep:
+        """Returns the operator of kernels on `memory_grid`; a window has it on twice its length."""
+        if self.path is None:
+            return OneStep(kernel, aged)
+        window = self.grid.shape
+        places = np.ix_(*((np.arange(2 * n) + n) % (2 * n) - n for n in window))
+
+        def cut(kernel):
+            if self.path == window:
+                return kernel
+            waves = to_spectrum(to_field(kernel + 0j, self.memory_grid.shape)[places])
+            return waves if jnp.iscomplexobj(kernel) else waves.real
+
+        return OneStepOnWindow(cut(kernel), cut(aged))
+
+    @property
+    def memory_grid(self) -> Grid:
+        """The cell of what the bodies remember: around a window's path, without its copies."""
+        return self.grid if self.path is None else doubled(self._all_of_path)
+
+    @property
+    def waves_between(self) -> Float[Array, "2"]:
+        """The lowest and the highest wavenumber at which responses are needed [rad/m]."""
+        grid, of_path = self.memory_grid, self.path is not None
+        cells = [long_cell(self._all_of_path), grid] if of_path else [grid]
+        highest = [jnp.pi * jnp.sqrt(jnp.sum(cell.spacing**-2)) for cell in cells]
+        lowest = 2 * jnp.pi / jnp.max(cells[0].size)
+        return jnp.stack([lowest, functools.reduce(jnp.maximum, highest)])
+
+    @property
+    def _all_of_path(self) -> Grid:
+        assert self.path is not None
+        return Grid(self.path, self.grid.spacing * np.array(self.path))
+
+    def responses(self, creep: Creep, tables: Array, axis: int | None = None) -> Array:
+        """Returns the responses to tables of `Creep` at the positive numbers of `memory_grid`.
+
+        They are those to a pressure, or but for i and a sign to a traction along an axis.
+        """
+        if self.path is None:
+            return _at_positive(creep, self.grid, tables, axis)
+        positive = slice(0, self.path[0] + 1)
+
+        def on_window(table):
+            kernel = self.around_path(creep, table, axis)[0][positive]
+            return kernel if axis is None else kernel.imag
+
+        return jax.lax.map(on_window, tables)
+
+    def around_path(self, creep: Creep, table: Array, axis: int | None = None) -> tuple[Array, ...]:
+        """Returns the kernel of a table on `memory_grid` around a window's path, and its errors."""
+        path = self._all_of_path
+        cells = doubled(path), long_cell(path)
+        near, far = (
+            _on_half(_at_positive(creep, cell, table, axis), mode_numbers(cell.shape), axis)
+            for cell in cells
+        )
+        if axis is None:
+            return without_images(near, far, path, GROUND in self.facts)
+        return without_images(1j * near, 1j * far, path, False)
 
     @property
     def roughness(self) -> tuple[Float[Array, "..."], ...]:
@@ -113,35 +183,58 @@ def steps_of(times: Float[Array, " nt"]) -> Float[Array, " nt"]:
     return jnp.diff(times, prepend=jnp.zeros((1,), times.dtype))
 
 
+def _at_positive(creep: Creep, cell: Grid, tables: Array, axis: int | None) -> Array:
+    """The responses to tables at a cell's positive numbers; of traction but for i and a sign."""
+    q, is_wave = quadrant(cell)
+    found = (tables @ creep.shares(q)).reshape(*tables.shape[:-1], *is_wave.shape)
+    found = jnp.where(is_wave, found, 0)
+    if axis is None:
+        return found
+    numbers = np.ix_(*map(np.arange, is_wave.shape))
+    along = jnp.where(2 * numbers[axis] < cell.shape[axis], wavevector(cell, numbers)[axis], 0)
+    return found * along / q.reshape(is_wave.shape)
+
+
+def _on_half(found: Array, numbers: tuple[np.ndarray, ...], axis: int | None = None) -> Array:
+    """Responses at mode numbers from those at positive ones; to traction but for a factor i."""
+    if len(numbers) == 2:
+        found = jnp.take(found, np.abs(numbers[0]).ravel(), axis=-2)
+    return found if axis is None else found * np.sign(numbers[axis])
+
+
 class HistoryWaves(eqx.Module):
     """The waves of a grid in the bodies: with both signs of the highest number along x.
 
+    The forces are the pressure on each body, and with a traction that moves the surfaces each of
+    its components on each body.
+
     **Fields:**
 
-    - `grid`: of the surface.
-    - `q`: wavenumbers of the positive components [rad/m], a placeholder at 0.
-    - `shares`: of the wavenumbers of a `Creep` at these, for interpolation.
-    - `memories`: w_k M(s_k) of the waves of each force: the pressure on each body, and with a
-      traction that moves the surfaces this one on each of them; of the shape `(nodes, *waves)`.
+    - `grid`: of the block's surface that waves fill: the cell, or that of a window's whole path.
+    - `surface`: points of the rough surface, which is its first part. Static.
+    - `shares`: of each force, what a table of `Creep` is multiplied with; at positive numbers.
+    - `axes`: of each force: that of a component of traction, or None. Static.
+    - `memories`: w_k M(s_k) of the waves of each force, of the shape `(nodes, *waves)`.
     """
 
     grid: Grid
-    q: Float[Array, "*quadrant"]
-    shares: Float[Array, "waves points"]
+    surface: tuple[int, ...] = eqx.field(static=True)
+    shares: tuple[Float[Array, "waves *quadrant"], ...]
+    axes: tuple[int | None, ...] = eqx.field(static=True)
     memories: tuple[Complex[Array, "nodes *half"], ...]
 
-    def __init__(self, grid: Grid, creeps: tuple[Creep, ...]):
-        counts = [np.arange(n // 2 + 1) for n in grid.shape]
-        mesh = jnp.meshgrid(*map(jnp.multiply, 2 * np.pi / grid.size, counts), indexing="ij")
-        squared = jnp.sum(jnp.stack(mesh) ** 2, axis=0)
-        self.grid, lowest = grid, jnp.exp(creeps[0].log_q[0])
-        self.q = jnp.sqrt(jnp.where(squared > 0, squared, lowest**2))
-        self.shares = creeps[0].shares(self.q.ravel())
-        memories = [self._on(creep.kernels, self.numbers) for creep in creeps]
-        for creep, memory in zip(creeps, memories[:], strict=True):
-            if creep.lift is not None:
-                memories.append(memory * self._at(creep.lift[0], self.numbers))
-        self.memories = tuple(memories)
+    def __init__(self, problem: "HistoryProblem"):
+        creeps, self.grid = problem.creeps, problem.memory_grid
+        self.surface = problem.grid.shape
+        along = range(problem.moved.shape[1]) if len(creeps[0].kernels) > 1 else ()
+        each = [(creep, axis) for axis in (None, *along) for creep in creeps]
+        self.axes = tuple(axis for _, axis in each)
+        every = jnp.eye(len(creeps[0].longest), dtype=creeps[0].longest.dtype)
+        self.shares = tuple(problem.responses(creep, every, axis) for creep, axis in each)
+        self.memories = tuple(
+            self._on(force, creep.kernels[int(axis is not None)], self.numbers)
+            for force, (creep, axis) in enumerate(each)
+        )
 
     @property
     def numbers(self) -> tuple[np.ndarray, ...]:
@@ -154,35 +247,26 @@ class HistoryWaves(eqx.Module):
         return self.grid.ndim == 2 and self.grid.shape[0] % 2 == 0
 
     @property
-    def is_wave(self) -> np.ndarray:
-        """False where the positive components are 0."""
-        return np.arange(self.q.size).reshape(self.q.shape) > 0
+    def part(self) -> float:
+        """The share of the surface in the grid."""
+        return math.prod(self.surface) / math.prod(self.grid.shape)
 
-    def _on(self, table: Array, numbers: tuple[np.ndarray, ...]) -> Array:
-        """A table of `Creep` at the waves of these mode numbers; 0 at q = 0."""
-        size = jnp.where(self.is_wave, 1 / self.q, 0)
-        return self._at(table, numbers, lambda found: jnp.exp(found) * size)
+    def kernel(self, force: int, table: Array) -> Array:
+        """The response to a force on the half spectrum, by a table of `Creep`."""
+        return self._on(force, table, mode_numbers(self.grid.shape))
 
-    def _at(self, table: Array, numbers: tuple[np.ndarray, ...], of=lambda found: found) -> Array:
-        """A function of a table, such as `Creep.lift`, at the waves of these mode numbers."""
-        found = table @ self.shares.astype(table.dtype)
-        found = of(found.reshape(*table.shape[:-1], *self.q.shape))
-        if self.grid.ndim == 1:
-            return found
-        return jnp.take(found, np.abs(numbers[0]).ravel(), axis=-2)
+    def _on(self, force: int, table: Array, numbers: tuple[np.ndarray, ...]) -> Array:
+        found = jnp.tensordot(table, self.shares[force].astype(table.dtype), 1)
+        return _on_half(found, numbers, self.axes[force])
 
-    def kernel(self, table: Array, lift: Array | None = None) -> Array:
-        """A table of `Creep` on the half spectrum; of traction with the ratios of its `lift`."""
-        numbers = mode_numbers(self.grid.shape)
-        found = self._on(table, numbers)
-        return found if lift is None else found * self._at(lift, numbers)
+    def on_grid(self, field: Array) -> Array:
+        """Returns a field of the surface on the grid, 0 beside it."""
+        lacking = zip(self.grid.shape, self.surface, strict=True)
+        return jnp.pad(field, [(0, n - m) for n, m in lacking])
 
-    def along(self, direction: Array) -> Array:
-        """i q·e/|q| on the half spectrum, e along the first axes; 0 on Nyquist lines."""
-        size = nonzero(wavenumber(self.grid))
-        kept = ~nyquist_lines(self.grid.shape)
-        a = sum(e * q for e, q in zip(direction, wavevector(self.grid), strict=False))
-        return 1j * jnp.where(kept, a / size, 0)
+    def on_surface(self, field: Array) -> Array:
+        """Returns the part of a field that lies on the surface."""
+        return field[tuple(map(slice, self.surface))]
 
     def turn(self, shift: Array) -> Array:
         """exp(iq·s), broadcastable to the waves."""

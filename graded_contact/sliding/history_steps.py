@@ -13,18 +13,13 @@ frame of the surface, started from the pressure before:
 
 The counter has a memory like the block's, whose waves rest under the surface: both kernels add up,
 and so do both known displacements.
-
-A derivative is that of the contact of each step. It keeps the contacts, and computes the memory
-once more from every √n-th step on.
 """
 
-import contextlib
 import dataclasses
 import functools
 import itertools
-import math
-from collections.abc import Iterator
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -34,28 +29,27 @@ from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Complex
 
 from ..contacts.abstract_solver import Inputs, Loading
-from ..contacts.operator import Field, nonzero, work_of_waves
+from ..contacts.area import contact_shares
+from ..contacts.operator import Field, work_of_waves
 from ..contacts.solution import RESULTS
 from ..contacts.solve import contact_of
-from ..core.checks import is_concrete
-from ..core.compilation import jit
-from ..core.derivative import largest
-from ..fields.grid import odd_wavevector, to_spectrum
+from ..fields.grid import odd_wavevector, to_field, to_spectrum
 from .area import contact_area, contact_area_pixels
-from .formulas import edges_of, indicator_of, lengths, slopes, touching_at
+from .facts import WINDOW
+from .formulas import edges_of, indicator_of, touching_at, weighted_slope
 from .grid_errors import unseen_area
-from .history_problem import HistoryProblem, HistoryWaves, OneStep
+from .history_problem import HistoryProblem, HistoryWaves
 from .numerics import Numerics
 from .problem import SteadyProblem
 from .result import Sliding
-from .shear import shear_over_load
+from .shear import Coulomb, shear_over_load, shear_parts
 
 
 class Past(NamedTuple):
-    """What a body carries from step to step.
+    """What a force on a body carries from step to step.
 
     The memory of the nodes, real and imaginary parts for those of the waves; the waves of the
-    pressure at the end of the step and before it, and of the displacement.
+    force (of a traction times i) at the end of the step and before it, and of the displacement.
     """
 
     memory: tuple[Array, Array]
@@ -67,13 +61,14 @@ class Past(NamedTuple):
 class HistoryState(NamedTuple):
     """What a history carries from step to step.
 
-    The past of each body; the pressure, and how fast it rises; traction; works; the kept fields;
-    the first failure.
+    The past of each force; the pressure, and how fast it rises; the share of contact at each point;
+    traction; works; the kept fields; the first failure.
     """
 
     pasts: tuple[Past, ...]
     pressure: Array
     rise: Array
+    shares: Array
     traction: Array
     works: Array
     kept: Any
@@ -89,7 +84,6 @@ class _Step(NamedTuple):
     way: Array  # how far the surface moves [m]
     given: Array
     tables: tuple[Array, ...]  # `now`, `whole` and `aged` of the `Creep` of each force
-    lifts: tuple[Array | None, ...]
     decay: Array  # exp(s_k Δ)
     from_old: Array  # of the step before
     from_new: Array
@@ -114,7 +108,7 @@ class Advance(eqx.Module):
         field = jnp.zeros(problem.shape, dtype)
         return HistoryState(
             pasts=(Past((nodes, nodes), rest, rest, rest),) * len(memories),
-            pressure=field, rise=field,
+            pressure=field, rise=field, shares=field,
             traction=jnp.zeros(problem.moved.shape[1], dtype), works=jnp.zeros(3, dtype),
             kept=tuple(jnp.zeros((kept, *problem.shape), dtype) for _ in range(4)),
             result=RESULTS.successful, failed=jnp.full((), -1, int),
@@ -122,17 +116,22 @@ class Advance(eqx.Module):
 
     def step(self, state: HistoryState, given: _Step) -> tuple[HistoryState, dict[str, Array]]:
         """Returns the state at the end of a step, and its numbers."""
-        problem, waves = self.problem, self.waves
-        forces, turns = self._forces(given), self._turns(given)
-        parts = zip(state.pasts, waves.memories, given.tables, given.lifts, strict=True)
-        kernels, known, memories = zip(*(self._known(*part, given) for part in parts), strict=True)
-        together = functools.reduce(jnp.add, map(jnp.multiply, forces, kernels))
-        operator = OneStep(together[0], together[1].real)
-        known_field = waves.field(functools.reduce(jnp.add, map(jnp.multiply, known, turns)))
-        passing = jnp.zeros_like(known_field)
+        problem, waves, bodies = self.problem, self.waves, len(self.problem.creeps)
+        turns = [1.0 if i % bodies else waves.turn(given.shift) for i in range(len(state.pasts))]
+        parts = [self._known(force, past, given) for force, past in enumerate(state.pasts)]
+        kernels, known, memories = zip(*parts, strict=True)
+        factors, ahead = self._forces(state, given)
+        # What is known before the contact: the memory, and a traction that lags.
+        left = waves.field(_sum_of_products(known, turns))
+        if ahead:
+            lifted = _sum_of_products(ahead, [now for now, _ in kernels[bodies:]])
+            left = left + to_field(lifted, waves.grid.shape)
+        left, passing = waves.on_surface(left), jnp.zeros_like(problem.heights)
         if problem.block_heights is not None:
             passing = waves.field(waves.split(to_spectrum(problem.block_heights)) * turns[0])
-        heights = problem.heights + passing - known_field
+        heights = problem.heights + passing - left
+        together = _sum_of_products(factors, kernels)
+        operator = problem.operator_of(together[0], together[1].real)
         loading = (given.given, None) if problem.prescribed == "pressure" else (None, given.given)
         inputs = Inputs(operator, heights, problem.law, Loading(*loading))
         # As the pressure went on in the step before: two thirds of the FFT pairs.
@@ -141,26 +140,30 @@ class Advance(eqx.Module):
             inputs, self.how.solver, self.how.adjoint, self.how.rtol,
             jax.lax.stop_gradient(start), None, False,
         )  # fmt: skip
-        contact = jax.tree.map(lambda leaf: checkpoint_name(leaf, _CONTACT), contact)
-        spectrum = to_spectrum(contact.pressure)
-        pasts: list[Past] = []
-        for force, (now, _), left, nodes, past, turn in zip(
-            forces, kernels, known, memories, state.pasts, turns, strict=True
-        ):
-            driven = force * spectrum
-            pressed, moved = (waves.split(w) * jnp.conj(turn) for w in (driven, now * driven))
-            pasts.append(Past(nodes, pressed, past.pressed, left + moved))
-        displacement, profile = self._surfaces(contact.displacement + known_field, passing, pasts)
+        contact = jax.tree.map(lambda leaf: checkpoint_name(leaf, STEP_CONTACT), contact)
+        spectrum = to_spectrum(waves.on_grid(contact.pressure))
+        driven = [factor * spectrum for factor in factors] + ahead
+        pasts = [
+            Past(memory, waves.split(force) * jnp.conj(turn), past.pressed,
+                 rest + waves.split(now * force) * jnp.conj(turn))
+            for force, (now, _), rest, memory, past, turn in zip(
+                driven, kernels, known, memories, state.pasts, turns, strict=True
+            )
+        ]  # fmt: skip
+        moved, profile = self._surfaces(passing, pasts, turns)
+        displacement = waves.on_surface(moved)
+        displacement = displacement - jnp.mean(displacement)
         one = Sliding(contact, SteadyProblem(
             operator=operator, heights=heights, grid=problem.grid, law=problem.law,
             velocity=jnp.ones((), heights.dtype), prescribed=problem.prescribed,
+            facts=problem.facts & {WINDOW},
         ))  # fmt: skip
-        traction, numbers = self._numbers(one, profile, displacement, given)
+        traction, numbers = self._numbers(one, profile, moved, given)
         # Of the pressure on each body, also where traction moves it.
         pairs = list(zip(pasts, state.pasts, strict=True))
-        loads = [(new.pressed + old.pressed) / 2 for new, old in pairs[: len(problem.creeps)]]
+        loads = [(new.pressed + old.pressed) / 2 for new, old in pairs[:bodies]]
         work = sum(
-            waves.mean_product(load, new.moved - old.moved)
+            waves.mean_product(load, new.moved - old.moved) / waves.part
             for load, (new, old) in zip(itertools.cycle(loads), pairs, strict=False)
         )
         by_slopes = jnp.sum((traction + state.traction) / 2 * given.way)
@@ -170,8 +173,8 @@ class Advance(eqx.Module):
         numbers |= dict(zip(names, works, strict=True))
         fields = contact.pressure, contact.gap, displacement, contact.correction
         kept = [
-            known.at[given.slot].set(field, mode="drop")
-            for known, field in zip(state.kept, fields, strict=True)
+            before.at[given.slot].set(field, mode="drop")
+            for before, field in zip(state.kept, fields, strict=True)
         ]
         rise = (contact.pressure - state.pressure) / given.length
         good, ends_well = state.result == RESULTS.successful, contact.result == RESULTS.successful
@@ -179,39 +182,47 @@ class Advance(eqx.Module):
             pasts=tuple(pasts), pressure=contact.pressure,
             # What a load that begins adds in the first step does not go on.
             rise=jax.lax.stop_gradient(jnp.where(given.index > 0, rise, 0)),
+            shares=contact_shares(indicator_of(one), edges_of(one)) if ahead else state.shares,
             traction=traction, works=works, kept=tuple(kept),
             result=RESULTS.where(good, contact.result, state.result),
             failed=jnp.where(good & ~ends_well, given.index, state.failed),
         ), numbers  # fmt: skip
 
-    def _surfaces(self, moved: Field, passing: Field, pasts: list[Past]) -> tuple[Field, Field]:
-        """The displacement of the block, and the interface, from that of both bodies [m]."""
-        problem, of_counter = self.problem, jnp.zeros_like(moved)
-        if len(problem.creeps) > 1:
-            of_counter = self.waves.field(functools.reduce(jnp.add, [p.moved for p in pasts[1::2]]))
-        block = moved - of_counter
+    def _surfaces(self, passing: Field, pasts: list[Past], turns: list[Any]) -> tuple[Array, Array]:
+        """The displacement of the block, and the interface, on the cell of the memory [m]."""
+        problem, waves, bodies = self.problem, self.waves, len(self.problem.creeps)
+        moved = [past.moved for past in pasts]
+        block = waves.field(_sum_of_products(moved[::bodies], turns[::bodies]))
         if problem.block_heights is None:
             return block, block
-        own, other = block - passing, problem.heights - of_counter
-        return block, touching_at(problem.roughness, problem.grid, own, other)
+        other = problem.heights
+        if bodies > 1:
+            other = other - waves.field(functools.reduce(jnp.add, moved[1::2]))
+        return block, touching_at(problem.roughness, problem.grid, block - passing, other)
 
-    def _turns(self, given: _Step) -> list[Any]:
-        """What takes the waves of each force from its body to the surface: the counter rests."""
-        turns = [self.waves.turn(given.shift), 1.0][: len(self.problem.creeps)]
-        return turns * (len(given.tables) // len(turns))
+    def _forces(self, state: HistoryState, given: _Step) -> tuple[list[Any], list[Array]]:
+        """Each force over the pressure, and half spectra of those that do not follow its step.
 
-    def _forces(self, given: _Step) -> list[Any]:
-        """The waves of each force over those of the pressure; traction on a counter is opposite."""
-        forces: list[Any] = [1.0] * len(self.problem.creeps)
-        if len(given.tables) > len(forces):
-            assert self.problem.shear is not None
-            unit, law = _direction(given.way)[0], self.problem.shear.law
-            factor = law.coefficient * self.waves.along(unit)
-            forces += [factor, -factor][: len(forces)]
-        return forces
+        First pressures, then tractions; that on a counter is opposite. Coulomb's is in proportion
+        to the pressure. Others lag: they are those of the contact before at the speed of the step.
+        """
+        bodies, count = len(self.problem.creeps), len(state.pasts)
+        factors: list[Any] = [1.0] * bodies
+        if count == bodies:
+            return factors, []
+        law, (unit, far) = self.problem.shear, _direction(given.way)
+        assert law is not None
+        # The responses to a traction lack the factor i.
+        signs = [1j * way * sign for way in unit for sign in (1, -1)[:bodies]]
+        if isinstance(law.law, Coulomb):
+            return factors + [law.law.coefficient * sign for sign in signs], []
+        stress = dataclasses.replace(law, speed=far / given.length)
+        least, added = shear_parts(state.pressure, stress)
+        spectrum = to_spectrum(self.waves.on_grid(least * state.shares + added))
+        return factors, [sign * spectrum for sign in signs]
 
-    def _known(self, past: Past, memory: Array, table: Array, lift: Array | None, given: _Step):
-        """A body in the step, the waves that earlier forces leave, and the new memory."""
+    def _known(self, force: int, past: Past, given: _Step):
+        """The kernels of a force in the step, the waves that its past leaves, and its memory."""
         parts = lambda wave: jnp.stack([wave.real, wave.imag])  # noqa: E731
         old, new, waves = parts(past.before), parts(past.pressed), self.waves
 
@@ -225,17 +236,19 @@ class Advance(eqx.Module):
             )
             return total + weight.real * real - weight.imag * imag, (real, imag)
 
-        factors = given.decay, given.from_old, given.from_new, memory
+        factors = given.decay, given.from_old, given.from_new, waves.memories[force]
         total, nodes = jax.lax.scan(add, jnp.zeros_like(old), (*past.memory, *factors))
-        now, whole, aged = waves.kernel(table, lift)
+        now, whole, aged = waves.kernel(force, given.tables[force])
         known = jax.lax.complex(*total) + waves.split(whole - now) * past.pressed
         return jnp.stack([now, aged]), known, nodes
 
-    def _numbers(self, one: Sliding, profile: Field, displacement: Field, given: _Step):
+    def _numbers(self, one: Sliding, profile: Array, moved: Array, given: _Step):
         """The traction by slopes [Pa], and the numbers of the contact of a step."""
-        problem, contact, pressure = self.problem, one.contact, one.contact.pressure
-        axes = odd_wavevector(problem.grid)[: len(given.way)]
-        traction = jnp.stack([jnp.sum(work_of_waves(pressure, profile, q)) for q in axes])
+        problem, waves, contact = self.problem, self.waves, one.contact
+        pressure, on_grid = contact.pressure, waves.on_grid(contact.pressure)
+        axes = odd_wavevector(waves.grid)[: len(given.way)]
+        traction = jnp.stack([jnp.sum(work_of_waves(on_grid, profile, q)) for q in axes])
+        traction = traction / waves.part
         load, sheared = jnp.mean(pressure), jnp.zeros_like(traction)
         if problem.shear is not None:
             unit, far = _direction(given.way)
@@ -247,9 +260,13 @@ class Advance(eqx.Module):
         return traction, of_contact | dict(
             traction=traction + sheared, shear_traction=sheared, load=load,
             contact_area=contact_area(one), contact_area_pixels=contact_area_pixels(one),
-            mean_gap=contact.mean_gap, slope=slopes(one, pressure, displacement),
+            mean_gap=contact.mean_gap, slope=weighted_slope(on_grid, moved, waves.grid),
             spread=jnp.sqrt(jnp.mean(pressure**2)), unseen_area=unseen_area(one),
         )  # fmt: skip
+
+
+def _sum_of_products(ones: Sequence[Any], others: Sequence[Any]) -> Array:
+    return functools.reduce(jnp.add, map(jnp.multiply, ones, others))
 
 
 def _direction(way: Array) -> tuple[Array, Array]:
@@ -260,140 +277,22 @@ def _direction(way: Array) -> tuple[Array, Array]:
     return jnp.where(moves, way / far, 0), far
 
 
-_CONTACT = "contact"  # what a derivative keeps of each step
+STEP_CONTACT = "contact"  # what a derivative keeps of each step
 OF_STEPS = (
     "error", "gap_error", "load_error", "complementarity_error", "penetration", "num_steps",
     "num_fft_pairs",
 )  # fmt: skip
 
 
-@runtime_checkable
-class Journal(Protocol):
-    """What follows histories, see `followed`."""
-
-    def begin(self, start: Any) -> tuple[int, Any]:
-        """Returns the step at which a history begins, and what is known there: 0 and `start`, or
-        what was kept.
-        """
-        ...
-
-    def keep(self, step: int, found: Any) -> None:
-        """Takes what is known before a step; what this raises ends the history."""
-        ...
-
-
-_journals: list[Journal] = []
-
-
-@contextlib.contextmanager
-def followed(journal: Journal) -> Iterator[None]:
-    """Inside, each history that is not traced goes on part by part, and `journal` follows it."""
-    _journals.append(journal)
-    try:
-        yield
-    finally:
-        _journals.pop()
-
-
-def run_history(
-    problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
-) -> tuple[HistoryState, dict[str, Array]]:
-    """Returns the state after the last step, and the numbers of all steps."""
-    # The program is that of all bodies.
-    problem, count = dataclasses.replace(problem, bodies=()), len(problem.times)
-    if not _journals or not all(map(is_concrete, jax.tree.leaves(problem))):
-        return _run(problem, how, kept)
-    step, found = _journals[-1].begin(_before(problem, how, kept))
-    while step < count:
-        found = _one_segment(problem, how, kept, found, jnp.asarray(step))
-        step = min(step + _length(count), count)
-        _journals[-1].keep(step, found)
-    state, numbers = found
-    return state, _of_whole(problem, numbers)
-
-
-def _length(count: int) -> int:
-    """Of a segment: about √n steps, each computed once more in a derivative in reverse."""
-    return math.ceil(math.sqrt(count))
-
-
-def _segments(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]):
-    """The state before t = 0, and what advances a state by a segment from a step on."""
-    advance = Advance(problem, HistoryWaves(problem.grid, problem.creeps), how)
-    steps, count = _steps(problem, kept), len(problem.times)
-
-    def one(state, given):
-        like = jax.eval_shape(advance.step, state, given)[1]
-        stay = lambda: (state, jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), like))  # noqa: E731
-        return jax.lax.cond(given.counts, lambda: advance.step(state, given), stay)
-
-    def segment(state, first):
-        rows = first + jnp.arange(_length(count))
-        given = jax.tree.map(lambda leaf: leaf[jnp.minimum(rows, count - 1)], steps)
-        return jax.lax.scan(one, state, given._replace(counts=rows < count))
-
-    return advance.init(len(kept)), segment
-
-
-@jit
-def _run(
-    problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
-) -> tuple[HistoryState, dict[str, Array]]:
-    start, segment = _segments(problem, how, kept)
-    count = len(problem.times)
-    policy = jax.checkpoint_policies.save_only_these_names(_CONTACT)
-    segment = jax.checkpoint(segment, policy=policy)
-    state, numbers = jax.lax.scan(segment, start, jnp.arange(0, count, _length(count)))
-    numbers = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:count], numbers)
-    return state, _of_whole(problem, numbers)
-
-
-@jit
-def _before(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]):
-    """The state before t = 0, and room for the numbers of all steps."""
-    start, segment = _segments(problem, how, kept)
-    like, count = jax.eval_shape(segment, start, 0)[1], len(problem.times)
-    return start, jax.tree.map(lambda a: jnp.zeros((count, *a.shape[1:]), a.dtype), like)
-
-
-@jit
-def _one_segment(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...], found, first):
-    """The state and the numbers after a segment."""
-    segment, (state, numbers) = _segments(problem, how, kept)[1], found
-    state, new = segment(state, first)
-    rows = first + jnp.arange(_length(len(problem.times)))
-    return state, jax.tree.map(lambda a, b: a.at[rows].set(b, mode="drop"), numbers, new)
-
-
-@jit
-def _of_whole(problem: HistoryProblem, numbers: dict[str, Array]) -> dict[str, Array]:
-    """The numbers of all steps, with those over the load and those of the whole."""
-    load = numbers["load"]
-
-    def over(traction):
-        return jnp.where(load > 0, traction.T / jnp.where(load > 0, load, 1), jnp.nan).T
-
-    shape, way = problem.displacement.shape, lengths(problem.steps[1])
-    friction, path = over(numbers["traction"]), jnp.sum(load * way)
-    return numbers | dict(
-        traction=numbers["traction"].reshape(shape), friction=friction.reshape(shape),
-        shear_friction=over(numbers["shear_traction"]).reshape(shape),
-        # Without a way, or without a load on it, there is none.
-        mean_friction=jnp.where(path > 0, numbers["work_done"][-1] / nonzero(path), jnp.nan),
-        peak_friction=largest(jnp.where(load > 0, lengths(friction), 0)),
-        slope_in_contact=largest(numbers["slope"]),
-    )  # fmt: skip
-
-
-def _steps(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
+def steps_given(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
     """What each step is given."""
     count = len(problem.times)
     lengths, way = problem.steps
-    tables = tuple(jnp.stack([c.now, c.whole, c.aged], 1) for c in problem.creeps)
-    lifts = (None,) * len(tables)
-    if problem.creeps[0].lift is not None:  # the aged one has no traction
-        pairs = (c.lift[1:] for c in problem.creeps if c.lift is not None)
-        lifts += tuple(jnp.stack([now, whole, 0 * now], 1) for now, whole in pairs)
+    tables = tuple(
+        jnp.stack([creep.now[kind], creep.whole[kind], creep.aged * (kind == 0)], 1)
+        for kind in [0, *[1] * (way.shape[1] if len(problem.creeps[0].kernels) > 1 else 0)]
+        for creep in problem.creeps
+    )
     # The nodes follow from the times: those of all bodies are equal.
     z = problem.creeps[0].nodes * lengths[:, None]
     twice = _rest_of_exponential(z)
@@ -403,8 +302,7 @@ def _steps(problem: HistoryProblem, kept: tuple[int, ...]) -> _Step:
     slots[list(kept)] = np.arange(len(kept))
     return _Step(
         length=lengths, shift=problem.moved, way=way, given=problem.given,
-        tables=tables * (len(lifts) // len(tables)), lifts=lifts,
-        decay=jnp.exp(z), from_old=before(lengths[:, None] * (once - twice)),
+        tables=tables, decay=jnp.exp(z), from_old=before(lengths[:, None] * (once - twice)),
         from_new=before(lengths[:, None] * twice), slot=jnp.asarray(slots),
         index=jnp.arange(count), counts=jnp.ones(count, bool),
     )  # fmt: skip

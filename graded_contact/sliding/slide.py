@@ -128,7 +128,7 @@ def slide_cycle(
     - `period`: T [s].
     - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
-      heights.
+      heights; not on a window.
     - `law`: of contact; it has no history.
     - `shear`, `temperature`: as in `slide`. The law holds at the pressure and the speed of each
       time, and the traction has the direction of the motion. At rest there is none.
@@ -181,7 +181,9 @@ def slide_history(
     **Arguments:**
 
     - `stack`: the block; it may flow (`equilibrium` 0). Tables of moduli are refused: fit them.
-    - `surface`: the rough surface; heights count into the block.
+    - `surface`: the rough surface; heights count into the block. On a window
+      (`Surface(periodic=False)`) nothing acts around it; the bodies remember the whole path of the
+      window without copies, in fields of twice its length along each axis.
     - `times`: ends of the steps [s], shape `(nt,)`, positive and ascending. Steps may differ: where
       all rests, each may be a fixed part of the time so far. While the surface moves, a step leads
       it by about half a spacing of the grid at most.
@@ -189,11 +191,12 @@ def slide_history(
       `(nt, 2)`; see `start`, `ramp`, `dwell`, `listed`.
     - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
-      heights.
+      heights; not on a window.
     - `law`: of contact; it has no history.
     - `shear`, `temperature`: as in `slide`. The law holds at the pressure of each time and the mean
       speed of its step, and the traction has the direction of that step. At rest there is none.
-      Of laws that are `coupled`, `Coulomb` alone is taken.
+      What moves the surfaces under a law that is `coupled` is the traction of the step's speed on
+      the contact one step before; of `Coulomb` it is that on the contact itself.
     - `counter`, `block_surface`: as in `slide_cycle`; the counter has its memory, too.
     - `fields_at`: numbers of the steps whose fields are kept, at least one; -1 is the last.
     - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.

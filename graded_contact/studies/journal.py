@@ -2,7 +2,7 @@
 
 A solve has a few histories, one after the other: its own, and those for its errors. Of each the
 store has a state under the name of the point and a number: the last one after Ctrl-C, one that is
-`EVERY` seconds old after a kill. A point that ended has none.
+`STORED_EVERY` seconds old after a kill. A point that ended has none.
 """
 
 import time
@@ -16,7 +16,7 @@ import numpy as np
 from .store import Point, Store
 
 _STEP = "step"
-EVERY = 20.0  # s between two states in the store: one of 256² points takes 55 MB
+STORED_EVERY = 20.0  # s between two states in the store: one of 256² points takes 55 MB
 
 
 class PointJournal:
@@ -55,7 +55,7 @@ class PointJournal:
         except KeyboardInterrupt:
             self._save()
             raise
-        if time.monotonic() > self._saved + EVERY:
+        if time.monotonic() > self._saved + STORED_EVERY:
             self._save()
 
     def _save(self) -> None:

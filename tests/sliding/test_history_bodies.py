@@ -7,7 +7,8 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.contacts import DouglasRachford
-from graded_contact.sliding import Case, Coulomb, Heating
+from graded_contact.sliding import Case, Coulomb, Heating, PeakedShear
+from graded_contact.sliding.shear import AbstractShear
 
 NUM, STEPS, LOAD = 16, 16, 0.2  # points and steps of all histories: they share a program
 GRID = gc.Grid((NUM,), 1.0)
@@ -82,6 +83,9 @@ def test_what_a_history_of_two_bodies_refuses():
     longer = gc.Surface(OTHER.heights, gc.Grid((NUM,), 2.0))
     with pytest.raises(ValueError, match=r"`block_surface` is on .*2.*grid of `surface`"):
         Case(**given, block_surface=longer)
+    window = gc.Surface(ROUGH.heights, GRID, periodic=False)
+    with pytest.raises(ValueError, match="`surface` is on a window"):
+        Case(**given | dict(surface=window), block_surface=OTHER)
     with pytest.raises(ValueError, match=r"`heating`.*`times`"):
         Case(**given, block_surface=OTHER, heating=Heating(0.2, 1e-7))
     table = gc.materials.Tabulated([1.0, 1e3], [1 + 0.1j, 2 + 0.1j], extrapolate="plateau")
@@ -126,6 +130,36 @@ def test_traction_of_coulomb_moves_surfaces_as_in_a_cycle_with_an_error_of_secon
     change = np.median(np.abs(found.mean_gap - free.mean_gap)[-count:])
     assert errors[1] < 0.1 * change
     assert errors[1] < 0.5 * errors[0]
+
+
+class Proportional(AbstractShear):
+    """Coulomb's law, but for the program any law of the pressure."""
+
+    coupled: bool = True
+
+    def __call__(self, pressure, speed, temperature):
+        return 0.5 * pressure
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [Proportional(), PeakedShear(0.05, 2.0, 0.5, coupled=True)])
+def test_traction_of_any_law_lags_and_its_error_falls_with_the_steps(law):
+    period, errors = 0.4, []
+    bodies = dict(counter=rubber(6.0, 0.03, 2.0), shear=law, pressure=0.05)
+    phase = 2 * np.pi * np.arange(256) / 256
+    cycle = gc.slide_cycle(
+        rubber(), ROUGH, **bodies, displacement=0.3 * np.sin(phase), period=period, rtol=1e-7
+    )
+    for count in (32, 128):
+        times = np.arange(1, 5 * count + 1) * period / count
+        moved = 0.3 * np.sin(2 * np.pi * times / period)
+        found = run(rubber(), own=None, times=times, displacement=moved, **bodies)
+        place = np.arange(256 // count, 257, 256 // count) % 256
+        errors.append(np.median(np.abs(found.mean_gap[-count:] - cycle.mean_gap[place])))
+    free = run(rubber(), own=None, times=times, displacement=moved, **bodies | {"shear": None})
+    change = np.median(np.abs(found.mean_gap - free.mean_gap)[-count:])
+    assert errors[1] < 0.1 * change
+    assert errors[1] < 0.4 * errors[0]
 
 
 @pytest.mark.slow
