@@ -550,7 +550,7 @@ def check_drop(case: int, folder: Path, document) -> bool:
         change = partial(with_topography, options=options)
     else:
         material = pick(draw, [*document.content["materials"], text()])
-        change = partial(with_moduli, name=material)
+        change = partial(with_moduli, options={}, name=material)
     with only(explored, *document.scene.inputs.values()):
         try:
             changed = with_file(document, explored, name, content, change)

@@ -32,8 +32,8 @@ from ..surfaces.surface import check_periodic
 from .bodies import Counter, Coupling, middle_of
 from .case import Case
 from .facts import facts_of
-from .motion import components
 from .numerics import Numerics
+from .over_period import components
 from .problem import CycleProblem, Posed
 from .shear import is_coupled, shear_stress, unless_negative
 

@@ -32,7 +32,8 @@ from .formulas import (
     touching,
 )
 from .load import approach
-from .motion import Motion, rate_of
+from .motion import Motion
+from .over_period import rate_of
 from .result import CyclicSliding, Found, Sliding
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured

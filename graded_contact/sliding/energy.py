@@ -19,7 +19,7 @@ from ..fields.frequency import wave_frequencies
 from ..fields.grid import multiplicity
 from .bodies import Coupling
 from .formulas import loaded, shared, tractions_on
-from .motion import odd_frequencies
+from .over_period import odd_frequencies
 from .result import Found, Sliding
 
 

@@ -28,7 +28,7 @@ from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, derivative, odd_wavevector
 from .bodies import lags
 from .facts import WINDOW
-from .motion import refined
+from .over_period import refined
 from .result import CyclicSliding, Found, Sliding
 from .shear import shear_field, shear_parts
 

@@ -43,8 +43,8 @@ from .facts import facts_of
 from .formulas import lengths
 from .heat_source import check_series, gauss_within, heat_where, intervals, shear_heat
 from .isothermal import solve_isothermal
-from .motion import refined
 from .numerics import Numerics
+from .over_period import refined
 from .result import CyclicSliding, Found, Sliding
 from .traction import interface_power
 

@@ -27,8 +27,8 @@ from .facts import COUPLED, facts_of
 from .history_problem import HistoryProblem, steps_of
 from .history_run import run_history
 from .history_steps import OF_STEPS, HistoryState
-from .motion import components
 from .numerics import Numerics
+from .over_period import components
 from .resolution import NEIGHBOURS_RTOL
 from .result import TransientSliding
 from .shear import ShearLaw, is_coupled, shear_stress, unless_negative

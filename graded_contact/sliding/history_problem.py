@@ -32,7 +32,7 @@ from ..fields.grid import (
     wavevector,
 )
 from .facts import GROUND
-from .motion import components
+from .over_period import components
 from .shear import ShearStress
 
 

@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 from scipy.fft import next_fast_len
 
-from ..blocks.periodic_kernel import period_frequencies
 from ..core.checks import (
     Numbers,
     as_float,
@@ -42,7 +41,6 @@ _FEWEST = 32  # times that are chosen
 # Times of a way from rest to rest: 0.1 % of its velocity is then at the upper half of the
 # frequencies. A rest of 1/8 of the way has 4; the slow ends of the way look like a shorter one.
 _OF_A_WAY = 32
-_REFINED = 64  # times as many for the length of the path
 _OPEN = 0.2  # of the extent of a record: a gap that its next row does not close
 _FINE = 16  # times between two of a recorded motion, before the highest frequencies are cut
 
@@ -352,30 +350,3 @@ def _times(num_times: int, like: Array) -> Float[Array, " nt"]:
     """Equally spaced times over the period."""
     check_whole("num_times", num_times, 4)
     return jnp.arange(num_times, dtype=like.dtype) / num_times
-
-
-def components(over_time: Float[Array, "nt ..."]) -> Float[Array, "nt components"]:
-    """Returns an array over time, with its components on the second axis."""
-    return over_time.reshape(len(over_time), -1)
-
-
-def rate_of(values: Float[Array, "nt ..."], period: Float[Array, ""]) -> Float[Array, "nt ..."]:
-    """Returns the derivative by time of periodic values."""
-    omega = odd_frequencies(len(values), period).reshape(-1, *[1] * (values.ndim - 1))
-    return jnp.fft.irfft(1j * omega * jnp.fft.rfft(values, axis=0), len(values), axis=0)
-
-
-def refined(values: Float[Array, "nt ..."]) -> Float[Array, "more ..."]:
-    """Returns periodic values at `_REFINED` times as many times, by their Fourier series."""
-    count = len(values)
-    waves = jnp.fft.rfft(values, axis=0)
-    if count % 2 == 0:  # the highest frequency is now two, of both signs
-        waves = waves.at[-1].divide(2)
-    return jnp.fft.irfft(waves, _REFINED * count, axis=0) * _REFINED
-
-
-def odd_frequencies(count: int, period: Float[Array, ""]) -> Float[Array, " nw"]:
-    """Returns the frequencies ω >= 0 of a period; the highest of an even count, which has no sign,
-    is 0."""
-    omega = period_frequencies(count, period)
-    return omega if count % 2 else omega.at[-1].set(0)

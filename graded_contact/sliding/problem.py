@@ -26,8 +26,8 @@ from ..core.checks import Numbers
 from ..fields.grid import Grid, resample_spectrum
 from .bodies import Counter, Coupling, coupling_on, of_block
 from .half_grid import resampled
-from .motion import components, rate_of
 from .numerics import Numerics
+from .over_period import components, rate_of
 from .shear import ShearStress
 
 Range = tuple[Float[Array, "..."], Float[Array, "..."]]

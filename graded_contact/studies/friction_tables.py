@@ -15,6 +15,7 @@ from ..core.checks import Numbers, as_float, check_positive, check_types, check_
 from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import NO_FIELD, mean_field_of
 from ..mean_field.refinement import NODES, Nodes, solve_refined
+from ..sliding.bodies import TwoBodies
 from ..sliding.case import Case
 from ..sliding.numerics import numerics_of
 from ..sliding.shear import is_coupled

@@ -218,6 +218,7 @@ limits = {min_contact_area = 0.3, min_mean_gap = 1e-6}
 )
 
 
+@pytest.mark.slow
 def test_a_limit_that_the_mean_field_does_not_know_is_kept_by_contact():
     """Over two surfaces: by `slide` the mean of their areas is on its limit."""
     study = parse_design(LINE.replace("[grid]", "seeds = 2\n[grid]"))

@@ -220,7 +220,7 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
     page = Page(document, tmp_path)
 
     async def drop(name, data):
-        page.session.take_file(name, data, partial(with_moduli, name="tread"))
+        page.session.take_file(name, data, partial(with_moduli, options={}, name="tread"))
         await rest()
 
     async def steps():

@@ -106,13 +106,11 @@ def test_shear_and_heating_are_those_of_the_constructors():
     assert float(constant.stress) == 1e5
 
 
-@pytest.fixture(scope="module")
-def plain():
-    """The names of the solves of a scene without a law."""
-    scene = parse_scene(BARE)
+def test_a_law_decides_the_names_of_solves():
+    scene, law = parse_scene(BARE), "\n[law]\nkind = 'hard_wall'\nhardness = 2e6\n"
     case = scene.case({"pressure": 2e5, "velocity": 1.0}, scene.surface.build())
     assert isinstance(case.law, gc.HardWall)
-    return plan(scene).points
+    assert not np.any(np.isin(plan(parse_scene(BARE + law)).points, plan(scene).points))
 
 
 @pytest.mark.parametrize(
@@ -126,7 +124,7 @@ def plain():
          ExponentialAdhesion(1e-9, 0.05)),
     ],
 )  # fmt: skip
-def test_a_law_of_contact_is_that_of_the_constructor_and_has_no_mean_field(plain, lines, law):
+def test_a_law_of_contact_is_that_of_the_constructor_and_has_no_mean_field(lines, law):
     scene = parse_scene(f"{BARE}\n[law]\n{lines}\n")
     surface = scene.surface.build()
     case = scene.case({"pressure": 2e5, "velocity": 1.0}, surface)
@@ -134,7 +132,6 @@ def test_a_law_of_contact_is_that_of_the_constructor_and_has_no_mean_field(plain
     assert mean_field_at(scene, surface, (0, 0)) is None
     with pytest.raises(ValueError, match=r"The mean field does not take the table \[law\]"):
         roughness_of(scene, surface)
-    assert not np.any(np.isin(plan(scene).points, plain))
 
 
 def test_coulomb_friction_is_a_kind_of_shear():

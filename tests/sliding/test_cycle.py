@@ -336,6 +336,10 @@ def test_caveats_name_what_the_times_do_not_resolve():
     assert any("surfaces never touch" in text for text in apart.caveats)
     assert np.isnan(apart.mean_friction) and np.isnan(apart.peak_friction)
     assert np.isnan(apart.mean_friction_error)
+
+
+@pytest.mark.slow
+def test_a_cycle_that_does_not_converge_says_so():
     with pytest.raises(RuntimeError, match="max_steps"):
         cycle(solver=gc.contacts.DouglasRachford(max_steps=2))
     failed = cycle(solver=gc.contacts.DouglasRachford(max_steps=2), throw=False)

@@ -7,7 +7,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.sliding import recorded, sinusoidal, slide_cycle, start_stop, steady
-from graded_contact.sliding.motion import refined
+from graded_contact.sliding.over_period import refined
 
 GRID = gc.Grid((32,), 1.0)
 WAVES = gc.Surface(0.02 * np.cos(2 * np.pi * np.arange(32) / 32), GRID)
@@ -160,6 +160,7 @@ def test_a_stroke_longer_than_the_cell_has_a_caveat():
     assert not any(words in text for text in found.caveats) and found.stroke_over_cell < 1e-12
 
 
+@pytest.mark.slow
 def test_a_sudden_start_ripples_and_a_smooth_one_does_not():
     moving = start_stop(0.2, 0.25, 0.25, 128)
     t = np.arange(128) / 128

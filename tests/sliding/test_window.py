@@ -44,7 +44,9 @@ def sliding():
     return gc.slide(COATED, sphere(64), pressure=0.02, velocity=1.0)
 
 
-@pytest.mark.parametrize("radius", [0.1, 0.2, 0.4])
+@pytest.mark.parametrize(
+    "radius", [0.2, *(pytest.param(radius, marks=pytest.mark.slow) for radius in (0.1, 0.4))]
+)
 def test_sphere_is_that_of_hertz(radius):
     """Radius, peak and approach a²/R; the stiffness 2E*a is that of the counted radius.
 
@@ -156,7 +158,9 @@ def test_what_a_window_cannot_have_is_refused():
         _ = gc.slide(ELASTIC, repeated, pressure=0.02, velocity=0.0).approach
 
 
-@pytest.mark.parametrize("heights", [cylinder(64).heights, np.zeros(64)])
+@pytest.mark.parametrize(
+    "heights", [cylinder(64).heights, pytest.param(np.zeros(64), marks=pytest.mark.slow)]
+)
 def test_before_the_first_touch_there_is_no_load(heights):
     """Nor at it, where rounding would decide; the derivative is that from before it."""
     surface = gc.Surface(heights, gc.Grid((64,), 1.0), periodic=False)
