@@ -194,7 +194,8 @@ def run_scene_into(
                 for key, figure in itertools.chain(figures(results, decided, all_seeds), *parts):
                     terminal.save_figure(figure, file.with_name(f"{name}-{key}.{form}"), form)
     print_doubts(results)
-    terminal.end_if_interrupted(interruption)
+    if not whole or np.any(results["message"] == NOT_STARTED):
+        terminal.end_if_interrupted(interruption)
     if np.any(results["message"] != ""):
         raise typer.Exit(1)
 

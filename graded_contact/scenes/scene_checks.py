@@ -21,6 +21,7 @@ from ..core.parameters import paths, with_values
 from ..core.quantities import HISTORY
 from ..materials.softening import as_strain_per_slope
 from ..sliding.bodies import OF_COUNTER, BodyName, TwoBodies, in_both
+from ..sliding.conduction import of_parts
 from ..sliding.shear import shear_stress
 from .block import extremes
 from .once import LIFTED
@@ -52,7 +53,8 @@ def check_numbers(scene: Scene) -> None:
             body: BodyName = "counter" if path.startswith(OF_COUNTER) else "block"
             check_paths([path.removeprefix(OF_COUNTER)], bodies[body == "counter"], body)
             for value in (np.min(values), np.max(values)):  # what is allowed has no gaps
-                changed = with_values(bodies, {in_both(path): value})
+                with within(f'"{path}":'):
+                    changed = with_values(bodies, {in_both(path): value})
                 for at in extremes(scene.temperature):
                     changed.at(at)
     check_points("` x `".join(scene.axes), scene.num_solves)
@@ -79,6 +81,9 @@ def check_tables(scene: Scene) -> None:
             raise ValueError(f"[{place}] `{key}` needs [motion] with `once = true`.")
     if scene.heating is not None and scene.temperature is None:
         raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
+    if scene.heating is not None:
+        with within("[heating]"):
+            of_parts(scene.heating, scene.stack, scene.counter)
     with within("[shear]"):
         # A law with a shift refuses a scene without a temperature.
         for at in extremes(scene.temperature) or [None]:
@@ -136,8 +141,11 @@ def check_paths(given: Iterable[str], stack: Stack | None, body: BodyName = "blo
     """Raises `ValueError` unless all name numbers of the body."""
     if stack is None:
         raise ValueError(f"{[*given]} need the table [{body}].")
-    known = paths(stack)
+    start = OF_COUNTER if body == "counter" else ""
+    known = [start + path for path in paths(stack)]
     whole = [path for path in known if not path.endswith("]")]  # entries of arrays are many
-    for path in given:
+    for path in (start + path for path in given):
         if path not in known:
-            raise ValueError(f"`{path}` is not a number of the {body}; {nearest(path, whole)}")
+            other = path.startswith(OF_COUNTER) and not start
+            hint = "only those of the block vary here" if other else nearest(path, whole)
+            raise ValueError(f"`{path}` is not a number of the {body}; {hint.rstrip('.')}.")

@@ -200,8 +200,12 @@ class Case(eqx.Module):
             )
         check_positive("times", times, "[s]", squares=False)
         check_increasing("times", times)
+        if is_concrete(self.displacement):
+            known = np.asarray(self.displacement)  # inside of a program, too
+            whole = np.concatenate([np.zeros_like(known[:1]), known])  # it begins at 0
+            check_resolved(f"`displacement` in {len(known)} steps", whole, grid)
         if is_concrete(times):
-            known = np.asarray(times)  # inside of a program, too
+            known = np.asarray(times)
             steps = np.diff(known, prepend=0)
             if known[-1] > LONGEST * np.min(steps):
                 raise ValueError(

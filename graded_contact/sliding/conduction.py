@@ -95,12 +95,8 @@ def temperatures(sliding: Sliding, bodies, heating: Heating, heat: Heat, depths)
     """
     grid, weight = sliding.grid, to_spectrum(pressure_weight(sliding))
     stack, counter = bodies if len(bodies) == 2 else (*bodies, None)
-    conductivity, diffusivity = _of_parts(
-        stack, f"the {len(stack.layers)} layers", conductivity=heating.conductivity,
-        diffusivity=heating.diffusivity,
-    )  # fmt: skip
+    conductivity, diffusivity, parts = of_parts(heating, stack, counter)
     kappa = heating.counterface_conductivity
-    (parts,) = _of_parts(counter, "the layers of a `counter`", counterface_conductivity=kappa)
     # Its conductivity may be 0: temperatures depend on the ratios of its layers.
     first, ratios = (parts[0], jnp.ones_like(parts)) if kappa.ndim == 0 else (1.0, parts)
     made = jax.vmap(to_spectrum)(heat.source)
@@ -124,16 +120,25 @@ def temperatures(sliding: Sliding, bodies, heating: Heating, heat: Heat, depths)
     return [jax.vmap(_without_mean)(spectra) for spectra in found[: len(depths)]]
 
 
-def _of_parts(stack: Stack | None, layers: str, **numbers: Array) -> list[Array]:
-    """Numbers of each layer of a body and of what is below."""
-    parts = (1 if stack is None else len(stack.layers) + 1,)
-    for name, value in numbers.items():
-        if value.shape not in ((), parts):
-            raise ValueError(
-                f"`{name}` has shape {value.shape}; one number is needed, or one for each of "
-                f"{layers} and one for what is below."
-            )
-    return [jnp.broadcast_to(value, parts) for value in numbers.values()]
+def of_parts(heating: Heating, stack: Stack, counter: Stack | None) -> list[Array]:
+    """Returns the conductivity and diffusivity of each layer of the block and of what is below it,
+    and the conductivity of those of the counter; raises `ValueError` for another number of them.
+    """
+    found = []
+    for body, names in (
+        (stack, ("conductivity", "diffusivity")), (counter, ("counterface_conductivity",)),
+    ):  # fmt: skip
+        layers = 0 if body is None else len(body.layers)
+        for name in names:
+            value = getattr(heating, name)
+            if value.shape not in ((), (layers + 1,)):
+                whose = "a `counter`" if body is counter else "the block"
+                raise ValueError(
+                    f"`{name}` has shape {value.shape}; one number is needed, or {layers + 1}: "
+                    f"one for each of the {layers} layers of {whose} and one for what is below."
+                )
+            found.append(jnp.broadcast_to(value, (layers + 1,)))
+    return found
 
 
 def _conduction(

@@ -11,7 +11,15 @@ from jaxtyping import Array
 from ..contacts.operator import nonzero
 from ..core.caveats import DOUBTFUL
 from ..core.derivative import largest
-from ..core.quantities import KINDS, Above, observable, of_cycle, of_steady
+from ..core.quantities import (
+    CYCLE,
+    HISTORY,
+    KINDS,
+    Above,
+    observable,
+    of_cycle,
+    of_steady,
+)
 from ..fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
 from ..materials.coverage import is_unknown
 from .area import mean_gap
@@ -34,7 +42,8 @@ from .formulas import (
 from .load import approach
 from .motion import Motion
 from .over_period import rate_of
-from .result import CyclicSliding, Found, Sliding
+from .result import CyclicSliding, Found, Sliding, TransientSliding
+from .single_motion import SingleMotion
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
 # Small strains neglect slope²/2, the excess of an arc over its chord.
@@ -265,16 +274,20 @@ def load_mismatch(found: CyclicSliding) -> Array:
     return jnp.abs(load_work(found) / found.period - by_gap) / nonzero(lost)
 
 
-@of_cycle(
+@observable(
     "", "1", "largest step from one time to the next, in spacings of the grid",
     warns=Above(
         1.0 + DOUBTFUL,
         "The surface moves by up to {value:.2g} spacings of the grid from one time to the next: "
         "the times do not resolve how the shortest waves move. Take more times.",
     ),
+    kinds=(CYCLE, HISTORY),
 )  # fmt: skip
-def largest_step(found: CyclicSliding) -> Array:
+def largest_step(found: CyclicSliding | TransientSliding) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
+    if isinstance(found, TransientSliding):
+        problem = found.problem
+        return SingleMotion(problem.times, problem.displacement).largest_step(found.grid)
     return Motion(found.displacement, found.period).largest_step(found.grid)
 
 

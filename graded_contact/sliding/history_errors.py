@@ -23,7 +23,7 @@ from .history import on_grid
 from .resolution import Neighbours, kept_neighbours, neighbours_of
 from .result import TransientSliding
 
-_LEAST_STEPS = 4  # that are not halved again
+_LEAST_STEPS = 2  # of the history in half as many
 _KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many steps
 
 
@@ -62,8 +62,8 @@ def _by_steps(name: str):
 
     def error(found):
         own, fewer = found.recorded[name], neighbours_of(found).fewer
-        if fewer is None:
-            return jnp.abs(own)
+        if fewer is None:  # nothing is known of it
+            return jnp.nan * own
         if own.ndim == 0:
             return _KEPT_BY_TIMES * jnp.abs(own - fewer.recorded[name])
         chosen = _halved_steps(len(own))

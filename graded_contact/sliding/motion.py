@@ -83,7 +83,7 @@ def _steps(displacement):
     return jnp.abs(jnp.diff(displacement.reshape(len(displacement), -1), axis=0))
 
 
-def _step_of(displacement: Array, grid: Grid) -> float | None:
+def _step_of(displacement: Array | np.ndarray, grid: Grid) -> float | None:
     """`Motion.largest_step`, or None where the numbers are not known."""
     if not (is_concrete(displacement) and is_concrete(grid.size)):
         return None
@@ -92,7 +92,7 @@ def _step_of(displacement: Array, grid: Grid) -> float | None:
 
 
 def check_resolved(
-    given: str, displacement: Array, grid: Grid | None, enough: int | None = None
+    given: str, displacement: Array | np.ndarray, grid: Grid | None, enough: int | None = None
 ) -> None:
     """Raises `ValueError` if the times cannot resolve how the waves of a grid move.
 

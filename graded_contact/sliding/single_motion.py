@@ -17,6 +17,7 @@ from ..core.checks import (
     check_increasing,
     check_positive,
     check_rows,
+    check_type,
     check_types,
     check_values,
     check_whole,
@@ -68,6 +69,12 @@ class SingleMotion(eqx.Module):
 
     def then(self, other: "SingleMotion") -> "SingleMotion":
         """Returns this motion and then another one, which begins where this one ends."""
+        check_type("other", other, SingleMotion)
+        if other.displacement.ndim != self.displacement.ndim:
+            raise ValueError(
+                f"`other` has displacements of shape {other.displacement.shape} after those of "
+                f"shape {self.displacement.shape}: both must be along x, or both along x and y."
+            )
         return SingleMotion(
             jnp.concatenate([self.times, self.times[-1] + other.times]),
             jnp.concatenate([self.displacement, self.displacement[-1] + other.displacement]),
@@ -150,6 +157,8 @@ def start(
     velocity, duration = as_scalar(velocity, "velocity"), as_scalar(duration, "duration")
     before = as_scalar(before, "before")
     check_positive("duration", duration, "[s]")
+    for name, value in (("velocity", velocity), ("before", before)):
+        check_values(name, value, "a velocity [m/s] must be finite")
     if num_times is None and grid is not None:  # the longest step is at the higher velocity
         way = jnp.maximum(jnp.abs(velocity), jnp.abs(before)) * duration
         num_times = max(math.ceil(_known("num_times", way / grid.spacing[0]) / CHOSEN_STEP), 1)
