@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 DRAWN, AT_REST = ("friction", "contact_area"), ("contact_area", "mean_gap")
 LEAKAGE = ("leakage_along_x", "leakage_along_y")
-ERROR = "_standard_error"
+ERROR, BAR = "_standard_error", "_bar"
 NOTHING = "No solve succeeded: no figure is drawn."
 DASHES = ("-", "--", ":", "-.")
 THIN = 0.4  # points, of the lines of single surfaces
@@ -48,8 +48,8 @@ class _Lines(NamedTuple):
 
     - `along`: name of the axis.
     - `varied`: the other axes with several values.
-    - `each`: of each line the quantities (means over the seeds, with their standard errors), `x`,
-      `state` and `doubtful` along the axis, and `NAME_each` over the seeds if all are drawn; the
+    - `each`: of each line the quantities (means over the seeds, with their standard errors), their
+      bars, `x`, `state` and `doubtful` along the axis, and `NAME_each` over the seeds if all are drawn; the
       numbers on the other axes are its coordinates.
     - `surfaces`: number of seeds; 0 without such an axis.
     - `drawn`: the quantities, one for each panel.
@@ -72,7 +72,8 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
     If there is one velocity they are drawn against the last axis that has several points. The area
     is the sub-pixel one. The first of the other axes has a colour for each value, the rest have
     dashes. Over several surfaces (`seed`) lines are means, and bands are their standard errors.
-    Bars are standard errors by materials, where these are known. A solve that did not converge has
+    Bars are the estimated errors of the numbers, of surfaces the largest; where standard errors by
+    materials are known, the root of the sum of both squares. A solve that did not converge has
     a hollow marker, a doubtful one a cross, with the reason in the legend; one that failed has a
     triangle and one that was not started a stroke, both at the bottom.
 
@@ -207,6 +208,11 @@ def _lines(
     known = dict.fromkeys((*DRAWN, *AT_REST, *drawn))
     names = [name + end for name in known for end in ("", ERROR, SEED_ERROR)]
     lines = middle[[name for name in names if name in middle]]
+    for name in known:
+        errors = [middle[n] for n in (f"{name}_error", name + ERROR) if n in middle]
+        if errors:
+            bar = sum(error**2 for error in errors) ** 0.5
+            lines[name + BAR] = bar.where(np.isfinite(bar))  # an error that is not known has none
     lines = lines.assign(apart | {"x": results[along], "state": state, "doubtful": doubtful})
     lines = lines.sortby(follows)  # scenes may list velocities in any order
     each = [
@@ -268,8 +274,10 @@ def _drawn(
         label = f"mean of {lines.surfaces} surfaces ± standard error"
         entry(color="0.8", linewidth=6, label=label)
     known = {str(name) for line in lines.each for name in line}
-    if any(f"{name}{ERROR}" in known for name in lines.drawn):
-        entry(marker="|", ls="", label="± standard error by materials")
+    if any(name + BAR in known for name in lines.drawn):
+        both = any(name + ERROR in known for name in lines.drawn)
+        by_materials = " and standard error by materials" * both
+        entry(marker="|", ls="", label=f"bars: ± estimated error{by_materials}")
     if f"{lines.drawn[0]}_each" in known:
         entry(linewidth=THIN, label="each surface")
     for reason, each in lines.doubts:
@@ -281,7 +289,7 @@ def _drawn(
 
 
 def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: Any) -> None:
-    """Draws a line, a band of its error over seeds, bars of that by materials, and the states."""
+    """Draws a line, a band of its error over seeds, bars of its other errors, and the states."""
     x, values, state = (line[name].values for name in ("x", quantity, "state"))
     closed = (values == 0) & (quantity in (*FLOWS, *LEAKAGE))
     values = np.where(closed, np.nan, values)  # a logarithm has no 0
@@ -296,8 +304,8 @@ def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: 
     if f"{quantity}_each" in line:
         each = line[f"{quantity}_each"].transpose(..., "seed").values
         axes.plot(x, each, color=colour, linewidth=THIN)
-    if quantity + ERROR in line:
-        axes.errorbar(x, values, line[quantity + ERROR], fmt="none", ecolor=colour, capsize=2)
+    if quantity + BAR in line:
+        axes.errorbar(x, values, line[quantity + BAR], fmt="none", ecolor=colour, capsize=2)
     for word, (mark, filled) in MARKERS.items():
         at = state == word
         if np.any(at):
@@ -320,7 +328,7 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
         axes.set_xscale("log")
         style.few_powers_of_ten(axes.xaxis, low, high)
     ends = [line[quantity] for line in lines.each]
-    for end in (ERROR, SEED_ERROR):
+    for end in (BAR, SEED_ERROR):
         ends += [
             line[quantity] + line[quantity + end] for line in lines.each if quantity + end in line
         ]

@@ -87,7 +87,7 @@ def test_what_makes_each_point_doubtful_is_said_without_crosses():
     results["slope_in_contact"][:] = 0.6
     figure = gc.plot.plot_sweep(results)
     assert not any(line.get_marker() == "x" for line in figure.axes[0].lines)
-    (told,) = (text.get_text() for text in figure.legends[0].get_texts())
+    *_, told = (text.get_text() for text in figure.legends[0].get_texts())
     assert told == "all points: the block's rms slope where it carries the load is 0.6"
 
 
@@ -119,19 +119,20 @@ def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
     figure = gc.plot.plot_sweep(results)
     axes = figure.axes[0]
     lines = straight(axes)
-    assert len(lines) == 6 and len(axes.collections) == 6
+    assert len(lines) == 6 and len(axes.collections) == 6 * 2  # bands and bars
     assert len({line.get_color() for line in lines}) == 2
     assert len({line.get_linestyle() for line in lines}) == 3
     # Velocity 0.01 comes first; the mean over the seeds is half a step above that of the first.
     np.testing.assert_allclose(lines[0].get_ydata(), [1.5, 0, 2.5, 3.5])
     # Of two numbers that differ by 1 the standard error is 1/2; one number has none.
-    band = axes.collections[3].get_paths()[0].vertices
+    band = axes.collections[6].get_paths()[0].vertices
     assert np.isclose(band[:, 1].max(), 5) and np.isclose(band[:, 1].min(), 1)
     (legend,) = figure.legends
     assert {text.get_text() for text in legend.get_texts()} == {
         "coat thickness 10 µm", "coat thickness 50 µm", "not converged",
         "temperature 280 K (6.85 °C)", "temperature 300 K (26.85 °C)",
         "temperature 320 K (46.85 °C)", "mean of 2 surfaces ± standard error",
+        "bars: ± estimated error",
     }  # fmt: skip
     every = gc.plot.plot_sweep(results, all_seeds=True).axes[0]
     assert len(straight(every)) == 6 * (1 + 2)
@@ -257,17 +258,31 @@ def test_sweeps_need_steady_sliding_and_a_solve_that_succeeded():
         gc.plot.plot_sweep(results)
 
 
-def test_standard_errors_are_bars():
+def test_bars_are_total_errors_with_those_by_materials():
     axes = {"pressure": [1e5], "velocity": [0.1, 1.0, 10.0]}
-    results = made(axes)
-    error = np.array([[0.1, 0.2, 0.3]])
-    known = results.assign(friction_standard_error=(("pressure", "velocity"), error))
-    bars, plain = (gc.plot.plot_sweep(one).axes for one in (known, results))
-    (container,) = bars[0].containers
-    ends = np.array([path.vertices[:, 1] for path in container[2][0].get_paths()])
-    np.testing.assert_allclose(ends, results.friction.values.T + error.T * [-1, 1])
-    assert not bars[1].containers and not plain[0].containers
-    assert not bars[0].collections[1:]  # one sign for one error: no band beside the bars
+    over = ("pressure", "velocity")
+    results = made(axes).assign(
+        friction_error=(over, np.array([[0.3, 0.4, np.inf]])),
+        contact_area_error=(over, np.full((1, 3), 0.25)),
+    )
+    known = results.assign(friction_standard_error=(over, np.array([[0.4, 0.3, 0.3]])))
+    legend = []
+    for one, sizes in ((known, [0.5, 0.5, np.nan]), (results, [0.3, 0.4, np.nan])):
+        figure = gc.plot.plot_sweep(one)
+        for panel, name, errors in zip(
+            figure.axes, ("friction", "contact_area"), (sizes, [0.25] * 3), strict=True
+        ):
+            (container,) = panel.containers
+            ends = np.array([path.vertices[:, 1] for path in container[2][0].get_paths()])
+            expected = one[name].values.T + np.array(errors)[:, None] * [-1, 1]
+            drawn = np.isfinite(errors)
+            np.testing.assert_allclose(ends[: drawn.sum()], expected[drawn])
+            assert not panel.collections[1:]  # one sign for these errors: no band beside the bars
+            assert panel.get_ylim()[1] < 10  # an error that is not known does not set the scale
+        legend += [text.get_text() for text in figure.legends[0].get_texts()]
+    assert legend == [
+        "bars: ± estimated error and standard error by materials", "bars: ± estimated error",
+    ]  # fmt: skip
 
 
 def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent():
