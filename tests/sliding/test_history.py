@@ -392,17 +392,32 @@ def test_derivatives_are_those_of_differences_and_batches_are_single_histories()
     np.testing.assert_allclose(both, single, rtol=1e-6)
 
 
+def test_a_step_beyond_the_grid_is_refused_and_few_steps_have_an_unknown_error():
+    """A step of a whole cell would look like a rest."""
+    times, waves = 1e-3 * np.arange(1, 5), 1e-5 * np.cos(2 * np.pi * np.arange(16) / 16)
+    surface, block = gc.Surface(waves, gc.Grid((16,), 1e-3)), gc.Stack(base=gc.HalfSpace(RUBBER))
+    for moved, many in ((1e-3 * np.arange(1, 5), "16"), (np.full(4, 3e-4), "4.8")):
+        with pytest.raises(ValueError, match=f"moves by up to {many} spacings of the grid"):
+            gc.slide_history(block, surface, times=times, displacement=moved, pressure=1e5)
+    moved = np.array([0, 8e-5])
+    found = gc.slide_history(
+        block, surface, times=times[:2], displacement=moved, pressure=1e5, rtol=1e-3
+    )
+    assert any("1.3 spacings of the grid" in text for text in found.caveats)
+    assert np.all(np.isnan(found.contact_area_error))
+
+
 def test_the_response_on_the_path_of_a_window_is_that_of_a_window_kernel():
     """Under a constant pressure a block is elastic, of the creep compliance of that time."""
     grid, times = gc.Grid((8,), 1e-3), jnp.asarray([1e-3, 2e-3, 4e-3])
     window = gc.Surface(jnp.zeros(8), grid, periodic=False)
     slab = lambda material: gc.Stack(layers=(gc.Layer(material, 2e-4),), base=gc.Rigid())  # noqa: E731
-    moved = jnp.asarray([1e-4, -2e-4, 1e-4])
+    moved = jnp.asarray([1e-4, -1e-4, 1e-4])
     case = Case(slab(RUBBER), window, displacement=moved, times=times, pressure=1e5)
     problem = history_problem(case)
-    assert problem.path == (11,)  # 8 points, and 2.4 spacings to and fro
+    assert problem.path == (10,)  # 8 points, and 1.6 spacings to and fro
     soft = slab(gc.Elastic(1 / creep_compliance(times[-1]), 0.49))
-    expected = window_kernel(soft, gc.Grid((11,), 11 / 8 * 1e-3))
+    expected = window_kernel(soft, gc.Grid((10,), 10 / 8 * 1e-3))
     found = problem.responses(problem.creeps[0], problem.creeps[0].aged[-1:])[0]
     np.testing.assert_allclose(found, expected, rtol=1e-5)
     # A window needs no more than the distances within it.
