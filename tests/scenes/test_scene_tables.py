@@ -100,8 +100,12 @@ def test_shear_and_heating_are_those_of_the_constructors():
     scene = parse_scene(text + PEAKED + SHIFT + HEATING)
     law = gc.sliding.PeakedShear(1e6, 0.1, 0.1, gc.Arrhenius(1e5, 300.0))
     assert repr(scene.shear) == repr(law) and float(scene.heating.diffusivity) == 1e-7
-    parts = HEATING.replace("0.2", "[0.2, 0.4]")
-    assert parse_scene(text + PEAKED + SHIFT + parts).heating.conductivity.tolist() == [0.2, 0.4]
+    one, two = (
+        text + PEAKED + SHIFT + HEATING.replace("0.2", parts) for parts in ("[0.2]", "[1, 2]")
+    )
+    assert parse_scene(one).heating.conductivity.tolist() == [0.2]
+    with pytest.raises(ValueError, match=r"^\[heating\] `conductivity` .* needed, or 1: one"):
+        parse_scene(two)  # a block without layers
     constant = parse_scene(BARE + '[shear]\nkind = "constant"\nstress = 1e5\n').shear
     assert float(constant.stress) == 1e5
 
