@@ -49,8 +49,8 @@ class _Lines(NamedTuple):
     - `along`: name of the axis.
     - `varied`: the other axes with several values.
     - `each`: of each line the quantities (means over the seeds, with their standard errors), their
-      bars, `x`, `state` and `doubtful` along the axis, and `NAME_each` over the seeds if all are drawn; the
-      numbers on the other axes are its coordinates.
+      bars, `x`, `state` and `doubtful` along the axis, and `NAME_each` over the seeds if all are
+      drawn; the numbers on the other axes are its coordinates.
     - `surfaces`: number of seeds; 0 without such an axis.
     - `drawn`: the quantities, one for each panel.
     - `doubts`: why points are doubtful, in short sentences, and whether all points are.
