@@ -29,14 +29,8 @@ def test_a_notebook_is_stored_without_outputs(path):
         assert cell.execution_count is None, f"code cell {number} has an execution count"
 
 
-# CI has no time for all.
-RUNS = [
-    pytest.param(path, id=path.stem, marks=[] if path.stem.startswith("01") else pytest.mark.slow)
-    for path in NOTEBOOKS
-]
-
-
-@pytest.mark.parametrize("path", RUNS)
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_shows_figures(path, tmp_path, monkeypatch, unchecked_types):
     """In this process, whose warnings are errors."""
     monkeypatch.chdir(tmp_path)

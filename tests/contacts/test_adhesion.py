@@ -140,7 +140,7 @@ def test_wave_of_short_range_follows_johnson_kendall_roberts():
         assert np.all(hertz - path.mean_pressure > 0.05 * full)
 
 
-@pytest.mark.parametrize("contrast", [0.0, 3.0])
+@pytest.mark.parametrize("contrast", [pytest.param(0.0, marks=pytest.mark.slow), 3.0])
 def test_load_below_the_pull_off_ends_soon_and_above_it_is_held(contrast):
     """The pull-off is the lowest pressure along a path of gaps that open."""
     rubber = gc.Prony(0.75, [contrast * 0.75 + 1e-9], [0.05], 0.5)

@@ -306,6 +306,7 @@ def varied():
     return scene, plan(scene).run()
 
 
+@pytest.mark.slow
 def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
     """The direction turns the velocity from the x axis to the y axis."""
     scene, results = varied

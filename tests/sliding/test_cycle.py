@@ -326,6 +326,7 @@ def test_bad_input_is_refused(options, message):
         cycle(**options)
 
 
+@pytest.mark.slow
 def test_caveats_name_what_the_times_do_not_resolve():
     jumps = 0.03 * np.sign(np.sin(2 * np.pi * TIMES))
     lifted = cycle(s=jumps, pressure=None, mean_gap=np.where(TIMES < 0.5, 0.01, 0.1), rtol=1e-3)

@@ -172,6 +172,7 @@ def test_errors_under_jit_and_in_a_batch_are_those_of_the_call(coarse):
     np.testing.assert_allclose(batch.friction_error[0], expected[0], rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_a_body_on_a_window_has_the_error_of_its_grid():
     """Hertz: the approach R d = a² and the area."""
     n, radius, a = 48, 0.05, 1.2e-3

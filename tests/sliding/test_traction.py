@@ -187,6 +187,7 @@ def test_work_of_a_cycle_is_lost_in_block_and_interface():
     np.testing.assert_allclose(apart.work, alone.work + 0.8 * LOAD * 4 * 0.2 * CELL, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_derivatives_match_differences():
     def total(friction, time, speed):
         base = gc.HalfSpace(gc.Prony(1e6, [4e6], jnp.array([time]), 0.2))

@@ -333,6 +333,7 @@ def attraction(tabor):
     return gc.AdhesiveLJ((1e-16) ** (1 / 3) / tabor, 1e-8)
 
 
+@pytest.mark.slow
 def test_stiff_sphere_is_pulled_off_by_two_pi_w_r():
     """The limit of Derjaguin, with the tail of the attraction beyond the window."""
     law, size = attraction(0.01), 0.4
