@@ -197,4 +197,4 @@ def _lines(
     if share > EXTRAPOLATED:
         reason = f"up to {share:.0%} of the friction is of frequencies not measured"
         lines.append(f"extrapolate = true  # {reason}")
-    return [*lines, "", "[output]", 'name = "friction"', 'directory = "results"', ""]
+    return [*lines, "", "[output]", f"name = {entry_text(name)}", 'directory = "results"', ""]

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from ..core.caveats import Caveat
 from ..core.display import UNKNOWN, number, with_time, with_unit
 from ..core.quantities import AXES, FOUR, HISTORY, OBSERVABLES, in_brackets
 from ..plot.words import label_of, title_of
@@ -58,20 +59,35 @@ APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
 
 
 def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False) -> None:
-    """Prints one line for each solve, then why numbers are in doubt, and why solves failed.
+    """Prints one line for each solve, then why numbers are in doubt, and why solves failed."""
+    print_rows(results, all_seeds, full)
+    console = Console()
+    for mark, caveat in marked_warnings(results):
+        text = f"[bold yellow]({mark})[/] {escape(caveat.sentence)}"
+        console.print(text, soft_wrap=True)
+    print_notes(results, full)
+
+
+def marked_warnings(results: "Dataset") -> list[tuple[str, Caveat]]:
+    """Returns the doubts of results, each with the number by which solves name it."""
+    # What holds for each of several solves is said once, below the table.
+    return [
+        ("each solve" if is_of_each(caveat, results) else str(n), caveat)
+        for n, caveat in enumerate(warnings_of(results), start=1)
+    ]
+
+
+def print_rows(results: "Dataset", all_seeds: bool, full: bool) -> None:
+    """Prints one line for each solve.
 
     Of several random surfaces a line has the mean and its standard error, unless `all_seeds`. Only
     `full` tables have all numbers.
     """
-    every, warnings = results, list(warnings_of(results))
-    # What holds for each of several solves is said once, below the table.
-    marks = [
-        "each solve" if is_of_each(c, every) else str(n) for n, c in enumerate(warnings, start=1)
-    ]
+    every, numbered = results, marked_warnings(results)
     if "seed" in every["message"].dims and not all_seeds:
         results = over_seeds(every)
         seeds = every["message"].dims.index("seed")
-        warnings = [caveat._replace(where=caveat.where.any(seeds)) for caveat in warnings]
+        numbered = [(mark, c._replace(where=c.where.any(seeds))) for mark, c in numbered]
         typer.echo(
             f"Numbers are means of {every.sizes['seed']} surfaces. The standard error of the mean "
             'is "± over surfaces", the largest error of a surface "±".'
@@ -79,7 +95,7 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     axes, columns = results["message"].dims, _columns(results, full)
     shown = has_numbers(results).values
     heads = (*_heads(results), *(head for head, _ in columns.values()), "state")
-    states, numbered = solve_states(results).values, [*zip(marks, warnings, strict=True)]
+    states = solve_states(results).values
     load_unit = 1e6 if axes[-2] == "pressure" else 1
     rows = []
     for index in np.ndindex(states.shape):
@@ -107,17 +123,18 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
         for row in rows:
             table.add_row(*(row[i] for i in part))
         console.print(table)
-    for mark, caveat in numbered:
-        text = f"[bold yellow]({mark})[/] {escape(caveat.sentence)}"
-        console.print(text, soft_wrap=True)
-    if kind_of_results(every) == HISTORY:
-        _print_times(every, full)
+
+
+def print_notes(results: "Dataset", full: bool) -> None:
+    """Prints what follows the solves: numbers over time, errors by the grid, why solves failed."""
+    if kind_of_results(results) == HISTORY:
+        _print_times(results, full)
     if full:
-        surface = surface_of(every)
+        surface = surface_of(results)
         words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
-        console.print(f"Errors by the grid are {words}.", soft_wrap=True)
-    _print_closed(every)
-    _print_failures(every)
+        Console().print(f"Errors by the grid are {words}.", soft_wrap=True)
+    _print_closed(results)
+    _print_failures(results)
 
 
 def _print_times(results: "Dataset", full: bool) -> None:

@@ -37,11 +37,11 @@ def dimension_of(unit: str) -> tuple[str, float, float] | None:
     """Returns dimension, factor and offset of a unit, to SI; None if the unit is not known."""
     if length := metres(unit):
         return "length", length, 0.0
-    spelt = parse_unit(unit)
-    for dimension, units in UNITS.items():
-        if spelt in units:
-            name = "pressure" if dimension == "modulus" else dimension
-            return name, units[spelt], OFFSETS[spelt] if dimension == "temperature" else 0.0
+    if dimension := _listed(unit):
+        spelt = parse_unit(unit) or ""
+        name = "pressure" if dimension == "modulus" else dimension
+        offset = OFFSETS[spelt] if dimension == "temperature" else 0.0
+        return name, UNITS[dimension][spelt], offset
     if (factor := _CONDUCTIVITIES.get(re.sub(r"[\s()·*]", "", unit))) is not None:
         return "conductivity", factor, 0.0
     above, slash, below = unit.replace("²", "2").replace("^", "").partition("/")
@@ -51,6 +51,20 @@ def dimension_of(unit: str) -> tuple[str, float, float] | None:
     if not (slash and time and length):
         return None
     return ("diffusivity", length**2 / time, 0.0) if squared else ("velocity", length / time, 0.0)
+
+
+def _listed(unit: str) -> str | None:
+    """The dimension of a unit of moduli, as `UNITS` names it; None for another unit."""
+    return next((name for name, units in UNITS.items() if parse_unit(unit) in units), None)
+
+
+def read_units(text: str) -> dict[str, str | int]:
+    """Returns the units in a text by their dimensions: "MPa; frequency=Hz" has both.
+
+    **Raises:** `ValueError` as `read_pairs`, for a unit that is not known and has no name.
+    """
+    parts = ((part.strip(), _listed(part)) for part in re.split("[,;]", text))
+    return read_pairs(",".join(f"{name}={part}" if name else part for part, name in parts))
 
 
 def read_pairs(text: str) -> dict[str, str | int]:

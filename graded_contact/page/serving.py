@@ -1,6 +1,7 @@
 """Serves a page to each tab of a browser, or to the cell of a notebook."""
 
 import asyncio
+import errno
 import logging
 import os
 import re
@@ -102,10 +103,16 @@ def new_server(
         return new
 
     settings.allowed_ws_origin = ["*"]  # `Foreign` decides, also about what Bokeh does not ask
-    server = pn.serve(
-        {"/": page}, address=address, port=port, show=show, title=TITLE, start=False,
-        location=False, websocket_max_message_size=MESSAGE, prefix=prefix.rstrip("/"),
-    )  # fmt: skip
+    try:
+        server = pn.serve(
+            {"/": page}, address=address, port=port, show=show, title=TITLE, start=False,
+            location=False, websocket_max_message_size=MESSAGE, prefix=prefix.rstrip("/"),
+        )  # fmt: skip
+    except OSError as error:
+        if error.errno != errno.EADDRINUSE:
+            raise
+        text = f"`port={port}` is refused: another program listens there. Give another `--port`."
+        raise OSError(text) from error
     # That a tab is closed while it is written to is nothing to report.
     logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
     server.io_loop.asyncio_loop.set_exception_handler(_log_error)

@@ -8,13 +8,15 @@ from typing import Any
 import panel as pn
 
 from ..core.escaping import in_html
+from ..readers.moduli import read_moduli
+from ..readers.topography import read_surface
 from ..scenes.described import base_name, layer_name
 from . import document as tables
 from .downloads import to_csv, to_hdf5
-from .entries import read_entry, read_pairs
+from .entries import read_entry, read_pairs, read_units
 from .session import Session
 from .widgets import LARGEST_DROP, Dropper
-from .wording import FIELD_WORDS
+from .wording import FIELD_WORDS, for_page
 
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
 PADDED: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": (4, 8)}
@@ -43,7 +45,7 @@ EDGES = {
 DEFORMATIONS = {"as the file says": "", "tension (E)": "tension", "shear (G)": "shear"}
 # How texts of fields are read, and examples.
 READ: dict[str, Callable[[str], Any]] = {
-    "size": lambda text: read_entry(text, "m"), "units": read_pairs, "columns": read_pairs,
+    "size": lambda text: read_entry(text, "m"), "units": read_units, "columns": read_pairs,
 }  # fmt: skip
 LIKE = {
     "size": "a length, such as 1 mm", "units": "for instance modulus=MPa, frequency=Hz",
@@ -185,7 +187,8 @@ def _what_was_done(model: Any) -> str:
     """What was understood of the files of a scene, and done to its surface, one line each."""
     if model is None:
         return ""
-    sentences = *model.document.scene.notes, *model.surface.history
+    sentences = [for_page(text, read_moduli) for text in model.document.scene.notes]
+    sentences += [for_page(text, read_surface) for text in model.surface.history]
     return paragraph("What was read and done:") + "".join(map(paragraph, sentences))
 
 

@@ -10,6 +10,8 @@ import panel as pn
 from ..core.display import number, with_error
 from ..core.escaping import in_html
 from ..plot.contact import masked_fields
+from ..readers.moduli import read_moduli
+from ..readers.topography import read_surface
 from ..scenes.described import base_name, layers_in_words
 from .document import Document
 from .downloads import ShownPoint
@@ -17,7 +19,9 @@ from .figures import Bars, BlockPicture, Map, new_lines
 from .session import Session
 from .tabs import PADDED, STYLES, WIDE, LayersTab, data_tab, paragraph, save_tab
 from .widgets import Browser, Slider
+from .wording import for_page
 
+NO_LENGTH = 1e-15  # m; a gap below it is one of rounding
 SIDE = 304  # pixels
 # On a phone the numbers and the upper figures, side by side in a strip, stay above the sliders; the
 # other figures are below.
@@ -191,7 +195,8 @@ def _warnings(shown: ShownPoint | None) -> str:
     of_law = "Curves of the mean field are those of a hard wall, without [law]."
     scene = shown.model.document.scene
     known = [of_law] if scene.law is not None else []
-    of_files = *scene.assumed, *shown.model.surface.caveats
+    of_files = [for_page(text, read_moduli) for text in scene.assumed]
+    of_files += [for_page(text, read_surface) for text in shown.model.surface.caveats]
     return paragraph(" ".join([*of_files, *shown.contact.caveats, *known]))
 
 
@@ -211,7 +216,12 @@ def _headline(shown: ShownPoint | None, pinned: ShownPoint | None) -> str:
             spelt = f"{number(value, '.3g')} K"
         else:
             error, noise = float(getattr(now, f"{name}_error")), now.noise.get(unit, 0.0)
-            spelt = with_error(scale * value, scale * error, unit, noise)
+            if unit == "m":
+                noise = max(noise, NO_LENGTH)
+            scaled, error = scale * value, scale * error
+            spelt = with_error(scaled, error, unit, noise)
+            if spelt.startswith("("):  # powers of ten are left to the error
+                spelt = f"{number(scaled, '.5g', error)} ± {error:.2g}"
         old = np.nan if before is None else float(getattr(before, name))
         if old and np.isfinite(value / old):
             change = f"<i>{100 * (value / old - 1):+.3g} % from pinned</i>"

@@ -125,11 +125,11 @@ def _range_of(values: np.ndarray, base: str) -> tuple[float, float, str, str]:
     low = 0 if 0 <= low < 0.05 * high else low  # a scale from zero reads better
     first, last = (with_unit(end, base) for end in (least, most))
     if low > least and high < most:
-        return low, high, "both", f"\noutliers from {first} to {last}"
+        return low, high, "both", f",\noutliers from {first} to {last}"
     if low > least:
-        return low, high, "min", f"\noutliers down to {first}"
+        return low, high, "min", f",\noutliers down to {first}"
     if high < most:
-        return low, high, "max", f"\noutliers up to {last}"
+        return low, high, "max", f",\noutliers up to {last}"
     return low, high, "neither", ""
 
 

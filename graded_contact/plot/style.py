@@ -140,7 +140,7 @@ def caption(figure: "Figure") -> str:
     shown = " ".join("; ".join(panels).split())  # labels of axes have several lines
     shown = re.sub(r" \[[^]]*\]", "", shown)
     sentences = filter(None, (shown, *_titles(figure)))
-    text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences)
+    text = " ".join(f"{text[0].upper()}{text[1:].removesuffix('.')}." for text in sentences)
     text = re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text)
     # A $ after a backslash is one of the text, see `in_figure`.
     return re.sub(r"(?<!\\)\$(.*?)\$", lambda math: _plain(math[1]), text).replace(r"\$", "$")

@@ -219,8 +219,9 @@ class _Prepared:
         less = (
             f"subtracting a harmonic function of rms height {with_unit(float(np.std(joint)), 'm')}"
         )
-        restored = f"multiplied the heights by {factor:.4g} to restore the rms slope"
-        self.record("joined", f"Joined opposite edges by {less} and {restored}.")
+        shown = f"{factor:.4g}"
+        restored = f" and multiplied the heights by {shown} to restore the rms slope"
+        self.record("joined", f"Joined opposite edges by {less}{restored * (shown != '1')}.")
 
     def closed(self, periodic: str | None) -> Surface:
         """The surface with joined edges."""

@@ -119,6 +119,19 @@ def test_a_report_is_one_page_that_asks_nobody_for_anything(folder, tmp_path):
     assert page.count("<img") == page.count("src=") == page.count('src="data:image/png') == 2
     for text in ("[surface]", "1.000e-02", "contact area fraction", results.attrs["version_jax"]):
         assert text in page, text
+    assert "<td>solves</td><td>2 of 2 converged</td>" in page and "num_solves" not in page
+    error = f"{results.attrs['largest_error']:.3g}"
+    assert f"<td>largest relative error of the pressure</td><td>{error}</td>" in page
+
+
+def test_a_report_tells_a_doubt_once_in_a_folder_that_it_makes(folder, tmp_path):
+    results = read_results(folder / "out" / "small.h5").assign_attrs(assumed="dry & clean")
+    write(tmp_path / "a.h5", results)
+    said = command("report", tmp_path / "a.h5", "-o", tmp_path / "new" / "r.html")
+    assert said.exit_code == 0, said.output
+    page = (tmp_path / "new" / "r.html").read_text("utf-8")
+    assert page.count("dry &amp; clean") == 1
+    assert '<p class="doubt">(each solve) dry &amp; clean</p>' in page
 
 
 def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):

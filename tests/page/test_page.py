@@ -351,8 +351,10 @@ def test_the_fields_of_a_topography_are_empty_for_the_next(document, tmp_path, m
     given = {"units": {"modulus": "MPa", "frequency": "Hz"},
              "columns": {"storage": 2, "loss": "G''"}, "deformation": "shear"}  # fmt: skip
     assert taken[3] == ("dma.csv", {}) and taken[-1] == ("dma.csv", given)
-    units.value = "MPa"
-    assert "“its units” MPa is refused: MPa has no name and value" in page.session.message
+    units.value = "MPa"  # a unit of one dimension needs no name
+    assert taken[-1][1]["units"] == {"modulus": "MPa"}
+    units.value = "furlong"
+    assert "“its units” furlong is refused" in page.session.message
 
 
 def upload(name, chunk=1):
