@@ -56,19 +56,8 @@ _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the si
 
 def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -> Found:
     """Returns the contact of a `Case` at the temperatures that it causes; see `slide`."""
-    check_periodic(case.rough)
-    for name, body in zip(("stack", "counter"), case.bodies, strict=False):
-        check_heated(name, body)
-    if (
-        case.velocity is None
-        and is_concrete(case.displacement)
-        and not np.any(np.ptp(np.asarray(case.displacement), axis=0))
-    ):
-        raise ValueError("`heating` is refused: `displacement` does not move.")
     grid, dtype = case.rough.grid, case.rough.grid.size.dtype
-    temperature = as_temperature(check_bulk(case.temperature)).astype(dtype)
-    for body in case.bodies:
-        body.at(temperature)  # refuses what a material cannot have
+    temperature = _bulk_of(case)
     edges, padded, finer = _cells(grid, NUM_CELLS)
     given = dataclasses.replace(case, temperature=temperature)
     fixed = still(given)
@@ -144,6 +133,24 @@ def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -
         problem=dataclasses.replace(found.problem, facts=facts_of(case)),
         heated=HeatedContact(*own, edges, point.error, *errors, *of_counter),
     )
+
+
+def _bulk_of(case: Case) -> Array:
+    """The bulk temperature of a case [K]; raises `ValueError` where `heating` is refused."""
+    check_periodic(case.rough)
+    for name, body in zip(("stack", "counter"), case.bodies, strict=False):
+        check_heated(name, body)
+    if (
+        case.velocity is None
+        and is_concrete(case.displacement)
+        and not np.any(np.ptp(np.asarray(case.displacement), axis=0))
+    ):
+        raise ValueError("`heating` is refused: `displacement` does not move.")
+    temperature = as_temperature(check_bulk(case.temperature))
+    temperature = temperature.astype(case.rough.grid.size.dtype)
+    for body in case.bodies:
+        body.at(temperature)  # refuses what a material cannot have
+    return temperature
 
 
 def _with_ends(solution, ends, rise, change, throw: bool):
