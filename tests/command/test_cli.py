@@ -727,6 +727,7 @@ def test_new_takes_the_options_of_fit_and_temperatures(tmp_path):
     assert refused.exit_code == 2 and "no `--sheet x`" in refused.stderr
 
 
+@pytest.mark.slow
 def test_the_comments_of_a_new_scene_are_what_a_run_finds(tmp_path, monkeypatch):
     """Moduli of half a decade: the road excites other frequencies, too."""
     lines = ["f [Hz],E' [MPa],E'' [MPa]"]

@@ -59,6 +59,7 @@ def test_a_failed_solve_has_no_derivatives_and_a_sound_one_keeps_its_own():
     assert 0 < number < 1
 
 
+@pytest.mark.slow
 def test_partial_results_are_numbers_of_solves_that_did_not_fail():
     assert not any(has_failed(end) for end in (RESULTS.successful, RESULTS.max_steps_reached))
     assert all(map(has_failed, FAILURES))

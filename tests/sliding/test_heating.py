@@ -60,6 +60,7 @@ def test_slow_sliding_does_not_heat():
     np.testing.assert_allclose(s.friction, cold.friction, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_contact_is_at_the_temperatures_that_it_causes(monkeypatch):
     """By the public functions on finer depths, without the code of the loop."""
     monkeypatch.setattr(module, "NUM_CELLS", 4)
