@@ -289,7 +289,7 @@ def print_scene(scene: Scene) -> None:
 def print_read(scene: Scene, surface: Surface | None) -> None:
     """Prints how the files of a scene were read."""
     told = (note for note in scene.notes if note not in scene.assumed)
-    for sentence in filter(None, (scene.title, *told)):
+    for sentence in told:
         typer.echo(sentence)
     if surface is not None:
         print_surface(surface)
