@@ -114,7 +114,7 @@ def test_a_designed_scene_has_the_designed_block_at_its_temperature(tmp_path):
 PROFILED = FLAT.replace('material = "coat"\n', 'bottom = "tread"\ntop = "coat"\n').replace(
     "2e-4\n", "2e-4\nshape = {kind = 'power_law', exponent = 2.0}\n"
 )  # fmt: skip
-COUNTER = '[[counter.layers]]\nmaterial = "coat"\nthickness = 1e-4\n[counter.base]\nkind = "rigid"\n'
+COUNTER = '[counter]\nlayers = [{material = "coat", thickness = 1e-4}]\nbase = {kind = "rigid"}\n'
 
 
 @pytest.mark.parametrize(
