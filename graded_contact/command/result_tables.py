@@ -298,7 +298,7 @@ def print_read(scene: Scene, surface: Surface | None) -> None:
 def print_caveats(sentences: Iterable[str]) -> None:
     """Prints why numbers are in doubt."""
     for sentence in sentences:
-        typer.secho(f"Caveat: {sentence}", fg="yellow")
+        typer.secho(f"Warning: {sentence}", fg="yellow")
 
 
 def print_surface(surface: Surface) -> None:
