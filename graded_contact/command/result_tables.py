@@ -16,7 +16,6 @@ from ..core.caveats import Caveat
 from ..core.display import UNKNOWN, number, with_time, with_unit
 from ..core.quantities import AXES, FOUR, HISTORY, OBSERVABLES, in_brackets
 from ..plot.words import label_of, title_of
-from ..scenes.described import described
 from ..scenes.results import (
     FLOWS,
     SEED_ERROR,
@@ -30,7 +29,6 @@ from ..scenes.results import (
     without_friction,
 )
 from ..scenes.scene import Scene
-from ..scenes.toml import parse_toml
 from ..sliding.half_grid import grid_estimate
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
@@ -281,9 +279,8 @@ def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
 
 
 def print_scene(scene: Scene) -> None:
-    """Prints what a scene means, and the names of its materials, before it is run."""
+    """Prints what a scene means before it is run."""
     typer.echo(scene)
-    typer.echo(f"block                  {described(parse_toml(scene.text))}")
 
 
 def print_read(scene: Scene, surface: Surface | None) -> None:
