@@ -348,7 +348,7 @@ def test_a_scene_prints_the_path_of_its_surface_and_no_pressure_beside_an_approa
     surface = f'[surface]\nkind = "file"\npath = "{file.as_posix()}"\nsize = 1e-3\nunit = "um"\n'
     text = f'{surface}periodic = "open"\n[materials{tail}'
     lines = str(parse_scene(text.replace("pressure = [2e5, 4e5]", "approach = 1e-6")))
-    assert re.search(f"^ +path +{re.escape(str(file))}$", lines, re.MULTILINE)
+    assert re.search(f"path {re.escape(str(file))}", lines)
     assert not re.search(RAW, lines) and "approach [m]" in lines and "pressure" not in lines
 
 
