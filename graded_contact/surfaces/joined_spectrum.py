@@ -18,11 +18,11 @@ A line sees the waves of all directions. For an isotropic surface its spectrum i
     C_line(q) = 2 ∫_q^∞ C(k) k dk / √(k² - q²),
 
 two-sided as that of `SelfAffine` for profiles: for C = A k^-(2+2H) it is
-C(q) q √π Γ(H+1/2)/Γ(H+1). This equation is solved for C, see `_isotropic`.
+C(q) q √π Γ(H+1/2)/Γ(H+1). This equation is solved for C, see `isotropic`.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -115,8 +115,8 @@ def scan_spectrum(
     check_periodic(surface)
     grid = surface.grid
     edges, apart = np.asarray(grid.size, float), np.asarray(grid.spacing, float)
-    longest = np.min(edges) / WAVES_PER_SCAN if longest is None else longest
-    shortest = np.max(apart) * POINTS_PER_WAVE if shortest is None else shortest
+    longest = float(np.min(edges)) / WAVES_PER_SCAN if longest is None else longest
+    shortest = float(np.max(apart)) * POINTS_PER_WAVE if shortest is None else shortest
     for limit, value in (("longest", longest), ("shortest", shortest)):
         check_positive(limit, value, "[m]")
     span = np.log10(np.max(edges) / np.max(apart) / 2)
@@ -133,17 +133,21 @@ def scan_spectrum(
     if grid.ndim == 1:
         waves = wide * q * edges[0] / (2 * np.pi)
         # Single waves of a line scatter: each number is the mean of about as many around it.
-        near = np.abs(np.log(q[:, None] / q)) <= np.arcsinh(MEAN_OF * np.pi / (q[:, None] * edges[0]))
+        near = np.abs(np.log(q[:, None] / q)) <= np.arcsinh(
+            MEAN_OF * np.pi / (q[:, None] * edges[0])
+        )
         smooth = (near * waves) @ (q * density) / (near @ waves) / q
-        return ScanSpectrum(name, q, _isotropic(q, smooth), waves, surface.caveats)
+        return ScanSpectrum(name, q, isotropic(q, smooth), waves, surface.caveats)
     caveats, ratio = surface.caveats, statistics(surface).slope_ratio
     if ratio is not None and ratio > DIRECTED:
-        caveats += (f"Its slopes differ by {ratio:.2g} between directions, of which C is the mean.",)
+        caveats += (
+            f"Its slopes differ by {ratio:.2g} between directions, of which C is the mean.",
+        )
     return ScanSpectrum(name, q, density, wide * q**2 * np.prod(edges) / (4 * np.pi), caveats)
 
 
-def _isotropic(q: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """C of an isotropic surface [m⁴] from the spectrum of a line on it [m³].
+def isotropic(q: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Returns C of an isotropic surface [m⁴] from the spectrum of a line on it [m³].
 
     By corrections of C with the ratio of the line's spectrum to the one that C implies, smoothed
     over neighbours: short ripples in q are noise of a single line. Where C falls as a power law the
@@ -159,7 +163,7 @@ def _isotropic(q: np.ndarray, line: np.ndarray) -> np.ndarray:
     share = np.convolve(np.ones(len(x)), near, "same")
     found = target - x - np.log(np.pi)
     for _ in range(ROUNDS):
-        # Waves beyond the last one follow a power law, no flatter than 1/q² and no steeper than q⁻⁶.
+        # Waves beyond the last one follow a power law, from 1/q² to q⁻⁶.
         slope = np.clip(np.polyfit(x[far], found[far], 1)[0], -6, -2) if np.sum(far) > 1 else -4
         density = np.exp(np.interp(log_k, x, found) + slope * np.maximum(log_k - x[-1], 0))
         ratio = target - x - np.log(2 * density @ weight)
@@ -168,7 +172,7 @@ def _isotropic(q: np.ndarray, line: np.ndarray) -> np.ndarray:
 
 
 @check_types
-def joined_spectrum(scans: Sequence[ScanSpectrum]) -> JoinedSpectrum:
+def joined_spectrum(scans: Sequence[Any]) -> JoinedSpectrum:
     """Returns the spectrum of a surface from the spectra of its scans.
 
     Where scans overlap, C is their geometric mean, weighted with the number of waves that each has.
@@ -185,20 +189,17 @@ def joined_spectrum(scans: Sequence[ScanSpectrum]) -> JoinedSpectrum:
     """
     scans = tuple(scans)
     if not scans or not all(isinstance(scan, ScanSpectrum) for scan in scans):
-        raise ValueError(f"`scans={short(scans)}` must be spectra of `scan_spectrum`, at least one.")
+        raise ValueError(
+            f"`scans={short(scans)}` must be spectra of `scan_spectrum`, at least one."
+        )
     _check_gaps(scans)
-    ends = min(scan.q[0] for scan in scans), max(scan.q[-1] for scan in scans)
-    q = np.geomspace(*ends, int(np.ceil(PER_DECADE * np.log10(ends[1] / ends[0]))) + 1)
+    q = _thinned(np.sort(np.concatenate([scan.q for scan in scans])))
     # The weight of a scan is 0 outside of its range.
     logs, weights = np.zeros((2, len(scans), len(q)))
     for i, scan in enumerate(scans):
-        x = np.log(q).clip(*np.log(scan.q[[0, -1]]))
-        logs[i] = np.interp(x, np.log(scan.q), np.log(scan.density))
-        inside = np.isclose(x, np.log(q), rtol=0, atol=1e-9)
-        weights[i] = inside * np.interp(x, np.log(scan.q), scan.waves)
+        logs[i] = np.interp(np.log(q), np.log(scan.q), np.log(scan.density))
+        weights[i] = np.interp(q, scan.q, scan.waves, left=0, right=0)
     total = np.sum(weights, 0)
-    covered = total > 0  # neighbouring ranges may leave out one number
-    q, logs, weights, total = q[covered], logs[:, covered], weights[:, covered], total[covered]
     mean = np.sum(weights * logs, 0) / total
     others = total - weights
     overlap = (weights > 0) & (others > 0)
@@ -206,9 +207,22 @@ def joined_spectrum(scans: Sequence[ScanSpectrum]) -> JoinedSpectrum:
     apart = np.where(overlap, (logs - mean) * total / np.where(overlap, others, 1), 0)
     both = overlap * weights * others / total
     sums = np.sum(both, 1)
-    mismatch = np.exp(np.where(sums > 0, np.sum(both * apart, 1) / np.where(sums > 0, sums, 1), np.nan))
+    mismatch = np.exp(
+        np.where(sums > 0, np.sum(both * apart, 1) / np.where(sums > 0, sums, 1), np.nan)
+    )
     table = SpectrumTable(q, np.exp(mean), *_told(scans, mismatch))
     return JoinedSpectrum(table, scans, mismatch)
+
+
+def _thinned(q: np.ndarray) -> np.ndarray:
+    """Increasing wavenumbers without those close above another one, and with both ends."""
+    kept = [q[0]]
+    for each in q[:-1]:
+        if each > kept[-1] * 10 ** (0.5 / PER_DECADE):
+            kept.append(each)
+    if q[-1] < kept[-1] * 10 ** (0.5 / PER_DECADE):
+        del kept[-1]
+    return np.array([*kept, q[-1]])
 
 
 def _check_gaps(scans: Sequence[ScanSpectrum]) -> None:
@@ -243,8 +257,8 @@ def _told(scans: Sequence[ScanSpectrum], mismatch: np.ndarray) -> tuple[tuple[st
     worst = int(np.argmax(sizes))
     if sizes[worst] > np.log(DOUBTED):
         sentence = (
-            f"C of {scans[worst].name} is {mismatch[worst]:.3g} times that of the other scans where "
-            "they overlap: another place or surface, noise, a blunt tip, or a wrong unit or size."
+            f"C of {scans[worst].name} is {mismatch[worst]:.3g} times that of the other scans "
+            "where they overlap: another place or surface, noise, a blunt tip, or a wrong unit."
         )
         if sizes[worst] > np.log(REFUSED):
             raise ValueError(f"`scans` do not fit. {sentence}")
