@@ -153,7 +153,8 @@ def mean_field_friction(
     - `spectrum`: roughness of the track, as a `SelfAffine`, isotropic or with a lay; or, isotropic,
       as a `SpectrumTable`, or as a pair `(q, C)` of wavenumbers [rad/m] and C(q) [m⁴], shape
       `(points,)`, a power law between neighbours (`radial_spectrum` of a surface gives such a pair;
-      rings without modes, where C is NaN, are left out); or a `Surface`, whose modes are summed, isotropic or not.
+      rings without modes, where C is NaN, are left out); or a `Surface`, whose modes are summed,
+      isotropic or not.
     - `pressure`: mean pressure σ0 [Pa].
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
     - `own_roughness`: roughness of the block itself, which moves with it, a spectrum or a pair

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import as_float, is_concrete, short, within
+from ..core.checks import as_float, check_rows, is_concrete, short
 from ..surfaces.spectrum import SelfAffine, narrowing
-from ..surfaces.spectrum_table import Spectrum, SpectrumTable
+from ..surfaces.spectrum_table import Spectrum, SpectrumTable, check_table
 
 
 class Roughness(eqx.Module):
@@ -78,9 +78,12 @@ def as_roughness(spectrum: object, name: str = "spectrum") -> Roughness:
             f"{'a `Surface` ' if name == 'spectrum' else ''}or a pair (q, C)."
         )
     q, c = map(as_float, spectrum)
-    if q.shape == c.shape and is_concrete(q) and is_concrete(c):  # rings without modes
+    names = f"{name}[0]", f"{name}[1]"
+    check_rows(2, **dict(zip(names, (q, c), strict=True)))
+    if is_concrete(q) and is_concrete(c):
         known = ~np.isnan(np.asarray(c))
         q, c = q[known], c[known]
-    with within(f"`{name}`:"):
-        table = SpectrumTable(q, c)
-    return Roughness(table.q, table)
+    if len(q) < 2:
+        raise ValueError(f"`{name}` has C(q) at {len(q)} wavenumbers; at least 2 are needed.")
+    check_table(**dict(zip(names, (q, c), strict=True)))
+    return Roughness(q, SpectrumTable(q, c))

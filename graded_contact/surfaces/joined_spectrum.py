@@ -21,6 +21,7 @@ two-sided as that of `SelfAffine` for profiles: for C = A k^-(2+2H) it is
 C(q) q √π Γ(H+1/2)/Γ(H+1). This equation is solved for C, see `isotropic`.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -29,6 +30,7 @@ from jaxtyping import Float
 
 from ..core.checks import check_positive, check_types, short
 from ..core.display import shown, with_unit
+from .rescaling import resample
 from .spectrum_table import SpectrumTable
 from .statistics import radial_spectrum, statistics
 from .surface import Surface, check_periodic
@@ -44,7 +46,8 @@ MEAN_OF = 12  # waves of a line: fewer scatter by a factor of 5, more blur a rol
 
 
 @shown("name", "longest", "shortest", "points")
-class ScanSpectrum(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class ScanSpectrum:
     """The spectrum of one scan, of an isotropic surface.
 
     **Fields:**
@@ -138,7 +141,10 @@ def scan_spectrum(
         )
         smooth = (near * waves) @ (q * density) / (near @ waves) / q
         return ScanSpectrum(name, q, isotropic(q, smooth), waves, surface.caveats)
-    caveats, ratio = surface.caveats, statistics(surface).slope_ratio
+    # Noise across the lines of a microscope, shorter than what counts, is no lay.
+    seen = np.minimum(grid.shape, np.ceil(2 * edges / shortest)).astype(int)
+    ratio = statistics(resample(surface, tuple(seen.tolist()))).slope_ratio
+    caveats = surface.caveats
     if ratio is not None and ratio > DIRECTED:
         caveats += (
             f"Its slopes differ by {ratio:.2g} between directions, of which C is the mean.",

@@ -17,7 +17,16 @@ from ..core.display import shown
 from .spectrum import SelfAffine, power_integral
 
 
-@shown("q_low", "q_high", "rms_height", "rms_slope", "history", "assumed", units=False)
+def check_table(**rows: Array) -> None:
+    """Refuses what is no table of wavenumbers and C, by their names."""
+    check_rows(2, **rows)
+    (of_q, q), (of_values, values) = rows.items()
+    check_positive(of_q, q, "[rad/m]")
+    check_positive(of_values, values, "[m⁴]", squares=False)
+    check_increasing(of_q, q)
+
+
+@shown("q_low", "q_high", "rms_height", "rms_slope", "history", "caveats", units=False)
 class SpectrumTable(eqx.Module):
     """The spectrum C(q) of an isotropic surface: a power of q between neighbours, 0 outside.
 
@@ -28,28 +37,25 @@ class SpectrumTable(eqx.Module):
     - `q`: wavenumbers [rad/m], increasing, shape `(points,)`.
     - `values`: C at these [m⁴], shape `(points,)`.
     - `history`: where the spectrum comes from, one sentence each. Static.
-    - `assumed`: what makes it doubtful, one sentence each: caveats of a surface drawn from it.
+    - `caveats`: what makes it doubtful, one sentence each: caveats of a surface drawn from it.
       Static.
     """
 
     q: Float[Array, " points"]
     values: Float[Array, " points"]
     history: tuple[str, ...] = eqx.field(static=True)
-    assumed: tuple[str, ...] = eqx.field(static=True)
+    caveats: tuple[str, ...] = eqx.field(static=True)
 
     def __init__(
         self,
         q: Numbers,
         values: Numbers,
         history: tuple[str, ...] = (),
-        assumed: tuple[str, ...] = (),
+        caveats: tuple[str, ...] = (),
     ):
         self.q, self.values = as_float(q, "q"), as_float(values, "values")
-        check_rows(2, q=self.q, values=self.values)
-        check_positive("q", self.q, "[rad/m]")
-        check_positive("values", self.values, "[m⁴]", squares=False)
-        check_increasing("q", self.q)
-        self.history, self.assumed = history, assumed
+        check_table(q=self.q, values=self.values)
+        self.history, self.caveats = history, caveats
 
     @property
     def q_low(self) -> Float[Array, ""]:
@@ -102,7 +108,7 @@ class SpectrumTable(eqx.Module):
         inner = inner[(inner > ends[0] * (1 + 1e-6)) & (inner < ends[1] * (1 - 1e-6))]
         q = np.concatenate([ends[:1].clip(least), inner, ends[1:].clip(max=most)])
         q = jnp.asarray(q, self.q.dtype)
-        return SpectrumTable(q, self.density(q), self.history, self.assumed)
+        return SpectrumTable(q, self.density(q), self.history, self.caveats)
 
 
 Spectrum = SelfAffine | SpectrumTable

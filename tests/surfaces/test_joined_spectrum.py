@@ -1,5 +1,6 @@
 """The oracle is the spectrum from which pieces of surfaces and lines are drawn, by NumPy alone."""
 
+import dataclasses
 import re
 
 import jax
@@ -10,7 +11,9 @@ from scipy.special import gamma
 
 import graded_contact as gc
 from graded_contact.mean_field.mean_field import mean_field_friction
+from graded_contact.page.document import open_document
 from graded_contact.plot import plot_spectra
+from graded_contact.scenes.scene_file import parse_scene
 from graded_contact.surfaces import (
     SpectrumTable,
     joined_spectrum,
@@ -22,6 +25,29 @@ from graded_contact.surfaces import (
 )
 from graded_contact.surfaces.joined_spectrum import isotropic
 
+SCENE = """
+[surface]
+kind = "scans"
+q_high = 1e5
+[[surface.scans]]
+path = 'line.npz'
+name = "track"
+shortest = 1e-4
+[[surface.scans]]
+path = 'area.npz'
+[grid]
+shape = [64, 64]
+size = 1e-3
+[base]
+kind = "half_space"
+material = "rubber"
+[materials.rubber]
+kind = "elastic"
+modulus = 1e7
+[load]
+pressure = 1e5
+velocity = 0.0
+"""
 HURST, ROLL, PLATEAU = 0.8, 2 * np.pi / 3e-3, 1e-18
 
 
@@ -77,7 +103,8 @@ def test_scans_of_three_magnifications_return_the_spectrum_they_were_drawn_from(
     assert abs(np.mean(np.log(ratio[well]))) < 0.1
     assert np.all(np.abs(np.log(ratio)) < np.log(5))
     np.testing.assert_allclose(joined.mismatch, 1, atol=0.2)
-    assert joined.spectrum.assumed == ()
+    assert joined.spectrum.caveats == ()
+    assert "Spectrum of stylus: wavelengths of 10 mm to" in str(joined)
 
 
 def test_rms_slope_of_joined_scans_is_the_integral_over_their_range(joined):
@@ -90,10 +117,10 @@ def test_noise_within_the_range_of_a_scan_is_a_caveat_of_surfaces_drawn_from_it(
     scans = _scans()
     scans[1] = scan_spectrum(_area(2e-3, 256, 2, noise=1e-6), "optical")
     spectrum = joined_spectrum(scans).spectrum
-    assert any("times that of the other scans" in sentence for sentence in spectrum.assumed)
+    assert any("times that of the other scans" in sentence for sentence in spectrum.caveats)
     part = spectrum.between(2 * np.pi / 1e-3, 2 * np.pi / 4e-5)
     rough = random_surface(part, gc.Grid((64, 64), 1e-3), jax.random.key(0))
-    assert rough.caveats == spectrum.assumed and rough.history == spectrum.history
+    assert rough.caveats == spectrum.caveats and rough.history == spectrum.history
 
 
 def test_heights_of_one_scan_in_a_wrong_unit_are_refused():
@@ -104,7 +131,7 @@ def test_heights_of_one_scan_in_a_wrong_unit_are_refused():
 def test_a_gap_between_the_ranges_of_scans_is_refused():
     _, optical, afm = _scans()
     with pytest.raises(ValueError, match=r"gap: 'optical' ends at .* and 'AFM' begins"):
-        joined_spectrum([afm, optical._replace(q=optical.q / 5)])
+        joined_spectrum([afm, dataclasses.replace(optical, q=optical.q / 5)])
 
 
 def test_a_single_area_has_its_own_spectrum():
@@ -160,6 +187,13 @@ def test_tables_refuse_what_they_do_not_know(call, words):
         call(SpectrumTable([1.0, 10.0, 100.0], [1.0, 1e-2, 1e-5]))
 
 
+def test_a_ground_surface_has_the_caveat_that_c_is_a_mean_over_directions():
+    rough = np.asarray(_area(2e-4, 64, 3).heights)
+    ground = surface_from_heights(np.repeat(rough[:, ::4], 4, 1)[:, :64], 2e-4)
+    assert scan_spectrum(surface_from_heights(rough, 2e-4), "AFM").caveats == ()
+    assert "between directions" in scan_spectrum(ground, "AFM").caveats[-1]
+
+
 def test_limits_that_leave_nothing_of_a_scan_are_refused():
     with pytest.raises(ValueError, match="leave too little of the scan 'AFM', 200 µm long"):
         scan_spectrum(_area(2e-4, 32, 3), "AFM", shortest=1e-3)
@@ -173,6 +207,30 @@ def test_mean_field_takes_a_table_like_its_pair(joined):
         mean_field_friction(stack, rough, pressure=1e5, velocity=0.0) for rough in (table, pair)
     ]
     assert float(found[0].contact_area) == float(found[1].contact_area) > 0
+
+
+def test_a_scene_draws_its_surface_from_files_of_several_scans(tmp_path):
+    for name, surface in (("line", _line(20e-3, 4000, 1)), ("area", _area(2e-3, 256, 2))):
+        heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
+        np.savez(tmp_path / f"{name}.npz", heights=heights, size=size, unit="m")
+    scene = parse_scene(SCENE, tmp_path)
+    assert {path.name for path in scene.inputs.values()} == {"line.npz", "area.npz"}
+    rough = scene.surface.build()
+    assert [sentence.split(":")[0] for sentence in rough.history] == [
+        "Spectrum of track", "Spectrum of area.npz"
+    ]  # fmt: skip
+    q = np.geomspace(2 * np.pi / 1e-3, 1e5, 400)
+    slope = np.sqrt(np.trapezoid(2 * np.pi * q**4 * _density(q), np.log(q)))
+    np.testing.assert_allclose(statistics(rough).rms_slope, slope, rtol=0.1)
+    (tmp_path / "scene.toml").write_text(SCENE.replace("velocity = 0.0", "velocity = 1.0"))
+    page = open_document(tmp_path / "scene.toml")  # it may be saved in another folder
+    assert page.content["surface"]["scans"][1]["path"] == str(tmp_path / "area.npz")
+    with pytest.raises(ValueError, match=r"\[surface.scans\[1\]\] has no key `shortst`"):
+        parse_scene(SCENE.replace("area.npz'", "area.npz'\nshortst = 1.0"), tmp_path)
+    with pytest.raises(
+        ValueError, match=r"\[surface\] `q_high=1e\+07` is refused: the spectrum is"
+    ):
+        parse_scene(SCENE.replace("1e5", "1e7"), tmp_path)
 
 
 def test_figure_has_each_scan_and_the_joined_spectrum(joined):
