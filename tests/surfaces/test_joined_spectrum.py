@@ -7,10 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.special import gamma
+from scipy.special import erf, gamma
 
 import graded_contact as gc
 from graded_contact.mean_field.mean_field import mean_field_friction
+from graded_contact.mean_field.roughness import as_roughness
 from graded_contact.page.document import open_document
 from graded_contact.plot import plot_spectra
 from graded_contact.scenes.scene_file import parse_scene
@@ -113,14 +114,11 @@ def test_rms_slope_of_joined_scans_is_the_integral_over_their_range(joined):
     np.testing.assert_allclose(float(joined.spectrum.rms_slope), slope, rtol=0.05)
 
 
-def test_noise_within_the_range_of_a_scan_is_a_caveat_of_surfaces_drawn_from_it():
+def test_noise_within_the_range_of_a_scan_is_a_caveat():
     scans = _scans()
     scans[1] = scan_spectrum(_area(2e-3, 256, 2, noise=1e-6), "optical")
     spectrum = joined_spectrum(scans).spectrum
     assert any("times that of the other scans" in sentence for sentence in spectrum.caveats)
-    part = spectrum.between(2 * np.pi / 1e-3, 2 * np.pi / 4e-5)
-    rough = random_surface(part, gc.Grid((64, 64), 1e-3), jax.random.key(0))
-    assert rough.caveats == spectrum.caveats and rough.history == spectrum.history
 
 
 def test_heights_of_one_scan_in_a_wrong_unit_are_refused():
@@ -153,8 +151,9 @@ def test_a_line_of_a_power_law_has_the_spectrum_of_the_surface():
 
 def test_surface_of_a_table_has_its_roughness_and_its_spectrum():
     q = np.geomspace(2 * np.pi / 1e-3, np.pi * 127 / 1e-3, 30)
-    table = SpectrumTable(q, _density(q))
+    table = SpectrumTable(q, _density(q), ("Of a test.",), ("It is doubtful.",))
     rough = random_surface(table, gc.Grid((128, 128), 1e-3), jax.random.key(1))
+    assert (rough.history, rough.caveats) == (table.history, table.caveats)
     np.testing.assert_allclose(statistics(rough).rms_slope, table.rms_slope, rtol=0.02)
     found, values = map(np.asarray, radial_spectrum(rough, 24))
     known = (values > 0) & (found < q[-1] / 1.2)
@@ -188,9 +187,11 @@ def test_tables_refuse_what_they_do_not_know(call, words):
 
 
 def test_a_ground_surface_has_the_caveat_that_c_is_a_mean_over_directions():
-    rough = np.asarray(_area(2e-4, 64, 3).heights)
-    ground = surface_from_heights(np.repeat(rough[:, ::4], 4, 1)[:, :64], 2e-4)
-    assert scan_spectrum(surface_from_heights(rough, 2e-4), "AFM").caveats == ()
+    rough = _area(2e-4, 64, 3)
+    modes = np.fft.fft2(rough.heights)
+    modes[:, 2:-1] = 0  # no short waves along y
+    ground = gc.Surface(np.fft.ifft2(modes).real, rough.grid)
+    assert scan_spectrum(rough, "AFM").caveats == ()
     assert "between directions" in scan_spectrum(ground, "AFM").caveats[-1]
 
 
@@ -199,14 +200,25 @@ def test_limits_that_leave_nothing_of_a_scan_are_refused():
         scan_spectrum(_area(2e-4, 32, 3), "AFM", shortest=1e-3)
 
 
-def test_mean_field_takes_a_table_like_its_pair(joined):
-    stack = gc.Stack(layers=(), base=gc.HalfSpace(gc.Elastic(1e7, 0.5)))
-    table = joined.spectrum
-    pair = (table.q, table.values)
-    found = [
-        mean_field_friction(stack, rough, pressure=1e5, velocity=0.0) for rough in (table, pair)
-    ]
-    assert float(found[0].contact_area) == float(found[1].contact_area) > 0
+def test_mean_field_sees_c_of_a_table_and_nothing_outside(joined):
+    q = jnp.asarray([0.9, 1.0]) * joined.spectrum.q_low
+    rough = as_roughness(joined.spectrum)
+    expected = [0, np.sqrt(float(joined.spectrum.values[0]))]
+    np.testing.assert_allclose(rough.root_density(q), expected, rtol=1e-12)
+    np.testing.assert_array_equal(rough.edges, joined.spectrum.q)
+
+
+@pytest.mark.slow
+def test_mean_field_takes_a_table_like_its_pair_and_has_its_slope(joined):
+    stack, table = gc.Stack(layers=(), base=gc.HalfSpace(gc.Elastic(1e7, 0.5))), joined.spectrum
+    load = {"pressure": 1e5, "velocity": 0.0, "correction": "none"}
+    found, pair = (
+        mean_field_friction(stack, rough, **load) for rough in (table, (table.q, table.values))
+    )
+    assert float(found.contact_area) == float(pair.contact_area)
+    # Persson 2001: √2 p over E* and the rms slope, E* of an incompressible solid.
+    share = erf(np.sqrt(2) * 1e5 / (1e7 / 0.75 * float(table.rms_slope)))
+    np.testing.assert_allclose(float(found.contact_area), share, rtol=1e-9)
 
 
 def test_a_scene_draws_its_surface_from_files_of_several_scans(tmp_path):
