@@ -31,7 +31,7 @@ from ..scenes.scene import Scene
 from ..scenes.scene_checks import refuse_tables
 from ..scenes.schema import Key
 from ..sliding.case import Case
-from ..surfaces.spectrum import SelfAffine
+from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
 from .limits import CRITERIA, Criteria
 
@@ -97,7 +97,7 @@ def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
 @check_types
 def friction_curve(
     stack: Stack,
-    spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
+    spectrum: Spectrum | Surface | tuple[Numbers, Numbers],
     *,
     pressure: ScalarLike,
     velocities: Numbers,
