@@ -29,7 +29,8 @@ LESS_WORK = {
 }
 _LEVEL = "xla_backend_optimization_level"
 _OF_SMALL, _OF_LARGE = 0, 2  # of 3
-_SMALL, _NEARLY_ALL = 2**12, 0.95  # elements that operations of a small program return
+# Elements that nearly all operations of a small program return: 64² points, or as many waves.
+_SMALL, _NEARLY_ALL = 4500, 0.95
 
 
 def jit(function: F) -> F:
