@@ -1,7 +1,7 @@
 """Conversion to strongly typed arrays and refusal of bad input at the public boundary.
 
-Checks of values look at concrete arrays, and at arguments of `gc.jit`: elsewhere under `jit`, `vmap`
-or `grad` the values are unknown and the check passes (shapes are always checked).
+Checks of values look at concrete arrays, and at arguments of `gc.jit`. Elsewhere under `jit`,
+`vmap` or `grad` the values are unknown and the check passes (shapes are always checked).
 """
 
 import contextlib

@@ -91,13 +91,17 @@ def _program(function: Callable, arrays: Any, others: Any) -> Callable:
 
     functools.update_wrapper(traced, function)
     del traced.__wrapped__  # whose arguments JAX would look for
-    options = _options()
     trace = jax.jit(traced).trace(arrays)
     known.clear()  # of the first call
-    sizes = _sizes(trace.jaxpr.jaxpr)
-    if _LEVEL in options and np.quantile(sizes or [0], _NEARLY_ALL) <= _SMALL:
-        options = options | {_LEVEL: _OF_SMALL}
-    return jax.jit(traced, compiler_options=options)
+    return jax.jit(traced, compiler_options=options_for(trace.jaxpr.jaxpr))
+
+
+def options_for(program: Jaxpr) -> dict[str, bool | int]:
+    """Returns the options with which a program compiles in less time."""
+    options = _options()
+    if _LEVEL in options and np.quantile(_sizes(program) or [0], _NEARLY_ALL) <= _SMALL:
+        return options | {_LEVEL: _OF_SMALL}
+    return options
 
 
 def _sizes(program: Jaxpr) -> list[int]:
@@ -105,7 +109,8 @@ def _sizes(program: Jaxpr) -> list[int]:
     sizes = []
     for operation in program.eqns:
         inner = list(jaxprs_in_params(operation.params))
-        sizes += sum(map(_sizes, inner), [])
+        for part in inner:
+            sizes += _sizes(part)
         if not inner:  # what loops stack is made of what their bodies return
             sizes += [getattr(result.aval, "size", 0) for result in operation.outvars]
     return sizes
