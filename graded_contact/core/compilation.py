@@ -96,7 +96,7 @@ def _program(function: Callable, arrays: Any, others: Any) -> Callable:
     return jax.jit(traced, compiler_options=options_for(trace.jaxpr.jaxpr))
 
 
-def options_for(program: Jaxpr) -> dict[str, bool | int]:
+def options_for(program: Jaxpr) -> dict[str, Any]:
     """Returns the options with which a program compiles in less time."""
     options = _options()
     if _LEVEL in options and np.quantile(_sizes(program) or [0], _NEARLY_ALL) <= _SMALL:
@@ -126,7 +126,7 @@ _probe = jax.jit(lambda: 0)
 
 
 @functools.cache
-def _options() -> dict[str, bool | int]:
+def _options() -> dict[str, Any]:
     """The options that are not set in the environment, if this XLA knows them; of `jax.jit`."""
     logging.getLogger("graded_contact").info(COMPILING)
     keep_small_programs()
