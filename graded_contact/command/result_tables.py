@@ -1,7 +1,7 @@
 """Results as tables on the screen."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -13,12 +13,22 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.caveats import Caveat
-from ..core.display import UNKNOWN, number, with_time, with_unit
-from ..core.quantities import AXES, FOUR, HISTORY, OBSERVABLES, in_brackets
+from ..core.display import UNKNOWN, number, unit_of, with_time, with_unit
+from ..core.quantities import (
+    AXES,
+    FOUR,
+    HISTORY,
+    OBSERVABLES,
+    STEADY,
+    TOTAL,
+    in_brackets,
+    quantity_of,
+)
 from ..plot.words import label_of, title_of
 from ..scenes.described import described
 from ..scenes.results import (
     FLOWS,
+    LEAKAGE,
     SEED_ERROR,
     has_numbers,
     is_of_each,
@@ -50,10 +60,10 @@ STATES = {
 # What a table has without `--full`, with the errors.
 MAIN = (
     "mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach",
-    "contact_stiffness", "specific_conductance", "flow_along_x", "flow_along_y",
-    "leakage_along_x", "leakage_along_y",
+    "contact_stiffness", "specific_conductance", *FLOWS, *LEAKAGE,
 )  # fmt: skip
-OVER_TIME = ("friction", "load", "contact_area", "mean_gap", "work_done", *FLOWS)
+OVER_TIME = ("friction", "load", "contact_area", "mean_gap", "work_done", *FLOWS, *LEAKAGE)
+OF_FRICTION = ("friction", "work", "power")  # in names of what is rounding at rest
 # Errors that are no part of the total: ends of names, and heads.
 APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
 
@@ -92,17 +102,17 @@ def print_rows(results: "Dataset", all_seeds: bool, full: bool) -> None:
             f"Numbers are means of {every.sizes['seed']} surfaces. The standard error of the mean "
             'is "± over surfaces", the largest error of a surface "±".'
         )
-    axes, columns = results["message"].dims, _columns(results, full)
+    axes, columns = results["message"].dims, _columns(results, _names_of(results, full), full)
     shown = has_numbers(results).values
-    heads = (*_heads(results), *(head for head, _ in columns.values()), "state")
+    heads = (*_heads(results), *(column.head for column in columns.values()), "state")
     states = solve_states(results).values
     load_unit = 1e6 if axes[-2] == "pressure" else 1
     rows = []
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
         cells = [
-            _cell(results, name, index, form) if shown[index] else UNKNOWN
-            for name, (_, form) in columns.items()
+            column.cell(name, index) if shown[index] else UNKNOWN
+            for name, column in columns.items()
         ]
         doubts = [mark for mark, c in numbered if c.where[index]]
         mark = f"[bold red]{states[index]}[/] " if states[index] else "" if doubts else "solved"
@@ -133,6 +143,9 @@ def print_notes(results: "Dataset", full: bool) -> None:
         surface = surface_of(results)
         words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
         Console().print(f"Errors by the grid are {words}.", soft_wrap=True)
+    if not full and (left := _rounding(results)):
+        words = ", ".join(name.replace("_", " ") for name in left if name in (*MAIN, *OVER_TIME))
+        typer.echo(f"Left out, as 0 within rounding or errors: {words}.")
     _print_closed(results)
     _print_failures(results)
 
@@ -144,15 +157,16 @@ def _print_times(results: "Dataset", full: bool) -> None:
         return
     axes = results["message"].dims
     at = results.isel(dict(zip(axes, solved[-1], strict=True)))
-    entries = {name: OBSERVABLES[name] for name in OVER_TIME if name in at}
-    columns = {name: entry.column or (name, FOUR) for name, entry in entries.items()}
     times, table = at["time"].values, Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    columns = _columns(at, [name for name in OVER_TIME if name in at], full)
+    columns = {name: column for name, column in columns.items() if not name.endswith("_error")}
     moved = at["surface_displacement"].values
-    for head in ("time", "displacement", *(head for head, _ in columns.values())):
+    moves = ["displacement"] if full or np.any(moved) else []
+    for head in ("time", *moves, *(column.head for column in columns.values())):
         table.add_column(Text(head), justify="right", no_wrap=True)
     for i in np.flatnonzero(np.isin(times, at["field_time"].values) | full):
-        cells = [number(float(at[name].values[i]), form) for name, (_, form) in columns.items()]
-        table.add_row(with_time(times[i]), with_unit(moved[i], "m"), *cells)
+        cells = [column.cell(name, (i,)) for name, column in columns.items()]
+        table.add_row(with_time(times[i]), *(with_unit(moved[i], "m") for _ in moves), *cells)
     console = Console()
     console.width = max(console.width, 24 * (len(table.columns) + 1))
     if len(solved) > 1:
@@ -192,14 +206,31 @@ def tables_that_fit(texts: list[list[str]], shared: int, room: int) -> list[list
     return parts
 
 
-def _cell(results: "Dataset", name: str, index: tuple[int, ...], form: str) -> str:
-    """A number in words; one below its error as its bound."""
-    value = float(results[name].values[index])
-    of_friction = name in {f"friction{end}" for end in ("", "_error", *APART)}
-    if of_friction and np.isfinite(value) and bool(without_friction(results)[index]):
-        return "0"  # what stands there is rounding
-    error = float(results[f"{name}_error"].values[index]) if f"{name}_error" in results else 0.0
-    return number(value, form, error)
+class _Column(NamedTuple):
+    """A column of numbers: its head, their format, the factor to their unit, and their results."""
+
+    head: str
+    form: str
+    factor: float
+    results: Any
+
+    def cell(self, name: str, index: tuple[int, ...]) -> str:
+        """A number in words; one below its error as its bound, without the error beside it."""
+        value, error = (self._at(one, index) for one in (name, f"{name}_error"))
+        of = name.removesuffix("_error")
+        if of != name and abs(self._at(of, index)) < value < np.inf:
+            return ""
+        of_friction = name in {f"friction{end}" for end in ("", *APART)}
+        steady = of_friction and kind_of_results(self.results) == STEADY
+        if steady and np.isfinite(value) and bool(without_friction(self.results)[index]):
+            return "0"  # what stands there is rounding
+        spread = 0.0 if of != name else self._at(f"{name}{SEED_ERROR}", index)
+        return number(value, self.form, float(np.fmax(error, spread)))
+
+    def _at(self, name: str, index: tuple[int, ...]) -> float:
+        return (
+            self.factor * float(self.results[name].values[index]) if name in self.results else 0.0
+        )
 
 
 def _heads(results: "Dataset") -> Iterator[str]:
@@ -213,10 +244,23 @@ def _heads(results: "Dataset") -> Iterator[str]:
         yield head.replace(" ", "\n", 1) + in_brackets(unit)
 
 
-def _columns(results: "Dataset", full: bool) -> dict[str, tuple[str, str]]:
-    """Heads and formats of the columns, of quantities with one number for each solve."""
+def _names_of(results: "Dataset", full: bool) -> list[str]:
+    """The names of the numbers in the table of solves; at rest it has the gap."""
+    every = [*MAIN, *(["mean_gap"] if "friction" in _rounding(results) else [])]
+    if full:
+        every = [*OBSERVABLES, *LEAKAGE]
+        every = [n for n in every if n in LEAKAGE or OBSERVABLES[n].column is not None]
+    axes = results["message"].dims
+    return [
+        n for n in every if not n.endswith("_error") and n in results and results[n].dims == axes
+    ]
+
+
+def _columns(results: "Dataset", names: Iterable[str], full: bool) -> dict[str, _Column]:
+    """The columns of numbers and of their errors, which stand beside them."""
     known = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
-    known |= {f"leakage_along_{d}": (f"leakage\nalong {d}\n[m³/s]", ".3e") for d in ("x", "y")}
+    known |= {name: (f"leakage\nalong {name[-1]}\n[m³/s]", ".3e") for name in LEAKAGE}
+    known |= {f"{name}_error": TOTAL for name in LEAKAGE}
     known |= {name + end: (head, ".1e") for name in MAIN for end, head in APART.items()}
     hidden = {"unmeasured_friction"} if "measured" not in results else set()
     # Without shear in the contact, all friction is hysteresis. With coupling, shear and slopes
@@ -224,29 +268,55 @@ def _columns(results: "Dataset", full: bool) -> dict[str, tuple[str, str]]:
     without = "shear_friction" in results and not np.any(results["shear_friction"])
     if without or "block_friction" in results:
         hidden |= {"hysteresis_friction", "shear_friction"}
-    if "leakage_along_x" in results and not full:
-        hidden |= {"flow_along_x", "flow_along_y"}
-    # An error stands beside its number.
-    every = [name for name in known if not name.endswith("_error")] if full else MAIN
-    numbers = [name for name in every if name not in hidden]
-    beside = [name + end for name in numbers for end in ("", "_error", *APART)]
-    axes = results["message"].dims
-    return {
-        name: known[name]
-        for name in beside
-        if name in known and name in results and results[name].dims == axes
-    }
+    if not full:
+        hidden |= {*_rounding(results)} | ({*FLOWS} if LEAKAGE[0] in results else set())
+    found = {}
+    for name in names:
+        if name in hidden or name not in results:
+            continue
+        quantity, unit, factor = quantity_of(name), "", 1.0
+        unit = "" if quantity is None else quantity.unit
+        head, form = known.get(name, (name.replace("_", " ") + f"\n[{unit}]", FOUR))
+        if unit in ("m", "Pa"):
+            shown, factor = unit_of(unit, float(abs(results[name]).max()))
+            head = head.replace(f"[{unit}]", f"[{shown}]")
+        found[name] = _Column(head, form, factor, results)
+        for error in (name + end for end in ("_error", *APART)):
+            if error in known and error in results:
+                found[error] = _Column(*known[error], factor, results)
+    return found
+
+
+def _rounding(results: "Dataset") -> list[str]:
+    """The names of what friction does, where it is 0 within rounding or errors; at rest it is."""
+    numbers = results.where(has_numbers(results))
+    names = [n for n in OBSERVABLES if n in results and any(part in n for part in OF_FRICTION)]
+    names = [n for n in names if not n.endswith("_error")]
+    if kind_of_results(results) == STEADY:
+        found = bool(np.any(has_numbers(results)) and np.all(without_friction(numbers)))
+        return names if found else []
+    if np.any(results["surface_displacement"]):
+        return []
+    within = (n for n in names if not np.any(abs(numbers[n]) > numbers.get(f"{n}_error", 0.0)))
+    return [*within]
 
 
 def _print_closed(results: "Dataset") -> None:
-    """Prints from which load on the gap lets no fluid pass, in any of the solves."""
-    for axis in ("x", "y"):
-        flow = results.get(f"flow_along_{axis}")
-        if flow is None:
+    """Prints from which load, or time, on the gap lets no fluid pass, in any of the solves."""
+    for axis, name in zip(("x", "y"), FLOWS, strict=True):
+        if name not in results:
             continue
-        closed = (flow == 0).all([name for name in flow.dims if name != "pressure"]).values
-        if np.any(closed):
-            least = with_unit(float(np.min(results["pressure"].values[closed])), "Pa")
+        # With its error: half the grid may be open.
+        flow = results[name] + results.get(f"{name}_error", 0.0)
+        along = "time" if "time" in flow.dims else "pressure"
+        others = [dim for dim in flow.dims if dim != along]
+        at, passes = results[along].values, (flow > 0).any(others).values
+        closed = at[(flow == 0).all(others).values]
+        closed = closed[closed > np.max(at[passes], initial=-np.inf)]
+        if closed.size and along == "time":
+            typer.echo(f"No fluid passes along {axis} from {with_time(float(closed.min()))} on.")
+        elif closed.size:
+            least = with_unit(float(closed.min()), "Pa")
             typer.echo(f"No fluid passes along {axis} at a pressure of {least} or more.")
 
 

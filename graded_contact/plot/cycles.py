@@ -7,11 +7,11 @@ import numpy as np
 
 from ..core.display import time_unit, unit_of, with_time, with_unit
 from ..core.escaping import in_figure
-from ..core.quantities import CYCLE, FIELDS, HISTORY, OBSERVABLES, STEADY, in_brackets
-from ..scenes.results import FLOWS, kind_of_results
+from ..core.quantities import CYCLE, FIELDS, HISTORY, STEADY, in_brackets, quantity_of
+from ..scenes.results import FLOWS, LEAKAGE, kind_of_results
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
-from .style import PAGE, colours_of, finished, new_figure
+from .style import PAGE, colours_of, draw_closed, finished, new_figure
 from .words import label_of, title_of
 
 WORDS = {STEADY: "steady sliding", CYCLE: "a motion that repeats", HISTORY: "what happens once"}
@@ -66,7 +66,8 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
     """Returns a figure of friction, contact area, load and mean gap over time.
 
     A surface that rests has no friction. Time is logarithmic if the last step is more than ten
-    times as long as the first. Flows are drawn, too, if results have some that are not 0.
+    times as long as the first. Leakage, or flows, are drawn, too, if results have some that are not
+    0; a triangle at the bottom is a time at which the gap is closed.
 
     **Arguments:**
 
@@ -76,7 +77,8 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
     names = ["friction", "contact_area", "load", "mean_gap"]
     results: Any = history
     if hasattr(history, "dims"):
-        names += [n for n in FLOWS if n in results and np.any(results[n] > 0)]
+        flows = LEAKAGE if LEAKAGE[0] in results else FLOWS
+        names += [n for n in flows if n in results and np.any(results[n] > 0)]
     lines = _over_time(history, HISTORY, "time", "surface_displacement", *names)
     if not np.any(lines[0][2]):
         names = names[1:]
@@ -88,15 +90,22 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
     times = lines[0][1]
     unit, factor = time_unit(times[-1])
     for i, (axes, name) in enumerate(zip(panels, names, strict=True), start=3):
-        symbol, scale = OBSERVABLES[name].quantity.unit, 1.0
+        quantity, flows = quantity_of(name), name in (*FLOWS, *LEAKAGE)
+        assert quantity is not None
+        symbol, scale = quantity.unit, 1.0
         if symbol in ("m", "Pa"):
             symbol, scale = unit_of(symbol, max(float(np.nanmax(line[i])) for line in lines))
         for line, colour in zip(lines, colours_of(len(lines)), strict=False):
-            known = np.isfinite(line[i])  # a flow at some times only
+            closed = flows & (line[i] == 0)  # a logarithm has no 0
+            known = np.isfinite(line[i]) & ~closed  # a flow at some times only
             shown = factor * times[known], scale * line[i][known]
             axes.plot(*shown, color=colour, label=line[0] or None)
+            if np.any(closed):
+                draw_closed(axes, factor * times[closed], colour)
         axes.set(xlabel=f"time [{unit}]", ylabel=name.replace("_", " ") + in_brackets(symbol))
-        if name != "friction":
+        if flows:
+            axes.set_yscale("log")
+        elif name != "friction":
             axes.set_ylim(0, None)
         if len(times) > 1 and times[-1] - times[-2] > _GEOMETRIC * times[0]:
             axes.set_xscale("log")

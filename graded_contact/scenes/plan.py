@@ -29,6 +29,7 @@ from ..core.memory import (
 from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along
 from ..sliding.bodies import TwoBodies
+from ..sliding.facts import FLOW
 from ..sliding.history import fields_of_history, solve_history
 from ..sliding.history_errors import steps_with_errors
 from ..sliding.slide import solve
@@ -245,7 +246,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             for name, number in found.items():
                 if number.ndim == 2:
                     found[name] = number @ (jnp.abs(along) if name.endswith("_error") else along)
-        if scene.kind == HISTORY and scene.observe.flow:  # of the times with a gap
+        if scene.kind == HISTORY and FLOW in scene.asked:  # of the times with a gap
             unknown = jnp.full(scene.num_times, jnp.nan, rough.heights.dtype)
             for name in FLOWS:
                 found[name] = unknown.at[np.array(scene.kept_steps)].set(found[name])
