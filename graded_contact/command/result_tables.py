@@ -1,7 +1,7 @@
 """Results as tables on the screen."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import typer
@@ -13,23 +13,16 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.caveats import Caveat
-from ..core.display import UNKNOWN, number, unit_of, with_time, with_unit
+from ..core.display import UNKNOWN, with_time, with_unit
 from ..core.quantities import (
     AXES,
-    FOUR,
     HISTORY,
-    OBSERVABLES,
-    STEADY,
-    TOTAL,
     in_brackets,
-    quantity_of,
 )
 from ..plot.words import label_of, title_of
 from ..scenes.described import described
 from ..scenes.results import (
     FLOWS,
-    LEAKAGE,
-    SEED_ERROR,
     has_numbers,
     is_of_each,
     kind_of_results,
@@ -37,7 +30,6 @@ from ..scenes.results import (
     solve_states,
     surface_of,
     warnings_of,
-    without_friction,
 )
 from ..scenes.scene import Scene
 from ..scenes.toml import parse_toml
@@ -45,6 +37,7 @@ from ..sliding.half_grid import grid_estimate
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
+from .columns import MAIN, OVER_TIME, columns_in_table, names_in_table, rounding_in
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -55,17 +48,6 @@ STATES = {
     "failed": "failed",
     "not started": "were not started",
 }
-
-
-# What a table has without `--full`, with the errors.
-MAIN = (
-    "mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach",
-    "contact_stiffness", "specific_conductance", *FLOWS, *LEAKAGE,
-)  # fmt: skip
-OVER_TIME = ("friction", "load", "contact_area", "mean_gap", "work_done", *FLOWS, *LEAKAGE)
-OF_FRICTION = ("friction", "work", "power")  # in names of what is rounding at rest
-# Errors that are no part of the total: ends of names, and heads.
-APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
 
 
 def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False) -> None:
@@ -102,7 +84,10 @@ def print_rows(results: "Dataset", all_seeds: bool, full: bool) -> None:
             f"Numbers are means of {every.sizes['seed']} surfaces. The standard error of the mean "
             'is "± over surfaces", the largest error of a surface "±".'
         )
-    axes, columns = results["message"].dims, _columns(results, _names_of(results, full), full)
+    axes, columns = (
+        results["message"].dims,
+        columns_in_table(results, names_in_table(results, full), full),
+    )
     shown = has_numbers(results).values
     heads = (*_heads(results), *(column.head for column in columns.values()), "state")
     states = solve_states(results).values
@@ -143,7 +128,7 @@ def print_notes(results: "Dataset", full: bool) -> None:
         surface = surface_of(results)
         words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
         Console().print(f"Errors by the grid are {words}.", soft_wrap=True)
-    if not full and (left := _rounding(results)):
+    if not full and (left := rounding_in(results)):
         words = ", ".join(name.replace("_", " ") for name in left if name in (*MAIN, *OVER_TIME))
         typer.echo(f"Left out, as 0 within rounding or errors: {words}.")
     _print_closed(results)
@@ -158,14 +143,14 @@ def _print_times(results: "Dataset", full: bool) -> None:
     axes = results["message"].dims
     at = results.isel(dict(zip(axes, solved[-1], strict=True)))
     times, table = at["time"].values, Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    columns = _columns(at, [name for name in OVER_TIME if name in at], full)
+    columns = columns_in_table(at, [name for name in OVER_TIME if name in at], full)
     columns = {name: column for name, column in columns.items() if not name.endswith("_error")}
     moved = at["surface_displacement"].values
     moves = ["displacement"] if full or np.any(moved) else []
     for head in ("time", *moves, *(column.head for column in columns.values())):
         table.add_column(Text(head), justify="right", no_wrap=True)
     for i in np.flatnonzero(np.isin(times, at["field_time"].values) | full):
-        cells = [column.cell(name, (i,)) for name, column in columns.items()]
+        cells = [column.cell(name, (int(i),)) for name, column in columns.items()]
         table.add_row(with_time(times[i]), *(with_unit(moved[i], "m") for _ in moves), *cells)
     console = Console()
     console.width = max(console.width, 24 * (len(table.columns) + 1))
@@ -206,33 +191,6 @@ def tables_that_fit(texts: list[list[str]], shared: int, room: int) -> list[list
     return parts
 
 
-class _Column(NamedTuple):
-    """A column of numbers: its head, their format, the factor to their unit, and their results."""
-
-    head: str
-    form: str
-    factor: float
-    results: Any
-
-    def cell(self, name: str, index: tuple[int, ...]) -> str:
-        """A number in words; one below its error as its bound, without the error beside it."""
-        value, error = (self._at(one, index) for one in (name, f"{name}_error"))
-        of = name.removesuffix("_error")
-        if of != name and abs(self._at(of, index)) < value < np.inf:
-            return ""
-        of_friction = name in {f"friction{end}" for end in ("", *APART)}
-        steady = of_friction and kind_of_results(self.results) == STEADY
-        if steady and np.isfinite(value) and bool(without_friction(self.results)[index]):
-            return "0"  # what stands there is rounding
-        spread = 0.0 if of != name else self._at(f"{name}{SEED_ERROR}", index)
-        return number(value, self.form, float(np.fmax(error, spread)))
-
-    def _at(self, name: str, index: tuple[int, ...]) -> float:
-        return (
-            self.factor * float(self.results[name].values[index]) if name in self.results else 0.0
-        )
-
-
 def _heads(results: "Dataset") -> Iterator[str]:
     """The heads of the axes; the last two axes, pressure or approach and velocity, come first."""
     *others, load, _ = results["message"].dims
@@ -242,63 +200,6 @@ def _heads(results: "Dataset") -> Iterator[str]:
         unit = results[name].attrs.get("units", "1")
         head = name if name in AXES else title_of(name, results.attrs["scene"])
         yield head.replace(" ", "\n", 1) + in_brackets(unit)
-
-
-def _names_of(results: "Dataset", full: bool) -> list[str]:
-    """The names of the numbers in the table of solves; at rest it has the gap."""
-    every = [*MAIN, *(["mean_gap"] if "friction" in _rounding(results) else [])]
-    if full:
-        every = [*OBSERVABLES, *LEAKAGE]
-        every = [n for n in every if n in LEAKAGE or OBSERVABLES[n].column is not None]
-    axes = results["message"].dims
-    return [
-        n for n in every if not n.endswith("_error") and n in results and results[n].dims == axes
-    ]
-
-
-def _columns(results: "Dataset", names: Iterable[str], full: bool) -> dict[str, _Column]:
-    """The columns of numbers and of their errors, which stand beside them."""
-    known = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
-    known |= {name: (f"leakage\nalong {name[-1]}\n[m³/s]", ".3e") for name in LEAKAGE}
-    known |= {f"{name}_error": TOTAL for name in LEAKAGE}
-    known |= {name + end: (head, ".1e") for name in MAIN for end, head in APART.items()}
-    hidden = {"unmeasured_friction"} if "measured" not in results else set()
-    # Without shear in the contact, all friction is hysteresis. With coupling, shear and slopes
-    # exchange power: only what the block loses and what heats the interface are parts of it.
-    without = "shear_friction" in results and not np.any(results["shear_friction"])
-    if without or "block_friction" in results:
-        hidden |= {"hysteresis_friction", "shear_friction"}
-    if not full:
-        hidden |= {*_rounding(results)} | ({*FLOWS} if LEAKAGE[0] in results else set())
-    found = {}
-    for name in names:
-        if name in hidden or name not in results:
-            continue
-        quantity, unit, factor = quantity_of(name), "", 1.0
-        unit = "" if quantity is None else quantity.unit
-        head, form = known.get(name, (name.replace("_", " ") + f"\n[{unit}]", FOUR))
-        if unit in ("m", "Pa"):
-            shown, factor = unit_of(unit, float(abs(results[name]).max()))
-            head = head.replace(f"[{unit}]", f"[{shown}]")
-        found[name] = _Column(head, form, factor, results)
-        for error in (name + end for end in ("_error", *APART)):
-            if error in known and error in results:
-                found[error] = _Column(*known[error], factor, results)
-    return found
-
-
-def _rounding(results: "Dataset") -> list[str]:
-    """The names of what friction does, where it is 0 within rounding or errors; at rest it is."""
-    numbers = results.where(has_numbers(results))
-    names = [n for n in OBSERVABLES if n in results and any(part in n for part in OF_FRICTION)]
-    names = [n for n in names if not n.endswith("_error")]
-    if kind_of_results(results) == STEADY:
-        found = bool(np.any(has_numbers(results)) and np.all(without_friction(numbers)))
-        return names if found else []
-    if np.any(results["surface_displacement"]):
-        return []
-    within = (n for n in names if not np.any(abs(numbers[n]) > numbers.get(f"{n}_error", 0.0)))
-    return [*within]
 
 
 def _print_closed(results: "Dataset") -> None:

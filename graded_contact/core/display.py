@@ -146,6 +146,8 @@ def number(value: Any, form: str, error: float = 0.0) -> str:
         return UNKNOWN
     if abs(value) < error < np.inf:
         return f"<{_bound(value, error):.3g}"
+    if value == 0 and form.endswith("e"):
+        return "0"
     text, power, kind = format(value, form), 0, "f"
     digits, e, exponent = text.partition("e")
     if e:

@@ -69,12 +69,14 @@ def collect(
     times = {} if scene.motion is None else {"time": scene.num_times}
     for name in numbers_of_scene(scene, surface):
         over_time = name in OBSERVABLES and OBSERVABLES[name].over_time
-        inner = times if over_time or (once and name in FLOWS) else {}
+        inner = times if over_time or (once and name.startswith(FLOWS)) else {}
         variables[name] = (*axes, *inner), over_axes(name, *inner.values())
     if scene.fluid is not None:
-        (over, along_x), (_, along_y) = (variables[name] for name in FLOWS)
-        leakage = np.asarray(scene.fluid.leakage(np.stack([along_x, along_y], -1), surface.grid))
-        variables |= {name: (over, leakage[..., i]) for i, name in enumerate(LEAKAGE)}
+        for end in ("", "_error"):
+            (over, along_x), (_, along_y) = (variables[name + end] for name in FLOWS)
+            flow = np.stack([along_x, along_y], -1)
+            leakage = np.asarray(scene.fluid.leakage(flow, surface.grid))
+            variables |= {name + end: (over, leakage[..., i]) for i, name in enumerate(LEAKAGE)}
     ends = [NOT_STARTED if point is None else point.message for point in points]
     variables["message"] = axes, np.reshape(ends, shape)
     variables["point"] = axes, names

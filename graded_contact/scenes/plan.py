@@ -202,7 +202,7 @@ def fields_in_memory(scene: Scene) -> float:
     # The surface, what is kept, and a derivative.
     if scene.motion is not None and scene.kind == HISTORY:
         own = fields_of_history(scene.counter, scene.shear, scene.motion.displacement)
-        return 1 + len(KEPT_FIELDS) * len(scene.kept_steps) * (1 + kept) + own
+        return 1 + len(KEPT_FIELDS) * len(scene.kept_steps) * (2 + kept) + own
     fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     if scene.motion is None:
         return fields + SLIDING
@@ -248,7 +248,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
                     found[name] = number @ (jnp.abs(along) if name.endswith("_error") else along)
         if scene.kind == HISTORY and FLOW in scene.asked:  # of the times with a gap
             unknown = jnp.full(scene.num_times, jnp.nan, rough.heights.dtype)
-            for name in FLOWS:
+            for name in (n for n in names if n.startswith(FLOWS)):
                 found[name] = unknown.at[np.array(scene.kept_steps)].set(found[name])
         found |= {name: getattr(contact.contact, name) for name in fields if name != "heights"}
         found |= {"heights": rough.heights} if "heights" in fields else {}

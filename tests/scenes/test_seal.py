@@ -6,6 +6,7 @@ from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
+from graded_contact.core.display import number, with_time
 from graded_contact.scenes.plan import plan
 from graded_contact.scenes.results import over_seeds, surface_of
 from graded_contact.scenes.scene_file import parse_scene
@@ -51,9 +52,24 @@ def test_at_rest_no_figure_and_no_cell_is_of_friction_that_is_rounding(seal, cap
     assert labels == ["contact area fraction", "mean gap [m]"]
     print_table(seal)
     printed = capsys.readouterr().out
-    rows = [line.split() for line in printed.splitlines() if "0.000e+00" in line]
-    assert len(rows) == 3 and all(row[2:5] == ["0", "0", "0"] for row in rows)
+    assert "Left out, as 0 within rounding or errors: friction.\n" in printed
+    heads, _, *rows = (line.split() for line in printed.split("[MPa]")[1].splitlines())
+    assert "[µm]" in heads and [row[0] for row in rows[:3]] == ["0.000e+00"] * 3
     assert "No fluid passes along x at a pressure of 20 MPa or more." in printed
+
+
+def test_leakage_has_a_total_error_and_no_digits_beyond_it(seal, capsys):
+    """The error of the leakage is that of the conductance, in its unit."""
+    print_table(seal, all_seeds=True)
+    printed = capsys.readouterr().out
+    for axis, across in (("x", 0.5), ("y", 2.0)):
+        parts = sum(seal[f"flow_along_{axis}_{cause}_error"] for cause in ("solver", "grid"))
+        error, leakage = seal[f"leakage_along_{axis}_error"], seal[f"leakage_along_{axis}"]
+        np.testing.assert_allclose(error, parts * 1e4 / (12 * 2e-3) * across, rtol=1e-6)
+        assert error.attrs["units"] == "m³/s" and float(error.where(leakage > 0).min()) > 0
+        for value, wrong in zip(leakage.values.flat, error.values.flat, strict=True):
+            words = number(value, ".3e", wrong)
+            assert words in printed.split() and words != f"{value:.3e}"
 
 
 def test_a_figure_of_leakage_is_against_the_load_and_marks_closed_gaps(seal):
@@ -107,6 +123,15 @@ def test_a_seal_leaks_less_as_its_rubber_creeps_and_what_passes_is_that_of_the_g
         expected = np.array(of_gap) * 1e4 / (12 * 2e-3) * (0.5, 2.0)[axis]
         np.testing.assert_allclose(leakage[stored], expected, rtol=1e-9)
         assert np.all(np.diff(expected) <= 0) and expected[-1] == 0 < expected[1] < expected[0]
+    assert np.all(one.leakage_along_x_error.values[stored][:2] > 0)
+    print_table(creeping)
+    printed = capsys.readouterr().out
+    # Not from the first time of K = 0 on along y: half the grid is open there.
+    for axis, since in (("x", 2), ("y", 3)):
+        errors = one[f"leakage_along_{axis}_error"].values[stored]
+        assert np.all(errors[since:] == 0) and np.all(errors[:since] > 0)
+        when = with_time(float(one.field_time[since]))
+        assert f"No fluid passes along {axis} from {when} on." in printed
     figure = gc.plot.plot_transient(creeping)
     assert figure.axes[-1].get_yscale() == "log"
     assert "leakage along y [m³/s]" in [axes.get_ylabel() for axes in figure.axes]
