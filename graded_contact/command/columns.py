@@ -58,10 +58,10 @@ class Column(NamedTuple):
 
 def names_in_table(results: "Dataset", full: bool) -> list[str]:
     """The names of the numbers in the table of solves; at rest it has the gap."""
-    every = [*MAIN, *(["mean_gap"] if "friction" in rounding_in(results) else [])]
     if full:
-        every = [*OBSERVABLES, *LEAKAGE]
-        every = [n for n in every if n in LEAKAGE or OBSERVABLES[n].column is not None]
+        every = [*(n for n, entry in OBSERVABLES.items() if entry.column), *LEAKAGE]
+    else:
+        every = [*MAIN, *(["mean_gap"] if rounding_in(results) else [])]
     axes = results["message"].dims
     return [
         n for n in every if not n.endswith("_error") and n in results and results[n].dims == axes

@@ -171,6 +171,12 @@ def test_figures_of_a_history_have_its_times(braking):
     assert figure.axes[0].get_xscale() == "log" and figure.axes[0].get_xlabel() == "time [ms]"
     times = figure.axes[0].lines[0].get_xdata()
     np.testing.assert_allclose(times, 1e3 * np.asarray(scene.motion.times), rtol=1e-12)
+    # Bands are the total errors, at each time.
+    one = results.isel(pressure=0, velocity=0)
+    for axes, name in zip(figure.axes[:2], ("friction", "contact_area"), strict=True):
+        ends = axes.collections[0].get_paths()[0].vertices[:, 1]
+        values, error = one[name].values, one[f"{name}_error"].values
+        assert np.all(np.isin([*(values - error), *(values + error)], ends))
     fields, surface = kept_contact(results, (0, 0))
     film = gc.plot.plot_film(fields, surface)
     assert film.axes[-1].get_title() == "104 ms"
