@@ -13,12 +13,15 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.caveats import Caveat
-from ..core.display import UNKNOWN, number, with_time, with_unit
-from ..core.quantities import AXES, FOUR, HISTORY, OBSERVABLES, in_brackets
+from ..core.display import UNKNOWN, with_time, with_unit
+from ..core.quantities import (
+    AXES,
+    HISTORY,
+    in_brackets,
+)
 from ..plot.words import label_of, title_of
 from ..scenes.results import (
     FLOWS,
-    SEED_ERROR,
     has_numbers,
     is_of_each,
     kind_of_results,
@@ -26,13 +29,13 @@ from ..scenes.results import (
     solve_states,
     surface_of,
     warnings_of,
-    without_friction,
 )
 from ..scenes.scene import Scene
 from ..sliding.half_grid import grid_estimate
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
+from .columns import MAIN, OVER_TIME, columns_in_table, names_in_table, rounding_in
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -43,17 +46,6 @@ STATES = {
     "failed": "failed",
     "not started": "were not started",
 }
-
-
-# What a table has without `--full`, with the errors.
-MAIN = (
-    "mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach",
-    "contact_stiffness", "specific_conductance", "flow_along_x", "flow_along_y",
-    "leakage_along_x", "leakage_along_y",
-)  # fmt: skip
-OVER_TIME = ("friction", "load", "contact_area", "mean_gap", "work_done", *FLOWS)
-# Errors that are no part of the total: ends of names, and heads.
-APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
 
 
 def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False) -> None:
@@ -90,17 +82,20 @@ def print_rows(results: "Dataset", all_seeds: bool, full: bool) -> None:
             f"Numbers are means of {every.sizes['seed']} surfaces. The standard error of the mean "
             'is "± over surfaces", the largest error of a surface "±".'
         )
-    axes, columns = results["message"].dims, _columns(results, full)
+    axes, columns = (
+        results["message"].dims,
+        columns_in_table(results, names_in_table(results, full), full),
+    )
     shown = has_numbers(results).values
-    heads = (*_heads(results), *(head for head, _ in columns.values()), "state")
+    heads = (*_heads(results), *(column.head for column in columns.values()), "state")
     states = solve_states(results).values
     load_unit = 1e6 if axes[-2] == "pressure" else 1
     rows = []
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
         cells = [
-            _cell(results, name, index, form) if shown[index] else UNKNOWN
-            for name, (_, form) in columns.items()
+            column.cell(name, index) if shown[index] else UNKNOWN
+            for name, column in columns.items()
         ]
         doubts = [mark for mark, c in numbered if c.where[index]]
         mark = f"[bold red]{states[index]}[/] " if states[index] else "" if doubts else "solved"
@@ -131,6 +126,9 @@ def print_notes(results: "Dataset", full: bool) -> None:
         surface = surface_of(results)
         words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
         Console().print(f"Errors by the grid are {words}.", soft_wrap=True)
+    if not full and (left := rounding_in(results)):
+        words = ", ".join(name.replace("_", " ") for name in left if name in (*MAIN, *OVER_TIME))
+        typer.echo(f"Left out, as 0 within rounding or errors: {words}.")
     _print_closed(results)
     _print_failures(results)
 
@@ -142,15 +140,16 @@ def _print_times(results: "Dataset", full: bool) -> None:
         return
     axes = results["message"].dims
     at = results.isel(dict(zip(axes, solved[-1], strict=True)))
-    entries = {name: OBSERVABLES[name] for name in OVER_TIME if name in at}
-    columns = {name: entry.column or (name, FOUR) for name, entry in entries.items()}
     times, table = at["time"].values, Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    columns = columns_in_table(at, [name for name in OVER_TIME if name in at], full)
+    columns = {name: column for name, column in columns.items() if not name.endswith("_error")}
     moved = at["surface_displacement"].values
-    for head in ("time", "displacement", *(head for head, _ in columns.values())):
+    moves = ["displacement"] if full or np.any(moved) else []
+    for head in ("time", *moves, *(column.head for column in columns.values())):
         table.add_column(Text(head), justify="right", no_wrap=True)
     for i in np.flatnonzero(np.isin(times, at["field_time"].values) | full):
-        cells = [number(float(at[name].values[i]), form) for name, (_, form) in columns.items()]
-        table.add_row(with_time(times[i]), with_unit(moved[i], "m"), *cells)
+        cells = [column.cell(name, (int(i),)) for name, column in columns.items()]
+        table.add_row(with_time(times[i]), *(with_unit(moved[i], "m") for _ in moves), *cells)
     console = Console()
     console.width = max(console.width, 24 * (len(table.columns) + 1))
     if len(solved) > 1:
@@ -190,16 +189,6 @@ def tables_that_fit(texts: list[list[str]], shared: int, room: int) -> list[list
     return parts
 
 
-def _cell(results: "Dataset", name: str, index: tuple[int, ...], form: str) -> str:
-    """A number in words; one below its error as its bound."""
-    value = float(results[name].values[index])
-    of_friction = name in {f"friction{end}" for end in ("", "_error", *APART)}
-    if of_friction and np.isfinite(value) and bool(without_friction(results)[index]):
-        return "0"  # what stands there is rounding
-    error = float(results[f"{name}_error"].values[index]) if f"{name}_error" in results else 0.0
-    return number(value, form, error)
-
-
 def _heads(results: "Dataset") -> Iterator[str]:
     """The heads of the axes; the last two axes, pressure or approach and velocity, come first."""
     *others, load, _ = results["message"].dims
@@ -211,40 +200,22 @@ def _heads(results: "Dataset") -> Iterator[str]:
         yield head.replace(" ", "\n", 1) + in_brackets(unit)
 
 
-def _columns(results: "Dataset", full: bool) -> dict[str, tuple[str, str]]:
-    """Heads and formats of the columns, of quantities with one number for each solve."""
-    known = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
-    known |= {f"leakage_along_{d}": (f"leakage\nalong {d}\n[m³/s]", ".3e") for d in ("x", "y")}
-    known |= {name + end: (head, ".1e") for name in MAIN for end, head in APART.items()}
-    hidden = {"unmeasured_friction"} if "measured" not in results else set()
-    # Without shear in the contact, all friction is hysteresis. With coupling, shear and slopes
-    # exchange power: only what the block loses and what heats the interface are parts of it.
-    without = "shear_friction" in results and not np.any(results["shear_friction"])
-    if without or "block_friction" in results:
-        hidden |= {"hysteresis_friction", "shear_friction"}
-    if "leakage_along_x" in results and not full:
-        hidden |= {"flow_along_x", "flow_along_y"}
-    # An error stands beside its number.
-    every = [name for name in known if not name.endswith("_error")] if full else MAIN
-    numbers = [name for name in every if name not in hidden]
-    beside = [name + end for name in numbers for end in ("", "_error", *APART)]
-    axes = results["message"].dims
-    return {
-        name: known[name]
-        for name in beside
-        if name in known and name in results and results[name].dims == axes
-    }
-
-
 def _print_closed(results: "Dataset") -> None:
-    """Prints from which load on the gap lets no fluid pass, in any of the solves."""
-    for axis in ("x", "y"):
-        flow = results.get(f"flow_along_{axis}")
-        if flow is None:
+    """Prints from which load, or time, on the gap lets no fluid pass, in any of the solves."""
+    for axis, name in zip(("x", "y"), FLOWS, strict=True):
+        if name not in results:
             continue
-        closed = (flow == 0).all([name for name in flow.dims if name != "pressure"]).values
-        if np.any(closed):
-            least = with_unit(float(np.min(results["pressure"].values[closed])), "Pa")
+        # With its error: half the grid may be open.
+        flow = results[name] + results.get(f"{name}_error", 0.0)
+        along = "time" if "time" in flow.dims else "pressure"
+        others = [dim for dim in flow.dims if dim != along]
+        at, passes = results[along].values, (flow > 0).any(others).values
+        closed = at[(flow == 0).all(others).values]
+        closed = closed[closed > np.max(at[passes], initial=-np.inf)]
+        if closed.size and along == "time":
+            typer.echo(f"No fluid passes along {axis} from {with_time(float(closed.min()))} on.")
+        elif closed.size:
+            least = with_unit(float(closed.min()), "Pa")
             typer.echo(f"No fluid passes along {axis} at a pressure of {least} or more.")
 
 

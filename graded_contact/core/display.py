@@ -146,12 +146,17 @@ def number(value: Any, form: str, error: float = 0.0) -> str:
         return UNKNOWN
     if abs(value) < error < np.inf:
         return f"<{_bound(value, error):.3g}"
-    text = format(value, form)
-    _, point, decimals = text.partition(".")
+    if value == 0 and form.endswith("e"):
+        return "0"
+    text, power, kind = format(value, form), 0, "f"
+    digits, e, exponent = text.partition("e")
+    if e:
+        power, kind = int(exponent), "e"
+    _, point, decimals = digits.partition(".")
     if not (point and decimals.isdecimal() and 0 < error < np.inf):
         return text
-    known = max(0, 1 - int(np.floor(np.log10(error))))
-    return format(value, f".{min(known, len(decimals))}f")
+    known = max(0, power + 1 - int(np.floor(np.log10(error))))
+    return format(value, f".{min(known, len(decimals))}{kind}")
 
 
 def _bound(value: float, error: float) -> float:

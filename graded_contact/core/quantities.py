@@ -175,6 +175,8 @@ OF_RESULTS = _table([
     ("friction_standard_error", "", "1", "standard error of the friction by that of materials"),
     ("leakage_along_x", "Q_x", "m³/s", "leakage of the cell along x"),
     ("leakage_along_y", "Q_y", "m³/s", "leakage of the cell along y"),
+    ("leakage_along_x_error", "", "m³/s", "estimated error of the leakage along x"),
+    ("leakage_along_y_error", "", "m³/s", "estimated error of the leakage along y"),
     ("GapFlow.conductance", "K", "m³", "conductance of the gap along x and along y"),
     ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height", Usual("rms height", "µm", _within(10.0))),

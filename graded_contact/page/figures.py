@@ -203,6 +203,12 @@ class Map:
             "", f"x [{unit}]", f"y [{unit}]", right=BAR, height=TALL, max_width=frame + LEFT + BAR,
             match_aspect=True, **ranges,
         )  # fmt: skip
+        # Where there is less room the figure is less high: with another shape of its frame the axes
+        # would go on beyond the field.
+        self.figure.js_on_change("inner_width", bokeh.CustomJS(
+            code=f"cb_obj.height = Math.round(cb_obj.inner_width * {(TALL - ABOVE - BELOW) / frame}"
+            f" + {ABOVE + BELOW})"
+        ))  # fmt: skip
         self.figure.grid.grid_line_color = None
         self._mapper = bokeh.LinearColorMapper(
             palette=PALETTES["gap"], nan_color="white", low=0, high=1

@@ -22,15 +22,17 @@ WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
 PADDED: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": (4, 8)}
 HALF: dict[str, Any] = {**PADDED, "min_width": 60}
 STYLES = """
-.head {display: flex; flex-wrap: wrap; gap: 2px 30px; align-items: baseline; color: #2b2f36;
+.head {display: flex; gap: 2px 30px; align-items: baseline; color: #2b2f36;
   font-family: system-ui, sans-serif}
 .head b {font-size: 19px; font-weight: 600; font-variant-numeric: tabular-nums}
 .head span, .head i {font-size: 12px; color: #5b616b; display: block}
-.head i {display: inline; margin-left: 6px}
+.head i {display: inline; margin-left: 6px} .head u {text-decoration: none}
 .title {font-size: 14px; font-weight: 600; flex: 1 1 260px; max-width: 420px; line-height: 1.3;
-  overflow-wrap: anywhere}
-@media (max-width: 899px) {.head {gap: 0 6px} .head b {font-size: 11px; letter-spacing: -0.02em}
-  .head span {font-size: 10px}
+  min-width: 0; overflow-wrap: anywhere}
+@media (max-width: 1099px) {.head i u {display: none}}
+@media (max-width: 899px) {.head {gap: 0 5px; flex-wrap: wrap}
+  .head b {font-size: 11px; letter-spacing: -0.02em} .head u {display: none}
+  .head span, .head i {font-size: 10px} .head i {margin-left: 3px}
   .title {flex: 0 0 100%; max-width: 100%; font-size: 12px; white-space: nowrap; overflow: hidden;
   text-overflow: ellipsis}}
 .say {font: 12px system-ui, sans-serif; line-height: 1.35; overflow-wrap: anywhere;

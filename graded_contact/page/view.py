@@ -38,6 +38,8 @@ STRIP = f"""{PHONE} {{:host {{order: 1; position: sticky; top: 64px; z-index: 2;
   div[id^=flexbox] {{flex-wrap: nowrap !important; overflow-x: auto}}
   div[id^=flex-item] > * {{flex: 0 0 270px !important}}}}"""
 BELOW = f"{PHONE} {{:host {{order: 3; flex: 0 0 100%}}}}"
+# The tabs that are not shown are in the page, and would make it as high as the highest of them.
+TABS = ":host > [style*=hidden] {height: 0; overflow: hidden}"
 TEXT: dict[str, Any] = {"stylesheets": [STYLES], "margin": (0, 8), **PADDED}
 MAPS = {
     "pressure": "pressure", "gap": "gap", "displacement": "displacement", "surface": "heights",
@@ -92,7 +94,7 @@ class Page(pn.viewable.Viewer):
         tabs = pn.Tabs(
             ("Sliders", self._knobs), ("Layers", self._layers),
             ("Data", data_tab(session, self._layers.material)), ("Save", save_tab(session)),
-            sizing_mode="stretch_width", margin=(2, 4),
+            sizing_mode="stretch_width", margin=(2, 4), stylesheets=[TABS],
         )  # fmt: skip
         browser = Browser(width=0, margin=0)
         browser.param.watch(lambda _: pn.state.execute(session.update), "ready")
@@ -181,7 +183,7 @@ class Page(pn.viewable.Viewer):
 
 def _pane_of(figure: Any, flex: str = "") -> Any:
     size: dict[str, Any] = {"width": figure.width} if figure.sizing_mode == "fixed" else WIDE
-    pane = pn.pane.Bokeh(figure, height=figure.height, **{**size, "margin": 0})
+    pane = pn.pane.Bokeh(figure, **{**size, "margin": 0})
     return pn.Column(pane, **WIDE, styles=_flex(flex)) if flex and size is WIDE else pane
 
 
@@ -205,8 +207,11 @@ def _headline(shown: ShownPoint | None, pinned: ShownPoint | None) -> str:
     if shown is None:
         return ""
     now, before = shown.contact, pinned and pinned.contact
-    cells = {"friction": ("friction μ", 1, ""), "contact_area": ("contact area A/A₀ [%]", 100, ""),
-             "mean_gap": ("mean gap", 1, "m")}  # fmt: skip
+    # What is in `u` does not fit beside the numbers on a phone.
+    cells = {
+        "friction": ("friction<u> μ</u>", 1, ""),
+        "contact_area": ("contact area<u> A/A₀</u>", 100, ""), "mean_gap": ("mean gap", 1, "m"),
+    }  # fmt: skip
     if now.heated is not None:
         cells["surface_rise"] = ("contact above bulk", 1, "K")
     text = f'<div class="title">{in_html(shown.document.content["title"])}</div>'
@@ -222,8 +227,9 @@ def _headline(shown: ShownPoint | None, pinned: ShownPoint | None) -> str:
             spelt = with_error(scaled, error, unit, noise)
             if spelt.startswith("("):  # powers of ten are left to the error
                 spelt = f"{number(scaled, '.5g', error)} ± {error:.2g}"
+            spelt += " %" * (scale == 100)
         old = np.nan if before is None else float(getattr(before, name))
         if old and np.isfinite(value / old):
-            change = f"<i>{100 * (value / old - 1):+.3g} % from pinned</i>"
-        text += f"<div><span>{title}</span><b>{spelt}</b>{change}</div>"
+            change = f"<i>{100 * (value / old - 1):+.3g} %<u> from pinned</u></i>"
+        text += f"<div><span>{title}{change}</span><b>{spelt}</b></div>"
     return f'<div class="head">{text}</div>'

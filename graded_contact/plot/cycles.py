@@ -7,11 +7,11 @@ import numpy as np
 
 from ..core.display import time_unit, unit_of, with_time, with_unit
 from ..core.escaping import in_figure
-from ..core.quantities import CYCLE, FIELDS, HISTORY, OBSERVABLES, STEADY, in_brackets
-from ..scenes.results import FLOWS, kind_of_results
+from ..core.quantities import CYCLE, FIELDS, HISTORY, STEADY, in_brackets, quantity_of
+from ..scenes.results import FLOWS, LEAKAGE, kind_of_results
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
-from .style import PAGE, colours_of, finished, new_figure
+from .style import PAGE, colours_of, draw_closed, finished, new_figure
 from .words import label_of, title_of
 
 WORDS = {STEADY: "steady sliding", CYCLE: "a motion that repeats", HISTORY: "what happens once"}
@@ -19,6 +19,7 @@ _FRAMES = 12  # of what happens once, in one figure
 _GEOMETRIC = 10.0  # times the first step, of the last one of a logarithmic axis
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import Dataset
 
@@ -30,26 +31,33 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     """Returns a figure of the hysteresis loop, and of friction and contact area over the period.
 
     The loop is the friction over the displacement. Friction is positive where it opposes a motion
-    along +x, or along `direction` of a scene. The area is the sub-pixel one.
+    along +x, or along `direction` of a scene. The area is the sub-pixel one. A band
+    is the estimated error of the peak friction, where it is known: results of a scene have it, a
+    solution after it was printed.
 
     **Arguments:**
 
     - `cycle`: a solution of `slide_cycle` for a motion along x, or the result of `Plan.run` for a
       scene with [motion]: one line for each of its solves.
     """
-    lines = _over_time(cycle, CYCLE, "surface_displacement", "friction", "contact_area")
+    names = "surface_displacement", "friction", "contact_area"
+    lines = _over_time(cycle, CYCLE, *names, "peak_friction_error")
     figure = new_figure(PAGE, 2.6)
     loop, over_time, area = figure.subplots(1, 3)
-    unit, factor = unit_of("m", max(float(np.ptp(moved)) for _, moved, *_ in lines))
-    for (label, *line), colour in zip(lines, colours_of(len(lines)), strict=False):
+    unit, factor = unit_of("m", max(float(np.ptp(line[names[0]])) for line in lines))
+    for line, colour in zip(lines, colours_of(len(lines)), strict=False):
         # The first time is drawn once more at the end of the period.
-        place, friction, share = (np.append(values, values[0]) for values in line)
+        place, friction, share = (np.append(line[name], line[name][0]) for name in names)
         times = np.linspace(0, 1, len(place))
         # A motion that ends where it began makes a closed loop.
         steps = np.abs(np.diff(place))
         ends = slice(None, None if steps[-1] <= 3 * np.max(steps[:-1], initial=0) else -1)
-        loop.plot(factor * place[ends], friction[ends], color=colour, label=label or None)
+        of_loop = factor * place[ends], friction[ends]
+        loop.plot(*of_loop, color=colour, label=line["label"] or None)
         over_time.plot(times, friction, color=colour)
+        error, what = line["peak_friction_error"], "error of the peak friction"
+        _draw_band(loop, *of_loop, error, colour, what)
+        _draw_band(over_time, times, friction, error, colour, what)
         area.plot(times, share, color=colour)
     for axes in (loop, over_time):
         axes.axhline(0, color="0.6", linewidth=0.6)
@@ -66,7 +74,9 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
     """Returns a figure of friction, contact area, load and mean gap over time.
 
     A surface that rests has no friction. Time is logarithmic if the last step is more than ten
-    times as long as the first. Flows are drawn, too, if results have some that are not 0.
+    times as long as the first. Leakage, or flows, are drawn, too, if results have some that are not
+    0; a triangle at the bottom is a time at which the gap is closed. Bands are the estimated
+    errors, where they are known: results of a scene have them, a solution after it was printed.
 
     **Arguments:**
 
@@ -76,27 +86,38 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
     names = ["friction", "contact_area", "load", "mean_gap"]
     results: Any = history
     if hasattr(history, "dims"):
-        names += [n for n in FLOWS if n in results and np.any(results[n] > 0)]
-    lines = _over_time(history, HISTORY, "time", "surface_displacement", *names)
-    if not np.any(lines[0][2]):
+        flows = LEAKAGE if LEAKAGE[0] in results else FLOWS
+        names += [n for n in flows if n in results and np.any(results[n] > 0)]
+    ends = [name + end for name in names for end in ("", "_error")]
+    lines = _over_time(history, HISTORY, "time", "surface_displacement", *ends)
+    if not np.any(lines[0]["surface_displacement"]):
         names = names[1:]
-        lines = [(*line[:3], *line[4:]) for line in lines]
     columns = len(names) if len(names) < 5 else 3
     rows = -(-len(names) // columns)
     figure = new_figure(PAGE, 2.3 * rows)
     panels = [figure.add_subplot(rows, columns, i + 1) for i in range(len(names))]
-    times = lines[0][1]
+    times = lines[0]["time"]
     unit, factor = time_unit(times[-1])
-    for i, (axes, name) in enumerate(zip(panels, names, strict=True), start=3):
-        symbol, scale = OBSERVABLES[name].quantity.unit, 1.0
+    for axes, name in zip(panels, names, strict=True):
+        quantity, flows = quantity_of(name), name in (*FLOWS, *LEAKAGE)
+        assert quantity is not None
+        symbol, scale = quantity.unit, 1.0
         if symbol in ("m", "Pa"):
-            symbol, scale = unit_of(symbol, max(float(np.nanmax(line[i])) for line in lines))
+            symbol, scale = unit_of(symbol, max(float(np.nanmax(line[name])) for line in lines))
         for line, colour in zip(lines, colours_of(len(lines)), strict=False):
-            known = np.isfinite(line[i])  # a flow at some times only
-            shown = factor * times[known], scale * line[i][known]
-            axes.plot(*shown, color=colour, label=line[0] or None)
+            values, error = line[name], line[f"{name}_error"]
+            closed = flows & (values == 0)  # a logarithm has no 0
+            known = np.isfinite(values) & ~closed  # a flow at some times only
+            shown = factor * times[known], scale * values[known]
+            axes.plot(*shown, color=colour, label=line["label"] or None)
+            error = None if error is None else scale * error[known]
+            _draw_band(axes, *shown, error, colour, "estimated error")
+            if np.any(closed):
+                draw_closed(axes, factor * times[closed], colour)
         axes.set(xlabel=f"time [{unit}]", ylabel=name.replace("_", " ") + in_brackets(symbol))
-        if name != "friction":
+        if flows:
+            axes.set_yscale("log")
+        elif name != "friction":
             axes.set_ylim(0, None)
         if len(times) > 1 and times[-1] - times[-2] > _GEOMETRIC * times[0]:
             axes.set_xscale("log")
@@ -163,8 +184,15 @@ def plot_film(
     return figure
 
 
-def _over_time(found: Any, kind: str, *names: str) -> list[tuple[Any, ...]]:
-    """A label, and the numbers of these names over time, of each solve."""
+def _draw_band(axes: "Axes", x: Any, values: Any, error: Any, colour: Any, what: str) -> None:
+    """Draws a band of an error around a line, if the error is known."""
+    if error is not None:
+        ends, label = (values - error, values + error), f"band: ± {what}"
+        axes.fill_between(x, *ends, color=colour, alpha=0.2, linewidth=0, label=label)
+
+
+def _over_time(found: Any, kind: str, *names: str) -> list[dict[str, Any]]:
+    """A label, and the numbers of these names over time, of each solve; None if there is none."""
     argument = {CYCLE: "cycle", HISTORY: "history"}[kind]
     # One solve in memory has a single line; results of a scene have one for each solve.
     if not hasattr(found, "dims"):
@@ -175,7 +203,11 @@ def _over_time(found: Any, kind: str, *names: str) -> list[tuple[Any, ...]]:
                 "needed."
             )
         own = {"surface_displacement": moved, "time": getattr(found, "times", None)}
-        return [("", *(np.asarray(own.get(n, getattr(found, n, None))) for n in names))]
+        # Errors would take two more contacts: those that are known are drawn.
+        own |= {n: found.kept.numbers.get(n) for n in names if n.endswith("_error")}
+        values = {n: own[n] if n in own else getattr(found, n) for n in names}
+        known = {n: None if value is None else np.asarray(value) for n, value in values.items()}
+        return [{"label": "", **known}]
     if kind_of_results(found) != kind:
         raise ValueError(
             f"`{argument}` holds {WORDS[kind_of_results(found)]}: results of a scene with [motion]"
@@ -193,7 +225,8 @@ def _over_time(found: Any, kind: str, *names: str) -> list[tuple[Any, ...]]:
         if "velocity" in varied:
             # The velocity is the last axis, and in a motion it decides the period.
             words[-1] = f"period {with_unit(float(at['period']), 's')}"
-        lines.append((", ".join(words), *(at[name].values for name in names)))
+        known = {name: at[name].values if name in at else None for name in names}
+        lines.append({"label": ", ".join(words), **known})
     if not lines:
         raise ValueError(f"`{argument}` holds no solve that succeeded.")
     return lines

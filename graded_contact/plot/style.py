@@ -171,6 +171,17 @@ def _draw_legend(figure: "Figure") -> None:
     figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=columns)
 
 
+def at_bottom(axes: Any) -> dict[str, Any]:
+    """How to draw at the bottom of axes: their y is then from 0 to 1."""
+    return {"transform": axes.get_xaxis_transform(), "clip_on": False}
+
+
+def draw_closed(axes: Any, x: np.ndarray, colour: Any) -> None:
+    """Draws where no fluid passes a gap: triangles at the bottom."""
+    label = "closed: no flow"
+    axes.plot(x, np.zeros(len(x)), "v", color=colour, label=label, **at_bottom(axes))
+
+
 def ordered(count: int, colours: str = PRESSURES) -> np.ndarray:
     """Colours of ordered curves, from dark to light, shape `(count, 4)`."""
     from matplotlib import colormaps

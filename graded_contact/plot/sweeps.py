@@ -13,6 +13,7 @@ from ..core.escaping import in_figure
 from ..core.quantities import in_brackets, quantity_of
 from ..scenes.results import (
     FLOWS,
+    LEAKAGE,
     SEED_ERROR,
     has_numbers,
     is_of_each,
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 DRAWN, AT_REST = ("friction", "contact_area"), ("contact_area", "mean_gap")
-LEAKAGE = ("leakage_along_x", "leakage_along_y")
 ERROR, BAR = "_standard_error", "_bar"
 NOTHING = "No solve succeeded: no figure is drawn."
 DASHES = ("-", "--", ":", "-.")
@@ -293,10 +293,9 @@ def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: 
     x, values, state = (line[name].values for name in ("x", quantity, "state"))
     closed = (values == 0) & (quantity in (*FLOWS, *LEAKAGE))
     values = np.where(closed, np.nan, values)  # a logarithm has no 0
-    bottom: Any = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+    bottom = style.at_bottom(axes)
     if np.any(closed):
-        y = np.zeros(closed.sum())
-        axes.plot(x[closed], y, "v", color=colour, label="closed: no flow", **bottom)
+        style.draw_closed(axes, x[closed], colour)
     axes.plot(x, values, color=colour, **options)
     if quantity + SEED_ERROR in line:
         error = line[quantity + SEED_ERROR].values

@@ -16,7 +16,7 @@ from ..sliding.single_motion import SingleMotion
 from ..studies.dataset import NOT_STARTED, attach, package_versions
 from ..studies.store import Point, together
 from ..surfaces.surface import Surface
-from .results import FLOWS, FORMAT, KEPT_FIELDS, NO_NUMBERS, TIME, warnings_of
+from .results import FLOWS, FORMAT, KEPT_FIELDS, LEAKAGE, NO_NUMBERS, TIME, warnings_of
 from .scene import Scene
 from .surface_source import RandomSurface
 from .theory import errors_of_bodies
@@ -69,15 +69,14 @@ def collect(
     times = {} if scene.motion is None else {"time": scene.num_times}
     for name in numbers_of_scene(scene, surface):
         over_time = name in OBSERVABLES and OBSERVABLES[name].over_time
-        inner = times if over_time or (once and name in FLOWS) else {}
+        inner = times if over_time or (once and name.startswith(FLOWS)) else {}
         variables[name] = (*axes, *inner), over_axes(name, *inner.values())
     if scene.fluid is not None:
-        flows = [variables[f"flow_along_{axis}"][1] for axis in ("x", "y")]
-        leakage = scene.fluid.leakage(np.stack(flows, -1), surface.grid)
-        variables |= {
-            f"leakage_along_{axis}": (axes, np.asarray(leakage[..., i]))
-            for i, axis in enumerate(("x", "y"))
-        }
+        for end in ("", "_error"):
+            (over, along_x), (_, along_y) = (variables[name + end] for name in FLOWS)
+            flow = np.stack([along_x, along_y], -1)
+            leakage = np.asarray(scene.fluid.leakage(flow, surface.grid))
+            variables |= {name + end: (over, leakage[..., i]) for i, name in enumerate(LEAKAGE)}
     ends = [NOT_STARTED if point is None else point.message for point in points]
     variables["message"] = axes, np.reshape(ends, shape)
     variables["point"] = axes, names

@@ -29,6 +29,7 @@ from ..core.memory import (
 from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along
 from ..sliding.bodies import TwoBodies
+from ..sliding.facts import FLOW
 from ..sliding.history import fields_of_history, solve_history
 from ..sliding.history_errors import steps_with_errors
 from ..sliding.slide import solve
@@ -201,7 +202,7 @@ def fields_in_memory(scene: Scene) -> float:
     # The surface, what is kept, and a derivative.
     if scene.motion is not None and scene.kind == HISTORY:
         own = fields_of_history(scene.counter, scene.shear, scene.motion.displacement)
-        return 1 + len(KEPT_FIELDS) * len(scene.kept_steps) * (1 + kept) + own
+        return 1 + len(KEPT_FIELDS) * len(scene.kept_steps) * (2 + kept) + own
     fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     if scene.motion is None:
         return fields + SLIDING
@@ -245,9 +246,9 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             for name, number in found.items():
                 if number.ndim == 2:
                     found[name] = number @ (jnp.abs(along) if name.endswith("_error") else along)
-        if scene.kind == HISTORY and scene.observe.flow:  # of the times with a gap
+        if scene.kind == HISTORY and FLOW in scene.asked:  # of the times with a gap
             unknown = jnp.full(scene.num_times, jnp.nan, rough.heights.dtype)
-            for name in FLOWS:
+            for name in (n for n in names if n.startswith(FLOWS)):
                 found[name] = unknown.at[np.array(scene.kept_steps)].set(found[name])
         found |= {name: getattr(contact.contact, name) for name in fields if name != "heights"}
         found |= {"heights": rough.heights} if "heights" in fields else {}

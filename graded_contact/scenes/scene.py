@@ -119,7 +119,7 @@ class Scene:
     - `directory`: folder of the results, relative to the scene.
     - `fields`: solves whose fields over the surface are stored.
     - `frames`: of a motion with `once = true`, the number of its times at which a solve has fields,
-      and the flow of [observe]: after equal numbers of steps, with the last one.
+      and a flow or leakage: after equal numbers of steps, with the first and the last.
     - `materials`: names of the materials by their paths in the block, such as "base.material".
     - `errors`: of materials: name, material of the stack, and errors of its numbers.
     - `inputs`: the files that the scene names, by table and key.
@@ -221,7 +221,9 @@ class Scene:
     def kept_steps(self) -> tuple[int, ...]:
         """Numbers of the steps of what happens once at which a solve has fields."""
         count = min(self.frames, self.num_times)
-        return tuple((i + 1) * self.num_times // count - 1 for i in range(count))
+        # Counted back from the last: one frame is the last step.
+        last = self.num_times - 1
+        return tuple(last - (last * i) // max(count - 1, 1) for i in reversed(range(count)))
 
     @property
     def sampling(self) -> str | None:

@@ -18,7 +18,7 @@ from ..core.checks import (
 from ..core.files import check_name
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
-from ..core.quantities import HISTORY
+from ..core.quantities import CYCLE, HISTORY
 from ..materials.softening import as_strain_per_slope
 from ..sliding.bodies import OF_COUNTER, BodyName, TwoBodies, in_both
 from ..sliding.conduction import of_parts
@@ -73,8 +73,11 @@ def check_tables(scene: Scene) -> None:
         raise ValueError(
             "[observe] needs steady sliding on a periodic surface; what happens once has `flow`."
         )
-    if scene.fluid is not None and (motion is not None or window):
-        raise ValueError("[fluid] needs steady sliding on a periodic surface.")
+    if scene.fluid is not None and (window or scene.kind == CYCLE):
+        raise ValueError(
+            "[fluid] needs a periodic surface, under steady sliding or a [motion] with "
+            "`once = true`."
+        )
     for key, place in (("ratio_times", "load"), ("frames", "output")):
         default = Scene.__dataclass_fields__[key].default
         if getattr(scene, key) != default and not once:

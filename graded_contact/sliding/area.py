@@ -6,7 +6,7 @@ from jaxtyping import Array
 
 from ..contacts.area import area_in_doubt, counted_area, sub_pixel_area
 from ..contacts.estimates import error_of
-from ..core.quantities import KINDS, TOTAL, observable, of_cycle, of_steady
+from ..core.quantities import FOUR, KINDS, TOTAL, observable, of_cycle, of_steady
 from .errors import add_errors, changes_by_kernel, gap_by_solver, over_number, with_chance
 from .formulas import edges_of, indicator_of, share_of, touching
 from .grid_errors import OF_PLACE, area_by_grid, by_grid
@@ -46,9 +46,7 @@ def time_in_contact(found: CyclicSliding) -> Array:
     return jnp.mean(contact_area_pixels(found) > 0, dtype=found.pressure.dtype)
 
 
-@observable(
-    r"\bar u", "m", "mean gap", over_time=True, column=("mean gap\n[m]", ".3e"), kinds=KINDS
-)
+@observable(r"\bar u", "m", "mean gap", over_time=True, column=("mean gap\n[m]", FOUR), kinds=KINDS)
 def mean_gap(found: Found) -> Array:
     """Mean of the gap [m]."""
     gap = found.contact.mean_gap

@@ -117,7 +117,7 @@ def on_grid(
         problem = _with_creeps(problem)
     solver = DouglasRachford(newton=is_concrete(problem.given))
     how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
-    kept = (len(chosen) - 1,)
+    kept = found.kept_steps if len(chosen) == len(found.times) else (len(chosen) - 1,)
     return history_of(problem, *run_history(problem, how, kept), kept)
 
 

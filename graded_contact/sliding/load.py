@@ -23,7 +23,7 @@ def mean_pressure(found: Sliding) -> Array:
     return found.contact.mean_pressure
 
 
-@of_steady(r"\delta", "m", "approach", needs=[GROUND], column=("approach\n[m]", ".3e"))
+@of_steady(r"\delta", "m", "approach", needs=[GROUND], column=("approach\n[m]", FOUR))
 def approach(found: Sliding) -> Array:
     """How far a body on a window moved into the block after its first touch [m].
 

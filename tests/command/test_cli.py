@@ -27,9 +27,9 @@ from waiting import until
 import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import new as new_job
-from graded_contact.command import result_tables
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
+from graded_contact.command.columns import columns_in_table, names_in_table
 from graded_contact.command.result_tables import tables_that_fit
 from graded_contact.core.display import number
 from graded_contact.scenes.plan import build_surface
@@ -934,8 +934,8 @@ def test_a_table_has_parts_of_friction_that_are_lost_somewhere():
     parts = ["hysteresis_friction", "shear_friction", "block_friction", "interface_friction"]
     axes = {"pressure": [1e5], "velocity": [0.1]}
     table = xarray.Dataset({name: (list(axes), [[0.5]]) for name in ("message", *parts)}, axes)
-    assert [*result_tables._columns(table, True)] == parts[2:]
-    assert [*result_tables._columns(table.drop_vars(parts[2:]), True)] == parts[:2]
+    for told, shown in ((table, parts[2:]), (table.drop_vars(parts[2:]), parts[:2])):
+        assert [*columns_in_table(told, names_in_table(told, True), True)] == shown
 
 
 def test_a_wide_table_is_several_that_fit_and_errors_stay_beside_their_numbers():

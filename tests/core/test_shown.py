@@ -167,4 +167,7 @@ def test_a_cell_of_a_table_has_no_digits_beyond_the_second_of_its_error():
         (0.51175, 0.0, "0.51175"), (0.2, 0.3, "<0.5"), (np.nan, 0.1, "—"),
     ):  # fmt: skip
         assert number(value, ".5f", error) == expected
-    assert number(1.234e-7, ".3e", 1e-8) == "1.234e-07"
+    for error, expected in ((1e-8, "1.23e-07"), (6e-10, "1.234e-07"), (1e-7, "1.2e-07")):
+        assert number(1.234e-7, ".3e", error) == expected
+    assert number(123456.0, "#.4g", 3e3) == "1.235e+05"
+    assert number(123456.0, "#.4g", 3e4) == "1.23e+05"

@@ -236,7 +236,7 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
         pressure.enter("300 kPa")
         await rest()
         head = page.__panel__()[0].object
-        assert "% from pinned" in head and "coat 20 µm, tread on a random surface" in head
+        assert "%<u> from pinned" in head and "coat 20 µm, tread on a random surface" in head
         assert session.message == "" and session.shown.values[0] == 3e5
         assert session.shown.derivatives is not None and not session.busy
         session.save("mine")

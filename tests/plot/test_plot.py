@@ -525,7 +525,8 @@ TIMES = np.arange(8) / 8
 MOVED = 1e-4 * np.sin(2 * np.pi * TIMES)
 
 
-def made_cycle(displacement=MOVED, **fields):
+def made_cycle(displacement=MOVED, errors=(), **fields):
+    fields["kept"] = SimpleNamespace(numbers=dict(errors))
     numbers = {"friction": np.cos(2 * np.pi * TIMES), "contact_area": 0.1 + 0.01 * TIMES}
     return SimpleNamespace(displacement=displacement, **numbers, **fields)
 
@@ -533,11 +534,21 @@ def made_cycle(displacement=MOVED, **fields):
 def test_the_loop_along_x_is_closed_and_has_units():
     loop, over_time, area = gc.plot.plot_cycle(made_cycle()).axes
     x, y = loop.lines[0].get_data()
-    np.testing.assert_allclose(x, 1e6 * np.append(MOVED, 0), atol=1e-12)
+    place = 1e6 * MOVED
+    np.testing.assert_allclose(x, np.append(place, 0), atol=1e-12)
     assert loop.get_xlabel() == "displacement [µm]" and y[0] == y[-1] == 1.0
     assert over_time.lines[0].get_xdata()[-1] == 1.0 and area.get_ylim()[0] == 0
     drift = gc.plot.plot_cycle(made_cycle(1e-3 * TIMES)).axes[0].lines[0]
     assert len(drift.get_xdata()) == 8  # not closed
+    assert not (loop.collections or over_time.collections)  # no error is known
+    known = made_cycle(errors={"peak_friction_error": 0.1})
+    for axes, x in zip(gc.plot.plot_cycle(known).axes[:2], (place, TIMES), strict=True):
+        (band,) = axes.collections
+        ends = band.get_paths()[0].vertices
+        for end in (-0.1, 0.1):
+            expected = np.stack([x, np.cos(2 * np.pi * TIMES) + end], axis=1)
+            gaps = np.linalg.norm(ends[:, None] - expected, axis=-1)
+            assert np.max(np.min(gaps, axis=0)) < 1e-12
     with pytest.raises(ValueError, match="a motion along x is needed"):
         gc.plot.plot_cycle(made_cycle(np.zeros((8, 2))))
 

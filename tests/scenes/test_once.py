@@ -16,6 +16,7 @@ from waiting import until
 
 import graded_contact as gc
 from graded_contact.cli import app
+from graded_contact.command.result_tables import print_table
 from graded_contact.core.escaping import in_html
 from graded_contact.designs.table import read_design
 from graded_contact.page.document import open_document
@@ -130,6 +131,28 @@ def test_results_are_over_time_and_keep_the_fields_of_their_frames(braking, tmp_
     assert read_results(tmp_path / "r.h5").identical(results)
 
 
+def test_a_table_over_time_has_sizes_in_their_units_and_at_rest_no_friction(braking, capsys):
+    _, results, _ = braking
+    print_table(results)
+    moving = capsys.readouterr().out
+    assert all(head in moving for head in ("friction", "displacement", "[kPa]", "[µm]"))
+    assert "Left out" not in moving and "e-06" not in moving
+    still = {name: 0 * results[name] for name in ("surface_displacement", "work_done")}
+    still |= {
+        n: 0.5 * results[f"{n}_error"] for n in ("friction", "mean_friction", "peak_friction")
+    }
+    print_table(results.assign(still))
+    rest = capsys.readouterr().out
+    words = ["friction", "work done", "mean friction", "peak friction"]
+    left = rest.split("Left out, as 0 within rounding or errors: ")[1].split(".\n")[0].split(", ")
+    assert {*left} == {*words} and "displacement" not in rest and "±" not in rest
+    print_table(results.assign(still), full=True)
+    assert "displacement" in (full := capsys.readouterr().out) and "<" in full
+    # A friction above its error stays.
+    print_table(results.assign(still | {"friction": 3 * results.friction_error}))
+    assert "friction" in capsys.readouterr().out.split("Left out")[0]
+
+
 def test_progress_counts_steps_and_an_interrupted_run_goes_on_at_its_step(braking, tmp_path):
     planned, results, whole = braking
     done, count = zip(*whole, strict=True)
@@ -171,6 +194,12 @@ def test_figures_of_a_history_have_its_times(braking):
     assert figure.axes[0].get_xscale() == "log" and figure.axes[0].get_xlabel() == "time [ms]"
     times = figure.axes[0].lines[0].get_xdata()
     np.testing.assert_allclose(times, 1e3 * np.asarray(scene.motion.times), rtol=1e-12)
+    # Bands are the total errors, at each time.
+    one = results.isel(pressure=0, velocity=0)
+    for axes, name in zip(figure.axes[:2], ("friction", "contact_area"), strict=True):
+        ends = axes.collections[0].get_paths()[0].vertices[:, 1]
+        values, error = one[name].values, one[f"{name}_error"].values
+        assert np.all(np.isin([*(values - error), *(values + error)], ends))
     fields, surface = kept_contact(results, (0, 0))
     film = gc.plot.plot_film(fields, surface)
     assert film.axes[-1].get_title() == "104 ms"
