@@ -10,13 +10,15 @@ is also found here: `gc.read_errors` is `gc.studies.read_errors`.
 """
 
 import importlib
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from . import blocks, contacts, core, fields, materials, mean_field, reference, sliding, surfaces
 from .blocks import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, surface_compliance
 from .contacts import HardWall, solve_contact
 from .core import jit, with_values
-from .core.deprecation import has_moved
+from .core.deprecation import has_moved, missing
 from .fields import Grid
 from .materials import WLF, BulkShear, Elastic, Prony, tyre_tread
 from .mean_field import mean_field_friction
@@ -67,7 +69,24 @@ def __getattr__(name: str) -> object:
             found = importlib.import_module(f".{room}", __name__)
             if name in getattr(found, "__all__", ()):
                 return getattr(found, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    raise missing(__name__, name)
+
+
+def _old_module(old: str, new: str) -> ModuleType:
+    """A module whose names are those of a room, for `import graded_contact.motion`."""
+    module = ModuleType(f"{__name__}.{old}")
+
+    def find(name: str) -> object:
+        if name.startswith("_"):
+            raise missing(module.__name__, name)
+        has_moved(f"{module.__name__}.{name}", f"{__name__}.{new}.{name}")
+        return getattr(importlib.import_module(f".{new}", __name__), name)
+
+    setattr(module, "__getattr__", find)  # noqa: B010 (pyright)
+    return module
+
+
+sys.modules.update({f"{__name__}.{old}": _old_module(old, new) for old, new in _MOVED.items()})
 
 
 def __dir__() -> list[str]:

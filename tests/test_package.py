@@ -1,5 +1,6 @@
 """What is installed and released: types, the command, the wheel, the lowest versions it needs."""
 
+import importlib
 import inspect
 import os
 import re
@@ -82,6 +83,44 @@ def test_every_name_is_there_and_files_and_figures_cost_nothing_until_used():
 def test_a_name_that_moved_works_and_says_where_it_is():
     with pytest.warns(FutureWarning, match=r"`.*\.motion` is `.*\.sliding` now"):
         assert gc.motion is gc.sliding
+
+
+@pytest.mark.parametrize(
+    "old, now",
+    [
+        ("contacts.Heating", gc.sliding.Heating),
+        ("materials.read_errors", gc.studies.read_errors),
+        ("design.loss_tangent", gc.designs.loss_tangent),
+    ],
+)
+def test_a_name_that_changed_its_room_warns_and_is_found(old, now):
+    room, _, name = old.replace("design.", "studies.").partition(".")
+    with pytest.warns(FutureWarning, match=rf"\.{name}` is `graded_contact\.{name}` now"):
+        found = getattr(getattr(gc, room), name)
+    assert found is now
+
+
+def test_an_old_module_is_imported_with_a_warning():
+    module = importlib.import_module("graded_contact.motion")
+    with pytest.warns(FutureWarning, match=r"motion\.sinusoidal` is `.*sliding\.sinusoidal` now"):
+        assert module.sinusoidal is gc.sliding.sinusoidal
+
+
+@pytest.mark.parametrize(
+    "room, old, said",
+    [
+        (gc, "run_scene", r"`graded_contact\.plan\(scene\)\.run"),
+        (gc, "fit_creep", 'fit_prony.*kind="creep"'),
+        (gc, "checkpointed", "removed: `sweep`"),
+        (gc.plot, "plot_outline", "removed: `plot.plot_sliding`"),
+        (gc.contacts, "ObservableTarget", "removed: `rtol`"),
+        (gc.studies, "friction_between", "removed: read `MeanField.against_cutoff`"),
+        (gc.studies, "Run", r"studies\.Descent"),
+    ],
+)
+def test_a_name_that_is_gone_tells_what_to_use(room, old, said):
+    with pytest.raises(AttributeError, match=f"no attribute '{old}'; since 1.0.0 it is .*{said}"):
+        getattr(room, old)
 
 
 def test_what_is_declared_is_imported():

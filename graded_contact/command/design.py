@@ -12,6 +12,7 @@ from ..studies.dataset import write_whole
 from ..studies.interruption import interruptible
 from ..surfaces.surface import Surface
 from . import terminal
+from .designed_scene import designed_scene
 from .result_tables import print_caveats, print_read, print_scene
 
 
@@ -44,16 +45,26 @@ def design(
             folder = Path(f"{stem}.points")
             with terminal.store_in(folder) as store, terminal.progress(interruption) as advance:
                 results = planned.run(store=store, progress=advance)
-            text = results.report()
+            text, following = results.report(), ""
             write_whole(f"{stem}.json", json.dumps(results.values(), indent=2) + "\n")
             write_whole(f"{stem}.txt", f"{text}\n")
             typer.echo(f"\n{text}\n")
             print_caveats(planned.caveats)
             typer.echo(f"wrote {stem}.json\nwrote {stem}.txt")
+            try:
+                text = designed_scene(results, scene_file, stem.parent)
+            except ValueError as error:
+                typer.secho(f"No scene of the designed block: {error}", fg="yellow", err=True)
+            else:
+                write_whole(new := stem.with_name(f"{name}-designed.toml"), text)
+                following = f"next: graded-contact run {new}"
+                typer.echo(f"wrote {new}")
             interruption.check()
             terminal.save_figure(plot_design(results), Path(f"{stem}.{form}"), form)
             history = plot_history(results.design, scene=study.scene.text)
             terminal.save_figure(history, Path(f"{stem}-history.{form}"), form)
+            if following:
+                typer.echo(following)
         except KeyboardInterrupt:
             terminal.end_if_interrupted(interruption)
             raise

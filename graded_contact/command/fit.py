@@ -182,7 +182,7 @@ def fitted_files(
         looked_through(measured, robust), poisson=ratio, equilibrium=equilibrium, **arguments
     )
     caveats = "".join(
-        f"\nCaveat: {moduli_options.in_options(sentence)}" for sentence in measured.assumed
+        f"\nWarning: {moduli_options.in_options(sentence)}" for sentence in measured.assumed
     )
     means = [part.temperature for part in measured.isotherms() if part.temperature is not None]
     assumed = *measured.assumed, *found.assumed
@@ -227,7 +227,7 @@ def write_fit(stem: Path, found: MaterialFit, cards: Sequence[str]) -> None:
     for card in cards:
         ending, comment = CARDS[card]
         path = f"{stem}{ending}"
-        caveats = "".join(f"{in_comment(f'Caveat: {each}', comment)}\n" for each in found.assumed)
+        caveats = "".join(f"{in_comment(f'Warning: {each}', comment)}\n" for each in found.assumed)
         try:
             exported = export_prony(found.material, card, name=stem.name)
             write_whole(path, table if card == "toml" else caveats + exported)

@@ -20,7 +20,6 @@ from ..core.quantities import (
     in_brackets,
 )
 from ..plot.words import label_of, title_of
-from ..scenes.described import described
 from ..scenes.results import (
     FLOWS,
     has_numbers,
@@ -32,7 +31,6 @@ from ..scenes.results import (
     warnings_of,
 )
 from ..scenes.scene import Scene
-from ..scenes.toml import parse_toml
 from ..sliding.half_grid import grid_estimate
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
@@ -252,15 +250,14 @@ def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
 
 
 def print_scene(scene: Scene) -> None:
-    """Prints what a scene means, and the names of its materials, before it is run."""
+    """Prints what a scene means before it is run."""
     typer.echo(scene)
-    typer.echo(f"block                  {described(parse_toml(scene.text))}")
 
 
 def print_read(scene: Scene, surface: Surface | None) -> None:
     """Prints how the files of a scene were read."""
     told = (note for note in scene.notes if note not in scene.assumed)
-    for sentence in filter(None, (scene.title, *told)):
+    for sentence in told:
         typer.echo(sentence)
     if surface is not None:
         print_surface(surface)
@@ -269,7 +266,7 @@ def print_read(scene: Scene, surface: Surface | None) -> None:
 def print_caveats(sentences: Iterable[str]) -> None:
     """Prints why numbers are in doubt."""
     for sentence in sentences:
-        typer.secho(f"Caveat: {sentence}", fg="yellow")
+        typer.secho(f"Warning: {sentence}", fg="yellow")
 
 
 def print_surface(surface: Surface) -> None:

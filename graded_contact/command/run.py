@@ -161,6 +161,8 @@ def run_scene_into(
 ) -> None:  # fmt: skip
     """Solves a scene, prints its table and writes its files; `Plan.run` takes `engine`."""
     with terminal.refusing(), interruptible() as interruption:
+        if scene.title:
+            typer.echo(scene.title)
         planned, file = _prepared(scene, folder, name, replace)
         print_caveats(planned.caveats)
         _say_stored(planned, Store(_points_of(file)))

@@ -3,6 +3,7 @@
 No file of this room knows layers.
 """
 
+from ..core.deprecation import old_names
 from .abstract_solver import AbstractContactSolver, Loading, SolverOutput, run_steps
 from .adhesion import AdhesiveLJ, ExponentialAdhesion
 from .adjoint import LinearSplitting
@@ -21,3 +22,5 @@ __all__ = [
     "LinearSplitting", "Loading", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
     "Splitting", "Steady", "follow_contact", "run_steps", "solve_contact",
 ]  # fmt: skip
+
+__getattr__ = old_names(__name__)

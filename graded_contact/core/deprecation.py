@@ -1,6 +1,28 @@
-"""Names that have moved: the old ones work until the next major version."""
+"""Names of 1.0.0rc1: moved ones work until version 2, others end in an error with the new one."""
 
+import importlib
 import warnings
+from collections.abc import Callable
+
+# They stood in another room, and `graded_contact.NAME` finds them all.
+_ROOM_CHANGED = {
+    "distance", "friction_curve", "loss_tangent", "ripple", "paths", "with_values", "Heating",
+    "heat_source", "heat_depths", "flash_temperature", "contact_stiffness",
+    "contact_conductance", "gap_flow", "GapFlow", "area_against_cutoff", "cumulative_friction",
+    "Coulomb", "ConstantShear", "PeakedShear", "AbstractShear", "MeanField",
+    "pressure_distribution", "CutoffCurve", "friction_table", "export_friction", "PronyFit",
+    "MasterCurve", "export_prony", "read_errors",
+}  # fmt: skip
+_NEW_NAMES = {
+    "Run": "`graded_contact.studies.Descent`",
+    "friction_between": "removed: read `MeanField.against_cutoff`",
+    "run_scene": "`graded_contact.plan(scene).run(store=...)`",
+    "fit_relaxation": '`graded_contact.fit_prony(t, E, kind="relaxation")`',
+    "fit_creep": '`graded_contact.fit_prony(t, J, kind="creep")`',
+    "plot_outline": "removed: `plot.plot_sliding` draws the outline, too",
+    "checkpointed": "removed: `sweep`, searches and scenes continue after a kill",
+    "ObservableTarget": "removed: `rtol` is the only tolerance of a contact",
+}
 
 
 def has_moved(old: str, new: str) -> None:
@@ -8,3 +30,22 @@ def has_moved(old: str, new: str) -> None:
     warnings.warn(
         f"`{old}` is `{new}` now; the old name goes in version 2.", FutureWarning, stacklevel=3
     )
+
+
+def missing(module: str, name: str) -> AttributeError:
+    """Returns the error of a name that a module does not have; it tells the new one."""
+    told = f"; since 1.0.0 it is {_NEW_NAMES[name]}" if name in _NEW_NAMES else ""
+    return AttributeError(f"module {module!r} has no attribute {name!r}{told}", name=name)
+
+
+def old_names(module: str) -> Callable[[str], object]:
+    """Returns the `__getattr__` of a room that had other names in 1.0.0rc1."""
+
+    def find(name: str) -> object:
+        if name not in _ROOM_CHANGED:
+            raise missing(module, name)
+        package = module.partition(".")[0]
+        has_moved(f"{module}.{name}", f"{package}.{name}")
+        return getattr(importlib.import_module(package), name)
+
+    return find

@@ -16,7 +16,7 @@ from ..blocks.stack import Stack, interface_depths
 from ..core.checks import as_float, check_positive, check_values, within
 from ..core.compilation import jit
 from ..core.derivative import largest
-from ..core.display import shown
+from ..core.display import shown, unit_of
 from ..core.quantities import CYCLE
 from ..sliding.contact_stress import StressKind, contact_stress
 from ..sliding.heat_source import as_depths
@@ -30,8 +30,9 @@ class Criterion(NamedTuple):
     **Fields:**
 
     - `words`, `unit`: what it is.
+    - `label`: its name in a table, without its unit.
     - `of_contact`: gives it from a `Sliding` or a `CyclicSliding`, its block, and the depths of
-      `Limits`.
+      `Limits`; of a stress, with the depth at which it acts.
     - `in_mean_field`: whether a `MeanField` has it, by the same name.
     - `at_most`: no block has more.
     - `of_a_cycle`: whether only a motion in time has it.
@@ -39,30 +40,35 @@ class Criterion(NamedTuple):
     """
 
     words: str
+    label: str
     unit: str
-    of_contact: Callable[..., Array]
+    of_contact: Callable[..., Any]
     in_mean_field: bool = False
     at_most: float = np.inf
     of_a_cycle: bool = False
     of_stress: bool = False
+
+    def shown_in(self, size: float) -> tuple[str, float]:
+        """The unit in which numbers up to `size` are printed, such as MPa, and its reciprocal."""
+        return ("1", 1.0) if self.unit == "1" else unit_of(self.unit, size)
 
 
 Depths = Float[Array, " depths"]
 
 
 @jit
-def _largest(found: Any, stack: Stack, kind: StressKind, depths: Depths, side: Side) -> Array:
+def _largest(found: Any, stack: Stack, kind: StressKind, depths: Depths, side: Side) -> Depths:
     # One depth after another, also in the derivative: the stresses of all would fill the memory.
     at = jax.checkpoint(
         lambda z: contact_stress(found, stack, z[None], side=side).largest(kind).value
     )
-    return jnp.max(jax.lax.map(at, depths))
+    return jax.lax.map(at, depths)
 
 
-def _in_block(kind: StressKind) -> Callable[..., Array]:
-    """The largest stress of a kind on the surface and in the layers, or at depths."""
+def _in_block(kind: StressKind) -> Callable[..., tuple[Array, Array]]:
+    """The largest stress of a kind on the surface and in the layers, or at depths; its depth."""
 
-    def of_contact(found: Any, stack: Stack, depths: list[float] | None) -> Array:
+    def of_contact(found: Any, stack: Stack, depths: list[float] | None) -> tuple[Array, Array]:
         faces = interface_depths(stack)
         if depths is not None:
             above = below = as_float(depths, "depths")
@@ -72,43 +78,54 @@ def _in_block(kind: StressKind) -> Callable[..., Array]:
             deep = faces[: None if hasattr(stack.base, "material") else -1]  # else nothing is below
             below = jnp.concatenate([jnp.zeros(1, faces.dtype), deep])
         sides: tuple[tuple[Side, Depths], ...] = (("above", above), ("below", below))
-        found_on = [_largest(found, stack, kind, at, side) for side, at in sides if at.size]
-        return jnp.max(jnp.stack(found_on))
+        values = [_largest(found, stack, kind, at, side) for side, at in sides if at.size]
+        return _with_depth(jnp.concatenate(values), jnp.concatenate([above, below]))
 
     return of_contact
 
 
-def _between_layers(found: Any, stack: Stack, _: Any) -> Array:
-    return _largest(found, stack, "shear", interface_depths(stack), "above")
+def _between_layers(found: Any, stack: Stack, _: Any) -> tuple[Array, Array]:
+    faces = interface_depths(stack)
+    return _with_depth(_largest(found, stack, "shear", faces, "above"), faces)
+
+
+def _with_depth(values: Array, depths: Depths) -> tuple[Array, Array]:
+    return jnp.max(values), depths[jnp.argmax(values)]
 
 
 # Of a cycle the mean over the times, or the highest pressure of all times.
 CRITERIA = {
     "friction": Criterion(
-        "friction coefficient", "1",
+        "friction coefficient", "friction", "1",
         lambda found, *_: found.mean_friction if found.kind == CYCLE else found.friction,
         in_mean_field=True,
     ),
     "contact_area": Criterion(
-        "fraction of the nominal area in contact", "1",
+        "fraction of the nominal area in contact", "contact area", "1",
         lambda found, *_: jnp.mean(found.contact_area), in_mean_field=True, at_most=1,
     ),
-    "mean_gap": Criterion("mean gap", "m", lambda found, *_: jnp.mean(found.mean_gap)),
+    "mean_gap": Criterion(
+        "mean gap", "mean gap", "m", lambda found, *_: jnp.mean(found.mean_gap)
+    ),
     "peak_pressure": Criterion(
-        "highest contact pressure of the surface", "Pa", lambda found, *_: largest(found.pressure)
+        "highest contact pressure of the surface", "peak pressure", "Pa",
+        lambda found, *_: largest(found.pressure),
     ),
     "peak_over_mean": Criterion(
-        "peak over mean friction of a cycle", "1",
+        "peak over mean friction of a cycle", "peak over mean", "1",
         lambda found, *_: found.peak_friction / found.mean_friction, of_a_cycle=True,
     ),
     "tension": Criterion(
-        "largest principal stress in the block", "Pa", _in_block("tension"), of_stress=True
+        "largest principal stress in the block", "tension", "Pa",
+        _in_block("tension"), of_stress=True,
     ),
     "von_mises": Criterion(
-        "largest von Mises stress in the block", "Pa", _in_block("von_mises"), of_stress=True
+        "largest von Mises stress in the block", "von Mises stress", "Pa",
+        _in_block("von_mises"), of_stress=True,
     ),
     "interface_shear": Criterion(
-        "largest shear stress between layers", "Pa", _between_layers, of_stress=True
+        "largest shear stress between layers", "interface shear", "Pa",
+        _between_layers, of_stress=True,
     ),
 }  # fmt: skip
 BY_MEAN_FIELD = tuple(name for name, criterion in CRITERIA.items() if criterion.in_mean_field)
@@ -126,8 +143,10 @@ class CriterionLimit(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Whether it is the least or the largest, in words."""
-        return "at most" if self.end == "max" else "at least"
+        """Whether it is the least or the largest, and its number with its unit."""
+        unit, factor = CRITERIA[self.criterion].shown_in(self.value)
+        number = f"{factor * self.value:g} {unit}".removesuffix(" 1")
+        return f"{'at most' if self.end == 'max' else 'at least'} {number}"
 
     def margins(self, values: Any) -> Any:
         """Returns how far values are inside, relative to the limit; negative beyond it."""
@@ -204,7 +223,7 @@ class Limits:
         """Returns the margin of each limit whose criterion is in `found`, relative, by its name."""
         margins = {}
         for limit in self:
-            name = f"{limit.criterion.replace('_', ' ')} of {limit.words} {limit.value:g}"
+            name = f"{CRITERIA[limit.criterion].label} of {limit.words}"
             for i, v in enumerate(velocities if limit.criterion in found else ()):
                 at = f" at {v:g} m/s" if len(velocities) > 1 else ""
                 margins[name + at] = limit.margins(found[limit.criterion][i])

@@ -146,8 +146,8 @@ def _verified(
     doubtful; from the store or for it.
     """
     source, velocity = study.scene.surface, study.scene.velocity
-    names = dict.fromkeys((*BY_MEAN_FIELD, *study.criteria))
     if not study.verify:
+        names = dict.fromkeys((*BY_MEAN_FIELD, *study.criteria))
         return {name: np.zeros((0, len(velocity))) for name in names}, ()
     assert isinstance(source, RandomSurface)
     keys = jax.random.split(jax.random.key(source.seed), study.verify)
@@ -168,5 +168,6 @@ def _verified(
     numbers = {str(name): variable.values for name, variable in found.data_vars.items()}
     known = lambda name: numbers.get(f"numbers.{name}", 0.0)  # noqa: E731
     caveats = caveats_of(known, study.scene.kind)
-    criteria = {name: numbers[f"criteria.{name}"] for name in names}
+    head = "criteria."
+    criteria = {n.removeprefix(head): of for n, of in numbers.items() if n.startswith(head)}
     return criteria, tuple(caveat.sentence for caveat in caveats)

@@ -79,11 +79,18 @@ def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity:
 
 
 def criteria_in(study: DesignScene, stack: Stack, found: Found) -> dict[str, Array]:
-    """Returns the criteria of a study from a contact of a stack."""
+    """Returns the criteria of a study from a contact of a stack; of "tension", also its depth,
+    "tension_depth".
+    """
     # All of one contact: what nothing uses is left out when it is compiled.
     names = dict.fromkeys((*BY_MEAN_FIELD, *study.criteria))
     depths = study.limits.stress_depths
-    return {name: CRITERIA[name].of_contact(found, stack, depths) for name in names}
+    values = {}
+    for name in names:
+        values[name] = CRITERIA[name].of_contact(found, stack, depths)
+        if CRITERIA[name].of_stress:
+            values[name], values[f"{name}_depth"] = values[name]
+    return values
 
 
 def by_contact(study: DesignScene) -> Callable[[Parameters], Criteria]:

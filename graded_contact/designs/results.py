@@ -19,6 +19,10 @@ from .search import ROOM
 from .table import DesignScene
 
 ROOM_BY_MEAN_FIELD = 0.01  # it has no scatter
+NO_ERROR = (
+    "A stress has no estimated error: it is the largest at the points of the grid, and rises on "
+    "finer grids."
+)
 
 
 @shown()
@@ -80,6 +84,8 @@ class DesignResults(NamedTuple):
         if self.study.verify > 1:
             spread = f"±: standard deviation over {self.study.verify} surfaces"
             texts.append(f"{spread}; the error of a contact, as by the grid, is no part of it.")
+        if any(CRITERIA[name].of_stress for name in self.study.criteria):
+            texts.append(NO_ERROR)
         for name, candidate in self.candidates.items():
             texts += [f"Contact, {name}: {sentence}" for sentence in candidate.caveats]
         texts += self.missed()
@@ -100,15 +106,16 @@ class DesignResults(NamedTuple):
         study, sentences = self.study, []
         before, last = self.candidates["before"], self.candidates["designed"]
 
-        def judge(what, by, samples, reached, off, asked, words=""):
+        def judge(what, by, samples, reached, off, asked, words="", unit="1", factor=1.0):
             error = 0 if len(samples) < 2 else np.std(samples, 0, ddof=1) / np.sqrt(len(samples))
             room = (ROOM if by == "contact" else ROOM_BY_MEAN_FIELD) * asked + 2 * error
             for v, x, goal, kept in zip(
                 study.scene.velocity, reached, asked, off <= room, strict=True
             ):
                 if not kept:  # nor is a NaN
+                    number = f"{factor * x:.3g} {unit}".removesuffix(" 1")
                     sentences.append(
-                        f"{what} missed at {v:g} m/s: {x:.3g} of {words}{goal:.3g}, by {by}"
+                        f"{what} missed at {v:g} m/s: {number} of {words or f'{goal:.3g}'}, by {by}"
                     )
 
         objective = study.objective
@@ -123,8 +130,9 @@ class DesignResults(NamedTuple):
         for limit in study.limits:
             by, found = last.judged(limit.criterion)
             reached, asked = np.mean(found, 0), np.full(found.shape[1], limit.value)
-            name, beyond = limit.criterion.replace("_", " "), -limit.margins(reached) * asked
-            judge(name, by, found, reached, beyond, asked, f"{limit.words} ")
+            about, beyond = CRITERIA[limit.criterion], -limit.margins(reached) * asked
+            shown_in = about.shown_in(limit.value)
+            judge(about.label, by, found, reached, beyond, asked, limit.words, *shown_in)
         return sentences
 
     def values(self) -> dict[str, Any]:
@@ -169,12 +177,20 @@ def _table_rows(study: DesignScene, candidates: list[Candidate]) -> Iterator[tup
         shares = [float(field.extrapolated_friction[i]) for field in fields]
         if max(shares, default=0) > EXTRAPOLATED:
             yield row(f"friction not measured {at}", shares, 2)
-        for name in candidates[0].contacts:
-            label = f"{name.replace('_', ' ')}{in_brackets(CRITERIA[name].unit)} {at}"
-            if name in BY_MEAN_FIELD and fields:
-                values = (getattr(field, name)[i] for field in fields)
-                yield row(f"{label}, mean field", values, 4)
-            yield from contact_rows(label, [c.contacts[name][:, i] for c in candidates])
+        for name, about in CRITERIA.items():
+            if name not in candidates[0].contacts:
+                continue
+            solved = [c.contacts[name][:, i] for c in candidates]
+            values = [getattr(f, name)[i] for f in fields] if name in BY_MEAN_FIELD else []
+            sizes = np.abs(np.concatenate([*solved, np.ravel(values)]))
+            unit, factor = about.shown_in(np.max(sizes, initial=0.0))
+            label = f"{about.label}{in_brackets(unit)} {at}"
+            if values:
+                yield row(f"{label}, mean field", [factor * v for v in values], 4)
+            yield from contact_rows(label, [factor * values for values in solved])
+            if about.of_stress and len(solved[0]):
+                depths = [1e6 * c.contacts[f"{name}_depth"][:, i] for c in candidates]
+                yield from contact_rows(f"depth of the largest {about.label} [µm] {at}", depths)
     if objective.name.endswith("friction_ratio"):
         ratios = [c.contacts["friction"][:, 0] / c.contacts["friction"][:, 1] for c in candidates]
         yield from contact_rows("friction ratio", ratios)

@@ -154,7 +154,7 @@ class MasterCurve(AbstractFit):
             header=["T [K]", "log10 a_T", "+-", "b_T", "+-"],
             formatters=[f"{{:.{digits}f}}".format for digits in (2, 3, 3, 4, 4)],
         )
-        doubts = [f"Caveat: {sentence}" for sentence in self.caveats()]
+        doubts = [f"Warning: {sentence}" for sentence in self.caveats()]
         lines = [*_law_words(self), "", table, *_step_words(self), *doubts, "", self.fit.report()]
         return "\n".join(lines)
 

@@ -125,7 +125,7 @@ def part_at(tree: Any, path: str) -> Any:
     return tree
 
 
-def table_key(scenery: Scenery, path: str) -> str:
+def table_key(scenery: Any, path: str) -> str:
     """Returns the key of the tables for the number at a path."""
     spectrum = getattr(scenery.surface, "spectrum", None)
     if path == "surface.spectrum.amplitude" and isinstance(spectrum, SelfAffine):
@@ -138,8 +138,10 @@ def layer_of(path: str) -> int:
     return int(path.partition("[")[2].partition("]")[0])
 
 
-def with_numbers(document: Document, before: Scenery, after: Scenery) -> Document:
+def with_numbers(document: Document, before: Any, after: Any) -> Document:
     """Returns the scene with the numbers of `after` in its tables, where those of `before` differ.
+
+    Both are a `Scenery`, or what has the `stack` of one.
 
     A series with a changed modulus is written branch by branch.
     """
@@ -152,15 +154,20 @@ def with_numbers(document: Document, before: Scenery, after: Scenery) -> Documen
         head, name = path.partition(".")[0], materials.get(owner.removeprefix("stack."))
         if name is not None:
             table = content["materials"][name]
-            if last in ("equilibrium", "strengths"):
+            if last in ("equilibrium", "strengths", "times"):
                 kept = {key: table[key] for key in KEPT_KEYS if key in table}
                 content["materials"][name] = material_table(part_at(after, owner)) | kept
                 continue
         elif head == "stack":
+            part = owner.rpartition(".")[2]  # a bond or a shape has a table of its own
+            if part == "shift":
+                raise ValueError(f"no table takes the number at {path.removeprefix('stack.')!r}.")
             table = content["layers"][layer_of(path)]
-            table = table["bond"] if owner.endswith(".bond") else table
+            table = table[part] if part in ("bond", "shape") else table
         else:
             table = content[head if owner else "load"]
+        if np.ndim(new[path]):
+            raise ValueError(f"no table takes the numbers at {path.removeprefix('stack.')!r}.")
         # The digits that tell the number from its neighbours in its precision.
         table[table_key(after, path)] = float(str(np.asarray(new[path])))
         if path == "surface.rms_height":

@@ -5,6 +5,7 @@ of a journal, and fonts that journals accept. Figures are made without pyplot: t
 and you need not close them. Save one with `figure.savefig("name.pdf")`.
 """
 
+from ..core.deprecation import old_names
 from .contact import plot_dissipation, plot_distributions, plot_sliding
 from .cycles import plot_cycle, plot_film, plot_transient
 from .designs import plot_design, plot_history
@@ -22,3 +23,5 @@ __all__ = [
     "plot_sliding", "plot_spectra", "plot_sweep", "plot_transient", "plot_van_gurp_palmen",
     "slider",
 ]  # fmt: skip
+
+__getattr__ = old_names(__name__)

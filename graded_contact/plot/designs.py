@@ -1,4 +1,4 @@
-"""Figures of a design: friction and loss tangent before and after, and the search."""
+"""Figures of a design: its objective and limits before and after, and the search."""
 
 from typing import TYPE_CHECKING
 
@@ -7,6 +7,8 @@ from jaxtyping import Float
 
 from ..blocks.stack import materials_of
 from ..core.escaping import in_figure
+from ..core.quantities import in_brackets
+from ..designs.limits import BY_MEAN_FIELD, CRITERIA
 from ..designs.objectives import loss_tangent
 from ..designs.problem import design_mean_field
 from ..designs.results import DesignResults
@@ -20,6 +22,7 @@ from .style import COLOURS, PAGE, few_powers_of_ten, finished, new_figure
 from .words import title_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 CURVE_POINTS = 41
@@ -27,54 +30,80 @@ CURVE_POINTS = 41
 
 @finished
 def plot_design(results: DesignResults) -> "Figure":
-    """Returns a figure of a design: friction over velocity, and the loss tangent, before and after.
+    """Returns a figure of a design: objective and limits over velocity, before and after.
 
     Lines are the mean field; points with bars are contact, mean and standard deviation over the
-    surfaces.
+    surfaces. Grey is beyond a limit. A design of friction alone or of the loss tangent also has the
+    loss tangent.
 
     **Arguments:**
 
     - `results`: the result of `DesignPlan.run`.
     """
-    study, scene = results.study, results.study.scene
-    before = results.candidates["before"].field
-    # The loss tangent at the middle speed, over the waves of the road and of the band.
-    waves = [] if before is None else np.ravel(before.against_cutoff.cutoff)
-    if before is None:
-        cell, spacing = np.max(study.grid.size), np.min(study.grid.spacing)
-        waves = 2 * np.pi / np.array([cell, 2 * spacing])
+    study = results.study
+    names = study.criteria or ("friction",)
+    tangents = names == ("friction",)  # a band has no criteria
+    count = len(names) + tangents
+    rows = -(-count // 3)
+    figure = new_figure(PAGE, 2.9 * rows)
+    panels = figure.subplots(rows, -(-count // rows), squeeze=False).ravel()
+    for name, axes in zip(names, panels, strict=False):
+        _draw_criterion(axes, results, name)
+    if tangents:
+        _draw_tangents(panels[1], results)
+    for axes in panels[count:]:
+        axes.remove()
+    return figure
+
+
+def _draw_criterion(axes: "Axes", results: DesignResults, name: str) -> None:
+    """Draws a criterion over velocity, before and after, and its limits."""
+    study, about = results.study, CRITERIA[name]
+    velocity, count, drawn = study.scene.velocity, study.verify, []
+    by = f"contact, mean ± standard deviation of {count} surfaces" if count > 1 else "contact"
+    for (which, candidate), colour in zip(
+        results.candidates.items(), ("0.45", *COLOURS), strict=False
+    ):
+        if candidate.field is not None and name in BY_MEAN_FIELD:
+            # Contacts are solved at few speeds; the mean field costs little and draws a curve.
+            speeds = _curve_velocities(study, candidate.field)
+            values = np.asarray(getattr(design_mean_field(study, candidate.stack, speeds), name))
+            drawn.append((speeds, values, None, "-", colour, f"{which}, mean field"))
+        if len(solved := candidate.contacts[name]):
+            spread = solved.std(0, ddof=1) if len(solved) > 1 else None
+            drawn.append((velocity, solved.mean(0), spread, "o", colour, f"{which}, {by}"))
+    limits = [limit for limit in study.limits if limit.criterion == name]
+    sizes = [*(np.max(np.abs(values)) for _, values, *_ in drawn), *(x.value for x in limits)]
+    unit, factor = about.shown_in(max(sizes))
+    for x, values, spread, form, color, label in drawn:
+        bars = None if spread is None else factor * spread
+        axes.errorbar(x, factor * values, bars, fmt=form, color=color, label=label, capsize=2)
+    axes.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel=about.label + in_brackets(unit))
+    top = 1.05 * max(axes.get_ylim()[1], factor * max(sizes))
+    for limit in limits:
+        ends = (factor * limit.value, top) if limit.end == "max" else (0, factor * limit.value)
+        axes.axhspan(*ends, color="0.93", zorder=0, label="beyond a limit")
+    axes.set_ylim(0, top)
+
+
+def _draw_tangents(axes: "Axes", results: DesignResults) -> None:
+    """Draws the loss tangent at the middle speed, over the waves of the road and of the band."""
+    study, field = results.study, results.candidates["before"].field
+    cell, spacing = np.max(study.grid.size), np.min(study.grid.spacing)
+    waves = 2 * np.pi / np.array([cell, 2 * spacing])
+    if field is not None:
+        waves = np.ravel(field.against_cutoff.cutoff)
     ends = [np.min(waves), np.max(waves), *(study.objective.band or ())]
     q = np.geomspace(min(ends), max(ends), 200)
-    speed = float(np.exp(np.mean(np.log(scene.velocity))))
-    figure = new_figure(PAGE, 2.9)
-    friction, loss = figure.subplots(1, 2)
-    colours, count = ("0.45", *COLOURS), study.verify
-    about = f"contact, mean ± standard deviation of {count} surfaces" if count > 1 else "contact"
-    for (name, candidate), colour in zip(results.candidates.items(), colours, strict=False):
-        style = {"color": colour, "label": f"{name}, mean field"}
-        if before is not None:
-            # Contacts are solved at few speeds; the mean field costs little and draws a curve.
-            velocities = _curve_velocities(study, before)
-            field = design_mean_field(study, candidate.stack, velocities)
-            friction.plot(velocities, field.friction, **style)
-            style["label"] = about if name == "before" else "_"
-        else:
-            style["label"] = f"{name}, {about}"
-        tangent = loss_tangent(candidate.stack, q, speed)
-        loss.plot(q, tangent, color=colour)
-        solved = candidate.contacts["friction"]
-        if len(solved):
-            spread = solved.std(0, ddof=1) if len(solved) > 1 else None
-            friction.errorbar(scene.velocity, solved.mean(0), spread, fmt="o", capsize=2, **style)
+    speed = float(np.exp(np.mean(np.log(study.scene.velocity))))
+    for candidate, colour in zip(results.candidates.values(), ("0.45", *COLOURS), strict=False):
+        axes.plot(q, loss_tangent(candidate.stack, q, speed), color=colour)
     if study.objective.band:
-        loss.axvspan(*study.objective.band, color="0.93", zorder=0, label="band of the design")
-    friction.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel="friction coefficient")
-    loss.set(
+        axes.axvspan(*study.objective.band, color="0.93", zorder=0, label="band of the design")
+    axes.set(
         xscale="log", xlabel="wavenumber $q$ [rad/m]", ylabel=f"loss tangent at {speed:.3g} m/s"
     )
-    for axes in (friction, loss):
-        axes.set_ylim(bottom=0)
-    return figure
+    axes.set_ylim(bottom=0)
 
 
 def _curve_velocities(study: DesignScene, field: MeanField) -> Float[np.ndarray, " velocities"]:

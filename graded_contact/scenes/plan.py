@@ -221,7 +221,7 @@ def cost_text(
         "contact solves": num_solves,
     }
     lines = [f"{name:22} {text}" for name, text in rows.items()]
-    return "\n".join([*lines, *(f"Caveat: {sentence}" for sentence in caveats)])
+    return "\n".join([*lines, *(f"Warning: {sentence}" for sentence in caveats)])
 
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:

@@ -34,6 +34,7 @@ from ..sliding.shear import AbstractShear
 from ..sliding.single_motion import SingleMotion
 from ..studies.parameter_covariance import Errors
 from ..surfaces.surface import Surface
+from .described import in_words
 from .schema import LINEAR, LOGARITHMIC
 from .surface_source import RandomSurface, Sphere, SurfaceFile
 from .toml import parse_toml
@@ -68,7 +69,7 @@ class Observe:
 
 
 @shown(
-    "title", "stack", "surface", "counter", "block_surface", "sweep", "temperature", "pressure",
+    "title", "contents", "sweep", "temperature", "pressure",
     "approach", "velocity", "direction", "pressure_ratio", "ratio_times", "strain_per_slope",
     "tables", "sampling", "observed", unset=False,
 )  # fmt: skip
@@ -171,6 +172,11 @@ class Scene:
             found["seed"] = self.surface.seed + np.arange(self.surface.seeds)
         load = "pressure" if self.approach is None else "approach"
         return {**found, load: getattr(self, load), "velocity": self.velocity}
+
+    @property
+    def contents(self) -> dict[str, Any]:
+        """What its tables make, in words."""
+        return in_words(parse_toml(self.text))
 
     @property
     def tables(self) -> dict[str, Any]:

@@ -182,7 +182,9 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
         "surface: 1 mm x 1 mm, rms height", "rms slope 0.2", "contact solves 2",
         "layers[0]: The thickness of 50 m is unusual (usual are 1 nm to 1 m): check units.",
         "[design] is not used by this command",
-        "thickness [m] 50", "velocity [m/s] 0.01, 1", "block tread 50 m, tread on a random surface",
+        "layer 1 tread, 50 m base tread, half space", "materials tread tyre tread",
+        "surface random, ",
+        "velocity [m/s] 0.01, 1",
     ):  # fmt: skip
         assert text in " ".join(result.stdout.split())
     table = "f [Hz],E' [Pa],E'' [Pa]\n" + "".join(f"{f},{1e6 + f},1e5\n" for f in range(1, 9))
@@ -587,7 +589,7 @@ def test_fit_converts_a_prony_series_and_says_what_it_assumed(tmp_path):
     path.write_text("tau [s],E_i [MPa]\n1e-3,4\n1e-1,2\n10,1\ninf,3\n")
     result = command("fit", path, "-o", tmp_path, "--kind", "relaxation", "--poisson", 0.49)
     assert result.exit_code == 0, result.output
-    assert "nothing is fitted" in result.stdout and "Caveat" not in result.stdout
+    assert "nothing is fitted" in result.stdout and "Warning" not in result.stdout
     table = tomllib.loads((tmp_path / "series.toml").read_text())["materials"]["series"]
     assert table == {
         "kind": "prony", "equilibrium": 3e6, "strengths": [4e6, 2e6, 1e6],
@@ -600,12 +602,12 @@ def test_fit_converts_a_prony_series_and_says_what_it_assumed(tmp_path):
     assert result.exit_code == 0, result.output
     caveat = "The modulus is assumed to be in Pa, as the deck states no unit"
     assert (
-        f"Caveat: {caveat}; otherwise pass it, for instance `--unit modulus=MPa`" in result.stdout
+        f"Warning: {caveat}; otherwise pass it, for instance `--unit modulus=MPa`" in result.stdout
     )
     again = tomllib.loads((tmp_path / "series.toml").read_text())["materials"]["series"]
     np.testing.assert_allclose(again["strengths"], table["strengths"], rtol=1e-12)
     assert again["assumed"][0].startswith(caveat)
-    assert f"** Caveat: {caveat}" in (tmp_path / "series.inp").read_text()
+    assert f"** Warning: {caveat}" in (tmp_path / "series.inp").read_text()
     scene = SCENE.replace(
         '[materials.tread]\nkind = "tyre_tread"', (tmp_path / "series.toml").read_text()
     )
@@ -627,7 +629,7 @@ def test_a_fit_to_moduli_that_may_be_of_shear_has_a_caveat(tmp_path):
     )
     result = command("fit", path, "-o", tmp_path)
     assert result.exit_code == 0, result.output
-    assert result.stdout.count("Caveat: The moduli are assumed to be Young's (tension)") == 2
+    assert result.stdout.count("Warning: The moduli are assumed to be Young's (tension)") == 2
     assert "read the file with `--kind shear`" in result.stdout
     text = (tmp_path / "tread.toml").read_text()
     assert 'assumed = ["The moduli are assumed' in text and "deformation" not in text
@@ -711,7 +713,7 @@ def test_new_takes_the_options_of_fit_and_temperatures(tmp_path):
     np.savetxt(tmp_path / "road.txt", heights)
     melt = command(*words, "--equilibrium", 0)
     road_file(tmp_path / "road.txt")
-    assert "Caveat: The highest point is" in melt.stdout
+    assert "Warning: The highest point is" in melt.stdout
     assert melt.exit_code == 2 and "[materials.tread] is a liquid" in melt.stderr
     assert "(`--equilibrium` of `fit` and `new`)" in melt.stderr
     assert (tmp_path / "out" / "tread.toml").exists()

@@ -19,6 +19,7 @@ import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import design as design_job
 from graded_contact.command import terminal as session
+from graded_contact.command.designed_scene import designed_scene
 from graded_contact.core.parameters import paths, with_values
 from graded_contact.designs.plan import DesignPlan, plan_design
 from graded_contact.designs.problem import (
@@ -30,6 +31,7 @@ from graded_contact.designs.problem import (
 from graded_contact.designs.results import Candidate, DesignResults
 from graded_contact.designs.search import not_in_mean_field, search_design
 from graded_contact.designs.table import parse_design
+from graded_contact.scenes.scene_file import parse_scene
 from graded_contact.studies.search import Descent, Design, Tried
 from graded_contact.studies.store import Store
 
@@ -66,15 +68,85 @@ def designed(ran):
 def test_the_command_writes_a_table_values_and_a_figure(ran):
     folder, printed = ran
     figures = ["coat-design-history.png", "coat-design.png"]
-    names = sorted([*figures, "coat-design.json", "coat-design.txt"])
+    names = sorted([*figures, "coat-design.json", "coat-design.txt", "coat-designed.toml"])
     assert sorted(path.name for path in folder.iterdir() if path.is_file()) == names
     assert (folder / "coat-design.points").is_dir()
     assert all(f"wrote {folder / name}" in printed for name in names)
+    assert printed.endswith(f"next: graded-contact run {folder / 'coat-designed.toml'}\n")
     assert (folder.parent / "mine").read_text() == "mine"  # a link is replaced, not followed
     text = (folder / "coat-design.txt").read_text(encoding="utf-8")
     assert text in printed
     assert "searched by contact" in text and "NOT converged" not in text
     assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in figures)
+
+
+def scene_after(text, folder, **values):
+    """The designed scene of a table, and its block at the temperature, without a search."""
+    study = parse_design(text, folder)
+    at = {path: values[path.rpartition(".")[2]] for path in study.parameters}
+    stack = with_values(study.scene.stack, at)
+    results = DesignResults(study, None, {"designed": Candidate(stack, None, {})})
+    return designed_scene(results, folder / "coat.toml", folder / "out"), stack
+
+
+def test_a_designed_scene_has_the_designed_block_at_its_temperature(tmp_path):
+    """Of a material with a law, in a base too; a table of it that was shared stays for the base."""
+    law = "shift = {kind = 'wlf', c1 = 8.0, c2 = 100.0, reference = 290.0}\nerrors = 'e.csv'\n"
+    text = FLAT.replace("[[layers]]", f"{law}[[layers]]")
+    text = text.replace("[solver]", "temperature = 310.0\n[solver]")
+    text = f'title = "mine"\n{text}[output]\nname = "old"\n'
+    (tmp_path / "e.csv").write_text("equilibrium\n1e5\n")
+    (tmp_path / "out").mkdir()
+    for base in ("tread", "coat"):
+        own = text.replace('material = "tread"', f'material = "{base}"')
+        own = own.replace("[1e-5, 1e-1]", "[1e-9, 1e-1]")
+        values = {"thickness": 3e-4, "strengths[0]": 2e7, "times[0]": 1e-5}
+        written, stack = scene_after(own, tmp_path, **values)
+        found = parse_scene(written, tmp_path / "out")
+        assert found.title == "mine" and found.name is None and "[design]" not in written
+        assert found.inputs.keys() and "../e.csv" in written
+        at_310, wanted = paths(found.stack.at(310.0)), paths(stack)
+        assert at_310.keys() == wanted.keys()
+        for path, number in wanted.items():
+            np.testing.assert_allclose(at_310[path], number, rtol=1e-9, err_msg=path)
+
+
+PROFILED = FLAT.replace('material = "coat"\n', 'bottom = "tread"\ntop = "coat"\n').replace(
+    "2e-4\n", "2e-4\nshape = {kind = 'power_law', exponent = 2.0}\n"
+)  # fmt: skip
+COUNTER = '[counter]\nlayers = [{material = "coat", thickness = 1e-4}]\nbase = {kind = "rigid"}\n'
+
+
+@pytest.mark.parametrize(
+    "text, path, own",
+    [
+        (FLAT + COUNTER, "layers[0].material.strengths[0]", 2e7),
+        (PROFILED, "layers[0].profile.shape.exponent", 3.1),
+        (FLAT, "layers[0].material.poisson", 0.45),
+    ],
+)
+def test_a_designed_scene_changes_the_free_number_alone(tmp_path, text, path, own):
+    """A counter keeps its material, a shape its table."""
+    head = text.partition("[design]")[0] + text.partition(FLAT)[2]
+    lower, upper = own / 10, min(own * 2, own + 1) if own < 1 else 2 * own
+    upper = 0.49 if path.endswith("poisson") else upper
+    table = FLAT[FLAT.index("[design]") :].partition("[design.parameters]")[0]
+    table += f'[design.parameters]\n"{path}" = [{lower}, {upper}]\n'
+    written, stack = scene_after(head + table, tmp_path, **{path.rpartition(".")[2]: own})
+    found, before = parse_scene(written, tmp_path), parse_scene(head, tmp_path)
+    assert repr(found.counter) == repr(before.counter)
+    now, wanted, first = paths(found.stack), paths(stack), paths(before.stack)
+    assert now.keys() == wanted.keys()
+    assert {at for at in now if not np.array_equal(now[at], wanted[at])} == set()
+    assert path in {at for at in now if not np.array_equal(now[at], first[at])}
+
+
+def test_a_number_that_no_table_takes_is_refused_by_its_path(tmp_path):
+    law = "shift = {kind = 'wlf', c1 = 8.0, c2 = 100.0, reference = 290.0}\n"
+    text = FLAT.replace("[[layers]]", f"{law}[[layers]]").partition("[design.parameters]")[0]
+    text += '[design.parameters]\n"layers[0].material.shift.c1" = [1.0, 9.0]\n'
+    with pytest.raises(ValueError, match=r"no table takes .* 'layers\[0\]\.material\.shift\.c1'"):
+        scene_after(text, tmp_path, c1=4.0)
 
 
 def test_a_solve_that_fails_is_one_line(tmp_path, monkeypatch):

@@ -162,7 +162,7 @@ def test_curves_that_do_not_overlap_are_named_and_their_errors_contain_the_truth
     assert along[0] > 0.3 > 10 * along[3]
     (said,) = found.caveats()
     assert said.startswith("The shifted curves of 263.15 and 283.15 K do not overlap: only the law")
-    assert f"Caveat: {said}" in found.report()
+    assert f"Warning: {said}" in found.report()
 
 
 def test_other_shifts_that_are_as_likely_lie_within_the_errors_and_are_named(curve):

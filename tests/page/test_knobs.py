@@ -20,9 +20,12 @@ from graded_contact.page.document import (
     with_topography,
     without_layer,
 )
-from graded_contact.page.entries import dimension_of, read_entry
+from graded_contact.page.entries import dimension_of, read_entry, read_units
 from graded_contact.page.knobs import knobs_of, turned
 from graded_contact.page.scenery import scenery_of, with_numbers
+from graded_contact.page.wording import for_page
+from graded_contact.readers.columns import _HZ_ASSUMED
+from graded_contact.readers.moduli import read_moduli
 from graded_contact.scenes.scene_file import read_scene
 from graded_contact.scenes.toml import toml_text
 
@@ -332,3 +335,18 @@ def test_errors_speak_of_what_the_page_has(opened, tmp_path):
         ValueError, match=r"“name” '../out' is refused: names cannot contain '/'\.$"
     ):
         save_document(opened(TEXT), tmp_path, "../out", replace=False)
+
+
+def test_a_unit_without_a_name_is_that_of_its_dimension():
+    assert read_units("MPa") == {"modulus": "MPa"}
+    assert read_units("kPa; rad/s, temperature=K") == {
+        "modulus": "kPa", "frequency": "rad/s", "temperature": "K"
+    }  # fmt: skip
+    assert read_units("storage=MPa") == {"storage": "MPa"}
+    with pytest.raises(ValueError, match="furlong has no name and value"):
+        read_units("furlong")
+
+
+def test_an_assumption_names_the_fields_of_the_page():
+    said = for_page(_HZ_ASSUMED, read_moduli)
+    assert said.endswith("if it is not, fill in “its units” frequency=rad/s")

@@ -1,6 +1,7 @@
 """The server of pages: whom it answers, by raw requests to a real one."""
 
 import asyncio
+import errno
 import gc
 import signal
 import socket
@@ -150,3 +151,12 @@ def test_a_tab_that_closes_while_it_is_written_to_is_no_error(tmp_path, caplog):
 
     served(tmp_path, check)
     assert "another" in caplog.text and "WebSocketClosedError" not in caplog.text
+
+
+def test_a_used_port_is_refused_by_its_number_and_option(tmp_path, monkeypatch):
+    def serve(*_, **__):
+        raise OSError(errno.EADDRINUSE, "Address already in use")
+
+    monkeypatch.setattr("panel.serve", serve)
+    with pytest.raises(OSError, match=r"^`port=5006` is refused: .* another `--port`"):
+        new_server(None, tmp_path, address="127.0.0.1", port=5006, show=False)

@@ -192,7 +192,7 @@ def test_a_caption_has_labels_without_tex_or_line_ends_and_each_title_as_a_sente
     )
     figure.axes[1].set_ylabel("ln(fit/measured)\n[%]")
     long = "Persson's theory is for Gaussian heights; " + 20 * "these " + "have skewness 3"
-    for title in ("full contact", long, "highest speed 100 mm/s"):
+    for title in ("full contact.", long, "highest speed 100 mm/s"):
         entitle(figure, title)
     assert figure.get_suptitle().count("\n") > 2
     ends = (

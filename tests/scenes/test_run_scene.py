@@ -273,7 +273,7 @@ def test_a_plan_draws_and_traces_once_and_solves_nothing(scene, monkeypatch):
 
 def test_a_plan_names_what_makes_every_number_doubtful(scene):
     told = dataclasses.replace(scene, assumed=("tread: Read as tension.",))
-    assert str(plan(told)).splitlines()[-1] == "Caveat: tread: Read as tension."
+    assert str(plan(told)).splitlines()[-1] == "Warning: tread: Read as tension."
 
 
 def test_a_scene_that_needs_more_memory_than_there_is_is_refused(scene, monkeypatch, tmp_path):

@@ -337,7 +337,7 @@ def test_a_scene_prints_its_load_and_nothing_raw():
     lines = str(parse_scene(changed(*itertools.chain(*loads))))
     assert not re.search(RAW, lines), lines
     for line in (r"pressure \[Pa\] +12 numbers, 10000 to 1e\+06", r"direction \[rad\] +0.3",
-                 r"graded_solver +Riccati", r"  viscosity +0.001"):  # fmt: skip
+                 r"graded solver +riccati", r"  viscosity +0.001"):  # fmt: skip
         assert re.search(f"^ +{line}$", lines, re.MULTILINE), line
 
 
@@ -348,7 +348,7 @@ def test_a_scene_prints_the_path_of_its_surface_and_no_pressure_beside_an_approa
     surface = f'[surface]\nkind = "file"\npath = "{file.as_posix()}"\nsize = 1e-3\nunit = "um"\n'
     text = f'{surface}periodic = "open"\n[materials{tail}'
     lines = str(parse_scene(text.replace("pressure = [2e5, 4e5]", "approach = 1e-6")))
-    assert re.search(f"^ +path +{re.escape(str(file))}$", lines, re.MULTILINE)
+    assert re.search(f"path {re.escape(str(file))}", lines)
     assert not re.search(RAW, lines) and "approach [m]" in lines and "pressure" not in lines
 
 

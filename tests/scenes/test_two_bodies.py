@@ -87,7 +87,9 @@ def test_tables_of_two_bodies_are_those_of_python():
     aligned = np.corrcoef(case.surface.heights, case.block_surface.heights)[0, 1]
     assert abs(aligned) < 0.9
     assert described(parse_toml(MOVING)) == "rubber on a random surface of coat 20 µm, rubber"
-    assert "counter" in str(scene)
+    told = " ".join(str(scene).split())
+    assert "counter layer 1 coat, 20 µm base rubber, half space materials" in told
+    assert "coat elastic, modulus 10 MPa, poisson 0.4" in told and "HalfSpace" not in told
 
 
 def test_solves_of_another_counter_have_other_names():

@@ -322,7 +322,7 @@ def test_the_caveats_of_a_table_are_those_of_a_run(invoke, tmp_path):
     share = r"^\d+% of the friction comes from frequencies or a temperature at which a material"
     assert re.search(share, of_theory[1]) and len(of_theory) == 2
     for sentence in of_theory:
-        assert f"Caveat: {sentence}" in done.stdout
+        assert f"Warning: {sentence}" in done.stdout
     scene = gc.read_scene(tmp_path / "small.toml")
     done = invoke("-o", str(tmp_path), "--replace", replaced=MEASURED, load=load)
     assert done.exit_code == 0
