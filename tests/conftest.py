@@ -1,6 +1,7 @@
 """The suite runs in double precision, with annotations checked at run time."""
 
 import atexit
+import functools
 import gc
 import os
 import shutil
@@ -34,7 +35,9 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
 import jax
 import jaxtyping
 import pytest
+from _pytest import runner
 from hypothesis import settings
+from jax._src.interpreters import mlir
 from jaxtyping import install_import_hook
 
 # Traces make millions of objects that stay: looking for garbage among them is a tenth of the time.
@@ -50,8 +53,22 @@ settings.register_profile("search", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 jax.config.update("jax_enable_x64", True)
+# JAX makes a compiler's context for each program, and keeps it: a third of the time of a small program,
+# and 1 MB. All programs share one.
+if version("jax").startswith("0.10."):
+    mlir.make_ir_context = functools.cache(mlir.make_ir_context)
 # Stays on: modules imported later are checked too.
 install_import_hook("graded_contact", "typecheck.check")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item, nextitem):
+    return runner.pytest_runtest_protocol(item, nextitem)
+
+
+# Python gets the memory for its frames in small pieces, and gives a piece back when a call ends that
+# began in it: a loop there is busy with that alone. A large frame below leaves room for all others.
+pytest_runtest_protocol.__code__ = pytest_runtest_protocol.__code__.replace(co_stacksize=270_000)
 
 
 @pytest.fixture
