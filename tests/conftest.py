@@ -53,8 +53,8 @@ settings.register_profile("search", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 jax.config.update("jax_enable_x64", True)
-# JAX makes a compiler's context for each program, and keeps it: a third of the time of a small program,
-# and 1 MB. All programs share one.
+# JAX makes a compiler's context for each program, and keeps it: a third of the time of a small
+# program, and 1 MB. All programs share one.
 if version("jax").startswith("0.10."):
     mlir.make_ir_context = functools.cache(mlir.make_ir_context)
 # Stays on: modules imported later are checked too.
@@ -66,8 +66,8 @@ def pytest_runtest_protocol(item, nextitem):
     return runner.pytest_runtest_protocol(item, nextitem)
 
 
-# Python gets the memory for its frames in small pieces, and gives a piece back when a call ends that
-# began in it: a loop there is busy with that alone. A large frame below leaves room for all others.
+# Python takes memory for frames in small pieces. A call that begins a piece gives it back at its end,
+# and a loop of such calls does little else. A large frame below leaves room for all others.
 pytest_runtest_protocol.__code__ = pytest_runtest_protocol.__code__.replace(co_stacksize=270_000)
 
 
@@ -77,6 +77,12 @@ def unchecked_types():
     jaxtyping.config.update("jaxtyping_disable", True)
     yield
     jaxtyping.config.update("jaxtyping_disable", False)
+
+
+def pytest_sessionfinish():
+    """pytest looks for garbage five times at its end: not among what is kept until then."""
+    gc.collect()
+    gc.freeze()
 
 
 LONGEST = [
