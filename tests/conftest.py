@@ -66,7 +66,7 @@ def pytest_runtest_protocol(item, nextitem):
     return runner.pytest_runtest_protocol(item, nextitem)
 
 
-# Python takes memory for frames in small pieces. A call that begins a piece gives it back at its end,
+# Python takes memory for frames in pieces. A call that begins a piece gives it back at its end,
 # and a loop of such calls does little else. A large frame below leaves room for all others.
 pytest_runtest_protocol.__code__ = pytest_runtest_protocol.__code__.replace(co_stacksize=270_000)
 
