@@ -37,7 +37,6 @@ import jaxtyping
 import pytest
 from _pytest import runner
 from hypothesis import settings
-from jax._src.interpreters import mlir
 from jaxtyping import install_import_hook
 
 # Traces make millions of objects that stay: looking for garbage among them is a tenth of the time.
@@ -56,6 +55,8 @@ jax.config.update("jax_enable_x64", True)
 # JAX makes a compiler's context for each program, and keeps it: a third of the time of a small
 # program, and 1 MB. All programs share one.
 if version("jax").startswith("0.10."):
+    from jax._src.interpreters import mlir
+
     mlir.make_ir_context = functools.cache(mlir.make_ir_context)
 # Stays on: modules imported later are checked too.
 install_import_hook("graded_contact", "typecheck.check")
