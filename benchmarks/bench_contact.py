@@ -17,7 +17,7 @@
     python benchmarks/bench_contact.py gradient      cost of derivatives
     python benchmarks/bench_contact.py linear        FFT pairs and errors of their linear solves
     python benchmarks/bench_contact.py first         seconds before the first answer
-    python benchmarks/bench_contact.py features      the same for gradients, Hessians, `vmap`
+    python benchmarks/bench_contact.py features      the same of parts of a scene
     python benchmarks/bench_contact.py cycle         periodic motion, beside time steps
     python benchmarks/bench_contact.py cycle_times   periodic motion with more and fewer times
     python benchmarks/bench_contact.py history       what happens once: cost of a step
@@ -31,10 +31,6 @@ the package's at -10 °C; `+coat`, under an elastic coat of modulus 1 Pa, q0 d =
 """
 
 from contact_costs import (
-    features,
-    features_of,
-    first,
-    first_of,
     gradient,
     largest,
     linear,
@@ -46,6 +42,7 @@ from contact_costs import (
 from contact_cycle import cycle, cycle_times
 from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
+from contact_first_calls import features, features_of, first, first_of
 from contact_grid import grid, total
 from contact_history import history
 from contact_peers import elastic, kernel

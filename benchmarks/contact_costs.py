@@ -1,15 +1,12 @@
 """Costs of a solve besides transforms.
 
-The sections `overhead`, `many`, `gradient`, `linear`, `first`, `features` and `largest`.
+The sections `overhead`, `many`, `gradient`, `linear` and `largest`.
 
 Run by `bench_contact.py`.
 """
 
 import os
 import resource
-import subprocess
-import sys
-import tempfile
 import time
 from functools import partial
 
@@ -18,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from contact_scenes import bare_pair, bodies, rough_surface
-from rows import goal, report, seconds, show, timed
+from rows import goal, report, show, timed
 
 import graded_contact as gc
 from graded_contact.contacts.adjoint import LinearSplitting
@@ -30,15 +27,6 @@ AT_PEAK = {"elastic": 0.0, "single": 4e-3, "tread": 1e5, "tread+coat": 1e5, "bro
 WAYS = ("single", "jit", "lax.map", "vmap")  # of many solves
 # The fewest points that go through ducc0: all or none.
 BOUND_FROM = {"xla": 2**62, "ducc0": 0}
-
-
-def in_processes(section, choices, **options):
-    """Runs a section for each choice in a process of its own."""
-    for choice in choices:
-        command = [sys.executable, sys.argv[0], section, str(choice)]
-        for name, value in options.items():
-            command += [f"--{name}", *map(str, np.atleast_1d(value))]
-        yield choice, partial(subprocess.run, command, check=True)
 
 
 def overhead(sizes=(256, 512, 1024, 2048), repeat=3, backends=("xla", "ducc0")):
@@ -183,111 +171,6 @@ def linear(n=128, loads=(0.01, 0.1, 0.5), tolerances=(1e-2, 1e-3, 5e-5)):
             show(row)
     found = ", ".join(f"{np.median(r):.2f} at {rtol:g}" for rtol, r in ratios.items())
     goal("a linear solve to 1e-3 takes <= 0.5 x the pairs of its contact", found)
-
-
-def first(n=256):
-    """Seconds before the first answer, without the cache of compiled code and with it."""
-    with tempfile.TemporaryDirectory() as folder:
-        # The second time with the cache it is filled.
-        for cache in ("", folder, folder):
-            for _, start in in_processes("first_of", ("separate", "together"), n=n, cache=cache):
-                start()
-
-
-def first_of(way, n=256, cache=""):
-    """The same, in this process: `slide` and its gradient in turn, or in one `jit`."""
-    if cache:
-        jax.config.update("jax_compilation_cache_dir", cache)
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
-        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    surface, stack = rough_surface(n), bodies()["tread+coat"]
-
-    def value(stack):
-        # JAX stores no program that calls Python, as one `jit` does to throw.
-        throw = way == "separate"
-        return gc.slide(stack, surface, pressure=0.1, velocity=SPEED, throw=throw).friction
-
-    steps = {"slide": value, "its gradient": jax.grad(value)}
-    together = {"both in one jit without throw": jax.jit(jax.value_and_grad(value))}
-    for name, step in (steps if way == "separate" else together).items():
-        show_first(
-            {"N": n, "cache": "on disk" if cache else "off", "first call": name}, step, stack
-        )
-
-
-def show_first(row, step, *arguments):
-    """Shows programs and seconds of a first call."""
-    compiled = []
-
-    def listen(event, seconds, **_):
-        if event == "/jax/core/compile/backend_compile_duration":
-            compiled.append(seconds)
-
-    jax.monitoring.register_event_duration_secs_listener(listen)
-    begun = time.process_time()
-    elapsed = seconds(partial(step, *arguments))
-    show(row | {
-        "programs": len(compiled), "XLA [s]": sum(compiled),
-        "of a core [s]": time.process_time() - begun, "time [s]": elapsed,
-    })  # fmt: skip
-    jax.monitoring.clear_event_listeners()
-
-
-FEATURES = ("slide", "grad", "value_and_grad", "hessian", "checkpoint", "vmap over 4 seeds")
-HEATING = gc.sliding.Heating(conductivity=0.25, diffusivity=1e-7)
-SOLVES = ("heated", "grad of heated", "cycle", "path")  # of more than one contact
-
-WRAPPED = {"open": lambda step: step, "gc.jit": gc.jit, "jax.jit": jax.jit}
-
-
-def features(n=32):
-    """Seconds of the first call of features of JAX, in the open, in `gc.jit` and in `jax.jit`."""
-    choices = [f"{feature} in {way}" for feature in FEATURES for way in WRAPPED]
-    choices += [f"{feature} in open" for feature in SOLVES]
-    for _, start in in_processes("features_of", choices, n=n):
-        start()
-
-
-def features_of(choice, n=32):
-    """The same of one feature in one way, in this process."""
-    feature, way = choice.split(" in ")
-    stack, draw = bodies()["tread+coat"], rough_surface.__wrapped__  # seeds may be traced
-
-    def block_of(thickness):
-        return gc.with_values(stack, {"layers[0].thickness": thickness})
-
-    def friction(thickness, seed=0):
-        surface, block = draw(n, seed), block_of(thickness)
-        return gc.slide(block, surface, pressure=0.1, velocity=SPEED, throw=False).friction
-
-    def heated(thickness):
-        rubber, shear = gc.tyre_tread(), gc.sliding.ConstantShear(1e5)
-        layers = (gc.Layer(rubber, thickness),)
-        block = gc.Stack(layers=layers, base=gc.HalfSpace(rubber))
-        how = {"temperature": 293.15, "shear": shear, "heating": HEATING, "throw": False}
-        return gc.slide(block, draw(n, 0), pressure=1e6, velocity=SPEED, **how).friction
-
-    def cycle(thickness):
-        surface, phase = draw(n, 0), 2 * np.pi * np.arange(16) / 16
-        moved = 2 * surface.grid.spacing[0] * np.sin(phase)
-        how = {"displacement": moved, "period": 1.0, "pressure": 0.1, "throw": False}
-        return gc.slide_cycle(block_of(thickness), surface, **how).mean_friction
-
-    def path(thickness):
-        surface, loads = draw(n, 0), np.linspace(0.01, 0.1, 25)
-        kernel = gc.stack_kernel(block_of(thickness), surface.grid)
-        law = gc.HardWall()
-        return gc.contacts.follow_contact(kernel, surface.heights, loads, law=law).mean_gap
-
-    step = {
-        "slide": friction, "grad": jax.grad(friction),
-        "value_and_grad": jax.value_and_grad(friction),
-        "hessian": jax.hessian(friction), "checkpoint": jax.grad(jax.checkpoint(friction)),
-        "vmap over 4 seeds": lambda d: jax.vmap(lambda seed: friction(d, seed))(jnp.arange(4)),
-        "heated": heated, "grad of heated": jax.grad(heated), "cycle": cycle, "path": path,
-    }[feature]  # fmt: skip
-    thickness = jnp.asarray(stack.layers[0].thickness)
-    show_first({"N": n, "feature": feature, "in": way}, WRAPPED[way](step), thickness)
 
 
 def largest(size=8192, velocity=0.1, loads=(0.1,)):

@@ -13,13 +13,17 @@ import inspect
 import os
 import platform
 import statistics
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jax
+import numpy as np
 
 import graded_contact as gc
 
@@ -143,3 +147,12 @@ def keep(name: str, row: dict[str, str | float]) -> None:
         if fresh:
             writer.writeheader()
         writer.writerow(cells)
+
+
+def in_processes(section, choices, **options):
+    """Runs a section for each choice in a process of its own."""
+    for choice in choices:
+        command = [sys.executable, sys.argv[0], section, str(choice)]
+        for name, value in options.items():
+            command += [f"--{name}", *map(str, np.atleast_1d(value))]
+        yield choice, partial(subprocess.run, command, check=True)

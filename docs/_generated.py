@@ -54,6 +54,7 @@ SHORT = ("shift", "shape", "graded_solver", "[law]", "[shear]", "[motion]", "[mo
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene_file.SceneTables: keys_of(scene_file.SceneTables)},
     **{f'[surface], kind = "{kind}"': takers for kind, takers in surface_source.SURFACES.items()},
+    "[[surface.scans]]": surface_source.SCAN,
     **{
         f'[block_surface], kind = "{kind}"': takers
         for kind, takers in surface_source.OF_BLOCK.items()

@@ -22,12 +22,12 @@ R. W. Hockney, Methods Comput. Phys. 9 (1970) 135; S. Liu, Q. Wang & G. Liu, Wea
 doi:10.1016/S0043-1648(00)00427-0.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Inexact
 
 from ..core.checks import Numbers, check_types
+from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum, zero_mode
 from .kernel import stack_kernel
@@ -79,7 +79,7 @@ def long_cell(grid: Grid) -> Grid:
 
 
 @derivative_apart
-@eqx.filter_jit
+@jit
 def without_images(near: Array, far: Array, grid: Grid, ground: bool) -> tuple[Array, Array]:
     """Returns the kernel of a window and its two estimated errors [m/Pa], see above.
 

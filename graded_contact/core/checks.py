@@ -1,7 +1,7 @@
 """Conversion to strongly typed arrays and refusal of bad input at the public boundary.
 
-Checks of values look at concrete arrays only: under `jit`, `vmap` or `grad` the values are
-unknown and the check passes (shapes are always checked).
+Checks of values look at concrete arrays, and at arguments of `gc.jit`. Elsewhere under `jit`,
+`vmap` or `grad` the values are unknown and the check passes (shapes are always checked).
 """
 
 import contextlib
@@ -49,7 +49,12 @@ def as_float(value: Any, name: str = "value") -> Float[Array, "..."]:
 def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     """Returns `value`, real or complex, as `as_float` does."""
     if isinstance(value, Array) and jnp.issubdtype(value.dtype, jnp.inexact):
-        return value.astype(value.dtype) if value.weak_type else value
+        if not value.weak_type:
+            return value
+        strong = value.astype(value.dtype)
+        if not is_concrete(value) and is_concrete(number := _seen(value)):
+            _known[id(strong)] = strong, number
+        return strong
     needed = "a number or a (rectangular) array of numbers is needed"
     try:
         if isinstance(value, str | bytes | bool | np.bool_) or value is None:
@@ -123,6 +128,30 @@ def instance(name: str, kind: type, words: str) -> Callable[[Any], Any]:
 def is_concrete(value: Any) -> bool:
     """Returns whether the numbers in `value` are known now (not being traced)."""
     return not isinstance(value, Tracer)
+
+
+# Arguments of a program that is being traced, by their identity, and the numbers behind them.
+_known: dict[int, tuple[Any, Any]] = {}
+
+
+@contextlib.contextmanager
+def knowing(arguments: list[Any], numbers: list[Any]) -> Iterator[None]:
+    """Lets checks see the numbers behind traced arguments of a program."""
+    before = _known.copy()
+    _known.update({id(one): (one, number) for one, number in zip(arguments, numbers, strict=False)})
+    try:
+        yield
+    finally:
+        _known.clear()
+        _known.update(before)
+
+
+def _seen(value: Any) -> Any:
+    """A value as checks see it: the number behind an argument of a program, also in derivatives."""
+    inner = value
+    while isinstance(inner, Tracer) and id(inner) not in _known:
+        inner = getattr(inner, "primal", None)
+    return _known.get(id(inner), (value, value))[1]
 
 
 def check_types(function: F) -> F:
@@ -205,6 +234,7 @@ def check_values(
 
     NaN and infinities are always refused.
     """
+    value = _seen(value)
     if not is_concrete(value):
         return
     for array, corner in _parts(value):
@@ -237,6 +267,7 @@ def _parts(value: ArrayLike):
 
 def check_squares(name: str, value: ArrayLike, unit: str) -> None:
     """Raises `ValueError` if the squares of the largest entries, unless 0, leave their dtype."""
+    value = _seen(value)
     if is_concrete(value):
         parts = [array for array, _ in _parts(value)]
         largest = max(float(np.max(np.abs(array), initial=0)) for array in parts)
@@ -255,6 +286,7 @@ def check_positive(name: str, value: ArrayLike, unit: str, *, squares: bool = Tr
     Numbers too small for all digits of their dtype are refused too: compiled code takes them for 0.
     So are numbers whose `squares` leave it.
     """
+    value = _seen(value)
     if is_concrete(value):
         kind = getattr(value, "dtype", np.float64)
         kind = kind if np.issubdtype(kind, np.floating) else np.float64
@@ -289,6 +321,7 @@ def check_rows(least: int, **arrays: Array) -> None:
 
 def check_increasing(name: str, value: Array) -> None:
     """Raises `ValueError` unless every entry of a row exceeds the one before it."""
+    value = _seen(value)
     if is_concrete(value):
         entries = np.asarray(value)  # inside `jit` JAX would trace even known arrays
         falling = np.flatnonzero(np.diff(entries) <= 0) + 1

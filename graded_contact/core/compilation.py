@@ -2,7 +2,9 @@
 
 XLA's older generator of CPU code, at its second level of optimisation, takes half the time that the
 defaults take (`bench_contact.py first`). The code was as fast within the scatter of a busy
-machine. Such options belong to a whole program: inside the `jit` of a user the user sets them.
+machine. At level 0 it takes half of that again; a contact then takes 1.1 (32²), 1.4 (64²) or 2.1
+times (128²) as long: at 64² level 0 pays up to 300 contacts. Such options belong to a whole
+program: inside the `jit` of a user the user sets them.
 """
 
 import functools
@@ -13,24 +15,33 @@ from typing import Any, TypeVar, cast
 
 import equinox as eqx
 import jax
+import numpy as np
+from jax.extend.core import Jaxpr, jaxprs_in_params
 
-from .checks import is_concrete
+from .checks import is_concrete, knowing
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 COMPILING = "compiling (first run only)"
 LESS_WORK = {
     "xla_cpu_use_fusion_emitters": False,  # the older generator
-    "xla_backend_optimization_level": 2,  # of 3
     "xla_cpu_parallel_codegen_split_count": 4,  # parts of a program, each with work of its own
 }
+_LEVEL = "xla_backend_optimization_level"
+_OF_SMALL, _OF_LARGE = 0, 2  # of 3
+# Elements that nearly all operations of a small program return: 64² points, or as many waves.
+_SMALL, _NEARLY_ALL = 4500, 0.95
 
 
 def jit(function: F) -> F:
     """Compiles a function in less time than `jax.jit`: half of it for large programs on a CPU.
 
     For example `gc.jit(jax.value_and_grad(lambda stack: gc.slide(stack, ...).friction))`. Inside
-    another `jit`, or under `vmap` and `grad`, it is `eqx.filter_jit`.
+    another `jit`, or under `vmap` and `grad`, it is `eqx.filter_jit`. Arguments that are refused
+    are refused before anything is compiled.
+
+    A program of contacts of up to 64² points is not optimised. For many thousand of them, set
+    `XLA_FLAGS=--xla_backend_optimization_level=2` in the environment.
 
     **Arguments:**
 
@@ -40,21 +51,69 @@ def jit(function: F) -> F:
 
     **Returns:** the compiled function. What it returns may contain texts and other objects, too.
     """
-    within = eqx.filter_jit(function)
-    # The options take time: when called.
-    outside = functools.cache(lambda: cast(Any, eqx.filter_jit)(function, **_options()))
+    within, programs = eqx.filter_jit(function), {}
 
     @functools.wraps(function)
     def run(*args, **kwargs):
         if not alone((args, kwargs)):
             return within(*args, **kwargs)
+        arrays, others = eqx.partition((args, kwargs), eqx.is_array)
+        fixed, tree = jax.tree.flatten(others)
+        key = (tree, *fixed, *(np.shape(array) for array in jax.tree.leaves(arrays)))
         try:
-            return outside()(*args, **kwargs)
-        except RuntimeError as error:  # the cause, without the frames of Equinox and JAX around it
-            cause = str(error).rpartition("EquinoxRuntimeError: ")[2].partition("\n\n---")[0]
+            if key not in programs:
+                programs[key] = _program(function, arrays, others)
+            numbers, rest = jax.block_until_ready(programs[key](arrays))
+        except (RuntimeError, ValueError) as error:  # the cause, without the frames around it
+            cause = str(error).rpartition("EquinoxRuntimeError: ")[2].partition("\n\n\n---")[0]
             raise (RuntimeError(cause) if cause != str(error) else error) from None
+        return eqx.combine(numbers, rest.value)
 
     return cast(F, run)
+
+
+class _Fixed(eqx.Module):
+    """What a program returns besides arrays."""
+
+    value: Any = eqx.field(static=True)
+
+
+def _program(function: Callable, arrays: Any, others: Any) -> Callable:
+    """The compiled function of arrays, with these other arguments, by the sizes in its trace."""
+
+    known = jax.tree.leaves(arrays)
+
+    def traced(inputs):
+        args, kwargs = eqx.combine(inputs, others)
+        with knowing(jax.tree.leaves(inputs), known):
+            numbers, rest = eqx.partition(function(*args, **kwargs), eqx.is_array)
+        return numbers, _Fixed(rest)
+
+    functools.update_wrapper(traced, function)
+    del traced.__wrapped__  # whose arguments JAX would look for
+    trace = jax.jit(traced).trace(arrays)
+    known.clear()  # of the first call
+    return jax.jit(traced, compiler_options=options_for(trace.jaxpr.jaxpr))
+
+
+def options_for(program: Jaxpr) -> dict[str, Any]:
+    """Returns the options with which a program compiles in less time."""
+    options = _options()
+    if _LEVEL in options and np.quantile(_sizes(program) or [0], _NEARLY_ALL) <= _SMALL:
+        return options | {_LEVEL: _OF_SMALL}
+    return options
+
+
+def _sizes(program: Jaxpr) -> list[int]:
+    """Elements of what each operation of a program returns."""
+    sizes = []
+    for operation in program.eqns:
+        inner = list(jaxprs_in_params(operation.params))
+        for part in inner:
+            sizes += _sizes(part)
+        if not inner:  # what loops stack is made of what their bodies return
+            sizes += [getattr(result.aval, "size", 0) for result in operation.outvars]
+    return sizes
 
 
 def alone(arguments: Any) -> bool:
@@ -67,18 +126,22 @@ _probe = jax.jit(lambda: 0)
 
 
 @functools.cache
-def _options() -> dict[str, dict[str, bool | int]]:
+def _options() -> dict[str, Any]:
     """The options that are not set in the environment, if this XLA knows them; of `jax.jit`."""
     logging.getLogger("graded_contact").info(COMPILING)
     keep_small_programs()
+    # A failure is told by its exception.
+    told = logging.getLogger("jax._src.callback")
+    told.addFilter(lambda record: "callback failed" not in record.getMessage())
     flags = os.environ.get("XLA_FLAGS", "")
-    options = {name: value for name, value in LESS_WORK.items() if name not in flags}
+    usual = LESS_WORK | {_LEVEL: _OF_LARGE}
+    options = {name: value for name, value in usual.items() if name not in flags}
     # A small program tells whether this XLA knows them: names of options come and go.
     try:
         jax.jit(lambda: 0, compiler_options=options)()
     except jax.errors.JaxRuntimeError:
         return {}
-    return {"compiler_options": options}
+    return options
 
 
 def keep_small_programs() -> None:

@@ -8,7 +8,6 @@ import dataclasses
 from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -25,13 +24,14 @@ from ..core.checks import (
     check_types,
     check_values,
 )
+from ..core.compilation import jit
 from ..mean_field.mean_field import RTOL, MeanField, mean_field_of, reached
 from ..mean_field.refinement import NODES, Nodes, misses, solve_refined
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import refuse_tables
 from ..scenes.schema import Key
 from ..sliding.case import Case
-from ..surfaces.spectrum import SelfAffine
+from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
 from .limits import CRITERIA, Criteria
 
@@ -97,7 +97,7 @@ def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
 @check_types
 def friction_curve(
     stack: Stack,
-    spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
+    spectrum: Spectrum | Surface | tuple[Numbers, Numbers],
     *,
     pressure: ScalarLike,
     velocities: Numbers,
@@ -135,7 +135,7 @@ def refined_curve(
     return solve_refined(solve, nodes)
 
 
-@eqx.filter_jit
+@jit
 def _fields_at(case: Case, velocities: Float[Array, " n"], nodes: Nodes) -> MeanField:
     def at(velocity: Array) -> MeanField:
         moving = dataclasses.replace(case, velocity=velocity)

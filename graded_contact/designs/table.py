@@ -33,7 +33,7 @@ from ..scenes.schema import TableReader, keys_of
 from ..scenes.surface_source import RandomSurface
 from ..scenes.toml import parse_toml, text_of_scene
 from ..sliding.case import Case
-from ..surfaces.spectrum import SelfAffine
+from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
 from .limits import CRITERIA, Limits
 from .objectives import OBJECTIVE, OBJECTIVES, DesignObjective, refined_curve
@@ -60,7 +60,7 @@ class DesignScene:
     """
 
     scene: Scene
-    spectrum: SelfAffine | Surface
+    spectrum: Spectrum | Surface
     objective: DesignObjective
     limits: Limits
     parameters: dict[str, list[float]]
@@ -79,7 +79,7 @@ class DesignScene:
             check_whole("starts", self.starts, 1)
         check_values("verify", self.verify, "it must not be negative", at_least=0)
         if self.verify and not isinstance(self.scene.surface, RandomSurface):
-            raise ValueError('`verify` needs a [surface] of kind "self_affine".')
+            raise ValueError('`verify` needs a [surface] of kind "self_affine" or "scans".')
 
     def _check_stresses(self) -> None:
         """Raises `ValueError` for stresses that the contacts do not have."""

@@ -63,7 +63,8 @@ from ..materials.shift import HOTTEST, as_temperature
 from ..materials.softening import as_strain_per_slope, softens
 from ..sliding.case import Case, Heating
 from ..sliding.shear import ShearLaw, shear_stress, unless_negative
-from ..surfaces.spectrum import CutoffCurve, SelfAffine
+from ..surfaces.spectrum import CutoffCurve
+from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.statistics import slope_up_to
 from ..surfaces.surface import Surface
 from .angles import LAST_COSINE
@@ -124,11 +125,11 @@ class MeanField(eqx.Module):
 @check_types
 def mean_field_friction(
     stack: Stack,
-    spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
+    spectrum: Spectrum | Surface | tuple[Numbers, Numbers],
     *,
     pressure: Numbers,
     velocity: Numbers,
-    own_roughness: SelfAffine | tuple[Numbers, Numbers] | None = None,
+    own_roughness: Spectrum | tuple[Numbers, Numbers] | None = None,
     strain_per_slope: ScalarLike | None = None,
     correction: Correction = "yang_persson",
     num_wavenumbers: int = NODES.num_wavenumbers,
@@ -150,12 +151,13 @@ def mean_field_friction(
 
     - `stack`: the block, see `Stack`. `stack.at(temperature)` is the block at another temperature.
     - `spectrum`: roughness of the track, as a `SelfAffine`, isotropic or with a lay; or, isotropic,
-      as a pair `(q, C)` of wavenumbers [rad/m] and C(q) [m⁴], shape `(points,)`, a power law
-      between neighbours (`radial_spectrum` of a surface gives such a pair; rings without modes,
-      where C is NaN, are left out); or a `Surface`, whose modes are summed, isotropic or not.
+      as a `SpectrumTable`, or as a pair `(q, C)` of wavenumbers [rad/m] and C(q) [m⁴], shape
+      `(points,)`, a power law between neighbours (`radial_spectrum` of a surface gives such a pair;
+      rings without modes, where C is NaN, are left out); or a `Surface`, whose modes are summed,
+      isotropic or not.
     - `pressure`: mean pressure σ0 [Pa].
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
-    - `own_roughness`: roughness of the block itself, which moves with it, a `SelfAffine` or a pair
+    - `own_roughness`: roughness of the block itself, which moves with it, a spectrum or a pair
       as above. It reduces the area like the roughness of a track at rest: it excites no frequency
       of the block and dissipates nothing there; a counter dissipates under it.
     - `strain_per_slope`: for a block with `materials.StrainSoftening`. The modulus at each q is

@@ -5,8 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import as_float, check_increasing, check_positive, check_rows, is_concrete, short
+from ..core.checks import as_float, check_rows, is_concrete, short
 from ..surfaces.spectrum import SelfAffine, narrowing
+from ..surfaces.spectrum_table import Spectrum, SpectrumTable, check_table
 
 
 class Roughness(eqx.Module):
@@ -15,11 +16,11 @@ class Roughness(eqx.Module):
     **Fields:**
 
     - `edges`: wavenumbers [rad/m] between which C(q) is smooth, increasing, shape `(points,)`.
-    - `source`: the spectrum, or C [m⁴] at the edges, a power of q between neighbours.
+    - `source`: the spectrum.
     """
 
     edges: Float[Array, " points"]
-    source: SelfAffine | Float[Array, " points"]
+    source: Spectrum
 
     @property
     def lay(self) -> Float[Array, ""] | None:
@@ -39,14 +40,10 @@ class Roughness(eqx.Module):
         if isinstance(self.source, SelfAffine):
             across = None if mean or self.lay is None else self.lay + np.pi / 2
             density = self.source.density(q, 2, across)
-            # The derivative of the root at 0 is infinite.
-            return jnp.where(density > 0, jnp.sqrt(jnp.where(density > 0, density, 1)), 0)
-        root = jnp.log(self.source) / 2
-        # Nodes at the edges may be rounded past them.
-        slack = 8 * jnp.finfo(q.dtype).eps
-        inside = (q >= self.edges[0] * (1 - slack)) & (q <= self.edges[-1] * (1 + slack))
-        between = jnp.interp(jnp.log(q), jnp.log(self.edges), root)
-        return jnp.where(inside, jnp.exp(between), 0)
+        else:
+            density = self.source.density(q)
+        # The derivative of the root at 0 is infinite.
+        return jnp.where(density > 0, jnp.sqrt(jnp.where(density > 0, density, 1)), 0)
 
     def root_narrowing(self, q: Array, offset: Array) -> Array:
         """Returns the ratio of √C at angles from the direction across the lay to √C across [1]."""
@@ -69,23 +66,24 @@ def joined_edges(track: Roughness, own: Roughness | None) -> Float[Array, " poin
 
 
 def as_roughness(spectrum: object, name: str = "spectrum") -> Roughness:
-    """Returns a `SelfAffine`, or a pair (q, C) of arrays, in pieces; refuses anything else."""
+    """Returns a spectrum, or a pair (q, C) of arrays, in pieces; refuses anything else."""
     if isinstance(spectrum, SelfAffine):
         edges = jnp.stack([spectrum.q_low, spectrum.q_roll, spectrum.q_high])
         return Roughness(edges, spectrum)
+    if isinstance(spectrum, SpectrumTable):
+        return Roughness(spectrum.q, spectrum)
     if not (isinstance(spectrum, tuple | list) and len(spectrum) == 2):
         raise ValueError(
-            f"`{name}={short(spectrum)}` must be a `SelfAffine`, "
+            f"`{name}={short(spectrum)}` must be a `SelfAffine`, a `SpectrumTable`, "
             f"{'a `Surface` ' if name == 'spectrum' else ''}or a pair (q, C)."
         )
     q, c = map(as_float, spectrum)
-    check_rows(2, **{f"{name}[0]": q, f"{name}[1]": c})
+    names = f"{name}[0]", f"{name}[1]"
+    check_rows(2, **dict(zip(names, (q, c), strict=True)))
     if is_concrete(q) and is_concrete(c):
         known = ~np.isnan(np.asarray(c))
         q, c = q[known], c[known]
     if len(q) < 2:
         raise ValueError(f"`{name}` has C(q) at {len(q)} wavenumbers; at least 2 are needed.")
-    check_positive(f"{name}[0]", q, "[rad/m]")
-    check_positive(f"{name}[1]", c, "[m⁴]", squares=False)
-    check_increasing(f"{name}[0]", q)
-    return Roughness(q, c)
+    check_table(**dict(zip(names, (q, c), strict=True)))
+    return Roughness(q, SpectrumTable(q, c))

@@ -110,6 +110,8 @@ def open_document(path: Path | None) -> Document:
     content = {k: v for k, v in content.items() if k not in ("sweep", "design")} | {"load": load}
     content["surface"].pop("seeds", None)
     tables = {"[surface]": content["surface"]}
+    for i, scan in enumerate(content["surface"].get("scans", ())):
+        tables[f"[surface.scans[{i}]]"] = scan
     for name, table in content["materials"].items():
         tables[f"[materials.{name}]"] = table
         if table["kind"] == "tabulated":

@@ -9,7 +9,6 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -161,7 +160,7 @@ def _case(scenery: Scenery) -> Case:
     return scenery.case()
 
 
-@eqx.filter_jit
+@jit
 def _response_and_theory(scenery, waves, speeds, nodes):
     case = scenery.case()
     speed = direction_and_speed(case.velocity)[1]

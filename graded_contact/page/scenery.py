@@ -21,6 +21,7 @@ from ..scenes.surface_source import RandomSurface, Sphere
 from ..sliding.case import Case, Heating
 from ..sliding.shear import AbstractShear
 from ..surfaces.rescaling import rescale
+from ..surfaces.spectrum import SelfAffine
 from ..surfaces.statistics import radial_spectrum, statistics
 from ..surfaces.surface import Surface
 from .document import Document, material_table
@@ -126,8 +127,9 @@ def part_at(tree: Any, path: str) -> Any:
 
 def table_key(scenery: Scenery, path: str) -> str:
     """Returns the key of the tables for the number at a path."""
-    if path == "surface.spectrum.amplitude" and isinstance(scenery.surface, RandomSurface):
-        return scenery.surface.spectrum.prescribed
+    spectrum = getattr(scenery.surface, "spectrum", None)
+    if path == "surface.spectrum.amplitude" and isinstance(spectrum, SelfAffine):
+        return spectrum.prescribed
     return path.rpartition(".")[2]
 
 

@@ -11,6 +11,7 @@ from .designs import plot_design, plot_history
 from .master_curves import plot_master_curve, plot_van_gurp_palmen
 from .material_curves import plot_fit, plot_response, plot_sensitivity
 from .slider import slider
+from .spectra import plot_spectra
 from .style import COLOURS, COLUMN, PAGE, STYLE
 from .sweeps import plot_compare, plot_leakage, plot_reduced, plot_sweep
 
@@ -18,5 +19,6 @@ __all__ = [
     "COLOURS", "COLUMN", "PAGE", "STYLE", "plot_compare", "plot_cycle", "plot_design",
     "plot_dissipation", "plot_distributions", "plot_film", "plot_fit", "plot_history",
     "plot_leakage", "plot_master_curve", "plot_reduced", "plot_response", "plot_sensitivity",
-    "plot_sliding", "plot_sweep", "plot_transient", "plot_van_gurp_palmen", "slider",
+    "plot_sliding", "plot_spectra", "plot_sweep", "plot_transient", "plot_van_gurp_palmen",
+    "slider",
 ]  # fmt: skip

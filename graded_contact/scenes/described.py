@@ -10,6 +10,7 @@ def described(content: dict[str, Any]) -> str:
     """Returns the layers of a scene's tables with their thicknesses, the base, and the surface."""
     surface = content["surface"]
     kinds = {"self_affine": "a random surface", "sphere": "a sphere"}
+    kinds["scans"] = "a surface of several scans"
     road = kinds.get(surface["kind"]) or Path(surface["path"]).name
     counter = content.get("counter")
     road = road if counter is None else f"{road} of {_body(counter)}"

@@ -12,9 +12,11 @@ from ..core.display import shown
 from ..core.memory import check_points
 from ..fields.grid import Grid
 from ..readers.topography import read_surface
+from ..surfaces.joined_spectrum import joined_spectrum, scan_spectrum
 from ..surfaces.random_surface import random_surface
 from ..surfaces.rescaling import rescale
 from ..surfaces.spectrum import SelfAffine
+from ..surfaces.spectrum_table import Spectrum, SpectrumTable
 from ..surfaces.surface import Surface
 from .schema import ROOT, Key, TableReader, keys_of, kind_of
 
@@ -31,7 +33,7 @@ class RandomSurface(NamedTuple):
     - `seeds`: number of surfaces, drawn from `seed`, `seed` + 1, ...; one axis of the results.
     """
 
-    spectrum: SelfAffine
+    spectrum: Spectrum
     grid: Grid
     seed: int = 0
     amplitudes: Literal["exact", "gaussian"] = "exact"
@@ -94,6 +96,45 @@ class Sphere(NamedTuple):
         return Surface(-squared / (2 * self.radius), grid, periodic=False)
 
 
+# Of one scan: how it is read, and what of it counts. It is called as its file, unless named.
+SCAN = {
+    read_surface: keys_of(read_surface),
+    scan_spectrum: tuple(
+        key._replace(default=None) if key.name == "name" else key
+        for key in keys_of(scan_spectrum, "surface")
+    ),
+}
+
+
+def spectrum_of_scans(
+    reader: TableReader,
+    grid: Grid,
+    scans: list[dict],
+    q_high: float,
+    q_low: float | None = None,
+) -> SpectrumTable:
+    """Returns the spectrum of files, cut to what a grid has.
+
+    **Arguments:**
+
+    - `reader`, `grid`: of the scene, and of the surface.
+    - `scans`: tables [[surface.scans]], at least one, lines and areas at any magnification.
+    - `q_high`: highest wavenumber [rad/m], at most what the scans have.
+    - `q_low`: lowest wavenumber [rad/m], see `SelfAffine`.
+    """
+    found = []
+    for i, table in enumerate(scans):
+        place = f"[surface.scans[{i}]]"
+        reading, counts = reader.arguments(place, table, *SCAN.values())
+        counts.setdefault("name", reading["path"].name)
+        with within(place):
+            found.append(scan_spectrum(read_surface(**reading), **counts))
+    with within("[surface]"):
+        spectrum = joined_spectrum(found).spectrum
+        longest = max(2 * np.pi / float(np.max(grid.size)), float(spectrum.q_low))
+        return spectrum.between(longest if q_low is None else q_low, q_high)
+
+
 SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
     "self_affine": {
         SelfAffine: tuple(
@@ -103,6 +144,10 @@ SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
         RandomSurface: keys_of(RandomSurface, "spectrum", "grid"),
     },
     "sphere": {Sphere: keys_of(Sphere, "grid")},
+    "scans": {
+        spectrum_of_scans: keys_of(spectrum_of_scans, "reader", "grid"),
+        RandomSurface: keys_of(RandomSurface, "spectrum", "grid"),
+    },
     "file": {read_surface: keys_of(read_surface), rescale: keys_of(rescale, "surface")},
 }
 
@@ -166,12 +211,17 @@ def surface_source(
             check_squares("radius", sphere["radius"], "m")
         return Sphere(**sphere, grid=grid)
     spectrum, drawn = reader.arguments(place, entries, *keys)
-    # Unless given, the longest wave is as long as the longest edge.
-    spectrum.setdefault("q_low", 2 * np.pi / float(np.max(grid.size)))
     if kinds is OF_BLOCK:
         drawn.setdefault("seed", 1)
+    if kind == "scans":
+        made = spectrum_of_scans(reader, grid, **spectrum)
+    else:
+        # Unless given, the longest wave is as long as the longest edge.
+        spectrum.setdefault("q_low", 2 * np.pi / float(np.max(grid.size)))
+        with within(place):
+            made = SelfAffine(**spectrum)
     with within(place):
-        found = RandomSurface(SelfAffine(**spectrum), grid, **drawn)
+        found = RandomSurface(made, grid, **drawn)
         if found.seeds is not None:
             check_whole("seeds", found.seeds, 1)
             check_points("seeds", found.seeds)

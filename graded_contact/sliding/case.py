@@ -1,7 +1,7 @@
 """A case: everything that decides the numbers of one contact under sliding, and nothing else."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 import equinox as eqx
 import numpy as np
@@ -26,7 +26,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..fields.frequency import as_velocity
-from ..surfaces.spectrum import SelfAffine
+from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
 from .motion import check_closed, check_resolved
 from .shear import ShearLaw
@@ -90,7 +90,7 @@ class Case(eqx.Module):
     """
 
     stack: Stack
-    surface: Surface | SelfAffine | tuple[Any, Any]
+    surface: Surface | Spectrum | tuple[Any, Any]
     velocity: Any = eqx.field(converter=_if_given(as_float, "velocity"), default=None)
     displacement: Any = eqx.field(converter=_if_given(as_float, "displacement"), default=None)
     period: Any = eqx.field(converter=_if_given(as_scalar, "period"), default=None)
@@ -108,7 +108,7 @@ class Case(eqx.Module):
 
     def __check_init__(self):
         check_type("stack", self.stack, Stack)
-        check_type("surface", self.surface, Surface, SelfAffine, tuple)
+        check_type("surface", self.surface, Surface, *get_args(Spectrum), tuple)
         check_type("law", self.law, AbstractLaw)
         check_type("heating", self.heating, Heating, type(None))
         check_type("counter", self.counter, Stack, type(None))

@@ -14,7 +14,7 @@ from ..blocks.stack import Stack
 from ..blocks.stress import largest_tension, stress_field, von_mises
 from ..core.checks import Numbers, check_types, is_concrete
 from ..core.compilation import jit
-from ..core.derivative import largest
+from ..core.derivative import derivative_apart, largest
 from ..core.display import shown
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import Grid, coordinates, wavenumber
@@ -126,7 +126,7 @@ def contact_stress(
     if body == "counter" and sliding.problem.counter is None:
         raise ValueError('`body="counter"` is refused: the contact has a rigid counter.')
     _check_body(sliding, stack, body)
-    return ContactStress(_stress(sliding, stack, depths, side, body), depths, sliding.grid)
+    return ContactStress(_stress_apart(sliding, stack, depths, side, body), depths, sliding.grid)
 
 
 def _check_body(sliding: Sliding, stack: Stack, body: BodyName) -> None:
@@ -162,7 +162,7 @@ def _velocity(sliding: Sliding, body: BodyName) -> Array:
     return sliding.velocity if body == "block" else jnp.zeros_like(sliding.velocity)
 
 
-@eqx.filter_jit
+@jit
 def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side, body: BodyName):
     traction = shear_traction(sliding)
     if body == "counter" and traction is not None:
@@ -171,3 +171,6 @@ def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side, body: Bod
     grid, pressure, velocity = sliding.grid, sliding.pressure, _velocity(sliding, body)
     at = lambda z: stress_field(stack, grid, pressure, z, velocity, **how).stress  # noqa: E731
     return jax.lax.map(at, depths)
+
+
+_stress_apart = derivative_apart(_stress)

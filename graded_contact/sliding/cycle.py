@@ -10,7 +10,6 @@ their sum to heat: T Σ -ω Im M |σ_qω|². Shear in the contact acts along the
 coupling of its traction is that of `isothermal.py`.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -23,6 +22,7 @@ from ..contacts.law import check_one_law
 from ..contacts.solution import RESULTS
 from ..contacts.space_time import SpaceTime, at_rest, in_motion
 from ..core.checks import check_squares, within
+from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..core.memory import CYCLE, CYCLE_COUNTER, check_memory
 from ..fields.devices import required
@@ -88,7 +88,7 @@ def _response(case: Case, stack: Stack) -> tuple[Array, Coupling | None, Array]:
 
 
 @derivative_apart
-@eqx.filter_jit
+@jit
 def _operator(kernel, counter: Counter | None, displacement, grid: Grid) -> SpaceTime:
     moved = components(displacement)
     # A motion along x alone stays in place on the other axis.

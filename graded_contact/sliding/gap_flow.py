@@ -32,6 +32,7 @@ from ..core.checks import (
     check_types,
     check_values,
 )
+from ..core.compilation import jit
 from ..core.display import shown
 from ..core.quantities import HISTORY, STEADY, observable
 from ..fields.grid import Grid
@@ -155,7 +156,7 @@ def flow_along_y(found: Found) -> Float[Array, "..."]:
     return _flow(found).conductance[..., 1]
 
 
-@eqx.filter_jit
+@jit
 def _gap_flow(gap, grid: Grid) -> GapFlow:
     # A failed solve has no gap, of which SciPy would find no flow.
     known = jnp.all(jnp.isfinite(gap))

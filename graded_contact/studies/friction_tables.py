@@ -20,7 +20,7 @@ from ..sliding.case import Case
 from ..sliding.numerics import numerics_of
 from ..sliding.shear import is_coupled
 from ..sliding.slide import solve
-from ..surfaces.spectrum import SelfAffine
+from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
 from .dataset import FAILED, NOT_STARTED, package_versions
 from .parameter_covariance import Errors, with_standard_error
@@ -36,7 +36,7 @@ _ENGINE = ("store", "workers", "client", "progress")  # arguments of `sweep`
 @check_types
 def friction_table(
     stack: Stack,
-    roughness: Surface | SelfAffine | tuple[Numbers, Numbers],
+    roughness: Surface | Spectrum | tuple[Numbers, Numbers],
     *,
     pressure: Numbers,
     velocity: Numbers,

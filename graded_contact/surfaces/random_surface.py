@@ -24,13 +24,14 @@ from ..fields.grid import (
     wavevector,
     zero_mode,
 )
-from .spectrum import SelfAffine, narrowing, relative_density, rms_height_of
+from .spectrum import narrowing, relative_density, rms_height_of
+from .spectrum_table import Spectrum, SpectrumTable
 from .surface import Surface
 
 
 @check_types
 def random_surface(
-    spectrum: SelfAffine,
+    spectrum: Spectrum,
     grid: Grid,
     key: PRNGKeyArray,
     *,
@@ -46,7 +47,7 @@ def random_surface(
     **Arguments:**
 
     - `spectrum`: the spectrum C(q); its whole band must fit between 2π/L and the Nyquist
-      wavenumber.
+      wavenumber. A `SpectrumTable` is of surfaces, and is cut by its method `between`.
     - `grid`: the periodic cell.
     - `key`: a JAX random key (of the default kind, threefry).
     - `amplitudes`: `"exact"` gives every mode its expected amplitude and a uniformly random phase;
@@ -60,11 +61,17 @@ def random_surface(
     parts, itemsize = num_devices(grid.size), grid.size.dtype.itemsize
     check_memory("grid", "a random surface", SURFACE, grid.shape, itemsize, parts)
     _check_band(spectrum, grid)
-    return Surface(_synthesise(spectrum, grid, key, amplitudes == "gaussian"), grid)
+    heights = _synthesise(spectrum, grid, key, amplitudes == "gaussian")
+    if not isinstance(spectrum, SpectrumTable):
+        return Surface(heights, grid)
+    return Surface(heights, grid, spectrum.history, assumed=spectrum.caveats)
 
 
-def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
+def _check_band(spectrum: Spectrum, grid: Grid) -> None:
     """Refuses a spectrum that the modes of the grid do not cover."""
+    table = isinstance(spectrum, SpectrumTable)
+    if table and grid.ndim == 1:
+        raise ValueError("`spectrum` is a table for surfaces: `grid` must have two dimensions.")
     if not all(map(is_concrete, (grid.size, spectrum.q_low, spectrum.q_high))):
         return
     rounding = 1e-5  # a size in float32 times a wavenumber in float32
@@ -74,10 +81,11 @@ def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
     fundamental = 2 * np.pi / np.max(size)
     allowed = f"the grid's Nyquist wavenumber is {nyquist:g} rad/m. Use more points, at least "
     allowed += f"{q_high / nyquist:.3g} times as many"
+    allowed += ", or cut the table by `.between(q_low, q_high)`" * table
     check_values("q_high", q_high, allowed, at_most=nyquist * (1 + rounding))
     allowed = f"the smallest wavenumber of the cell is 2π/L = {fundamental:g} rad/m"
     check_values("q_low", q_low, allowed, at_least=fundamental * (1 - rounding))
-    if spectrum.anisotropy is not None and is_concrete(spectrum.q_roll):
+    if not table and spectrum.anisotropy is not None and is_concrete(spectrum.q_roll):
         # A correlation length along the lay beyond that of the cell has too few modes.
         longest = max(float(spectrum.q_roll) / fundamental, 1)
         allowed = f"γ/q_roll must be at most L/2π. This cell takes up to {longest:.3g}; for a "
@@ -95,16 +103,22 @@ def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
 
 
 @jit
-def _synthesise(spectrum: SelfAffine, grid: Grid, key: Array, gaussian: bool) -> Array:
-    x = wavenumber(grid) / spectrum.q_roll
-    density = relative_density(spectrum, x, grid.ndim)
-    if spectrum.angle is not None:
-        qx, qy = wavevector(grid)
-        # The angle of q = 0, which is empty, is that of an arbitrary other one.
-        direction = jnp.arctan2(qy, jnp.where(zero_mode(grid.shape), 1, qx))
-        density *= narrowing(spectrum, x, direction - spectrum.angle - np.pi / 2)
+def _synthesise(spectrum: Spectrum, grid: Grid, key: Array, gaussian: bool) -> Array:
+    # The density is relative: in units of a wavenumber, and of <h²> = 1.
+    if isinstance(spectrum, SpectrumTable):
+        unit, height = spectrum.q_low, spectrum.rms_height
+        density = spectrum.density(wavenumber(grid)) / (height / unit) ** 2
+    else:
+        unit, height = spectrum.q_roll, rms_height_of(spectrum, grid.ndim)
+        x = wavenumber(grid) / unit
+        density = relative_density(spectrum, x, grid.ndim)
+        if spectrum.angle is not None:
+            qx, qy = wavevector(grid)
+            # The angle of q = 0, which is empty, is that of an arbitrary other one.
+            direction = jnp.arctan2(qy, jnp.where(zero_mode(grid.shape), 1, qx))
+            density *= narrowing(spectrum, x, direction - spectrum.angle - np.pi / 2)
     # What one mode has of <h²>: C times its cell in the plane of wavevectors.
-    density *= jnp.prod(2 * np.pi / (grid.size * spectrum.q_roll))
+    density *= jnp.prod(2 * np.pi / (grid.size * unit))
     occupied = (density > 0) & ~nyquist_lines(grid.shape)
     magnitude = jnp.sqrt(jnp.where(occupied, density, 1)) * occupied
     phase_bits, magnitude_bits, sign = _mode_bits(key, grid.shape)
@@ -112,7 +126,7 @@ def _synthesise(spectrum: SelfAffine, grid: Grid, key: Array, gaussian: bool) ->
     if gaussian:
         magnitude *= jnp.sqrt(-jnp.log((magnitude_bits.astype(density.dtype) + 0.5) / 2**32))
     modes = jax.lax.complex(magnitude * jnp.cos(angle), magnitude * jnp.sin(angle))
-    return rms_height_of(spectrum, grid.ndim) * to_field(modes * np.prod(grid.shape), grid.shape)
+    return height * to_field(modes * np.prod(grid.shape), grid.shape)
 
 
 def _mode_bits(key: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:

@@ -234,8 +234,8 @@ def _squares(spectrum: SelfAffine) -> list[float]:
     return [each - found[spectrum.prescribed == "rms_slope"] for each in found]
 
 
-def _power_integral(exponent: Any, length: Any, lib: Any) -> Any:
-    """∫_0^length exp(exponent y) dy, smooth where the exponent passes through zero."""
+def power_integral(exponent: Any, length: Any, lib: Any) -> Any:
+    """Returns ∫_0^length exp(exponent y) dy, smooth where the exponent passes through zero."""
     # The quotient loses its digits near zero, where a series takes its place. Both get harmless
     # arguments where the other counts, so that no derivative is NaN.
     t = exponent * length
@@ -279,7 +279,7 @@ def _relative_moment(spectrum: SelfAffine, order, ndim: int, lib: Any = jnp, alo
     falls = -lib.asarray(order + ndim, spectrum.q_low.dtype), order - 2 * spectrum.hurst
     lengths = (spectrum.q_roll / spectrum.q_low, spectrum.q_high / spectrum.q_roll)
     pairs = zip(falls, lengths, strict=True)
-    return unit * sum(_power_integral(power, lib.log(length), lib) for power, length in pairs)
+    return unit * sum(power_integral(power, lib.log(length), lib) for power, length in pairs)
 
 
 @functools.cache

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.core import compilation
+from graded_contact.core import checks, compilation
 from graded_contact.core.compilation import COMPILING, jit, one_by_one
 
 X = jnp.array([0.3, -1.2])
@@ -52,8 +52,7 @@ def test_options_of_the_environment_stay_and_the_log_says_once_that_it_compiles(
         options = compilation._options()
         compilation._options()
     assert caplog.text.count(COMPILING) == 1
-    left_out = set(compilation.LESS_WORK) - set(options["compiler_options"])
-    assert left_out == {"xla_backend_optimization_level"}
+    assert set(options) == set(compilation.LESS_WORK)  # and no level of optimisation
 
 
 STORED_FROM = "jax_persistent_cache_min_compile_time_secs"
@@ -145,3 +144,35 @@ def test_a_program_that_fails_says_why_and_nothing_else():
     with pytest.raises(RuntimeError) as failed:
         checked(jnp.asarray(jnp.nan))
     assert str(failed.value) == "no such load" and failed.value.__suppress_context__
+
+
+def test_arguments_are_refused_before_anything_is_compiled(programs):
+    """Numbers behind arguments are seen in derivatives too, and only in the call that compiles."""
+    modulus = gc.jit(jax.value_and_grad(lambda E: 2 * gc.Elastic(E, 0.5).young))
+    for weak in (True, False):
+        bad = jnp.asarray(-1.0) if weak else jnp.full((), -1.0)
+        with pytest.raises(ValueError, match="modulus=-1` is refused"):
+            modulus(bad)
+    assert not programs["<lambda>"]
+    assert modulus(jnp.asarray(1.0))[0] == 2
+    assert modulus(jnp.asarray(-1.0))[0] == -2  # nothing is known any more
+    assert not checks._known
+
+
+def test_programs_of_small_arrays_are_not_optimised(monkeypatch):
+    """Stacks of small arrays count as their members."""
+    levels = []
+    compiled = jax.jit
+
+    def watch(function, **options):
+        levels.append(options.get("compiler_options", {}).get("xla_backend_optimization_level"))
+        return compiled(function, **options)
+
+    options = {"xla_backend_optimization_level": 2}
+    monkeypatch.setattr(compilation, "_options", lambda: options)
+    monkeypatch.setattr(jax, "jit", watch)
+    many = jnp.ones((100, 64, 64))
+    gc.jit(lambda x: x + 1)(many[0])
+    gc.jit(lambda x: x + 1)(many)
+    gc.jit(lambda x: jax.lax.map(jnp.sin, x))(many)
+    assert [level for level in levels if level is not None] == [0, 2, 0]

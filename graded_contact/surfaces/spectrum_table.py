@@ -1,0 +1,114 @@
+"""Spectra of isotropic surfaces from a table, such as measured ones."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, ScalarLike
+
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_increasing,
+    check_positive,
+    check_rows,
+    check_values,
+)
+from ..core.display import shown
+from .spectrum import SelfAffine, power_integral
+
+
+def check_table(**rows: Array) -> None:
+    """Refuses what is no table of wavenumbers and C, by their names."""
+    check_rows(2, **rows)
+    (of_q, q), (of_values, values) = rows.items()
+    check_positive(of_q, q, "[rad/m]")
+    check_positive(of_values, values, "[m⁴]", squares=False)
+    check_increasing(of_q, q)
+
+
+@shown("q_low", "q_high", "rms_height", "rms_slope", "history", "caveats", units=False)
+class SpectrumTable(eqx.Module):
+    """The spectrum C(q) of an isotropic surface: a power of q between neighbours, 0 outside.
+
+    <h²> = ∫ d²q C(q) over the whole plane, as for `SelfAffine`.
+
+    **Fields:**
+
+    - `q`: wavenumbers [rad/m], increasing, shape `(points,)`.
+    - `values`: C at these [m⁴], shape `(points,)`.
+    - `history`: where the spectrum comes from, one sentence each. Static.
+    - `caveats`: what makes it doubtful, one sentence each: caveats of a surface drawn from it.
+      Static.
+    """
+
+    q: Float[Array, " points"]
+    values: Float[Array, " points"]
+    history: tuple[str, ...] = eqx.field(static=True)
+    caveats: tuple[str, ...] = eqx.field(static=True)
+
+    def __init__(
+        self,
+        q: Numbers,
+        values: Numbers,
+        history: tuple[str, ...] = (),
+        caveats: tuple[str, ...] = (),
+    ):
+        self.q, self.values = as_float(q, "q"), as_float(values, "values")
+        check_table(q=self.q, values=self.values)
+        self.history, self.caveats = history, caveats
+
+    @property
+    def q_low(self) -> Float[Array, ""]:
+        """Lowest wavenumber [rad/m]."""
+        return self.q[0]
+
+    @property
+    def q_high(self) -> Float[Array, ""]:
+        """Highest wavenumber [rad/m]."""
+        return self.q[-1]
+
+    @property
+    def rms_height(self) -> Float[Array, ""]:
+        """Root mean square height of the surface [m]."""
+        return jnp.sqrt(self.moment(0))
+
+    @property
+    def rms_slope(self) -> Float[Array, ""]:
+        """Root mean square length of the gradient of the surface [1]."""
+        return jnp.sqrt(self.moment(2))
+
+    def density(self, q: Float[Array, "*q"]) -> Float[Array, "*q"]:
+        """Returns C(q) at wavenumbers [rad/m]: [m⁴]; both ends count."""
+        slack = 8 * float(jnp.finfo(q.dtype).eps)
+        inside = (q >= self.q[0] * (1 - slack)) & (q <= self.q[-1] * (1 + slack))
+        logarithm = jnp.log(jnp.where(inside, q, self.q[0]))
+        between = jnp.interp(logarithm, jnp.log(self.q), jnp.log(self.values))
+        return jnp.where(inside, jnp.exp(between), 0)
+
+    def moment(self, order: int | float) -> Float[Array, ""]:
+        """Returns ∫ d²q q^order C(q) [m^(2 - order)], to rounding."""
+        x, y = jnp.log(self.q), jnp.log(self.values)
+        power = order + 2
+        pieces = power_integral(jnp.diff(y) / jnp.diff(x) + power, jnp.diff(x), jnp)
+        # In logarithms: q^power alone may leave the range of float32.
+        return 2 * np.pi * jnp.sum(jnp.exp(y + power * x)[:-1] * pieces)
+
+    def between(self, q_low: ScalarLike, q_high: ScalarLike) -> "SpectrumTable":
+        """Returns the part of the spectrum between two wavenumbers [rad/m] of its range.
+
+        A random surface takes the part from 2π/L to the Nyquist wavenumber of its grid.
+        """
+        ends = np.array([q_low, q_high], float)
+        least, most = float(self.q_low), float(self.q_high)
+        allowed = f"the spectrum is known from {least:.6g} to {most:.6g} rad/m"
+        for name, end in zip(("q_low", "q_high"), ends, strict=True):
+            check_values(name, end, allowed, at_least=least * (1 - 1e-6), at_most=most * (1 + 1e-6))
+        check_values("q_high", ends[1], f"it must exceed `q_low={ends[0]:g}`", above=ends[0])
+        inner = np.asarray(self.q)
+        inner = inner[(inner > ends[0] * (1 + 1e-6)) & (inner < ends[1] * (1 - 1e-6))]
+        q = np.concatenate([ends[:1].clip(least), inner, ends[1:].clip(max=most)])
+        q = jnp.asarray(q, self.q.dtype)
+        return SpectrumTable(q, self.density(q), self.history, self.caveats)
+
+
+Spectrum = SelfAffine | SpectrumTable
