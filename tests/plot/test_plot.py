@@ -224,8 +224,17 @@ def test_results_are_compared_by_colour_and_only_over_the_same_axes():
 PAIRED = {**VARIED, "pressure": [1e5, 3e5], "velocity": [0.1, 1.0], "temperature": [280.0, 300.0]}
 
 
-@pytest.mark.parametrize("pair", [*itertools.combinations(PAIRED, 2)])
-@pytest.mark.parametrize("counts", [*itertools.product((1, 2), repeat=2)])
+PAIRS = [*itertools.combinations(PAIRED, 2)]
+CIRCLE = [*zip(PAIRED, [*PAIRED][1:] + [*PAIRED][:1], strict=True)]
+OFTEN = [*((pair, (2, 2)) for pair in PAIRS), *((pair, (2, 1)) for pair in CIRCLE)]
+OFTEN += [(PAIRS[0], (1, 1))]
+SELDOM = [(pair, (2, 1)) for pair in itertools.permutations(PAIRED, 2) if pair not in CIRCLE]
+SELDOM += [(pair, (1, 1)) for pair in PAIRS[1:]]
+
+
+@pytest.mark.parametrize(
+    "pair, counts", OFTEN + [pytest.param(*case, marks=pytest.mark.slow) for case in SELDOM]
+)
 def test_any_two_axes_of_one_or_two_points_have_figures_a_table_and_a_csv(
     pair, counts, tmp_path, capsys
 ):
