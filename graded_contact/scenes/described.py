@@ -8,7 +8,7 @@ from ..core.display import unit_of, with_unit
 from ..core.quantities import quantity_of
 from .toml import entry_text
 
-MANY = 4  # entries of a list that are not written one by one
+LISTED = 4  # entries of a list that are not written one by one
 
 
 def described(content: dict[str, Any]) -> str:
@@ -68,7 +68,7 @@ def _entries(table: dict[str, Any], owner: str = "") -> Iterator[str]:
         numbers = value if isinstance(value, list) else [value]
         if isinstance(value, dict):
             text = f"({', '.join(_entries(value, key.capitalize()))})"
-        elif len(numbers) > MANY:
+        elif len(numbers) > LISTED:
             first, last = (_entry(n, unit) for n in (numbers[0], numbers[-1]))
             text = f"{len(numbers)} from {first} to {last}"
         else:

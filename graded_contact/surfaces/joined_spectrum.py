@@ -41,7 +41,7 @@ WAVES_PER_SCAN = 2  # of the longest wave that counts: a plane is subtracted fro
 DOUBTED, REFUSED = 3.0, 100.0  # factors between C of scans where they overlap
 DIRECTED = 1.5  # rms slope across over that along a lay, above which a mean over directions is told
 # Corrections of C from a line: more blow up noise, fewer miss a roll-off.
-ROUNDS = 3
+CORRECTIONS = 3
 MEAN_OF = 12  # waves of a line: fewer scatter by a factor of 5, more blur a roll-off
 
 
@@ -168,7 +168,7 @@ def isotropic(q: np.ndarray, line: np.ndarray) -> np.ndarray:
     near = np.array([1, 2, 3, 2, 1])
     share = np.convolve(np.ones(len(x)), near, "same")
     found = target - x - np.log(np.pi)
-    for _ in range(ROUNDS):
+    for _ in range(CORRECTIONS):
         # Waves beyond the last one follow a power law, from 1/q² to q⁻⁶.
         slope = np.clip(np.polyfit(x[far], found[far], 1)[0], -6, -2) if np.sum(far) > 1 else -4
         density = np.exp(np.interp(log_k, x, found) + slope * np.maximum(log_k - x[-1], 0))
