@@ -30,7 +30,7 @@ OF_FRICTION = ("friction", "work", "power")  # in names of what is rounding at r
 APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
 
 
-class TableColumn(NamedTuple):
+class TableCells(NamedTuple):
     """A column of numbers: its head, their format, the factor to their unit, and their results."""
 
     head: str
@@ -68,7 +68,7 @@ def names_in_table(results: "Dataset", full: bool) -> list[str]:
     ]
 
 
-def columns_in_table(results: "Dataset", names: Iterable[str], full: bool) -> dict[str, TableColumn]:
+def columns_in_table(results: "Dataset", names: Iterable[str], full: bool) -> dict[str, TableCells]:
     """The columns of numbers and of their errors, which stand beside them."""
     known = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
     known |= {name: (f"leakage\nalong {name[-1]}\n[m³/s]", ".3e") for name in LEAKAGE}
@@ -92,10 +92,10 @@ def columns_in_table(results: "Dataset", names: Iterable[str], full: bool) -> di
         if unit in ("m", "Pa"):
             shown, factor = unit_of(unit, float(abs(results[name]).max()))
             head = head.replace(f"[{unit}]", f"[{shown}]")
-        found[name] = TableColumn(head, form, factor, results)
+        found[name] = TableCells(head, form, factor, results)
         for error in (name + end for end in ("_error", *APART)):
             if error in known and error in results:
-                found[error] = TableColumn(*known[error], factor, results)
+                found[error] = TableCells(*known[error], factor, results)
     return found
 
 
