@@ -25,7 +25,7 @@ from ..core.checks import (
     is_concrete,
     short,
 )
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.display import shown
 from .below import PLANE, base_face, in_plane
 from .column import climb_through, column_of
@@ -181,7 +181,7 @@ def _climb(stack, q, omega):
     return climb
 
 
-@jit
+@compiled
 def _graded(stack, q, omega, rtol, throw):
     climb = _climb(stack, q, omega)
 
@@ -217,7 +217,7 @@ def compliance_of(stack, q, omega, rtol, *, attempt=False, throw=True) -> Array:
     return jnp.broadcast_to(compliance, jnp.broadcast_shapes(q.shape, omega.shape))
 
 
-surface_compliance_unchecked = jit(compliance_of)
+surface_compliance_unchecked = compiled(compliance_of)
 
 
 def log_compliance(stack, q, omega, rtol, attempt) -> Array:

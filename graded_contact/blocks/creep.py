@@ -29,7 +29,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..core.checks import is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from .bond import AbstractBond
 from .compliance import compliance_of
@@ -149,7 +149,7 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
 
 
 @derivative_apart
-@jit
+@compiled
 def _creep(stack: Stack, ends: Array, steps: Array, rtol: float, coupled: bool) -> Creep:
     log_q = jnp.log(ends)
     angle = np.pi * (np.arange(_WAVES) + 0.5) / _WAVES

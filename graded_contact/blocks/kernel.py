@@ -31,7 +31,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.memory import KERNEL, check_memory
 from ..fields.devices import num_devices, required, spread, whole_along
@@ -168,7 +168,7 @@ def checked_velocity(stack: Stack, grid: Grid, velocity: Numbers) -> Float[Array
     return velocity
 
 
-@jit
+@compiled
 def _extreme_frequencies(grid, velocity):
     """|ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
     along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
@@ -184,7 +184,7 @@ def is_dear(stack: Stack, num_points: int) -> bool:
 
 
 @derivative_apart
-@jit
+@compiled
 def _direct_kernel(stack, grid, velocity, rtol, strain):
     def response(block, q, omega):
         return [compliance_of(block, q, omega, rtol, throw=False)]
@@ -221,7 +221,7 @@ def of_waves(
 
 
 @derivative_apart
-@jit
+@compiled
 def _interpolated_kernel(stack, grid, velocity, rtol):
     """The kernel by its table, and the error of that."""
     table = _kernel_table(stack, grid, velocity, rtol)
@@ -235,7 +235,7 @@ def _interpolated_kernel(stack, grid, velocity, rtol):
     return _rules(_mirrored(rows, grid), grid), table.error
 
 
-@jit
+@compiled
 def _kernel_table(stack, grid, velocity, rtol):
     lowest = 2 * np.pi / grid.size
 

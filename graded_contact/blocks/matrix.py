@@ -19,7 +19,7 @@ from jax import Array
 from jaxtyping import Complex
 
 from ..core.checks import Numbers, check_types, is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from .below import FULL, base_face
 from .column import climb_through, column_of
 from .grading import as_waves, graded_tolerance, solve_graded
@@ -63,7 +63,7 @@ def wavevectors(stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers) -> tuple
     return qx, qy, omega
 
 
-@jit
+@compiled
 def _surface_compliance_matrix(stack, qx, qy, omega, rtol):
     q = jnp.hypot(qx, qy)
     (c11, c12, c22, c_t, split), _ = compliance_parts(stack, q, omega, rtol)

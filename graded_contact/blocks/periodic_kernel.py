@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid
 from .compliance import compliance_of, log_compliance
@@ -56,7 +56,7 @@ def period_frequencies(num_times: int, period: Float[Array, ""]) -> Float[Array,
 
 
 @derivative_apart
-@jit
+@compiled
 def _kernel(stack, grid: Grid, num_times: int, period, rtol):
     """The kernel and the error of its table."""
     points = (num_times // 2 + 1) * int(np.prod([n // 2 + 1 for n in grid.shape]))

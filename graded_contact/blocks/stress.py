@@ -32,7 +32,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.display import shown
 from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, to_field, to_spectrum, wavevector
@@ -254,7 +254,7 @@ def _fields(stack, qx, qy, omega, traction, depth, side, rtol):
     return [a * u - b * v, b * u + a * v, -unit * w, *stress], lateral
 
 
-@jit
+@compiled
 def _interior_fields(stack, qx, qy, omega, traction, depth, side, rtol):
     rank = max(qx.ndim, traction.ndim - 1, depth.ndim)
     lift = lambda x: x.reshape((1,) * (rank - x.ndim) + x.shape)  # noqa: E731
@@ -264,7 +264,7 @@ def _interior_fields(stack, qx, qy, omega, traction, depth, side, rtol):
     return _as_fields(found)
 
 
-@jit
+@compiled
 def _stress_field(stack, grid, loads, depth, velocity, side, rtol):
     qx, *qy = wavevector(grid, both_signs(grid.shape))
     qy = qy[0] if qy else jnp.zeros_like(qx)

@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Array, Inexact
 
 from ..core.checks import Numbers, check_types
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum, zero_mode
 from .kernel import stack_kernel
@@ -79,7 +79,7 @@ def long_cell(grid: Grid) -> Grid:
 
 
 @derivative_apart
-@jit
+@compiled
 def without_images(near: Array, far: Array, grid: Grid, ground: bool) -> tuple[Array, Array]:
     """Returns the kernel of a window and its two estimated errors [m/Pa], see above.
 

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.checks import check_type, check_whole, is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .abstract_solver import (
     AbstractContactSolver,
@@ -131,7 +131,7 @@ class DouglasRachford(AbstractContactSolver):
         )  # fmt: skip
 
 
-@jit
+@compiled
 def _coarser(operator, heights, loading: Loading, shapes):
     """What is given on coarser grids of these shapes."""
     shape, coarse = heights.shape, []
@@ -150,7 +150,7 @@ def _coarser(operator, heights, loading: Loading, shapes):
     return coarse
 
 
-@jit
+@compiled
 def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     """The fields of a problem but its grid, which XLA would copy, and the state of its solve.
 
@@ -258,7 +258,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
     return jax.lax.while_loop(lambda state: state.next == _EPOCH_NEXT, epoch, state)
 
 
-@jit
+@compiled
 def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) -> SolveState:
     """Iterates to the end, with Newton steps where the splitting is slow."""
 
@@ -287,7 +287,7 @@ def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) 
     return jax.lax.while_loop(lambda state: state.next != _NOTHING, turn, state)
 
 
-@jit
+@compiled
 def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
     """The contact where a solve ended on the finest grid."""
     factor = state.factor

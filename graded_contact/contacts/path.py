@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core.checks import Numbers, as_float, check_types, check_values
-from ..core.compilation import alone, jit
+from ..core.compilation import alone, compiled
 from ..core.derivative import still
 from ..core.display import shown
 from .abstract_solver import AbstractContactSolver
@@ -115,12 +115,12 @@ def follow_contact(
     return ContactPath(gaps, pressures, areas, unloading, pairs, result, last)
 
 
-@jit
+@compiled
 def _area(law: AbstractLaw, contact: ContactSolution):
     touching = law.contact_indicator(contact.pressure, contact.gap, 1.0) > 0
     return jnp.mean(touching, dtype=contact.gap.dtype)
 
 
-@jit
+@compiled
 def _stacked(rows):
     return jax.tree.map(lambda *row: jnp.stack(row), *rows)

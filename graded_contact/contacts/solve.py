@@ -20,7 +20,7 @@ from ..core.checks import (
     check_types,
     is_concrete,
 )
-from ..core.compilation import jit, one_by_one
+from ..core.compilation import compiled, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
@@ -168,7 +168,7 @@ def default_rtol(dtype: Any) -> float:
     return SINGLE_RTOL if jnp.finfo(dtype).bits == 32 else RTOL
 
 
-@jit
+@compiled
 @one_by_one
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start):
     operator = inputs.operator
@@ -177,7 +177,7 @@ def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start):
     return solver.solve(*inputs, rtol=rtol, start=start)
 
 
-@jit
+@compiled
 def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
     """What a solver would return for a solution: the gap is that of the law."""
     law, pressure, gap = inputs.law, solution.pressure, solution.gap
@@ -197,7 +197,7 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
     )  # fmt: skip
 
 
-@jit
+@compiled
 def _solution(
     inputs: Inputs, finds_unstable: bool, found: SolverOutput, adjoint: LinearSolver, rtol, close
 ) -> tuple[ContactSolution, Array]:
@@ -240,7 +240,7 @@ _solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)
 _solution_or_nan = derivative_apart(_solution)
 
 
-@jit
+@compiled
 def _unless_failed(solution: ContactSolution) -> ContactSolution:
     """NaN in place of all numbers of a failed solve.
 

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..fields.grid import Grid, Waves, half_shape, to_spectrum
 from .abstract_solver import Inputs, Loading
 from .law import AbstractLaw
@@ -146,7 +146,7 @@ def _with_ground(operator: AbstractOperator, shape: tuple[int, ...]) -> Window:
     return Window(raised, grounded=True)
 
 
-@jit
+@compiled
 def on_part(found: ContactSolution, operator: AbstractOperator) -> ContactSolution:
     """Returns the contact on a window, and its means there, from the contact on the cell."""
     fields = found.pressure, found.gap, found.displacement, found.correction
@@ -158,7 +158,7 @@ def on_part(found: ContactSolution, operator: AbstractOperator) -> ContactSoluti
     )  # fmt: skip
 
 
-@jit
+@compiled
 def _known_on_whole(known: ContactSolution, inputs: Inputs) -> ContactSolution:
     """The contact on the cell of a window's contact: around it, its pressure's displacement."""
     operator, heights = inputs.operator, inputs.heights - jnp.mean(inputs.heights)

@@ -51,6 +51,16 @@ def jit(function: F) -> F:
 
     **Returns:** the compiled function. What it returns may contain texts and other objects, too.
     """
+    return _compiled(function, True)
+
+
+def compiled(function: F) -> F:
+    """The same for the package: arguments may be results, and NaN."""
+    return _compiled(function, False)
+
+
+def _compiled(function: F, checks: bool) -> F:
+    """The compiled function; `checks` see the numbers with which it is compiled."""
     within, programs = eqx.filter_jit(function), {}
 
     @functools.wraps(function)
@@ -62,7 +72,7 @@ def jit(function: F) -> F:
         key = (tree, *fixed, *(np.shape(array) for array in jax.tree.leaves(arrays)))
         try:
             if key not in programs:
-                programs[key] = _program(function, arrays, others)
+                programs[key] = _program(function, arrays, others, checks)
             numbers, rest = jax.block_until_ready(programs[key](arrays))
         except (RuntimeError, ValueError) as error:  # the cause, without the frames around it
             cause = str(error).rpartition("EquinoxRuntimeError: ")[2].partition("\n\n\n---")[0]
@@ -78,10 +88,9 @@ class _Fixed(eqx.Module):
     value: Any = eqx.field(static=True)
 
 
-def _program(function: Callable, arrays: Any, others: Any) -> Callable:
+def _program(function: Callable, arrays: Any, others: Any, checks: bool) -> Callable:
     """The compiled function of arrays, with these other arguments, by the sizes in its trace."""
-
-    known = jax.tree.leaves(arrays)
+    known = jax.tree.leaves(arrays) if checks else []
 
     def traced(inputs):
         args, kwargs = eqx.combine(inputs, others)
@@ -127,7 +136,7 @@ _probe = jax.jit(lambda: 0)
 
 @functools.cache
 def _options() -> dict[str, Any]:
-    """The options that are not set in the environment, if this XLA knows them; of `jax.jit`."""
+    """Options of `jax.jit` that this XLA knows and the environment does not set."""
     logging.getLogger("graded_contact").info(COMPILING)
     keep_small_programs()
     # A failure is told by its exception.
@@ -135,13 +144,16 @@ def _options() -> dict[str, Any]:
     told.addFilter(lambda record: "callback failed" not in record.getMessage())
     flags = os.environ.get("XLA_FLAGS", "")
     usual = LESS_WORK | {_LEVEL: _OF_LARGE}
-    options = {name: value for name, value in usual.items() if name not in flags}
-    # A small program tells whether this XLA knows them: names of options come and go.
+    return {name: v for name, v in usual.items() if name not in flags and _is_known({name: v})}
+
+
+def _is_known(option: dict[str, Any]) -> bool:
+    """Whether this XLA knows an option: their names come and go."""
     try:
-        jax.jit(lambda: 0, compiler_options=options)()
+        jax.jit(lambda: 0, compiler_options=option)()
     except jax.errors.JaxRuntimeError:
-        return {}
-    return options
+        return False
+    return True
 
 
 def keep_small_programs() -> None:

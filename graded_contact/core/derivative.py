@@ -19,7 +19,7 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from .checks import is_concrete
-from .compilation import alone, jit
+from .compilation import alone, compiled
 
 # Fails at run time if its second argument is true, else returns the first, a number.
 Check = Callable[[Array, Array], Array]
@@ -78,11 +78,11 @@ def derivative_apart(function: F, check: Check | None = None, explain: Explain |
     def numbers(moving, fixed):
         return eqx.filter(function(*eqx.combine(moving, fixed)), eqx.is_inexact_array)
 
-    @jit
+    @compiled
     def along(moving, fixed, tangents):
         return jax.jvp(lambda moving: numbers(moving, fixed), (moving,), (tangents,))[1]
 
-    @jit
+    @compiled
     def back(moving, fixed, cotangents):
         return jax.vjp(lambda moving: numbers(moving, fixed), moving)[1](cotangents)[0]
 

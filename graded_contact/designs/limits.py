@@ -14,7 +14,7 @@ from ..blocks.compliance import effective_modulus
 from ..blocks.depth import Side
 from ..blocks.stack import Stack, interface_depths
 from ..core.checks import as_float, check_positive, check_values, within
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import largest
 from ..core.display import shown, unit_of
 from ..core.quantities import CYCLE
@@ -56,7 +56,7 @@ class Criterion(NamedTuple):
 Depths = Float[Array, " depths"]
 
 
-@jit
+@compiled
 def _largest(found: Any, stack: Stack, kind: StressKind, depths: Depths, side: Side) -> Depths:
     # One depth after another, also in the derivative: the stresses of all would fill the memory.
     at = jax.checkpoint(

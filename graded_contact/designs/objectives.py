@@ -24,7 +24,7 @@ from ..core.checks import (
     check_types,
     check_values,
 )
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..mean_field.mean_field import RTOL, MeanField, mean_field_of, reached
 from ..mean_field.refinement import NODES, Nodes, misses, solve_refined
 from ..scenes.scene import Scene
@@ -135,7 +135,7 @@ def refined_curve(
     return solve_refined(solve, nodes)
 
 
-@jit
+@compiled
 def _fields_at(case: Case, velocities: Float[Array, " n"], nodes: Nodes) -> MeanField:
     def at(velocity: Array) -> MeanField:
         moving = dataclasses.replace(case, velocity=velocity)

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from ..blocks.stack import Stack
 from ..core.checks import Numbers, as_float
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.parameters import with_values
 from ..mean_field.mean_field import MeanField, reached
 from ..sliding.result import Found
@@ -96,7 +96,7 @@ def criteria_in(study: DesignScene, stack: Stack, found: Found) -> dict[str, Arr
 def by_contact(study: DesignScene) -> Callable[[Parameters], Criteria]:
     """Returns the criteria by contact on the surfaces of a search, as one program."""
     own, surfaces = study.scene.stack, study.surfaces
-    return jit(lambda values: criteria_of(study, with_values(own, values), surfaces))
+    return compiled(lambda values: criteria_of(study, with_values(own, values), surfaces))
 
 
 def design_problem(

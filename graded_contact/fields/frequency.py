@@ -13,7 +13,7 @@ from jax import Array
 from jaxtyping import Float
 
 from ..core.checks import Numbers, as_float, check_squares, check_values, is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from .grid import Grid, odd_wavevector
 
 
@@ -45,7 +45,7 @@ def velocity_along(speed: Any, direction: Any) -> Any:
     return speed * lib.where(lib.abs(unit) < 1e-12, 0, unit)
 
 
-@jit
+@compiled
 def direction_and_speed(
     velocity: Float[Array, "..."],
 ) -> tuple[Float[Array, " components"], Float[Array, ""]]:

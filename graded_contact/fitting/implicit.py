@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core.checks import is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 
 RIDGE = 1e-13  # relative to the diagonal of the Hessian: far below what data determine
 
@@ -54,7 +54,7 @@ def _attach_derivative_jvp(primals, tangents):
     return theta, _change_of_optimum(objective, theta, free, data, tangents[3])
 
 
-@jit
+@compiled
 def _change_of_optimum(objective, theta, free, data, d_data):
     gradient = jax.grad(objective)
     _, forcing = eqx.filter_jvp(lambda data: gradient(theta, data), (data,), (d_data,))

@@ -24,7 +24,7 @@ from jaxtyping import Array, Complex, Float
 from scipy.special import ndtri
 
 from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive, check_types
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
@@ -273,7 +273,7 @@ def _typical_residual(series, theta):
     return max(float(np.median(size[counted])) for size, counted in rows if np.any(counted))
 
 
-@jit
+@compiled
 def prony_material(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
     """Returns the material with these unknowns, in relaxation form."""
     strengths, times, extras = map(jnp.exp, problem_of(data, jnp).split(theta))

@@ -22,7 +22,7 @@ from ..core.checks import (
     is_concrete,
     short,
 )
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..materials.measured import Measured
 from .alignment import first_shifts
 from .lengths import SEARCH, Length, best_of_length, choose, criterion
@@ -168,7 +168,7 @@ def _expecting(data, error):
     return problem_of(with_found(data, penalty, data.isotherms.rivals)), penalty
 
 
-@jit
+@compiled
 def at_reference(unknowns: Unknowns, data: Observations) -> Observations:
     """Returns all measurements as if made at the reference temperature."""
     isotherms = data.isotherms

@@ -29,7 +29,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import largest, still
 from ..core.display import shown
 from ..core.fixed_point import attach_fixed_point, find_fixed_point
@@ -88,7 +88,7 @@ def find_rises(
     return rises, point.error, point.error <= rtol
 
 
-@jit
+@compiled
 def _rises(heating, q, x, heat, shear_heat, scales, speed):
     """The rises at the surface and at the scales [K]."""
     conductivity, counterface = heating.conductivity, heating.counterface_conductivity

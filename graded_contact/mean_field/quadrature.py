@@ -33,7 +33,7 @@ from numpy.polynomial import chebyshev
 from ..blocks.compliance import surface_compliance_unchecked
 from ..blocks.grading import graded_tolerance
 from ..blocks.stack import Stack
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..fields.devices import binned
 from ..fields.frequency import direction_and_speed, sliding_frequency, wave_frequencies
 from ..fields.grid import multiplicity, rings, to_spectrum, zero_mode
@@ -80,7 +80,7 @@ class Rules(NamedTuple):
     num_angles: int
 
 
-@jit
+@compiled
 @eqx.filter_checkpoint
 def integrate(
     field: FieldInputs, rules: Rules, temperatures: Float[Array, " scales"] | None = None
@@ -191,7 +191,7 @@ def _softened(stack: Stack, strain) -> Stack:
     return at_strain(stack, strain) if strain is not None and softens(stack) else stack
 
 
-@jit
+@compiled
 def add_up(field: FieldInputs, correction: Correction, kernel: Array) -> tuple[Array, ...]:
     """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, of a surface.
 

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from ..blocks.compliance import effective_modulus
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed
 from ..mean_field.mean_field import RTOL, mean_field_friction
@@ -155,12 +155,12 @@ class Model:
 
 
 @derivative_apart
-@jit
+@compiled
 def _case(scenery: Scenery) -> Case:
     return scenery.case()
 
 
-@jit
+@compiled
 def _response_and_theory(scenery, waves, speeds, nodes):
     case = scenery.case()
     speed = direction_and_speed(case.velocity)[1]

@@ -127,9 +127,8 @@ def part_at(tree: Any, path: str) -> Any:
 
 def table_key(scenery: Any, path: str) -> str:
     """Returns the key of the tables for the number at a path."""
-    spectrum = getattr(scenery.surface, "spectrum", None)
-    if path == "surface.spectrum.amplitude" and isinstance(spectrum, SelfAffine):
-        return spectrum.prescribed
+    if path == "surface.spectrum.amplitude" and isinstance(scenery.surface.spectrum, SelfAffine):
+        return scenery.surface.spectrum.prescribed
     return path.rpartition(".")[2]
 
 

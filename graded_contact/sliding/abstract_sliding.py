@@ -15,7 +15,7 @@ from ..contacts.operator import AbstractOperator
 from ..contacts.solution import RESULTS, ContactSolution, if_known
 from ..core.caveats import caveats_of
 from ..core.checks import is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.quantities import HISTORY, OBSERVABLES, numbers_of
 from ..fields.grid import Grid
@@ -182,7 +182,7 @@ def _in_programs(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, Fl
 
 
 @derivative_apart
-@jit
+@compiled
 def _computed(
     found: AbstractSliding, near: Any, names: tuple[str, ...]
 ) -> dict[str, Float[Array, "..."]]:

@@ -24,7 +24,7 @@ from jaxtyping import Array, Float
 
 from ..blocks.stack import Stack, interface_depths
 from ..core.checks import Numbers, check_types
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
 from .bodies import BodyName
@@ -87,7 +87,7 @@ class Heat(NamedTuple):
     lost: Array | float = 0.0
 
 
-@jit
+@compiled
 def temperatures(sliding: Sliding, bodies, heating: Heating, heat: Heat, depths) -> list[Array]:
     """Returns the spectra of the temperature at depths of the block and of the counter.
 

@@ -13,7 +13,7 @@ from ..blocks.depth import Side
 from ..blocks.stack import Stack
 from ..blocks.stress import largest_tension, stress_field, von_mises
 from ..core.checks import Numbers, check_types, is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart, largest
 from ..core.display import shown
 from ..fields.frequency import wave_frequencies
@@ -86,7 +86,7 @@ class ContactStress(eqx.Module):
         return _largest(getattr(self, kind), self.depths, self.grid)
 
 
-@jit
+@compiled
 def _largest(field: Array, depths: Array, grid: Grid) -> LargestStress:
     index = jnp.unravel_index(jnp.argmax(field), field.shape)
     axes = [axis.ravel() for axis in coordinates(grid)]
@@ -162,7 +162,7 @@ def _velocity(sliding: Sliding, body: BodyName) -> Array:
     return sliding.velocity if body == "block" else jnp.zeros_like(sliding.velocity)
 
 
-@jit
+@compiled
 def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side, body: BodyName):
     traction = shear_traction(sliding)
     if body == "counter" and traction is not None:

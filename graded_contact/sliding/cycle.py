@@ -22,7 +22,7 @@ from ..contacts.law import check_one_law
 from ..contacts.solution import RESULTS
 from ..contacts.space_time import SpaceTime, at_rest, in_motion
 from ..core.checks import check_squares, within
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.memory import CYCLE, CYCLE_COUNTER, check_memory
 from ..fields.devices import required
@@ -88,7 +88,7 @@ def _response(case: Case, stack: Stack) -> tuple[Array, Coupling | None, Array]:
 
 
 @derivative_apart
-@jit
+@compiled
 def _operator(kernel, counter: Counter | None, displacement, grid: Grid) -> SpaceTime:
     moved = components(displacement)
     # A motion along x alone stays in place on the other axis.

@@ -34,7 +34,7 @@ from ..core.checks import (
     check_types,
     check_values,
 )
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.display import shown
 from ..core.quantities import (
     HISTORY,
@@ -212,7 +212,7 @@ for _axis, _name in enumerate(("flow_along_x", "flow_along_y")):
     add_errors(_name, of_steady, TOTAL, needs=[FLOW], **_parts)
 
 
-@jit
+@compiled
 def _gap_flow(gap, grid: Grid) -> GapFlow:
     # A failed solve has no gap, of which SciPy would find no flow.
     known = jnp.all(jnp.isfinite(gap))

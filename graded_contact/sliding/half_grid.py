@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..contacts.operator import nonzero
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..fields.grid import Grid, derivative, resample_spectrum, to_field, to_spectrum
 
 _FEWEST = 4  # points along an axis that are not halved again
@@ -30,7 +30,7 @@ def grid_estimate(heights: Float[Array, "*shape"], grid: Grid, window: bool) -> 
     return f"from half the grid, and from the waves it lacks ({missing:.0%} of the squared slope)"
 
 
-@jit
+@compiled
 def heights_on(
     heights: Array, grid: Grid, half: tuple[int, ...], window: bool
 ) -> tuple[Array, Array, Array]:

@@ -24,7 +24,7 @@ from ..blocks.profile import Aged, Blend
 from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, by_kind, interface_depths
 from ..blocks.stress import stress_field
 from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, to_field, to_spectrum
 from ..materials.material import AbstractMaterial, Elastic, Prony
@@ -114,7 +114,7 @@ def as_depths(depths: Numbers) -> Float[Array, " depths"]:
     return depths
 
 
-@jit
+@compiled
 def heat_where(needed, sliding: Sliding, stack: Stack, depths) -> Array:
     """Returns the heat [W/m³] at depths where it is `needed`, 0 at others; see `heat_source`."""
     grid, velocity, pressure = sliding.grid, sliding.velocity, sliding.pressure

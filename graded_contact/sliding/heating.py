@@ -29,7 +29,7 @@ from ..blocks.stack import Stack
 from ..contacts.area import area_in_doubt
 from ..contacts.solution import RESULTS, ended
 from ..core.checks import Numbers, is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart, still
 from ..core.fixed_point import attach_fixed_point, find_fixed_point, has_reached
 from ..fields.devices import required
@@ -195,7 +195,7 @@ def _errors(s: Found, closer: Found):
     return _differences(*((*one.compute(*names), one.pressure) for one in (s, closer)))
 
 
-@jit
+@compiled
 def _differences(found, closer):
     """The errors of friction and area from both, indicators and pressures."""
     by_friction, by_area = (
@@ -204,7 +204,7 @@ def _differences(found, closer):
     return by_friction, jnp.maximum(by_area, area_in_doubt(found[2], closer[3] - found[3]))
 
 
-@jit
+@compiled
 def _cells(grid: Grid, number: int) -> tuple[Array, ...]:
     """The edges of the cells, these once more, and those of twice as many cells [m].
 
@@ -218,7 +218,7 @@ def _cells(grid: Grid, number: int) -> tuple[Array, ...]:
 
 
 @derivative_apart
-@jit
+@compiled
 def _warm(bodies: tuple[Stack, ...], temperature, x, edges) -> tuple[list[Stack], Array]:
     """The bodies at rises of their surfaces and cells, and the temperature of the contact."""
     rises = x.reshape(len(bodies), -1)[:, 1:]
@@ -227,7 +227,7 @@ def _warm(bodies: tuple[Stack, ...], temperature, x, edges) -> tuple[list[Stack]
 
 
 @derivative_apart
-@jit
+@compiled
 def _rises(
     factor,
     lost,

@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from ..contacts.operator import nonzero
 from ..core.checks import is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import largest
 from .formulas import lengths
 from .history_problem import HistoryProblem, HistoryWaves
@@ -92,7 +92,7 @@ def _segments(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]):
     return advance.init(len(kept)), segment
 
 
-@jit
+@compiled
 def _run(
     problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]
 ) -> tuple[HistoryState, dict[str, Array]]:
@@ -105,7 +105,7 @@ def _run(
     return state, _of_whole(problem, numbers)
 
 
-@jit
+@compiled
 def _before(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]):
     """The state before t = 0, and room for the numbers of all steps."""
     start, segment = _segments(problem, how, kept)
@@ -113,7 +113,7 @@ def _before(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...]):
     return start, jax.tree.map(lambda a: jnp.zeros((count, *a.shape[1:]), a.dtype), like)
 
 
-@jit
+@compiled
 def _one_segment(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...], found, first):
     """The state and the numbers after a segment."""
     segment, (state, numbers) = _segments(problem, how, kept)[1], found
@@ -122,7 +122,7 @@ def _one_segment(problem: HistoryProblem, how: Numerics, kept: tuple[int, ...], 
     return state, jax.tree.map(lambda a, b: a.at[rows].set(b, mode="drop"), numbers, new)
 
 
-@jit
+@compiled
 def _of_whole(problem: HistoryProblem, numbers: dict[str, Array]) -> dict[str, Array]:
     """The numbers of all steps, with those over the load and those of the whole."""
     load = numbers["load"]

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..contacts.solution import RESULTS, ContactSolution, ended
 from ..core.checks import Numbers, is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import still
 from ..core.fixed_point import attach_fixed_field, find_fixed_point
 from ..fields.devices import required
@@ -138,4 +138,4 @@ def _lagged(
     return dataclasses.replace(found, contact=contact)
 
 
-_lift = jit(lift)
+_lift = compiled(lift)

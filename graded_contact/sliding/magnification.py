@@ -21,7 +21,7 @@ from ..core.checks import (
     check_types,
     check_whole,
 )
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import largest
 from ..fields.devices import binned
 from ..fields.frequency import as_velocity, direction_and_speed, wave_frequencies
@@ -123,7 +123,7 @@ def cumulative_friction(
     return _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers)
 
 
-@jit
+@compiled
 def _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers: int):
     q = wavenumber(grid)
     along = -wave_frequencies(grid, direction_and_speed(velocity)[0])

@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solution import RESULTS
 from ..core.checks import is_concrete
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import largest
 from ..fields.grid import interpolate
 from .facts import WINDOW
@@ -111,7 +111,7 @@ def _solved(
     return dataclasses.replace(found, contact=contact, problem=problem)
 
 
-@jit
+@compiled
 def _given(
     found: Found, shape: tuple[int, ...], heights: Array, num_times: int
 ) -> tuple[Problem, Array, Array, Array]:

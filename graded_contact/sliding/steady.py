@@ -18,7 +18,7 @@ from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.solution import RESULTS
 from ..contacts.window import operator_of
 from ..core.checks import Numbers, as_float, check_values, is_concrete, within
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.memory import SLIDING, check_memory
 from ..fields.devices import num_devices, required
 from ..fields.frequency import direction_and_speed
@@ -71,7 +71,7 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
     return Posed(problem, load, reached)
 
 
-_coverage = jit(coverage)
+_coverage = compiled(coverage)
 
 
 def _thickness(stack: Stack, surface: Surface) -> Array | None:

@@ -30,7 +30,7 @@ from ..contacts.adjoint import LinearSolver, LinearSplitting, opening_by_load
 from ..contacts.area import contact_shares, edge_stiffness
 from ..contacts.operator import Steady, first_mode
 from ..core.checks import as_scalar, check_positive, check_type, check_types
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.quantities import FOUR, TOTAL, of_steady
 from ..fields.grid import wavenumber
 from .bodies import lags
@@ -165,7 +165,7 @@ def _check(sliding: Sliding) -> None:
         raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
 
 
-@jit
+@compiled
 def _stiffness(sliding: Sliding, adjoint: LinearSolver, softness: float = 1.0, kernel=None):
     """The stiffness of the block under its traction, or with a kernel in the place of both."""
     follows = kernel is None and lags(sliding.coupling)

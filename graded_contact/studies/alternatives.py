@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..core.checks import as_float, check_types, check_values, check_whole
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from .search import Constraints, Design, Objective, minimise
 
 
@@ -122,5 +122,5 @@ def scatter(
     allowed = "a standard deviation of ln(parameter) lies between 0 and 10"
     check_values("spread", width, allowed, at_least=0, at_most=10)
     draws = jax.random.normal(jax.random.key(seed), (num_samples, flat.size))
-    values = jit(lambda every: jax.lax.map(lambda x: objective(unravel(x)), every))
+    values = compiled(lambda every: jax.lax.map(lambda x: objective(unravel(x)), every))
     return values(flat * jnp.exp(width * draws))

@@ -9,7 +9,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.display import short
 from .program import key_of
 from .store import Point, Store, fingerprint
@@ -98,7 +98,7 @@ def _with_slopes(function: Callable[..., Array]) -> Callable[..., tuple[Array, A
         rows = jnp.eye(len(values), dtype=values.dtype)
         return values, jax.lax.map(lambda row: pull(row)[0], rows)
 
-    return jit(run)
+    return compiled(run)
 
 
 class Evaluation(NamedTuple):

@@ -12,7 +12,7 @@ from jax import Array
 from jaxtyping import PRNGKeyArray
 
 from ..core.checks import check_types, check_values, is_concrete, short
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.memory import SURFACE, check_memory
 from ..fields.devices import num_devices
 from ..fields.grid import (
@@ -102,7 +102,7 @@ def _check_band(spectrum: Spectrum, grid: Grid) -> None:
             raise ValueError(f"{band}. Use a larger cell, or a wider band.")
 
 
-@jit
+@compiled
 def _synthesise(spectrum: Spectrum, grid: Grid, key: Array, gaussian: bool) -> Array:
     # The density is relative: in units of a wavenumber, and of <h²> = 1.
     if isinstance(spectrum, SpectrumTable):

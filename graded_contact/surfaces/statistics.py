@@ -12,7 +12,7 @@ from jax import Array
 from jaxtyping import Float
 
 from ..core.checks import check_types, check_whole
-from ..core.compilation import jit
+from ..core.compilation import compiled
 from ..core.derivative import largest
 from ..core.display import shown
 from ..fields.devices import binned
@@ -57,7 +57,7 @@ class Statistics(eqx.Module):
 
 
 @check_types
-@jit
+@compiled
 def statistics(surface: Surface) -> Statistics:
     """Returns the statistics of a surface, differentiable unless it is flat.
 
@@ -121,7 +121,7 @@ def _root(square: Array) -> Array:
 
 
 @check_types
-@jit
+@compiled
 def radial_spectrum(
     surface: Surface, num_bins: int = 40
 ) -> tuple[Float[Array, " bins"], Float[Array, " bins"]]:
@@ -162,7 +162,7 @@ def radial_spectrum(
     return q, jnp.where(count > 0, density, jnp.nan)
 
 
-@jit
+@compiled
 def slope_up_to(surface: Surface) -> tuple[Float[Array, " rings"], Float[Array, " rings"]]:
     """Returns wavenumbers [rad/m] and the rms slope [1] of the waves up to each of them."""
     grid = surface.grid

@@ -52,7 +52,7 @@ def test_options_of_the_environment_stay_and_the_log_says_once_that_it_compiles(
         options = compilation._options()
         compilation._options()
     assert caplog.text.count(COMPILING) == 1
-    assert set(options) == set(compilation.LESS_WORK)  # and no level of optimisation
+    assert "xla_backend_optimization_level" not in options
 
 
 STORED_FROM = "jax_persistent_cache_min_compile_time_secs"
@@ -80,9 +80,10 @@ def test_a_limit_of_the_environment_to_what_is_stored_stays(monkeypatch):
         jax.config.update(name, before)
 
 
-def test_an_xla_without_the_options_compiles_as_it_does(afresh, monkeypatch):
+def test_an_xla_without_an_option_takes_the_others(afresh, monkeypatch):
+    monkeypatch.setenv("XLA_FLAGS", "")
     monkeypatch.setattr(compilation, "LESS_WORK", {"xla_of_another_time": True})
-    assert compilation._options() == {}
+    assert compilation._options() == {"xla_backend_optimization_level": 2}
 
 
 def test_a_batch_is_computed_one_by_one():
