@@ -29,8 +29,9 @@ LESS_WORK = {
 }
 _LEVEL = "xla_backend_optimization_level"
 _OF_SMALL, _OF_LARGE = 0, 2  # of 3
-# Elements that nearly all operations of a small program return: 64² points, or as many waves.
-_SMALL, _NEARLY_ALL = 4500, 0.95
+# Elements that nearly all operations of a small program return: 64² points, or as many waves. And
+# the mean over its operations with the known lengths of loops: then it runs for 0.1 s at most.
+_SMALL, _NEARLY_ALL, _SHORT = 4500, 0.95, 20_000
 
 
 def jit(function: F) -> F:
@@ -40,8 +41,8 @@ def jit(function: F) -> F:
     another `jit`, or under `vmap` and `grad`, it is `eqx.filter_jit`. Arguments that are refused
     are refused before anything is compiled.
 
-    A program of contacts of up to 64² points is not optimised. For many thousand of them, set
-    `XLA_FLAGS=--xla_backend_optimization_level=2` in the environment.
+    A program of contacts of up to 64² points, without long loops, is not optimised. For many
+    thousand of them, set `XLA_FLAGS=--xla_backend_optimization_level=2` in the environment.
 
     **Arguments:**
 
@@ -107,21 +108,23 @@ def _program(function: Callable, arrays: Any, others: Any, checks: bool) -> Call
 
 def options_for(program: Jaxpr) -> dict[str, Any]:
     """Returns the options with which a program compiles in less time."""
-    options = _options()
-    if _LEVEL in options and np.quantile(_sizes(program) or [0], _NEARLY_ALL) <= _SMALL:
+    options, (sizes, runs) = _options(), np.reshape(_sizes(program), (-1, 2)).T
+    small = not sizes.size or np.quantile(sizes, _NEARLY_ALL) <= _SMALL
+    if _LEVEL in options and small and np.sum(sizes * runs) <= _SHORT * sizes.size:
         return options | {_LEVEL: _OF_SMALL}
     return options
 
 
-def _sizes(program: Jaxpr) -> list[int]:
-    """Elements of what each operation of a program returns."""
+def _sizes(program: Jaxpr, runs: int = 1) -> list[tuple[int, int]]:
+    """Elements of what each operation of a program returns, and how often it runs, if known."""
     sizes = []
     for operation in program.eqns:
         inner = list(jaxprs_in_params(operation.params))
+        turns = operation.params["length"] if operation.primitive.name == "scan" else 1
         for part in inner:
-            sizes += _sizes(part)
+            sizes += _sizes(part, runs * turns)
         if not inner:  # what loops stack is made of what their bodies return
-            sizes += [getattr(result.aval, "size", 0) for result in operation.outvars]
+            sizes += [(getattr(result.aval, "size", 0), runs) for result in operation.outvars]
     return sizes
 
 

@@ -161,7 +161,7 @@ def test_arguments_are_refused_before_anything_is_compiled(programs):
 
 
 def test_programs_of_small_arrays_are_not_optimised(monkeypatch):
-    """Stacks of small arrays count as their members."""
+    """Stacks of small arrays count as their members, operations of loops as often as they run."""
     levels = []
     compiled = jax.jit
 
@@ -172,8 +172,9 @@ def test_programs_of_small_arrays_are_not_optimised(monkeypatch):
     options = {"xla_backend_optimization_level": 2}
     monkeypatch.setattr(compilation, "_options", lambda: options)
     monkeypatch.setattr(jax, "jit", watch)
-    many = jnp.ones((100, 64, 64))
+    many = jnp.ones((4, 64, 64))
     gc.jit(lambda x: x + 1)(many[0])
     gc.jit(lambda x: x + 1)(many)
     gc.jit(lambda x: jax.lax.map(jnp.sin, x))(many)
-    assert [level for level in levels if level is not None] == [0, 2, 0]
+    gc.jit(lambda x: jax.lax.scan(lambda y, _: (jnp.sin(y), None), x, length=100)[0])(many[0])
+    assert [level for level in levels if level is not None] == [0, 2, 0, 2]
