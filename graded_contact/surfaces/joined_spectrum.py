@@ -22,6 +22,7 @@ C(q) q √π Γ(H+1/2)/Γ(H+1). This equation is solved for C, see `isotropic`.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -190,8 +191,8 @@ def joined_spectrum(scans: Sequence[Any]) -> JoinedSpectrum:
     **Returns:** the spectrum, and how well the scans fit each other. A mismatch by more than a
     factor of 3 is a caveat of the spectrum and of surfaces drawn from it.
 
-    **Raises:** `ValueError` if no scan covers a part of the range, or if a scan differs from the
-    others by a factor of more than 100, as with a wrong unit.
+    **Raises:** `ValueError` if no scan covers a part of the range, or if two scans differ by a
+    factor of more than 100 where they overlap, as with a wrong unit.
     """
     scans = tuple(scans)
     if not scans or not all(isinstance(scan, ScanSpectrum) for scan in scans):
@@ -216,7 +217,7 @@ def joined_spectrum(scans: Sequence[Any]) -> JoinedSpectrum:
     mismatch = np.exp(
         np.where(sums > 0, np.sum(both * apart, 1) / np.where(sums > 0, sums, 1), np.nan)
     )
-    table = SpectrumTable(q, np.exp(mean), *_told(scans, mismatch))
+    table = SpectrumTable(q, np.exp(mean), *_told(scans, mismatch, _largest_factor(logs, weights)))
     return JoinedSpectrum(table, scans, mismatch)
 
 
@@ -245,7 +246,20 @@ def _check_gaps(scans: Sequence[ScanSpectrum]) -> None:
         first = max(first, scan, key=lambda scan: scan.q[-1])
 
 
-def _told(scans: Sequence[ScanSpectrum], mismatch: np.ndarray) -> tuple[tuple[str, ...], ...]:
+def _largest_factor(logs: np.ndarray, weights: np.ndarray) -> tuple[float, int, int]:
+    """C of a scan over that of another one where they overlap, for the two that differ most."""
+    found = [(1.0, 0, 0)]
+    for i, j in itertools.permutations(range(len(logs)), 2):
+        if np.any(both := (weights[i] > 0) & (weights[j] > 0)):
+            of_i, of_j = weights[i][both], weights[j][both]
+            apart = np.average((logs[i] - logs[j])[both], weights=of_i * of_j / (of_i + of_j))
+            found.append((float(np.exp(apart)), i, j))
+    return max(found)
+
+
+def _told(
+    scans: Sequence[ScanSpectrum], mismatch: np.ndarray, largest: tuple[float, int, int]
+) -> tuple[tuple[str, ...], ...]:
     """What was joined, and what makes it doubtful; refuses scans that differ by too much."""
     history, doubts = [], []
     for scan, factor in zip(scans, mismatch, strict=True):
@@ -259,14 +273,13 @@ def _told(scans: Sequence[ScanSpectrum], mismatch: np.ndarray) -> tuple[tuple[st
             for scan, factor in zip(scans, mismatch, strict=True)
             if np.isnan(factor)
         ]
-    sizes = np.nan_to_num(np.abs(np.log(mismatch)))
-    worst = int(np.argmax(sizes))
-    if sizes[worst] > np.log(DOUBTED):
+    factor, high, low = largest
+    if factor > DOUBTED:
         sentence = (
-            f"C of {scans[worst].name} is {mismatch[worst]:.3g} times that of the other scans "
-            "where they overlap: another place or surface, noise, a blunt tip, or a wrong unit."
+            f"C of {scans[high].name} is {factor:.3g} times that of {scans[low].name} where they "
+            "overlap: another place or surface, noise, a blunt tip, or a wrong unit of one of them."
         )
-        if sizes[worst] > np.log(REFUSED):
+        if factor > REFUSED:
             raise ValueError(f"`scans` do not fit. {sentence}")
         doubts.append(sentence)
     return tuple(history), tuple(doubts)

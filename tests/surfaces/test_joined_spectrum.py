@@ -118,12 +118,14 @@ def test_noise_within_the_range_of_a_scan_is_a_caveat():
     scans = _scans()
     scans[1] = scan_spectrum(_area(2e-3, 256, 2, noise=1e-6), "optical")
     spectrum = joined_spectrum(scans).spectrum
-    assert any("times that of the other scans" in sentence for sentence in spectrum.caveats)
+    assert any("times that of AFM where they overlap" in sentence for sentence in spectrum.caveats)
 
 
-def test_heights_of_one_scan_in_a_wrong_unit_are_refused():
-    with pytest.raises(ValueError, match=r"`scans` do not fit. C of optical is 1.\d+e[+]06"):
-        joined_spectrum(_scans(factor=1e3))
+@pytest.mark.parametrize("factor, high, low", [(1e3, "optical", "AFM"), (1e-3, "AFM", "optical")])
+def test_heights_of_one_scan_in_a_wrong_unit_are_refused_with_both_names(factor, high, low):
+    words = rf"`scans` do not fit. C of {high} is \d[.]\d+e[+]0[56] times that of {low} where"
+    with pytest.raises(ValueError, match=words):
+        joined_spectrum(_scans(factor=factor)[1:])
 
 
 def test_a_gap_between_the_ranges_of_scans_is_refused():
