@@ -178,7 +178,10 @@ def test_moments_of_a_table_are_integrals_of_its_powers():
         (lambda t: t.between(0.5, 50.0), "`q_low=0.5` is refused: the spectrum is known from 1 to"),
         (lambda t: t.between(50.0, 2.0), "`q_high=2` is refused: it must exceed `q_low=50`"),
         (lambda t: random_surface(t, gc.Grid((8,), 1.0), jax.random.key(0)), "two dimensions"),
-        (lambda t: random_surface(t, gc.Grid((8, 8), 9.0), jax.random.key(0)), ".between(q_low,"),
+        (
+            lambda t: random_surface(t, gc.Grid((8, 8), 9.0), jax.random.key(0)),
+            "`q_high` by `spectrum.between`.",
+        ),
         (lambda t: joined_spectrum([t]), "must be spectra of `scan_spectrum`"),
         (lambda t: SpectrumTable([1.0, 1.0], [1.0, 1.0]), "strictly increasing"),
     ],
@@ -245,6 +248,13 @@ def test_a_scene_draws_its_surface_from_files_of_several_scans(tmp_path):
         ValueError, match=r"\[surface\] `q_high=1e\+07` is refused: the spectrum is"
     ):
         parse_scene(SCENE.replace("1e5", "1e7"), tmp_path)
+    with pytest.raises(ValueError, match=r"^\[surface\] .*, or lower `q_high` in \[surface\].$"):
+        parse_scene(SCENE.replace("[64, 64]", "[16, 16]"), tmp_path).surface.build()
+    single = SCENE.replace("[[", "[").replace("]]", "]")
+    with pytest.raises(ValueError, match=r"Cannot declare .* two brackets each"):
+        parse_scene(single, tmp_path)
+    with pytest.raises(ValueError, match=r"scans=.* must be .* write `\[\[surface.scans\]\]`"):
+        parse_scene(single.replace("[surface.scans]\npath = 'area.npz'", ""), tmp_path)
 
 
 def test_figure_has_each_scan_and_the_joined_spectrum(joined):
