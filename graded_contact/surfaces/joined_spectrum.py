@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..core.checks import check_positive, check_types, short
+from ..core.checks import check_positive, check_types, check_values, short
 from ..core.display import shown, with_unit
 from .rescaling import resample
 from .spectrum_table import SpectrumTable
@@ -40,6 +40,7 @@ PER_DECADE = 10  # points of a spectrum per factor 10 of q
 POINTS_PER_WAVE = 4  # of the shortest wave that counts, unless given
 WAVES_PER_SCAN = 2  # of the longest wave that counts: a plane is subtracted from longer ones
 DOUBTED, REFUSED = 3.0, 100.0  # factors between C of scans where they overlap
+SLACK = 1e-3  # of wavelengths that limit a scan: their digits
 DIRECTED = 1.5  # rms slope across over that along a lay, above which a mean over directions is told
 # Corrections of C from a line: more blow up noise, fewer miss a roll-off.
 CORRECTIONS = 3
@@ -110,9 +111,10 @@ def scan_spectrum(
     - `surface`: the scan, as `read_surface` returns it; with the default `periodic="harmonic"` the
       cut edges hardly change C. A line must lie on an isotropic surface.
     - `name`: of the scan, for figures and messages.
-    - `longest`: the longest wavelength that counts [m]; None for half of the (shorter) edge.
+    - `longest`: the longest wavelength that counts [m], at most the (longer) edge; None for half of
+      the (shorter) one.
     - `shortest`: the shortest wavelength that counts [m]: what the tip or the optics resolve, and
-      what stands out of the noise; None for 4 points (of the wider spacing).
+      what stands out of the noise; at least 2 points (of the wider spacing), None for 4.
 
     **Returns:** C(q) of an isotropic surface, and its range.
     """
@@ -123,10 +125,16 @@ def scan_spectrum(
     shortest = float(np.max(apart)) * POINTS_PER_WAVE if shortest is None else shortest
     for limit, value in (("longest", longest), ("shortest", shortest)):
         check_positive(limit, value, "[m]")
+    edge, two = float(np.max(edges)), 2 * float(np.max(apart))
+    allowed = f"the edge of the scan {name!r} is {edge:g} m"
+    check_values("longest", longest, allowed, at_most=edge * (1 + SLACK))
+    allowed = f"two spacings of the scan {name!r} are {two:g} m"
+    check_values("shortest", shortest, allowed, at_least=two * (1 - SLACK))
     span = np.log10(np.max(edges) / np.max(apart) / 2)
     num_bins = max(round(PER_DECADE * float(span)), 1)
     q, density = (np.asarray(a, float) for a in radial_spectrum(surface, num_bins))
-    known = (density > 0) & (q * longest >= 2 * np.pi * 0.999) & (q * shortest <= 2 * np.pi * 1.001)
+    known = (density > 0) & (q * longest >= 2 * np.pi * (1 - SLACK))
+    known &= q * shortest <= 2 * np.pi * (1 + SLACK)
     if np.sum(known) < 3:
         limits = f"`longest={with_unit(longest, 'm')}` and `shortest={with_unit(shortest, 'm')}`"
         own = f"{with_unit(np.max(edges), 'm')} long, points {with_unit(np.max(apart), 'm')} apart"
@@ -240,8 +248,8 @@ def _check_gaps(scans: Sequence[ScanSpectrum]) -> None:
             ends = with_unit(first.shortest, "m"), with_unit(scan.longest, "m")
             raise ValueError(
                 f"`scans` have a gap: {first.name!r} ends at wavelengths of {ends[0]}, and "
-                f"{scan.name!r} begins at {ends[1]}. Add a scan between them, change `shortest` or "
-                "`longest`, or check units."
+                f"{scan.name!r} begins at {ends[1]}. Add a scan between them, lower `shortest` of "
+                f"{first.name!r}, raise `longest` of {scan.name!r} up to its edge, or check units."
             )
         first = max(first, scan, key=lambda scan: scan.q[-1])
 

@@ -205,6 +205,27 @@ def test_limits_that_leave_nothing_of_a_scan_are_refused():
         scan_spectrum(_area(2e-4, 32, 3), "AFM", shortest=1e-3)
 
 
+@pytest.mark.parametrize(
+    "limits, words",
+    [
+        (
+            {"longest": 2.1e-4},
+            "`longest=0.00021` is refused: the edge of the scan 'AFM' is 0.0002 m",
+        ),
+        (
+            {"shortest": 1.2e-5},
+            "`shortest=1.2e-05` is refused: two spacings of the scan 'AFM' are 1.25",
+        ),
+    ],
+)
+def test_limits_that_a_scan_does_not_see_are_refused_and_its_ends_are_taken(limits, words):
+    area = _area(2e-4, 32, 3)
+    with pytest.raises(ValueError, match=re.escape(words)):
+        scan_spectrum(area, "AFM", **limits)
+    whole = scan_spectrum(area, "AFM", longest=2e-4, shortest=1.25e-5)
+    assert whole.longest > 1.6e-4 and whole.shortest < 1.4e-5
+
+
 def test_mean_field_sees_c_of_a_table_and_nothing_outside(joined):
     q = jnp.asarray([0.9, 1.0]) * joined.spectrum.q_low
     rough = as_roughness(joined.spectrum)
