@@ -175,7 +175,8 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
             if "velocity" in load:
                 raise ValueError("[load] `velocity` is refused: [motion] `once = true` gives it.")
         step = float(motion.largest_step(line))
-        load.setdefault("velocity", np.array([float(motion.highest_speed)]))
+        highest = float(f"{float(motion.highest_speed):.12g}")  # as it was written
+        load.setdefault("velocity", np.array([highest]))
     how = accuracy.pop("graded_solver", None)
     stack, counter, own_surface = block.stack(tables.layers, tables.base, how), None, None
     if tables.counter is not None:

@@ -326,7 +326,7 @@ def path_after_rest(found: TransientSliding) -> Array:
     """
     if WINDOW in found.facts:
         return jnp.zeros((), found.grid.size.dtype)
-    x = found.problem.displacement
+    x = found.problem.displacement.reshape(len(found.problem.displacement), -1)
     rested = jnp.all(jnp.diff(x, axis=0) == 0, axis=1)[:, None]
     last = [jax.lax.cummax(sign * x[1:], reverse=True) - sign * x[1:] for sign in (1, -1)]
     far = jnp.where(rested, jnp.maximum(*last), 0)

@@ -323,7 +323,7 @@ def test_motions_that_happen_once():
     ],
 )
 def test_the_path_after_a_rest_is_told_in_cells(displacement, expected):
-    problem = SimpleNamespace(displacement=jnp.asarray(displacement)[:, None])
+    problem = SimpleNamespace(displacement=jnp.asarray(displacement))  # along x
     found = SimpleNamespace(facts=(), problem=problem, grid=GRID)
     np.testing.assert_allclose(path_after_rest(found), expected)
 
