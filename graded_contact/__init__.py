@@ -72,21 +72,22 @@ def __getattr__(name: str) -> object:
     raise missing(__name__, name)
 
 
-def _old_module(old: str, new: str) -> ModuleType:
-    """A module whose names are those of a room, for `import graded_contact.motion`."""
+def _old_module(old: str) -> ModuleType:
+    """A module that finds all public names, for `import graded_contact.motion`."""
     module = ModuleType(f"{__name__}.{old}")
 
     def find(name: str) -> object:
         if name.startswith("_"):
             raise missing(module.__name__, name)
-        has_moved(f"{module.__name__}.{name}", f"{__name__}.{new}.{name}")
-        return getattr(importlib.import_module(f".{new}", __name__), name)
+        found = getattr(sys.modules[__name__], name)
+        has_moved(f"{module.__name__}.{name}", f"{__name__}.{name}")
+        return found
 
     setattr(module, "__getattr__", find)  # noqa: B010 (pyright)
     return module
 
 
-sys.modules.update({f"{__name__}.{old}": _old_module(old, new) for old, new in _MOVED.items()})
+sys.modules.update({f"{__name__}.{old}": _old_module(old) for old in _MOVED})
 
 
 def __dir__() -> list[str]:

@@ -64,9 +64,9 @@ class RESULTS(eqx.Enumeration):
     )
     not_positive = (
         "The contact solver did not converge. The real part of the kernel is not positive at some "
-        "wavelength, where a traction of friction outweighs the stiffness of the block: there the "
-        "splitting may not converge. This is a limit of the method; a steady contact may exist. "
-        "Lower the `coefficient` of `shear`, pass `coupled=False`, or give a `start`."
+        "wavelength: a modulus is negative, or a traction of friction outweighs the stiffness of "
+        "the block. There the splitting may not converge, although a contact may exist. With "
+        "friction, lower the `coefficient` of `shear`, pass `coupled=False`, or give a `start`."
     )
     pulled_off = (
         "No equilibrium: the load is below the pull-off of this contact, and the surfaces moved "

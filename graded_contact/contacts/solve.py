@@ -171,10 +171,25 @@ def default_rtol(dtype: Any) -> float:
 @compiled
 @one_by_one
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start):
+    inputs = _known_to_have_a_solution(inputs)
     operator = inputs.operator
     if not isinstance(solver, DouglasRachford):  # which accepts any mean, and saves a copy
         inputs = inputs._replace(operator=operator.with_kernel(operator.compliance))
     return solver.solve(*inputs, rtol=rtol, start=start)
+
+
+def _known_to_have_a_solution(inputs: Inputs) -> Inputs:
+    """NaN in place of a load or a kernel that input would have refused if it had been known.
+
+    A solver would look for a solution up to its last step.
+    """
+    law, load, operator = inputs.law, inputs.loading.pressure, inputs.operator
+    if load is not None:
+        low, high = law.bounds
+        load = jnp.where((load > low) & (load < high), load, jnp.nan)
+    pulls = jnp.sum(jnp.where(operator.is_mean, 0, jnp.real(operator.kernel))) <= 0
+    operator = operator.with_kernel(operator.kernel * jnp.where(pulls, jnp.nan, 1))
+    return inputs._replace(operator=operator, loading=inputs.loading._replace(pressure=load))
 
 
 @compiled

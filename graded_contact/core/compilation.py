@@ -10,7 +10,8 @@ program: inside the `jit` of a user the user sets them.
 import functools
 import logging
 import os
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar, cast
 
 import equinox as eqx
@@ -47,8 +48,8 @@ def jit(function: F) -> F:
     **Arguments:**
 
     - `function`: of any arguments. Arrays are traced, also those inside stacks and other objects.
-      All else is fixed, and the function is compiled again for another value: pass numbers that
-      vary as arrays.
+      All else is fixed, plain numbers too, and the function is compiled again for another value
+      (with a warning): pass numbers that vary as arrays, by `jnp.asarray`.
 
     **Returns:** the compiled function. What it returns may contain texts and other objects, too.
     """
@@ -73,6 +74,8 @@ def _compiled(function: F, checks: bool) -> F:
         key = (tree, *fixed, *(np.shape(array) for array in jax.tree.leaves(arrays)))
         try:
             if key not in programs:
+                if checks:
+                    _warn_of_numbers(key, programs)
                 programs[key] = _program(function, arrays, others, checks)
             numbers, rest = jax.block_until_ready(programs[key](arrays))
         except (RuntimeError, ValueError) as error:  # the cause, without the frames around it
@@ -81,6 +84,21 @@ def _compiled(function: F, checks: bool) -> F:
         return eqx.combine(numbers, rest.value)
 
     return cast(F, run)
+
+
+def _warn_of_numbers(key: tuple, before: Iterable[tuple]) -> None:
+    """Warns if a program differs from one `before` by plain numbers alone."""
+
+    def others(key):
+        return [float if isinstance(part, float) else part for part in key]
+
+    if any(others(key) == others(one) for one in before):
+        numbers = ", ".join(f"{part:g}" for part in key if isinstance(part, float))
+        warnings.warn(
+            f"`gc.jit` compiles again for the plain numbers {numbers}. Pass numbers that vary as "
+            "arrays: `jnp.asarray(...)`.",
+            stacklevel=3,
+        )
 
 
 class _Fixed(eqx.Module):

@@ -33,9 +33,15 @@ def has_moved(old: str, new: str) -> None:
 
 
 def missing(module: str, name: str) -> AttributeError:
-    """Returns the error of a name that a module does not have; it tells the new one."""
+    """Returns the error of a name that a module does not have; it tells the new one.
+
+    So does a warning: `from graded_contact import run_scene` hides the text of the error.
+    """
     told = f"; since 1.0.0 it is {_NEW_NAMES[name]}" if name in _NEW_NAMES else ""
-    return AttributeError(f"module {module!r} has no attribute {name!r}{told}", name=name)
+    text = f"module {module!r} has no attribute {name!r}{told}"
+    if told:
+        warnings.warn(text, FutureWarning, stacklevel=3)
+    return AttributeError(text, name=name)
 
 
 def old_names(module: str) -> Callable[[str], object]:

@@ -109,7 +109,9 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
             closed = flows & (values == 0)  # a logarithm has no 0
             known = np.isfinite(values) & ~closed  # a flow at some times only
             shown = factor * times[known], scale * values[known]
-            axes.plot(*shown, color=colour, label=line["label"] or None)
+            # What is known at some times only is not joined.
+            style = {"linestyle": "none", "marker": "o", "markersize": 3} if flows else {}
+            axes.plot(*shown, color=colour, label=line["label"] or None, **style)
             error = None if error is None else scale * error[known]
             _draw_band(axes, *shown, error, colour, "estimated error")
             if np.any(closed):

@@ -33,8 +33,8 @@ def plot_design(results: DesignResults) -> "Figure":
     """Returns a figure of a design: objective and limits over velocity, before and after.
 
     Lines are the mean field; points with bars are contact, mean and standard deviation over the
-    surfaces. Grey is beyond a limit. A design of friction alone or of the loss tangent also has the
-    loss tangent.
+    surfaces; crosses are what is required. Grey is beyond a limit. A design of friction alone or of
+    the loss tangent also has the loss tangent.
 
     **Arguments:**
 
@@ -72,6 +72,10 @@ def _draw_criterion(axes: "Axes", results: DesignResults, name: str) -> None:
         if len(solved := candidate.contacts[name]):
             spread = solved.std(0, ddof=1) if len(solved) > 1 else None
             drawn.append((velocity, solved.mean(0), spread, "o", colour, f"{which}, {by}"))
+    if name == "friction" and study.objective.goal is not None:
+        own = results.candidates["before"].judged("friction")[1] if study.objective.relative else 1
+        goal = study.objective.goal * np.mean(np.atleast_2d(own), 0)
+        drawn.append((velocity, goal, None, "x", "black", "required"))
     limits = [limit for limit in study.limits if limit.criterion == name]
     sizes = [*(np.max(np.abs(values)) for _, values, *_ in drawn), *(x.value for x in limits)]
     unit, factor = about.shown_in(max(sizes))

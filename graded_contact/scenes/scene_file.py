@@ -13,6 +13,7 @@ from ..core.checks import (
     check_values,
     within,
 )
+from ..core.display import with_unit
 from ..core.parameters import places
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
@@ -97,6 +98,7 @@ class SceneTables:
 
 
 # The tables that are fields of a scene as they are.
+_SMALL_BESIDE = 0.3  # of the load
 _OWN = ("title", "sweep", "law", "shear", "heating", "fluid", "observe")
 # The keys of tables that are fields of a scene.
 KEYS = {
@@ -173,7 +175,8 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
             if "velocity" in load:
                 raise ValueError("[load] `velocity` is refused: [motion] `once = true` gives it.")
         step = float(motion.largest_step(line))
-        load.setdefault("velocity", np.array([float(motion.highest_speed)]))
+        highest = float(f"{float(motion.highest_speed):.12g}")  # as it was written
+        load.setdefault("velocity", np.array([highest]))
     how = accuracy.pop("graded_solver", None)
     stack, counter, own_surface = block.stack(tables.layers, tables.base, how), None, None
     if tables.counter is not None:
@@ -194,7 +197,19 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     check_numbers(found)
     check_tables(found)
     check_texts(entries)
-    return found
+    return dataclasses.replace(found, assumed=(*found.assumed, *_lifting(found)))
+
+
+def _lifting(scene: Scene) -> list[str]:
+    """The warning of a fluid whose pressure the contact would feel."""
+    least, fluid = float(np.min(scene.pressure)), scene.fluid
+    if fluid is None or fluid.pressure_difference <= _SMALL_BESIDE * least:
+        return []
+    ours, most = (with_unit(value, "Pa") for value in (least, fluid.pressure_difference))
+    return [
+        f"The fluid's pressure difference of {most} is not small beside the load of {ours}: it "
+        "lifts the surface, which the model leaves out."
+    ]
 
 
 def _along(source: RandomSurface | SurfaceFile | Sphere, direction: np.ndarray) -> Grid:

@@ -309,6 +309,30 @@ def stroke_over_cell(found: CyclicSliding) -> Array:
     return jnp.max(jnp.ptp(back, axis=0) / found.grid.size[: back.shape[1]])
 
 
+@observable(
+    "", "1", "path after a rest, over the cell",
+    warns=Above(
+        1 + 1e-3,
+        "After a rest the surface moves by {value:.3g} times the cell: it is periodic, so that "
+        "after each cell it meets what it left where it rested, and friction and gap change once "
+        "more. Trust the times before, or take a larger cell or a shorter path.",
+    ),
+    kinds=(HISTORY,),
+)  # fmt: skip
+def path_after_rest(found: TransientSliding) -> Array:
+    """The largest distance from where a surface rested, later, over the edge of the cell [1].
+
+    Along one axis, the larger one; 0 without a rest, and on a window.
+    """
+    if WINDOW in found.facts:
+        return jnp.zeros((), found.grid.size.dtype)
+    x = found.problem.displacement.reshape(len(found.problem.displacement), -1)
+    rested = jnp.all(jnp.diff(x, axis=0) == 0, axis=1)[:, None]
+    last = [jax.lax.cummax(sign * x[1:], reverse=True) - sign * x[1:] for sign in (1, -1)]
+    far = jnp.where(rested, jnp.maximum(*last), 0)
+    return jnp.max(jnp.max(far, axis=0, initial=0) / found.grid.size[: x.shape[1]])
+
+
 @of_cycle(
     "", "1", "ripple of the traction before a start, over its peak",
     warns=Above(

@@ -99,8 +99,8 @@ def read_sealed(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes
     if is_open_for_writing(path):
         raise ValueError(f"`path={path}` is open in another program: close it there.")
     raise ValueError(
-        f"`path={path}` was changed since it was written, or is damaged, or another program or "
-        "version wrote it: compute it again."
+        f"`path={path}` is no file of results, or was changed since it was written, or is damaged, "
+        "or another program or version wrote it: compute it again."
     )
 
 

@@ -24,7 +24,7 @@ from ..fields.grid import (
     wavevector,
     zero_mode,
 )
-from .spectrum import narrowing, relative_density, rms_height_of
+from .spectrum import EDGE, narrowing, relative_density, rms_height_of
 from .spectrum_table import Spectrum, SpectrumTable
 from .surface import Surface
 
@@ -76,7 +76,7 @@ def _check_band(spectrum: Spectrum, grid: Grid) -> None:
         raise ValueError("`grid` must have two dimensions: a table of C is of surfaces.")
     if not all(map(is_concrete, (grid.size, spectrum.q_low, spectrum.q_high))):
         return
-    rounding = 1e-5  # a size in float32 times a wavenumber in float32
+    rounding = EDGE
     q_low, q_high = float(spectrum.q_low), float(spectrum.q_high)
     size = np.asarray(grid.size, float)  # NumPy: under `jit` JAX would trace even known numbers
     nyquist = np.pi * np.min(np.array(grid.shape) / size)

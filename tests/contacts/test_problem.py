@@ -432,3 +432,16 @@ def test_derivatives_at_a_mean_gap_near_full_contact_match_differences():
     step = 1e-4 * gap
     slope = (load(gap + step) - load(gap - step)) / (2 * step)
     np.testing.assert_allclose(jax.grad(load)(gap), slope, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("sign", "load", "end"), [(1, -0.1, "bad_pressure"), (-1, 0.1, "not_positive")]
+)
+def test_what_input_would_have_refused_ends_at_once_under_jit(sign, load, end):
+    kernel = sign / np.maximum(
+        np.hypot(*np.meshgrid(np.fft.fftfreq(16), np.fft.rfftfreq(16), indexing="ij")), 0.05
+    )
+    heights = np.cos(2 * np.pi * np.arange(16) / 16) * np.ones((16, 1))
+    solve = jax.jit(lambda load, kernel: gc.solve_contact(kernel, heights, load, throw=False))
+    found = solve(jnp.asarray(load), jnp.asarray(kernel))
+    assert found.result == getattr(gc.contacts.RESULTS, end) and found.num_steps <= 100

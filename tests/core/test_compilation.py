@@ -178,3 +178,10 @@ def test_programs_of_small_arrays_are_not_optimised(monkeypatch):
     gc.jit(lambda x: jax.lax.map(jnp.sin, x))(many)
     gc.jit(lambda x: jax.lax.scan(lambda y, _: (jnp.sin(y), None), x, length=100)[0])(many[0])
     assert [level for level in levels if level is not None] == [0, 2, 0, 2]
+
+
+def test_a_plain_number_that_varies_is_a_warning():
+    doubled = gc.jit(lambda x, name="y": 2 * x)
+    doubled(0.5), doubled(0.5), doubled(jnp.asarray(2.0)), doubled(0.5, name="z")
+    with pytest.warns(UserWarning, match="compiles again for the plain numbers 0.25"):
+        assert doubled(0.25) == 0.5

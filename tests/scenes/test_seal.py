@@ -58,6 +58,13 @@ def test_at_rest_no_figure_and_no_cell_is_of_friction_that_is_rounding(seal, cap
     assert "No fluid passes along x at a pressure of 20 MPa or more." in printed
 
 
+def test_a_fluid_that_would_lift_the_surface_is_a_warning():
+    (warning,) = parse_scene(SEAL).assumed[-1:]
+    assert "of 10 kPa is not small beside the load of 20 kPa" in warning
+    thin = parse_scene(SEAL.replace("pressure_difference = 1e4", "pressure_difference = 1e3"))
+    assert not any("lifts" in sentence for sentence in thin.assumed)
+
+
 def test_leakage_has_a_total_error_and_no_digits_beyond_it(seal, capsys):
     """The error of the leakage is that of the conductance, in its unit."""
     print_table(seal, all_seeds=True)

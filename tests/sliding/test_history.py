@@ -1,6 +1,7 @@
 """What happens once: its memory, its contacts, and the numbers over time."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -16,6 +17,7 @@ from graded_contact.blocks.creep import NODES, contour, creep_of
 from graded_contact.contacts import DouglasRachford
 from graded_contact.materials import AbstractMaterial, StrainSoftening, Tabulated
 from graded_contact.sliding import Case, ConstantShear, Coulomb, dwell, ramp, recorded_once, start
+from graded_contact.sliding.doubts import path_after_rest
 from graded_contact.sliding.history import history_problem
 
 RUBBER = gc.Prony(1e6, [4e6, 8e6], [1e-2, 1e-3], 0.49)
@@ -312,6 +314,20 @@ def test_motions_that_happen_once():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("displacement", "expected"),
+    [
+        ([0, 1e-4, 3e-3], 0),  # no rest
+        ([0, 0, 4e-4, -1.5e-3], 1.5),
+        ([0, 1e-4, 1e-4, 2.1e-3, 2.1e-3], 2),  # the second rest meets nothing any more
+    ],
+)
+def test_the_path_after_a_rest_is_told_in_cells(displacement, expected):
+    problem = SimpleNamespace(displacement=jnp.asarray(displacement))  # along x
+    found = SimpleNamespace(facts=(), problem=problem, grid=GRID)
+    np.testing.assert_allclose(path_after_rest(found), expected)
+
+
 def test_after_many_periods_it_is_the_cycle_with_an_error_of_second_order():
     period, stroke = 0.05, 1e-4
     phase = 2 * np.pi * np.arange(512) / 512

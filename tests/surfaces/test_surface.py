@@ -429,3 +429,13 @@ def test_a_smooth_roll_off_has_its_derivative_moments_and_slope():
         np.testing.assert_allclose(ratio[1] / ratio[0], 10.0 ** -(ndim + 1.4), rtol=1e-4)
     with pytest.raises((ValueError, TypeError), match="roll_off"):
         SelfAffine(rms_height=1.0, **EDGES, roll_off="round")
+
+
+@pytest.mark.parametrize("pi", [3.14159, 3.1416])
+def test_six_digits_of_pi_do_not_change_a_surface(pi):
+    def drawn(pi):
+        q = 2 * pi / 1e-3
+        spectrum = SelfAffine(rms_slope=0.1, hurst=0.8, q_low=q, q_roll=2 * q, q_high=4 * q)
+        return random_surface(spectrum, Grid((16, 16), 1e-3), jax.random.key(0)).heights
+
+    np.testing.assert_allclose(drawn(pi), drawn(np.pi), atol=1e-5 * np.std(drawn(np.pi)))
