@@ -22,8 +22,8 @@ from ..core.checks import check_positive, check_shape, is_concrete, numbers, opt
 from ..core.display import shown
 from .shift import NEAR, stretched
 
-# A shifted range may miss its own ends by rounding.
-SLACK = 64
+# A range may miss its own ends by the digits of a file, or by rounding of a shift.
+SLACK = 1e-4
 
 
 @shown(units=False)
@@ -79,9 +79,8 @@ class MeasuredRange(eqx.Module):
 def is_unknown(omega: Any, known: tuple[Any, Any]) -> Any:
     """Returns whether ω [rad/s], of either sign, lies outside what is `known`; rest does not."""
     size, (lowest, highest) = abs(omega), known
-    slack = SLACK * float(jnp.finfo(omega.dtype).eps)
     # Written so that a range of NaN holds no frequency.
-    inside = (size >= lowest * (1 - slack)) & (size <= highest * (1 + slack))
+    inside = (size >= lowest * (1 - SLACK)) & (size <= highest * (1 + SLACK))
     return (size > 0) & ~inside
 
 

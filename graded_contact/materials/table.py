@@ -33,9 +33,10 @@ class Tabulated(AbstractMaterial):
     """A measured modulus without a fit, by monotone interpolation of its logarithms.
 
     E' and E'' are interpolated by Fritsch-Carlson cubics in log ω. At rest (ω = 0 exactly) the
-    modulus is the first E'. Other frequencies outside the table raise an error, unless
-    `extrapolate="plateau"`: then E' stays at its end value, and E'' falls off as ω below the
-    table and as 1/ω above it, as for a single relaxation far from its peak.
+    modulus is the first E'. Other frequencies outside the table, by more than 1e-4 of its ends,
+    raise an error, unless `extrapolate="plateau"`. Outside, E' stays at its end value, and E''
+    falls off as ω below the table and as 1/ω above it, as for a single relaxation far from its
+    peak.
 
     **Fields:**
 
@@ -118,8 +119,8 @@ class Tabulated(AbstractMaterial):
         if np.any(is_unknown(size, (low, high))):
             least, most = np.min(size[size > 0]), np.max(size)
             raise ValueError(
-                f"`omega` from {least:.3g} to {most:.3g} rad/s is refused: the table of moduli "
-                f"covers {low:.3g} to {high:.3g} rad/s. {_REMEDY}"
+                f"`omega` from {least:.5g} to {most:.5g} rad/s is refused: the table of moduli "
+                f"covers {low:.5g} to {high:.5g} rad/s. {_REMEDY}"
             )
 
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:

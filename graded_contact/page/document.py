@@ -109,6 +109,7 @@ def open_document(path: Path | None) -> Document:
     content = parse_toml(text)
     content = {k: v for k, v in content.items() if k not in ("sweep", "design")} | {"load": load}
     content["surface"].pop("seeds", None)
+    content.get("output", {}).pop("name", None)  # saved scenes are called as their files
     tables = {"[surface]": content["surface"]}
     for i, scan in enumerate(content["surface"].get("scans", ())):
         tables[f"[surface.scans[{i}]]"] = scan

@@ -52,7 +52,10 @@ class Session(param.Parameterized):
     curves: Any = param.Parameter(doc="The last curves.")
     pinned: Any = param.Parameter(doc="The point to compare with, `ShownPoint`, or None.")
     shown: Any = param.Parameter(doc="The last point with a contact, `ShownPoint`.")
-    message = param.String(doc="What the user must know.")
+    refused = param.String(
+        doc="Why texts in fields of sliders are not used, while they stay there."
+    )
+    message = param.String(doc="What else the user must know.")
     error = param.Boolean(doc="Whether the message reports an error.")
     status = param.String("Reading the scene.")
     busy = param.Boolean(True)

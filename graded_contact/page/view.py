@@ -101,7 +101,7 @@ class Page(pn.viewable.Viewer):
         side = pn.Column(
             pn.Row(spinner, status, browser, **WIDE),
             pin,
-            pn.pane.HTML(pn.bind(paragraph, here.message, here.error), **TEXT),
+            pn.pane.HTML(pn.bind(_said, here.refused, here.message, here.error), **TEXT),
             pn.pane.HTML(pn.bind(_warnings, here.shown), **TEXT),
             tabs,
             stylesheets=[ASIDE], **WIDE,
@@ -122,7 +122,8 @@ class Page(pn.viewable.Viewer):
         for i, slider in enumerate(self.sliders):
             set_value = partial(self.session.set_value, model, i)
             slider.param.watch(lambda event, set_value=set_value: set_value(event.new), "value")
-            slider.param.watch(lambda event: self.session.show_message(event.new), "refusal")
+            slider.param.watch(self._show_refusals, "refusal")
+        self._show_refusals()  # none: the fields are new
         self._knobs[:] = self.sliders
         heated = model.document.scene.heating is not None
         self._lines, self._bars = new_lines(model.waves, heated), Bars(model.knobs, heated)
@@ -143,6 +144,10 @@ class Page(pn.viewable.Viewer):
             pn.FlexBox(chart, right, gap="0", stylesheets=[BELOW], **WIDE),
         ]
         self._layers.show(model.document.content)
+
+    def _show_refusals(self, *_: Any) -> None:
+        found = (slider.refusal for slider in self.sliders)
+        self.session.show(refused=" ".join(filter(None, found)))
 
     def _show_curves(self, *events: Any) -> None:
         pinned = self.session.pinned
@@ -189,6 +194,10 @@ def _pane_of(figure: Any, flex: str = "") -> Any:
 
 def _flex(wanted: str) -> dict[str, str]:
     return {"flex": wanted, "min-width": "0", "max-width": "100%"}
+
+
+def _said(refused: str, message: str, error: bool) -> str:
+    return paragraph(refused, error=True) + paragraph(message, error)
 
 
 def _warnings(shown: ShownPoint | None) -> str:

@@ -91,6 +91,8 @@ export function render({model}) {
         about |= {"steps": POSITIONS, "digits": SLIDER_DIGITS}
         super().__init__(value=value, about=about, sizing_mode="stretch_width", margin=(1, 8))
         self._knob = knob
+        # The field then shows the new value in place of a refused text.
+        self.param.watch(lambda _: self.param.update(refusal=""), "value")
 
     def _handle_msg(self, data: Any) -> None:  # called by Panel
         self.enter(str(data))

@@ -202,8 +202,11 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
 
 def _lifting(scene: Scene) -> list[str]:
     """The warning of a fluid whose pressure the contact would feel."""
-    least, fluid = float(np.min(scene.pressure)), scene.fluid
-    if fluid is None or fluid.pressure_difference <= _SMALL_BESIDE * least:
+    fluid = scene.fluid
+    if fluid is None or not np.size(scene.pressure):  # an approach has no pressure yet
+        return []
+    least = float(np.min(scene.pressure))
+    if fluid.pressure_difference <= _SMALL_BESIDE * least:
         return []
     ours, most = (with_unit(value, "Pa") for value in (least, fluid.pressure_difference))
     return [

@@ -159,6 +159,13 @@ class TableReader:
             # After the kinds: a dataclass of a kind is made by its constructor.
             if isinstance(part, type) and dataclasses.is_dataclass(part):
                 return self.build(inner, value, part)
+        if list[dict] in parts:
+            if not isinstance(value, list):
+                raise ValueError(
+                    f"{place} `{key.name}={short(value)}` must be a list of tables: write "
+                    f"`[{inner}]` above each."
+                )
+            return value
         if choices := [part for part in parts if isinstance(part, str)]:
             return _choice(place, key.name, value, choices)
         with within(place):
@@ -202,10 +209,6 @@ class TableReader:
 def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
     """A number, text or truth, or a list of numbers, as the types take them."""
     classes, is_list = classes_of(parts), isinstance(value, list)
-    if list[dict] in parts:
-        if not is_list:
-            raise ValueError(f"`{name}={short(value)}` must be a list of tables.")
-        return value
     rows = list[float] in parts or any(_is_array(part) and part.dims for part in parts)
     takes_list = rows or any(part in parts for part in (Sequence[Any], tuple[int, ...], list[str]))
     entries = value if is_list and takes_list else [value]

@@ -13,7 +13,7 @@ from ..core.memory import check_points
 from ..fields.grid import Grid
 from ..readers.topography import read_surface
 from ..surfaces.joined_spectrum import joined_spectrum, scan_spectrum
-from ..surfaces.random_surface import random_surface
+from ..surfaces.random_surface import CUT, random_surface
 from ..surfaces.rescaling import rescale
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.spectrum_table import Spectrum, SpectrumTable
@@ -50,7 +50,10 @@ class RandomSurface(NamedTuple):
 
     def of_key(self, key: PRNGKeyArray) -> Surface:
         """Returns the surface of a random key."""
-        return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
+        try:
+            return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
+        except ValueError as error:
+            raise ValueError(str(error).replace(CUT, " in [surface]")) from error
 
 
 @shown(unset=False)

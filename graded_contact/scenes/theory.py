@@ -124,9 +124,9 @@ def _check_rates(scene: Scene) -> None:
             continue
         if np.any(is_unknown(rates, known)):
             raise ValueError(
-                f"[motion] needs moduli from {rates[0]:.3g} rad/s (one over its last time) to "
-                f"{rates[1]:.3g} rad/s (one over its shortest step), but the materials of the "
-                f"{body} were measured from {known[0]:.3g} to {known[1]:.3g} rad/s. Take other "
+                f"[motion] needs moduli from {rates[0]:.5g} rad/s (one over its last time) to "
+                f"{rates[1]:.5g} rad/s (one over its shortest step), but the materials of the "
+                f"{body} were measured from {known[0]:.5g} to {known[1]:.5g} rad/s. Take other "
                 "times, or set `extrapolate = true` in [load]."
             )
 

@@ -41,6 +41,9 @@ def parse_toml(text: str) -> dict[str, Any]:
             raise ValueError(f"the key {long.group()[:20]}... has more than 100 parts.")
         try:
             return tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            hint = "; tables of a list have two brackets each, as `[[layers]]`"
+            raise ValueError(f"{error}{hint * ('Cannot declare' in str(error))}") from error
         except RecursionError as error:  # of tomllib, at some thousand brackets
             raise ValueError("its lists or tables are nested too deeply.") from error
 

@@ -22,13 +22,14 @@ C(q) q √π Γ(H+1/2)/Γ(H+1). This equation is solved for C, see `isotropic`.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from ..core.checks import check_positive, check_types, short
+from ..core.checks import check_positive, check_types, check_values, short
 from ..core.display import shown, with_unit
 from .rescaling import resample
 from .spectrum_table import SpectrumTable
@@ -39,6 +40,7 @@ PER_DECADE = 10  # points of a spectrum per factor 10 of q
 POINTS_PER_WAVE = 4  # of the shortest wave that counts, unless given
 WAVES_PER_SCAN = 2  # of the longest wave that counts: a plane is subtracted from longer ones
 DOUBTED, REFUSED = 3.0, 100.0  # factors between C of scans where they overlap
+SLACK = 1e-3  # of wavelengths that limit a scan: their digits
 DIRECTED = 1.5  # rms slope across over that along a lay, above which a mean over directions is told
 # Corrections of C from a line: more blow up noise, fewer miss a roll-off.
 CORRECTIONS = 3
@@ -109,9 +111,10 @@ def scan_spectrum(
     - `surface`: the scan, as `read_surface` returns it; with the default `periodic="harmonic"` the
       cut edges hardly change C. A line must lie on an isotropic surface.
     - `name`: of the scan, for figures and messages.
-    - `longest`: the longest wavelength that counts [m]; None for half of the (shorter) edge.
+    - `longest`: the longest wavelength that counts [m], at most the (longer) edge; None for half of
+      the (shorter) one.
     - `shortest`: the shortest wavelength that counts [m]: what the tip or the optics resolve, and
-      what stands out of the noise; None for 4 points (of the wider spacing).
+      what stands out of the noise; at least 2 points (of the wider spacing), None for 4.
 
     **Returns:** C(q) of an isotropic surface, and its range.
     """
@@ -122,10 +125,16 @@ def scan_spectrum(
     shortest = float(np.max(apart)) * POINTS_PER_WAVE if shortest is None else shortest
     for limit, value in (("longest", longest), ("shortest", shortest)):
         check_positive(limit, value, "[m]")
+    edge, two = float(np.max(edges)), 2 * float(np.max(apart))
+    allowed = f"the edge of the scan {name!r} is {edge:g} m"
+    check_values("longest", longest, allowed, at_most=edge * (1 + SLACK))
+    allowed = f"two spacings of the scan {name!r} are {two:g} m"
+    check_values("shortest", shortest, allowed, at_least=two * (1 - SLACK))
     span = np.log10(np.max(edges) / np.max(apart) / 2)
     num_bins = max(round(PER_DECADE * float(span)), 1)
     q, density = (np.asarray(a, float) for a in radial_spectrum(surface, num_bins))
-    known = (density > 0) & (q * longest >= 2 * np.pi * 0.999) & (q * shortest <= 2 * np.pi * 1.001)
+    known = (density > 0) & (q * longest >= 2 * np.pi * (1 - SLACK))
+    known &= q * shortest <= 2 * np.pi * (1 + SLACK)
     if np.sum(known) < 3:
         limits = f"`longest={with_unit(longest, 'm')}` and `shortest={with_unit(shortest, 'm')}`"
         own = f"{with_unit(np.max(edges), 'm')} long, points {with_unit(np.max(apart), 'm')} apart"
@@ -190,8 +199,8 @@ def joined_spectrum(scans: Sequence[Any]) -> JoinedSpectrum:
     **Returns:** the spectrum, and how well the scans fit each other. A mismatch by more than a
     factor of 3 is a caveat of the spectrum and of surfaces drawn from it.
 
-    **Raises:** `ValueError` if no scan covers a part of the range, or if a scan differs from the
-    others by a factor of more than 100, as with a wrong unit.
+    **Raises:** `ValueError` if no scan covers a part of the range, or if two scans differ by a
+    factor of more than 100 where they overlap, as with a wrong unit.
     """
     scans = tuple(scans)
     if not scans or not all(isinstance(scan, ScanSpectrum) for scan in scans):
@@ -216,7 +225,7 @@ def joined_spectrum(scans: Sequence[Any]) -> JoinedSpectrum:
     mismatch = np.exp(
         np.where(sums > 0, np.sum(both * apart, 1) / np.where(sums > 0, sums, 1), np.nan)
     )
-    table = SpectrumTable(q, np.exp(mean), *_told(scans, mismatch))
+    table = SpectrumTable(q, np.exp(mean), *_told(scans, mismatch, _largest_factor(logs, weights)))
     return JoinedSpectrum(table, scans, mismatch)
 
 
@@ -239,13 +248,26 @@ def _check_gaps(scans: Sequence[ScanSpectrum]) -> None:
             ends = with_unit(first.shortest, "m"), with_unit(scan.longest, "m")
             raise ValueError(
                 f"`scans` have a gap: {first.name!r} ends at wavelengths of {ends[0]}, and "
-                f"{scan.name!r} begins at {ends[1]}. Add a scan between them, change `shortest` or "
-                "`longest`, or check units."
+                f"{scan.name!r} begins at {ends[1]}. Add a scan between them, lower `shortest` of "
+                f"{first.name!r}, raise `longest` of {scan.name!r} up to its edge, or check units."
             )
         first = max(first, scan, key=lambda scan: scan.q[-1])
 
 
-def _told(scans: Sequence[ScanSpectrum], mismatch: np.ndarray) -> tuple[tuple[str, ...], ...]:
+def _largest_factor(logs: np.ndarray, weights: np.ndarray) -> tuple[float, int, int]:
+    """C of a scan over that of another one where they overlap, for the two that differ most."""
+    found = [(1.0, 0, 0)]
+    for i, j in itertools.permutations(range(len(logs)), 2):
+        if np.any(both := (weights[i] > 0) & (weights[j] > 0)):
+            of_i, of_j = weights[i][both], weights[j][both]
+            apart = np.average((logs[i] - logs[j])[both], weights=of_i * of_j / (of_i + of_j))
+            found.append((float(np.exp(apart)), i, j))
+    return max(found)
+
+
+def _told(
+    scans: Sequence[ScanSpectrum], mismatch: np.ndarray, largest: tuple[float, int, int]
+) -> tuple[tuple[str, ...], ...]:
     """What was joined, and what makes it doubtful; refuses scans that differ by too much."""
     history, doubts = [], []
     for scan, factor in zip(scans, mismatch, strict=True):
@@ -259,14 +281,13 @@ def _told(scans: Sequence[ScanSpectrum], mismatch: np.ndarray) -> tuple[tuple[st
             for scan, factor in zip(scans, mismatch, strict=True)
             if np.isnan(factor)
         ]
-    sizes = np.nan_to_num(np.abs(np.log(mismatch)))
-    worst = int(np.argmax(sizes))
-    if sizes[worst] > np.log(DOUBTED):
+    factor, high, low = largest
+    if factor > DOUBTED:
         sentence = (
-            f"C of {scans[worst].name} is {mismatch[worst]:.3g} times that of the other scans "
-            "where they overlap: another place or surface, noise, a blunt tip, or a wrong unit."
+            f"C of {scans[high].name} is {factor:.3g} times that of {scans[low].name} where they "
+            "overlap: another place or surface, noise, a blunt tip, or a wrong unit of one of them."
         )
-        if sizes[worst] > np.log(REFUSED):
+        if factor > REFUSED:
             raise ValueError(f"`scans` do not fit. {sentence}")
         doubts.append(sentence)
     return tuple(history), tuple(doubts)

@@ -28,6 +28,8 @@ from .spectrum import EDGE, narrowing, relative_density, rms_height_of
 from .spectrum_table import Spectrum, SpectrumTable
 from .surface import Surface
 
+CUT = " by `spectrum.between`"  # of a message; what else cuts a table says another word
+
 
 @check_types
 def random_surface(
@@ -71,7 +73,7 @@ def _check_band(spectrum: Spectrum, grid: Grid) -> None:
     """Refuses a spectrum that the modes of the grid do not cover."""
     table = isinstance(spectrum, SpectrumTable)
     if table and grid.ndim == 1:
-        raise ValueError("`spectrum` is a table for surfaces: `grid` must have two dimensions.")
+        raise ValueError("`grid` must have two dimensions: a table of C is of surfaces.")
     if not all(map(is_concrete, (grid.size, spectrum.q_low, spectrum.q_high))):
         return
     rounding = EDGE
@@ -80,8 +82,7 @@ def _check_band(spectrum: Spectrum, grid: Grid) -> None:
     nyquist = np.pi * np.min(np.array(grid.shape) / size)
     fundamental = 2 * np.pi / np.max(size)
     allowed = f"the grid's Nyquist wavenumber is {nyquist:g} rad/m. Use more points, at least "
-    allowed += f"{q_high / nyquist:.3g} times as many"
-    allowed += ", or cut the table by `.between(q_low, q_high)`" * table
+    allowed += f"{q_high / nyquist:.3g} times as many, or lower `q_high`" + CUT * table
     check_values("q_high", q_high, allowed, at_most=nyquist * (1 + rounding))
     allowed = f"the smallest wavenumber of the cell is 2π/L = {fundamental:g} rad/m"
     check_values("q_low", q_low, allowed, at_least=fundamental * (1 - rounding))

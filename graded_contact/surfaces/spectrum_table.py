@@ -16,6 +16,8 @@ from ..core.checks import (
 from ..core.display import shown
 from .spectrum import SelfAffine, power_integral
 
+ROUNDED = 1e-5  # relative: ends of a range as messages print them, with 6 digits
+
 
 def check_table(**rows: Array) -> None:
     """Refuses what is no table of wavenumbers and C, by their names."""
@@ -102,10 +104,12 @@ class SpectrumTable(eqx.Module):
         least, most = float(self.q_low), float(self.q_high)
         allowed = f"the spectrum is known from {least:.6g} to {most:.6g} rad/m"
         for name, end in zip(("q_low", "q_high"), ends, strict=True):
-            check_values(name, end, allowed, at_least=least * (1 - 1e-6), at_most=most * (1 + 1e-6))
+            check_values(
+                name, end, allowed, at_least=least * (1 - ROUNDED), at_most=most * (1 + ROUNDED)
+            )
         check_values("q_high", ends[1], f"it must exceed `q_low={ends[0]:g}`", above=ends[0])
         inner = np.asarray(self.q)
-        inner = inner[(inner > ends[0] * (1 + 1e-6)) & (inner < ends[1] * (1 - 1e-6))]
+        inner = inner[(inner > ends[0] * (1 + ROUNDED)) & (inner < ends[1] * (1 - ROUNDED))]
         q = np.concatenate([ends[:1].clip(least), inner, ends[1:].clip(max=most)])
         q = jnp.asarray(q, self.q.dtype)
         return SpectrumTable(q, self.density(q), self.history, self.caveats)

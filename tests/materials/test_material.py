@@ -295,6 +295,15 @@ def test_tabulated_refuses_frequencies_outside(omega):
         jax.block_until_ready(eqx.filter_jit(table.modulus)(jnp.array([1.0, omega])))
 
 
+def test_tabulated_holds_its_ends_where_digits_of_a_file_differ():
+    """The table ends at 1e-2 and 3e4 rad/s; messages have the digits in which ranges differ."""
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS)
+    ends = modulus_of(table, jnp.array([0.99995e-2, -3.0002e4]))
+    np.testing.assert_allclose(ends, [TABLE_MODULUS[0], np.conj(TABLE_MODULUS[-1])], rtol=1e-4)
+    with pytest.raises(ValueError, match=r"to 30005 rad/s is refused: .* 0\.01 to 30000 rad/s"):
+        table.modulus(jnp.array([1.0, 3.0005e4]))
+
+
 def test_tabulated_plateau_extends_like_a_single_relaxation():
     table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, extrapolate="plateau")
     value = modulus_of(table, jnp.array([1e-5, 3e7, -3e7]))

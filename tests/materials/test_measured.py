@@ -79,10 +79,10 @@ def test_a_table_inside_a_graded_layer_or_bulk_and_shear_refuses_like_one_alone(
     for layer in layers:
         stack = gc.Stack(layers=[layer], base=gc.Rigid())
         check_frequencies(stack, np.array([0.0, 0.1, -1e3]))
-        with pytest.raises(ValueError, match=r"`omega` from .* covers 0\.1 to 1e\+03 rad/s"):
+        with pytest.raises(ValueError, match=r"`omega` from .* covers 0\.1 to 1000 rad/s"):
             gc.surface_compliance(stack, 1e3, 1e4)
     aged = gc.Stack(layers=[gc.GradedLayer(gc.Aged(TABLE, 1.0, 10.0), 1e-3)], base=gc.Rigid())
-    with pytest.raises(ValueError, match=r"covers 0\.1 to 1e\+03 rad/s"):
+    with pytest.raises(ValueError, match=r"covers 0\.1 to 1000 rad/s"):
         gc.surface_compliance(aged, 1e3, 2e2)
 
 

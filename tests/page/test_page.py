@@ -34,7 +34,8 @@ SECONDS = 600  # of a compilation
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "scene.toml"
-    path.write_text(TEXT.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4"), encoding="utf-8")
+    text = TEXT.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4")
+    path.write_text(f'{text}\n[output]\nname = "demo"\n', encoding="utf-8")
     return open_document(path)
 
 
@@ -229,18 +230,24 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
         assert session.shown.document.content["title"] == "a small one"
         for _ in range(2):
             pressure.enter("none")
-            assert "`pressure`: none is refused" in session.message
+            assert "`pressure`: none is refused" in session.refused
             pressure.enter("400")  # as it was: the message goes
-            assert session.message == ""
+            assert session.refused == ""
+        page.sliders[1].enter("none")  # it stays beside the next change of another slider
         session.pinned = session.shown
         pressure.enter("300 kPa")
         await rest()
         head = page.__panel__()[0].object
         assert "%<u> from pinned" in head and "coat 20 µm, tread on a random surface" in head
         assert session.message == "" and session.shown.values[0] == 3e5
+        assert "none is refused" in page.__panel__()[1][2].object
+        page.sliders[1].value *= 1.01
+        assert session.refused == ""
+        await rest()
         assert session.shown.derivatives is not None and not session.busy
         session.save("mine")
-        assert read_scene(tmp_path / "mine.toml").pressure == 3e5
+        saved = read_scene(tmp_path / "mine.toml")
+        assert (saved.pressure, saved.name) == (3e5, None)  # results are called as the file
         session.save("mine")  # its own
         assert not session.error
         (tmp_path / "theirs.toml").write_text("")

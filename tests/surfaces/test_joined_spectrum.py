@@ -118,12 +118,14 @@ def test_noise_within_the_range_of_a_scan_is_a_caveat():
     scans = _scans()
     scans[1] = scan_spectrum(_area(2e-3, 256, 2, noise=1e-6), "optical")
     spectrum = joined_spectrum(scans).spectrum
-    assert any("times that of the other scans" in sentence for sentence in spectrum.caveats)
+    assert any("times that of AFM where they overlap" in sentence for sentence in spectrum.caveats)
 
 
-def test_heights_of_one_scan_in_a_wrong_unit_are_refused():
-    with pytest.raises(ValueError, match=r"`scans` do not fit. C of optical is 1.\d+e[+]06"):
-        joined_spectrum(_scans(factor=1e3))
+@pytest.mark.parametrize("factor, high, low", [(1e3, "optical", "AFM"), (1e-3, "AFM", "optical")])
+def test_heights_of_one_scan_in_a_wrong_unit_are_refused_with_both_names(factor, high, low):
+    words = rf"`scans` do not fit. C of {high} is \d[.]\d+e[+]0[56] times that of {low} where"
+    with pytest.raises(ValueError, match=words):
+        joined_spectrum(_scans(factor=factor)[1:])
 
 
 def test_a_gap_between_the_ranges_of_scans_is_refused():
@@ -168,6 +170,8 @@ def test_moments_of_a_table_are_integrals_of_its_powers():
     np.testing.assert_allclose(float(table.moment(2)), q4, rtol=1e-12)
     part = table.between(2.0, 50.0)
     np.testing.assert_allclose(part.density(jnp.array([1.9, 5.0, 51.0])), [0, 0.04, 0])
+    # 6 digits of an end, as messages print it.
+    assert float(SpectrumTable([1.000004, 10.0], [1.0, 1e-2]).between(1.0, 10.0).q_low) == 1.000004
 
 
 @pytest.mark.parametrize(
@@ -176,7 +180,10 @@ def test_moments_of_a_table_are_integrals_of_its_powers():
         (lambda t: t.between(0.5, 50.0), "`q_low=0.5` is refused: the spectrum is known from 1 to"),
         (lambda t: t.between(50.0, 2.0), "`q_high=2` is refused: it must exceed `q_low=50`"),
         (lambda t: random_surface(t, gc.Grid((8,), 1.0), jax.random.key(0)), "two dimensions"),
-        (lambda t: random_surface(t, gc.Grid((8, 8), 9.0), jax.random.key(0)), ".between(q_low,"),
+        (
+            lambda t: random_surface(t, gc.Grid((8, 8), 9.0), jax.random.key(0)),
+            "`q_high` by `spectrum.between`.",
+        ),
         (lambda t: joined_spectrum([t]), "must be spectra of `scan_spectrum`"),
         (lambda t: SpectrumTable([1.0, 1.0], [1.0, 1.0]), "strictly increasing"),
     ],
@@ -198,6 +205,27 @@ def test_a_ground_surface_has_the_caveat_that_c_is_a_mean_over_directions():
 def test_limits_that_leave_nothing_of_a_scan_are_refused():
     with pytest.raises(ValueError, match="leave too little of the scan 'AFM', 200 µm long"):
         scan_spectrum(_area(2e-4, 32, 3), "AFM", shortest=1e-3)
+
+
+@pytest.mark.parametrize(
+    "limits, words",
+    [
+        (
+            {"longest": 2.1e-4},
+            "`longest=0.00021` is refused: the edge of the scan 'AFM' is 0.0002 m",
+        ),
+        (
+            {"shortest": 1.2e-5},
+            "`shortest=1.2e-05` is refused: two spacings of the scan 'AFM' are 1.25",
+        ),
+    ],
+)
+def test_limits_that_a_scan_does_not_see_are_refused_and_its_ends_are_taken(limits, words):
+    area = _area(2e-4, 32, 3)
+    with pytest.raises(ValueError, match=re.escape(words)):
+        scan_spectrum(area, "AFM", **limits)
+    whole = scan_spectrum(area, "AFM", longest=2e-4, shortest=1.25e-5)
+    assert whole.longest > 1.6e-4 and whole.shortest < 1.4e-5
 
 
 def test_mean_field_sees_c_of_a_table_and_nothing_outside(joined):
@@ -243,6 +271,13 @@ def test_a_scene_draws_its_surface_from_files_of_several_scans(tmp_path):
         ValueError, match=r"\[surface\] `q_high=1e\+07` is refused: the spectrum is"
     ):
         parse_scene(SCENE.replace("1e5", "1e7"), tmp_path)
+    with pytest.raises(ValueError, match=r"^\[surface\] .*, or lower `q_high` in \[surface\].$"):
+        parse_scene(SCENE.replace("[64, 64]", "[16, 16]"), tmp_path).surface.build()
+    single = SCENE.replace("[[", "[").replace("]]", "]")
+    with pytest.raises(ValueError, match=r"Cannot declare .* two brackets each"):
+        parse_scene(single, tmp_path)
+    with pytest.raises(ValueError, match=r"scans=.* must be .* write `\[\[surface.scans\]\]`"):
+        parse_scene(single.replace("[surface.scans]\npath = 'area.npz'", ""), tmp_path)
 
 
 def test_figure_has_each_scan_and_the_joined_spectrum(joined):
