@@ -175,7 +175,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
             if "velocity" in load:
                 raise ValueError("[load] `velocity` is refused: [motion] `once = true` gives it.")
         step = float(motion.largest_step(line))
-        highest = float(f"{float(motion.highest_speed):.12g}")  # as it was written
+        highest = float(motion.highest_speed)
+        if isinstance(motion, SingleMotion):  # as it was written, not as steps round it
+            highest = float(f"{highest:.12g}")
         load.setdefault("velocity", np.array([highest]))
     how = accuracy.pop("graded_solver", None)
     stack, counter, own_surface = block.stack(tables.layers, tables.base, how), None, None

@@ -24,11 +24,14 @@ from ..fields.grid import (
     wavevector,
     zero_mode,
 )
-from .spectrum import EDGE, narrowing, relative_density, rms_height_of
+from .spectrum import narrowing, relative_density, rms_height_of
 from .spectrum_table import Spectrum, SpectrumTable
 from .surface import Surface
 
 CUT = " by `spectrum.between`"  # of a message; what else cuts a table says another word
+
+# Modes as near as this to an edge of a band are on it: sizes in float32, and π with six digits.
+_EDGE = 1e-5
 
 
 @check_types
@@ -76,7 +79,7 @@ def _check_band(spectrum: Spectrum, grid: Grid) -> None:
         raise ValueError("`grid` must have two dimensions: a table of C is of surfaces.")
     if not all(map(is_concrete, (grid.size, spectrum.q_low, spectrum.q_high))):
         return
-    rounding = EDGE
+    rounding = _EDGE
     q_low, q_high = float(spectrum.q_low), float(spectrum.q_high)
     size = np.asarray(grid.size, float)  # NumPy: under `jit` JAX would trace even known numbers
     nyquist = np.pi * np.min(np.array(grid.shape) / size)
@@ -112,6 +115,9 @@ def _synthesise(spectrum: Spectrum, grid: Grid, key: Array, gaussian: bool) -> A
     else:
         unit, height = spectrum.q_roll, rms_height_of(spectrum, grid.ndim)
         x = wavenumber(grid) / unit
+        for edge in (spectrum.q_low / unit, spectrum.q_high / unit):
+            moved = jnp.where(jnp.abs(x - edge) <= _EDGE * edge, edge - x, 0)
+            x = x + jax.lax.stop_gradient(moved)
         density = relative_density(spectrum, x, grid.ndim)
         if spectrum.angle is not None:
             qx, qy = wavevector(grid)

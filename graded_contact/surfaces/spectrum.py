@@ -305,7 +305,6 @@ def between_ends(num_intervals: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 _LAST = 16.0  # logarithm of the distance of the last node from its end
-EDGE = 1e-5  # relative width of the edges of a band
 NUM_DIRECTIONS = 128  # of moments and of the mean over directions, good to rounding
 
 
@@ -323,11 +322,11 @@ def narrowing(spectrum: SelfAffine, x: Array, offset: Array) -> Array:
 def relative_density(spectrum: SelfAffine, x: Array, ndim: int) -> Array:
     """Returns C across the lay at x = q/q_roll in units of q_roll, of <h²> = 1.
 
-    The edges are in the band, also if π was written with six digits.
+    The edges are in the band.
     """
     slack = 8 * float(jnp.finfo(x.dtype).eps)
-    inside = (x >= spectrum.q_low / spectrum.q_roll * (1 - EDGE)) & (
-        x <= spectrum.q_high / spectrum.q_roll * (1 + EDGE)
+    inside = (x >= spectrum.q_low / spectrum.q_roll * (1 - slack)) & (
+        x <= spectrum.q_high / spectrum.q_roll * (1 + slack)
     )
     if spectrum.roll_off == "smooth":
         tail = (1 + jnp.where(inside, x, 1) ** 2) ** -(ndim / 2 + spectrum.hurst)
