@@ -3,7 +3,7 @@
 XLA's older generator of CPU code, at its second level of optimisation, takes half the time that the
 defaults take (`bench_contact.py first`). The code was as fast within the scatter of a busy
 machine. At level 0 it takes half of that again; a contact then takes 1.1 (32²), 1.4 (64²) or 2.1
-times (128²) as long: at 64² level 0 pays up to 300 contacts. Such options belong to a whole
+times (128²) as long: at 64² the first 300 contacts gain. Such options belong to a whole
 program: inside the `jit` of a user the user sets them.
 """
 
@@ -30,8 +30,8 @@ LESS_WORK = {
 }
 _LEVEL = "xla_backend_optimization_level"
 _OF_SMALL, _OF_LARGE = 0, 2  # of 3
-# Elements that nearly all operations of a small program return: 64² points, or as many waves. And
-# the mean over its operations with the known lengths of loops: then it runs for 0.1 s at most.
+# A program is small if nearly all of its operations return at most this many elements (64² points,
+# or as many waves), and if it is short: the mean of these, each times the turns of known loops.
 _SMALL, _NEARLY_ALL, _SHORT = 4500, 0.95, 20_000
 
 
@@ -57,7 +57,7 @@ def jit(function: F) -> F:
 
 
 def compiled(function: F) -> F:
-    """The same for the package: arguments may be results, and NaN."""
+    """Returns `jit` for functions of the package, whose arguments may be results that are NaN."""
     return _compiled(function, False)
 
 
@@ -160,7 +160,7 @@ def _options() -> dict[str, Any]:
     """Options of `jax.jit` that this XLA knows and the environment does not set."""
     logging.getLogger("graded_contact").info(COMPILING)
     keep_small_programs()
-    # A failure is told by its exception.
+    # A failure has its exception: no traceback of JAX beside it.
     told = logging.getLogger("jax._src.callback")
     told.addFilter(lambda record: "callback failed" not in record.getMessage())
     flags = os.environ.get("XLA_FLAGS", "")

@@ -5,7 +5,6 @@ code. So functions that differ in these arrays alone share it, and compiling doe
 the surface.
 """
 
-import logging
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import partial
@@ -121,16 +120,13 @@ def key_of(closed: core.ClosedJaxpr, text: str) -> str:
     return fingerprint(versions, _ADDRESS.sub("", text), *map(_plain, arrays))
 
 
-def compiled(program: Program) -> Callable[[Task], Point]:
+def runner(program: Program) -> Callable[[Task], Point]:
     """Returns what solves one point; a point that fails has no values and its reason."""
     run = _step_by_step(program) if program.steps else _as_a_whole(program)
     names = jax.tree.structure(program.like)
 
     def solve(task):
         point, needed = task
-        # JAX prints a traceback for a point that fails.
-        log = logging.getLogger("jax._src.callback")
-        log.addFilter(silence := lambda _: False)
         try:
             found = jax.tree.map(np.asarray, run(*jax.tree.leaves(point)))
         except (ValueError, RuntimeError) as error:  # `eqx.error_if` raises through XLA
@@ -141,8 +137,6 @@ def compiled(program: Program) -> Callable[[Task], Point]:
             if "KeyboardInterrupt" in str(error):
                 raise KeyboardInterrupt from error
             return Point({}, FAILED + reason)
-        finally:
-            log.removeFilter(silence)
         values, end = jax.tree.unflatten(names, found)
         message = "" if end == RESULTS.successful else RESULTS[end]
         return Point({name: values[name] for name in needed or values}, message)

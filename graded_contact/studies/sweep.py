@@ -17,7 +17,7 @@ from ..sliding.history_run import followed
 from .dataset import FAILED, LOST, NOT_STARTED, attach
 from .interruption import Interruption, ctrl_c_later
 from .journal import PointJournal, forget
-from .program import Program, Task, compiled, trace
+from .program import Program, Task, runner, trace
 from .store import Point, Store, open_store, together
 from .workers import check_workers, connected, num_cores, on_workers, pays
 
@@ -180,7 +180,7 @@ def _solved(
         # Processes on one GPU would compete for its memory.
         can_start = can_start and jax.default_backend() == "cpu"
         start = time.perf_counter()
-        solve = compiled(program)
+        solve = runner(program)
         later.check()
         compiling = time.perf_counter() - start
         if not program.steps:  # of which the first point compiles the segments

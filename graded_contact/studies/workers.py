@@ -18,7 +18,7 @@ import jax
 
 from ..core.checks import check_whole
 from .dataset import LOST
-from .program import Program, Task, compiled, trace
+from .program import Program, Task, runner, trace
 from .store import Point
 
 PATIENCE = 30  # seconds to wait for a scheduler or a first worker
@@ -191,4 +191,4 @@ def _unpacked(packed: bytes) -> Callable[[Task], Point]:
         raise RuntimeError(
             "A worker makes another program of `function`: its libraries have other versions."
         )
-    return compiled(program)
+    return runner(program)

@@ -40,8 +40,10 @@ PER_DECADE = 10  # points of a spectrum per factor 10 of q
 POINTS_PER_WAVE = 4  # of the shortest wave that counts, unless given
 WAVES_PER_SCAN = 2  # of the longest wave that counts: a plane is subtracted from longer ones
 DOUBTED, REFUSED = 3.0, 100.0  # factors between C of scans where they overlap
-SLACK = 1e-3  # of wavelengths that limit a scan: their digits
-DIRECTED = 1.5  # rms slope across over that along a lay, above which a mean over directions is told
+_DIGITS = 1e-3  # of wavelengths that limit a scan: their digits
+DIRECTED = (
+    1.5  # rms slope across over that along a lay, above which a mean over directions is a caveat
+)
 # Corrections of C from a line: more blow up noise, fewer miss a roll-off.
 CORRECTIONS = 3
 MEAN_OF = 12  # waves of a line: fewer scatter by a factor of 5, more blur a roll-off
@@ -127,14 +129,14 @@ def scan_spectrum(
         check_positive(limit, value, "[m]")
     edge, two = float(np.max(edges)), 2 * float(np.max(apart))
     allowed = f"the edge of the scan {name!r} is {edge:g} m"
-    check_values("longest", longest, allowed, at_most=edge * (1 + SLACK))
+    check_values("longest", longest, allowed, at_most=edge * (1 + _DIGITS))
     allowed = f"two spacings of the scan {name!r} are {two:g} m"
-    check_values("shortest", shortest, allowed, at_least=two * (1 - SLACK))
+    check_values("shortest", shortest, allowed, at_least=two * (1 - _DIGITS))
     span = np.log10(np.max(edges) / np.max(apart) / 2)
     num_bins = max(round(PER_DECADE * float(span)), 1)
     q, density = (np.asarray(a, float) for a in radial_spectrum(surface, num_bins))
-    known = (density > 0) & (q * longest >= 2 * np.pi * (1 - SLACK))
-    known &= q * shortest <= 2 * np.pi * (1 + SLACK)
+    known = (density > 0) & (q * longest >= 2 * np.pi * (1 - _DIGITS))
+    known &= q * shortest <= 2 * np.pi * (1 + _DIGITS)
     if np.sum(known) < 3:
         limits = f"`longest={with_unit(longest, 'm')}` and `shortest={with_unit(shortest, 'm')}`"
         own = f"{with_unit(np.max(edges), 'm')} long, points {with_unit(np.max(apart), 'm')} apart"
