@@ -273,7 +273,7 @@ def interrupt_after(monkeypatch, count):
 
 
 def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(SWEEP, "compiled", None)
+    monkeypatch.setattr(SWEEP, "runner", None)
     result = rerun()
     assert result.exit_code == 0, result.output
     assert f"2 of 2 solves are found in {tmp_path / 'out' / 'small.points'}" in result.stdout
@@ -319,7 +319,7 @@ def test_a_result_of_another_scene_is_replaced_only_if_asked(rerun, tmp_path, mo
     path = tmp_path / "out" / "small.h5"
     before = path.read_bytes()
     with monkeypatch.context() as patch:
-        patch.setattr(SWEEP, "compiled", None)
+        patch.setattr(SWEEP, "runner", None)
         result = rerun(text=other)
     assert result.exit_code == 2 and path.read_bytes() == before
     text = result.stderr

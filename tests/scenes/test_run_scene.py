@@ -255,7 +255,7 @@ def test_a_plan_draws_and_traces_once_and_solves_nothing(scene, monkeypatch):
 
     counted(PLAN, "trace")
     counted(RandomSurface, "build")
-    for room, name in ((SWEEP, "compiled"), (PLAN, "collect")):
+    for room, name in ((SWEEP, "runner"), (PLAN, "collect")):
         monkeypatch.setattr(room, name, None)
     many = changed("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 50}")
     planned = plan(parse_scene(many))
