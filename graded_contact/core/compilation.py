@@ -27,6 +27,8 @@ COMPILING = "compiling (first run only)"
 LESS_WORK = {
     "xla_cpu_use_fusion_emitters": False,  # the older generator
     "xla_cpu_parallel_codegen_split_count": 4,  # parts of a program, each with work of its own
+    # Else independent parts of a program wait side by side, each with its fields.
+    "xla_cpu_scheduler_type": "CPU_SCHEDULER_TYPE_MEMORY_OPTIMIZED",
 }
 _LEVEL = "xla_backend_optimization_level"
 _OF_SMALL, _OF_LARGE = 0, 2  # of 3
