@@ -216,7 +216,7 @@ def attach_fixed_point(function: Callable, given: Any, x: Float[Array, " n"]) ->
     return attached(x, given)
 
 
-def _product(row: list[Array], changes: list[Array]) -> Array:
+def _product(row, changes):
     return sum(jnp.sum(a * b) for a, b in zip(row, changes, strict=True))
 
 
