@@ -23,20 +23,26 @@ class ShownPoint:
 
     - `model`: of the scene.
     - `values`: of its knobs [SI].
-    - `curves`, `contact`, `derivatives`: of the model at these values; the last one is None until
-      it is computed.
+    - `curves`, `contact`, `caveats`, `derivatives`: of the model at these values. The warnings,
+      with which the contact has its errors, and the derivatives are None until they are computed.
     """
 
     model: Model
     values: tuple[float, ...]
     curves: xr.Dataset
     contact: Sliding
+    caveats: tuple[str, ...] | None = None
     derivatives: Derivatives | None = None
 
     @cached_property
     def document(self) -> Document:
         """The scene at these values."""
         return self.model.changed(self.values)
+
+    def number(self, name: str) -> tuple[float, float]:
+        """Returns a number of the contact, and its error, which is NaN until it is computed."""
+        error = np.nan if self.caveats is None else getattr(self.contact, f"{name}_error")
+        return float(getattr(self.contact, name)), float(error)
 
 
 def to_csv(shown: ShownPoint) -> bytes:

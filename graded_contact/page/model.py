@@ -30,6 +30,7 @@ from .knobs import knobs_of, turned
 from .scenery import Scenery, scenery_of, with_numbers
 
 PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
+AT_THE_TOP = ("friction", "contact_area", "mean_gap", "surface_rise")  # of the page, if known
 NUM_SPEEDS, NUM_WAVES = 25, 80
 
 
@@ -101,14 +102,15 @@ class Model:
         })  # fmt: skip
 
     def contact(self, values: Sequence[float]) -> Sliding:
-        """Returns the contact at `values` [SI], solved from the last one.
+        """Returns the contact at `values` [SI], solved from the last one, without its errors.
 
         Raises `ValueError` for a liquid, which has curves but, in two dimensions, no contact.
         """
         if self.surface.grid.ndim == 2:
             refuse_liquids(self.document.scene)
         found = self._slide(values, self._start)
-        found.compute(*found.numbers)  # here in the thread, not when the page reads them
+        # Here in the thread, not when the page reads them.
+        found.compute(*(name for name in AT_THE_TOP if name in found.numbers))
         # A failed solve is no start for the next one.
         if np.all(np.isfinite(np.asarray(found.pressure))):
             self._start = found.pressure
@@ -120,6 +122,14 @@ class Model:
         case = _case(self._at(values))
         return cast(Sliding, solve(case, self._numerics, start=start, solution=solution))
 
+    def errors(self, values: Sequence[float]) -> tuple[str, ...]:
+        """Returns the warnings about the contact at `values` [SI], which then has its errors."""
+        return self._found(values).caveats
+
+    def _found(self, values: Sequence[float]) -> Sliding:
+        last, contact = self._last
+        return contact if last == tuple(values) else self.contact(values)
+
     def derivatives(self, values: Sequence[float]) -> Derivatives:
         """Returns the change by a step of each knob, at `values` [SI].
 
@@ -128,9 +138,7 @@ class Model:
         if self.document.scene.heating is not None:
             unknown = np.full(len(values), np.nan)
             return Derivatives(unknown, unknown)
-        last, contact = self._last
-        if last != tuple(values):
-            contact = self.contact(values)
+        contact = self._found(values)
 
         def observed(numbers):
             found = self._slide(numbers, None, contact.contact)

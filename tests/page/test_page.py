@@ -131,14 +131,14 @@ def test_bars_are_what_a_step_of_a_slider_changes(model):
 
 
 def test_turning_compiles_nothing(model):
-    for stage in (model.curves, model.contact, model.derivatives):
+    for stage in (model.curves, model.contact, model.errors, model.derivatives):
         stage(model.values)
     compiled = []
     jax.monitoring.register_event_duration_secs_listener(
         lambda name, *_, **__: compiled.append(name) if "backend_compile" in name else None
     )
     turned = [0.97 * value for value in model.values]
-    for stage in (model.curves, model.contact, model.derivatives):
+    for stage in (model.curves, model.contact, model.errors, model.derivatives):
         stage(turned)
     assert not compiled
     jax.monitoring.clear_event_listeners()
@@ -167,7 +167,7 @@ def test_a_liquid_has_curves_and_is_refused_by_name(tmp_path):
 
 def test_downloads_have_units_and_everything_that_is_shown(model):
     values = model.values
-    stages = (model.curves, model.contact, model.derivatives)
+    stages = (model.curves, model.contact, model.errors, model.derivatives)
     shown = ShownPoint(model, values, *(stage(values) for stage in stages))
     rows = to_csv(shown).decode().splitlines()
     assert rows[0].startswith("q [rad/m],modulus [Pa],loss_tangent,speed [m/s]")
@@ -189,7 +189,7 @@ async def rest():
 
 def test_only_the_latest_values_are_finished(document, tmp_path, monkeypatch):
     done, go = [], threading.Event()
-    stages = ("curves", "contact", "derivatives")
+    stages = ("curves", "contact", "errors", "derivatives")
     original = {stage: getattr(Model, stage) for stage in stages}
 
     def recorded(model, stage, values):
