@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, cast
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 
 from ..blocks.compliance import effective_modulus
 from ..core.compilation import compiled
@@ -32,6 +31,14 @@ from .scenery import Scenery, scenery_of, with_numbers
 PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
 AT_THE_TOP = ("friction", "contact_area", "mean_gap", "surface_rise")  # of the page, if known
 NUM_SPEEDS, NUM_WAVES = 25, 80
+
+
+class Curve(NamedTuple):
+    """Numbers of a curve over another one, or of an abscissa: a variable as xarray takes it."""
+
+    along: str
+    numbers: np.ndarray
+    attributes: dict[str, str]
 
 
 class Derivatives(NamedTuple):
@@ -74,7 +81,7 @@ class Model:
     def _at(self, values: Any) -> Scenery:
         return turned(self._scenery, self.knobs, values)
 
-    def curves(self, values: Sequence[float]) -> xr.Dataset:
+    def curves(self, values: Sequence[float]) -> dict[str, Curve]:
         """Returns response and mean field with the knobs at `values` [SI].
 
         The response is over `q` [rad/m] at the chosen velocity, the mean field over `speed` [m/s].
@@ -96,10 +103,10 @@ class Model:
             "friction": ("speed", friction, "1", "friction by mean field"),
             "contact_area": ("speed", area, "1", "contact area fraction by mean field"),
         }
-        return xr.Dataset({
-            name: (along, np.asarray(numbers), {"units": unit, "long_name": words})
+        return {
+            name: Curve(along, np.asarray(numbers), {"units": unit, "long_name": words})
             for name, (along, numbers, unit, words) in curves.items()
-        })  # fmt: skip
+        }
 
     def contact(self, values: Sequence[float]) -> Sliding:
         """Returns the contact at `values` [SI], solved from the last one, without its errors.

@@ -1,9 +1,10 @@
 """The session of a page: its scene, the values of the sliders, and the order of the computation.
 
-For each change the session computes the curves first, then the contact, its errors, and the derivatives. A
-new change replaces an earlier one between these stages. Everything is computed in threads, one stage
-of a page at a time; all else runs on the event loop. One thread reads the scenes of all pages and
-computes what compiles: tabs that open together wait for one compilation, not for one each.
+For each change the session computes the curves first, then the contact, its errors, and the
+derivatives. A new change replaces an earlier one between these stages. Everything is computed in
+threads, one stage of a page at a time; all else runs on the event loop. One thread reads the scenes
+of all pages and computes what compiles: tabs that open together wait for one compilation, not for
+one each.
 """
 
 import asyncio
@@ -152,8 +153,8 @@ class Session(param.Parameterized):
         """Computes one stage, adds it to `found` and shows it; returns whether that succeeded."""
         first = stage not in self._seconds
         if first:
-            text = f"Preparing the {SHOWN_AS.get(stage, stage)}: the first contact takes about half a minute, "
-            self.show(status=f"{text}later moves less than a second.", busy=True)
+            text = f"Preparing the {SHOWN_AS.get(stage, stage)}: the first time takes seconds"
+            self.show(status=f"{text} to a minute, later moves less than a second.", busy=True)
         started = time.perf_counter()
         compute = partial(getattr(model, stage), values)
         try:

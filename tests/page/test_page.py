@@ -11,6 +11,7 @@ import h5py
 import jax
 import numpy as np
 import pytest
+import xarray as xr
 from scene_texts import PLAIN, TEXT, changed
 
 import graded_contact as gc
@@ -56,7 +57,7 @@ def test_the_contact_of_a_page_is_that_of_slide(model):
 
 
 def test_the_curves_of_a_page_are_those_of_the_package(model):
-    curves = model.curves(model.values)
+    curves = xr.Dataset(model.curves(model.values))
     at = 7
     field = gc.mean_field_friction(
         model.document.scene.stack, model.document.scene.surface.spectrum,
@@ -102,7 +103,7 @@ def test_shear_and_heat_have_sliders_and_act_as_in_slide(tmp_path, heat):
         np.testing.assert_allclose(found, share, rtol=1e-6)
     saved = model.changed(values).scene
     assert saved.shear.stress == 2e5 and (not heat or saved.heating.conductivity == 0.3)
-    assert np.all(np.isfinite(model.curves(values).friction))
+    assert np.all(np.isfinite(model.curves(values)["friction"].numbers))
 
 
 def test_labels_of_wavenumbers_are_enough_and_not_too_many():
@@ -160,7 +161,7 @@ def test_a_liquid_has_curves_and_is_refused_by_name(tmp_path):
                 "times = [1e-2]")
     )  # fmt: skip
     model = Model(open_document(tmp_path / "melt.toml"))
-    assert np.all(np.isfinite(model.curves(model.values).friction))
+    assert np.all(np.isfinite(model.curves(model.values)["friction"].numbers))
     with pytest.raises(ValueError, match=r"^\[materials.tread\] is a liquid"):
         model.contact(model.values)
 
@@ -171,7 +172,7 @@ def test_downloads_have_units_and_everything_that_is_shown(model):
     shown = ShownPoint(model, values, *(stage(values) for stage in stages))
     rows = to_csv(shown).decode().splitlines()
     assert rows[0].startswith("q [rad/m],modulus [Pa],loss_tangent,speed [m/s]")
-    assert float(rows[1].split(",")[1]) == shown.curves.modulus[0]
+    assert float(rows[1].split(",")[1]) == shown.curves["modulus"].numbers[0]
     with h5py.File(io.BytesIO(to_hdf5(shown))) as file:
         np.testing.assert_array_equal(file["contact/pressure"], shown.contact.pressure)
         assert file["contact/pressure"].attrs["units"] == "Pa"
