@@ -21,9 +21,11 @@ from ..mean_field.mean_field import RTOL, mean_field_friction
 from ..mean_field.refinement import Nodes, misses, solve_refined
 from ..scenes.plan import build_surface
 from ..scenes.scene_checks import refuse_liquids
+from ..scenes.surface_source import RandomSurface
 from ..sliding.case import Case
 from ..sliding.result import Sliding
 from ..sliding.slide import solve
+from ..surfaces.surface import Surface
 from .document import Document
 from .knobs import knobs_of, turned
 from .scenery import Scenery, scenery_of, with_numbers
@@ -64,13 +66,13 @@ class Model:
         self._scenery = scenery_of(scene, surface)
         self.knobs = knobs_of(self._scenery, scene.materials, document.speeds)
         self._numerics = dataclasses.replace(scene.numerics, rtol=PAGE_RTOL)
-        self._speeds = jnp.geomspace(*document.speeds, NUM_SPEEDS)
+        self._speeds = jnp.asarray(np.geomspace(*document.speeds, NUM_SPEEDS))
         highest = getattr(scene.surface, "spectrum", None)
         grid = surface.grid
         highest = np.pi / np.max(grid.spacing) if highest is None else highest.q_high
         self.waves = float(2 * np.pi / np.max(grid.size)), float(highest)
-        self._waves = jnp.geomspace(*self.waves, NUM_WAVES)
-        self._start = jnp.zeros_like(surface.heights) + self._scenery.pressure
+        self._waves = jnp.asarray(np.geomspace(*self.waves, NUM_WAVES))
+        self._start = jnp.asarray(np.full(grid.shape, scene.pressure[0]))
         self._last: Any = ((), None)
 
     @property
@@ -88,8 +90,8 @@ class Model:
         """
 
         def solve(nodes: Nodes) -> Any:
-            *found, error = _response_and_theory(self._at(values), self._waves, self._speeds, nodes)
-            return found, misses(error, RTOL)
+            found = _response_and_theory(self._at(values), self._waves, self._speeds, nodes)
+            return found[:-1], found[-1]
 
         found, _ = solve_refined(solve)
         modulus, friction, area = (np.asarray(numbers) for numbers in found)
@@ -170,25 +172,31 @@ class Model:
 
 
 @derivative_apart
-@compiled
 def _case(scenery: Scenery) -> Case:
-    return scenery.case()
+    # The program that draws a surface is compiled already, see `build_surface`.
+    drawn = scenery.surface.build() if isinstance(scenery.surface, RandomSurface) else None
+    return _case_on(scenery, drawn)
+
+
+@compiled
+def _case_on(scenery: Scenery, surface: Surface | None) -> Case:
+    return scenery.case(surface)
 
 
 @compiled
 def _response_and_theory(scenery, waves, speeds, nodes):
-    case = scenery.case()
+    case = scenery.case(scenery.roughness())
     speed = direction_and_speed(case.velocity)[1]
     modulus = effective_modulus(case.stack, waves, waves * speed)
 
     def at(speed):
         # Without heat, which takes many mean fields for each.
         field = mean_field_friction(
-            case.stack, scenery.roughness(case.surface), pressure=case.pressure, velocity=speed,
+            case.stack, case.surface, pressure=case.pressure, velocity=speed,
             shear=case.shear, temperature=case.temperature,
             strain_per_slope=case.strain_per_slope, throw=False, **nodes._asdict(),
         )  # fmt: skip
-        return field.friction, field.contact_area, field.error
+        return field.friction, field.contact_area, misses(field.error, RTOL)
 
     along = speeds if scenery.direction == 0 else speeds[:, None] * case.velocity / speed
     return modulus.astype(complex), *jax.lax.map(at, along)
