@@ -40,7 +40,7 @@ class Neighbours(eqx.Module):
 
     **Fields:**
 
-    - `same`: on the grid, without the waves that half of it lacks.
+    - `same`: on the grid, without the waves that half of it lacks; None if it lacks none.
     - `half`: the same contact on half as many points.
     - `fewer`: of a cycle or a history, on the grid with half as many times; None if these are
       too few.
@@ -80,7 +80,7 @@ def _neighbours(found: Found) -> Neighbours:
     times = len(found.displacement) if isinstance(found, CyclicSliding) else 0
     rough, window = found.problem.roughness, WINDOW in found.facts
     on_half, cut, missing = roughness_on(rough, found.grid, half, window)
-    same, fewer = found, None
+    same = fewer = None
     if not (is_concrete(missing) and missing <= NOTHING_LACKS):
         same = _solved(found, shape, cut, times)
     if times >= 2 * _LEAST_TIMES:

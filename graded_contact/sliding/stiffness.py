@@ -99,7 +99,7 @@ def contact_stiffness_error(
     """
     _check(sliding)
     near = neighbours_of(sliding)
-    same, half = cast(Sliding, near.same), cast(Sliding, near.half)
+    same, half = near.same or sliding, cast(Sliding, near.half)
     own, other = (_stiffness(s, adjoint) for s in (same, half))
     softer = _stiffness(same, adjoint, _SOFTER)
     missed = 1 + _LACKING * near.lacking
