@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -87,17 +88,21 @@ def cuts_of(heights: Field, periodic: bool) -> tuple[Array, ...]:
 
 
 def _cuts_along(heights, axis, periodic):
-    drop = jnp.abs(jnp.roll(heights, -1, axis) - heights)
-    last = positions(heights.shape)[axis] == heights.shape[axis] - 1
-    ends = last & (not periodic)
-    drop = jnp.where(ends, 0, drop)
+    # One copy with the points around: XLA would compute what is rolled anew for each place.
+    n, wide = heights.shape[axis], [(0, 0)] * heights.ndim
+    wide[axis] = (2, 3)
+    steps = jnp.abs(jnp.diff(jnp.pad(heights, wide, mode="wrap"), axis=axis))
+    ends = ((positions(steps.shape)[axis] - 1) % n == 0) & (not periodic)
+    steps = jnp.where(ends, 0, steps)
+
+    def at(field, places):
+        return jax.lax.slice_in_dim(field, 2 + places, 2 + places + n, axis=axis)
+
     # A wave of four points looks like teeth: the second neighbours tell it from one tooth.
-    around = sum(
-        weight * (jnp.roll(drop, places, axis) + jnp.roll(drop, -places, axis))
-        for places, weight in ((1, 1.0), (2, 0.25))
-    )
+    around = at(steps, -1) + at(steps, 1) + 0.25 * (at(steps, -2) + at(steps, 2))
+    drop = at(steps, 0)
     jump = drop / nonzero(jnp.maximum(around, drop / 8))
-    return jnp.where(ends, 1, _rising(jump, 2.0, 4.0))
+    return jnp.where(at(ends, 0), 1, _rising(jump, 2.0, 4.0))
 
 
 def _rising(value: Array, low: float, high: float) -> Array:
