@@ -26,8 +26,8 @@ from .document import Document, save_document, with_file
 from .downloads import ShownPoint
 from .model import Model
 
-# Seconds to rest before each stage: no derivatives while a slider moves.
-STAGES = {"curves": 0.0, "contact": 0.0, "errors": 0.0, "derivatives": 0.25}
+# Seconds to rest before each stage: no errors and no derivatives while a slider moves.
+STAGES = {"curves": 0.0, "contact": 0.0, "errors": 0.1, "derivatives": 0.25}
 SHOWN_AS = {"derivatives": "bars"}
 EXPECTED = (ValueError, OSError, ImportError, MemoryError)  # errors of the package for bad input
 _COMPILE_THREAD = ThreadPoolExecutor(1, "compiling")
