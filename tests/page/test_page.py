@@ -1,6 +1,7 @@
 """Pages without a browser: their numbers, the order of their work, what they refuse and save."""
 
 import asyncio
+import gc as collect
 import io
 import sys
 import threading
@@ -225,8 +226,16 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
         page.session.take_file(name, data, partial(with_moduli, options={}, name="tread"))
         await rest()
 
+    seen = []
+    page.session.param.watch(lambda event: seen.append((
+        event.new.caveats is not None, event.new.derivatives is not None,
+        "± —" in page.__panel__()[0].object,
+    )), "shown")  # fmt: skip
+
     async def steps():
         await page.session.update()
+        # The contact is shown before its errors, which compile longest, and before the bars.
+        assert seen == [(False, False, True), (True, False, False), (True, True, False)]
         pressure, session = page.sliders[0], page.session
         assert session.shown.document.content["title"] == "a small one"
         for _ in range(2):
@@ -301,6 +310,25 @@ def test_pages_that_open_together_compile_one_after_the_other(document, tmp_path
 
     asyncio.run(steps())
     assert done == ["curves"] * 4 and max(together) == 1
+
+
+def test_a_closed_page_leaves_nothing(document, tmp_path):
+    """Also after moves, each of which makes a contact and fields of its own."""
+    left = []
+
+    async def steps():
+        page = Page(document, tmp_path)
+        await page.session.update()
+        for value in (1e5, 2e5, 3e5):
+            left.extend(map(weakref.ref, (page.session.shown, page.session.shown.contact)))
+            page.sliders[0].value = value
+            await rest()
+        left.extend(map(weakref.ref, (page.session, page.session.model, page.session.shown)))
+        page.session.end()
+
+    asyncio.run(steps())
+    collect.collect()
+    assert [one for ref in left if (one := ref()) is not None] == []
 
 
 def test_four_clicks_add_four_layers_with_names(document, tmp_path, monkeypatch):
