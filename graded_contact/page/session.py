@@ -205,6 +205,7 @@ class Session(param.Parameterized):
         def show() -> None:
             with pn.io.hold():
                 self.param.update(**values)
+            values.clear()  # Bokeh keeps this function in a circle, which Python finds late
 
         if not self._ended:
             pn.state.execute(show, schedule=True)

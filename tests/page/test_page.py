@@ -331,6 +331,23 @@ def test_a_closed_page_leaves_nothing(document, tmp_path):
     assert [one for ref in left if (one := ref()) is not None] == []
 
 
+def test_a_callback_that_the_server_keeps_holds_no_contact(document, tmp_path, monkeypatch):
+    kept = []
+
+    def execute(callback, **_):
+        kept.append(callback)
+        callback()
+
+    monkeypatch.setattr(pn.state, "execute", execute)
+    session, shown = Session(document, tmp_path), ShownPoint(None, (), {}, None)
+    ref = weakref.ref(shown)
+    session.show(shown=shown)
+    assert session.shown is shown
+    del shown
+    session.show(shown=None)
+    assert len(kept) == 2 and ref() is None
+
+
 def test_four_clicks_add_four_layers_with_names(document, tmp_path, monkeypatch):
     def refused(*_):
         raise ValueError("enough")
