@@ -339,10 +339,9 @@ def test_a_callback_that_the_server_keeps_holds_no_contact(document, tmp_path, m
         callback()
 
     monkeypatch.setattr(pn.state, "execute", execute)
-    session, shown = Session(document, tmp_path), ShownPoint(None, (), {}, None)
+    session, shown = Session(document, tmp_path), type("Shown", (), {})()
     ref = weakref.ref(shown)
     session.show(shown=shown)
-    assert session.shown is shown
     del shown
     session.show(shown=None)
     assert len(kept) == 2 and ref() is None
