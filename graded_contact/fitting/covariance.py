@@ -20,8 +20,7 @@ import functools
 import itertools
 
 import numpy as np
-from scipy.linalg import solve_banded
-from scipy.optimize import minimize
+import scipy
 
 from .alignment import unseen
 from .series import SeriesProblem
@@ -116,7 +115,7 @@ class _NoiseModel:
         for parameters in cloud:
             diagonal, left = self.filter(parameters)
             bands = np.array([np.append(0, left[1:]), diagonal])
-            carried = solve_banded((0, 1), bands, self.design)  # W⁻ᵀ G
+            carried = scipy.linalg.solve_banded((0, 1), bands, self.design)  # W⁻ᵀ G
             noise += carried.T @ carried / len(cloud)
         return noise
 
@@ -130,7 +129,7 @@ class _NoiseModel:
         if not self.mean_square:
             return [likely]
         bounds = list(zip(lower, upper, strict=True))
-        likely = minimize(self._surprise, likely, method="L-BFGS-B", bounds=bounds).x
+        likely = scipy.optimize.minimize(self._surprise, likely, method="L-BFGS-B", bounds=bounds).x
         steps = LIKELIHOOD_STEP * np.eye(len(likely))
         curvature = np.empty(steps.shape)
         for (i, a), (j, b) in itertools.product(enumerate(steps), repeat=2):

@@ -12,8 +12,8 @@ from typing import Any
 
 import jax
 import numpy as np
+import scipy
 from jaxtyping import ArrayLike
-from scipy.linalg import block_diag
 
 from ..blocks.periodic_kernel import period_frequencies
 from ..blocks.stack import Stack
@@ -230,7 +230,7 @@ def errors_of_bodies(scene: Scene) -> Errors | None:
             names += [f"{place}.{path}" for place in at for path in known.paths]
             # The errors of one material act at all its places together.
             blocks.append(np.tile(known.directions, len(at)))
-    return Errors(tuple(names), block_diag(*blocks)) if names else None
+    return Errors(tuple(names), scipy.linalg.block_diag(*blocks)) if names else None
 
 
 def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sensitivity]:
