@@ -19,7 +19,7 @@ from ..core.quantities import (
     HISTORY,
     in_brackets,
 )
-from ..plot.words import label_of, title_of
+from ..plot.words import place_of, title_of
 from ..scenes.results import (
     FLOWS,
     has_numbers,
@@ -103,9 +103,16 @@ def print_rows(results: "Dataset", all_seeds: bool, full: bool) -> None:
         mark += f"[yellow]doubtful{f' ({which})' * bool(which)}[/]" * bool(doubts)
         numbers = (f"{speed:.3e}", f"{load / load_unit:.4g}", *(f"{number:.5g}" for number in at))
         rows.append([*numbers, *cells, mark])
-    console, shared, parts = Console(), len(axes), [[*range(len(heads))]]
+    if fixed := place_of(results):
+        typer.echo(f"At {fixed}:")
+    _print_columns([*heads], rows, len(axes))
+
+
+def _print_columns(heads: list[str], rows: list[list[str]], shared: int) -> None:
+    """Prints a table, on a screen in parts that fit; their first columns are the `shared` ones."""
+    console, parts = Console(), [[*range(len(heads))]]
     if console.is_terminal:
-        texts = [[*heads], *([Text.from_markup(text).plain for text in row] for row in rows)]
+        texts = [heads, *([Text.from_markup(text).plain for text in row] for row in rows)]
         parts = tables_that_fit(texts, shared, console.width)
     else:  # a file has one line for each solve
         console.width = max(console.width, 24 * (len(heads) + 1))
@@ -140,23 +147,15 @@ def _print_times(results: "Dataset", full: bool) -> None:
         return
     axes = results["message"].dims
     at = results.isel(dict(zip(axes, solved[-1], strict=True)))
-    times, table = at["time"].values, Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    times, moved = at["time"].values, at["surface_displacement"].values
     columns = columns_in_table(at, [name for name in OVER_TIME if name in at], full)
-    columns = {name: column for name, column in columns.items() if not name.endswith("_error")}
-    moved = at["surface_displacement"].values
-    moves = ["displacement"] if full or np.any(moved) else []
-    for head in ("time", *moves, *(column.head for column in columns.values())):
-        table.add_column(Text(head), justify="right", no_wrap=True)
+    moves, rows = ["displacement"] if full or np.any(moved) else [], []
     for i in np.flatnonzero(np.isin(times, at["field_time"].values) | full):
         cells = [column.cell(name, (int(i),)) for name, column in columns.items()]
-        table.add_row(with_time(times[i]), *(with_unit(moved[i], "m") for _ in moves), *cells)
-    console = Console()
-    console.width = max(console.width, 24 * (len(table.columns) + 1))
+        rows.append([with_time(times[i]), *(with_unit(moved[i], "m") for _ in moves), *cells])
     if len(solved) > 1:
-        scene = results.attrs["scene"]
-        places = (f"{title_of(str(name), scene)} {label_of(at[name])}" for name in axes)
-        console.print(f"Over time, {', '.join(places)}:", markup=False)
-    console.print(table)
+        typer.echo(f"Over time, {place_of(at)}:")
+    _print_columns(["time", *moves, *(column.head for column in columns.values())], rows, 1)
 
 
 def tables_that_fit(texts: list[list[str]], shared: int, room: int) -> list[list[int]]:

@@ -11,8 +11,8 @@ from ..core.quantities import CYCLE, FIELDS, HISTORY, STEADY, in_brackets, quant
 from ..scenes.results import FLOWS, LEAKAGE, kind_of_results
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
-from .style import PAGE, colours_of, draw_closed, finished, new_figure
-from .words import label_of, title_of
+from .style import PAGE, colours_of, draw_closed, entitle, finished, new_figure
+from .words import fluid_of, label_of, place_of, title_of
 
 WORDS = {STEADY: "steady sliding", CYCLE: "a motion that repeats", HISTORY: "what happens once"}
 _FRAMES = 12  # of what happens once, in one figure
@@ -66,6 +66,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     for axes in (over_time, area):
         axes.set_xlabel("time over the period")
     area.set(ylabel="contact area fraction", ylim=(0, None))
+    entitle(figure, _fixed(cycle))
     return figure
 
 
@@ -123,6 +124,9 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
             axes.set_ylim(0, None)
         if len(times) > 1 and times[-1] - times[-2] > _GEOMETRIC * times[0]:
             axes.set_xscale("log")
+    entitle(figure, _fixed(history))
+    if any(name in LEAKAGE for name in names):
+        entitle(figure, fluid_of(results))
     return figure
 
 
@@ -167,6 +171,8 @@ def plot_film(
     for axes in panels[len(shown) :]:
         axes.remove()
     colours, exponent, colour = LOOKS["pressure"]
+    loads = np.mean(pressure, axis=tuple(range(1, pressure.ndim)))
+    changes = np.ptp(loads) > 1e-3 * np.max(loads)
     # One scale for all times: only then can frames be compared.
     norm = PowerNorm(exponent, 0, factor * high)
     image: Any = None
@@ -179,11 +185,20 @@ def plot_film(
             draw_profile(axes, factor * pressure[i], size, color=colour)
             axes.set(ylabel=label, ylim=(0, 1.05 * factor * high))
         when = f"$t/T$ = {i / count:.3g}" if once is None else with_time(float(once[i]))
-        axes.set_title(when)
+        axes.set_title(f"{when}, {with_unit(float(loads[i]), 'Pa')}" if changes else when)
         axes.label_outer()
     if is_map:
         figure.colorbar(image, ax=list(panels), label=label, shrink=0.9)
     return figure
+
+
+def _fixed(found: Any) -> str:
+    """The numbers that are the same in all solves of results of a scene."""
+    if not hasattr(found, "dims"):
+        return ""
+    return in_figure(
+        place_of(found.squeeze([d for d in found["message"].dims if found.sizes[d] == 1]))
+    )
 
 
 def _draw_band(axes: "Axes", x: Any, values: Any, error: Any, colour: Any, what: str) -> None:

@@ -24,7 +24,7 @@ from ..scenes.results import (
 )
 from ..studies.dataset import NOT_STARTED
 from . import style
-from .words import label_of, title_of
+from .words import fluid_of, label_of, title_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,7 +106,9 @@ def plot_leakage(results: "Dataset") -> "Figure":
     drawn = LEAKAGE if LEAKAGE[0] in results else FLOWS
     along = "pressure" if results.sizes["pressure"] > 1 else None
     lines = _lines(results, along, drawn=drawn)
-    return _coloured(lines, lines.varied[0] if lines.varied else "")
+    figure = _coloured(lines, lines.varied[0] if lines.varied else "")
+    style.entitle(figure, fluid_of(results))
+    return figure
 
 
 @style.finished

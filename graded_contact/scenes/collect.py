@@ -83,6 +83,8 @@ def collect(
     of_surface, places, about_surface = surface_variables(surface)
     attributes = _attributes(scene, surface) | about_surface
     coordinates = {name: (name, at) for name, at in scene.axes.items()} | places
+    if scene.temperature is not None and "temperature" not in axes:
+        coordinates["temperature"] = (), np.asarray(scene.temperature, float)
     if scene.motion is not None:
         variables["surface_displacement"] = "time", np.asarray(scene.motion.displacement)
     if scene.kind == CYCLE:
