@@ -248,11 +248,6 @@ def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
             )
 
 
-def print_scene(scene: Scene) -> None:
-    """Prints what a scene means before it is run."""
-    typer.echo(scene)
-
-
 def print_read(scene: Scene, surface: Surface | None) -> None:
     """Prints how the files of a scene were read."""
     told = (note for note in scene.notes if note not in scene.assumed)

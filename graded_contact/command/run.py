@@ -48,7 +48,6 @@ from .result_tables import (
     print_decisive,
     print_doubts,
     print_read,
-    print_scene,
     print_steps,
     print_table,
 )
@@ -120,7 +119,7 @@ def run(
             index |= [_on_axis(text, scene.axes)]
         engine["kept"] = tuple(index.values())
         if dry_run:
-            print_scene(scene)
+            typer.echo(scene)
             planned, file = _prepared(scene, *place, replace)
             typer.echo(planned)
             _say_stored(planned, Store(_points_of(file)))

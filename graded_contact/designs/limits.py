@@ -176,7 +176,7 @@ class Stiffness:
         check_positive("within", self.within, "[1]")
 
 
-@shown()
+@shown("of_criteria", "stiffness", "total_thickness", "stress_depths", unset=False)
 @dataclasses.dataclass(frozen=True)
 class Limits:
     """All limits of a design.
@@ -213,6 +213,14 @@ class Limits:
                     raise ValueError(" is larger than ".join(ends))
         if self.total_thickness is not None:
             check_positive("total_thickness", self.total_thickness, "[m]")
+
+    @property
+    def of_criteria(self) -> dict[str, str]:
+        """The limits of criteria in words."""
+        return {
+            CRITERIA[name].label: " and ".join(limit.words for limit in self if limit[0] == name)
+            for name in dict.fromkeys(limit.criterion for limit in self)
+        }
 
     def __iter__(self) -> Iterator[CriterionLimit]:
         """Yields the limits of criteria, in one order for all files."""

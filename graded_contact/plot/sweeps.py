@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.caveats import Caveat
 from ..core.escaping import in_figure
-from ..core.quantities import in_brackets, quantity_of
+from ..core.quantities import STEADY, in_brackets, quantity_of
 from ..scenes.results import (
     FLOWS,
     LEAKAGE,
@@ -24,6 +24,7 @@ from ..scenes.results import (
 )
 from ..studies.dataset import NOT_STARTED
 from . import style
+from .inputs import RESULTS, check_drawn
 from .words import fluid_of, label_of, title_of
 
 if TYPE_CHECKING:
@@ -79,10 +80,10 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
 
     **Arguments:**
 
-    - `results`: the result of `Plan.run`.
+    - `results`: the result of `Plan.run`, or of `sweep` for a function that returns a `Sliding`.
     - `all_seeds`: draws a thin line for each surface in addition.
 
-    **Raises:** `ValueError` if no solve succeeded, and for the results of a scene with [motion].
+    **Raises:** `ValueError` if no solve succeeded, and for other results, as of a [motion].
     """
     lines = _lines(results, all_seeds=all_seeds)
     return _coloured(lines, lines.varied[0] if lines.varied else "")
@@ -101,6 +102,7 @@ def plot_leakage(results: "Dataset") -> "Figure":
 
     **Raises:** `ValueError` if there is no flow in the results.
     """
+    check_drawn("results", results, RESULTS[STEADY])
     if FLOWS[0] not in results:
         raise ValueError("`results` have no leakage: the scene needs the table [fluid].")
     drawn = LEAKAGE if LEAKAGE[0] in results else FLOWS
@@ -124,6 +126,7 @@ def plot_reduced(results: "Dataset") -> "Figure":
 
     **Raises:** `ValueError` with the reason if there is no such curve.
     """
+    check_drawn("results", results, RESULTS[STEADY])
     if "reduced_velocity" not in results:
         reason = "No master curve: the results have no axis of temperatures."
         raise ValueError(results.attrs.get("master_curve", reason))
@@ -180,13 +183,9 @@ def _lines(
     drawn: tuple[str, ...] = (),
 ) -> _Lines:  # fmt: skip
     """The lines of results along an axis: by default velocity, or the last with several points."""
+    check_drawn("results", results, RESULTS[STEADY])
     if not np.any(has_numbers(results)):
         raise ValueError(NOTHING)
-    if "time" in results.dims:
-        raise ValueError(
-            "`results` holds motions in time: steady sliding is needed; `plot_cycle` draws motions "
-            "that repeat, `plot_transient` what happens once."
-        )
     axes = [str(axis) for axis in results["message"].dims]
     longer = [axis for axis in axes if results.sizes[axis] > 1 and axis != "seed"]
     if along is None:

@@ -132,7 +132,7 @@ def has_numbers(results: "Dataset") -> "DataArray":
 
 def without_friction(results: "Dataset") -> "DataArray":
     """Returns for each solve of steady sliding whether its friction is rounding or not known."""
-    return ~(abs(results["friction"]) > NO_FRICTION * results["slope_in_contact"])
+    return ~(abs(results["friction"]) > NO_FRICTION * results.get("slope_in_contact", 1.0))
 
 
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
@@ -140,7 +140,8 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     known = has_numbers(results)
     # Caveats of the surface, and of what was assumed of files, concern every solve.
     assumed = filter(None, results.attrs.get("assumed", "").split("\n"))
-    of_files = (Caveat(text, known.values) for text in (*surface_of(results).caveats, *assumed))
+    of_surface = surface_of(results).caveats if "surface_history" in results.attrs else ()
+    of_files = (Caveat(text, known.values) for text in (*of_surface, *assumed))
     told = {
         name: variable.where(known).values
         for name, variable in results.data_vars.items()
