@@ -271,17 +271,17 @@ def test_a_figure_of_contacts_draws_an_input_or_refuses_it_in_words():
     """Never by an error of Python: each function with each kind of result."""
     fields, surface = make_fields((8, 8))
     given = [
-        made({"pressure": [1e5], "velocity": [0.1]}), made_cycle(), fields, surface,
+        made({"pressure": [1e5], "velocity": [0.1]}), made_cycle(pressure=np.ones((8, 8, 8))),
+        fields, surface,
         xarray.Dataset({"friction": ("q", [0.1]), "message": ("q", [""])}),
         xarray.Dataset(
             {n: (("field_time", "x", "y"), np.ones((2, 8, 8))) for n in ("pressure", "gap")},
             {"field_time": [0.1, 1.0]},
         ),
-        SimpleNamespace(kind="history", pressure=np.ones((2, 8, 8)), field_times=[0.1, 1.0]),
     ]  # fmt: skip
     draws = {
         "plot_sweep": {0}, "plot_leakage": set(), "plot_reduced": set(), "plot_compare": {0},
-        "plot_cycle": {1}, "plot_transient": set(), "plot_film": {5, 6}, "plot_sliding": {2},
+        "plot_cycle": {1}, "plot_transient": set(), "plot_film": {1, 5}, "plot_sliding": {2},
         "plot_distributions": {2},
     }  # fmt: skip
     for name, known in draws.items():

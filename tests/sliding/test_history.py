@@ -46,6 +46,13 @@ def elastic(modulus):
     return gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus, 0.49)))
 
 
+def unsolved(**problem):
+    """A history that knows no more than this of its problem."""
+    found = object.__new__(TransientSliding)
+    object.__setattr__(found, "problem", SimpleNamespace(**problem))
+    return found
+
+
 def creep_compliance(t):
     glassy, compliances, times = map(np.asarray, RUBBER.creep())
     return 1 / glassy + np.sum(compliances * (1 - np.exp(-np.asarray(t)[..., None] / times)), -1)
@@ -60,10 +67,7 @@ def test_times_beyond_the_measured_ones_are_a_share_of_their_decades(known, expe
     rubber = gc.Prony(1e6, [4e6], [1e-2], 0.49, measured=known and MeasuredRange(known))
     body = gc.Stack(base=gc.HalfSpace(rubber))
     times = jnp.asarray([1e-4, 1e-3, 1e-2, 0.1, 0.5, 1.0])
-    bodies = elastic(1e6), body
-    problem = SimpleNamespace(times=times, displacement=jnp.zeros(6), bodies=bodies)
-    found = object.__new__(TransientSliding)
-    object.__setattr__(found, "problem", problem)
+    found = unsolved(times=times, displacement=jnp.zeros(6), bodies=(elastic(1e6), body))
     np.testing.assert_allclose(extrapolated_times(found), expected, atol=1e-4)
     told = caveats_of(lambda name: expected if name == "extrapolated_times" else 0.0, "history")
     words = f"{expected:.0%} of the times between the shortest step and the end"
@@ -334,7 +338,6 @@ def test_motions_that_happen_once():
         jax.jit(lambda v: ramp(v, 1.0, GRID).times)(1.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("displacement", "expected"),
     [
@@ -344,8 +347,8 @@ def test_motions_that_happen_once():
     ],
 )
 def test_the_path_after_a_rest_is_told_in_cells(displacement, expected):
-    problem = SimpleNamespace(displacement=jnp.asarray(displacement))  # along x
-    found = SimpleNamespace(facts=(), problem=problem, grid=GRID)
+    # Along x.
+    found = unsolved(displacement=jnp.asarray(displacement), facts=(), grid=GRID)
     np.testing.assert_allclose(path_after_rest(found), expected)
 
 
