@@ -29,10 +29,10 @@ from ..fields.grid import Grid
 from ..mean_field.refinement import Nodes
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import check_paths, refuse_tables
-from ..scenes.scene_doubts import doubts_about, usual_beside
+from ..scenes.scene_doubts import doubts_about, doubts_of, usual_beside
 from ..scenes.scene_file import parse_scene
 from ..scenes.schema import TableReader, keys_of
-from ..scenes.surface_source import RandomSurface
+from ..scenes.surface_source import RandomSurface, SurfaceFile
 from ..scenes.toml import parse_toml, text_of_scene
 from ..sliding.case import Case
 from ..surfaces.spectrum_table import Spectrum
@@ -123,8 +123,10 @@ class DesignScene:
 
     @property
     def doubts(self) -> Iterator[str]:
-        """Why limits and bounds may be in a wrong unit, in sentences."""
-        usual, limits = usual_beside(self.scene), self.limits
+        """Why limits, bounds and numbers beside a file may be in a wrong unit, in sentences."""
+        usual, limits = usual_beside(self.scene, self.grid), self.limits
+        if isinstance(self.scene.surface, SurfaceFile):
+            yield from doubts_of(self.scene, self.grid)
         of_unit = {"Pa": "stress", "m": "gap"}
         for criterion, end, value in limits:
             if kind := of_unit.get(CRITERIA[criterion].unit):

@@ -44,6 +44,7 @@ from .collect import collect, fields_of, numbers_of_scene
 from .results import FLOWS, KEPT_FIELDS
 from .scene import Scene
 from .scene_checks import refuse_liquids
+from .scene_doubts import doubts_of
 from .surface_source import RandomSurface, SurfaceFile
 from .theory import check_frequencies_of, errors_of_bodies
 
@@ -163,6 +164,9 @@ def plan(scene: Scene, *, surface: Surface | None = None) -> Plan:
         if at_rest and scene.kind != HISTORY:  # for a while a liquid may rest under a load
             refuse_liquids(scene)
         check_frequencies_of(scene, surface)
+        if isinstance(scene.surface, SurfaceFile):
+            told = (*scene.assumed, *doubts_of(scene, surface.grid))
+            scene = dataclasses.replace(scene, assumed=told)
         if scene.fluid is not None and surface.grid.ndim == 1:
             raise ValueError(
                 "[fluid] needs a surface in two dimensions: no fluid passes a profile."

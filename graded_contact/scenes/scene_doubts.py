@@ -12,10 +12,10 @@ import jax
 import numpy as np
 
 from ..core.display import with_unit
+from ..fields.grid import Grid
 from ..materials.material import AbstractMaterial
 from ..surfaces.reading_steps import unusual
 from .scene import Scene
-from .surface_source import SurfaceFile
 
 _SMALL_BESIDE = 0.3  # of the load
 _LEAST_PRESSURE = 10.0  # by the weight of 1 mm of rubber [Pa]; on soft solids less is usual
@@ -26,9 +26,9 @@ _PRESSURES, _THICKNESSES, _LEAST_STRESS = (1e-5, 1e3), (1e-3, 1e4), 1e-3
 UsualSizes = Mapping[str, tuple[float, float]]
 
 
-def doubts_of(scene: Scene) -> Iterator[str]:
-    """Yields what makes the numbers of a scene doubtful."""
-    usual = usual_beside(scene)
+def doubts_of(scene: Scene, grid: Grid) -> Iterator[str]:
+    """Yields what makes the numbers of a scene on a grid doubtful."""
+    usual = usual_beside(scene, grid)
     yield from doubts_about(usual, "pressure", scene.pressure, "[load]")
     for owner, body in (("", scene.stack), ("counter.", scene.counter)):
         for i, layer in enumerate(() if body is None else body.layers):
@@ -47,10 +47,8 @@ def doubts_of(scene: Scene) -> Iterator[str]:
         )
 
 
-def usual_beside(scene: Scene) -> UsualSizes:
+def usual_beside(scene: Scene, grid: Grid) -> UsualSizes:
     """Returns the lowest and the highest usual pressure, stress [Pa], thickness and gap [m]."""
-    source = scene.surface
-    grid = source.build().grid if isinstance(source, SurfaceFile) else source.grid
     is_material = lambda node: isinstance(node, AbstractMaterial)  # noqa: E731
     parts = jax.tree.leaves((scene.stack, scene.counter), is_leaf=is_material)
     relaxed = [float(abs(part.modulus(0.0))) for part in parts if is_material(part)]

@@ -198,7 +198,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     check_numbers(found)
     check_tables(found)
     check_texts(entries)
-    return dataclasses.replace(found, assumed=(*found.assumed, *doubts_of(found)))
+    if isinstance(surface, SurfaceFile):  # `plan` reads it
+        return found
+    return dataclasses.replace(found, assumed=(*found.assumed, *doubts_of(found, surface.grid)))
 
 
 def _along(source: RandomSurface | SurfaceFile | Sphere, direction: np.ndarray) -> Grid:

@@ -180,7 +180,7 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
     assert result.exit_code == 0 and not (tmp_path / "out").exists()
     for text in (
         "surface: 1 mm x 1 mm, rms height", "rms slope 0.2", "contact solves 2",
-        "layers[0]: The thickness of 50 m is unusual (usual are 1 nm to 1 m): check units.",
+        "Warning: layers[0]: The thickness of 50 m is unusual (usual are ",
         "[design] is not used by this command",
         "layer 1 tread, 50 m base tread, half space", "materials tread tyre tread",
         "surface random, ",
