@@ -38,6 +38,7 @@ KEPT_FIELDS = {
 TIME = {"units": "s", "long_name": "time"}  # of what happens once
 FLOWS = ("flow_along_x", "flow_along_y")  # over time, of what happens once
 LEAKAGE = ("leakage_along_x", "leakage_along_y")  # with [fluid], over the same as the flows
+DEPTH = "_depth"  # of a stress, at which it acts
 SEED_ERROR = "_seed_error"
 NO_NUMBERS = tuple(RESULTS[end] for end in FAILURES)  # messages of solves without numbers
 # Messages of solves whose numbers are in the file, but not printed.
