@@ -488,6 +488,10 @@ def test_results_are_compared_in_a_figure(folder, tmp_path):
     named = ("--label", "bare", "--label", "coated", "--format", "svg")
     result = command("compare", first, second, "-o", tmp_path / "named", *named)
     assert result.exit_code == 0, result.output
+    (tmp_path / "m.csv").write_text("v [mm/s],mu\n10,0.3\n")
+    measured = ("--measured", tmp_path / "m.csv", "-o", tmp_path / "m", "--format", "svg")
+    result = command("compare", first, *measured)
+    assert result.exit_code == 0 and "m.csv" in (tmp_path / "m.svg").read_text(), result.output
     for words, expected in (
         ((first, second, "--label", "one"), "`--label` is given 1 times for 2 results"),
         ((first,), "needs two results or more"),

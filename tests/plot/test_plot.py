@@ -296,6 +296,30 @@ def test_a_figure_of_contacts_draws_an_input_or_refuses_it_in_words():
         assert drawn == known, name
 
 
+def test_measured_friction_lies_over_that_of_results_with_a_marker_for_each_temperature():
+    results = made({"pressure": [1e5], "velocity": [0.1, 1.0]})
+    measured = gc.readers.MeasuredFriction(
+        np.array([0.01, 0.1, 0.1]), np.array([0.5, 3.0, 4.0]), np.array([0.1, 0.2, np.nan]),
+        np.array([293.15, 293.15, 300.0]), name="a_b.csv",
+    )  # fmt: skip
+    for figure in (
+        gc.plot.plot_sweep(results, measured=measured),
+        gc.plot.plot_compare([results], ["one"], measured),
+    ):
+        friction, area = figure.axes
+        points = [line for line in friction.lines if line.get_color() == "black"]
+        drawn = [line.get_xydata().tolist() for line in points if line.get_marker() in "sD"]
+        assert drawn == [[[0.01, 0.5], [0.1, 3.0]], [[0.1, 4.0]]]
+        assert friction.get_ylim()[1] > 4 and friction.get_xlim()[0] < 0.01
+        assert not any(line.get_color() == "black" for line in area.lines)
+        assert len(friction.containers[-1][2][0].get_segments()) == 1  # of the last temperature
+        labels = friction.get_legend_handles_labels()[1]
+        assert labels[-2:] == ["a_b.csv, 293.15 K (20 °C)", "a_b.csv, 300 K (26.85 °C)"]
+    over_load = made({"pressure": [1e5, 2e5], "velocity": [0.1]})
+    with pytest.raises(ValueError, match=r"a_b.csv is friction over velocity, and the .* pressure"):
+        gc.plot.plot_sweep(over_load, measured=measured)
+
+
 def test_a_sweep_in_python_is_drawn_as_a_scene_is():
     """Its results are those of `slide` over the axes, without a surface."""
     of_scene = made({"layers[0].thickness": [1e-5, 1e-4], "velocity": [0.1, 1.0]})
