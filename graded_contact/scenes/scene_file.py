@@ -70,7 +70,7 @@ class SceneTables:
     - `shear`: stress in the contact, which adds to the friction, with a `kind`.
     - `heating`: how the heat of friction flows; it then softens the block under the contact.
     - `fluid`: in a seal; its leakage is computed.
-    - `observe`: numbers that are computed if asked for: stiffness, conductance, flow.
+    - `observe`: numbers that are computed if asked for: stiffness, conductance, flow, stresses.
     - `solver`: tolerance and algorithm.
     - `output`: names and fields of the results.
     - `design`: what the command `design` does.
