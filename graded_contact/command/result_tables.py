@@ -19,6 +19,7 @@ from ..core.quantities import (
     HISTORY,
     in_brackets,
 )
+from ..designs.results import NO_ERROR
 from ..plot.words import place_of, title_of
 from ..scenes.results import (
     FLOWS,
@@ -35,7 +36,7 @@ from ..sliding.half_grid import grid_estimate
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
-from .columns import MAIN, OVER_TIME, columns_in_table, names_in_table, rounding_in
+from .columns import MAIN, OF_STRESS, OVER_TIME, columns_in_table, names_in_table, rounding_in
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -129,6 +130,8 @@ def print_notes(results: "Dataset", full: bool) -> None:
     """Prints what follows the solves: numbers over time, errors by the grid, why solves failed."""
     if kind_of_results(results) == HISTORY:
         _print_times(results, full)
+    if any(name in results for name in OF_STRESS):
+        typer.echo(NO_ERROR)
     if full:
         surface = surface_of(results)
         words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
