@@ -79,7 +79,7 @@ def test_limits_in_a_wrong_unit_are_told_and_a_plan_prints_what_is_asked():
     printed = " ".join(str(study).split())
     for words in (
         "objective DesignObjective name friction asked 1.3 times that of the scene's block",
-        "tension at most 2 Pa", "von Mises stress at least 20 kPa", "mean gap at most 20 m",
+        "tension [Pa] at most 2 Pa", "von Mises stress at least 20 kPa", "mean gap at most 20 m",
         "within 0.01", "total_thickness 0.0004", "layers[0].thickness [m] 5e-05, 1000",
         "starts 2", "verify 2",
     ):  # fmt: skip
