@@ -13,6 +13,11 @@ doi:10.1093/biomet/58.3.545):
 
 Few independent errors leave σ and ρ uncertain. V is therefore the mean over a cloud of (atanh ρ,
 ln σ²) about the most likely ones. A systematic misfit of the series is not part of C.
+
+Where a series follows most of few points (20 of a tread, 4 or 5 terms), independent errors may look
+like larger ones with ρ near 0.9, which the series hides: in one of 40 draws the standard error was
+12 times too large. A prior on ln σ² (a normal one of deviation 2) takes this to 4, but of errors
+with ρ = 0.8 one standard error then encloses the truth in 48 % in place of 68 %: there is none.
 """
 
 import dataclasses

@@ -22,7 +22,13 @@ from ..core.parameters import places
 from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along, wave_frequencies
 from ..fields.grid import Grid
-from ..materials.coverage import check_frequencies, coverage, is_unknown, may_refuse
+from ..materials.coverage import (
+    check_frequencies,
+    coverage,
+    is_unknown,
+    may_refuse,
+    unknown_share,
+)
 from ..materials.material import Prony
 from ..materials.shift import require_shift
 from ..mean_field.mean_field import MeanField, mean_field_of
@@ -110,8 +116,7 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
 def _check_rates(scene: Scene) -> None:
     """Refuses what happens once at rates at which a material was not measured."""
     assert isinstance(scene.motion, SingleMotion)
-    times = np.asarray(scene.motion.times)
-    rates = np.array([1 / times[-1], 1 / np.min(np.diff(times, prepend=0))])
+    rates = scene.motion.rates
     bodies = [
         (name, stack)
         for _, both in scene.all_bodies()
@@ -122,7 +127,7 @@ def _check_rates(scene: Scene) -> None:
         known = coverage(stack)
         if scene.extrapolate or known is None or may_refuse(stack):  # a table has no history
             continue
-        if np.any(is_unknown(rates, known)):
+        if unknown_share(*rates, known) > EXTRAPOLATED:
             raise ValueError(
                 f"[motion] needs moduli from {rates[0]:.5g} rad/s (one over its last time) to "
                 f"{rates[1]:.5g} rad/s (one over its shortest step), but the materials of the "
