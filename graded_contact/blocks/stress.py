@@ -136,15 +136,12 @@ def stress_field(
     velocity = checked_velocity(stack, grid, velocity)
     depth = _inside(stack, depth)
     rtol = graded_tolerance(stack, rtol, pressure)
-    loads = {2: pressure}  # by axis
     if traction is not None:
         traction = as_float(traction, "traction")
         with_axes = traction.ndim > grid.ndim
         check_shape("traction", traction, (*grid.shape, 2) if with_axes else grid.shape)
         check_values("traction", traction, "a traction [Pa] must be finite")
-        parts = jnp.moveaxis(traction, -1, 0) if with_axes else [traction]
-        loads |= dict(enumerate(parts))
-    return _stress_field(stack, grid, loads, depth, velocity, side, rtol)
+    return _stress_field(stack, grid, pressure, traction, depth, velocity, side, rtol)
 
 
 @check_types
@@ -265,7 +262,20 @@ def _interior_fields(stack, qx, qy, omega, traction, depth, side, rtol):
 
 
 @compiled
-def _stress_field(stack, grid, loads, depth, velocity, side, rtol):
+def _stress_field(stack, grid, *given):
+    waves = stress_waves(stack, grid, *given)
+    return _as_fields([to_field(jnp.asarray(one), grid.shape) for one in waves])
+
+
+def stress_waves(stack, grid, pressure, traction, depth, velocity, side="below", rtol=None) -> list:
+    """Returns the spectra of (u_x, u_y, u_z, σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy) at a depth.
+
+    Arguments as of `stress_field`, unchecked.
+    """
+    loads = {2: pressure}  # by axis
+    if traction is not None:
+        with_axes = traction.ndim > grid.ndim
+        loads |= dict(enumerate(jnp.moveaxis(traction, -1, 0) if with_axes else [traction]))
     qx, *qy = wavevector(grid, both_signs(grid.shape))
     qy = qy[0] if qy else jnp.zeros_like(qx)
     zero = (qx == 0) & (qy == 0)
@@ -289,8 +299,7 @@ def _stress_field(stack, grid, loads, depth, velocity, side, rtol):
             for part, mean, spectrum in parts
         )
 
-    waves = [field(*pair) for pair in zip(found, means, strict=True)]
-    return _as_fields([to_field(jnp.asarray(one), grid.shape) for one in waves])
+    return [field(*pair) for pair in zip(found, means, strict=True)]
 
 
 def _means(axis: int, lateral: Array) -> list:

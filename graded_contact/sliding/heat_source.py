@@ -20,13 +20,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks.bond import Bond
+from ..blocks.grading import graded_tolerance
 from ..blocks.profile import Aged, Blend
 from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, by_kind, interface_depths
-from ..blocks.stress import stress_field
+from ..blocks.stress import stress_waves
 from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
 from ..core.compilation import compiled
+from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed, wave_frequencies
-from ..fields.grid import Grid, to_field, to_spectrum
+from ..fields.grid import Grid, to_field
 from ..materials.material import AbstractMaterial, Elastic, Prony
 from ..materials.softening import StrainSoftening
 from .formulas import tractions_on
@@ -114,17 +116,18 @@ def as_depths(depths: Numbers) -> Float[Array, " depths"]:
     return depths
 
 
+@derivative_apart
 @compiled
 def heat_where(needed, sliding: Sliding, stack: Stack, depths) -> Array:
     """Returns the heat [W/m³] at depths where it is `needed`, 0 at others; see `heat_source`."""
     grid, velocity, pressure = sliding.grid, sliding.velocity, sliding.pressure
     omega = wave_frequencies(grid, velocity)
     traction = None if sliding.coupling is None else shear_traction(sliding)
+    rtol = graded_tolerance(stack, None, pressure)
 
     def at(depth):
-        found = stress_field(stack, grid, pressure, depth, velocity, traction=traction)
-        normal = [to_spectrum(found.stress[..., i, i]) for i in range(3)]
-        shear = [to_spectrum(found.stress[..., i, j]) for i, j in ((0, 1), (0, 2), (1, 2))]
+        waves = stress_waves(stack, grid, pressure, traction, depth, velocity, rtol=rtol)
+        normal, shear = waves[3:6], waves[6:]
         equilibrium, strengths, losses, times, poisson = _series_in(stack, depth)
         flows = 1j * omega[..., None] * times
         flows = flows / (1 + flows)

@@ -226,26 +226,31 @@ def _warm(bodies: tuple[Stack, ...], temperature, x, edges) -> tuple[list[Stack]
     return warm, temperature + x[0]
 
 
-@derivative_apart
-@compiled
-def _rises(
-    factor,
-    lost,
-    s: Sliding,
-    heating: Heating | None,
-    bodies: tuple[Stack, ...],
-    block: Stack,
-    edges,
-) -> Array:
+def _rises(factor, lost, s: Sliding, heating, bodies, block: Stack, edges) -> Array:
     """The mean rises over the contact of the surface and of the cells of each body [K].
 
     By the heat of a contact with this block, times a factor, and what the counter loses [W/m²].
     """
-    assert heating is not None
-    nodes = [gauss_within(body, edges) for body in bodies]
-    depths, weights = nodes[0]
+    nodes, needed = _nodes(bodies, block, edges)
+    source = heat_where(needed, s, block, nodes[0][0])
+    return _risen(factor, lost, s, heating, bodies, nodes, source, edges)
+
+
+@derivative_apart
+@compiled
+def _nodes(bodies, block: Stack, edges) -> tuple[list[tuple[Array, Array]], Array]:
+    """Depths and weights [m] of quadratures over each body, and whether those of a block count."""
     check_series(block)
-    source = heat_where(weights > 0, s, block, depths)
+    nodes = [gauss_within(body, edges) for body in bodies]
+    return nodes, nodes[0][1] > 0
+
+
+@derivative_apart
+@compiled
+def _risen(factor, lost, s: Sliding, heating: Heating | None, bodies, nodes, source, edges):
+    """The rises by the heat at the nodes of the block [W/m³]."""
+    assert heating is not None
+    weights = nodes[0][1]
     # A few depths miss some of the heat.
     made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
     own = s.hysteresis_friction if s.coupling is None else s.block_friction
