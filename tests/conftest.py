@@ -1,12 +1,9 @@
 """The suite runs in double precision, with annotations checked at run time."""
 
-import atexit
 import functools
 import gc
 import os
-import shutil
 import signal
-import tempfile
 from importlib.metadata import version
 
 # Compiling is most of the suite's time; optimising is a third of that, fusing loops half of the
@@ -25,12 +22,6 @@ os.environ.setdefault(
 os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 # Threads of small matrices mostly wait, and burn the processor while they do.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
-# Workers and commands share what is compiled. Workers inherit the folder.
-if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-    folder = os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="compiled-")
-    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.3"
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
 
 import jax
 import jaxtyping
