@@ -662,7 +662,11 @@ sys.exit(codes != [0, 2])
 
 
 @pytest.mark.parametrize(
-    "line", ["LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0", "PYTHONIOENCODING=cp1252"]
+    "line",
+    [
+        "LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0",
+        pytest.param("PYTHONIOENCODING=cp1252", marks=pytest.mark.slow),
+    ],
 )
 def test_what_an_output_cannot_show_is_spelt(folder, tmp_path, line):
     own = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}

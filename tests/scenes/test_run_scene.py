@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scene_texts import PLAIN, TABLE, TEXT, changed, tabulated, write
+from scene_texts import BARE, PLAIN, TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
@@ -84,9 +84,9 @@ def test_an_observable_is_one_function(capsys):
         return jnp.max(found.pressure)
 
     try:
-        scene = parse_scene(changed("[32, 32]", "[16]", "8e4", "4e4", "[solver]\n", PLAIN))
+        scene = parse_scene(BARE.replace("[32, 32]", "[16]").replace("8e4", "4e4"))
         results = plan(scene).run()
-        sliding = gc.slide(scene.stack, build_surface(scene), pressure=4e5, velocity=1.0)
+        sliding = gc.slide(scene.stack, build_surface(scene), pressure=2e5, velocity=1.0)
         assert sliding.largest_pressure == np.max(sliding.pressure)
         assert "largest_pressure [Pa]" in repr(sliding)
         np.testing.assert_allclose(results.largest_pressure[-1, -1], np.max(sliding.pressure), 1e-4)
@@ -304,6 +304,7 @@ def test_a_scene_that_needs_more_memory_than_there_is_is_refused(scene, monkeypa
 
 
 VARIED = changed(
+    "[32, 32]", "[16, 16]", "8e4", "4e4",
     "seed = 3", "seed = 3\nseeds = 2", "[2e5, 4e5]", "2e5", "[0.01, 1.0]",
     "[0.01, 0.1]\ndirection = 1.5707963267948966", "[solver]",
     'temperature = [293.15, 273.15]\n[sweep]\n"layers[0].thickness" = [2e-5, 1e-5]\n'
