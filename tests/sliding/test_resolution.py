@@ -22,11 +22,8 @@ def rough(n, cut, seed=0, ndim=2):
     return gc.random_surface(spectrum, gc.Grid((n,) * ndim, CELL), jax.random.key(seed))
 
 
-def finer(surface, factor=3):
-    """The same waves at more points; a Nyquist wave is half of each direction.
-
-    Three times as many make no second grid of a solve, which would compile, too.
-    """
+def finer(surface, factor):
+    """The same waves at more points; a Nyquist wave is half of each direction."""
     heights = np.asarray(surface.heights)
     for axis, n in enumerate(heights.shape):
         waves = np.moveaxis(np.fft.fft(heights, axis=axis), axis, 0)
@@ -53,7 +50,7 @@ def coarse():
 
 
 def test_errors_contain_the_change_to_a_finer_grid(coarse):
-    fine = known(slide(finer(rough(32, 4))))
+    fine = known(slide(finer(rough(32, 4), 4)))
     for name in ("friction", "contact_area", "mean_gap"):
         error, off = getattr(coarse, f"{name}_error"), getattr(coarse, name) - getattr(fine, name)
         assert abs(off) <= error <= 0.2 * getattr(coarse, name)
@@ -78,7 +75,7 @@ def test_near_full_contact_errors_contain_what_the_points_do_not_see():
     heights = np.fft.ifft2(np.where(q > 0, np.maximum(q, 1) ** -1.5, 0) * noise).real * 1e-5
     surface = gc.Surface(heights, gc.Grid((n, n), CELL))
     for pressure in (25e3, 100e3):  # the last is full on all grids, with Nyquist waves
-        found, fine = (known(slide(s, pressure)) for s in (surface, finer(surface)))
+        found, fine = (known(slide(s, pressure)) for s in (surface, finer(surface, 4)))
         assert neighbours_of(found).half.contact_area == 1
         for name, most in (("friction", 0.1), ("contact_area", 0.1), ("mean_gap", 0.6)):
             off = abs(getattr(found, name) - getattr(fine, name))
@@ -89,7 +86,7 @@ def test_near_full_contact_errors_contain_what_the_points_do_not_see():
 def test_a_wave_of_two_points_has_an_error_of_friction():
     """It has no direction on the grid, so no friction; on finer grids it has."""
     wave = gc.Surface(np.tile([1e-6, -1e-6], (32, 16)).T, gc.Grid((32, 32), CELL))
-    found, fine = (slide(s, 2e6) for s in (wave, finer(wave)))
+    found, fine = (slide(s, 2e6) for s in (wave, finer(wave, 4)))
     assert found.friction == 0 and fine.friction > 1e-6
     assert fine.friction < found.friction_error < 30 * fine.friction
 
@@ -137,7 +134,7 @@ def test_a_result_that_is_dropped_gives_its_memory_back_at_once(coarse):
 
 def test_a_surface_with_waves_that_half_the_grid_lacks_has_an_error_too():
     surface = rough(32, 16)
-    found, fine = known(slide(surface)), known(slide(finer(surface)))
+    found, fine = known(slide(surface)), known(slide(finer(surface, 4)))
     assert 0.12 < neighbours_of(found).lacking < 0.5
     for name in ("friction", "contact_area"):
         off = abs(getattr(found, name) - getattr(fine, name))
@@ -148,7 +145,7 @@ def test_contacts_of_one_point_have_an_area_and_shear():
     """The contour had no area there, and the shear was 0 ± 0."""
     surface = rough(32, 16)
     shear = gc.sliding.ConstantShear(1e5)
-    found, fine = (slide(s, 1e3, shear=shear) for s in (surface, finer(surface)))
+    found, fine = (slide(s, 1e3, shear=shear) for s in (surface, finer(surface, 4)))
     found.compute("shear_friction", "contact_area", "friction", "friction_error")
     fine.compute("shear_friction", "contact_area", "friction")
     assert np.sum(found.pressure > 0) < 10
@@ -204,7 +201,7 @@ def test_an_elastic_block_has_no_friction_on_any_grid_and_a_load_at_its_mean_gap
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.49)))
     surface = rough(32, 4)
     found, fine = (
-        gc.slide(block, s, mean_gap=1.5e-4, velocity=1.0) for s in (surface, finer(surface))
+        gc.slide(block, s, mean_gap=1.5e-4, velocity=1.0) for s in (surface, finer(surface, 4))
     )
     known(found)
     assert abs(found.friction) <= found.friction_error < 1e-12
@@ -216,7 +213,7 @@ def test_an_elastic_block_has_no_friction_on_any_grid_and_a_load_at_its_mean_gap
 def test_a_body_that_flows_touches_at_least_as_much_as_its_load_needs():
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.49)))
     given = dict(pressure=2e5, velocity=0.0, law=gc.HardWall(1e6))
-    found, fine = (gc.slide(block, s, **given) for s in (rough(32, 8), finer(rough(32, 8))))
+    found, fine = (gc.slide(block, s, **given) for s in (rough(32, 8), finer(rough(32, 8), 4)))
     found.compute("contact_area", "contact_area_error")
     assert found.contact_area >= 0.2 * (1 - 1e-9)
     assert abs(found.contact_area - fine.contact_area) <= found.contact_area_error < 1
