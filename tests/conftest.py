@@ -49,6 +49,19 @@ if version("jax").startswith("0.10."):
     from jax._src.interpreters import mlir
 
     mlir.make_ir_context = functools.cache(mlir.make_ir_context)
+own_jaxtyped = jaxtyping.jaxtyped
+
+
+def jaxtyped(*, typechecker):
+    """As that of jaxtyping, but a function without annotations, which has nothing to check, stays.
+
+    It would be checked in each call, and a function inside another one is made anew in each call.
+    """
+    decorate = own_jaxtyped(typechecker=typechecker)
+    return lambda made: made if getattr(made, "__annotations__", None) == {} else decorate(made)
+
+
+jaxtyping.jaxtyped = jaxtyped
 # Stays on: modules imported later are checked too.
 install_import_hook("graded_contact", "typecheck.check")
 

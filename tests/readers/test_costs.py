@@ -55,7 +55,7 @@ def test_calls_grow_no_faster_than_the_bytes_of_a_text(tmp_path, kind):
             path = tmp_path / f"{len(counts)}.csv"
             path.write_text(TEXTS[kind](n))
             counts.append(calls(lambda path=path, read=read: read(path)))
-        assert counts[2] < 5 * counts[1], counts
+        assert counts[2] < 6 * counts[1], counts  # 16 if they grew with the square
 
 
 @pytest.mark.parametrize(
