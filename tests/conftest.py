@@ -91,11 +91,11 @@ def pytest_sessionfinish():
 
 
 LONGEST = [
-    "window", "cli", "problem", "persson", "cycle", "resolution", "grading", "prony", "sliding",
-    "master", "motion", "devices", "run_design", "softening", "material", "page", "traction",
-    "heat", "heating", "matrix", "observables", "estimates", "adhesion", "adjoint", "surface",
-    "compliance", "interior", "run_scene", "anisotropy", "contact_stress", "shear", "notebooks",
-    "grid", "run_motion", "plot", "fuzz", "stochastic", "doors",
+    "cli", "run_scene", "friction_table", "history", "cycle", "resolution", "run_design", "window",
+    "once", "page", "problem", "sliding", "persson", "bond", "master", "grading", "adhesion",
+    "plot", "motion", "heat", "prony", "adjoint", "matrix", "material", "bodies", "traction",
+    "history_bodies", "surface", "stress_limits", "interior", "compliance", "sweep", "seal",
+    "costs", "area", "observables", "stochastic", "failed", "shear", "fuzz", "doors",
 ]  # fmt: skip
 
 
