@@ -88,7 +88,7 @@ def against_finer(solve, heights, numbers, pairs):
             plain = abs(float(found.contact_area_pixels) / exact - 1) if "area" in name else 0.0
             rows[name] = abs(own / exact - 1), claimed / abs(exact), plain
     near = neighbours_of(found)
-    others = {id(near.half): near.half, id(near.same): near.same}
+    others = {id(one): one for one in near.both(found)}
     cost = sum(
         float(one.contact.num_fft_pairs) * one.pressure.size / found.pressure.size
         for one in others.values() if one is not found

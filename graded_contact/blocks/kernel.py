@@ -95,7 +95,7 @@ def stack_kernel(
 
 def attempted_kernel(
     stack: Stack, grid: Grid, velocity, *, rtol=None, strain=None, choosing=True
-) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
+) -> tuple[Inexact[Array, "*half"], Bool[Array, ""] | bool]:
     """Returns the kernel, and whether it reached its tolerance; does not raise.
 
     Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed. If
@@ -116,7 +116,7 @@ def attempted_kernel(
 
     def direct():
         kernel = _direct_kernel(stack, grid, velocity, rtol, strain)
-        return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
+        return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else True
 
     if strain is None and not oblique and grid.ndim == 2 and is_dear(stack, math.prod(grid.shape)):
         kernel, error = _interpolated_kernel(stack, grid, velocity, rtol)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -92,12 +93,19 @@ def _cuts_along(heights, axis, periodic):
     ends = last & (not periodic)
     drop = jnp.where(ends, 0, drop)
     # A wave of four points looks like teeth: the second neighbours tell it from one tooth.
-    around = sum(
-        weight * (jnp.roll(drop, places, axis) + jnp.roll(drop, -places, axis))
-        for places, weight in ((1, 1.0), (2, 0.25))
-    )
+    first, second, third, fourth = _rolled(drop, axis, -2, -1, 1, 2)
+    around = second + third + (first + fourth) / 4
     jump = drop / nonzero(jnp.maximum(around, drop / 8))
     return jnp.where(ends, 1, _rising(jump, 2.0, 4.0))
+
+
+def _rolled(field, axis, *places):
+    """`jnp.roll` to each of several places, as views of one larger field: it saves memory."""
+    most = max(map(abs, places))
+    widths = [(most, most) if i == axis else (0, 0) for i in range(field.ndim)]
+    around = jnp.pad(field, widths, mode="wrap")
+    size = field.shape[axis]
+    return [jax.lax.slice_in_dim(around, most - k, most - k + size, axis=axis) for k in places]
 
 
 def _rising(value: Array, low: float, high: float) -> Array:
@@ -141,10 +149,10 @@ def contact_shares(
     """
     inside, parts = indicator > 0, []
     for axis in range(indicator.ndim):
-        other = jnp.roll(indicator, -1, axis)
+        further, other, back = _rolled(indicator, axis, -2, -1, 1)
         far = other > 0
         mixed = inside != far
-        behind = jnp.where(inside, jnp.roll(indicator, 1, axis), jnp.roll(indicator, -2, axis))
+        behind = jnp.where(inside, back, further)
         high, low = jnp.maximum(indicator, other), jnp.minimum(indicator, other)
         high, low = jnp.where(mixed, high, 1), jnp.where(mixed, low, -1)
         regular = _regular_edge(-low / high, high, behind, edges.softest, distance)

@@ -103,6 +103,7 @@ class DouglasRachford(AbstractContactSolver):
             while (points := min(shapes[0])) >= 2 * self.coarsest:
                 factor = min(_COARSENING, points // self.coarsest)
                 shapes.insert(0, tuple(-(-n // factor) for n in shapes[0]))
+        rtol = rtol / softness(law) if law.attracts else rtol
         coarse = _coarser(operator, heights, loading, shapes[:-1]) if shapes[:-1] else []
         before = start
         for grid in [*coarse, OneGrid(operator, heights, loading)]:
@@ -127,7 +128,7 @@ class DouglasRachford(AbstractContactSolver):
             share=share, newton=newton, draft_steps=few, max_steps=most if newton else few,
             relaxation=min(self.relaxation, _MOST_ATTRACTED) if law.attracts else self.relaxation,
             history_length=iterates_for(self.history_length, loading.pressure is None),
-            rtol=rtol / softness(law) if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
+            rtol=rtol if finest else jnp.asarray(rtol.dtype.type(_COARSE_ERROR)),
         )  # fmt: skip
 
 

@@ -147,7 +147,9 @@ def _contact_on_cell(inputs: Inputs, solver, adjoint, rtol, start, solution, thr
     check_tolerance("rtol", rtol, inputs.heights)
     # Compiled separately: under a derivative the search is compiled already.
     fixed, start, solution = still((inputs, start, solution))
-    tolerance = jnp.asarray(rtol, dtype)
+    # As numbers of NumPy: of Python's, JAX would compile a program.
+    tight, loose = rtol, min(_OF_PRESSURE * rtol, max(rtol, _LOOSEST_DERIVATIVE))
+    tolerance, close = (jnp.asarray(dtype.type(value)) for value in (tight, loose))
     concrete = all(map(is_concrete, jax.tree.leaves((fixed, start))))
     if solution is not None:
         found = _output_of(fixed, solution)
@@ -155,7 +157,6 @@ def _contact_on_cell(inputs: Inputs, solver, adjoint, rtol, start, solution, thr
         found = solver.solve(*fixed, rtol=tolerance, start=start)  # in a few programs
     else:
         found = _find_contact(fixed, solver, tolerance, start)
-    close = jnp.asarray(min(_OF_PRESSURE * rtol, max(rtol, _LOOSEST_DERIVATIVE)), dtype)
     solution_of = _solution_or_fail if throw else _solution_or_nan
     result, good = solution_of(inputs, solver.finds_unstable, found, adjoint, tolerance, close)
     if throw:

@@ -16,8 +16,10 @@ from typing import Any, TypeVar, cast
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import Jaxpr, jaxprs_in_params
+from jax.extend.core import Jaxpr, Primitive, jaxprs_in_params
+from jax.interpreters import mlir
 
 from .checks import is_concrete, knowing
 
@@ -27,6 +29,8 @@ COMPILING = "compiling (first run only)"
 LESS_WORK = {
     "xla_cpu_use_fusion_emitters": False,  # the older generator
     "xla_cpu_parallel_codegen_split_count": 4,  # parts of a program, each with work of its own
+    # Else independent parts of a program wait side by side, each with its fields.
+    "xla_cpu_scheduler_type": "CPU_SCHEDULER_TYPE_MEMORY_OPTIMIZED",
 }
 _LEVEL = "xla_backend_optimization_level"
 _OF_SMALL, _OF_LARGE = 0, 2  # of 3
@@ -148,11 +152,15 @@ def _sizes(program: Jaxpr, runs: int = 1) -> list[tuple[int, int]]:
 
 def alone(arguments: Any) -> bool:
     """Returns whether a function of these arguments runs outside `jit` and all transformations."""
-    # Inside `jit` known arguments are traced, too, as a number that depends on none.
-    return all(map(is_concrete, jax.tree.leaves(arguments))) and is_concrete(_probe())
+    return all(map(is_concrete, jax.tree.leaves(arguments))) and is_concrete(_probe_p.bind())
 
 
-_probe = jax.jit(lambda: 0)
+# Depends on no number: inside `jit` it is traced, and so are known arguments.
+_probe_p = Primitive("probe")
+_probe_p.def_impl(lambda: np.zeros((), bool))
+_probe_p.def_abstract_eval(lambda: jax.core.ShapedArray((), np.dtype(bool)))
+_of_probe = mlir.lower_fun(lambda: jnp.zeros((), bool), multiple_results=False)
+mlir.register_lowering(_probe_p, _of_probe)
 
 
 @functools.cache

@@ -187,7 +187,10 @@ _checked_p = Primitive("checked")
 
 @_checked_p.def_impl
 def _look(leaf, *, check: Check):
-    return leaf + check(jnp.asarray(-0.0), _is_lost(leaf)).astype(leaf.dtype)
+    lost = _is_lost(leaf)
+    if is_concrete(lost) and not lost:
+        return leaf
+    return leaf + check(jnp.asarray(-0.0), lost).astype(leaf.dtype)
 
 
 @jax.jit

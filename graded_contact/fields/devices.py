@@ -91,7 +91,7 @@ def binned(place: Array, spectrum: Array, num_bins: int) -> Array:
     return jnp.sum(jax.vmap(count)(by_device(place), by_device(spectrum)), axis=0)
 
 
-def required(tree: T, good: Array, check: Callable[[Array, Array], Array]) -> T:
+def required(tree: T, good: Array | bool, check: Callable[[Array, Array], Array]) -> T:
     """Returns a tree, or raises unless it is `good`: at once if this is concrete, else at run time.
 
     `check` puts a check on a number: it fails where its second argument is true.

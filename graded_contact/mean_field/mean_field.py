@@ -233,7 +233,7 @@ def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
     pressure = as_scalar(pressure, "pressure")
     check_positive("pressure", pressure, "[Pa]")
     # Early, so that a bad law is named before anything is compiled.
-    stress = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
+    stress = shear_stress(shear, velocity, temperature)
     # On input the value is unknown if the pressure is traced.
     load = unless_negative(jnp.where(pressure > 0, pressure, jnp.nan), stress)
     if isinstance(spectrum, Surface):
@@ -360,7 +360,7 @@ def _integrated(rules: Rules, given, rises=None):
 
 def _sheared(field: FieldInputs, shear, temperature, x):
     """Friction by shear up to each cut-off [1]."""
-    stress = shear_stress(shear, direction_and_speed(field.velocity)[1], temperature)
+    stress = shear_stress(shear, field.velocity, temperature)
     if stress is None:
         return jnp.zeros_like(x)
     pressure = field.pressure

@@ -195,7 +195,7 @@ _BY_GAP = {cause: _by_gap(cause) for cause in ("solver", "grid", "time", "memory
 @shared
 def _by_grid(found: Found) -> Array:
     near = neighbours_of(found)
-    own, same, half = map(_flow, (found, near.same, near.half))
+    own, same, half = map(_flow, (found, *near.both(found)))
     changes = jnp.abs(jnp.stack([same - half, own - same]))
     moved, lacking = jnp.where(jnp.isnan(changes), own, changes)  # a neighbour may fail
     error = _MOVED * moved + _LACKING * lacking + _BY_GAP["grid"](found)

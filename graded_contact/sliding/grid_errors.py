@@ -132,7 +132,7 @@ def _edges_by_chance(found: Found) -> Array:
 def _changes(name: str, found: Found) -> tuple[Array, Array, Array]:
     """A number, and the sizes of its changes m and l; NaN if the grid has no half."""
     formula, near = OBSERVABLES[name].of, neighbours_of(found)
-    own, same, half = map(formula, (found, near.same, near.half))
+    own, same, half = map(formula, (found, *near.both(found)))
     changes = jnp.abs(jnp.stack([same - half, own - same]))
     # A neighbour may fail, or lose a contact of few points, and with it the number.
     changes = jnp.where(jnp.isnan(changes), jnp.abs(own), changes)

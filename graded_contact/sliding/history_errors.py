@@ -37,7 +37,7 @@ def _neighbours(found: TransientSliding) -> Neighbours:
     half = halved(shape)
     rough = found.problem.roughness
     on_half, cut, missing = roughness_on(rough, found.grid, half, WINDOW in found.facts)
-    same, fewer = found, None
+    same = fewer = None
     if not (is_concrete(missing) and missing <= NOTHING_LACKS):
         same = on_grid(found, shape, cut, every)
     if len(every) >= 2 * _LEAST_STEPS:

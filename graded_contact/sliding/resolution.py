@@ -40,7 +40,8 @@ class Neighbours(eqx.Module):
 
     **Fields:**
 
-    - `same`: on the grid, without the waves that half of it lacks.
+    - `same`: on the grid, without the waves that half of it lacks; None if it lacks none: then this
+      is the contact itself.
     - `half`: the same contact on half as many points.
     - `fewer`: of a cycle or a history, on the grid with half as many times; None if these are
       too few.
@@ -48,10 +49,14 @@ class Neighbours(eqx.Module):
       has too few points to be halved.
     """
 
-    same: Any  # of the kind of the contact
+    same: Any | None  # of the kind of the contact
     half: Any
     fewer: Any
     lacking: Float[Array, ""]
+
+    def both(self, found: Any) -> tuple[Any, Any]:
+        """Returns `same` and `half` of a contact."""
+        return found if self.same is None else self.same, self.half
 
 
 def neighbours_of(found: Found) -> Neighbours:
@@ -76,11 +81,11 @@ def _neighbours(found: Found) -> Neighbours:
     pressure = found.contact.mean_pressure
     if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
         # Without a contact there is nothing to compare.
-        return Neighbours(found, found, found, jnp.zeros_like(pressure))
+        return Neighbours(None, found, found, jnp.zeros_like(pressure))
     times = len(found.displacement) if isinstance(found, CyclicSliding) else 0
     rough, window = found.problem.roughness, WINDOW in found.facts
     on_half, cut, missing = roughness_on(rough, found.grid, half, window)
-    same, fewer = found, None
+    same = fewer = None
     if not (is_concrete(missing) and missing <= NOTHING_LACKS):
         same = _solved(found, shape, cut, times)
     if times >= 2 * _LEAST_TIMES:

@@ -38,6 +38,7 @@ from ..core.checks import (
 )
 from ..core.derivative import still
 from ..core.display import shown
+from ..fields.frequency import direction_and_speed
 from ..materials.shift import AbstractShift, as_temperature
 
 ShearLaw = Callable[..., Any]
@@ -178,9 +179,9 @@ class ShearStress(eqx.Module):
 
 
 def shear_stress(
-    law: object, speed: Float[Array, ""], temperature: ScalarLike | None
+    law: object, velocity: Float[Array, "..."], temperature: ScalarLike | None
 ) -> ShearStress | None:
-    """Returns the shear stress of a law at a speed and a temperature; None without a law.
+    """Returns the shear stress of a law at |v| and a temperature; None without a law.
 
     **Raises:** `ValueError` for what is no law, or a temperature that is no temperature.
     """
@@ -192,6 +193,7 @@ def shear_stress(
             f"`shear={short(law)}` must be called as shear(pressure, speed, temperature) and "
             "return a shear stress [Pa], such as `ConstantShear(1e6)`."
         )
+    speed = direction_and_speed(velocity)[1]
     # A bare function is no pytree; wrapped, it is one without leaves.
     called: Any = law if isinstance(law, eqx.Module) else jax.tree_util.Partial(law)
     bound = ShearStress(called, speed, temperature)

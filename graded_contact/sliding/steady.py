@@ -21,7 +21,6 @@ from ..core.checks import Numbers, as_float, check_values, is_concrete, within
 from ..core.compilation import compiled
 from ..core.memory import SLIDING, check_memory
 from ..fields.devices import num_devices, required
-from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid
 from ..materials.coverage import coverage
 from ..materials.softening import as_strain_per_slope, softens
@@ -55,7 +54,7 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
             operator_of(other.kernel, surface.heights.shape), other.kernel, other.coupling,
             measured_range=_coverage(case.counter), thickness=_thickness(case.counter, surface),
         )  # fmt: skip
-    sheared = shear_stress(case.shear, direction_and_speed(case.velocity)[1], case.temperature)
+    sheared = shear_stress(case.shear, case.velocity, case.temperature)
     kernel = unless_negative(kernel, sheared)
     problem = SteadyProblem(
         operator=operator_of(kernel, surface.heights.shape), heights=surface.heights,

@@ -19,7 +19,6 @@ error varies: a derivative has a local error of about 30 %, and is right over se
 
 import dataclasses
 from functools import partial
-from typing import cast
 
 import jax
 import jax.numpy as jnp
@@ -99,7 +98,7 @@ def contact_stiffness_error(
     """
     _check(sliding)
     near = neighbours_of(sliding)
-    same, half = cast(Sliding, near.same), cast(Sliding, near.half)
+    same, half = near.both(sliding)
     own, other = (_stiffness(s, adjoint) for s in (same, half))
     softer = _stiffness(same, adjoint, _SOFTER)
     missed = 1 + _LACKING * near.lacking
