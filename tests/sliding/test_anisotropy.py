@@ -214,7 +214,7 @@ OWN = gc.SelfAffine(rms_slope=0.1, hurst=0.6, q_low=5 * Q0, q_roll=9 * Q0, q_hig
 @pytest.mark.parametrize("apart", [False, True])
 def test_area_of_an_elastic_block_is_that_of_the_sum_of_the_spectra(apart):
     """Overlapping bands, and bands that are apart."""
-    q = np.geomspace(300 * Q0, 900 * Q0, 9)
+    q = jnp.geomspace(300 * Q0, 900 * Q0, 9)
     own = (q, OWN.density(q / 30)) if apart else OWN
     elastic = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.5)))
     found = mean_field(
