@@ -54,7 +54,9 @@ def prepare() -> None:
     flags = os.environ.get("XLA_FLAGS", "")
     # A process ends at a flag that its XLA does not know.
     quick = LESS_WORK if jax.__version_info__[:2] == (0, 10) else {}
-    ours = [ONE_THREAD, *(f"--{name}={value}".lower() for name, value in quick.items())]
+    # `False` in Python is `false` there; names of other values have capitals.
+    values = {name: str(v).lower() if isinstance(v, bool) else v for name, v in quick.items()}
+    ours = [ONE_THREAD, *(f"--{name}={value}" for name, value in values.items())]
     missing = (flag for flag in ours if flag.split("=")[0] not in flags)
     os.environ["XLA_FLAGS"] = " ".join([flags, *missing]).strip()
     jax.config.update("jax_enable_x64", True)
