@@ -271,8 +271,10 @@ def scan_layers(step, face: Any, layers: tuple[Any, ...], *, reverse: bool) -> A
     if len(layers[0]) == 0:
         return face
     like = stable_shape(lambda face: step(face, jax.tree.map(lambda part: part[0], layers)), face)
+    # A derivative computes a step again: to store and load its numbers takes longer.
+    add = jax.checkpoint(lambda *given: (cast_like(step(*given), like), None), prevent_cse=False)
     return jax.lax.scan(
-        lambda face, layer: (cast_like(step(face, layer), like), None),
+        add,
         cast_like(face, like),
         layers,
         reverse=reverse,

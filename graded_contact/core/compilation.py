@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import Jaxpr, Primitive, jaxprs_in_params
 from jax.interpreters import mlir
+from jax.sharding import get_abstract_mesh, use_abstract_mesh
 
 from .checks import is_concrete, knowing
 
@@ -77,11 +78,13 @@ def _compiled(function: F, checks: bool) -> F:
         fixed, tree = jax.tree.flatten(others)
         key = (tree, *fixed, *(np.shape(array) for array in jax.tree.leaves(arrays)))
         try:
-            if key not in programs:
-                if checks:
-                    _warn_of_numbers(key, programs)
-                programs[key] = _program(function, arrays, others, checks)
-            numbers, rest = jax.block_until_ready(programs[key](arrays))
+            # Derivatives set this mesh, and JAX would compile a program for it, too.
+            with use_abstract_mesh(get_abstract_mesh()):
+                if key not in programs:
+                    if checks:
+                        _warn_of_numbers(key, programs)
+                    programs[key] = _program(function, arrays, others, checks)
+                numbers, rest = jax.block_until_ready(programs[key](arrays))
         except (RuntimeError, ValueError) as error:  # the cause, without the frames around it
             cause = str(error).rpartition("EquinoxRuntimeError: ")[2].partition("\n\n\n---")[0]
             raise (RuntimeError(cause) if cause != str(error) else error) from None

@@ -161,8 +161,19 @@ def _linear_transposed(cotangents, *leaves, along, back, given, returned):
 
 
 def _linear_batched(leaves, axes, **directions):
-    changes = jax.vmap(partial(_run_along, **directions), axes)(*leaves)
-    return changes, [0] * len(changes)
+    if not alone(leaves):
+        changes = jax.vmap(partial(_run_along, **directions), axes)(*leaves)
+        return changes, [0] * len(changes)
+    # One by one in the program that is compiled already.
+    known = [(leaf, axis) for leaf, axis in zip(leaves, axes, strict=True) if axis is not None]
+    rows = [
+        _linear_p.bind(
+            *(leaf if axis is None else jnp.take(leaf, i, axis) for leaf, axis in zip(leaves, axes)),
+            **directions,
+        )
+        for i in range(known[0][0].shape[known[0][1]])
+    ]
+    return [jnp.stack(column) for column in zip(*rows, strict=True)], [0] * len(rows[0])
 
 
 _linear_p.def_abstract_eval(lambda *_, returned, **__: returned)

@@ -195,16 +195,29 @@ def attach_fixed_point(function: Callable, given: Any, x: Float[Array, " n"]) ->
     def attached_jvp(primals, tangents):
         # Attached again, so that a derivative of the rule itself moves with the fixed point.
         x, given = attached(*primals), primals[1]
-        moved = eqx.filter_jvp(lambda given: function(given, x), (given,), tangents[1:])[1]
-        image, units = partial(function, given), jnp.eye(len(x), dtype=x.dtype)
-        if alone(primals):  # in the programs that a derivative in reverse has
-            back = jax.vjp(image, x)[1]
-            matrix = jnp.stack([back(unit)[0] for unit in units])
+        units = jnp.eye(len(x), dtype=x.dtype)
+        if alone(primals):
+            # One derivative in reverse of each unknown serves both matrices.
+            moves = jax.tree.map(lambda t: t is not None, tangents[1], is_leaf=lambda t: t is None)
+            moving, fixed = eqx.partition(given, moves)
+            image = lambda moving, x: function(eqx.combine(moving, fixed), x)  # noqa: E731
+            with jax.core.eval_context():  # else JAX traces the constants of the function
+                back = jax.vjp(image, moving, x)[1]
+                rows, matrix = zip(*map(back, units), strict=True)
+            changes = jax.tree.leaves(tangents[1])
+            moved = jnp.stack([_product(jax.tree.leaves(row), changes) for row in rows])
+            matrix = jnp.stack(matrix)
         else:  # `map` compiles it once
+            moved = eqx.filter_jvp(lambda given: function(given, x), (given,), tangents[1:])[1]
+            image = partial(function, given)
             matrix = jax.lax.map(lambda unit: jax.jvp(image, (x,), (unit,))[1], units).T
         return x, jnp.linalg.solve(units - matrix, moved)
 
     return attached(x, given)
+
+
+def _product(row: list[Array], changes: list[Array]) -> Array:
+    return sum(jnp.sum(a * b) for a, b in zip(row, changes, strict=True))
 
 
 def attach_fixed_field(
