@@ -42,7 +42,7 @@ WATCH = """() => {
     window.drawn = {}; window.pressed = performance.now();
   }, true);
 }"""
-RESTED = re.compile(r"derivatives \d+ ms")  # the words of a page whose work is done
+RESTED = re.compile(r"bars \d")  # the words of a page whose work is done
 TARGETS = {"curves": 0.2, "contact": 0.3, "derivatives": 1.0}  # s
 
 

@@ -76,6 +76,11 @@ def move(page, draw) -> None:
     )
 
 
+def drawn(page) -> bool:
+    """Whether the bars are drawn for the last move of a page."""
+    return page.evaluate("window.drawn.derivatives")
+
+
 def wrong(pages: list, scene: str | None) -> int:
     """Returns how many pages show another friction than their own values have."""
     model, count = Model(open_document(None if scene is None else Path(scene))), 0
@@ -112,15 +117,16 @@ def page(scene=None, sessions=20, moves=200, points=1800):
         row("first derivatives", waited(tabs, begun, rests))
         for each in tabs:
             each.evaluate(WATCH)
-        active, seconds, left = tabs[: -(-3 * sessions // 4)], [], moves
-        while left > 0:
-            turning = active[:left]
-            for each in turning:
-                begun[each] = time.perf_counter()
-                move(each, draw)
-            left -= len(turning)
-            seconds += waited(turning, begun, lambda it: it.evaluate("window.drawn.derivatives"))
-        row("moved", seconds, moves, wrong(tabs, scene))
+        active, seconds, done = tabs[: -(-3 * sessions // 4)], [], 0
+        for count in (moves // 5, moves):  # so that memory which grows with moves is seen
+            while done < count:
+                turning = active[: count - done]
+                for each in turning:
+                    begun[each] = time.perf_counter()
+                    move(each, draw)
+                done += len(turning)
+                seconds += waited(turning, begun, drawn)
+            row("moved", seconds, count, wrong(tabs, scene))
         for each in tabs[::2]:
             move(each, draw)
             time.sleep(0.1)

@@ -12,6 +12,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.linalg  # noqa: F401 (JAX imports it with the first linear system)
 from contact_scenes import bodies, rough_surface
 from rows import goal, in_processes, report, seconds, show
 

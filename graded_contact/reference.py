@@ -15,8 +15,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.special import ive, kve
 
 from .core.checks import check_positive, check_values
 from .core.display import shown
@@ -333,6 +333,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 def _ratios(half_width: float, kappa: float, lag: float) -> tuple[float, float]:
     """Returns I0(y)/I1(y) at y = l/κ and K0(z)/K1(z) at z = l/(τv)."""
     y, z = half_width / kappa, half_width / lag
+    ive, kve = scipy.special.ive, scipy.special.kve
     return float(ive(0, y) / ive(1, y)), float(kve(0, z) / kve(1, z))
 
 

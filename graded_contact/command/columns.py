@@ -8,6 +8,7 @@ import numpy as np
 from ..core.display import number, unit_of
 from ..core.quantities import FOUR, OBSERVABLES, STEADY, TOTAL, quantity_of
 from ..scenes.results import (
+    DEPTH,
     FLOWS,
     LEAKAGE,
     SEED_ERROR,
@@ -15,14 +16,16 @@ from ..scenes.results import (
     kind_of_results,
     without_friction,
 )
+from ..sliding.contact_stress import STRESSES
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
+OF_STRESS = tuple(name + end for name in STRESSES for end in ("", DEPTH))
 # What a table has without `--full`, with the errors.
 MAIN = (
     "mean_friction", "friction", "peak_friction", "contact_area", "mean_pressure", "approach",
-    "contact_stiffness", "specific_conductance", *FLOWS, *LEAKAGE,
+    "contact_stiffness", "specific_conductance", *FLOWS, *LEAKAGE, *OF_STRESS,
 )  # fmt: skip
 OVER_TIME = ("friction", "load", "contact_area", "mean_gap", "work_done", *FLOWS, *LEAKAGE)
 OF_FRICTION = ("friction", "work", "power")  # in names of what is rounding at rest
@@ -59,7 +62,7 @@ class TableCells(NamedTuple):
 def names_in_table(results: "Dataset", full: bool) -> list[str]:
     """The names of the numbers in the table of solves; at rest it has the gap."""
     if full:
-        every = [*(n for n, entry in OBSERVABLES.items() if entry.column), *LEAKAGE]
+        every = [*(n for n, entry in OBSERVABLES.items() if entry.column), *LEAKAGE, *OF_STRESS]
     else:
         every = [*MAIN, *(["mean_gap"] if rounding_in(results) else [])]
     axes = results["message"].dims

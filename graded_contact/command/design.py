@@ -13,7 +13,7 @@ from ..studies.interruption import interruptible
 from ..surfaces.surface import Surface
 from . import terminal
 from .designed_scene import designed_scene
-from .result_tables import print_caveats, print_read, print_scene
+from .result_tables import print_caveats, print_read
 
 
 def design(
@@ -30,7 +30,7 @@ def design(
     with terminal.refusing(), interruptible() as interruption:
         study = read_design(scene_file)
         if dry_run:
-            print_scene(study.scene)
+            typer.echo(study)
         planned = plan_design(study)
         if dry_run:
             typer.echo(planned)

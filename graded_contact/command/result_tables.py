@@ -19,7 +19,8 @@ from ..core.quantities import (
     HISTORY,
     in_brackets,
 )
-from ..plot.words import label_of, title_of
+from ..designs.results import NO_ERROR
+from ..plot.words import place_of, title_of
 from ..scenes.results import (
     FLOWS,
     has_numbers,
@@ -35,7 +36,7 @@ from ..sliding.half_grid import grid_estimate
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
-from .columns import MAIN, OVER_TIME, columns_in_table, names_in_table, rounding_in
+from .columns import MAIN, OF_STRESS, OVER_TIME, columns_in_table, names_in_table, rounding_in
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -103,9 +104,16 @@ def print_rows(results: "Dataset", all_seeds: bool, full: bool) -> None:
         mark += f"[yellow]doubtful{f' ({which})' * bool(which)}[/]" * bool(doubts)
         numbers = (f"{speed:.3e}", f"{load / load_unit:.4g}", *(f"{number:.5g}" for number in at))
         rows.append([*numbers, *cells, mark])
-    console, shared, parts = Console(), len(axes), [[*range(len(heads))]]
+    if fixed := place_of(results):
+        typer.echo(f"At {fixed}:")
+    _print_columns([*heads], rows, len(axes))
+
+
+def _print_columns(heads: list[str], rows: list[list[str]], shared: int) -> None:
+    """Prints a table, on a screen in parts that fit; their first columns are the `shared` ones."""
+    console, parts = Console(), [[*range(len(heads))]]
     if console.is_terminal:
-        texts = [[*heads], *([Text.from_markup(text).plain for text in row] for row in rows)]
+        texts = [heads, *([Text.from_markup(text).plain for text in row] for row in rows)]
         parts = tables_that_fit(texts, shared, console.width)
     else:  # a file has one line for each solve
         console.width = max(console.width, 24 * (len(heads) + 1))
@@ -122,6 +130,8 @@ def print_notes(results: "Dataset", full: bool) -> None:
     """Prints what follows the solves: numbers over time, errors by the grid, why solves failed."""
     if kind_of_results(results) == HISTORY:
         _print_times(results, full)
+    if any(name in results for name in OF_STRESS):
+        typer.echo(NO_ERROR)
     if full:
         surface = surface_of(results)
         words = grid_estimate(surface.heights, surface.grid, not surface.periodic)
@@ -140,23 +150,15 @@ def _print_times(results: "Dataset", full: bool) -> None:
         return
     axes = results["message"].dims
     at = results.isel(dict(zip(axes, solved[-1], strict=True)))
-    times, table = at["time"].values, Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    times, moved = at["time"].values, at["surface_displacement"].values
     columns = columns_in_table(at, [name for name in OVER_TIME if name in at], full)
-    columns = {name: column for name, column in columns.items() if not name.endswith("_error")}
-    moved = at["surface_displacement"].values
-    moves = ["displacement"] if full or np.any(moved) else []
-    for head in ("time", *moves, *(column.head for column in columns.values())):
-        table.add_column(Text(head), justify="right", no_wrap=True)
+    moves, rows = ["displacement"] if full or np.any(moved) else [], []
     for i in np.flatnonzero(np.isin(times, at["field_time"].values) | full):
         cells = [column.cell(name, (int(i),)) for name, column in columns.items()]
-        table.add_row(with_time(times[i]), *(with_unit(moved[i], "m") for _ in moves), *cells)
-    console = Console()
-    console.width = max(console.width, 24 * (len(table.columns) + 1))
+        rows.append([with_time(times[i]), *(with_unit(moved[i], "m") for _ in moves), *cells])
     if len(solved) > 1:
-        scene = results.attrs["scene"]
-        places = (f"{title_of(str(name), scene)} {label_of(at[name])}" for name in axes)
-        console.print(f"Over time, {', '.join(places)}:", markup=False)
-    console.print(table)
+        typer.echo(f"Over time, {place_of(at)}:")
+    _print_columns(["time", *moves, *(column.head for column in columns.values())], rows, 1)
 
 
 def tables_that_fit(texts: list[list[str]], shared: int, room: int) -> list[list[int]]:
@@ -247,11 +249,6 @@ def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
                 f"{name}: 90 % of the friction at {speed:.3g} m/s comes from its moduli between "
                 f"{low:.2g} and {high:.2g} rad/s (mean field)"
             )
-
-
-def print_scene(scene: Scene) -> None:
-    """Prints what a scene means before it is run."""
-    typer.echo(scene)
 
 
 def print_read(scene: Scene, surface: Surface | None) -> None:

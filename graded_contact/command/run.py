@@ -18,7 +18,7 @@ from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along
 from ..plot.style import entitle
 from ..plot.sweeps import NOTHING
-from ..plot.words import label_of, not_gaussian, title_of
+from ..plot.words import not_gaussian, place_of
 from ..scenes.plan import Plan, plan
 from ..scenes.results import (
     has_numbers,
@@ -48,7 +48,6 @@ from .result_tables import (
     print_decisive,
     print_doubts,
     print_read,
-    print_scene,
     print_steps,
     print_table,
 )
@@ -120,7 +119,7 @@ def run(
             index |= [_on_axis(text, scene.axes)]
         engine["kept"] = tuple(index.values())
         if dry_run:
-            print_scene(scene)
+            typer.echo(scene)
             planned, file = _prepared(scene, *place, replace)
             typer.echo(planned)
             _say_stored(planned, Store(_points_of(file)))
@@ -322,13 +321,9 @@ def contacts(
         typer.echo("The surfaces do not touch: no maps are drawn.")
         return
     solve = results.isel(dict(zip(results["message"].dims, index, strict=True)))
-    at = solve["message"]
-    text = results.attrs["scene"]
-    places = (f"{title_of(str(name), text)} {label_of(at[name])}" for name in at.coords)
-    title = in_figure(", ".join(places))
+    at, title = solve["message"], in_figure(place_of(solve))
     if "time" in results.dims:
         drawn = {"film": plot.plot_film(fields, surface)}
-        title = title.replace(title_of("velocity"), "highest speed")
     else:
         direction = float(at.coords.get("direction", results.attrs.get("direction")))
         velocity = velocity_along(at["velocity"].item(), direction)

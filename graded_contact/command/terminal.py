@@ -54,8 +54,7 @@ def prepare() -> None:
     flags = os.environ.get("XLA_FLAGS", "")
     # A process ends at a flag that its XLA does not know.
     quick = LESS_WORK if jax.__version_info__[:2] == (0, 10) else {}
-    # `False` in Python is `false` there; names of other values have capitals.
-    values = {name: str(v).lower() if isinstance(v, bool) else v for name, v in quick.items()}
+    values = {n: str(v).lower() if isinstance(v, bool) else v for n, v in quick.items()}
     ours = [ONE_THREAD, *(f"--{name}={value}" for name, value in values.items())]
     missing = (flag for flag in ours if flag.split("=")[0] not in flags)
     os.environ["XLA_FLAGS"] = " ".join([flags, *missing]).strip()

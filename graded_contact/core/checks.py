@@ -20,6 +20,7 @@ from jax import Array
 from jax.core import Tracer
 from jaxtyping import AbstractArray, ArrayLike, Float, Inexact
 
+from .deprecation import since_rc1
 from .display import short
 
 # What users call the classes that annotations name.
@@ -171,7 +172,9 @@ def check_types(function: F) -> F:
             arguments = signature.bind(*args, **kwargs).arguments
         except TypeError as error:
             names = ", ".join(f"`{name}`" for name in signature.parameters)
-            raise TypeError(f"{function.__name__}: {error}; it takes {names}.") from None
+            told = next(filter(None, map(since_rc1, kwargs.keys() - signature.parameters)), "")
+            text = f"{function.__name__}: {error}{told}; it takes {names}."
+            raise TypeError(text) from None
         # Defaults are not bound: only what the caller gave is looked at.
         for name, value in arguments.items():
             if name in hints:

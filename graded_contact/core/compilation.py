@@ -18,6 +18,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import ShapedArray
 from jax.extend.core import Jaxpr, Primitive, jaxprs_in_params
 from jax.interpreters import mlir
 from jax.sharding import get_abstract_mesh, use_abstract_mesh
@@ -164,7 +165,7 @@ def alone(arguments: Any) -> bool:
 # Depends on no number: inside `jit` it is traced, and so are known arguments.
 _probe_p = Primitive("probe")
 _probe_p.def_impl(lambda: np.zeros((), bool))
-_probe_p.def_abstract_eval(lambda: jax.core.ShapedArray((), np.dtype(bool)))
+_probe_p.def_abstract_eval(lambda: ShapedArray((), np.dtype(bool)))
 _of_probe = mlir.lower_fun(lambda: jnp.zeros((), bool), multiple_results=False)
 mlir.register_lowering(_probe_p, _of_probe)
 

@@ -22,6 +22,21 @@ _NEW_NAMES = {
     "plot_outline": "removed: `plot.plot_sliding` draws the outline, too",
     "checkpointed": "removed: `sweep`, searches and scenes continue after a kill",
     "ObservableTarget": "removed: `rtol` is the only tolerance of a contact",
+    # Arguments and fields.
+    **dict.fromkeys(
+        ("friction_rtol", "target"), "removed: `rtol` is the only tolerance of a contact"
+    ),
+    "graded_solver": "a field of the block: `Stack(..., graded_solver=...)`",
+    **dict.fromkeys(("contact_area_corrected", "contact_area_smooth"), "`contact_area`"),
+    **dict.fromkeys(
+        ("storage_weight", "loss_weight", "weight"), "`weights`, a pair: of E' and of E''"
+    ),
+    **dict.fromkeys(
+        ("within", "huber"), "removed: `fitting.wild_values` and `fitting.without` leave points out"
+    ),
+    **dict.fromkeys(
+        ("slide_options", "mean_field_options"), "arguments of their own, such as `shear`"
+    ),
 }
 
 
@@ -32,12 +47,17 @@ def has_moved(old: str, new: str) -> None:
     )
 
 
+def since_rc1(name: str) -> str:
+    """Returns what a name of 1.0.0rc1 is now, as an error ends; nothing for another name."""
+    return f"; since 1.0.0 it is {_NEW_NAMES[name]}" if name in _NEW_NAMES else ""
+
+
 def missing(module: str, name: str) -> AttributeError:
     """Returns the error of a name that a module does not have; it tells the new one.
 
     So does a warning: `from graded_contact import run_scene` hides the text of the error.
     """
-    told = f"; since 1.0.0 it is {_NEW_NAMES[name]}" if name in _NEW_NAMES else ""
+    told = since_rc1(name)
     text = f"module {module!r} has no attribute {name!r}{told}"
     if told:
         warnings.warn(text, FutureWarning, stacklevel=3)

@@ -165,15 +165,15 @@ def _linear_batched(leaves, axes, **directions):
         changes = jax.vmap(partial(_run_along, **directions), axes)(*leaves)
         return changes, [0] * len(changes)
     # One by one in the program that is compiled already.
-    known = [(leaf, axis) for leaf, axis in zip(leaves, axes, strict=True) if axis is not None]
-    rows = [
-        _linear_p.bind(
-            *(leaf if axis is None else jnp.take(leaf, i, axis) for leaf, axis in zip(leaves, axes)),
-            **directions,
-        )
-        for i in range(known[0][0].shape[known[0][1]])
-    ]
-    return [jnp.stack(column) for column in zip(*rows, strict=True)], [0] * len(rows[0])
+    placed = [*zip(leaves, axes, strict=True)]
+    count = next(leaf.shape[axis] for leaf, axis in placed if axis is not None)
+
+    def row(i):
+        leaves = (leaf if axis is None else jnp.take(leaf, i, axis) for leaf, axis in placed)
+        return _linear_p.bind(*leaves, **directions)
+
+    changes = [jnp.stack(column) for column in zip(*map(row, range(count)), strict=True)]
+    return changes, [0] * len(changes)
 
 
 _linear_p.def_abstract_eval(lambda *_, returned, **__: returned)

@@ -209,7 +209,8 @@ def _title(name: str, owner: str = "") -> str:
 
 
 def _is_number(value: Any) -> bool:
-    return np.ndim(value) == 0 and isinstance(value, int | float | complex | np.number | jax.Array)
+    numbers = int | float | complex | np.number | jax.Array
+    return isinstance(value, numbers) and np.ndim(value) == 0
 
 
 def _text(value: Any) -> str:

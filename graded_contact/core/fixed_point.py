@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import eval_context
 from jaxtyping import Array, Float
 
 from .anderson import Iterates, accelerate
@@ -201,7 +202,7 @@ def attach_fixed_point(function: Callable, given: Any, x: Float[Array, " n"]) ->
             moves = jax.tree.map(lambda t: t is not None, tangents[1], is_leaf=lambda t: t is None)
             moving, fixed = eqx.partition(given, moves)
             image = lambda moving, x: function(eqx.combine(moving, fixed), x)  # noqa: E731
-            with jax.core.eval_context():  # else JAX traces the constants of the function
+            with eval_context():  # else JAX traces the constants of the function
                 back = jax.vjp(image, moving, x)[1]
                 rows, matrix = zip(*map(back, units), strict=True)
             changes = jax.tree.leaves(tangents[1])
@@ -216,7 +217,7 @@ def attach_fixed_point(function: Callable, given: Any, x: Float[Array, " n"]) ->
     return attached(x, given)
 
 
-def _product(row: list[Array], changes: list[Array]) -> Array:
+def _product(row, changes):
     return sum(jnp.sum(a * b) for a, b in zip(row, changes, strict=True))
 
 

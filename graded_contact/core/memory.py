@@ -16,7 +16,7 @@ import jax
 SURFACE = 7.0  # fields of drawing or transforming a surface
 KERNEL = 2.0
 CONTACT = 20.0
-SLIDING = 21.0  # a kernel, and a contact with it
+SLIDING = 24.0  # a kernel, a contact with it, and its total error
 CYCLE = 42.0  # fields over space and time
 CYCLE_COUNTER = 8.0  # more for a counter: its kernel, and the displacement that lags
 DERIVATIVE = 20.0  # more for a derivative

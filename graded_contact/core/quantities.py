@@ -177,6 +177,11 @@ OF_RESULTS = _table([
     ("leakage_along_y", "Q_y", "m³/s", "leakage of the cell along y"),
     ("leakage_along_x_error", "", "m³/s", "estimated error of the leakage along x"),
     ("leakage_along_y_error", "", "m³/s", "estimated error of the leakage along y"),
+    *(entry for name, what in (("tension", "principal stress in the block"),
+                               ("von_mises", "von Mises stress in the block"),
+                               ("interface_shear", "shear stress between layers"))
+      for entry in ((name, r"\sigma", "Pa", f"largest {what}"),
+                    (f"{name}_depth", "z", "m", f"depth of the largest {what}"))),
     ("GapFlow.conductance", "K", "m³", "conductance of the gap along x and along y"),
     ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height", Usual("rms height", "µm", _within(10.0))),

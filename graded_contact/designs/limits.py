@@ -5,20 +5,17 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks.compliance import effective_modulus
-from ..blocks.depth import Side
-from ..blocks.stack import Stack, interface_depths
-from ..core.checks import as_float, check_positive, check_values, within
-from ..core.compilation import compiled
+from ..blocks.stack import Stack
+from ..core.checks import check_positive, check_values, within
 from ..core.derivative import largest
 from ..core.display import shown, unit_of
 from ..core.quantities import CYCLE
-from ..sliding.contact_stress import StressKind, contact_stress
+from ..sliding.contact_stress import STRESSES
 from ..sliding.heat_source import as_depths
 
 Criteria = Mapping[str, Float[Array, " velocities"]]  # criteria of a block, by name
@@ -53,46 +50,6 @@ class Criterion(NamedTuple):
         return ("1", 1.0) if self.unit == "1" else unit_of(self.unit, size)
 
 
-Depths = Float[Array, " depths"]
-
-
-@compiled
-def _largest(found: Any, stack: Stack, kind: StressKind, depths: Depths, side: Side) -> Depths:
-    # One depth after another, also in the derivative: the stresses of all would fill the memory.
-    at = jax.checkpoint(
-        lambda z: contact_stress(found, stack, z[None], side=side).largest(kind).value
-    )
-    return jax.lax.map(at, depths)
-
-
-def _in_block(kind: StressKind) -> Callable[..., tuple[Array, Array]]:
-    """The largest stress of a kind on the surface and in the layers, or at depths; its depth."""
-
-    def of_contact(found: Any, stack: Stack, depths: list[float] | None) -> tuple[Array, Array]:
-        faces = interface_depths(stack)
-        if depths is not None:
-            above = below = as_float(depths, "depths")
-        else:
-            whole = jnp.diff(faces, prepend=0.0)
-            above = jnp.ravel(faces - jnp.array([[0.75], [0.5], [0.0]]) * whole)
-            deep = faces[: None if hasattr(stack.base, "material") else -1]  # else nothing is below
-            below = jnp.concatenate([jnp.zeros(1, faces.dtype), deep])
-        sides: tuple[tuple[Side, Depths], ...] = (("above", above), ("below", below))
-        values = [_largest(found, stack, kind, at, side) for side, at in sides if at.size]
-        return _with_depth(jnp.concatenate(values), jnp.concatenate([above, below]))
-
-    return of_contact
-
-
-def _between_layers(found: Any, stack: Stack, _: Any) -> tuple[Array, Array]:
-    faces = interface_depths(stack)
-    return _with_depth(_largest(found, stack, "shear", faces, "above"), faces)
-
-
-def _with_depth(values: Array, depths: Depths) -> tuple[Array, Array]:
-    return jnp.max(values), depths[jnp.argmax(values)]
-
-
 # Of a cycle the mean over the times, or the highest pressure of all times.
 CRITERIA = {
     "friction": Criterion(
@@ -117,15 +74,15 @@ CRITERIA = {
     ),
     "tension": Criterion(
         "largest principal stress in the block", "tension", "Pa",
-        _in_block("tension"), of_stress=True,
+        STRESSES["tension"], of_stress=True,
     ),
     "von_mises": Criterion(
         "largest von Mises stress in the block", "von Mises stress", "Pa",
-        _in_block("von_mises"), of_stress=True,
+        STRESSES["von_mises"], of_stress=True,
     ),
     "interface_shear": Criterion(
         "largest shear stress between layers", "interface shear", "Pa",
-        _between_layers, of_stress=True,
+        STRESSES["interface_shear"], of_stress=True,
     ),
 }  # fmt: skip
 BY_MEAN_FIELD = tuple(name for name, criterion in CRITERIA.items() if criterion.in_mean_field)
@@ -176,7 +133,7 @@ class Stiffness:
         check_positive("within", self.within, "[1]")
 
 
-@shown()
+@shown("of_criteria", "stiffness", "total_thickness", "stress_depths", unset=False)
 @dataclasses.dataclass(frozen=True)
 class Limits:
     """All limits of a design.
@@ -213,6 +170,14 @@ class Limits:
                     raise ValueError(" is larger than ".join(ends))
         if self.total_thickness is not None:
             check_positive("total_thickness", self.total_thickness, "[m]")
+
+    @property
+    def of_criteria(self) -> dict[str, str]:
+        """The limits of criteria in words."""
+        return {
+            CRITERIA[name].label: " and ".join(limit.words for limit in self if limit[0] == name)
+            for name in dict.fromkeys(limit.criterion for limit in self)
+        }
 
     def __iter__(self) -> Iterator[CriterionLimit]:
         """Yields the limits of criteria, in one order for all files."""

@@ -25,6 +25,7 @@ from ..core.checks import (
     check_values,
 )
 from ..core.compilation import compiled
+from ..core.display import shown
 from ..mean_field.mean_field import RTOL, MeanField, mean_field_of, reached
 from ..mean_field.refinement import NODES, Nodes, misses, solve_refined
 from ..scenes.scene import Scene
@@ -145,6 +146,7 @@ def _fields_at(case: Case, velocities: Float[Array, " n"], nodes: Nodes) -> Mean
     return jax.lax.map(at, velocities)
 
 
+@shown("name", "asked", "band", unset=False)
 class DesignObjective(NamedTuple):
     """What a search makes small.
 
@@ -163,6 +165,14 @@ class DesignObjective(NamedTuple):
     goal: Float[np.ndarray, " velocities"] | None = None
     relative: bool = False
     band: tuple[float, float] | None = None
+
+    @property
+    def asked(self) -> str:
+        """The goal in words, at each velocity if they differ."""
+        if self.goal is None:
+            return ""
+        goals = ", ".join(dict.fromkeys(f"{goal:g}" for goal in self.goal))
+        return f"{goals} times that of the scene's block" if self.relative else goals
 
 
 def extreme(name: str, scene: Scene) -> DesignObjective:

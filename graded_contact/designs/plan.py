@@ -53,8 +53,9 @@ class DesignPlan:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """What makes every number doubtful: of a surface from a file, and assumed."""
-        return *getattr(self.study.spectrum, "caveats", ()), *self.study.scene.assumed
+        """What makes every number doubtful: of a surface from a file, assumed, or a wrong unit."""
+        study = self.study
+        return *getattr(study.spectrum, "caveats", ()), *study.scene.assumed, *study.doubts
 
     @property
     def num_solves(self) -> int:

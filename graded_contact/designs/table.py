@@ -5,6 +5,7 @@ A design takes a scene (`scenes/scene.py`) with one pressure, `direction` 0 and 
 
 import dataclasses
 import os
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 
@@ -28,9 +29,10 @@ from ..fields.grid import Grid
 from ..mean_field.refinement import Nodes
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import check_paths, refuse_tables
+from ..scenes.scene_doubts import doubts_about, doubts_of, usual_beside
 from ..scenes.scene_file import parse_scene
 from ..scenes.schema import TableReader, keys_of
-from ..scenes.surface_source import RandomSurface
+from ..scenes.surface_source import RandomSurface, SurfaceFile
 from ..scenes.toml import parse_toml, text_of_scene
 from ..sliding.case import Case
 from ..surfaces.spectrum_table import Spectrum
@@ -118,6 +120,26 @@ class DesignScene:
         if not isinstance(source, RandomSurface):
             return [source.build()]
         return [source.drawn(source.seed + i) for i in range(self.seeds)]
+
+    @property
+    def doubts(self) -> Iterator[str]:
+        """Why limits, bounds and numbers beside a file may be in a wrong unit, in sentences."""
+        usual, limits = usual_beside(self.scene, self.grid), self.limits
+        if isinstance(self.scene.surface, SurfaceFile):
+            yield from doubts_of(self.scene, self.grid)
+        of_unit = {"Pa": "stress", "m": "gap"}
+        for criterion, end, value in limits:
+            if kind := of_unit.get(CRITERIA[criterion].unit):
+                where = f"[design.limits] `{end}_{criterion}`"
+                yield from doubts_about(usual, kind, value, where)
+        lengths = {"[design] `total_thickness`": limits.total_thickness} | {
+            f"[design.parameters] {path}": ends
+            for path, ends in self.parameters.items()
+            if path.endswith("thickness")
+        }
+        for where, values in lengths.items():
+            if values is not None:
+                yield from doubts_about(usual, "thickness", values, where)
 
     def case_of(self, stack: Stack) -> Case:
         """Returns the case of the mean field of a block, at no velocity yet."""

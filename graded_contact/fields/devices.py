@@ -99,7 +99,7 @@ def required(tree: T, good: Array | bool, check: Callable[[Array, Array], Array]
     if is_concrete(good) and good:
         return tree
     # XLA takes what a check is put on to one device, whole: a number, which all fields then add.
-    nothing = check(jnp.asarray(-0.0), ~good)
+    nothing = check(jnp.asarray(-0.0), jnp.logical_not(good))
     if is_concrete(nothing):
         return tree
     return jax.tree.map(lambda a: a if a.dtype == bool else a + nothing.astype(a.dtype), tree)

@@ -11,7 +11,7 @@ from its neighbours costs nothing, because branches of its own explain it. The s
 import dataclasses
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from .lengths import non_negative
 from .series import SeriesProblem
@@ -51,7 +51,7 @@ def _summed_steps(isotherms, steps):
 
 def _nearest_law(isotherms, steps, weights):
     """The law nearest to most of the steps; one that is wrong moves it little."""
-    return least_squares(
+    return scipy.optimize.least_squares(
         lambda p: weights * (np.diff(isotherms.law_shifts(p)) + steps),
         np.log(LAW_TYPICAL[isotherms.law]),
         bounds=np.log(LAW_LIMITS[isotherms.law]).T,

@@ -13,6 +13,11 @@ doi:10.1093/biomet/58.3.545):
 
 Few independent errors leave σ and ρ uncertain. V is therefore the mean over a cloud of (atanh ρ,
 ln σ²) about the most likely ones. A systematic misfit of the series is not part of C.
+
+Where a series follows most of few points (20 of a tread, 4 or 5 terms), independent errors may look
+like larger ones with ρ near 0.9, which the series hides: in one of 40 draws the standard error was
+12 times too large. A prior on ln σ² (a normal one of deviation 2) takes this to 4, but of errors
+with ρ = 0.8 one standard error then encloses the truth in 48 % in place of 68 %: there is none.
 """
 
 import dataclasses
@@ -20,8 +25,7 @@ import functools
 import itertools
 
 import numpy as np
-from scipy.linalg import solve_banded
-from scipy.optimize import minimize
+import scipy
 
 from .alignment import unseen
 from .series import SeriesProblem
@@ -116,7 +120,7 @@ class _NoiseModel:
         for parameters in cloud:
             diagonal, left = self.filter(parameters)
             bands = np.array([np.append(0, left[1:]), diagonal])
-            carried = solve_banded((0, 1), bands, self.design)  # W⁻ᵀ G
+            carried = scipy.linalg.solve_banded((0, 1), bands, self.design)  # W⁻ᵀ G
             noise += carried.T @ carried / len(cloud)
         return noise
 
@@ -130,7 +134,7 @@ class _NoiseModel:
         if not self.mean_square:
             return [likely]
         bounds = list(zip(lower, upper, strict=True))
-        likely = minimize(self._surprise, likely, method="L-BFGS-B", bounds=bounds).x
+        likely = scipy.optimize.minimize(self._surprise, likely, method="L-BFGS-B", bounds=bounds).x
         steps = LIKELIHOOD_STEP * np.eye(len(likely))
         curvature = np.empty(steps.shape)
         for (i, a), (j, b) in itertools.product(enumerate(steps), repeat=2):

@@ -12,7 +12,7 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from ..core.checks import check_whole
 from ..core.display import shown
@@ -245,7 +245,7 @@ def non_negative(series: SeriesProblem, log_times: np.ndarray) -> np.ndarray:
     if len(matrix) > MANY:
         q, matrix = np.linalg.qr(matrix)
         target = q.T @ target
-    strengths, _ = nnls(matrix, target, maxiter=30 * matrix.shape[1])
+    strengths, _ = scipy.optimize.nnls(matrix, target, maxiter=30 * matrix.shape[1])
     return strengths / norms
 
 

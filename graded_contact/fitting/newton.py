@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
+import scipy
 
 DAMPED = 1e-2  # a step so damped that its length does not show the distance left
 LONGEST_STEP = 3.0  # the most a step changes an unknown: all are logarithms
@@ -19,7 +19,6 @@ LEAST_GAIN = 1e-14  # relative decrease of the value, below which rounding hides
 SINGULAR_HESSIAN = 1e-13  # of a Hessian scaled to a unit diagonal
 IDLE_CURVATURE = 1e-20  # of the greatest curvature: an unknown that has no effect on the value
 Fitted = tuple[np.ndarray, float]  # the unknowns of a minimum, and its value
-(_solve_positive,) = get_lapack_funcs(("posv",), dtype=np.float64)
 
 
 class Expansion(NamedTuple):
@@ -128,7 +127,7 @@ def _damped_step(here: Expansion, free: np.ndarray, damping: float) -> np.ndarra
     while True:
         damped = np.array(hessian, order="F")
         damped[diagonal, diagonal] += (damping + 1e-14) * scale
-        _, step, indefinite = _solve_positive(damped, -here.gradient[free])
+        _, step, indefinite = scipy.linalg.lapack.dposv(damped, -here.gradient[free])
         if not indefinite:
             return np.clip(step, -LONGEST_STEP, LONGEST_STEP)
         damping = max(8 * damping, 1e-8)

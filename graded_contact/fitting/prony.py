@@ -20,8 +20,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Complex, Float
-from scipy.special import ndtri
 
 from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive, check_types
 from ..core.compilation import compiled
@@ -109,7 +109,8 @@ class AbstractFit(eqx.Module):
             return jnp.log(jnp.stack([modulus.real, modulus.imag]))
 
         middle = logs(self.theta)
-        reach = ndtri((1 + level) / 2) * deviation(jax.jacfwd(logs)(self.theta), spread)
+        reach = deviation(jax.jacfwd(logs)(self.theta), spread)
+        reach = scipy.special.ndtri((1 + level) / 2) * reach
         outside = is_unknown(omega, material(self.theta).coverage())
         limits = (jnp.where(outside, jnp.nan, jnp.exp(middle + side * reach)) for side in (-1, 1))
         lower, upper = (jax.lax.complex(*limit) for limit in limits)

@@ -4,7 +4,7 @@ import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import fdtrc
+import scipy
 
 from ..core.display import shown
 from .covariance import LEAST_NOISE
@@ -111,7 +111,8 @@ def _chance(count, both, storage, loss):
     if spare < 1:
         return None
     noise = max((storage.cost + loss.cost) / spare, LEAST_NOISE**2)
-    return float(fdtrc(saved, spare, max(both.cost - storage.cost - loss.cost, 0) / saved / noise))
+    more = max(both.cost - storage.cost - loss.cost, 0)
+    return float(scipy.special.fdtrc(saved, spare, more / saved / noise))
 
 
 def jumps_of(series: SeriesProblem) -> str:

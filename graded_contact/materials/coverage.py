@@ -84,6 +84,17 @@ def is_unknown(omega: Any, known: tuple[Any, Any]) -> Any:
     return (size > 0) & ~inside
 
 
+def unknown_share(lowest: Any, highest: Any, known: tuple[Any, Any]) -> Any:
+    """Returns the share of the ω from `lowest` to `highest` [rad/s], on a logarithmic axis, outside
+    what is `known`; of one frequency 0 or 1.
+    """
+    low, high = known[0] * (1 - SLACK), known[1] * (1 + SLACK)
+    inside = jnp.log(jnp.minimum(high, highest) / jnp.maximum(low, lowest))
+    whole = jnp.log(highest / lowest)
+    beyond = (whole - inside) / jnp.where(whole > 0, whole, 1)
+    return jnp.where(inside >= 0, beyond, 1)  # NaN and ranges without an ω hold nothing
+
+
 def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
     """Returns the lowest and highest ω [rad/s] at which all materials in `tree` were measured.
 

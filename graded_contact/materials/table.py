@@ -1,6 +1,6 @@
 """A measured modulus as a material, without fitting."""
 
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import equinox as eqx
 import jax
@@ -25,6 +25,8 @@ from .coverage import is_unknown
 from .material import AbstractMaterial
 from .shift import AbstractShift, as_temperature, require_shift, stretched
 
+T = TypeVar("T")
+U = TypeVar("U")
 _REMEDY = "Use a table that covers it, or `extrapolate='plateau'`."
 _OUTSIDE = f"A frequency lies outside the table of moduli. {_REMEDY}"
 
@@ -138,3 +140,34 @@ class Tabulated(AbstractMaterial):
             self,
             (omega, self.storage * lift, self.loss * lift, shift.rebased(temperature)),
         )
+
+
+def continued(tree: T) -> T:
+    """Returns a tree whose tables of moduli continue beyond their ends, see `extrapolate`."""
+
+    def plateau(node: Any) -> Any:
+        if not isinstance(node, Tabulated):
+            return node
+        found = object.__new__(Tabulated)  # the constructor would check the numbers once more
+        for name, value in {**vars(node), "extrapolate": "plateau"}.items():
+            object.__setattr__(found, name, value)
+        return found
+
+    return jax.tree.map(plateau, tree, is_leaf=lambda node: isinstance(node, Tabulated))
+
+
+def refuse_beyond(tree: Any, share: Float[Array, "..."], most: float, value: U) -> U:
+    """Returns `value`; raises for a share of friction above `most` beyond a table that refuses it.
+
+    **Arguments:**
+
+    - `tree`: with tables.
+    - `share`: of the friction from frequencies that its materials do not cover [1].
+    """
+    tables = jax.tree.leaves(tree, is_leaf=lambda node: isinstance(node, Tabulated))
+    if not any(getattr(table, "extrapolate", "") == "refuse" for table in tables):
+        return value
+    reason = f"comes from frequencies outside the table of moduli. {_REMEDY}"
+    if is_concrete(share) and np.any(np.asarray(share) > most):
+        raise ValueError(f"{float(np.max(share)):.0%} of the friction {reason}")
+    return eqx.error_if(value, share > most, f"More than {most:.0%} of the friction {reason}")

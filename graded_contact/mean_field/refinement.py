@@ -35,7 +35,7 @@ def solve_refined(solve: Callable[[Nodes], tuple[T, Any]], nodes: Nodes = NODES)
     """
     found, missed = solve(nodes)
     for _ in range(DOUBLINGS):
-        if not is_concrete(missed) or not np.any(missed):
+        if not is_concrete(missed) or not np.any(np.asarray(missed)):
             break
         nodes = Nodes(2 * nodes.num_wavenumbers, 2 * nodes.num_angles)
         found, missed = solve(nodes)

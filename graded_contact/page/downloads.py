@@ -5,14 +5,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 
 from ..core.quantities import FIELDS, OBSERVABLES, in_brackets
 from ..sliding.result import Sliding
 from ..studies.dataset import package_versions
 from .document import Document
-from .model import Derivatives, Model
+from .model import Curve, Derivatives, Model
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -23,14 +21,15 @@ class ShownPoint:
 
     - `model`: of the scene.
     - `values`: of its knobs [SI].
-    - `curves`, `contact`, `derivatives`: of the model at these values; the last one is None until
-      it is computed.
+    - `curves`, `contact`, `caveats`, `derivatives`: of the model at these values. The warnings,
+      with which the contact has its errors, and the derivatives are None until they are computed.
     """
 
     model: Model
     values: tuple[float, ...]
-    curves: xr.Dataset
+    curves: dict[str, Curve]
     contact: Sliding
+    caveats: tuple[str, ...] | None = None
     derivatives: Derivatives | None = None
 
     @cached_property
@@ -38,10 +37,18 @@ class ShownPoint:
         """The scene at these values."""
         return self.model.changed(self.values)
 
+    def number(self, name: str) -> tuple[float, float]:
+        """Returns a number of the contact, and its error, which is NaN until it is computed."""
+        error = np.nan if self.caveats is None else getattr(self.contact, f"{name}_error")
+        return float(getattr(self.contact, name)), float(error)
+
 
 def to_csv(shown: ShownPoint) -> bytes:
     """Returns the curves, side by side, with their units in the heading."""
-    curves = shown.curves
+    import pandas as pd
+    import xarray as xr  # both take a third of a second to import
+
+    curves = xr.Dataset(shown.curves)
     tables = [curves.drop_dims(other).to_dataframe().reset_index() for other in ("speed", "q")]
     titles = {
         name: str(name) + in_brackets(curves[name].attrs["units"]) for name in curves.variables
@@ -51,6 +58,8 @@ def to_csv(shown: ShownPoint) -> bytes:
 
 def to_hdf5(shown: ShownPoint) -> bytes:
     """Returns curves, contact and derivatives as groups of xarray, with the scene as attribute."""
+    import xarray as xr
+
     about = {"scene": shown.document.text, **package_versions()}
     contact = shown.contact
     heights = np.asarray(contact.heights)
@@ -67,7 +76,7 @@ def to_hdf5(shown: ShownPoint) -> bytes:
         name: (*values, {"units": known[name].unit, "long_name": known[name].meaning})
         for name, values in found.items()
     })  # fmt: skip
-    groups = {"/": shown.curves.assign_attrs(about), "/contact": fields_and_numbers}
+    groups = {"/": xr.Dataset(shown.curves, attrs=about), "/contact": fields_and_numbers}
     if shown.derivatives is not None:
         about = {"units": "%", "long_name": "change by a step of the slider"}
         changes = shown.derivatives._asdict().items()

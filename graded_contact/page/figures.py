@@ -5,17 +5,15 @@ from typing import Any
 
 import bokeh.models as bokeh
 import numpy as np
-import xarray as xr
 from bokeh.palettes import cividis, magma, plasma, viridis
 from bokeh.plotting import figure
 from bokeh.transform import dodge
-from scipy.signal import resample
 
 from ..core.display import unit_of
 from ..core.quantities import FIELDS
 from ..plot.style import COLOURS
 from .knobs import Knob
-from .model import Derivatives
+from .model import Curve, Derivatives
 
 # Pixels: of a figure, of the map, around a frame, and at the right of the map, where its bar is.
 HEIGHT, TALL, ABOVE, BELOW, LEFT, RIGHT, BAR = 220, 440, 28, 46, 48, 18, 62
@@ -95,13 +93,12 @@ class CurveFigure:
         self.figure.segment(source=self._point, color=colour, line_width=2, **bar)
         self.figure.scatter("x", "y", source=self._point, size=9, **style)
 
-    def show(self, curves: xr.Dataset, pinned: xr.Dataset | None) -> None:
+    def show(self, curves: dict[str, Curve], pinned: dict[str, Curve] | None) -> None:
         """Draws the curve, and a pinned one if there is one."""
         for source, data in ((self._line, curves), (self._pinned, pinned)):
             x = y = np.zeros(0)
             if data is not None:
-                curve = data[self.name]
-                x, y = curve[curve.dims[0]].values, curve.values
+                x, y = data[data[self.name].along].numbers, data[self.name].numbers
             _send(source, x=x / self._scale[0], y=y / self._scale[1])
 
     def mark(self, x: float, y: float, error: float) -> None:
@@ -287,7 +284,9 @@ class BlockPicture:
         # The line of the road along x through its deepest point, which comes to x = 0.
         where = np.unravel_index(np.argmax(heights), heights.shape)
         line = np.roll(heights if heights.ndim == 1 else heights[:, where[1]], -where[0])
-        fine = resample(line, FINER * len(line))
+        waves = np.fft.rfft(line)
+        waves[-1] /= 2 - len(line) % 2  # the highest wave of an even number has two directions
+        fine = FINER * np.fft.irfft(waves, FINER * len(line))
         x, at = np.linspace(-wide / 2, wide / 2, 300), np.arange(len(fine)) * (length / len(fine))
         road = np.interp(x, at, fine - np.max(heights), period=length)
         along = np.concatenate([factor * x, [right, -right]])

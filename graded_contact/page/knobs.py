@@ -100,7 +100,7 @@ def knobs_of(
         (owner, _, last), key = path.rpartition("."), table_key(scenery, path)
         part: Any = part_at(scenery, owner) if owner else scenery
         is_series = isinstance(part, Prony) and last == "equilibrium"
-        if is_series and number == 0:  # a liquid has no relaxed modulus
+        if is_series and float(number) == 0:  # a liquid has no relaxed modulus
             key, number = "glassy", part.glassy
         quantity, laws = quantity_of(key, type(part).__name__), shifts_in(scenery.stack)
         usual = None if quantity is None or number.ndim else quantity.usual

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, cast
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 
 from ..blocks.compliance import effective_modulus
 from ..core.compilation import compiled
@@ -22,15 +21,26 @@ from ..mean_field.mean_field import RTOL, mean_field_friction
 from ..mean_field.refinement import Nodes, misses, solve_refined
 from ..scenes.plan import build_surface
 from ..scenes.scene_checks import refuse_liquids
+from ..scenes.surface_source import RandomSurface
 from ..sliding.case import Case
 from ..sliding.result import Sliding
 from ..sliding.slide import solve
+from ..surfaces.surface import Surface
 from .document import Document
 from .knobs import knobs_of, turned
 from .scenery import Scenery, scenery_of, with_numbers
 
 PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
+AT_THE_TOP = ("friction", "contact_area", "mean_gap", "surface_rise")  # of the page, if known
 NUM_SPEEDS, NUM_WAVES = 25, 80
+
+
+class Curve(NamedTuple):
+    """Numbers of a curve over another one, or of an abscissa: a variable as xarray takes it."""
+
+    along: str
+    numbers: np.ndarray
+    attributes: dict[str, str]
 
 
 class Derivatives(NamedTuple):
@@ -56,13 +66,13 @@ class Model:
         self._scenery = scenery_of(scene, surface)
         self.knobs = knobs_of(self._scenery, scene.materials, document.speeds)
         self._numerics = dataclasses.replace(scene.numerics, rtol=PAGE_RTOL)
-        self._speeds = jnp.geomspace(*document.speeds, NUM_SPEEDS)
+        self._speeds = jnp.asarray(np.geomspace(*document.speeds, NUM_SPEEDS))
         highest = getattr(scene.surface, "spectrum", None)
         grid = surface.grid
         highest = np.pi / np.max(grid.spacing) if highest is None else highest.q_high
         self.waves = float(2 * np.pi / np.max(grid.size)), float(highest)
-        self._waves = jnp.geomspace(*self.waves, NUM_WAVES)
-        self._start = jnp.zeros_like(surface.heights) + self._scenery.pressure
+        self._waves = jnp.asarray(np.geomspace(*self.waves, NUM_WAVES))
+        self._start = jnp.asarray(np.full(grid.shape, scene.pressure[0]))
         self._last: Any = ((), None)
 
     @property
@@ -73,15 +83,15 @@ class Model:
     def _at(self, values: Any) -> Scenery:
         return turned(self._scenery, self.knobs, values)
 
-    def curves(self, values: Sequence[float]) -> xr.Dataset:
+    def curves(self, values: Sequence[float]) -> dict[str, Curve]:
         """Returns response and mean field with the knobs at `values` [SI].
 
         The response is over `q` [rad/m] at the chosen velocity, the mean field over `speed` [m/s].
         """
 
         def solve(nodes: Nodes) -> Any:
-            *found, error = _response_and_theory(self._at(values), self._waves, self._speeds, nodes)
-            return found, misses(error, RTOL)
+            found = _response_and_theory(self._at(values), self._waves, self._speeds, nodes)
+            return found[:-1], found[-1]
 
         found, _ = solve_refined(solve)
         modulus, friction, area = (np.asarray(numbers) for numbers in found)
@@ -95,20 +105,21 @@ class Model:
             "friction": ("speed", friction, "1", "friction by mean field"),
             "contact_area": ("speed", area, "1", "contact area fraction by mean field"),
         }
-        return xr.Dataset({
-            name: (along, np.asarray(numbers), {"units": unit, "long_name": words})
+        return {
+            name: Curve(along, np.asarray(numbers), {"units": unit, "long_name": words})
             for name, (along, numbers, unit, words) in curves.items()
-        })  # fmt: skip
+        }
 
     def contact(self, values: Sequence[float]) -> Sliding:
-        """Returns the contact at `values` [SI], solved from the last one.
+        """Returns the contact at `values` [SI], solved from the last one, without its errors.
 
         Raises `ValueError` for a liquid, which has curves but, in two dimensions, no contact.
         """
         if self.surface.grid.ndim == 2:
             refuse_liquids(self.document.scene)
         found = self._slide(values, self._start)
-        found.compute(*found.numbers)  # here in the thread, not when the page reads them
+        # Here in the thread, not when the page reads them.
+        found.compute(*(name for name in AT_THE_TOP if name in found.numbers))
         # A failed solve is no start for the next one.
         if np.all(np.isfinite(np.asarray(found.pressure))):
             self._start = found.pressure
@@ -120,6 +131,14 @@ class Model:
         case = _case(self._at(values))
         return cast(Sliding, solve(case, self._numerics, start=start, solution=solution))
 
+    def errors(self, values: Sequence[float]) -> tuple[str, ...]:
+        """Returns the warnings about the contact at `values` [SI], which then has its errors."""
+        return self._found(values).caveats
+
+    def _found(self, values: Sequence[float]) -> Sliding:
+        last, contact = self._last
+        return contact if last == tuple(values) else self.contact(values)
+
     def derivatives(self, values: Sequence[float]) -> Derivatives:
         """Returns the change by a step of each knob, at `values` [SI].
 
@@ -128,9 +147,7 @@ class Model:
         if self.document.scene.heating is not None:
             unknown = np.full(len(values), np.nan)
             return Derivatives(unknown, unknown)
-        last, contact = self._last
-        if last != tuple(values):
-            contact = self.contact(values)
+        contact = self._found(values)
 
         def observed(numbers):
             found = self._slide(numbers, None, contact.contact)
@@ -155,25 +172,31 @@ class Model:
 
 
 @derivative_apart
-@compiled
 def _case(scenery: Scenery) -> Case:
-    return scenery.case()
+    # The program that draws a surface is compiled already, see `build_surface`.
+    drawn = scenery.surface.build() if isinstance(scenery.surface, RandomSurface) else None
+    return _case_on(scenery, drawn)
+
+
+@compiled
+def _case_on(scenery: Scenery, surface: Surface | None) -> Case:
+    return scenery.case(surface)
 
 
 @compiled
 def _response_and_theory(scenery, waves, speeds, nodes):
-    case = scenery.case()
+    case = scenery.case(scenery.roughness())
     speed = direction_and_speed(case.velocity)[1]
     modulus = effective_modulus(case.stack, waves, waves * speed)
 
     def at(speed):
         # Without heat, which takes many mean fields for each.
         field = mean_field_friction(
-            case.stack, scenery.roughness(case.surface), pressure=case.pressure, velocity=speed,
+            case.stack, case.surface, pressure=case.pressure, velocity=speed,
             shear=case.shear, temperature=case.temperature,
             strain_per_slope=case.strain_per_slope, throw=False, **nodes._asdict(),
         )  # fmt: skip
-        return field.friction, field.contact_area, field.error
+        return field.friction, field.contact_area, misses(field.error, RTOL)
 
     along = speeds if scenery.direction == 0 else speeds[:, None] * case.velocity / speed
     return modulus.astype(complex), *jax.lax.map(at, along)

@@ -12,7 +12,7 @@ from ..core.quantities import HISTORY
 from ..plot.cycles import plot_film, plot_transient
 from ..plot.slider import DOTS_PER_INCH, slider
 from ..plot.style import caption
-from ..plot.words import label_of, title_of
+from ..plot.words import place_of
 from ..scenes.results import (
     has_numbers,
     kept_contact,
@@ -65,7 +65,5 @@ def _film(results: "Dataset", index: tuple[int, ...]) -> tuple[Any, Any]:
     film = slider(
         lambda time: plot_film(fields, surface, [times.index(time)]), times, f"time [{unit}]"
     )
-    at = results["message"][index].coords
-    words = ", ".join(f"{title_of(str(name))} {label_of(at[name])}" for name in at)
-    words = words.replace(title_of("velocity"), "highest speed")
-    return heading(words), pn.pane.HTML(film._repr_mimebundle_()["text/html"], **WIDE)
+    solve = results.isel(dict(zip(results["message"].dims, index, strict=True)))
+    return heading(place_of(solve)), pn.pane.HTML(film._repr_mimebundle_()["text/html"], **WIDE)

@@ -65,22 +65,23 @@ class Scenery(eqx.Module):
     direction: float = eqx.field(static=True)
     spectrum: tuple[Array, Array] | None
 
-    def case(self) -> Case:
-        """Returns the case of these numbers."""
+    def case(self, surface: Any = None) -> Case:
+        """Returns the case of these numbers, on another surface than its own, or a spectrum."""
         stack, temperature = self.stack, self.temperature
         return Case(
             stack=stack if temperature is None else stack.at(temperature),
-            surface=self.surface.build(), pressure=self.pressure,
+            surface=self.surface.build() if surface is None else surface, pressure=self.pressure,
             velocity=velocity_along(self.velocity, self.direction), law=self.law, shear=self.shear,
             temperature=temperature, heating=self.heating, strain_per_slope=self.strain_per_slope,
         )  # fmt: skip
 
-    def roughness(self, surface: Surface) -> Any:
-        """Returns what the mean field takes for the surface of the case."""
+    def roughness(self) -> Any:
+        """Returns what the mean field takes for the surface."""
+        if isinstance(self.surface, RandomSurface) and self.surface.grid.ndim == 2:
+            return self.surface.spectrum
+        surface = self.surface.build()
         if surface.grid.ndim == 1:  # the spectrum of a profile is not that of a surface
             return surface
-        if isinstance(self.surface, RandomSurface):
-            return self.surface.spectrum
         assert self.spectrum is not None
         return self.spectrum[0], self.spectrum[1] * jnp.var(surface.heights)
 
@@ -112,7 +113,7 @@ def _common_temperature(scene: Scene) -> float | None:
     if len(references) != 1:
         return None
     try:
-        scene.stack.at(reference := references.pop())
+        eqx.filter_eval_shape(scene.stack.at, reference := references.pop())
     except ValueError:  # a material without a law
         return None
     return reference

@@ -1,9 +1,10 @@
 """The session of a page: its scene, the values of the sliders, and the order of the computation.
 
-For each change the session computes the curves first, then the contact, then the derivatives. A new
-change replaces an earlier one between these stages. Everything is computed in threads, one stage
-of a page at a time; all else runs on the event loop. One thread reads the scenes of all pages and
-computes what compiles: tabs that open together wait for one compilation, not for one each.
+For each change the session computes the curves first, then the contact, its errors, and the
+derivatives. A new change replaces an earlier one between these stages. Everything is computed in
+threads, one stage of a page at a time; all else runs on the event loop. One thread reads the scenes
+of all pages and computes what compiles: tabs that open together wait for one compilation, not for
+one each.
 """
 
 import asyncio
@@ -25,9 +26,9 @@ from .document import Document, save_document, with_file
 from .downloads import ShownPoint
 from .model import Model
 
-# Seconds to rest before each stage: no derivatives while a slider moves.
-STAGES = {"curves": 0.0, "contact": 0.0, "derivatives": 0.25}
-SHOWN_AS = {"curves": "curves", "contact": "contact", "derivatives": "bars"}
+# Seconds to rest before each stage: no errors and no derivatives while a slider moves.
+STAGES = {"curves": 0.0, "contact": 0.0, "errors": 0.1, "derivatives": 0.25}
+SHOWN_AS = {"derivatives": "bars"}
 EXPECTED = (ValueError, OSError, ImportError, MemoryError)  # errors of the package for bad input
 _COMPILE_THREAD = ThreadPoolExecutor(1, "compiling")
 
@@ -152,8 +153,8 @@ class Session(param.Parameterized):
         """Computes one stage, adds it to `found` and shows it; returns whether that succeeded."""
         first = stage not in self._seconds
         if first:
-            text = f"Preparing the {SHOWN_AS[stage]}: the first contact takes about half a minute, "
-            self.show(status=f"{text}later moves less than a second.", busy=True)
+            text = f"Preparing the {SHOWN_AS.get(stage, stage)}: the first time takes seconds"
+            self.show(status=f"{text} to a minute, later moves less than a second.", busy=True)
         started = time.perf_counter()
         compute = partial(getattr(model, stage), values)
         try:
@@ -194,7 +195,7 @@ class Session(param.Parameterized):
 
     def _timing(self) -> dict[str, Any]:
         spent = self._seconds
-        parts = (f"{SHOWN_AS[name]} {with_unit(one, 's')}" for name, one in spent.items())
+        parts = (f"{SHOWN_AS.get(name, name)} {with_unit(one, 's')}" for name, one in spent.items())
         total = f"Computed in {with_unit(sum(spent.values()), 's')} ({', '.join(parts)})."
         return {"status": total if spent else "", "busy": False}
 
@@ -204,6 +205,7 @@ class Session(param.Parameterized):
         def show() -> None:
             with pn.io.hold():
                 self.param.update(**values)
+            values.clear()  # Bokeh keeps this function in a circle, which Python finds late
 
         if not self._ended:
             pn.state.execute(show, schedule=True)

@@ -168,16 +168,17 @@ class Page(pn.viewable.Viewer):
         self._map.show(name, fields[name])
 
     def _show_point(self, event: Any) -> None:
-        """Draws the contact, its point among the curves, and the block; then the derivatives."""
+        """Draws the contact, its point among the curves, and the block; then errors; then bars."""
         shown, contact = event.new, event.new.contact
         if shown.derivatives is not None:
             self._bars.show(shown.model.stepped(shown.values), shown.derivatives)
             return
-        self._show_map()
         content = shown.document.content
         for name in ("friction", "contact_area"):
-            number, error = (float(getattr(contact, n)) for n in (name, f"{name}_error"))
-            self._lines[name].mark(content["load"]["velocity"], number, error)
+            self._lines[name].mark(content["load"]["velocity"], *shown.number(name))
+        if shown.caveats is not None:
+            return
+        self._show_map()
         names = [*layers_in_words(content, ", "), base_name(content)]
         thickness = [layer["thickness"] for layer in content.get("layers", [])]
         self._block.show(
@@ -208,7 +209,7 @@ def _warnings(shown: ShownPoint | None) -> str:
     known = [of_law] if scene.law is not None else []
     of_files = [for_page(text, read_moduli) for text in scene.assumed]
     of_files += [for_page(text, read_surface) for text in shown.model.surface.caveats]
-    return paragraph(" ".join([*of_files, *shown.contact.caveats, *known]))
+    return paragraph(" ".join([*of_files, *(shown.caveats or ()), *known]))
 
 
 def _headline(shown: ShownPoint | None, pinned: ShownPoint | None) -> str:
@@ -225,11 +226,12 @@ def _headline(shown: ShownPoint | None, pinned: ShownPoint | None) -> str:
         cells["surface_rise"] = ("contact above bulk", 1, "K")
     text = f'<div class="title">{in_html(shown.document.content["title"])}</div>'
     for name, (title, scale, unit) in cells.items():
-        value, change = float(getattr(now, name)), ""
+        change = ""
         if unit == "K":  # it has no error of its own
+            value = float(getattr(now, name))
             spelt = f"{number(value, '.3g')} K"
         else:
-            error, noise = float(getattr(now, f"{name}_error")), now.noise.get(unit, 0.0)
+            (value, error), noise = shown.number(name), now.noise.get(unit, 0.0)
             if unit == "m":
                 noise = max(noise, NO_LENGTH)
             scaled, error = scale * value, scale * error

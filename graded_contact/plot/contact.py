@@ -9,11 +9,12 @@ from jaxtyping import ArrayLike
 from ..core.checks import as_float
 from ..core.display import unit_of, with_unit
 from ..core.escaping import in_figure
-from ..core.quantities import FIELDS
+from ..core.quantities import FIELDS, STEADY
 from ..mean_field.mean_field import MeanField, pressure_distribution
 from ..sliding.result import Sliding
 from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface
+from .inputs import FIELDS_OF_ONE, check_drawn, labelled
 from .style import COLOURS, PAGE, PRESSURES, entitle, few_powers_of_ten, finished, new_figure
 from .words import not_gaussian
 
@@ -53,6 +54,7 @@ def plot_sliding(
     - `surface`: the surface that slides.
     - `velocity`: of the surface [m/s], as in `slide`. An arrow shows its direction if it is not 0.
     """
+    check_drawn("sliding", sliding, STEADY, FIELDS_OF_ONE)
     heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
     fields = {"heights": heights - np.mean(heights), **masked_fields(sliding)}
     if not np.any(np.isfinite(fields["gap"])):
@@ -213,6 +215,7 @@ def plot_distributions(
     - `surface`: the surface that slides; the figure says if its heights are not Gaussian, as those
       of the theory are.
     """
+    check_drawn("sliding", sliding, STEADY, FIELDS_OF_ONE)
     pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)
     open_points = (pressure <= 0) & (gap > 0)
     count = 1 + bool(np.any(open_points))
@@ -271,8 +274,7 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
     - `curves`: the result of `cumulative_friction` or `area_against_cutoff`, or `against_cutoff` of
       a mean field; or several, by their labels.
     """
-    # One curve is a mapping with an empty label, which no legend shows.
-    by_label = curves if isinstance(curves, Mapping) else {"": curves}
+    by_label = labelled("curves", curves, CutoffCurve)
     figure = new_figure(PAGE, 2.7)
     total, each = figure.subplots(1, 2, sharex=True)
     for i, (label, curve) in enumerate(by_label.items()):

@@ -7,14 +7,14 @@ import numpy as np
 
 from ..core.display import time_unit, unit_of, with_time, with_unit
 from ..core.escaping import in_figure
-from ..core.quantities import CYCLE, FIELDS, HISTORY, STEADY, in_brackets, quantity_of
-from ..scenes.results import FLOWS, LEAKAGE, kind_of_results
+from ..core.quantities import CYCLE, FIELDS, HISTORY, in_brackets, quantity_of
+from ..scenes.results import FLOWS, LEAKAGE
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
-from .style import PAGE, colours_of, draw_closed, finished, new_figure
-from .words import label_of, title_of
+from .inputs import FILM, RESULTS, check_drawn
+from .style import PAGE, colours_of, draw_closed, entitle, finished, new_figure
+from .words import fluid_of, label_of, place_of, title_of
 
-WORDS = {STEADY: "steady sliding", CYCLE: "a motion that repeats", HISTORY: "what happens once"}
 _FRAMES = 12  # of what happens once, in one figure
 _GEOMETRIC = 10.0  # times the first step, of the last one of a logarithmic axis
 
@@ -40,6 +40,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     - `cycle`: a solution of `slide_cycle` for a motion along x, or the result of `Plan.run` for a
       scene with [motion]: one line for each of its solves.
     """
+    check_drawn("cycle", cycle, CYCLE, RESULTS[CYCLE])
     names = "surface_displacement", "friction", "contact_area"
     lines = _over_time(cycle, CYCLE, *names, "peak_friction_error")
     figure = new_figure(PAGE, 2.6)
@@ -66,6 +67,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     for axes in (over_time, area):
         axes.set_xlabel("time over the period")
     area.set(ylabel="contact area fraction", ylim=(0, None))
+    entitle(figure, _fixed(cycle))
     return figure
 
 
@@ -83,6 +85,7 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
     - `history`: a solution of `slide_history` for a motion along x, or the result of `Plan.run` for
       a scene with [motion] `once = true`: one line for each of its solves.
     """
+    check_drawn("history", history, HISTORY, RESULTS[HISTORY])
     names = ["friction", "contact_area", "load", "mean_gap"]
     results: Any = history
     if hasattr(history, "dims"):
@@ -123,6 +126,9 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
             axes.set_ylim(0, None)
         if len(times) > 1 and times[-1] - times[-2] > _GEOMETRIC * times[0]:
             axes.set_xscale("log")
+    entitle(figure, _fixed(history))
+    if any(name in LEAKAGE for name in names):
+        entitle(figure, fluid_of(results))
     return figure
 
 
@@ -148,6 +154,7 @@ def plot_film(
     """
     from matplotlib.colors import PowerNorm
 
+    check_drawn("cycle", cycle, CYCLE, HISTORY, FILM)
     pressure, size = np.asarray(cycle.pressure), np.asarray(surface.grid.size)
     count, high = len(pressure), float(np.max(pressure))
     # Quarters show both directions of a motion to and fro.
@@ -167,6 +174,8 @@ def plot_film(
     for axes in panels[len(shown) :]:
         axes.remove()
     colours, exponent, colour = LOOKS["pressure"]
+    loads = np.mean(pressure, axis=tuple(range(1, pressure.ndim)))
+    changes = np.ptp(loads) > 1e-3 * np.max(loads)
     # One scale for all times: only then can frames be compared.
     norm = PowerNorm(exponent, 0, factor * high)
     image: Any = None
@@ -179,11 +188,20 @@ def plot_film(
             draw_profile(axes, factor * pressure[i], size, color=colour)
             axes.set(ylabel=label, ylim=(0, 1.05 * factor * high))
         when = f"$t/T$ = {i / count:.3g}" if once is None else with_time(float(once[i]))
-        axes.set_title(when)
+        axes.set_title(f"{when}, {with_unit(float(loads[i]), 'Pa')}" if changes else when)
         axes.label_outer()
     if is_map:
         figure.colorbar(image, ax=list(panels), label=label, shrink=0.9)
     return figure
+
+
+def _fixed(found: Any) -> str:
+    """The numbers that are the same in all solves of results of a scene."""
+    if not hasattr(found, "dims"):
+        return ""
+    return in_figure(
+        place_of(found.squeeze([d for d in found["message"].dims if found.sizes[d] == 1]))
+    )
 
 
 def _draw_band(axes: "Axes", x: Any, values: Any, error: Any, colour: Any, what: str) -> None:
@@ -210,11 +228,6 @@ def _over_time(found: Any, kind: str, *names: str) -> list[dict[str, Any]]:
         values = {n: own[n] if n in own else getattr(found, n) for n in names}
         known = {n: None if value is None else np.asarray(value) for n, value in values.items()}
         return [{"label": "", **known}]
-    if kind_of_results(found) != kind:
-        raise ValueError(
-            f"`{argument}` holds {WORDS[kind_of_results(found)]}: results of a scene with [motion]"
-            f"{' `once = true`' if kind == HISTORY else ''} are needed."
-        )
     lines = []
     varied = [name for name in found["message"].dims if found.sizes[name] > 1]
     for index in np.ndindex(found["message"].shape):

@@ -12,6 +12,7 @@ from ..core.checks import as_float, check_positive
 from ..core.escaping import in_figure
 from ..fitting.prony import PronyFit
 from ..studies.uncertainty import Sensitivity
+from .inputs import labelled
 from .style import COLOURS, PAGE, finished, new_figure
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def plot_sensitivity(
     - `sensitivity`: the result of `sensitivity`; or several, by their labels.
     - `of`: name of the quantity.
     """
-    by_label = sensitivity if isinstance(sensitivity, Mapping) else {"": sensitivity}
+    by_label = labelled("sensitivity", sensitivity, Sensitivity)
     figure = new_figure(PAGE, 2.9)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     channels = (("loss", "loss modulus $E''$"), ("storage", "storage modulus $E'$"))

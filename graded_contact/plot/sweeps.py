@@ -10,7 +10,8 @@ import numpy as np
 
 from ..core.caveats import Caveat
 from ..core.escaping import in_figure
-from ..core.quantities import in_brackets, quantity_of
+from ..core.quantities import STEADY, in_brackets, quantity_of
+from ..readers.measured_friction import MeasuredFriction
 from ..scenes.results import (
     FLOWS,
     LEAKAGE,
@@ -24,7 +25,8 @@ from ..scenes.results import (
 )
 from ..studies.dataset import NOT_STARTED
 from . import style
-from .words import label_of, title_of
+from .inputs import RESULTS, check_drawn
+from .words import fluid_of, kelvin, label_of, title_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,6 +56,7 @@ class _Lines(NamedTuple):
     - `surfaces`: number of seeds; 0 without such an axis.
     - `drawn`: the quantities, one for each panel.
     - `doubts`: why points are doubtful, in short sentences, and whether all points are.
+    - `measured`: friction that is laid over them, or None.
     """
 
     along: str
@@ -62,10 +65,13 @@ class _Lines(NamedTuple):
     surfaces: int
     drawn: tuple[str, ...]
     doubts: list[tuple[str, bool]]
+    measured: MeasuredFriction | None = None
 
 
 @style.finished
-def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
+def plot_sweep(
+    results: "Dataset", *, all_seeds: bool = False, measured: MeasuredFriction | None = None
+) -> "Figure":
     """Returns a figure of friction and contact area against velocity.
 
     Where all friction is rounding, as at rest, it is one of contact area and mean gap.
@@ -79,12 +85,14 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
 
     **Arguments:**
 
-    - `results`: the result of `Plan.run`.
+    - `results`: the result of `Plan.run`, or of `sweep` for a function that returns a `Sliding`.
     - `all_seeds`: draws a thin line for each surface in addition.
+    - `measured`: friction of `readers.read_friction`, which is laid over that of the results, with
+      bars for its errors and a marker for each of its temperatures.
 
-    **Raises:** `ValueError` if no solve succeeded, and for the results of a scene with [motion].
+    **Raises:** `ValueError` if no solve succeeded, and for other results, as of a [motion].
     """
-    lines = _lines(results, all_seeds=all_seeds)
+    lines = _with_measured(_lines(results, all_seeds=all_seeds), measured)
     return _coloured(lines, lines.varied[0] if lines.varied else "")
 
 
@@ -101,12 +109,15 @@ def plot_leakage(results: "Dataset") -> "Figure":
 
     **Raises:** `ValueError` if there is no flow in the results.
     """
+    check_drawn("results", results, RESULTS[STEADY])
     if FLOWS[0] not in results:
         raise ValueError("`results` have no leakage: the scene needs the table [fluid].")
     drawn = LEAKAGE if LEAKAGE[0] in results else FLOWS
     along = "pressure" if results.sizes["pressure"] > 1 else None
     lines = _lines(results, along, drawn=drawn)
-    return _coloured(lines, lines.varied[0] if lines.varied else "")
+    figure = _coloured(lines, lines.varied[0] if lines.varied else "")
+    style.entitle(figure, fluid_of(results))
+    return figure
 
 
 @style.finished
@@ -122,6 +133,7 @@ def plot_reduced(results: "Dataset") -> "Figure":
 
     **Raises:** `ValueError` with the reason if there is no such curve.
     """
+    check_drawn("results", results, RESULTS[STEADY])
     if "reduced_velocity" not in results:
         reason = "No master curve: the results have no axis of temperatures."
         raise ValueError(results.attrs.get("master_curve", reason))
@@ -131,7 +143,9 @@ def plot_reduced(results: "Dataset") -> "Figure":
 
 
 @style.finished
-def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure":
+def plot_compare(
+    results: "Sequence[Dataset]", names: Sequence[str], measured: MeasuredFriction | None = None
+) -> "Figure":
     """Returns a figure of friction and contact area of several results, one colour for each.
 
     **Arguments:**
@@ -139,6 +153,7 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
     - `results`: the result of `Plan.run`, over the same axes. Points may differ; axes of one point
       and seeds do not matter.
     - `names`: of the results, for the legend.
+    - `measured`: as in `plot_sweep`.
 
     **Raises:** `ValueError` if they vary different axes, or are of scenes with [motion].
     """
@@ -161,7 +176,20 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
     doubts = list(dict.fromkeys(doubt for lines in every for doubt in lines.doubts))
     drawn = AT_REST if {lines.drawn for lines in every} == {AT_REST} else DRAWN
     lines = first._replace(each=together, surfaces=surfaces, drawn=drawn, doubts=doubts)
-    return _drawn(lines, colours, labels, first.varied)
+    return _drawn(_with_measured(lines, measured), colours, labels, first.varied)
+
+
+def _with_measured(lines: _Lines, measured: MeasuredFriction | None) -> _Lines:
+    """Lines with measured friction; refused where there is nothing to lay it over."""
+    if measured is None:
+        return lines
+    if lines.along != "velocity" or "friction" not in lines.drawn:
+        have = f"are over {lines.along}" if lines.along != "velocity" else "have none at rest"
+        raise ValueError(
+            f"`measured` is refused: {measured.name} is friction over velocity, and the results "
+            f"{have}."
+        )
+    return lines._replace(measured=measured)
 
 
 def _axes_of(lines: _Lines) -> str:
@@ -178,13 +206,9 @@ def _lines(
     drawn: tuple[str, ...] = (),
 ) -> _Lines:  # fmt: skip
     """The lines of results along an axis: by default velocity, or the last with several points."""
+    check_drawn("results", results, RESULTS[STEADY])
     if not np.any(has_numbers(results)):
         raise ValueError(NOTHING)
-    if "time" in results.dims:
-        raise ValueError(
-            "`results` holds motions in time: steady sliding is needed; `plot_cycle` draws motions "
-            "that repeat, `plot_transient` what happens once."
-        )
     axes = [str(axis) for axis in results["message"].dims]
     longer = [axis for axis in axes if results.sizes[axis] > 1 and axis != "seed"]
     if along is None:
@@ -265,6 +289,8 @@ def _drawn(
     for axes, quantity in zip(panels, lines.drawn, strict=True):
         for line, colour, label, number in zip(lines.each, colours, labels, numbers, strict=True):
             _draw(axes, line, quantity, colour, linestyle=dashes[number], label=label)
+        if quantity == "friction" and lines.measured is not None:
+            _draw_measured(axes, lines.measured)
         _finish(axes, lines, quantity)
     # Lines without points are entries of the legend, of its last panel.
     entry = partial(panels[-1].plot, [], [], color="0.4")
@@ -318,9 +344,26 @@ def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **options: 
         axes.plot(x[at], values[at], "kx", markersize=9, markeredgewidth=1.2, zorder=1.9)
 
 
+def _draw_measured(axes: "Axes", measured: MeasuredFriction) -> None:
+    """Draws measured friction as points, with a marker for each temperature, to 1 K."""
+    name, at = in_figure(measured.name), measured.temperature
+    groups = np.zeros(len(measured.velocity)) if at is None else np.round(at)
+    for mark, one in zip(itertools.cycle("sDv^<>ph"), np.unique(groups), strict=False):
+        where = groups == one
+        label = name if at is None else f"{name}, {kelvin(round(float(np.mean(at[where])), 2))}"
+        error = None if measured.error is None else measured.error[where]
+        axes.errorbar(
+            measured.velocity[where], measured.friction[where], error, fmt=mark, color="black",
+            markerfacecolor="none", capsize=2, linewidth=0.8, label=label, zorder=3,
+        )  # fmt: skip
+
+
 def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
     """Names the axes of a panel and chooses their scales."""
+    measured = lines.measured if quantity == "friction" else None
     x = np.concatenate([line["x"] for line in lines.each])
+    if measured is not None:
+        x = np.append(x, measured.velocity)
     x = x[np.isfinite(x)]  # a temperature without a shift has no reduced velocity
     low, high = np.min(x), np.max(x)
     if low > 0 and (lines.along.endswith("velocity") or high >= 10 * low):
@@ -331,6 +374,9 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
         ends += [
             line[quantity] + line[quantity + end] for line in lines.each if quantity + end in line
         ]
+    if measured is not None:
+        above = 0.0 if measured.error is None else np.nan_to_num(measured.error)
+        ends += [measured.friction + above]
     # Failed solves are NaN, which `fmax` leaves out; markers need room above.
     most = np.fmax.reduce(np.concatenate(ends), initial=0)
     if quantity in (*FLOWS, *LEAKAGE) and most > 0:

@@ -3,14 +3,14 @@
 import re
 from typing import TYPE_CHECKING
 
-from ..core.display import unit_of
+from ..core.display import unit_of, with_unit
 from ..core.quantities import AXES, quantity_of
 from ..scenes.toml import parse_toml
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
 
 if TYPE_CHECKING:
-    from xarray import DataArray
+    from xarray import DataArray, Dataset
 
 SKEWNESS, EXCESS = 0.5, 1.0  # of heights that count as Gaussian; the excess is kurtosis less 3
 ZERO_CELSIUS = 273.15  # K
@@ -61,6 +61,39 @@ def label_of(number: "DataArray") -> str:
         return f"{value:.5g}" + (" rad" if unit == "rad" else "")
     unit, factor = unit_of(unit, abs(value))
     return f"{factor * value:.3g} {unit}"
+
+
+def place_of(solve: "Dataset") -> str:
+    """Returns the numbers of a solve on its axes: "sliding velocity 1 m/s, mean pressure 200 kPa".
+
+    Also those that a scene does not vary, as its temperature; of a motion the highest speed, and
+    the ends of a load that changes.
+    """
+    words, moves = [], "time" in solve.dims
+    for name, number in solve.coords.items():
+        title = title_of(str(name), solve.attrs.get("scene", ""))
+        if name == "velocity" and moves:
+            title = "highest speed"
+        ends = [number]
+        if name == "pressure" and moves and solve["load"].dims == ("time",):
+            load = solve["load"]
+            ends = [load.min(keep_attrs=True), load.max(keep_attrs=True)]
+        if not number.ndim:
+            words.append(f"{title} {' to '.join(dict.fromkeys(map(label_of, ends)))}")
+    return ", ".join(words)
+
+
+def fluid_of(results: "Dataset") -> str:
+    """Returns the fluid of results and the cell through which it leaks; nothing without [fluid]."""
+    fluid = parse_toml(results.attrs.get("scene", "")).get("fluid")
+    if fluid is None:
+        return ""
+    difference = with_unit(fluid["pressure_difference"], "Pa")
+    edges = (with_unit(results[axis].attrs["period"], "m") for axis in results["heights"].dims)
+    return (
+        f"fluid with η = {fluid['viscosity']:g} Pa s, Δp = {difference} over the cell of "
+        f"{' × '.join(edges)}"
+    )
 
 
 def kelvin(value: float) -> str:

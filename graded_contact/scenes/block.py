@@ -37,7 +37,6 @@ from ..sliding.motion import Motion, sinusoidal, start_stop
 from ..sliding.shear import SHEARS, AbstractShear
 from ..sliding.single_motion import SingleMotion, dwell, listed, ramp, recorded_once, start
 from ..studies.parameter_covariance import Errors, check_errors, read_errors
-from ..surfaces.reading_steps import unusual
 from .schema import Key, TableReader, check_keys, keys_of, kind_of
 
 # What a `kind` makes; its keys are the parameters. `Block` makes those of files.
@@ -147,12 +146,8 @@ class Block:
         owner: str = "",
     ) -> Stack:
         """Returns the stack of the tables [[layers]] and [base]; `owner` as "counter."."""
-        layers, place = [], f"[{owner}base]"
-        for i, table in enumerate(tables):
-            name = f"{owner}layers[{i}]"
-            layers.append(self._layer(f"[{name}]", table))
-            if sentence := unusual("thickness", float(layers[-1].thickness)):
-                self.notes.append(f"{name}: {sentence}")
+        layers = [self._layer(f"[{owner}layers[{i}]]", table) for i, table in enumerate(tables)]
+        place = f"[{owner}base]"
         base = self.reader.build_kind(place, below, BASES)
         with within(place):
             return Stack(layers=layers, base=base, graded_solver=graded_solver)

@@ -16,7 +16,7 @@ from ..sliding.single_motion import SingleMotion
 from ..studies.dataset import NOT_STARTED, attach, package_versions
 from ..studies.store import Point, together
 from ..surfaces.surface import Surface
-from .results import FLOWS, FORMAT, KEPT_FIELDS, LEAKAGE, NO_NUMBERS, TIME, warnings_of
+from .results import DEPTH, FLOWS, FORMAT, KEPT_FIELDS, LEAKAGE, NO_NUMBERS, TIME, warnings_of
 from .scene import Scene
 from .surface_source import RandomSurface
 from .theory import errors_of_bodies
@@ -31,6 +31,7 @@ def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
     known = facts_of(case) | {*scene.asked}
     # What is varied is a coordinate, and no result.
     names = [n for n in numbers_of(scene.kind, known) if n not in scene.axes]
+    names += [name + end for name in scene.observe.stresses for end in ("", DEPTH)]
     return *names, *(["friction_standard_error"] if errors_of_bodies(scene) is not None else [])
 
 
@@ -83,6 +84,8 @@ def collect(
     of_surface, places, about_surface = surface_variables(surface)
     attributes = _attributes(scene, surface) | about_surface
     coordinates = {name: (name, at) for name, at in scene.axes.items()} | places
+    if scene.temperature is not None and "temperature" not in axes:
+        coordinates["temperature"] = (), np.asarray(scene.temperature, float)
     if scene.motion is not None:
         variables["surface_displacement"] = "time", np.asarray(scene.motion.displacement)
     if scene.kind == CYCLE:

@@ -26,9 +26,10 @@ from ..core.memory import (
     in_gigabytes,
     memory_of,
 )
-from ..core.quantities import HISTORY
+from ..core.quantities import HISTORY, OBSERVABLES
 from ..fields.frequency import velocity_along
 from ..sliding.bodies import TwoBodies
+from ..sliding.contact_stress import STRESSES
 from ..sliding.facts import FLOW
 from ..sliding.history import fields_of_history, solve_history
 from ..sliding.history_errors import steps_with_errors
@@ -41,9 +42,10 @@ from ..studies.store import Store, open_store
 from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
 from .collect import collect, fields_of, numbers_of_scene
-from .results import FLOWS, KEPT_FIELDS
+from .results import DEPTH, FLOWS, KEPT_FIELDS
 from .scene import Scene
 from .scene_checks import refuse_liquids
+from .scene_doubts import doubts_of
 from .surface_source import RandomSurface, SurfaceFile
 from .theory import check_frequencies_of, errors_of_bodies
 
@@ -163,6 +165,9 @@ def plan(scene: Scene, *, surface: Surface | None = None) -> Plan:
         if at_rest and scene.kind != HISTORY:  # for a while a liquid may rest under a load
             refuse_liquids(scene)
         check_frequencies_of(scene, surface)
+        if isinstance(scene.surface, SurfaceFile):
+            told = (*scene.assumed, *doubts_of(scene, surface.grid))
+            scene = dataclasses.replace(scene, assumed=told)
         if scene.fluid is not None and surface.grid.ndim == 1:
             raise ValueError(
                 "[fluid] needs a surface in two dimensions: no fluid passes a profile."
@@ -227,7 +232,7 @@ def cost_text(
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
     fields, errors = fields_of(scene), errors_of_bodies(scene)
-    names = [n for n in numbers_of_scene(scene, surface) if n != "friction_standard_error"]
+    names = [n for n in numbers_of_scene(scene, surface) if n in OBSERVABLES]
 
     def solved(point: dict[str, Any], bodies: TwoBodies) -> dict[str, Any]:
         rough = surface
@@ -240,6 +245,10 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         else:
             contact = solve(case, scene.numerics)
         found = dict(zip(names, contact.compute(*names), strict=True))
+        stack = case.stack if contact.heated is None else contact.heated.stack
+        for name in scene.observe.stresses:
+            stress, depth = STRESSES[name](contact, stack, scene.observe.stress_depths)
+            found |= {name: stress, name + DEPTH: depth}
         if scene.motion is not None:  # along the direction of the motion
             direction = point.get("direction", scene.direction)
             along = jnp.atleast_1d(velocity_along(1.0, direction))

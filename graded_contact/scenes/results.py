@@ -38,6 +38,7 @@ KEPT_FIELDS = {
 TIME = {"units": "s", "long_name": "time"}  # of what happens once
 FLOWS = ("flow_along_x", "flow_along_y")  # over time, of what happens once
 LEAKAGE = ("leakage_along_x", "leakage_along_y")  # with [fluid], over the same as the flows
+DEPTH = "_depth"  # of a stress, at which it acts
 SEED_ERROR = "_seed_error"
 NO_NUMBERS = tuple(RESULTS[end] for end in FAILURES)  # messages of solves without numbers
 # Messages of solves whose numbers are in the file, but not printed.
@@ -132,7 +133,7 @@ def has_numbers(results: "Dataset") -> "DataArray":
 
 def without_friction(results: "Dataset") -> "DataArray":
     """Returns for each solve of steady sliding whether its friction is rounding or not known."""
-    return ~(abs(results["friction"]) > NO_FRICTION * results["slope_in_contact"])
+    return ~(abs(results["friction"]) > NO_FRICTION * results.get("slope_in_contact", 1.0))
 
 
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
@@ -140,7 +141,8 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     known = has_numbers(results)
     # Caveats of the surface, and of what was assumed of files, concern every solve.
     assumed = filter(None, results.attrs.get("assumed", "").split("\n"))
-    of_files = (Caveat(text, known.values) for text in (*surface_of(results).caveats, *assumed))
+    of_surface = surface_of(results).caveats if "surface_history" in results.attrs else ()
+    of_files = (Caveat(text, known.values) for text in (*of_surface, *assumed))
     told = {
         name: variable.where(known).values
         for name, variable in results.data_vars.items()

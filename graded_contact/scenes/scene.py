@@ -19,6 +19,7 @@ from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
+from ..core.checks import within
 from ..core.display import shown, with_time
 from ..core.parameters import with_values
 from ..core.quantities import CYCLE, HISTORY, STEADY
@@ -26,8 +27,10 @@ from ..fields.frequency import velocity_along
 from ..materials.material import AbstractMaterial
 from ..sliding.bodies import TwoBodies, in_both
 from ..sliding.case import Case, Heating
+from ..sliding.contact_stress import STRESSES
 from ..sliding.facts import FLOW
 from ..sliding.gap_flow import Fluid
+from ..sliding.heat_source import as_depths
 from ..sliding.motion import Motion
 from ..sliding.numerics import Numerics
 from ..sliding.shear import AbstractShear
@@ -56,16 +59,37 @@ class Observe:
     - `flow`: true for the conductance of the gap for a thin fluid along x and along y [m³]. Times
       the gradient of the fluid's pressure, over 12 times its viscosity, it is the leakage per
       width.
+    - `tension`, `von_mises`: true for the largest principal stress and the largest von Mises stress
+      in the block [Pa], with their depths [m]; of the points of the grid, without an error.
+    - `interface_shear`: true for the largest shear stress between layers [Pa], with its depth.
+    - `stress_depths`: where tension and von Mises stress are computed [m]; by default the surface,
+      and in each layer a quarter, half and all of its thickness, and just below it.
     """
 
     stiffness: bool = False
     conductance: bool = False
     flow: bool = False
+    tension: bool = False
+    von_mises: bool = False
+    interface_shear: bool = False
+    stress_depths: list[float] | None = None
+
+    def __post_init__(self):
+        if self.stress_depths is not None:
+            with within("`stress_depths`:"):
+                as_depths(self.stress_depths)
+            if not (self.tension or self.von_mises):
+                raise ValueError("`stress_depths` needs `tension` or `von_mises`.")
 
     @property
     def asked(self) -> tuple[str, ...]:
         """The names of those that are true."""
-        return tuple(name for name, asked in vars(self).items() if asked)
+        return tuple(name for name, asked in vars(self).items() if asked is True)
+
+    @property
+    def stresses(self) -> tuple[str, ...]:
+        """The names of the stresses that are asked for."""
+        return tuple(name for name in self.asked if name in STRESSES)
 
 
 @shown(

@@ -73,6 +73,10 @@ def check_tables(scene: Scene) -> None:
         raise ValueError(
             "[observe] needs steady sliding on a periodic surface; what happens once has `flow`."
         )
+    if scene.observe.stresses and scene.strain_per_slope is not None:
+        raise ValueError("[observe] has no stress with `strain_per_slope` in [load].")
+    if scene.observe.interface_shear and not scene.stack.layers:
+        raise ValueError("[observe] `interface_shear` needs a layer.")
     if scene.fluid is not None and (window or scene.kind == CYCLE):
         raise ValueError(
             "[fluid] needs a periodic surface, under steady sliding or a [motion] with "

@@ -13,7 +13,6 @@ from ..core.checks import (
     check_values,
     within,
 )
-from ..core.display import with_unit
 from ..core.parameters import places
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
@@ -25,6 +24,7 @@ from .block import Block
 from .once import motion_of, read_load, with_corners
 from .scene import Axis, Observe, Scene
 from .scene_checks import check_numbers, check_tables
+from .scene_doubts import doubts_of
 from .schema import ROOT, keys_of
 from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_of_block, surface_source
 from .toml import check_texts, parse_toml, text_of_scene
@@ -70,7 +70,7 @@ class SceneTables:
     - `shear`: stress in the contact, which adds to the friction, with a `kind`.
     - `heating`: how the heat of friction flows; it then softens the block under the contact.
     - `fluid`: in a seal; its leakage is computed.
-    - `observe`: numbers that are computed if asked for: stiffness, conductance, flow.
+    - `observe`: numbers that are computed if asked for: stiffness, conductance, flow, stresses.
     - `solver`: tolerance and algorithm.
     - `output`: names and fields of the results.
     - `design`: what the command `design` does.
@@ -98,7 +98,6 @@ class SceneTables:
 
 
 # The tables that are fields of a scene as they are.
-_SMALL_BESIDE = 0.3  # of the load
 _OWN = ("title", "sweep", "law", "shear", "heating", "fluid", "observe")
 # The keys of tables that are fields of a scene.
 KEYS = {
@@ -199,22 +198,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     check_numbers(found)
     check_tables(found)
     check_texts(entries)
-    return dataclasses.replace(found, assumed=(*found.assumed, *_lifting(found)))
-
-
-def _lifting(scene: Scene) -> list[str]:
-    """The warning of a fluid whose pressure the contact would feel."""
-    fluid = scene.fluid
-    if fluid is None or not np.size(scene.pressure):  # an approach has no pressure yet
-        return []
-    least = float(np.min(scene.pressure))
-    if fluid.pressure_difference <= _SMALL_BESIDE * least:
-        return []
-    ours, most = (with_unit(value, "Pa") for value in (least, fluid.pressure_difference))
-    return [
-        f"The fluid's pressure difference of {most} is not small beside the load of {ours}: it "
-        "lifts the surface, which the model leaves out."
-    ]
+    if isinstance(surface, SurfaceFile):  # `plan` reads it
+        return found
+    return dataclasses.replace(found, assumed=(*found.assumed, *doubts_of(found, surface.grid)))
 
 
 def _along(source: RandomSurface | SurfaceFile | Sphere, direction: np.ndarray) -> Grid:

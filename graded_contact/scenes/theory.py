@@ -12,8 +12,8 @@ from typing import Any
 
 import jax
 import numpy as np
+import scipy
 from jaxtyping import ArrayLike
-from scipy.linalg import block_diag
 
 from ..blocks.periodic_kernel import period_frequencies
 from ..blocks.stack import Stack
@@ -22,7 +22,13 @@ from ..core.parameters import places
 from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along, wave_frequencies
 from ..fields.grid import Grid
-from ..materials.coverage import check_frequencies, coverage, is_unknown, may_refuse
+from ..materials.coverage import (
+    check_frequencies,
+    coverage,
+    is_unknown,
+    may_refuse,
+    unknown_share,
+)
 from ..materials.material import Prony
 from ..materials.shift import require_shift
 from ..mean_field.mean_field import MeanField, mean_field_of
@@ -110,8 +116,7 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
 def _check_rates(scene: Scene) -> None:
     """Refuses what happens once at rates at which a material was not measured."""
     assert isinstance(scene.motion, SingleMotion)
-    times = np.asarray(scene.motion.times)
-    rates = np.array([1 / times[-1], 1 / np.min(np.diff(times, prepend=0))])
+    rates = scene.motion.rates
     bodies = [
         (name, stack)
         for _, both in scene.all_bodies()
@@ -122,7 +127,7 @@ def _check_rates(scene: Scene) -> None:
         known = coverage(stack)
         if scene.extrapolate or known is None or may_refuse(stack):  # a table has no history
             continue
-        if np.any(is_unknown(rates, known)):
+        if unknown_share(*rates, known) > EXTRAPOLATED:
             raise ValueError(
                 f"[motion] needs moduli from {rates[0]:.5g} rad/s (one over its last time) to "
                 f"{rates[1]:.5g} rad/s (one over its shortest step), but the materials of the "
@@ -230,7 +235,7 @@ def errors_of_bodies(scene: Scene) -> Errors | None:
             names += [f"{place}.{path}" for place in at for path in known.paths]
             # The errors of one material act at all its places together.
             blocks.append(np.tile(known.directions, len(at)))
-    return Errors(tuple(names), block_diag(*blocks)) if names else None
+    return Errors(tuple(names), scipy.linalg.block_diag(*blocks)) if names else None
 
 
 def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sensitivity]:

@@ -1,5 +1,6 @@
 """The stress in a body under the pressure and the traction of a contact."""
 
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import equinox as eqx
@@ -10,9 +11,9 @@ from jaxtyping import Array, Float
 
 from ..blocks.compliance import surface_compliance
 from ..blocks.depth import Side
-from ..blocks.stack import Stack
+from ..blocks.stack import Stack, interface_depths
 from ..blocks.stress import largest_tension, stress_field, von_mises
-from ..core.checks import Numbers, check_types, is_concrete
+from ..core.checks import Numbers, as_float, check_types, is_concrete
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart, largest
 from ..core.display import shown
@@ -26,6 +27,7 @@ from .result import Sliding
 
 _SAME = 1e-3  # relative difference of two kernels of one block, in float32 and of tables
 StressKind = Literal["von_mises", "tension", "shear", "opening"]
+Depths = Float[Array, " depths"]
 
 
 @shown()
@@ -174,3 +176,54 @@ def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side, body: Bod
 
 
 _stress_apart = derivative_apart(_stress)
+
+
+# The largest stresses in a block.
+
+
+@compiled
+def _at_depths(
+    found: Sliding, stack: Stack, kind: StressKind, depths: Depths, side: Side
+) -> Depths:
+    # One depth after another, also in the derivative: the stresses of all would fill the memory.
+    at = jax.checkpoint(
+        lambda z: contact_stress(found, stack, z[None], side=side).largest(kind).value
+    )
+    return jax.lax.map(at, depths)
+
+
+def _in_block(kind: StressKind) -> Callable[..., tuple[Array, Array]]:
+    """The largest stress of a kind on the surface and in the layers, or at depths; its depth."""
+
+    def of_contact(
+        found: Sliding, stack: Stack, depths: Sequence[float] | None
+    ) -> tuple[Array, Array]:
+        faces = interface_depths(stack)
+        if depths is not None:
+            above = below = as_float(depths, "depths")
+        else:
+            whole = jnp.diff(faces, prepend=0.0)
+            above = jnp.ravel(faces - jnp.array([[0.75], [0.5], [0.0]]) * whole)
+            deep = faces[: None if hasattr(stack.base, "material") else -1]  # else nothing is below
+            below = jnp.concatenate([jnp.zeros(1, faces.dtype), deep])
+        sides: tuple[tuple[Side, Depths], ...] = (("above", above), ("below", below))
+        values = [_at_depths(found, stack, kind, at, side) for side, at in sides if at.size]
+        return _with_depth(jnp.concatenate(values), jnp.concatenate([above, below]))
+
+    return of_contact
+
+
+def _between_layers(found: Sliding, stack: Stack, _: Any) -> tuple[Array, Array]:
+    faces = interface_depths(stack)
+    return _with_depth(_at_depths(found, stack, "shear", faces, "above"), faces)
+
+
+def _with_depth(values: Array, depths: Depths) -> tuple[Array, Array]:
+    return jnp.max(values), depths[jnp.argmax(values)]
+
+
+# Each gives the largest stress [Pa] in a block under a contact, and the depth at which it acts [m].
+STRESSES = {
+    "tension": _in_block("tension"), "von_mises": _in_block("von_mises"),
+    "interface_shear": _between_layers,
+}  # fmt: skip

@@ -18,10 +18,11 @@ from ..core.quantities import (
     Above,
     observable,
     of_cycle,
+    of_history,
     of_steady,
 )
 from ..fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
-from ..materials.coverage import is_unknown
+from ..materials.coverage import coverage, is_unknown, unknown_share
 from .area import mean_gap
 from .cycle_numbers import load_work
 from .energy import exchange, frequencies, losses, powers_of_traction
@@ -213,6 +214,25 @@ def extrapolated_friction(found: Found) -> Array:
     return _sum_of(unknown) / nonzero(_sum_of(map(jnp.sum, lost)))
 
 
+@of_history(
+    "", "1", "share of the times, by their logarithm, at which no modulus was measured",
+    warns=Above(
+        EXTRAPOLATED,
+        "{value:.0%} of the times between the shortest step and the end, by their logarithm, are "
+        "such at which a material was not measured: its modulus there is an extrapolation.",
+    ),
+)  # fmt: skip
+def extrapolated_times(found: TransientSliding) -> Array:
+    """Share of the times t, from the shortest step to the end, for which 1/t was not measured [1].
+
+    Counted by the logarithm of t; the larger one of both bodies.
+    """
+    rates = SingleMotion(found.times, found.problem.displacement).rates
+    known = [one for body in found.problem.bodies if (one := coverage(body)) is not None]
+    shares = [unknown_share(*rates, one) for one in known]
+    return jax.lax.stop_gradient(functools.reduce(jnp.maximum, shares, jnp.zeros_like(rates[0])))
+
+
 @of_steady(
     "", "1", "approach over the thickness of layers on a rigid base", needs=[WINDOW],
     warns=Above(
@@ -286,8 +306,7 @@ def load_mismatch(found: CyclicSliding) -> Array:
 def largest_step(found: CyclicSliding | TransientSliding) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
     if isinstance(found, TransientSliding):
-        problem = found.problem
-        return SingleMotion(problem.times, problem.displacement).largest_step(found.grid)
+        return SingleMotion(found.times, found.problem.displacement).largest_step(found.grid)
     return Motion(found.displacement, found.period).largest_step(found.grid)
 
 

@@ -36,6 +36,12 @@ UNRESOLVED = {
     "Take more points, or a smoother surface.",
     "time": "The times do not resolve the motion: the NUMBER has an error of about {value:.0%}. "
     "Take more times.",
+    "kernel": "The kernel of the window is not known well, as where the block recovers slowly "
+    "behind the body: the NUMBER has an error of about {value:.0%}. Compare with a larger window.",
+    "memory": "The memory of the block is not known well: the NUMBER has an error of about "
+    "{value:.0%}. Take a shorter motion, or under an indenter a larger window.",
+    "temperature": "The temperatures of the contact did not settle: the NUMBER has an error of "
+    "about {value:.0%}. Take a smaller `rtol`.",
 }
 NO_FRICTION = 1e-12  # of the slope: friction below it is rounding
 _IDLE = 1e-3  # friction over slope below which a contact counts as without friction

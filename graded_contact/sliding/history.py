@@ -7,8 +7,8 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array
-from scipy.fft import next_fast_len
 
 from ..blocks.creep import NODES, creep_of
 from ..blocks.stack import Stack
@@ -83,7 +83,7 @@ def _path_of(case: Case) -> tuple[int, ...]:
     steps = np.asarray(size) / path
     for axis, column in enumerate(np.asarray(moved).reshape(len(moved), -1).T):
         far = math.ceil(np.ptp([0, *column]) / steps[axis] - 1e-6)
-        path[axis] = next_fast_len(int(path[axis]) + far) if far else path[axis]
+        path[axis] = scipy.fft.next_fast_len(int(path[axis]) + far) if far else path[axis]
     return tuple(path.tolist())
 
 

@@ -14,7 +14,7 @@ from ..contacts.operator import nonzero
 from ..core.checks import is_concrete
 from ..core.quantities import of_history
 from ..fields.grid import to_field, to_spectrum
-from .errors import add_errors
+from .errors import add_errors, over_number
 from .facts import WINDOW
 from .formulas import lengths, shared
 from .grid_errors import OF_FORCE, OF_PLACE, area_by_grid, by_grid
@@ -151,6 +151,7 @@ for _name, _weights, _scale in (
 
     add_errors(
         _name, of_history, over_time=not _name.endswith("_friction"), beside=history_neighbours,
+        over=over_number if _weights is None else None,
         grid=area_by_grid if _weights is None else by_grid(_name, _weights),
         time=_by_steps(_name),
         solver=lambda f, scaled=_scaled, of=_solver: 2 * scaled(f, f.recorded[of]),

@@ -12,8 +12,8 @@ from typing import cast
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float, ScalarLike
-from scipy.fft import next_fast_len
 
 from ..core.checks import (
     Numbers,
@@ -147,7 +147,7 @@ def _chosen(num_times: int | None, enough: int | None, grid: Grid | None) -> int
 
 def _fast(least: float) -> int:
     """A multiple of 4 without prime factors above 5: transforms are fast, turns are at a time."""
-    return 4 * cast(int, next_fast_len(math.ceil(min(least, 1e15) / 4), real=True))
+    return 4 * cast(int, scipy.fft.next_fast_len(math.ceil(min(least, 1e15) / 4), real=True))
 
 
 @check_types

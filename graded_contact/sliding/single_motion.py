@@ -56,6 +56,11 @@ class SingleMotion(eqx.Module):
         steps = jnp.diff(self.times, prepend=0)
         return jnp.max(jnp.sqrt(jnp.sum(self._ways**2, axis=1)) / steps)
 
+    @property
+    def rates(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """One over its last time, and one over its shortest step [1/s]."""
+        return 1 / self.times[-1], 1 / jnp.min(jnp.diff(self.times, prepend=0))
+
     def largest_step(self, grid: Grid) -> Float[Array, ""]:
         """Returns how far a step leads at most, in spacings along x plus y [1]."""
         ways = jnp.abs(self._ways)

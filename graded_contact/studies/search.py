@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.optimize import minimize
 
 from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
@@ -275,7 +275,7 @@ def descend(
     scale = 1 / max(size, steepness / FIRST_STEP, np.finfo(float).tiny)
     # With a margin, because SLSQP meets active constraints to about its tolerance only.
     margins = {"type": "ineq", "fun": lambda u: at(u)[2] - MARGIN, "jac": lambda u: at(u)[4]}
-    found = minimize(
+    found = scipy.optimize.minimize(
         lambda u: at(u)[1] * scale,
         origin,
         jac=lambda u: at(u)[3] * scale,

@@ -1,9 +1,7 @@
 """Missing points of measured heights: how they are filled, and the largest part without them."""
 
 import numpy as np
-from scipy.ndimage import binary_dilation
-from scipy.sparse import coo_matrix
-from scipy.sparse.linalg import cg
+import scipy
 
 from .reading_steps import step
 
@@ -42,7 +40,7 @@ def region_note(missing: np.ndarray, spacing: np.ndarray) -> str:
 def grown(missing: np.ndarray, rings: int) -> np.ndarray:
     """The holes and rings of points around them, diagonally too."""
     box = np.ones((3,) * missing.ndim)
-    return binary_dilation(missing, box, iterations=rings) if rings else missing
+    return scipy.ndimage.binary_dilation(missing, box, iterations=rings) if rings else missing
 
 
 def _filled(values, missing, spacing, bottom: float, length: float) -> np.ndarray:
@@ -73,10 +71,12 @@ def _filled(values, missing, spacing, bottom: float, length: float) -> np.ndarra
     # Symmetric and positive definite, of entries of order one: for conjugate gradients.
     scale = np.max(diagonal)
     rows, columns = np.concatenate(rows), np.concatenate(columns)
-    matrix = coo_matrix((np.concatenate(entries) / scale, (rows, columns)), (size, size)).tocsr()
+    entries = np.concatenate(entries) / scale
+    matrix = scipy.sparse.coo_matrix((entries, (rows, columns)), (size, size)).tocsr()
     matrix.setdiag(diagonal / scale)
     start = np.full(size, np.mean(values[~missing]))
-    found, info = cg(matrix, right / scale, start, rtol=1e-11, maxiter=20 * max(values.shape) + 200)
+    most = 20 * max(values.shape) + 200
+    found, info = scipy.sparse.linalg.cg(matrix, right / scale, start, rtol=1e-11, maxiter=most)
     if info:
         raise ValueError("`fill` did not converge: crop the holes by `region`.")
     result = values.copy()

@@ -1,5 +1,6 @@
 """The steps of reading a measured surface: its roughness after each, and what makes it doubtful."""
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -21,10 +22,13 @@ REMEDIES = {
 PREPARING = ("read", "equally spaced", "cropped", "lines levelled", "tilt removed", "filled")
 # Measured surfaces from a scan of atoms to a road; a wrong unit is wrong by 1000 mostly.
 USUAL = {
-    "size": (1e-8, 1e3),  # [m]
-    "rms height": (1e-11, 1.0),  # [m]
-    "rms slope": (5e-4, 3.0),
-    "thickness": (1e-9, 1.0),  # [m], of a layer
+    "size": (1e-8, 1e3, "m"),
+    "rms height": (1e-11, 1.0, "m"),
+    "rms slope": (5e-4, 3.0, ""),
+    "thickness": (1e-9, 1.0, "m"),  # of a layer
+    "gap": (1e-11, 1.0, "m"),
+    "pressure": (1e-6, 1e12, "Pa"),
+    "stress": (1e-6, 1e12, "Pa"),
 }
 SPIKE = 10  # distance from the mean over the rms height; 1e-22 of Gaussian heights are beyond
 
@@ -61,16 +65,16 @@ def step(name: str, heights: Numbers, spacing: Numbers) -> ReadingStep:
     return ReadingStep(name, rms, float(np.sqrt(np.sum(squares))), peak, missing)
 
 
-def unusual(name: str, value: float) -> str:
-    """Returns a warning if a number is outside of its range in `USUAL`, or nothing.
+def unusual(name: str, value: float, at_least: float = 0.0, at_most: float = math.inf) -> str:
+    """Returns a warning if a number [SI] is outside of its range in `USUAL`, or nothing.
 
-    Lengths are in m.
+    The range is narrower if `at_least` and `at_most` say so.
     """
-    low, high = USUAL[name]
+    low, high, unit = USUAL[name]
+    low, high = max(low, at_least), min(high, at_most)
     if low <= value <= high:
         return ""
-    plain = name == "rms slope"
-    here, first, last = (f"{n:.2g}" if plain else with_unit(n, "m") for n in (value, low, high))
+    here, first, last = (with_unit(n, unit) if unit else f"{n:.2g}" for n in (value, low, high))
     return f"The {name} of {here} is unusual (usual are {first} to {last}): check units."
 
 

@@ -180,7 +180,7 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
     assert result.exit_code == 0 and not (tmp_path / "out").exists()
     for text in (
         "surface: 1 mm x 1 mm, rms height", "rms slope 0.2", "contact solves 2",
-        "layers[0]: The thickness of 50 m is unusual (usual are 1 nm to 1 m): check units.",
+        "Warning: layers[0]: The thickness of 50 m is unusual (usual are ",
         "[design] is not used by this command",
         "layer 1 tread, 50 m base tread, half space", "materials tread tyre tread",
         "surface random, ",
@@ -488,6 +488,10 @@ def test_results_are_compared_in_a_figure(folder, tmp_path):
     named = ("--label", "bare", "--label", "coated", "--format", "svg")
     result = command("compare", first, second, "-o", tmp_path / "named", *named)
     assert result.exit_code == 0, result.output
+    (tmp_path / "m.csv").write_text("v [mm/s],mu\n10,0.3\n")
+    measured = ("--measured", tmp_path / "m.csv", "-o", tmp_path / "m", "--format", "svg")
+    result = command("compare", first, *measured)
+    assert result.exit_code == 0 and "m.csv" in (tmp_path / "m.svg").read_text(), result.output
     for words, expected in (
         ((first, second, "--label", "one"), "`--label` is given 1 times for 2 results"),
         ((first,), "needs two results or more"),

@@ -99,3 +99,9 @@ def test_an_object_is_named_by_its_class_and_a_call_by_the_arguments_it_lacks(un
     for given, named in (((1e5, 0.1), {}), ((), {"presure": 1e5}), ((), {"pressure": 1e5})):
         with pytest.raises(TypeError, match=r"^slide: .*it takes `stack`, .*, `pressure`, `me"):
             gc.slide(stack, surface, *given, **named)
+    with pytest.raises(TypeError, match=r"`friction_rtol`; since 1.0.0 it is removed: `rtol` is"):
+        gc.slide(stack, surface, pressure=1e5, velocity=0.1, friction_rtol=1e-3)
+    with pytest.raises(TypeError, match=r"since 1.0.0 it is `weights`, a pair.*; it takes `x`"):
+        gc.fit_prony(np.ones(3), np.ones(3), storage_weight=2.0)
+    with pytest.raises(AttributeError, match=r"`contact_area_smooth`; since 1.0.0 it is `contact_"):
+        object.__new__(gc.Sliding).contact_area_smooth  # noqa: B018

@@ -14,7 +14,9 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.core import checks, compilation
-from graded_contact.core.compilation import COMPILING, jit, one_by_one
+from graded_contact.core.compilation import COMPILING, compiled, jit, one_by_one
+from graded_contact.core.derivative import derivative_apart, still
+from graded_contact.core.fixed_point import attach_fixed_point
 
 X = jnp.array([0.3, -1.2])
 
@@ -137,6 +139,50 @@ def test_a_contact_and_its_derivative_compile_each_program_once(programs):
     before = programs.total()
     jax.grad(gap)(2e3)
     assert programs.total() == before
+
+
+def test_a_derivative_by_rows_and_one_inside_a_rule_compile_no_program_again(programs):
+    """Rows of a Jacobian are computed one by one; inside a rule JAX traces constants, too."""
+
+    @compiled
+    def shrunk(x, rate):
+        return jnp.sin(rate * x) / 2
+
+    apart = derivative_apart(shrunk)
+    x, rate = jnp.linspace(0.1, 0.2, 3), jnp.asarray(0.5)
+    rows = jax.jacrev(apart)(x, rate)
+    np.testing.assert_allclose(rows, np.diag(np.cos(rate * x) * rate / 2), rtol=1e-12)
+    assert programs["jit(shrunk)"] == programs["jit(back)"] == 1
+
+    def reached(rate):
+        image = lambda rate, x: apart(x, rate) + jnp.asarray(np.float64(0.1))  # noqa: E731
+        at = x
+        for _ in range(60):
+            at = image(still(rate), at)
+        return jnp.sum(attach_fixed_point(image, rate, at))
+
+    step = 1e-5
+    expected = (reached(rate + step) - reached(rate - step)) / (2 * step)
+    np.testing.assert_allclose(jax.grad(reached)(rate), expected, rtol=1e-8)
+    assert programs["jit(shrunk)"] == 1
+
+
+def test_programs_hold_few_fields_at_once():
+    """Parts that do not depend on each other are computed in turn."""
+
+    def parts(field):
+        waves = jnp.fft.rfft2(field)
+        found = [jnp.fft.irfft2(waves * k) ** 2 for k in range(1, 9)]
+        return jnp.stack([jnp.sum(field * part) for part in found])
+
+    field = jnp.ones((128, 128))
+    side_by_side = {"xla_cpu_scheduler_type": "CPU_SCHEDULER_TYPE_CONCURRENCY_OPTIMIZED"}
+    program = jax.jit(parts).trace(field)
+    ours, usual = (
+        program.lower().compile(options).memory_analysis().temp_size_in_bytes
+        for options in (compilation.options_for(program.jaxpr.jaxpr), side_by_side)
+    )
+    assert ours < 4 * field.nbytes < 8 * field.nbytes < usual
 
 
 def test_a_program_that_fails_says_why_and_nothing_else():

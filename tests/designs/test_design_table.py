@@ -68,6 +68,24 @@ def test_a_plan_says_that_its_number_of_contacts_is_the_most():
     assert re.search(r"contact solves +4$", verified, re.MULTILINE)
 
 
+def test_limits_in_a_wrong_unit_are_told_and_a_plan_prints_what_is_asked():
+    limits = "[design.limits]\nmax_tension = 2.0\nmin_von_mises = 2e4\nmax_mean_gap = 20.0\n"
+    text = DESIGN.replace("[design.parameters]", limits + "[design.parameters]")
+    study = parse_design(text.replace("[5e-5, 1e-3]", "[5e-5, 1e3]"))
+    places = ["[design.limits] `max_mean_gap`", "[design.limits] `max_tension`",
+              "[design.parameters] layers[0].thickness"]  # fmt: skip
+    assert [sentence.partition(": The")[0] for sentence in study.doubts] == places
+    assert not [*parse_design(DESIGN).doubts]
+    printed = " ".join(str(study).split())
+    for words in (
+        "objective DesignObjective name friction asked 1.3 times that of the scene's block",
+        "tension [Pa] at most 2 Pa", "von Mises stress at least 20 kPa", "mean gap at most 20 m",
+        "within 0.01", "total_thickness 0.0004", "layers[0].thickness [m] 5e-05, 1000",
+        "starts 2", "verify 2",
+    ):  # fmt: skip
+        assert words in printed
+
+
 def test_a_loss_tangent_has_no_motion():
     with pytest.raises(ValueError, match=r"flat_loss_tangent. does not take the table .motion"):
         parse_design(FLAT.replace("[design]\n", f"{MOTION}[design]\n"))

@@ -322,6 +322,24 @@ def test_error_is_near_the_true_one_for_a_table_of_moduli():
     assert np.median(errors) < 1e-4
 
 
+def test_a_table_need_not_cover_waves_that_add_nothing():
+    """Waves along the velocity excite 63 to 6300 rad/s, those across it any lower frequency."""
+    found = {}
+    for low, high in ((1e-2, 1e8), (10.0, 1e4), (1000.0, 1e4), (10.0, 1e3)):
+        omega = np.geomspace(low, high, 121)
+        block = gc.Stack(base=gc.HalfSpace(gc.Tabulated(omega, RUBBER.modulus(omega), 0.49)))
+        call = partial(mean_field_friction, block, SPECTRUM, pressure=1e5, velocity=0.1, rtol=0.05)
+        if low < 1e3 < high:
+            found[low] = call()
+            continue
+        share = call(throw=False).extrapolated_friction
+        with pytest.raises(ValueError, match=rf"^{float(share):.0%} of the friction comes from"):
+            call()
+    whole, part = found.values()
+    np.testing.assert_allclose(part.friction, whole.friction, rtol=1e-3)
+    np.testing.assert_allclose(part.contact_area, whole.contact_area, rtol=1e-3)
+
+
 def test_values_that_only_tracing_hides_do_not_pass_as_solved():
     for spectrum in (SPECTRUM, SURFACE):
         solution = mean_field(COATED, spectrum, pressure=-1e5, velocity=0.1)

@@ -1,6 +1,7 @@
 """Pages without a browser: their numbers, the order of their work, what they refuse and save."""
 
 import asyncio
+import gc as collect
 import io
 import sys
 import threading
@@ -11,7 +12,12 @@ import h5py
 import jax
 import numpy as np
 import pytest
+<<<<<<< HEAD
 from scene_texts import PLAIN, changed
+=======
+import xarray as xr
+from scene_texts import PLAIN, TEXT, changed
+>>>>>>> main
 
 import graded_contact as gc
 from graded_contact.page import model as models
@@ -56,7 +62,7 @@ def test_the_contact_of_a_page_is_that_of_slide(model):
 
 
 def test_the_curves_of_a_page_are_those_of_the_package(model):
-    curves = model.curves(model.values)
+    curves = xr.Dataset(model.curves(model.values))
     at = 7
     field = gc.mean_field_friction(
         model.document.scene.stack, model.document.scene.surface.spectrum,
@@ -102,7 +108,7 @@ def test_shear_and_heat_have_sliders_and_act_as_in_slide(tmp_path, heat):
         np.testing.assert_allclose(found, share, rtol=1e-6)
     saved = model.changed(values).scene
     assert saved.shear.stress == 2e5 and (not heat or saved.heating.conductivity == 0.3)
-    assert np.all(np.isfinite(model.curves(values).friction))
+    assert np.all(np.isfinite(model.curves(values)["friction"].numbers))
 
 
 def test_labels_of_wavenumbers_are_enough_and_not_too_many():
@@ -131,14 +137,14 @@ def test_bars_are_what_a_step_of_a_slider_changes(model):
 
 
 def test_turning_compiles_nothing(model):
-    for stage in (model.curves, model.contact, model.derivatives):
+    for stage in (model.curves, model.contact, model.errors, model.derivatives):
         stage(model.values)
     compiled = []
     jax.monitoring.register_event_duration_secs_listener(
         lambda name, *_, **__: compiled.append(name) if "backend_compile" in name else None
     )
     turned = [0.97 * value for value in model.values]
-    for stage in (model.curves, model.contact, model.derivatives):
+    for stage in (model.curves, model.contact, model.errors, model.derivatives):
         stage(turned)
     assert not compiled
     jax.monitoring.clear_event_listeners()
@@ -160,18 +166,18 @@ def test_a_liquid_has_curves_and_is_refused_by_name(tmp_path):
                 "times = [1e-2]")
     )  # fmt: skip
     model = Model(open_document(tmp_path / "melt.toml"))
-    assert np.all(np.isfinite(model.curves(model.values).friction))
+    assert np.all(np.isfinite(model.curves(model.values)["friction"].numbers))
     with pytest.raises(ValueError, match=r"^\[materials.tread\] is a liquid"):
         model.contact(model.values)
 
 
 def test_downloads_have_units_and_everything_that_is_shown(model):
     values = model.values
-    stages = (model.curves, model.contact, model.derivatives)
+    stages = (model.curves, model.contact, model.errors, model.derivatives)
     shown = ShownPoint(model, values, *(stage(values) for stage in stages))
     rows = to_csv(shown).decode().splitlines()
     assert rows[0].startswith("q [rad/m],modulus [Pa],loss_tangent,speed [m/s]")
-    assert float(rows[1].split(",")[1]) == shown.curves.modulus[0]
+    assert float(rows[1].split(",")[1]) == shown.curves["modulus"].numbers[0]
     with h5py.File(io.BytesIO(to_hdf5(shown))) as file:
         np.testing.assert_array_equal(file["contact/pressure"], shown.contact.pressure)
         assert file["contact/pressure"].attrs["units"] == "Pa"
@@ -189,7 +195,7 @@ async def rest():
 
 def test_only_the_latest_values_are_finished(document, tmp_path, monkeypatch):
     done, go = [], threading.Event()
-    stages = ("curves", "contact", "derivatives")
+    stages = ("curves", "contact", "errors", "derivatives")
     original = {stage: getattr(Model, stage) for stage in stages}
 
     def recorded(model, stage, values):
@@ -224,8 +230,16 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
         page.session.take_file(name, data, partial(with_moduli, options={}, name="tread"))
         await rest()
 
+    seen = []
+    page.session.param.watch(lambda event: seen.append((
+        event.new.caveats is not None, event.new.derivatives is not None,
+        "± —" in page.__panel__()[0].object,
+    )), "shown")  # fmt: skip
+
     async def steps():
         await page.session.update()
+        # The contact is shown before its errors, which compile longest, and before the bars.
+        assert seen == [(False, False, True), (True, False, False), (True, True, False)]
         pressure, session = page.sliders[0], page.session
         assert session.shown.document.content["title"] == "a small one"
         for _ in range(2):
@@ -300,6 +314,41 @@ def test_pages_that_open_together_compile_one_after_the_other(document, tmp_path
 
     asyncio.run(steps())
     assert done == ["curves"] * 4 and max(together) == 1
+
+
+def test_a_closed_page_leaves_nothing(document, tmp_path):
+    """Also after moves, each of which makes a contact and fields of its own."""
+    left = []
+
+    async def steps():
+        page = Page(document, tmp_path)
+        await page.session.update()
+        for value in (1e5, 2e5, 3e5):
+            left.extend(map(weakref.ref, (page.session.shown, page.session.shown.contact)))
+            page.sliders[0].value = value
+            await rest()
+        left.extend(map(weakref.ref, (page.session, page.session.model, page.session.shown)))
+        page.session.end()
+
+    asyncio.run(steps())
+    collect.collect()
+    assert [one for ref in left if (one := ref()) is not None] == []
+
+
+def test_a_callback_that_the_server_keeps_holds_no_contact(document, tmp_path, monkeypatch):
+    kept = []
+
+    def execute(callback, **_):
+        kept.append(callback)
+        callback()
+
+    monkeypatch.setattr(pn.state, "execute", execute)
+    session, shown = Session(document, tmp_path), type("Shown", (), {})()
+    ref = weakref.ref(shown)
+    session.show(shown=shown)
+    del shown
+    session.show(shown=None)
+    assert len(kept) == 2 and ref() is None
 
 
 def test_four_clicks_add_four_layers_with_names(document, tmp_path, monkeypatch):

@@ -261,11 +261,75 @@ def test_any_two_axes_of_one_or_two_points_have_figures_a_table_and_a_csv(
 
 def test_sweeps_need_steady_sliding_and_a_solve_that_succeeded():
     results = made({"pressure": [1e5], "velocity": [0.1]})
-    with pytest.raises(ValueError, match="holds motions in time"):
+    with pytest.raises(ValueError, match="it is results of a motion that repeats, which `plot_c"):
         gc.plot.plot_compare([results.assign_coords(time=[0.0, 0.5])] * 2, "ab")
     results["friction"][:], results["message"][:] = np.nan, "The tolerance was not reached."
     with pytest.raises(ValueError, match="No solve succeeded: no figure is drawn"):
         gc.plot.plot_sweep(results)
+
+
+def test_a_figure_of_contacts_draws_an_input_or_refuses_it_in_words():
+    """Never by an error of Python: each function with each kind of result."""
+    fields, surface = make_fields((8, 8))
+    given = [
+        made({"pressure": [1e5], "velocity": [0.1]}), made_cycle(pressure=np.ones((8, 8, 8))),
+        fields, surface,
+        xarray.Dataset({"friction": ("q", [0.1]), "message": ("q", [""])}),
+        xarray.Dataset(
+            {n: (("field_time", "x", "y"), np.ones((2, 8, 8))) for n in ("pressure", "gap")},
+            {"field_time": [0.1, 1.0]},
+        ),
+    ]  # fmt: skip
+    draws = {
+        "plot_sweep": {0}, "plot_leakage": set(), "plot_reduced": set(), "plot_compare": {0},
+        "plot_cycle": {1}, "plot_transient": set(), "plot_film": {1, 5}, "plot_sliding": {2},
+        "plot_distributions": {2},
+    }  # fmt: skip
+    for name, known in draws.items():
+        more, drawn = [surface] if name in ("plot_film", "plot_sliding") else [], set()
+        for i, one in enumerate(given):
+            first = [[one], ["a"]] if name == "plot_compare" else [one, *more]
+            try:
+                getattr(gc.plot, name)(*first)
+                drawn.add(i)
+            except ValueError as error:
+                assert re.search("must be .*; it is|have no leakage|At 300 K", str(error)), name
+        assert drawn == known, name
+
+
+def test_measured_friction_lies_over_that_of_results_with_a_marker_for_each_temperature():
+    results = made({"pressure": [1e5], "velocity": [0.1, 1.0]})
+    measured = gc.readers.MeasuredFriction(
+        np.array([0.01, 0.1, 0.1]), np.array([0.5, 3.0, 4.0]), np.array([0.1, 0.2, np.nan]),
+        np.array([293.15, 293.15, 300.0]), name="a_b.csv",
+    )  # fmt: skip
+    for figure in (
+        gc.plot.plot_sweep(results, measured=measured),
+        gc.plot.plot_compare([results], ["one"], measured),
+    ):
+        friction, area = figure.axes
+        points = [line for line in friction.lines if line.get_color() == "black"]
+        drawn = [line.get_xydata().tolist() for line in points if line.get_marker() in "sD"]
+        assert drawn == [[[0.01, 0.5], [0.1, 3.0]], [[0.1, 4.0]]]
+        assert friction.get_ylim()[1] > 4 and friction.get_xlim()[0] < 0.01
+        assert not any(line.get_color() == "black" for line in area.lines)
+        assert len(friction.containers[-1][2][0].get_segments()) == 1  # of the last temperature
+        labels = friction.get_legend_handles_labels()[1]
+        assert labels[-2:] == ["a_b.csv, 293.15 K (20 °C)", "a_b.csv, 300 K (26.85 °C)"]
+    over_load = made({"pressure": [1e5, 2e5], "velocity": [0.1]})
+    with pytest.raises(ValueError, match=r"a_b.csv is friction over velocity, and the .* pressure"):
+        gc.plot.plot_sweep(over_load, measured=measured)
+
+
+def test_a_sweep_in_python_is_drawn_as_a_scene_is():
+    """Its results are those of `slide` over the axes, without a surface."""
+    of_scene = made({"layers[0].thickness": [1e-5, 1e-4], "velocity": [0.1, 1.0]})
+    of_sweep = of_scene.drop_vars(["heights", "x", "y"]).assign_attrs(surface_history=None)
+    del of_sweep.attrs["surface_history"]
+    lines = [straight(gc.plot.plot_sweep(one).axes[0]) for one in (of_scene, of_sweep)]
+    assert len(lines[0]) == len(lines[1]) == 2
+    for one, other in zip(*lines, strict=True):
+        np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
 
 
 def test_bars_are_total_errors_with_those_by_materials():
@@ -542,7 +606,7 @@ MOVED = 1e-4 * np.sin(2 * np.pi * TIMES)
 def made_cycle(displacement=MOVED, errors=(), **fields):
     fields["kept"] = SimpleNamespace(numbers=dict(errors))
     numbers = {"friction": np.cos(2 * np.pi * TIMES), "contact_area": 0.1 + 0.01 * TIMES}
-    return SimpleNamespace(displacement=displacement, **numbers, **fields)
+    return SimpleNamespace(kind="cycle", displacement=displacement, **numbers, **fields)
 
 
 def test_the_loop_along_x_is_closed_and_has_units():
@@ -573,7 +637,15 @@ def test_a_film_has_one_scale(shape):
     surface = gc.Surface(np.zeros(shape), gc.Grid(shape, 1e-3))
     figure = gc.plot.plot_film(made_cycle(pressure=pressure), surface)
     titles = [axes.get_title() for axes in figure.axes[:4]]
-    assert titles == [f"$t/T$ = {t}" for t in ("0", "0.25", "0.5", "0.75")]
+    # Each frame has its own load, where the load changes.
+    for title, i in zip(titles, (0, 2, 4, 6), strict=True):
+        time, load, unit = re.fullmatch(r"\$t/T\$ = (\S+), (\S+) (k|M)Pa", title).groups()
+        assert float(time) == i / 8
+        mean = pressure[i].mean() / {"k": 1e3, "M": 1e6}[unit]
+        np.testing.assert_allclose(float(load), mean, rtol=5e-3)
+    same = made_cycle(pressure=pressure / pressure.mean(axis=tuple(range(1, pressure.ndim)),
+                                                        keepdims=True))  # fmt: skip
+    assert gc.plot.plot_film(same, surface).axes[0].get_title() == "$t/T$ = 0"
     one = gc.plot.plot_film(made_cycle(pressure=pressure), surface, [3])
     for axes in (one.axes[0], *figure.axes[:4]):
         high = axes.images[0].norm.vmax if len(shape) == 2 else axes.get_ylim()[1] / 1.05

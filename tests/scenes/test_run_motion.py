@@ -105,7 +105,8 @@ def test_a_law_and_numbers_that_are_asked_for_are_those_of_python(capsys):
     elastic = SMALL.replace('"tyre_tread"', '"elastic"\nmodulus = 2e6\npoisson = 0.5')
     law = '[law]\nkind = "hard_wall"\nhardness = 1e6\n'
     plain = parse_scene(elastic.replace("[0.01, 1.0]", "0.0") + law)
-    asked = "[observe]\nstiffness = true\nconductance = true\nflow = true\n"
+    asked = "[observe]\nstiffness = true\nconductance = true\nflow = true\ntension = true\n"
+    asked += "von_mises = true\nstress_depths = [0.0, 2e-5]\n"
     scene = parse_scene(plain.text + asked)
     surface, results = build_surface(scene), plan(scene).run()
     assert not any("stiffness" in name for name in numbers_of_scene(plain, surface))
@@ -123,8 +124,13 @@ def test_a_law_and_numbers_that_are_asked_for_are_those_of_python(capsys):
         "flow_along_x": flow.conductance[0],
         "flow_along_y": flow.conductance[1],
     }
+    stress = gc.sliding.contact_stress(sliding, scene.stack, [0.0, 2e-5])
+    for kind in ("tension", "von_mises"):
+        found = stress.largest(kind)
+        expected |= {kind: found.value, f"{kind}_depth": found.place[-1]}
     for name, value in expected.items():
         np.testing.assert_allclose(results[name].item(), value, rtol=1e-6, err_msg=name)
+    assert results.tension.attrs["units"] == "Pa" and results.tension_depth.attrs["units"] == "m"
     # Barber's analogy, and its error.
     conductance, stiffness = results.specific_conductance, results.contact_stiffness
     np.testing.assert_allclose(conductance, 2 * stiffness * (1 - 0.5**2) / 2e6, rtol=1e-9)

@@ -74,6 +74,27 @@ def test_what_is_wrong_is_refused_with_its_place(texts, expected):
         parse_scene(changed(*texts))
 
 
+@pytest.mark.parametrize(
+    ("texts", "told"),
+    [
+        ((), []),
+        (("[2e5, 4e5]", "[0.3, 4e5]"), ["[load]: The pressure of 300 mPa is unusual"]),
+        (("[2e5, 4e5]", "4e11"), ["[load]: The pressure of 400 GPa is unusual"]),
+        (("thickness = 2e-5", "thickness = 50"), ["layers[0]: The thickness of 50 m is unusual"]),
+        (("thickness = 2e-5", "thickness = 5e-9"), ["layers[0]: The thickness of 5 nm is unusual"]),
+        (in_table("sweep", '"layers[0].thickness" = [1e-5, 2e-9]'),
+         ["layers[0]: The thickness of 2 nm is unusual"]),
+        # Of a soft solid a small load is usual, as is a large one of a stiff coat.
+        (("[2e5, 4e5]", "[3.0, 4e5]", "modulus = 2e7", "modulus = 2e3"), []),
+        (("[2e5, 4e5]", "[1e8, 4e5]", "modulus = 2e7", "modulus = 2e11"), []),
+    ],
+)  # fmt: skip
+def test_loads_and_lengths_in_a_wrong_unit_are_told(texts, told):
+    assumed = parse_scene(changed(*texts)).assumed
+    assert len(assumed) == len(told)
+    assert all(one.startswith(text) for one, text in zip(assumed, told, strict=True))
+
+
 def test_a_layer_may_be_graded():
     (layer,) = parse_scene(changed(LAYER, GRADED)).stack.layers
     assert layer.thickness == 2e-5

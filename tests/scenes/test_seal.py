@@ -7,6 +7,7 @@ from scene_texts import BARE
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
 from graded_contact.core.display import number, with_time
+from graded_contact.plot.style import caption
 from graded_contact.scenes.plan import plan
 from graded_contact.scenes.results import over_seeds, surface_of
 from graded_contact.scenes.scene_file import parse_scene
@@ -16,7 +17,8 @@ from graded_contact.studies.dataset import write_csv
 FLUID = "[fluid]\nviscosity = 2e-3\npressure_difference = 1e4\n"
 SEAL = BARE.replace("[32, 32]", "[16, 16]\n").replace("size = 1e-3", "size = [1e-3, 5e-4]")
 SEAL = SEAL.replace("q_high = 8e4", "q_high = 4e4\nseeds = 2") + FLUID
-SEAL = SEAL.replace("pressure = 2e5", "pressure = [2e4, 2e5, 2e7]").replace("[0.01, 1.0]", "0.0")
+SEAL = SEAL.replace("pressure = 2e5", "temperature = 293.15\npressure = [2e4, 2e5, 2e7]")
+SEAL = SEAL.replace("[0.01, 1.0]", "0.0")
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +54,7 @@ def test_at_rest_no_figure_and_no_cell_is_of_friction_that_is_rounding(seal, cap
     assert labels == ["contact area fraction", "mean gap [m]"]
     print_table(seal)
     printed = capsys.readouterr().out
+    assert "At temperature 293.15 K (20 °C):" in printed
     assert "Left out, as 0 within rounding or errors: friction.\n" in printed
     heads, _, *rows = (line.split() for line in printed.split("[MPa]")[1].splitlines())
     assert "[µm]" in heads and [row[0] for row in rows[:3]] == ["0.000e+00"] * 3
@@ -59,7 +62,7 @@ def test_at_rest_no_figure_and_no_cell_is_of_friction_that_is_rounding(seal, cap
 
 
 def test_a_fluid_that_would_lift_the_surface_is_a_warning():
-    (warning,) = parse_scene(SEAL).assumed[-1:]
+    (warning,) = parse_scene(SEAL).assumed
     assert "of 10 kPa is not small beside the load of 20 kPa" in warning
     thin = parse_scene(SEAL.replace("pressure_difference = 1e4", "pressure_difference = 1e3"))
     assert not any("lifts" in sentence for sentence in thin.assumed)
@@ -81,6 +84,8 @@ def test_leakage_has_a_total_error_and_no_digits_beyond_it(seal, capsys):
 
 def test_a_figure_of_leakage_is_against_the_load_and_marks_closed_gaps(seal):
     figure = gc.plot.plot_leakage(seal)
+    fluid = "Fluid with η = 0.002 Pa s, Δp = 10 kPa over the cell of 1 mm × 500 µm."
+    assert fluid in caption(figure) and caption(figure).endswith("temperature 293.15 K (20 °C).")
     for axes, name in zip(figure.axes, ("leakage_along_x", "leakage_along_y"), strict=True):
         assert axes.get_yscale() == "log" and axes.get_xlabel() == "mean pressure [Pa]"
         lines = {line.get_marker(): line for line in axes.lines if len(line.get_xdata())}

@@ -35,6 +35,14 @@ def told(**changed):
         ({"extrapolated_friction": 0.02}, ["2% of the friction comes from frequencies"]),
         ({"unmeasured_area": 0.7}, ["70% of the contact area"]),
         (
+            {"contact_area": 0.1, "contact_area_kernel_error": 0.026},
+            [
+                "kernel of the window is not known well, as where the block recovers slowly behind "
+                "the body: the contact area has an error of about 26%"
+            ],
+        ),
+        ({"friction_temperature_error": 0.04}, ["temperatures of the contact did not settle"]),
+        (
             {"friction_grid_error": 16.0, "slope_in_contact": 2},
             ["error of about 1000%", "slope where it"],
         ),

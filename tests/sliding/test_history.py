@@ -15,10 +15,12 @@ from graded_contact import contacts
 from graded_contact.blocks import Blend, window_kernel
 from graded_contact.blocks.creep import NODES, contour, creep_of
 from graded_contact.contacts import DouglasRachford
-from graded_contact.materials import AbstractMaterial, StrainSoftening, Tabulated
+from graded_contact.core.caveats import caveats_of
+from graded_contact.materials import AbstractMaterial, MeasuredRange, StrainSoftening, Tabulated
 from graded_contact.sliding import Case, ConstantShear, Coulomb, dwell, ramp, recorded_once, start
-from graded_contact.sliding.doubts import path_after_rest
+from graded_contact.sliding.doubts import extrapolated_times, path_after_rest
 from graded_contact.sliding.history import history_problem
+from graded_contact.sliding.result import TransientSliding
 
 RUBBER = gc.Prony(1e6, [4e6, 8e6], [1e-2, 1e-3], 0.49)
 BLOCK = gc.Stack(base=gc.HalfSpace(RUBBER))
@@ -44,9 +46,32 @@ def elastic(modulus):
     return gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus, 0.49)))
 
 
+def unsolved(**problem):
+    """A history that knows no more than this of its problem."""
+    found = object.__new__(TransientSliding)
+    object.__setattr__(found, "problem", SimpleNamespace(**problem))
+    return found
+
+
 def creep_compliance(t):
     glassy, compliances, times = map(np.asarray, RUBBER.creep())
     return 1 / glassy + np.sum(compliances * (1 - np.exp(-np.asarray(t)[..., None] / times)), -1)
+
+
+@pytest.mark.parametrize(
+    ("known", "expected"),
+    [(None, 0.0), ([1e-3, 1e6], 0.0), ([10.0, 1e3], 0.5), ([1e-3, 0.1], 1.0), ([100.0, 1e9], 0.5)],
+)
+def test_times_beyond_the_measured_ones_are_a_share_of_their_decades(known, expected):
+    """From steps of 0.1 ms to 1 s: four decades of 1/t, of which `known` has some."""
+    rubber = gc.Prony(1e6, [4e6], [1e-2], 0.49, measured=known and MeasuredRange(known))
+    body = gc.Stack(base=gc.HalfSpace(rubber))
+    times = jnp.asarray([1e-4, 1e-3, 1e-2, 0.1, 0.5, 1.0])
+    found = unsolved(times=times, displacement=jnp.zeros(6), bodies=(elastic(1e6), body))
+    np.testing.assert_allclose(extrapolated_times(found), expected, atol=1e-4)
+    told = caveats_of(lambda name: expected if name == "extrapolated_times" else 0.0, "history")
+    words = f"{expected:.0%} of the times between the shortest step and the end"
+    assert sum(caveat.sentence.startswith(words) for caveat in told) == (expected > 0)
 
 
 def test_moduli_at_complex_frequencies_are_those_of_the_laplace_transform():
@@ -313,7 +338,6 @@ def test_motions_that_happen_once():
         jax.jit(lambda v: ramp(v, 1.0, GRID).times)(1.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("displacement", "expected"),
     [
@@ -323,8 +347,8 @@ def test_motions_that_happen_once():
     ],
 )
 def test_the_path_after_a_rest_is_told_in_cells(displacement, expected):
-    problem = SimpleNamespace(displacement=jnp.asarray(displacement))  # along x
-    found = SimpleNamespace(facts=(), problem=problem, grid=GRID)
+    # Along x.
+    found = unsolved(displacement=jnp.asarray(displacement), facts=(), grid=GRID)
     np.testing.assert_allclose(path_after_rest(found), expected)
 
 

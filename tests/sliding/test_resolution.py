@@ -136,6 +136,8 @@ def test_a_surface_with_waves_that_half_the_grid_lacks_has_an_error_too():
     surface = rough(32, 16)
     found, fine = known(slide(surface)), known(slide(finer(surface, 4)))
     assert 0.12 < neighbours_of(found).lacking < 0.5
+    # Half of the finer grid lacks nothing: the contact is not solved again.
+    assert neighbours_of(fine).same is None
     for name in ("friction", "contact_area"):
         off = abs(getattr(found, name) - getattr(fine, name))
         assert off <= getattr(found, f"{name}_error") <= getattr(found, name)

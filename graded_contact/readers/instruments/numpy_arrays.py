@@ -79,7 +79,7 @@ def _lateral_unit(name: str, scan: Scan, size: np.ndarray, unit: str | None) -> 
     """The unit of a size: metres, or that of the heights if only this gives a usual rms slope."""
     if unit is None or (factor := metres(unit)) is None:
         return unit
-    low, high = USUAL["rms slope"]
+    low, high, _ = USUAL["rms slope"]
     usual = []
     for lateral in dict.fromkeys((unit, "m")):
         spacing = (metres(lateral) or 1.0) * size / np.array(scan.heights.shape)
