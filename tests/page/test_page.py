@@ -12,12 +12,8 @@ import h5py
 import jax
 import numpy as np
 import pytest
-<<<<<<< HEAD
-from scene_texts import PLAIN, changed
-=======
 import xarray as xr
-from scene_texts import PLAIN, TEXT, changed
->>>>>>> main
+from scene_texts import PLAIN, changed
 
 import graded_contact as gc
 from graded_contact.page import model as models
