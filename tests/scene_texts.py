@@ -51,7 +51,8 @@ PLAIN = "[solver]\nnewton = false\n"
 
 
 BARE = changed(
-    "seed = 3\n", "", '[materials.coat]\nkind = "elastic"\nmodulus = 2e7\npoisson = 0.4\n', "",
+    "[surface]", f"{PLAIN}[surface]", "seed = 3\n", "",
+    '[materials.coat]\nkind = "elastic"\nmodulus = 2e7\npoisson = 0.4\n', "",
     '[[layers]]\nmaterial = "coat"\nthickness = 2e-5\n', "", "[2e5, 4e5]", "2e5",
     "[solver]\nrtol = 1e-6\n", "",
 )  # fmt: skip
@@ -86,6 +87,7 @@ pressure = 3e5
 velocity = 0.1
 [solver]
 rtol = 1e-5
+newton = false
 [design]
 objective = "friction"
 ratio = 1.3

@@ -70,6 +70,7 @@ temperature = 300.0
 extrapolate = true
 [solver]
 rtol = 1e-3
+newton = false
 max_steps = 500
 [output]
 name = "small"
@@ -389,7 +390,7 @@ def folder(tmp_path, monkeypatch, unchecked_types):
     Path("moduli.csv").write_text(TABLE)
     Path("errors.csv").write_text(ERRORS)
     np.savetxt("heights.txt", np.random.default_rng(0).normal(size=(16, 16)))
-    Path("scene.toml").write_text(SCENES[1])
+    Path("scene.toml").write_text(SCENES[0])
     Path("design.toml").write_text(SCENES[5])
     Path("empty").touch()
     Path("noise").write_bytes(np.random.default_rng(0).bytes(3000))

@@ -141,16 +141,19 @@ def options_for(program: Jaxpr) -> dict[str, Any]:
     return options
 
 
-def _sizes(program: Jaxpr, runs: int = 1) -> list[tuple[int, int]]:
+def _sizes(program: Jaxpr, known: dict[int, list] | None = None) -> list[tuple[int, int]]:
     """Elements of what each operation of a program returns, and how often it runs, if known."""
-    sizes = []
+    known = {} if known is None else known  # many operations share a program inside
+    if id(program) in known:
+        return known[id(program)]
+    sizes = known[id(program)] = []
     for operation in program.eqns:
         inner = list(jaxprs_in_params(operation.params))
         turns = operation.params["length"] if operation.primitive.name == "scan" else 1
         for part in inner:
-            sizes += _sizes(part, runs * turns)
+            sizes += [(size, runs * turns) for size, runs in _sizes(part, known)]
         if not inner:  # what loops stack is made of what their bodies return
-            sizes += [(getattr(result.aval, "size", 0), runs) for result in operation.outvars]
+            sizes += [(getattr(result.aval, "size", 0), 1) for result in operation.outvars]
     return sizes
 
 

@@ -25,6 +25,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
+from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
@@ -140,7 +141,7 @@ class MasterCurve(AbstractFit):
         They are large for isotherms too flat to be placed by anything but the law.
         """
         spread = self.covariance()
-        along, across = jax.jacfwd(self.isotherms.shifts)(self.theta)
+        along, across = _slopes(self.isotherms, self.theta)
         return deviation(along / LN10, spread), deviation(across, spread)
 
     def report(self) -> str:
@@ -193,6 +194,12 @@ class MasterCurve(AbstractFit):
         assert material.measured is not None
         measured = MeasuredRange(material.measured.omega, self.temperatures[np.array([0, -1])])
         return dataclasses.replace(material, shift=shift, measured=measured)
+
+
+@compiled
+def _slopes(isotherms: Isotherms, theta):
+    """Derivatives of ln a and ln b of each isotherm by all unknowns."""
+    return jax.jacfwd(isotherms.shifts)(theta)
 
 
 @check_types

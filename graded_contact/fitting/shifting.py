@@ -76,7 +76,7 @@ def joined_curves(
     if data.flows:
         raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
     known = Isotherms(
-        group=jnp.repeat(jnp.arange(len(x)), np.array([len(points) for points in x])),
+        group=jnp.asarray(np.repeat(np.arange(len(x)), [len(points) for points in x])),
         temperatures=jnp.asarray(temperatures),
         penalty=jnp.zeros(2),
         rivals=jnp.zeros((0, 0)),

@@ -10,7 +10,6 @@ import math
 from typing import cast
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
@@ -28,6 +27,7 @@ from ..core.checks import (
     numbers,
     scalar,
 )
+from ..core.compilation import compiled
 from ..core.display import shown, with_unit
 from ..core.memory import CYCLE, check_memory
 from ..fields.grid import Grid
@@ -74,21 +74,26 @@ class Motion(eqx.Module):
 
         Above 1, take more times; above 2 a cycle refuses the motion.
         """
-        moved = _steps(self.displacement)
-        return jnp.max(jnp.sum(moved / grid.spacing[: moved.shape[1]], axis=1))
+        return _largest_step(self.displacement, grid.spacing)
 
 
 def _steps(displacement):
     """Distances from each time to the next one of this period, along each axis."""
-    return jnp.abs(jnp.diff(displacement.reshape(len(displacement), -1), axis=0))
+    rows = displacement.reshape(len(displacement), -1)
+    return abs(rows[1:] - rows[:-1])
+
+
+def _largest_step(displacement, spacing):
+    """The largest distance, in spacings along x plus y; in NumPy of what NumPy has."""
+    moved = _steps(displacement)
+    return (moved / spacing[: moved.shape[1]]).sum(axis=1).max()
 
 
 def _step_of(displacement: Array | np.ndarray, grid: Grid) -> float | None:
     """`Motion.largest_step`, or None where the numbers are not known."""
     if not (is_concrete(displacement) and is_concrete(grid.size)):
         return None
-    with jax.ensure_compile_time_eval():  # inside of a program, too
-        return float(Motion(displacement, 1.0).largest_step(grid))
+    return float(_largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
 
 
 def check_resolved(
@@ -173,7 +178,7 @@ def sinusoidal(
     check_positive("frequency", frequency, "[Hz]")
     enough = _enough(grid, np.pi * stroke, _FEWEST)
     count = _chosen(num_times, enough, grid)
-    displacement = stroke / 2 * jnp.sin(2 * np.pi * _times(count, stroke))
+    displacement = _sine(stroke, count)
     check_resolved(f"`num_times={count}`", displacement, grid, enough)
     return Motion(displacement, 1 / frequency)
 
@@ -213,12 +218,22 @@ def start_stop(
     ways = period / moving
     enough = _enough(grid, 15 / 8 * stroke * ways, _OF_A_WAY * ways)
     count = _chosen(num_times, enough, grid)
-    time = period * _times(count, stroke)
-    there = _least_jerk((time - dwell / 2) / moving)
-    back = _least_jerk((time - period / 2 - dwell / 2) / moving)
-    displacement = stroke * (there - back)
+    displacement = _there_and_back(stroke, moving, dwell, count)
     check_resolved(f"`num_times={count}`", displacement, grid, enough)
     return Motion(displacement, period)
+
+
+@compiled
+def _sine(stroke, count: int):
+    return stroke / 2 * jnp.sin(2 * np.pi * _times(count, stroke))
+
+
+@compiled
+def _there_and_back(stroke, moving, dwell, count: int):
+    """Displacements of `start_stop`."""
+    half = moving + dwell
+    time = 2 * half * _times(count, stroke) - dwell / 2
+    return stroke * (_least_jerk(time / moving) - _least_jerk((time - half) / moving))
 
 
 def _least_jerk(x):
@@ -332,6 +347,7 @@ def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
         )
 
 
+@compiled
 def _resampled(times, table, period, count: int) -> Float[Array, "nt ..."]:
     """A table of displacements at equally spaced times."""
     # Finer times first: those of the result would alias what lies between them.

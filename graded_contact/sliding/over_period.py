@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..blocks.periodic_kernel import period_frequencies
+from ..core.compilation import compiled
 
 _REFINED = 64  # times as many for the length of the path
 
@@ -19,6 +20,7 @@ def rate_of(values: Float[Array, "nt ..."], period: Float[Array, ""]) -> Float[A
     return jnp.fft.irfft(1j * omega * jnp.fft.rfft(values, axis=0), len(values), axis=0)
 
 
+@compiled
 def refined(values: Float[Array, "nt ..."]) -> Float[Array, "more ..."]:
     """Returns periodic values at `_REFINED` times as many times, by their Fourier series."""
     count = len(values)

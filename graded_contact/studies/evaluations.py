@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ..core.compilation import compiled
 from ..core.display import short
-from .program import key_of
+from .program import key_of, text_of
 from .store import Point, Store, fingerprint
 
 Flat = Float[np.ndarray, " parameters"]
@@ -145,7 +145,7 @@ class Evaluations:
             arguments = jnp.asarray(box.low), *self._keys(None if key is None else 0)
             # The program, not the Python code: another number inside it is another search.
             traced = jax.make_jaxpr(lambda *x: (value(*x), limits(*x)))(*arguments)
-            self._name = key_of(traced, str(traced.jaxpr))
+            self._name = key_of(traced, text_of(traced.jaxpr))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -109,7 +109,50 @@ def trace(
             f"`function` reads {name!r}, which is no axis; {nearest(name, point)}"
         ) from error
     names = jax.tree.structure((point, like))
-    return Program(inner, point, closed, f"{closed.jaxpr} {names}", like, steps)
+    return Program(inner, point, closed, f"{text_of(closed.jaxpr)} {names}", like, steps)
+
+
+def text_of(jaxpr: core.Jaxpr) -> str:
+    """Returns a text that differs if a jaxpr computes anything else.
+
+    JAX's own is laid out for readers, which takes several times as long as to trace.
+    """
+    lines: list[str] = []
+    kinds: dict[Any, int] = {}
+    _write(jaxpr, lines, {}, kinds)
+    return "\n".join([*lines, str([*kinds])])
+
+
+def _write(jaxpr: Any, lines: list[str], written: dict[int, str], kinds: dict[Any, int]) -> str:
+    """Adds the line of a jaxpr behind those of the jaxprs inside, each once; returns its name.
+
+    Its variables have numbers, and so have their `kinds`.
+    """
+    jaxpr = getattr(jaxpr, "jaxpr", jaxpr)
+    if id(jaxpr) in written:
+        return written[id(jaxpr)]
+    numbers: dict[int, int] = {}
+    line: list[Any] = []
+    for variable in (*jaxpr.constvars, *jaxpr.invars):
+        numbers[id(variable)] = len(numbers)
+        line.append(kinds.setdefault(variable.aval, len(kinds)))
+    for equation in jaxpr.eqns:
+        line.append(equation.primitive)
+        for name, value in equation.params.items():
+            if hasattr(value, "eqns"):
+                value = _write(value, lines, written, kinds)
+            elif isinstance(value, tuple) and any(hasattr(part, "eqns") for part in value):
+                value = [_write(part, lines, written, kinds) for part in value]
+            line.append((name, value))
+        for variable in equation.invars:
+            known = isinstance(variable, core.Literal)
+            line.append(str(variable) if known else numbers[id(variable)])
+        for variable in equation.outvars:
+            numbers[id(variable)] = len(numbers)
+            line.append(kinds.setdefault(variable.aval, len(kinds)))
+    line += [str(v) if isinstance(v, core.Literal) else numbers[id(v)] for v in jaxpr.outvars]
+    lines.append(str(line))
+    return written.setdefault(id(jaxpr), f"jaxpr {len(written)}")
 
 
 def key_of(closed: core.ClosedJaxpr, text: str) -> str:

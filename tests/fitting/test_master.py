@@ -135,7 +135,7 @@ def far_off(curve, law=solid_wlf):
     return np.abs(error[others]) / np.asarray(curve.shift_deviations()[0])[others]
 
 
-@pytest.mark.parametrize("law", ["wlf", "arrhenius"])
+@pytest.mark.parametrize("law", ["wlf", pytest.param("arrhenius", marks=pytest.mark.slow)])
 def test_exact_glassy_isotherms_end_in_no_false_minimum(law):
     """Where neighbours overlap less, branches of their own explain the coldest curve nearly."""
     found = master_curve(of_solid(FAHRENHEIT), law=law)

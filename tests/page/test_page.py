@@ -13,7 +13,7 @@ import jax
 import numpy as np
 import pytest
 import xarray as xr
-from scene_texts import PLAIN, TEXT, changed
+from scene_texts import PLAIN, changed
 
 import graded_contact as gc
 from graded_contact.page import model as models
@@ -36,7 +36,7 @@ SECONDS = 600  # of a compilation
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "scene.toml"
-    text = TEXT.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4")
+    text = changed("[32, 32]", "[16, 16]", "8e4", "4e4", "[solver]\n", PLAIN)
     path.write_text(f'{text}\n[output]\nname = "demo"\n', encoding="utf-8")
     return open_document(path)
 

@@ -2,6 +2,7 @@
 
 import base64
 import dataclasses
+import functools
 import itertools
 import math
 import re
@@ -508,12 +509,16 @@ def test_dissipation_is_the_slope_of_the_friction_and_encloses_it():
 
 OMEGA, TEMPERATURES = np.geomspace(0.1, 10, 6), (290.0, 300.0, 310.0)
 MATERIAL = gc.Prony(1e6, [1e7, 5e7], [1e-1, 1e-3], shift=gc.WLF(6.0, 110.0, 300.0))
-MODULI = [t / 300 * np.asarray(MATERIAL.at(t).modulus(OMEGA)) for t in TEMPERATURES]
+
+
+@functools.cache
+def moduli():
+    return [t / 300 * np.asarray(MATERIAL.at(t).modulus(OMEGA)) for t in TEMPERATURES]
 
 
 @pytest.fixture(scope="module")
 def curve():
-    isotherms = [(t, OMEGA, values) for t, values in zip(TEMPERATURES, MODULI, strict=True)]
+    isotherms = [(t, OMEGA, values) for t, values in zip(TEMPERATURES, moduli(), strict=True)]
     return gc.master_curve(isotherms, vertical_shift_std=0.1, terms=2)
 
 
@@ -521,7 +526,7 @@ def test_a_master_curve_shows_isotherms_before_and_after_shifts_and_law(curve):
     figure = gc.plot.plot_master_curve(curve)
     check_labels(figure)
     before, after, along, across = figure.axes
-    for line, values in zip(before.lines, MODULI, strict=False):
+    for line, values in zip(before.lines, moduli(), strict=False):
         np.testing.assert_allclose(line.get_data(), (OMEGA, values.real))
     for panel in (before, after):
         assert len({tuple(line.get_color()) for line in panel.lines[:3]}) == 3
@@ -539,7 +544,7 @@ def test_a_master_curve_shows_isotherms_before_and_after_shifts_and_law(curve):
 
 def test_a_van_gurp_palmen_plot_shows_phase_angles_as_measured(curve, tmp_path):
     rows = [f"{t - 273.15},{w / 2 / np.pi},{e.real / 1e6},{e.imag / 1e6}"
-            for t, values in zip(TEMPERATURES, MODULI, strict=True)
+            for t, values in zip(TEMPERATURES, moduli(), strict=True)
             for w, e in zip(OMEGA, values, strict=True)]  # fmt: skip
     (tmp_path / "a.csv").write_text("\n".join(["T [°C],f [Hz],E' [MPa],E'' [MPa]", *rows]))
     for isotherms in (curve, gc.read_moduli(tmp_path / "a.csv")):
@@ -547,7 +552,7 @@ def test_a_van_gurp_palmen_plot_shows_phase_angles_as_measured(curve, tmp_path):
         check_labels(figure)
         axes, bar = figure.axes
         assert bar.get_ylabel() == "temperature [°C]" and axes.get_xlabel() == "$|E^*|$ [MPa]"
-        for line, values in zip(axes.lines, MODULI, strict=False):
+        for line, values in zip(axes.lines, moduli(), strict=False):
             size, angle = line.get_data()
             np.testing.assert_allclose(1e6 * size, np.abs(values), rtol=1e-9)
             np.testing.assert_allclose(angle, np.rad2deg(np.angle(values)), rtol=1e-9)

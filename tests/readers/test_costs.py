@@ -51,11 +51,11 @@ def test_calls_grow_no_faster_than_the_bytes_of_a_text(tmp_path, kind):
     }
     for read in reads.values():
         counts = []
-        for n in (40, 40, 160):  # the first imports
+        for n in (2, 20, 80):  # the first imports
             path = tmp_path / f"{len(counts)}.csv"
             path.write_text(TEXTS[kind](n))
             counts.append(calls(lambda path=path, read=read: read(path)))
-        assert counts[2] < 5 * counts[1], counts
+        assert counts[2] < 6 * counts[1], counts  # 16 if they grew with the square
 
 
 @pytest.mark.parametrize(
@@ -76,11 +76,11 @@ def test_no_number_is_looked_for_in_long_cells(tmp_path, monkeypatch, line):
     for patterns in (cells._PLAIN_NUMBER, cells._GROUPED):
         for mark, pattern in patterns.items():
             monkeypatch.setitem(patterns, mark, Counting(pattern))
-    (tmp_path / "a.csv").write_text(40 * f"{line}\n")
+    (tmp_path / "a.csv").write_text(10 * f"{line}\n")
     with pytest.raises(ValueError, match=r"no table of numbers is found|columns without names"):
         read_moduli(tmp_path / "a.csv")
     assert max(seen) <= cells.LONGEST_NUMBER
-    assert sum(seen) < 20 * 41 * len(line)
+    assert sum(seen) < 20 * 11 * len(line)
 
 
 @pytest.mark.parametrize("cell, known", [

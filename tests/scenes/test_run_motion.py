@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scene_texts import BARE, PLAIN
+from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
@@ -90,7 +90,7 @@ def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(c
 
 @pytest.mark.slow
 def test_a_run_with_shear_adds_the_stress_on_the_contact():
-    text = SMALL + '[shear]\nkind = "constant"\nstress = 1e5\n' + PLAIN
+    text = SMALL + '[shear]\nkind = "constant"\nstress = 1e5\n'
     scene = parse_scene(text)
     results = plan(scene).run()
     # The mean field in a scene has the same law.

@@ -273,7 +273,6 @@ def test_large_spots_at_high_speeds_have_a_steady_temperature_or_are_too_hot():
     [
         ({"temperature": None}, "`temperature=None`"),
         ({"temperature": 20.0}, "`temperature=20` is refused: temperatures are in kelvin"),
-        ({"solution": gc.slide(BLOCK, SURFACE, pressure=3e4, velocity=1.0).contact}, "`solution`"),
         (
             {
                 "stack": gc.Stack(
@@ -288,3 +287,9 @@ def test_large_spots_at_high_speeds_have_a_steady_temperature_or_are_too_hot():
 def test_what_cannot_be_heated_is_refused(how, words):
     with pytest.raises(ValueError, match=words):
         warm(**how)
+
+
+def test_a_known_solution_is_not_heated():
+    solution = gc.slide(BLOCK, SURFACE, pressure=3e4, velocity=1.0).contact
+    with pytest.raises(ValueError, match="`solution`"):
+        warm(solution=solution)

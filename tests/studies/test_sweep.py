@@ -197,7 +197,8 @@ def test_a_sweep_of_contacts_equals_slide():
     def rub(point):
         surface = gc.random_surface(spectrum, grid, jax.random.key(point["seed"]))
         rubber = stack.at(point["temperature"])
-        return gc.slide(rubber, surface, pressure=1e5, velocity=0.1, throw=False)
+        plain = gc.contacts.DouglasRachford(newton=False)  # compiles in two thirds of the time
+        return gc.slide(rubber, surface, pressure=1e5, velocity=0.1, throw=False, solver=plain)
 
     study = sweep(rub, {"temperature": [293.0, 313.0], "seed": [0, 1]})
     alone = rub({"temperature": 313.0, "seed": 1})
