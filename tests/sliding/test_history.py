@@ -348,7 +348,7 @@ def test_motions_that_happen_once():
 )
 def test_the_path_after_a_rest_is_told_in_cells(displacement, expected):
     # Along x.
-    found = unsolved(displacement=jnp.asarray(displacement), facts=(), grid=GRID)
+    found = unsolved(displacement=jnp.asarray(displacement), facts=frozenset(), grid=GRID)
     np.testing.assert_allclose(path_after_rest(found), expected)
 
 
