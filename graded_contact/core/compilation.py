@@ -3,8 +3,10 @@
 XLA's older generator of CPU code, at its second level of optimisation, takes half the time that the
 defaults take (`bench_contact.py first`). The code was as fast within the scatter of a busy
 machine. At level 0 it takes half of that again; a contact then takes 1.1 (32²), 1.4 (64²) or 2.1
-times (128²) as long: at 64² the first 300 contacts gain. Such options belong to a whole
-program: inside the `jit` of a user the user sets them.
+times (128²) as long: at 64² the first 300 contacts gain. What is computed once, without a loop,
+has level 0 up to 256²: a contact takes 1.1 times, its errors 1.35 times as long, and the first 130
+contacts gain. Such options belong to a whole program: inside the `jit` of a user the user sets
+them.
 """
 
 import functools
@@ -39,6 +41,8 @@ _OF_SMALL, _OF_LARGE = 0, 2  # of 3
 # A program is small if nearly all of its operations return at most this many elements (64² points,
 # or as many waves), and if it is short: the mean of these, each times the turns of known loops.
 _SMALL, _NEARLY_ALL, _SHORT = 4500, 0.95, 20_000
+# And so is one without loops up to this many elements (256² points).
+_WITHOUT_LOOPS = 70_000
 
 
 def jit(function: F) -> F:
@@ -135,10 +139,18 @@ def _program(function: Callable, arrays: Any, others: Any, checks: bool) -> Call
 def options_for(program: Jaxpr) -> dict[str, Any]:
     """Returns the options with which a program compiles in less time."""
     options, (sizes, runs) = _options(), np.reshape(_sizes(program), (-1, 2)).T
-    small = not sizes.size or np.quantile(sizes, _NEARLY_ALL) <= _SMALL
-    if _LEVEL in options and small and np.sum(sizes * runs) <= _SHORT * sizes.size:
-        return options | {_LEVEL: _OF_SMALL}
-    return options
+    most = np.quantile(sizes, _NEARLY_ALL) if sizes.size else 0
+    small = most <= _SMALL and np.sum(sizes * runs) <= _SHORT * sizes.size
+    small = small or (most <= _WITHOUT_LOOPS and not _has_loops(program))
+    return options | {_LEVEL: _OF_SMALL} if small and _LEVEL in options else options
+
+
+def _has_loops(program: Jaxpr) -> bool:
+    return any(
+        operation.primitive.name in ("scan", "while")
+        or any(map(_has_loops, jaxprs_in_params(operation.params)))
+        for operation in program.eqns
+    )
 
 
 def _sizes(program: Jaxpr, known: dict[int, list] | None = None) -> list[tuple[int, int]]:

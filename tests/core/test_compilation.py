@@ -207,7 +207,10 @@ def test_arguments_are_refused_before_anything_is_compiled(programs):
 
 
 def test_programs_of_small_arrays_are_not_optimised(monkeypatch):
-    """Stacks of small arrays count as their members, operations of loops as often as they run."""
+    """Stacks of small arrays count as their members, operations of loops as often as they run.
+
+    Without loops larger arrays are small, too.
+    """
     levels = []
     compiled = jax.jit
 
@@ -221,9 +224,13 @@ def test_programs_of_small_arrays_are_not_optimised(monkeypatch):
     many = jnp.ones((4, 64, 64))
     gc.jit(lambda x: x + 1)(many[0])
     gc.jit(lambda x: x + 1)(many)
+    gc.jit(lambda x: x + 1)(jnp.ones((300, 300)))
+    gc.jit(lambda x: jax.lax.while_loop(lambda y: y[0, 0] < 9, lambda y: y + 1, x))(
+        jnp.ones((100, 100))
+    )
     gc.jit(lambda x: jax.lax.map(jnp.sin, x))(many)
     gc.jit(lambda x: jax.lax.scan(lambda y, _: (jnp.sin(y), None), x, length=100)[0])(many[0])
-    assert [level for level in levels if level is not None] == [0, 2, 0, 2]
+    assert [level for level in levels if level is not None] == [0, 0, 2, 2, 0, 2]
 
 
 def test_a_plain_number_that_varies_is_a_warning():
