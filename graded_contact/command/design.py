@@ -37,7 +37,7 @@ def design(
             rough = study.spectrum
             print_read(study.scene, rough if isinstance(rough, Surface) else None)
             return
-        folder, name = terminal.place_of(study.scene, scene_file, output)
+        folder, name = terminal.output_of(study.scene, scene_file, output)
         stem = terminal.checked_place(folder, f"{name}-design")
         if study.scene.title:
             typer.echo(study.scene.title)

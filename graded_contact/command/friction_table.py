@@ -56,7 +56,7 @@ def table(
     with terminal.refusing(), interruptible() as interruption:
         scene = read_scene(scene_file)
         _check(scene)
-        folder, name = terminal.place_of(scene, scene_file, output)
+        folder, name = terminal.output_of(scene, scene_file, output)
         stem = terminal.checked_place(folder, f"{name}-friction")
         files = {form: Path(f"{stem}.{form}") for form in ("inp", "csv", "h5")}
         for file in files.values():

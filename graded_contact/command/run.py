@@ -112,7 +112,7 @@ def run(
         engine = {"workers": workers or (None if scheduler else "auto"), "client": scheduler}
         check_workers(**engine)
         scene = read_scene(scene_file)
-        place = terminal.place_of(scene, scene_file, output)
+        place = terminal.output_of(scene, scene_file, output)
         # The point nearest to these values; on other axes the last.
         index = {name: len(values) - 1 for name, values in scene.axes.items()}
         for text in at or []:

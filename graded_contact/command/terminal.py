@@ -75,7 +75,7 @@ def refusing(spelt: Callable[[str], str] = str) -> Iterator[None]:
         raise typer.Exit(2) from error
 
 
-def place_of(scene: Scene, scene_file: Path, output: Path | None) -> tuple[Path, str]:
+def output_of(scene: Scene, scene_file: Path, output: Path | None) -> tuple[Path, str]:
     """Returns the folder for the results of a scene, and the start of the names of its files."""
     folder = output or scene.directory or Path(f"{scene_file.stem}-results")
     return folder, scene.name or scene_file.stem

@@ -11,7 +11,7 @@ from ..core.quantities import CYCLE, FIELDS, HISTORY, in_brackets, quantity_of
 from ..scenes.results import FLOWS, LEAKAGE
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
-from .inputs import FILM, RESULTS, check_drawn
+from .inputs import DATASETS, FILM, check_drawn
 from .style import PAGE, colours_of, draw_closed, entitle, finished, new_figure
 from .words import fluid_of, label_of, place_of, title_of
 
@@ -40,7 +40,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     - `cycle`: a solution of `slide_cycle` for a motion along x, or the result of `Plan.run` for a
       scene with [motion]: one line for each of its solves.
     """
-    check_drawn("cycle", cycle, CYCLE, RESULTS[CYCLE])
+    check_drawn("cycle", cycle, CYCLE, DATASETS[CYCLE])
     names = "surface_displacement", "friction", "contact_area"
     lines = _over_time(cycle, CYCLE, *names, "peak_friction_error")
     figure = new_figure(PAGE, 2.6)
@@ -85,7 +85,7 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
     - `history`: a solution of `slide_history` for a motion along x, or the result of `Plan.run` for
       a scene with [motion] `once = true`: one line for each of its solves.
     """
-    check_drawn("history", history, HISTORY, RESULTS[HISTORY])
+    check_drawn("history", history, HISTORY, DATASETS[HISTORY])
     names = ["friction", "contact_area", "load", "mean_gap"]
     results: Any = history
     if hasattr(history, "dims"):

@@ -9,15 +9,15 @@ from ..scenes.results import kind_of_results
 
 T = TypeVar("T")
 FIELDS_OF_ONE, FILM = "fields", "film"
-RESULTS = {kind: f"results {kind}" for kind in KINDS}  # of `Plan.run` and, if steady, of `sweep`
+DATASETS = {kind: f"results {kind}" for kind in KINDS}  # of `Plan.run` and, if steady, of `sweep`
 # What each kind of input is in words, and what draws it. Others are solutions.
 _DRAWN = {
     STEADY: ("a contact in steady sliding", "plot_sliding"),
     CYCLE: ("a contact in a motion that repeats", "plot_cycle"),
     HISTORY: ("a contact in what happens once", "plot_transient"),
-    RESULTS[STEADY]: ("results of steady sliding", "plot_sweep"),
-    RESULTS[CYCLE]: ("results of a motion that repeats", "plot_cycle"),
-    RESULTS[HISTORY]: ("results of what happens once", "plot_transient"),
+    DATASETS[STEADY]: ("results of steady sliding", "plot_sweep"),
+    DATASETS[CYCLE]: ("results of a motion that repeats", "plot_cycle"),
+    DATASETS[HISTORY]: ("results of what happens once", "plot_transient"),
     FIELDS_OF_ONE: ("the fields of `kept_contact(results, index)`", "plot_sliding"),
     FILM: ("the fields of `kept_contact(results, index)` over time", "plot_film"),
 }
@@ -49,7 +49,7 @@ def _kind_of(found: Any) -> str:
         whole = hasattr(found, "pressure") and hasattr(found, "gap")
         return kind if kind in KINDS else FIELDS_OF_ONE if whole else ""
     if {"message", "friction", "contact_area"} <= {*found.data_vars}:
-        return RESULTS[kind_of_results(found)]
+        return DATASETS[kind_of_results(found)]
     if not {"pressure", "gap"} <= {*found.data_vars}:
         return ""
     return FILM if {"time", "field_time"} & {*found.dims} else FIELDS_OF_ONE

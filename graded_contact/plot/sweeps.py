@@ -25,7 +25,7 @@ from ..scenes.results import (
 )
 from ..studies.dataset import NOT_STARTED
 from . import style
-from .inputs import RESULTS, check_drawn
+from .inputs import DATASETS, check_drawn
 from .words import fluid_of, kelvin, label_of, title_of
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def plot_leakage(results: "Dataset") -> "Figure":
 
     **Raises:** `ValueError` if there is no flow in the results.
     """
-    check_drawn("results", results, RESULTS[STEADY])
+    check_drawn("results", results, DATASETS[STEADY])
     if FLOWS[0] not in results:
         raise ValueError("`results` have no leakage: the scene needs the table [fluid].")
     drawn = LEAKAGE if LEAKAGE[0] in results else FLOWS
@@ -133,7 +133,7 @@ def plot_reduced(results: "Dataset") -> "Figure":
 
     **Raises:** `ValueError` with the reason if there is no such curve.
     """
-    check_drawn("results", results, RESULTS[STEADY])
+    check_drawn("results", results, DATASETS[STEADY])
     if "reduced_velocity" not in results:
         reason = "No master curve: the results have no axis of temperatures."
         raise ValueError(results.attrs.get("master_curve", reason))
@@ -206,7 +206,7 @@ def _lines(
     drawn: tuple[str, ...] = (),
 ) -> _Lines:  # fmt: skip
     """The lines of results along an axis: by default velocity, or the last with several points."""
-    check_drawn("results", results, RESULTS[STEADY])
+    check_drawn("results", results, DATASETS[STEADY])
     if not np.any(has_numbers(results)):
         raise ValueError(NOTHING)
     axes = [str(axis) for axis in results["message"].dims]
