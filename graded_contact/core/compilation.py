@@ -171,7 +171,12 @@ def _sizes(program: Jaxpr, known: dict[int, list] | None = None) -> list[tuple[i
 
 def alone(arguments: Any) -> bool:
     """Returns whether a function of these arguments runs outside `jit` and all transformations."""
-    return all(map(is_concrete, jax.tree.leaves(arguments))) and is_concrete(_probe_p.bind())
+    return all(map(is_concrete, jax.tree.leaves(arguments))) and outside_jit()
+
+
+def outside_jit() -> bool:
+    """Returns whether no `jit` traces this call; a derivative or `vmap` may."""
+    return is_concrete(_probe_p.bind())
 
 
 # Depends on no number: inside `jit` it is traced, and so are known arguments.

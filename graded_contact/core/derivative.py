@@ -7,6 +7,7 @@ it needs. It is a linear primitive with its transpose, since JAX itself would tr
 without the options that make it compile in less time.
 """
 
+import dataclasses
 from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar, cast
@@ -19,7 +20,7 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from .checks import is_concrete
-from .compilation import alone, compiled
+from .compilation import alone, compiled, outside_jit
 
 # Fails at run time if its second argument is true, else returns the first, a number.
 Check = Callable[[Array, Array], Array]
@@ -89,7 +90,7 @@ def derivative_apart(function: F, check: Check | None = None, explain: Explain |
     def change(found, args, tangents):
         given = jax.tree.map(lambda t: t is not None, tangents, is_leaf=lambda t: t is None)
         moving, fixed = eqx.partition(args, given)
-        if alone(args):
+        if outside_jit():
             like = eqx.filter(found, eqx.is_inexact_array)
             return _linear(along, back, (moving, fixed), tangents, like, explain)
         # Else a derivative in reverse would store what it needs.
@@ -123,24 +124,74 @@ def _linear(along, back, args: tuple, tangents: T, like: Any, explain: Explain |
     """
     (given, inner), (returned, outer) = jax.tree.flatten(tangents), jax.tree.flatten(like)
     arrays, others = eqx.partition(args, eqx.is_array)
-    arrays, structure = jax.tree.flatten(arrays)
-
-    def of_leaves(function, tree):
-        def run(arrays, changes):
-            args = eqx.combine(structure.unflatten(arrays), others)
-            changes = tree.unflatten(changes)
-            found = jax.tree.leaves(function(*args, changes))
-            if explain is not None and is_concrete(found[0]) and _is_lost(found[0]):
-                explain(function, args, changes)
-            return found
-
-        return run
-
+    (arrays, structure), (fixed, rest) = jax.tree.flatten(arrays), jax.tree.flatten(others)
+    of_leaves = partial(_OfLeaves, structure=structure, fixed=(*fixed,), rest=rest, explain=explain)
     changes = _linear_p.bind(
-        *arrays, *given, along=of_leaves(along, inner), back=of_leaves(back, outer),
+        *arrays, *given, along=of_leaves(along, tree=inner), back=of_leaves(back, tree=outer),
         given=tuple(map(jax.typeof, given)), returned=tuple(map(jax.typeof, returned)),
     )  # fmt: skip
     return outer.unflatten(changes)
+
+
+@dataclasses.dataclass(frozen=True)
+class _OfLeaves:
+    """A function of arguments and changes, linear in these, as one of their leaves."""
+
+    function: Callable
+    structure: Any  # of the arrays of the arguments
+    fixed: tuple  # leaves of the rest of these, and their structure
+    rest: Any
+    tree: Any  # of the changes
+    explain: Explain | None = dataclasses.field(compare=False)
+
+    def __call__(self, arrays, changes):
+        others = self.rest.unflatten(self.fixed)
+        args = eqx.combine(self.structure.unflatten(arrays), others)
+        changes = self.tree.unflatten(changes)
+        found = jax.tree.leaves(self.function(*args, changes))
+        if self.explain is not None and is_concrete(found[0]) and _is_lost(found[0]):
+            self.explain(self.function, args, changes)
+        return found
+
+
+@dataclasses.dataclass(frozen=True)
+class _Varied:
+    """What changes of some arrays change in a function of leaves, and its transpose.
+
+    The last of its arrays are the `count` changes of the function.
+    """
+
+    function: "_OfLeaves | _Varied"
+    which: tuple[int, ...]
+    count: int
+    way: Callable  # `_varied_along` or `_varied_back`
+
+    def __call__(self, arrays, changes):
+        split = len(arrays) - self.count
+        given = list(arrays[:split]), list(arrays[split:]), list(changes)
+        return self.way(self.function, self.which, *given)
+
+
+def _of_some(function, which, arrays, changes):
+    """A function of leaves, of some of its arrays, and these."""
+
+    def run(some):
+        known = dict(zip(which, some, strict=True))
+        return function([known.get(i, array) for i, array in enumerate(arrays)], changes)
+
+    return run, [arrays[i] for i in which]
+
+
+@compiled
+def _varied_along(function, which, arrays, changes, moved):
+    run, some = _of_some(function, which, arrays, changes)
+    return jax.jvp(run, (some,), (moved,))[1]
+
+
+@compiled
+def _varied_back(function, which, arrays, changes, cotangents):
+    run, some = _of_some(function, which, arrays, changes)
+    return jax.vjp(run, some)[1](cotangents)[0]
 
 
 _linear_p = Primitive("linear")
@@ -161,7 +212,7 @@ def _linear_transposed(cotangents, *leaves, along, back, given, returned):
 
 
 def _linear_batched(leaves, axes, **directions):
-    if not alone(leaves):
+    if not outside_jit():
         changes = jax.vmap(partial(_run_along, **directions), axes)(*leaves)
         return changes, [0] * len(changes)
     # One by one in the program that is compiled already.
@@ -176,8 +227,29 @@ def _linear_batched(leaves, axes, **directions):
     return changes, [0] * len(changes)
 
 
+def _linear_jvp(primals, tangents, *, along, back, given, returned):
+    count, directions = len(primals) - len(given), dict(along=along, back=back)
+    found = _linear_p.bind(*primals, **directions, given=given, returned=returned)
+    parts = []
+    if any(type(t) is not ad.Zero for t in tangents[count:]):
+        moved = map(ad.instantiate_zeros, tangents[count:])
+        bound = dict(directions, given=given, returned=returned)
+        parts.append(_linear_p.bind(*primals[:count], *moved, **bound))
+    if which := tuple(i for i in range(count) if type(tangents[i]) is not ad.Zero):
+        moved = [tangents[i] for i in which]
+        varied = partial(_Varied, along, which, len(given))
+        parts.append(
+            _linear_p.bind(
+                *primals, *moved, along=varied(_varied_along), back=varied(_varied_back),
+                given=tuple(map(jax.typeof, moved)), returned=returned,
+            )
+        )  # fmt: skip
+    return found, [sum(column[1:], column[0]) for column in zip(*parts, strict=True)]
+
+
 _linear_p.def_abstract_eval(lambda *_, returned, **__: returned)
 ad.deflinear2(_linear_p, _linear_transposed)
+ad.primitive_jvps[_linear_p] = _linear_jvp
 batching.primitive_batchers[_linear_p] = _linear_batched
 mlir.register_lowering(_linear_p, mlir.lower_fun(_run_along, multiple_results=True))
 

@@ -153,6 +153,14 @@ def test_a_derivative_by_rows_and_one_inside_a_rule_compile_no_program_again(pro
     rows = jax.jacrev(apart)(x, rate)
     np.testing.assert_allclose(rows, np.diag(np.cos(rate * x) * rate / 2), rtol=1e-12)
     assert programs["jit(shrunk)"] == programs["jit(back)"] == 1
+    total = lambda x: jnp.sum(apart(x, rate))  # noqa: E731
+    second = np.diag(-np.sin(rate * x) * rate**2 / 2)
+    for outer in (jax.jacfwd, jax.jacrev):
+        for inner in (jax.jacfwd, jax.jacrev):
+            np.testing.assert_allclose(outer(inner(total))(x), second, rtol=1e-12)
+    # All of them with the options.
+    assert programs["jit(_varied_along)"] and programs["jit(_varied_back)"]
+    assert programs["jit(shrunk)"] == 1
 
     def reached(rate):
         image = lambda rate, x: apart(x, rate) + jnp.asarray(np.float64(0.1))  # noqa: E731
