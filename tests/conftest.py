@@ -1,9 +1,12 @@
 """The suite runs in double precision, with annotations checked at run time."""
 
+import atexit
 import functools
 import gc
 import os
+import shutil
 import signal
+import tempfile
 from importlib.metadata import version
 
 # Compiling is most of the suite's time; optimising is a third of that, fusing loops half of the
@@ -22,6 +25,12 @@ os.environ.setdefault(
 os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 # Threads of small matrices mostly wait, and burn the processor while they do.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# Processes of commands share what they compile, apart from the folder of a user. Workers inherit it.
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    folder = os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="compiled-")
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.3"
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
 
 import jax
 import jaxtyping
@@ -43,6 +52,8 @@ settings.register_profile("search", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 jax.config.update("jax_enable_x64", True)
+# A test hardly ever finds a program of another one.
+jax.config.update("jax_enable_compilation_cache", False)
 # JAX makes a compiler's context for each program, and keeps it: a third of the time of a small
 # program, and 1 MB. All programs share one.
 if version("jax").startswith("0.10."):

@@ -1,5 +1,6 @@
 """Heights in bundles of arrays, workbooks and zips, and limits on what these unpack to."""
 
+import codecs
 import cProfile
 import hashlib
 import io
@@ -417,7 +418,9 @@ def test_odd_hdf5_opens_no_other_file(tmp_path):
 
 
 def read_anything(folder):
-    """Python opens the modules of the readers before."""
+    """Python opens the modules of the readers, and of codes of letters, before."""
+    for code in ("latin-1", "utf-16", "utf-32"):
+        codecs.lookup(code)
     with h5py.File(folder / "first.h5", "w") as file:
         file["z"] = SECRET
     read_surface(folder / "first.h5", unit="m", size=1e-3)
