@@ -26,7 +26,7 @@ os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 # Threads of small matrices mostly wait, and burn the processor while they do.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# Processes of commands share what they compile, apart from the folder of a user. Workers inherit it.
+# Processes of commands share what they compile, apart from the folder of a user; workers do, too.
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     folder = os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="compiled-")
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.3"
