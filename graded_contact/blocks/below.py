@@ -36,7 +36,7 @@ class Below(NamedTuple):
     c: Compliance
     n_t: Any = None
     c_t: Any = None
-    split: Any = None  # (1 - ν) c11 n_t - n c_t, None where C_xy is not asked for
+    split: Any = None  # (1 - ν) c11 n_t - n c_t
 
 
 def base_face(column: Column, like: Array) -> Face:
@@ -101,12 +101,11 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
         ratio_t, tanh = above.shear / face.shear, jnp.tanh(x)
         c_t = ratio_t * c_t
         antiplane = (n_t + tanh * c_t, c_t + tanh * n_t)
+        below = Below(n, c, n_t, c_t, ratio_t * split)
+        split = _split(below, s, x, e, tanh, m, antiplane[0])
         unit_t = _inverse_size(antiplane)
-        if split is not None:
-            below = Below(n, c, n_t, c_t, ratio_t * split)
-            split = _split(below, s, x, e, tanh, m, antiplane[0]) * unit * unit_t
         n_t, c_t = (unit_t * part for part in antiplane)
-        state = state._replace(n_t=n_t, c_t=c_t, split=split)
+        state = state._replace(n_t=n_t, c_t=c_t, split=split * unit * unit_t)
     return above._replace(state=state)
 
 
@@ -121,8 +120,7 @@ def _join(face: Face, give: Give) -> Face:
     if n_t is not None:
         # c11 and c_T get the same 1/k_s: what they differ by is unchanged.
         c_t = firm_s * c_t + give_s * face.shear / face.reduced * n_t
-        split = None if split is None else firm * firm_s * split
-        state = state._replace(n_t=firm_s * n_t, c_t=c_t, split=split)
+        state = state._replace(n_t=firm_s * n_t, c_t=c_t, split=firm * firm_s * split)
     return face._replace(state=state)
 
 

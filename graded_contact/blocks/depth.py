@@ -65,7 +65,6 @@ def depth_climb(
 
     def climb(add_graded):
         start = base_face(column, zero)
-        start = start._replace(state=start.state._replace(split=None))  # of no use here
         lower = climb_through(column, start, FULL, add_graded, below, heights, ~passed)
         whole = _with_base(column)
         upper = climb_through(whole, surface, _ABOVE, add_graded, above, heights, passed)
