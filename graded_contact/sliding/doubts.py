@@ -218,8 +218,8 @@ def extrapolated_friction(found: Found) -> Array:
     "", "1", "share of the times, by their logarithm, at which no modulus was measured",
     warns=Above(
         EXTRAPOLATED,
-        "{value:.0%} of the times between the shortest step and the end, by their logarithm, are "
-        "such at which a material was not measured: its modulus there is an extrapolation.",
+        "A material was not measured at {value:.0%} of the times between the shortest step and the "
+        "end, by their logarithm: its modulus there is an extrapolation.",
     ),
 )  # fmt: skip
 def extrapolated_times(found: TransientSliding) -> Array:

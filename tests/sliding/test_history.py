@@ -71,7 +71,7 @@ def test_times_beyond_the_measured_ones_are_a_share_of_their_decades(known, expe
     np.testing.assert_allclose(extrapolated_times(found), expected, atol=1e-4)
     told = caveats_of(lambda name: expected if name == "extrapolated_times" else 0.0, "history")
     words = f"{expected:.0%} of the times between the shortest step and the end"
-    assert sum(caveat.sentence.startswith(words) for caveat in told) == (expected > 0)
+    assert sum(words in caveat.sentence for caveat in told) == (expected > 0)
 
 
 def test_moduli_at_complex_frequencies_are_those_of_the_laplace_transform():
