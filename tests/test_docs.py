@@ -46,23 +46,6 @@ def test_what_a_page_calls_exists_and_takes_its_arguments(page):
         check_calls(block)
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.stem)
-def test_the_files_that_a_page_names_exist(page):
-    """From the root, or from the end of their path."""
-    for name in set(re.findall(r"[\w./-]+\.py\b", page.read_text(encoding="utf-8"))):
-        folders = ("graded_contact", "benchmarks", "docs")
-        assert (ROOT / name).exists() or any(any((ROOT / f).rglob(name)) for f in folders), name
-
-
-def test_the_steps_from_slide_to_friction_exist():
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    steps = re.findall(r"(\w+)(?:\.\w+)?  \((\w+/\w+\.py)\)", text)
-    assert len(steps) == 11
-    for name, file in steps:
-        source = (ROOT / "graded_contact" / file).read_text(encoding="utf-8")
-        assert re.search(rf"(def|class) {name}\b", source), (name, file)
-
-
 def test_what_examples_call_exists_and_takes_their_arguments(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS))
     for name, block in importlib.import_module("_examples").EXAMPLES.items():
@@ -84,23 +67,6 @@ def test_every_public_name_is_described_with_its_docstring(monkeypatch):
     assert set(rooms) <= set(pages)
 
 
-def test_no_docstring_lists_a_field_or_an_argument_twice():
-    for path in (ROOT / "graded_contact").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ClassDef | ast.FunctionDef):
-                for part in (ast.get_docstring(node) or "").split("\n\n"):
-                    entries = re.findall(r"^- (`[^:]*`):", part, flags=re.MULTILINE)
-                    names = re.findall(r"`([^`]*)`", " ".join(entries))
-                    assert len(names) == len(set(names)), (path.name, node.name, names)
-
-
-def test_the_table_of_keys_is_that_of_the_code(monkeypatch):
-    """`python docs/_generated.py` writes it anew."""
-    monkeypatch.syspath_prepend(str(DOCS))
-    made = importlib.import_module("_generated").keys_page()
-    assert (DOCS / "scene_keys.md").read_text(encoding="utf-8") == made
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_whole_scenes_of_a_page_are_read(page):
     text = page.read_text(encoding="utf-8")
@@ -114,57 +80,6 @@ def checks(monkeypatch):
     """What the build of the site refuses."""
     monkeypatch.syspath_prepend(str(DOCS))
     return importlib.import_module("_checks")
-
-
-@pytest.mark.parametrize(
-    "formula", [r"\tfrac43\,(k/E^*)", r"-\tfrac83\gamma", r"\frac\mu2", r"\dfrac 12"]
-)
-def test_a_fraction_without_braces_is_refused(checks, formula):
-    """docutils shows the first as 43 over a space."""
-    with pytest.raises(ValueError, match="with braces"):
-        checks.check_formula(formula)
-
-
-def test_all_fractions_have_braces(checks):
-    for part, ending in (("docs", "md"), ("graded_contact", "py"), ("notebooks", "ipynb")):
-        for path in (ROOT / part).rglob(f"*.{ending}"):
-            checks.check_formula(path.read_text(encoding="utf-8"))
-
-
-def test_links_of_the_site_to_no_file_and_to_no_anchor_are_found(checks, tmp_path):
-    (tmp_path / "pictures").mkdir()
-    (tmp_path / "pictures" / "a b.png").touch()
-    links = [
-        "#top", "b.html#%C3%A9", "b.html", "pictures/a%20b.png", "https://example.org/#none",
-        "mailto:a@example.org", "#none", "b.html#top", "c.html", "pictures/a%20b.png#none",
-    ]  # fmt: skip
-    anchors = "".join(f'<a href="{link}"></a>' for link in links)
-    (tmp_path / "a.html").write_text(f'<p id="top">{anchors}<img src="c.png"></p>')
-    (tmp_path / "b.html").write_text(
-        '<p id="\u00e9"><a href="a.html#top"></a></p>', encoding="utf-8"
-    )
-    assert checks.dead_links(tmp_path) == [
-        f"a.html: {link}" for link in (*links[6:], "c.png")
-    ]  # fmt: skip
-
-
-def test_messages_on_the_page_of_symptoms_are_printed_by_the_package():
-    """They have more than five words; … stands for values."""
-    texts = []
-    for path in (ROOT / "graded_contact").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.JoinedStr):
-                parts = [getattr(part, "value", "…") for part in node.values]
-                texts.append("".join(part if isinstance(part, str) else "…" for part in parts))
-            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                texts.append(re.sub(r"\{.*?\}|NUMBER", "…", node.value))
-    known = "\n".join(texts)
-    page = (DOCS / "howto" / "something_wrong.md").read_text(encoding="utf-8")
-    quoted = [text for _, text in re.findall(r"(`+)(.+?)\1(?!`)", page.replace("\n", " "))]
-    messages = [text for text in quoted if text.count(" ") > 4]
-    assert len(messages) > 15
-    for message in messages:
-        assert all(part.strip() in known for part in message.split("…")), message
 
 
 RUN = [

@@ -20,12 +20,9 @@ from graded_contact.blocks import (
     interface_depths,
     interior_fields,
     sliced,
-    stack_kernel,
     surface_compliance,
     surface_compliance_matrix,
 )
-from graded_contact.blocks.heated_stack import heated
-from graded_contact.blocks.tangential_kernel import tangential_kernels
 
 inf = np.inf
 RUBBER = gc.Prony(1e6, [2e7], [1e-4], poisson=0.49)
@@ -129,13 +126,6 @@ def test_a_perfect_bond_is_none_in_every_response():
         found.append([*jax.tree.leaves(fields), surface_compliance(stack, 1e4, 0.0)])
     for other in found[1:]:
         jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-13), found[0], other)
-
-
-def test_no_bond_adds_nothing_to_a_program():
-    stack = two_layers("half space", None)
-    assert len(jax.tree.leaves(stack)) == 8
-    smooth = jax.make_jaxpr(lambda s: surface_compliance(s, 1e4, 0.0))
-    assert "scan" not in str(smooth(stack)) and "scan" in str(smooth(two_layers("rigid", Bond())))
 
 
 def test_a_film_has_the_springs_of_its_material_and_is_the_limit_of_a_thin_soft_layer():
@@ -246,118 +236,10 @@ def test_riccati_refuses_a_smooth_interface_on_a_rigid_base_by_name():
     gc.Stack(layers=springs, base=gc.Rigid(), graded_solver=Riccati())
 
 
-@pytest.mark.parametrize("inside", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_derivatives_by_both_stiffnesses_agree_with_differences(inside):
-    """Of M_zz or of stresses, also at a smooth interface, under jit and vmap."""
-
-    def value(springs):
-        stack = two_layers("half space", Bond(*springs))
-        if not inside:
-            return 1e11 * surface_compliance(stack, jnp.array([1e3, 2e4]), 0.0)
-        stress = interior_fields(stack, 9e3, 0.0, 0.0, [0, 0, 1], 5e-5).stress
-        return jnp.stack([stress[0, 0].real, stress[0, 2].imag])
-
-    springs = jnp.array([[2e10, 3e9], [2e10, 0.0], [1e13, 1e5]])
-    slopes_of = jax.jit(jax.vmap(jax.jacfwd(value)))
-    slopes, values = slopes_of(springs), jax.jit(jax.vmap(value))
-    backward = jax.jit(jax.grad(lambda springs: jnp.sum(value(springs))))(springs[1])
-    np.testing.assert_allclose(jnp.sum(slopes[1], axis=0), backward, rtol=1e-10)
-    for j, sizes in enumerate(([1e5, 1e5, 1e9], [1e4, 1e4, 1e4])):
-        # One-sided, since no shear stiffness is negative; of second order.
-        step = np.zeros((3, 2))
-        step[:, j] = sizes
-        near = [values(springs + k * step) for k in range(3)]
-        change = (4 * near[1] - near[2] - 3 * near[0]) / (2 * np.array(sizes)[:, None])
-        least = 1e-6 * np.abs(near[0]) / np.abs(springs + step)[:, j, None]
-        scale = np.abs(slopes[:, :, j]) + least
-        np.testing.assert_allclose(slopes[:, :, j] / scale, change / scale, atol=2e-3)
-    assert np.all(slopes_of(jnp.full((3, 2), inf)) == 0)
-
-
 def test_traced_stiffnesses_that_are_refused_give_no_number():
     value = jax.jit(lambda k: surface_compliance(two_layers("rigid", Bond(*k)), 1e4, 0.0))
     assert np.isfinite(value(jnp.array([1e9, 0.0])))
     assert np.isnan(value(jnp.array([0.0, 1.0]))) and np.isnan(value(jnp.array([1.0, -1.0])))
-
-
-def test_kernels_hold_the_bond_at_every_wave():
-    stack = gc.Stack(
-        layers=(gc.Layer(gc.Elastic(1e8, 0.3), 1e-4, Bond(1e11, 0)),), base=gc.HalfSpace(RUBBER)
-    )
-    grid, v = gc.Grid((8, 8), 1e-3), jnp.array(0.1)
-    q, w = 2 * np.pi / 1e-3 * np.array([2, 1]), -0.1 * 2 * np.pi / 1e-3 * 2
-    expected = np.asarray(surface_compliance_matrix(stack, *q, w))
-    np.testing.assert_allclose(stack_kernel(stack, grid, v)[2, 1], expected[2, 2], rtol=1e-12)
-    lift, along, _ = tangential_kernels(stack, grid, v, jnp.array([1.0, 0.0]))
-    np.testing.assert_allclose(along[2, 1], expected[0, 0], rtol=1e-12)
-    np.testing.assert_allclose(lift[2, 1], expected[2, 0], rtol=1e-12)
-
-
-def test_single_precision_keeps_its_digits_from_soft_to_stiff_bonds():
-    q = np.array([1e1, 1e3, 1e5])
-    for bond in BONDS:
-        stack = two_layers("half space", Bond(*bond), Bond(*bond))
-        single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), stack)
-        q32, zero = q.astype(np.float32), np.float32(0)
-        found = surface_compliance_matrix(single, q32, zero, zero)
-        assert found.dtype == np.complex64
-        exact = np.asarray(surface_compliance_matrix(stack, q, 0.0, 0.0))
-        for i in range(3):
-            np.testing.assert_allclose(found[:, i, i], exact[:, i, i], rtol=1e-5)
-
-
-def test_bonds_stay_where_stacks_are_made_anew():
-    """Another temperature, slices of a graded layer, thin layers of a heated block."""
-    shifted = gc.Prony(1e6, [2e7], [1e-4], 0.49, shift=gc.WLF(293.0, 8.86, 101.6))
-    film, bond = Film(shifted, 1e-5), Bond(1e10, 1e8)
-    layers = (gc.Layer(shifted, 1e-4, film), gc.GradedLayer(Blend(shifted, shifted), 1e-4, bond))
-    stack = gc.Stack(layers=layers, base=gc.HalfSpace(shifted))
-    warm = stack.at(313.0)
-    np.testing.assert_allclose(warm.layers[0].bond.material.times, shifted.at(313.0).times)
-    assert warm.layers[1].bond.shear == 1e8 and film.material.times[0] == 1e-4
-    cut = sliced(stack, 3).layers
-    assert [layer.bond is None for layer in cut] == [False, True, True, False]
-    plain = dataclasses.replace(stack, layers=layers[:1])
-    rises, edges = jnp.array([30.0, 10.0]), jnp.array([0.0, 5e-5, 2e-4])
-    hot = heated(plain, jnp.array(293.0), rises, edges)
-    found = [layer.bond for layer in hot.layers if layer.bond is not None]
-    assert len(found) == 1  # in the second cell
-    np.testing.assert_allclose(found[0].material.times, shifted.at(303.0).times)
-    q, none = np.array([1e2, 1e5]), jnp.zeros(2)
-    cold = heated(plain, jnp.array(293.0), none, edges)
-    np.testing.assert_allclose(
-        surface_compliance(cold, q, 1e3), surface_compliance(plain.at(293.0), q, 1e3), rtol=1e-12
-    )
-
-
-def test_a_stack_of_many_bonds_is_one_loop():
-    """Laminate of equal layers with films of one kind: the program does not grow."""
-
-    def size(n):
-        layers = [gc.Layer(gc.Elastic(1e7, 0.3), 1e-5, Film(RUBBER, 1e-7))] * n
-        stack = gc.Stack(layers=layers, base=gc.Rigid())
-        text = str(jax.make_jaxpr(lambda s: surface_compliance(s, 1e4, 1e3))(stack))
-        return text.count("scan[")
-
-    assert size(3) == size(12)
-
-
-def test_refusals_name_the_bond():
-    with pytest.raises(ValueError, match=r"`layers\[0\]` has no thickness.*`shear=0`"):
-        gc.Stack(layers=(gc.Layer(RUBBER, 0.0, Bond(shear=0)),), base=gc.HalfSpace(RUBBER))
-    for wrong in (0, -1.0, np.nan):
-        with pytest.raises(ValueError, match=r"`normal=.*positive"):
-            Bond(wrong, 1.0)
-    with pytest.raises(ValueError, match=r"`shear=-1.*smooth"):
-        Bond(1.0, -1.0)
-    with pytest.raises(ValueError, match=r"`bond=.*must be a bond"):
-        gc.Layer(RUBBER, 1e-3, 3.0)
-    with pytest.raises(ValueError, match=r"`layers\[1\].bond`.*Free"):
-        two_layers("free", None, Bond())
-    stack = two_layers("rigid", Bond(1e9, 1e9))
-    assert gc.with_values(stack, {"layers[0].bond.shear": 0.0}).layers[0].bond.shear == 0
-    with pytest.raises(ValueError, match="`normal=0"):
-        gc.with_values(stack, {"layers[0].bond.normal": 0.0})
 
 
 # BISAR, KENLAYER and GAMES in the benchmark of the Belgian Road Research Centre (AMADEUS, final
@@ -402,58 +284,3 @@ def test_a_pavement_has_the_strains_of_three_programs(bond, published, digit):
     edge = [integral(along * (j0(x) - j1(x) / x)), *(integral(v * j0(x)) for v in verticals)]
     low, high, found = np.min(published, axis=0), np.max(published, axis=0), [*centre, *edge]
     assert np.all(low - digit / 2 < found) and np.all(found < high + digit / 2)
-
-
-def rough_line(waves):
-    q = 2 * np.pi / 1e-2
-    spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=q, q_roll=2 * q, q_high=waves * q)
-    return gc.random_surface(spectrum, gc.Grid(8 * waves, 1e-2), jax.random.key(0))
-
-
-@pytest.mark.slow
-def test_a_film_that_is_not_thin_against_the_waves_is_in_doubt():
-    """Against a layer: without a caveat friction is within 5 %, with it far off."""
-    surface, how = rough_line(32), {"pressure": 1e5, "velocity": 0.3}
-    rubber, far, doubted = gc.Prony(1e6, [2e7], [1e-4], poisson=0.49), [], []
-    for modulus in (1e5, 1e7):
-        for d in (1e-6, 1e-5, 1e-4, 1e-3):
-            film = gc.Elastic(modulus, 0.49)
-            layers = (gc.Layer(rubber, 1e-4, Film(film, d)),)
-            found = gc.slide(gc.Stack(layers=layers, base=gc.Rigid()), surface, **how)
-            layers = (gc.Layer(rubber, 1e-4), gc.Layer(film, d))
-            exact = gc.slide(gc.Stack(layers=layers, base=gc.Rigid()), surface, **how)
-            far.append(abs(float(found.friction / exact.friction) - 1))
-            doubted.append("`Film`" in " ".join(found.caveats))
-    assert all(doubts for doubts, off in zip(doubted, far, strict=True) if off > 0.05)
-    assert doubted[4:] == [False, False, True, True] and far[7] > 0.4
-    # In the counter, too; and a bond of springs has no thickness.
-    thick = gc.Stack(layers=(gc.Layer(rubber, 1e-4, Film(film, d)),), base=gc.Rigid())
-    block = gc.Stack(base=gc.HalfSpace(rubber))
-    assert gc.slide(block, surface, counter=thick, **how).film_thickness > 0.1
-    springs = gc.Stack(layers=(gc.Layer(rubber, 1e-4, Bond(1e9, 1e9)),), base=gc.Rigid())
-    assert gc.slide(springs, surface, **how).film_thickness == 0
-
-
-@pytest.mark.slow
-def test_a_search_and_an_uncertainty_take_the_stiffness_of_a_bond():
-    """The search returns the bond of a known friction; the error is slope times deviation."""
-    surface = rough_line(4)
-    stack = two_layers("rigid", Bond(3e10, 2e9))
-    path = "layers[0].bond.shear"
-
-    def friction(block):
-        layers = (dataclasses.replace(block.layers[0], material=RUBBER), *block.layers[1:])
-        block = dataclasses.replace(block, layers=layers)
-        return gc.slide(block, surface, pressure=1e5, velocity=1.0, rtol=1e-10).friction
-
-    at = lambda shear: gc.with_values(stack, {path: shear})  # noqa: E731
-    step = 2e6
-    slope = (friction(at(2e9 + step)) - friction(at(2e9 - step))) / (2 * step)
-    known = gc.studies.propagate(friction, {path: 1e8}, stack)
-    np.testing.assert_allclose(known.standard_error, abs(slope) * 1e8, rtol=1e-3)
-    wanted = friction(stack)
-    found = gc.minimise(
-        lambda values: (1e3 * (friction(at(values[path])) / wanted - 1)) ** 2,
-        {path: 2e8}, {path: 2e10}, {path: 8e8}, num_starts=1,
-    )  # fmt: skip
-    np.testing.assert_allclose(found.parameters[path], 2e9, rtol=1e-2)

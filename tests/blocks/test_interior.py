@@ -163,20 +163,6 @@ def test_gradient_matches_central_differences():
         assert abs(difference - slope) <= 1e-7 * abs(slope) + 1e-8
 
 
-def test_vmap_over_depth_and_thickness_and_jit_give_the_same_numbers():
-    def one(d, z):
-        stack = gc.Stack(layers=(gc.Layer(MATERIALS[0], d),), base=gc.Rigid())
-        return interior_fields(stack, 3.0, -2.0, OMEGA, TRACTION, z).stress
-
-    d, z = jnp.array([0.1, 0.2, 0.4]), jnp.array([0.05, 0.2, 0.3])
-    batch, single = jax.jit(jax.vmap(one))(d, z), jax.jit(one)
-    for i in range(3):
-        np.testing.assert_allclose(single(d[i], z[i]), batch[i], rtol=1e-13, atol=1e-15)
-    # Known only when it runs: the depth lies below the block.
-    with pytest.raises(Exception, match="below the bottom of the block"):
-        jax.block_until_ready(single(d[0], z[1]))
-
-
 def test_von_mises_of_simple_stresses():
     tension, pressure, shear = np.zeros((3, 3, 3))
     tension[0, 0], shear[0, 1], shear[1, 0] = 7e6, 2e6, 2e6
@@ -189,15 +175,3 @@ def test_von_mises_of_simple_stresses():
     slopes = jax.jit(jax.grad(lambda s: jnp.sum(von_mises(s))))(jnp.concatenate([stress, nothing]))
     np.testing.assert_allclose(slopes[0], np.diag([1, -0.5, -0.5]), atol=1e-12)
     np.testing.assert_array_equal(slopes[4], nothing[0])
-
-
-@pytest.mark.parametrize(
-    ("function", "arguments", "message"),
-    [
-        (interior_fields, (1.0, 0.0, 1.0, TRACTION, 0.66), "`depth=0.66` .* ends at 0.65 m"),
-        (stress_field, (gc.Grid(4, 1.0), np.ones(5), 0.1), r"`pressure` has shape \(5,\)"),
-    ],
-)
-def test_bad_input_is_refused(function, arguments, message):
-    with pytest.raises(ValueError, match=message):
-        function(stack_on("rigid"), *arguments)

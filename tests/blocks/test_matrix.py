@@ -216,8 +216,3 @@ def test_gradients_match_central_differences():
     # A Poisson's ratio of 1/2 may be exceeded, for the formulas are analytic there.
     expected = differences(jax.jit(lambda *a: value(*a)[0]), arguments, fixed=())
     np.testing.assert_allclose(slopes, expected, rtol=1e-2, atol=1e-4)
-
-
-def test_a_wave_without_a_wavelength_is_refused():
-    with pytest.raises(ValueError, match="`qx=0` with `qy=0` is refused"):
-        surface_compliance_matrix(stack_on("rigid"), 0.0, 0.0, 1.0)

@@ -1,5 +1,3 @@
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -16,7 +14,6 @@ from graded_contact.blocks.shapes import (
     Sinusoidal,
     Table,
 )
-from graded_contact.blocks.stack import GradedLayer, Stack
 
 S = np.linspace(0, 1, 21)
 STEEL, RUBBER = gc.Elastic(2e11, 0.3), gc.Prony(1e6, [1e8], [1e-3], 0.5)
@@ -74,93 +71,7 @@ def test_dilute_rigid_spheres_in_incompressible_rubber_follow_einstein():
     np.testing.assert_allclose(poisson, 0.5, atol=1e-7)
 
 
-def test_nearly_incompressible_materials_mix_logarithmically_whatever_the_shape():
-    """Where φ leaves [0, 1] an extrapolated Poisson's ratio would exceed 1/2."""
-    s = jnp.linspace(0, 1, 201)
-    profile = Blend(gc.Elastic(1e6, 0.5), gc.Elastic(3e6, 0.49), Sinusoidal(), "logarithmic")
-    phi = profile.shape(s)
-    assert np.min(phi) < -0.2 and np.max(phi) > 1.2
-    modulus, poisson = profile(s, jnp.asarray(0.0))
-    assert np.all(modulus > 0) and np.min(poisson) >= 0.49 and np.max(poisson) == 0.5
-    np.testing.assert_allclose(poisson[::200], [0.5, 0.49], rtol=1e-15)
-    # The solver reaches its tolerance: there is no kink.
-    stack = Stack(layers=[GradedLayer(profile, 1e-3)], base=gc.Rigid())
-    assert np.all(gc.blocks.graded_compliance(stack, [3e2, 3e3], 0.0, rtol=1e-9).error <= 1e-9)
-
-
 def test_aged_material_is_the_material_at_another_frequency():
     profile = Aged(RUBBER, 1.0, 100.0)
     modulus, _ = profile(jnp.asarray([0.0, 0.5, 1.0]), jnp.asarray(50.0))
     np.testing.assert_allclose(modulus, RUBBER.modulus(np.array([50.0, 500.0, 5000.0])), rtol=1e-13)
-
-
-def test_temperature_reaches_the_materials_of_every_profile():
-    tread = gc.tyre_tread()
-    for profile in (Blend(STEEL, tread), Mixture(tread, STEEL, Linear()), Aged(tread, 1.0, 9.0)):
-        stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=gc.Rigid())
-        cold = stack.at(273.15)
-        s, omega = jnp.asarray(0.4), jnp.asarray(10.0)
-        factor = tread.shift.factor(np.asarray(273.15))
-        np.testing.assert_allclose(
-            cold.layers[0].profile(s, omega)[0], profile(s, omega * factor)[0], rtol=1e-12
-        )
-    bare = Stack(layers=(GradedLayer(lambda s, omega: (1e6 + s, 0.3), 1e-3),), base=gc.Rigid())
-    with pytest.raises(ValueError, match="has no method `at"):
-        bare.at(273.15)
-
-
-class Named(gc.blocks.AbstractProfile):
-    """A rubber that a function stiffens with height; a text names what it does."""
-
-    stiffer: object
-    name: object = "rubber"
-
-    def __call__(self, s, omega):
-        factor = jnp.vectorize(self.stiffer, signature="(i)->(o)")(s[..., None])[..., 0]
-        return jnp.exp(factor) * RUBBER.modulus(omega), jnp.asarray(0.5)
-
-
-@pytest.mark.slow
-def test_a_network_is_a_profile_whose_weights_have_derivatives():
-    """Against central differences, in a program and without one; functions in it stay fixed."""
-    network = eqx.nn.MLP(1, 1, 3, 1, activation=jax.nn.tanh, key=jax.random.key(0))
-    layers, q = (GradedLayer(Named(network, None), 1e-4),), 2e4
-    stack = Stack(layers=layers, base=gc.HalfSpace(RUBBER))
-    assert all(eqx.is_array(leaf) for leaf in jax.tree.leaves(stack))
-
-    def weight_of(stack):
-        return stack.layers[0].profile.stiffer.layers[0].weight
-
-    def compliance(stack):
-        return jnp.abs(gc.surface_compliance(stack, q, 1e3))
-
-    value, slope = jax.jit(jax.value_and_grad(compliance))(stack)
-    np.testing.assert_allclose(value, compliance(stack), rtol=1e-12)
-    # 32 layers cut by hand, at their middle.
-    s = (np.arange(32)[::-1] + 0.5) / 32
-    factor = jax.vmap(network)(s[:, None])[:, 0]
-    cut = [
-        gc.Layer(gc.Prony(1e6 * f, [1e8 * f], [1e-3], 0.5), 1e-4 / len(s)) for f in np.exp(factor)
-    ]
-    np.testing.assert_allclose(value, compliance(Stack(layers=cut, base=stack.base)), rtol=1e-4)
-    for i, expected in enumerate(weight_of(slope)[:, 0]):
-        high, low = (
-            compliance(eqx.tree_at(weight_of, stack, weight_of(stack).at[i, 0].add(step)))
-            for step in (1e-4, -1e-4)
-        )
-        np.testing.assert_allclose((high - low) / 2e-4, expected, rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Table([0, 0.5], [1, 2]), "exactly 0 .* exactly 1"),
-        (lambda: Table([0, 0.5, 0.5, 1], [1, 2, 3, 4]), "heights must increase"),
-        (lambda: Mixture(STEEL, RUBBER, Sinusoidal()), "a volume fraction lies between 0 and 1"),
-        (lambda: GradedLayer(RUBBER, 1e-3), "`profile=.* must be called as profile"),
-        (lambda: GradedLayer(Named(jnp.sin, "tread"), 1e-3), "a field with 'tread', which is no"),
-    ],
-)
-def test_bad_profiles_are_refused(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()

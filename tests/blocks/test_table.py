@@ -117,10 +117,3 @@ def test_a_table_that_falls_short_gives_way_to_direct_evaluation(monkeypatch):
     within, reached = jax.jit(lambda v: attempted_kernel(LONG, GRID, v, rtol=rtol))(SPEED)
     assert reached
     np.testing.assert_allclose(within[k, k], kernel[k, k], rtol=1e-14)
-
-
-def test_bad_tables_are_refused():
-    with pytest.raises(ValueError, match="two dimensions"):
-        gc.blocks.kernel_table(LONG, gc.Grid(64, 1.0), SPEED)
-    with pytest.raises(ValueError, match="sliding along x"):
-        gc.blocks.kernel_table(LONG, GRID, [SPEED, 0.0])

@@ -1,8 +1,5 @@
 """Derivatives of a contact against central differences of converged solutions."""
 
-from functools import partial
-
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +7,6 @@ import pytest
 from conftest import BODIES, LAWS, SPEED, rough
 
 import graded_contact as gc
-from graded_contact.contacts.adjoint import LinearSplitting
 
 GRID = gc.Grid((32, 32), 1.0)
 HEIGHTS = rough(GRID, cut=4).heights
@@ -82,21 +78,6 @@ def test_derivatives_match_central_differences(law, control):
         np.testing.assert_allclose(reverse, forward[i], rtol=1e-7, err_msg=str(i))
 
 
-def test_gradients_of_a_batch_match_its_differences():
-    """Under `jit` and `vmap`, over the range of a law."""
-    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
-
-    def by_range(length):
-        law = gc.RepulsiveLJ(length, 0.05)
-        s = gc.solve_contact(kernel, HEIGHTS, LOAD, law=law, rtol=1e-10)
-        return jnp.mean(WEIGHTS * s.pressure)
-
-    batch = jax.jit(jax.vmap(jax.value_and_grad(by_range)))
-    value, slope = batch(1e-3 * jnp.array([1, 1 + 1e-5, 1 - 1e-5, 2, 2 + 1e-5, 2 - 1e-5]))
-    differences = (value[1::3] - value[2::3]) / 2e-8
-    np.testing.assert_allclose(slope[::3], differences, rtol=1e-5)
-
-
 def test_derivative_is_one_sided_where_a_point_only_just_touches():
     """A wave pressed just flat: its trough has σ = 0 and u = 0, and leaves if the load falls.
 
@@ -136,41 +117,6 @@ def test_mean_pressure_follows_the_load_exactly_and_nothing_the_mean_height():
     assert abs(by_lift[1]) <= 1e-9
 
 
-def test_errors_have_no_derivative():
-    """Derivatives of pressures go through the same program: that of a maximum was 0/0 there."""
-    kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
-    names = ("gap_error", "load_error", "complementarity_error", "penetration")
-
-    def errors(h):
-        found = gc.solve_contact(kernel, h, LOAD)
-        return jnp.stack([getattr(found, name) for name in names])
-
-    found, change = jax.jvp(errors, (HEIGHTS,), (HEIGHTS,))
-    assert np.all(found > 0)
-    np.testing.assert_array_equal(change, 0)
-
-
-def test_derivative_that_does_not_converge_raises_or_is_nan_without_throw():
-    kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
-
-    def total(h, throw, **limit):
-        # Too many points to eliminate.
-        options = dict(adjoint=LinearSplitting(**limit), rtol=1e-6, throw=throw)
-        return jnp.sum(WEIGHTS * gc.solve_contact(kernel, h, 0.5, **options).pressure)
-
-    hasty = jax.grad(partial(total, throw=True, max_steps=4))
-    with pytest.raises(RuntimeError, match=r"relative error is .*, the tolerance 2e-05\. Raise"):
-        hasty(HEIGHTS)
-    with pytest.raises(RuntimeError, match="its linear solve did not converge"):
-        eqx.filter_jit(hasty)(HEIGHTS)
-    with pytest.raises(RuntimeError, match="from a derivative that is not a number"):
-        jax.grad(lambda h: jnp.nan * total(h, throw=True))(HEIGHTS)
-    assert np.all(np.isnan(jax.grad(partial(total, throw=False, max_steps=4))(HEIGHTS)))
-    for throw in (True, False):  # JAX stores no program that calls Python
-        program = jax.jit(jax.grad(partial(total, throw=throw))).lower(HEIGHTS).as_text()
-        assert ("callback" in program) == throw
-
-
 def check_second_derivatives(by, point, step, atol):
     """Symmetric, and differences of the gradient: one compilation."""
     both = jax.jit(lambda x: (jax.grad(by)(x), jax.jacfwd(jax.grad(by))(x)))
@@ -195,19 +141,3 @@ def test_hessian_of_friction_is_symmetric_and_matches_differences():
         return gc.slide(stack, surface, pressure=0.02 * x[2], velocity=x[3], rtol=1e-12).friction
 
     check_second_derivatives(by, jnp.array([1.0, 0.3, 1.0, 0.1]), 1e-5, 1e-6)
-
-
-@pytest.mark.slow
-def test_hessian_under_a_law_that_attracts_is_symmetric_and_matches_differences():
-    """By stiffness, heights, mean gap and range; far apart the law's pressure is exactly 0."""
-    kernel = gc.stack_kernel(BODIES["bare"], gc.Grid((16,), 1.0), SPEED)
-    x = jnp.arange(16) / 16
-    ridges = 0.01 * jnp.cos(2 * jnp.pi * x) + 0.003 * jnp.cos(6 * jnp.pi * x + 1)
-
-    def by(x):
-        law = gc.contacts.ExponentialAdhesion(2e-5 * x[3], 1e-9)
-        job = dict(mean_gap=6e-3 * x[2], law=law, rtol=1e-12)
-        s = gc.solve_contact(x[0] * kernel, x[1] * ridges, **job)
-        return jnp.sum(WEIGHTS[0, :16] * (10 * s.pressure + 20 * s.displacement)) + s.mean_pressure
-
-    check_second_derivatives(by, jnp.ones(4), 1e-5, 1e-5)

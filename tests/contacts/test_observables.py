@@ -6,8 +6,7 @@ from conftest import BODIES, SPEED, rough
 
 import graded_contact as gc
 from graded_contact.contacts import area as area_of
-from graded_contact.contacts.operator import Steady, work_of_waves
-from graded_contact.fields.frequency import wave_frequencies
+from graded_contact.contacts.operator import Steady
 from graded_contact.sliding.energy import dissipation_of_waves
 from graded_contact.sliding.problem import SteadyProblem
 
@@ -128,45 +127,3 @@ def test_friction_of_two_waves_in_full_contact_rises_in_their_two_steps():
         compliance = complex(gc.surface_compliance(BODIES["bare"], size, qx * SPEED))
         expected += qx * a**2 * (1 / compliance).imag / (2 * load)
         np.testing.assert_allclose(mu[q > size][0], expected, rtol=1e-9)
-
-
-def test_friction_per_wave_works_under_jit_and_has_derivatives():
-    """Pressure and displacement that grow together: second order over first."""
-    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
-    s = gc.solve_contact(kernel, rough(GRID).heights, 0.05, rtol=1e-9)
-    plain = friction_up_to(s).friction
-
-    @jax.jit
-    def grown(c):
-        fields = (c * s.pressure, c * s.displacement)
-        return gc.sliding.cumulative_friction(*fields, GRID, SPEED).friction
-
-    np.testing.assert_allclose(grown(1.0), plain, rtol=1e-12)
-    np.testing.assert_allclose(jax.jacfwd(grown)(1.0), plain, rtol=1e-10)
-
-
-def test_a_point_whose_own_error_stands_out_is_in_doubt_at_a_larger_margin():
-    """As the last point of a contact to close: its neighbours are known long before it."""
-    pressure, correction = jnp.ones((16, 16)), jnp.zeros((16, 16)).at[3, 5].set(0.006)
-    for at_point, doubtful in ((0.03, 0), (0.02, 1)):
-        inside = pressure.at[3, 5].set(at_point)
-        doubt = area_of.area_in_doubt(inside, correction)
-        assert doubt * pressure.size == doubtful
-
-
-@pytest.mark.parametrize("angle", [10, 90])
-def test_a_scene_and_its_transpose_have_one_area(angle):
-    """Gaps at edges are weighed by waves of all directions, not by those along x alone."""
-    velocity = 0.1 * np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
-    kernels = [gc.stack_kernel(BODIES["bare"], GRID, v) for v in (velocity, velocity[::-1].copy())]
-    one, other = (area_of.edge_stiffness(kernel[None], GRID)[1] for kernel in kernels)
-    np.testing.assert_allclose(one, other, rtol=1e-12)
-
-
-def test_waves_across_an_oblique_velocity_have_no_frequency():
-    """0.3 × 7 - 0.7 × 3 is 4e-16 in floating point, and no frequency."""
-    grid, velocity = gc.Grid((32, 32), 1.0), jnp.array([0.3, 0.7])
-    assert wave_frequencies(grid, velocity)[-7, 3] == 0
-    wave = jnp.cos(2 * jnp.pi * (3 * jnp.arange(32) - 7 * jnp.arange(32)[:, None]) / 32)
-    q = -wave_frequencies(grid, velocity)
-    assert abs(jnp.sum(work_of_waves(2 + wave, jnp.roll(wave, 1, 0), q))) <= 1e-15

@@ -41,12 +41,3 @@ def test_derivative_along_a_path_is_that_of_its_last_contact():
     np.testing.assert_allclose(
         slope[1], (at(0.004 + step) - at(0.004 - step)) / (2 * step), rtol=1e-5
     )
-
-
-def test_failed_step_is_reported():
-    hasty = gc.contacts.DouglasRachford(max_steps=2)
-    arguments = dict(mean_gap=np.array([0.008, 0.004]), law=gc.HardWall(), solver=hasty)
-    path = gc.contacts.follow_contact(KERNEL, WAVE, **arguments, throw=False)
-    assert np.all(path.result == gc.contacts.RESULTS.max_steps_reached)
-    with pytest.raises(RuntimeError, match="max_steps"):
-        gc.contacts.follow_contact(KERNEL, WAVE, **arguments)

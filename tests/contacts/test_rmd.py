@@ -48,14 +48,6 @@ def test_both_criteria_hold_at_the_end(law, control):
     assert s.error <= (4e-6 if law == "adhesive" else 1e-6)
 
 
-def test_one_mass_for_all_points_reaches_the_same_contact_later():
-    local = solve("repulsive", rtol=1e-4)
-    plain = solve("repulsive", rtol=1e-4, solver=gc.contacts.ResidualDynamics(uniform_mass=True))
-    assert plain.num_steps > local.num_steps
-    scale = np.max(local.pressure)
-    np.testing.assert_allclose(plain.pressure, local.pressure, atol=1e-2 * scale)
-
-
 def test_unfinished_motion_is_reported():
     hasty = gc.contacts.ResidualDynamics(max_steps=5)
     with pytest.raises(RuntimeError, match="reached `max_steps` before `rtol`"):
@@ -65,12 +57,3 @@ def test_unfinished_motion_is_reported():
     assert s.num_steps == 5
     assert s.error > 1e-6
     np.testing.assert_allclose(s.mean_pressure, LOAD)
-
-
-@pytest.mark.parametrize(
-    "law", [gc.HardWall(), gc.contacts.ExponentialAdhesion(1e-3, 1e-6)], ids=str
-)
-def test_law_that_is_not_smooth_is_refused(law):
-    kernel = gc.stack_kernel(BODIES["elastic"], GRID)
-    with pytest.raises(ValueError, match=r"`law=.*needs a smooth law, `RepulsiveLJ`"):
-        gc.solve_contact(kernel, HEIGHTS, LOAD, law=law, solver=gc.contacts.ResidualDynamics())

@@ -9,7 +9,7 @@ import numpy as np
 from conftest import BODIES, rough
 
 import graded_contact as gc
-from graded_contact.contacts import LinearSplitting, SolverOutput
+from graded_contact.contacts import SolverOutput
 
 GRID = gc.Grid((16, 16), 1.0)
 SURFACE = rough(GRID, cut=4)
@@ -73,32 +73,3 @@ def test_sliding_takes_a_custom_solver():
     split = gc.slide(BODIES["bare"], SURFACE, **job)
     np.testing.assert_allclose(custom.contact_area, split.contact_area, rtol=1e-7)
     assert custom.num_fft_pairs != split.num_fft_pairs
-
-
-def test_derivatives_have_a_tolerance_and_a_solver_of_their_own():
-    """A loose derivative errs by its own tolerance from that of a dense solve."""
-    kernel = gc.stack_kernel(BODIES["elastic"], GRID).real
-
-    def dense(operator, weights, rhs, *, rtol, free_mean):
-        n, root = rhs.size, jnp.sqrt(jnp.abs(weights)).ravel()
-        unit = jnp.eye(n).reshape(n, *rhs.shape)
-        press = jax.vmap(operator.displace)(unit).reshape(n, n)
-        matrix = jnp.diag(1 - weights.ravel()) + root[:, None] * press * root
-        # The equation for what remains of a right side without mean, by a multiplier.
-        whole = jnp.block([[matrix, root[:, None]], [root[None], jnp.zeros((1, 1))]])
-        found = jnp.linalg.solve(whole, jnp.append(rhs.ravel(), 0.0))
-        return found[:n].reshape(rhs.shape)
-
-    weights = jnp.asarray(np.random.default_rng(0).normal(size=GRID.shape))
-
-    def slope(adjoint):
-        def by(load):
-            job = dict(adjoint=adjoint, rtol=1e-9)
-            return jnp.vdot(
-                weights, gc.solve_contact(kernel, SURFACE.heights, load, **job).pressure
-            )
-
-        return jax.jit(jax.grad(by))(LOAD)
-
-    loose = abs(slope(LinearSplitting(rtol=1e-2)) / slope(dense) - 1)
-    assert 1e-7 < loose < 0.1

@@ -23,17 +23,13 @@ from graded_contact.command.designed_scene import designed_scene
 from graded_contact.core.parameters import paths, with_values
 from graded_contact.designs.plan import DesignPlan, plan_design
 from graded_contact.designs.problem import (
-    contact_criteria,
-    criteria_of,
-    design_mean_field,
     design_problem,
 )
 from graded_contact.designs.results import Candidate, DesignResults
-from graded_contact.designs.search import not_in_mean_field, search_design
+from graded_contact.designs.search import not_in_mean_field
 from graded_contact.designs.table import parse_design
 from graded_contact.scenes.scene_file import parse_scene
 from graded_contact.studies.search import Descent, Design, Tried
-from graded_contact.studies.store import Store
 
 STEADY = {"q": 2.5e3, "omega": 250.0}
 
@@ -141,48 +137,6 @@ def test_a_designed_scene_changes_the_free_number_alone(tmp_path, text, path, ow
     assert path in {at for at in now if not np.array_equal(now[at], first[at])}
 
 
-def test_a_number_that_no_table_takes_is_refused_by_its_path(tmp_path):
-    law = "shift = {kind = 'wlf', c1 = 8.0, c2 = 100.0, reference = 290.0}\n"
-    text = FLAT.replace("[[layers]]", f"{law}[[layers]]").partition("[design.parameters]")[0]
-    text += '[design.parameters]\n"layers[0].material.shift.c1" = [1.0, 9.0]\n'
-    with pytest.raises(ValueError, match=r"no table takes .* 'layers\[0\]\.material\.shift\.c1'"):
-        scene_after(text, tmp_path, c1=4.0)
-
-
-def test_a_solve_that_fails_is_one_line(tmp_path, monkeypatch):
-    def fail(*_, **__):
-        raise RuntimeError("Above is the stack.\nequinox.RuntimeError: not solved.\n\n----\nHow to")
-
-    monkeypatch.setattr(DesignPlan, "run", fail)
-    result = design_command(tmp_path, tmp_path)
-    assert result.exit_code == 1
-    assert "Error: not solved.\n" in result.stderr and "How to" not in result.output
-
-
-@pytest.mark.slow
-def test_a_design_goes_on_from_where_it_was_interrupted(ran, tmp_path):
-    """To the same bits; whatever of it was finished is not done again."""
-    study, at = parse_design(DESIGN), []
-
-    def until(text, count):
-        def say(said, *_):
-            at.append(said)
-            if said.startswith(text) and at.count(said) + len(at) > count:
-                raise KeyboardInterrupt
-
-        return say
-
-    with Store(tmp_path / "points") as store:
-        for text in ("design, value", "design by contact, value", "contact, before"):
-            with pytest.raises(KeyboardInterrupt):
-                plan_design(study).run(store=store, progress=until(text, 8))
-        kept = sorted(path.name for path in store.folder.glob("*.point"))
-        assert len(kept) >= 3
-        results = plan_design(study).run(store=store)
-    values = json.loads((ran[0] / "coat-design.json").read_text())
-    assert results.values() == values
-
-
 def test_limits_hold_for_the_written_stack(designed):
     own, stack = designed
     stiffness = [abs(gc.effective_modulus(s, STEADY["q"], STEADY["omega"])) for s in designed]
@@ -191,21 +145,6 @@ def test_limits_hold_for_the_written_stack(designed):
     # Whatever is no parameter is as it was.
     assert stack.layers[0].material.equilibrium == own.layers[0].material.equilibrium
     np.testing.assert_array_equal(stack.base.material.strengths, own.base.material.strengths)
-
-
-def test_the_error_by_the_grid_of_the_verifying_contacts_is_told_beside_their_spread(ran, designed):
-    source, shares = parse_design(DESIGN).scene.surface, []
-    for key in jax.random.split(jax.random.key(source.seed), 2):
-        surface = gc.random_surface(source.spectrum, source.grid, key)
-        found = gc.slide(designed[1], surface, pressure=3e5, velocity=0.1, rtol=1e-5)
-        shares.append(float(found.friction_grid_error / found.friction))
-    low, high = sorted(shares)
-    assert low < 0.1 < high  # the least error that is reported
-    text = (ran[0] / "coat-design.txt").read_text(encoding="utf-8")
-    assert "±: standard deviation over 2 surfaces; the error of a contact" in text
-    told = "Contact, designed: The grid does not resolve the contact: the friction has an error of"
-    (line,) = (line for line in text.splitlines() if line.startswith(told))
-    assert f"about {high:.0%}." in line and line.endswith("(1 of 2 solves.)")
 
 
 def test_contact_on_other_surfaces_has_the_required_friction(designed):
@@ -261,18 +200,6 @@ def test_a_ratio_out_of_reach_is_reported_in_table_file_and_exit_code(tmp_path, 
     assert said in result.stdout and said in result.stderr and result.exit_code == 1
     assert said in (tmp_path / "coat-design.txt").read_text()
     assert results.design.converged and "NOT converged" not in result.stdout
-
-
-@pytest.mark.parametrize(
-    "reached, verify, said",
-    [
-        ([1.299], 0, False), ([1.28], 0, True), ([np.nan], 0, True),  # mean field: to 1 %
-        ([1.26], 1, False), ([1.2], 1, True),  # contact: to 5 %
-        ([1.0, 1.4], 2, False), ([1.19, 1.21], 2, True),  # and twice the standard error
-    ],
-)  # fmt: skip
-def test_a_ratio_is_missed_beyond_what_is_uncertain(reached, verify, said):
-    assert bool(came_to(reached, verify=verify).missed()) == said
 
 
 # On a profile, which compiles and solves faster.
@@ -359,95 +286,3 @@ def test_no_block_of_a_grid_beats_the_design_of_the_command(tmp_path):
     best, share = of({path: paths(written)[path] for path in study.start})
     assert share >= 0.1 * (1 - 1e-4) and best >= np.max(np.where(area >= 0.1, friction, 0))
     assert np.max(friction) > 1.01 * best  # the limit costs friction
-
-
-def test_the_mean_field_stays_where_contact_agrees_with_it():
-    study = parse_design(LINE.replace(", min_mean_gap = 1e-6", ""))
-    own = study.scene.stack
-
-    def agreeing(values):
-        found = criteria_of(study, with_values(own, values))
-        return {name: 1.02 * value for name, value in found.items()}
-
-    design, method, reason = search_design(study, agreeing, None, lambda *_: None)
-    assert method == "mean field" and reason == "contact agrees with it within 2 %"
-    assert design.converged
-
-
-def test_a_mean_field_that_stays_for_its_change_alone_says_so():
-    """Its values are 50 % off, at both blocks."""
-    study = parse_design(LINE.replace("limits = {min_contact_area = 0.3, min_mean_gap = 1e-6}", ""))
-    own, start = study.scene.stack, dict(study.start)
-
-    def contacts(values):
-        found = criteria_of(study, with_values(own, values))
-        share = 2.0 if all(values[path] == start[path] for path in start) else 2.06
-        return {name: share * value for name, value in found.items()}
-
-    _, method, reason = search_design(study, contacts, None, lambda *_: None)
-    off = "2.9 %"  # 1 - 1/1.03
-    assert method == "mean field"
-    assert (
-        reason == f"contact agrees with it within {off} in the change from the block of the scene"
-    )
-
-
-@pytest.mark.parametrize(
-    "limits, said",
-    [
-        ("max_friction = 0.12", "friction missed at 0.1 m/s: 0.13 of at most 0.12, by mean field"),
-        ("min_friction = 0.2", "friction missed at 0.1 m/s: 0.13 of at least 0.2, by mean field"),
-        ("max_friction = 0.13, min_friction = 0.13", None),
-    ],
-)
-def test_a_limit_that_the_design_misses_is_reported(limits, said):
-    text = DESIGN.replace("starts = 2", f"limits = {{{limits}}}")
-    found = came_to([1.3], text=text).missed()
-    assert found == ([] if said is None else [said])
-
-
-def test_a_block_that_softens_has_the_amplitude_of_the_scene():
-    soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
-    soft += "storage = [1.0, 0.5]\nloss = [1.0, 0.7]\n[[layers]]"
-
-    def softened(text):
-        text = text.replace("[[layers]]", soft).replace("[load]", "[load]\nstrain_per_slope = 0.7")
-        return text.replace('half_space"\nmaterial = "tread"', 'half_space"\nmaterial = "soft"')
-
-    study = parse_design(softened(DESIGN))
-    stack, at = study.scene.stack, dict(pressure=3e5, velocity=0.1, strain_per_slope=0.7)
-    field = gc.mean_field_friction(stack, study.spectrum, **at)
-    found = design_mean_field(study, stack)
-    np.testing.assert_allclose(found.friction[0], field.friction, rtol=1e-10)
-    surface = study.scene.surface.drawn(0)
-    friction = contact_criteria(study, stack, surface, 0.1)["friction"]
-    np.testing.assert_allclose(friction, gc.slide(stack, surface, **at).friction, rtol=1e-4)
-    with pytest.raises(ValueError, match="does not take the key `strain_per_slope`"):
-        parse_design(softened(FLAT))
-
-
-def test_friction_from_frequencies_that_were_not_measured_is_refused_or_reported():
-    """The waves excite 63 rad/s and more; of what is allowed the table tells the share."""
-    tread = 'kind = "tyre_tread"\npoisson = 0.49\n'
-    series = 'kind = "prony"\nequilibrium = 6e6\nstrengths = [2e7]\ntimes = [1e-3]\n'
-    text = FLAT.replace(tread, f"{series}measured = {{omega = [1e-3, 1.0]}}\n")
-    assert text != FLAT
-    with pytest.raises(ValueError, match=r"from 0.001 to 1 rad/s: up to \d+% .* `extrapolate"):
-        plan_design(parse_design(text))
-    allowed = parse_design(text.replace("velocity = 0.1", "velocity = 0.1\nextrapolate = true"))
-    assert allowed.scene.extrapolate
-    assert "not measured" not in came_to([1.3], outside=0.009).report()
-    assert "friction not measured at 0.1 m/s" in came_to([1.3], outside=0.25).report()
-
-
-def test_a_liquid_is_designed_by_the_mean_field_alone():
-    """A wave of the limited stiffness may be at rest, too."""
-    melt = DESIGN.replace("equilibrium = 5e6", "equilibrium = 0.0")
-    bare = melt.replace("verify = 2\n", "")
-    for text in (melt, bare.replace("omega = 250.0", "omega = 0.0")):
-        with pytest.raises(ValueError, match=r"^\[materials.coat\] is a liquid"):
-            plan_design(parse_design(text))
-    study = parse_design(bare)
-    plan_design(study)
-    field = design_mean_field(study, study.scene.stack)
-    assert np.all(field.friction > 0) and np.all(field.error < 1e-4)

@@ -1,7 +1,6 @@
 """Exported series are parsed back and summed here, apart from the package."""
 
 import dataclasses
-import json
 import tomllib
 
 import numpy as np
@@ -10,7 +9,7 @@ from oracles import maxwell
 from scene_texts import BARE
 
 import graded_contact as gc
-from graded_contact.exports.prony_cards import PRONY_CARDS, export_prony
+from graded_contact.exports.prony_cards import export_prony
 from graded_contact.scenes.scene_file import parse_scene
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)
@@ -95,17 +94,6 @@ def test_an_ansys_card_gives_the_modulus_back(material):
     same_law(list(tables["WLF"]["data"].values()), material.shift)
 
 
-@each_material
-def test_csv_and_json_hold_every_digit(material):
-    table = np.genfromtxt(export_prony(material, "csv").splitlines(), delimiter=",", skip_header=4)
-    assert np.isinf(table[0, 0])
-    assert np.array_equal(table[1:], np.stack([material.times, material.strengths], axis=1))
-    check(material, table[0, 1], table[1:, 1], table[1:, 0])
-    entries = json.loads(export_prony(material, "json", name="tread"))
-    assert entries["name"] == "tread" and entries["poisson"] == float(material.poisson)
-    check(material, entries["equilibrium"], entries["strengths"], entries["times"])
-
-
 @pytest.mark.parametrize("shift", [None, SHIFT, gc.Arrhenius(2e5 / 3, 293.15), TABLE])
 def test_a_toml_table_makes_the_same_material_in_a_scene(shift):
     material = gc.Prony(1e6 / 3, [2e9 / 3, 1e7 / 7], [1e-22 / 3, 1 / 3], 1 / 3, shift, RANGE)
@@ -122,32 +110,3 @@ def test_a_toml_table_makes_the_same_material_in_a_scene(shift):
         assert np.array_equal(warm.times, expected.times)
         assert np.array_equal(warm.strengths, expected.strengths)
     assert set(tomllib.loads(snippet)["materials"]) == {"my-rubber_2"}
-
-
-@pytest.mark.parametrize("format, mark", [("abaqus", "** "), ("ansys", "! "), ("csv", "# ")])
-@pytest.mark.parametrize("shift, number", [(gc.Arrhenius(8e4, 293.15), "80000.0"), (TABLE, "0.97")])
-def test_a_law_that_a_format_cannot_hold_is_in_a_comment(format, mark, shift, number):
-    text = export_prony(gc.Prony(1e6, [1e7], [1.0], 0.4, shift), format)
-    assert all(line.startswith(mark) for line in text.splitlines() if number in line)
-    assert number in text
-
-
-@pytest.mark.parametrize(
-    "material, format, options, expected",
-    [
-        (MATERIALS["tread"], "toml", {"name": "my tread"}, "`name='my tread'` is refused"),
-        (gc.Prony(0, [1e6], [1.0]), "abaqus", {}, "`equilibrium=0` Pa is refused: Abaqus"),
-        (gc.Prony(1e-4, [1e6], [1.0], 0.4), "ansys", {}, "at least 1e-07 of the instant"),
-        (gc.Prony(1e6, [1e6], [1.0], 0.5), "ansys", {}, "`poisson=0.5` is ref.*--poisson 0.4999"),
-        (gc.Prony(1, np.ones(101), np.ones(101), 0.4), "ansys", {}, "at most 100 terms"),
-    ],
-)
-def test_what_a_format_cannot_hold_is_refused(material, format, options, expected):
-    with pytest.raises(ValueError, match=expected):
-        export_prony(material, format, **options)
-
-
-def test_a_liquid_is_exported_where_no_ratio_is_needed():
-    liquid = gc.Prony(0, [1e6, 2e5], [1e-3, 1.0])
-    for format in set(PRONY_CARDS) - {"abaqus", "ansys"}:
-        assert "200000.0" in export_prony(liquid, format)

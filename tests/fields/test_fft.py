@@ -54,25 +54,3 @@ def test_derivatives_are_those_of_xla(bound, shape):
     for a, b in zip(ours, theirs, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-11)
     check_grads(lambda x: _fft.irfftn(kernel * _fft.rfftn(jnp.asarray(x)), shape), (x,), 2)
-
-
-@needs_ducc
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_batch_along_any_axis_is_that_of_its_members(bound, axis):
-    batch = field((3, 8, 6))
-    moved = jnp.moveaxis(batch, 0, axis)
-    spectra = jax.jit(jax.vmap(_fft.rfftn, in_axes=axis))(moved)
-    np.testing.assert_allclose(spectra, jnp.fft.rfftn(batch, axes=(1, 2)), atol=1e-13)
-    back = jax.vmap(lambda s: _fft.irfftn(s, (8, 6)))(spectra)
-    np.testing.assert_allclose(back, batch, atol=1e-14)
-    twice = jax.vmap(jax.vmap(_fft.rfftn))(batch[None])
-    np.testing.assert_allclose(twice[0], spectra, atol=1e-13)
-
-
-@needs_ducc
-def test_transforms_work_in_loops(bound):
-    def body(_, x):
-        return _fft.irfftn(0.5 * _fft.rfftn(x), (8, 6))
-
-    x = field((8, 6))
-    np.testing.assert_allclose(jax.jit(lambda x: jax.lax.fori_loop(0, 3, body, x))(x), x / 8)

@@ -3,7 +3,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from graded_contact.fields.frequency import wave_frequencies
 from graded_contact.fields.grid import (
     Grid,
     coordinates,
@@ -83,23 +82,6 @@ def test_the_derivative_of_a_cosine_is_exact(shape, axis):
     field = jnp.broadcast_to(jnp.cos(k * x + 0.3), shape)
     expected = np.broadcast_to(-k * np.sin(k * np.asarray(x) + 0.3), shape)
     np.testing.assert_allclose(derivative(field, grid, axis), expected, atol=1e-12 * k)
-
-
-def test_the_derivative_of_a_nyquist_wave_is_zero():
-    grid = Grid((8, 6), 1.0)
-    field = jnp.broadcast_to(jnp.asarray([1.0, -1.0] * 4)[:, None], (8, 6))
-    np.testing.assert_array_equal(derivative(field, grid, 0), 0)
-
-
-def test_a_wave_that_alternates_along_x_has_no_slope_there_and_no_frequency():
-    """With another wave along y the transform back does not hide what a sign of q would give."""
-    n = 8
-    grid, along_y = Grid((n, n), 1.0), np.cos(2 * np.pi * np.arange(n) / n)
-    field = jnp.asarray(np.outer((-1.0) ** np.arange(n), along_y))
-    np.testing.assert_allclose(derivative(field, grid, 0), 0, atol=1e-12)
-    omega = wave_frequencies(grid, (1.0, 2.0))
-    np.testing.assert_allclose(omega[n // 2, 1], -2 * 2 * np.pi, rtol=1e-12)
-    np.testing.assert_allclose(wave_frequencies(grid, 1.0)[n // 2], 0, atol=1e-12)
 
 
 @pytest.mark.parametrize("shape", SHAPES)

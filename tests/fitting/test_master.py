@@ -3,7 +3,6 @@
 import dataclasses
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from oracles import maxwell
 from scene_texts import BARE
 from scipy.optimize import least_squares
 
-import graded_contact as gc
 from graded_contact import master_curve
 from graded_contact.exports.prony_cards import export_prony
 from graded_contact.fitting.shifting import with_found
@@ -241,48 +239,6 @@ def test_moduli_in_time_are_shifted_and_handed_on_with_their_vertical_shifts(kin
     np.testing.assert_allclose(found.log10_shifts, wlf(TEMPERATURES), atol=1e-3)
 
 
-def test_a_law_that_fails_and_steps_of_decades_are_reported(bent_curve, curve):
-    assert "The exported table of shifts fits" in bent_curve.report()
-    assert "% and is exported" in curve.report() and "Look at" not in curve.report()
-    close = [((REFERENCE + (t - REFERENCE) / 4), x, values) for t, x, values in isotherms(bent)]
-    found = master_curve(close, shift_std=1, terms=4)
-    assert "Look at the steps of log10 a_T from 293.00 to 295.50 K (-1." in found.report()
-
-
-def test_a_constant_at_its_bound_is_an_error_and_not_exported():
-    """Shifts that fall faster the hotter it is: WLF's curvature has the other sign."""
-
-    def falling(temperature):
-        return -0.05 * (temperature - REFERENCE) - 0.001 * (temperature - REFERENCE) ** 2
-
-    found = master_curve(isotherms(falling), terms=4)
-    assert "Error: a constant of this law ran to the end of its range" in found.report()
-    assert isinstance(found.exported().shift, TabulatedShift)
-
-
-PLAZEK = [144.9, 133.8, 125, 114.5, 109.6, 106.7, 104.5, 101.8, 100.6, 97]  # °C
-CREEP_IN_SHEAR = {"kind": "creep", "units": {"time": "s", "compliance": "cm2/dyn"}, "poisson": 0.5,
-                  "temperature": 273.15 + np.array(PLAZEK), "deformation": "shear"}  # fmt: skip
-MEASURED_SETS = {
-    "reptate_PI600k_raw_isotherms.csv": {"poisson": 0.5},
-    "pyvisco_freq_user_raw.csv": {},
-    "vinylfoam_dma_raw.csv": {"units": {"modulus": "MPa"}},
-    "epdm70_tf_015p.csv": {"poisson": 0.5},
-    "plazek1965_ps_creep_isotherms.csv": CREEP_IN_SHEAR,
-}
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")
-@pytest.mark.parametrize("name", MEASURED_SETS)
-def test_measured_materials_are_handed_on_within_the_error_of_their_fit(name):
-    measured = gc.read_moduli(DATA / name, **MEASURED_SETS[name])
-    found = master_curve(measured, vertical_shift_std=0.1)
-    curves = [(np.mean(m.temperature), m.abscissa, m.values) for m in measured.isotherms()]
-    error, kind = found.fit.errors().total, found.fit.data.kind
-    assert misfit(read_back(found), curves, kind) <= 1.1 * error
-
-
 def test_an_arrhenius_law_is_recovered():
     curve = master_curve(isotherms(arrhenius), law="arrhenius", shift_std=0, terms=4)
     assert isinstance(curve.shift, Arrhenius)
@@ -301,13 +257,6 @@ def test_vertical_shifts_are_recovered_within_their_limits():
     assert np.all(np.abs(shift_error) <= 4 * along)
     without = master_curve(isotherms(vertical=0.05), terms=4)
     assert without.fit.errors().total > 1.5 * curve.fit.errors().total
-
-
-def test_the_reference_is_the_isotherm_nearest_to_it():
-    curve = master_curve(isotherms()[::-1], shift_std=0, reference=280.0, terms=4)
-    np.testing.assert_allclose(curve.log10_shifts, wlf(TEMPERATURES) - wlf(278.0), atol=0.03)
-    assert float(curve.log10_shifts[1]) == 0 and float(curve.shift.reference) == 278
-    assert spread(curve.material, wlf(278.0)) < 0.05
 
 
 # Optimum and uncertainty ------------------------------------------------------------------------
@@ -353,87 +302,7 @@ def test_errors_of_the_shifts_are_as_large_as_reported():
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
 
 
-def test_a_flat_isotherm_has_large_errors_of_its_shift():
-    """Storage moduli far below the transition say nothing of a shift: only the law does."""
-    line = np.exp(0.01 * np.random.default_rng(1).standard_normal(12))
-    cold = (235.0, OMEGA, modulus(OMEGA, wlf(235)) * line)
-    along, _ = master_curve(
-        [cold, *isotherms()[1:]], terms=4, weights=(1.0, 0.0)
-    ).shift_deviations()
-    assert along[0] > 0.3 > 10 * max(along[1:])
-
-
-@pytest.mark.slow
-def test_limits_enclose_the_modulus_at_any_temperature(curve):
-    for temperature in (None, 278.0):
-        lower, upper = map(channels, map(np.asarray, curve.confidence(OMEGA, temperature)))
-        exact = channels(modulus(OMEGA, 0.0 if temperature is None else wlf(temperature)))
-        assert np.all((0.9 * lower < exact) & (exact < 1.1 * upper))
-        assert np.mean((lower < exact) & (exact < upper)) > 0.7
-        assert np.all(upper / lower < 1.5)
-    known = map(channels, map(np.asarray, curve.fit.confidence(OMEGA)))
-    widths = [np.log(high / low) for low, high in [known, map(channels, curve.confidence(OMEGA))]]
-    # Neighbours, whose likeness is estimated, are others once the isotherms are one series.
-    ratio = widths[1] / widths[0]
-    assert np.median(ratio) > 1 and np.all(ratio > 0.9), ratio
-
-
-def test_the_material_and_its_limits_know_the_temperatures_of_the_isotherms(curve):
-    """A kelvin beyond the ends counts as measured."""
-    for material in (curve.material, curve.law_material(), curve.exported()):
-        np.testing.assert_array_equal(material.measured.temperature, TEMPERATURES[[0, -1]])
-    law = curve.law_material()
-    for temperature, known in ((267.1, True), (266.9, False), (323.9, True), (324.1, False)):
-        lowest, highest = law.at(temperature).coverage()
-        assert bool(lowest < highest) == known
-    first, last = (float(end) for end in curve.material.at(278.0).coverage())
-    omega = np.geomspace(0.9 * first, 1.1 * last, 12)
-    for limit in curve.confidence(omega, 278.0):
-        np.testing.assert_array_equal(np.isfinite(limit.imag), np.arange(12) % 11 > 0)
-
-
 # Derivatives ------------------------------------------------------------------------------------
 
 
-def test_derivatives_by_the_data_match_differences():
-    """Of the modulus at a temperature, along a random direction and by one reverse pass."""
-    curves = isotherms(noise=0.02)
-    logs = jnp.stack([jnp.log(channels(values)) for _, _, values in curves])
-    direction = np.random.default_rng(2).standard_normal(logs.shape)
-
-    def loss(logs):
-        given = [
-            (t, OMEGA, jax.lax.complex(*jnp.exp(row.reshape(2, 12))))
-            for t, row in zip(TEMPERATURES, logs, strict=True)
-        ]
-        material = master_curve(given, shift_std=0, terms=4).material
-        return jnp.log(material.at(283.0).modulus(1.0).imag)
-
-    gradient = jax.jit(jax.grad(loss))(logs)
-    ends = [loss(logs + step * direction) for step in (1e-5, -1e-5)]
-    np.testing.assert_allclose(np.sum(gradient * direction), (ends[0] - ends[1]) / 2e-5, rtol=1e-4)
-
-
 # Refusals ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "change, arguments, message",
-    [
-        (lambda c: c[:1], {}, "`isotherms` holds 1; at least 2 are needed"),
-        (lambda c: [*c, c[0]], {}, "`isotherms` has 268 K twice"),
-        (lambda c: [(t - 260, x, m) for t, x, m in c], {}, "they are in kelvin"),
-        (lambda c: c, {"reference": 25.0}, "`reference=25` is refused: isotherms are from 268"),
-        (lambda c: c, {"terms": 90}, "`terms=90` has 181 unknowns"),
-    ],
-)
-def test_what_cannot_be_shifted_is_refused(change, arguments, message):
-    with pytest.raises(ValueError, match=message):
-        master_curve(change(isotherms()), **arguments)
-
-
-def test_an_isotherm_in_another_unit_is_refused():
-    curves = isotherms()
-    curves[2] = (*curves[2][:2], 1e-6 * curves[2][2])
-    with pytest.raises(ValueError, match="every positive spectrum"):
-        master_curve(curves, terms=4)

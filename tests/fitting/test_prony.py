@@ -180,27 +180,6 @@ def test_the_path_has_every_length_and_the_least_criterion_is_chosen(tread):
 # Weights, known ends --------- ------------------------------------------------------------------
 
 
-def test_a_double_weight_is_a_point_measured_twice(tread):
-    omega, values, _ = tread
-    double = np.arange(80) % 3 == 0
-    one = fit_prony(omega, values, terms=6, weights=(1.0 + double, 1.0 + double))
-    again = fit_prony(np.append(omega, omega[double]), np.append(values, values[double]), terms=6)
-    assert spread(one, again.material) < 1e-5
-
-
-def test_missing_values_and_those_of_no_weight_are_left_out(tread):
-    omega, values, _ = tread
-    bad = (omega > 1e2) & (omega < 1e3)  # a decade
-    absent = fit_prony(omega, np.where(bad, np.nan + 1j * np.nan, values), terms=7)
-    ignored = fit_prony(omega, np.where(bad, -1 - 1j, values), terms=7, weights=(~bad, ~bad))
-    removed = fit_prony(omega[~bad], values[~bad], terms=7)
-    assert spread(absent, removed.material) < 1e-5
-    assert spread(ignored, removed.material) < 1e-5
-    half = fit_prony(omega, np.where(bad, values.real + 1j * np.nan, values))
-    assert spread(half, gc.tyre_tread(), omega[~bad]) < 0.1  # the gap of the loss is bridged
-    assert spread(half, gc.tyre_tread(), omega[bad]) < 0.2
-
-
 @pytest.mark.parametrize("kind", FITS)
 def test_known_ends_are_met(kind):
     x, values = measured(kind)
@@ -233,14 +212,6 @@ def test_the_creep_of_a_liquid_gives_its_viscosity():
     np.testing.assert_allclose(flow, viscosity, rtol=1e-5)
     traced = jax.jit(lambda values: fit_creep(TIME, values, equilibrium=0, terms=3).theta)(values)
     np.testing.assert_allclose(traced, fit.theta, rtol=1e-6)
-
-
-def test_a_loss_modulus_alone_is_fitted_when_the_equilibrium_is_known():
-    _, values = measured("frequency")
-    fit = fit_prony(OMEGA, values, weights=(0.0, 1.0), equilibrium=START)
-    np.testing.assert_allclose(young(fit.material), values, rtol=1e-6)
-    with pytest.raises(ValueError, match="a loss modulus alone"):
-        fit_prony(OMEGA, values, weights=(0.0, 1.0))
 
 
 # The verdict ------------------------------------------------------------------------------------
@@ -280,15 +251,6 @@ def test_a_melt_gets_no_equilibrium_modulus_and_a_solid_keeps_its_own():
     found = fit_prony(OMEGA, noisy(low, 0.02)).material.equilibrium
     assert low[0].imag > low[0].real
     np.testing.assert_allclose(found, 4e5, rtol=0.05)
-
-
-def test_a_channel_of_little_weight_may_be_far_off(tread):
-    omega, values, _ = tread
-    wrong = values.real + 10j * values.imag
-    with pytest.raises(ValueError, match="Half of the measured values"):
-        fit_prony(omega, wrong, terms=5, weights=(1.0, 0.5))
-    fit = fit_prony(omega, wrong, terms=5, weights=(1.0, 0.01))
-    assert fit.errors().storage < 0.1 < fit.errors().loss
 
 
 def test_errors_are_those_of_the_material(tread):
@@ -376,63 +338,7 @@ def test_derivatives_by_everything_given_match_differences(kind):
     np.testing.assert_allclose(slopes, differences, rtol=1e-4, atol=1e-6)
 
 
-def test_one_reverse_pass_gives_the_derivative_by_every_point_under_jit_and_vmap():
-    _, values = measured("frequency")
-    values = noisy(values, 0.03)[::3]
-    start = fit_prony(OMEGA[::3], values, terms=3)
-
-    def loss_tangent(logs):
-        given = jnp.exp(jax.lax.complex(logs[0], logs[1]))
-        fitted = fit_prony(OMEGA[::3], given, start=start).material.modulus(1.0)
-        return fitted.imag / fitted.real
-
-    logs = jnp.stack([jnp.log(np.abs(values)), jnp.angle(values)])
-    batch = jnp.stack([logs, logs.at[0].add(0.1)])  # the second of moduli 10 % higher
-    value, gradient = jax.jit(jax.vmap(jax.value_and_grad(loss_tangent)))(batch)
-    np.testing.assert_allclose(value, loss_tangent(logs), rtol=1e-6)
-    np.testing.assert_allclose(gradient[1], gradient[0], rtol=1e-5, atol=1e-9)
-    for index in [(0, 4), (1, 11)]:
-        ends = [loss_tangent(logs.at[index].add(step)) for step in (1e-5, -1e-5)]
-        np.testing.assert_allclose(gradient[0][index], (ends[0] - ends[1]) / 2e-5, rtol=1e-4)
-
-
 # Robustness -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("count", [3, 10])
-def test_few_points_are_met_without_nonsense(count):
-    omega = np.geomspace(1e-2, 1e6, count)
-    fit = fit_prony(omega, young(gc.tyre_tread(), omega))
-    assert len(fit.theta) <= 2 * count
-    fitted = young(fit.material, np.geomspace(1e-4, 1e8, 50))
-    assert np.all(np.isfinite(fitted)) and np.all(fitted.imag > 0)
-    assert "too few to judge" in fit.verdict() or count > 3
-
-
-def test_ten_thousand_points_are_fitted_like_eighty():
-    omega = np.random.default_rng(2).permutation(np.geomspace(1e-2, 1e6, 10_000))
-    truth = gc.tyre_tread()
-    fit = fit_prony(omega, noisy(young(truth, omega), 0.1), terms=9)
-    assert abs(fit.errors().total - 0.1) < 0.002
-    assert spread(fit, truth, np.geomspace(1e-2, 1e6, 80)) < 0.03
-
-
-def test_more_terms_than_the_data_determine_do_no_harm(tread):
-    omega, values, fit = tread
-    long = fit_prony(omega, values, terms=40)
-    assert long.errors().total <= fit.errors().total
-    assert spread(long, gc.tyre_tread(), omega) < 0.1
-
-
-def test_data_of_no_material_are_refused_or_flagged(tread):
-    """A column the wrong way round."""
-    omega, values, _ = tread
-    falling = values.real[::-1] + 1j * values.imag
-    with pytest.raises(ValueError, match="from every positive spectrum"):
-        fit_prony(omega, falling)
-    fit = fit_prony(omega, falling, terms=3, throw=False)
-    assert np.all(np.isfinite(np.asarray(fit.theta))) and fit.floor().total > 0.2
-    assert "contradict each other" in fit.verdict()
 
 
 FREQUENCY, CREEP = measured("frequency"), measured("creep")
@@ -454,43 +360,6 @@ REFUSED = [
     (fit_creep, 1e300 * TIME, TIME, {}, "a measured value lies between 1e-100 and 1e"),
     (fit_creep, TIME, CREEP[1][::-1], {}, "from every positive spectrum"),
 ]  # fmt: skip
-
-
-@pytest.mark.parametrize("fit, x, values, arguments, message", REFUSED)
-def test_what_cannot_be_fitted_is_refused(fit, x, values, arguments, message):
-    with pytest.raises(ValueError, match=message):
-        fit(x, values, **arguments)
-
-
-def test_a_modulus_at_time_zero_is_the_glassy_one():
-    _, values = measured("relaxation", 1)
-    at_once = fit_relaxation(np.append(0.0, TIME), np.append(START + 2e7, values))
-    np.testing.assert_allclose(at_once.material.glassy, START + 2e7, rtol=1e-6)
-
-
-def test_creep_gives_no_glassy_modulus_beyond_what_its_first_strain_can_show():
-    """Creep that begins as t^0.9 has no instant strain: its E_inf was 1e9 times too high."""
-    values = 1e-9 * TIME**0.9
-    fit = fit_creep(TIME, values)
-    assert 1 / values[0] <= float(fit.material.glassy) < 31 / values[0]
-    assert "E_inf is not determined" in fit.report()
-    assert "E_inf is not determined" not in fit_creep(*measured("creep")).report()
-    stated = fit_creep(TIME, values, glassy=1e18, terms=fit.terms)
-    np.testing.assert_allclose(stated.material.glassy, 1e18, rtol=1e-6)
-    assert "E_inf is not determined" not in stated.report()
-
-
-def test_traced_values_are_refused_where_known_ones_are_needed():
-    _, values = measured("frequency")
-    start = fit_relaxation(*measured("relaxation"), terms=3)
-    with pytest.raises(ValueError, match="`start` is a fit of kind 'relaxation'"):
-        fit_prony(OMEGA, values, start=start)
-    with pytest.raises(ValueError, match="`terms` and `start` both set the number"):
-        fit_relaxation(*measured("relaxation"), terms=3, start=start)
-    with pytest.raises(ValueError, match="`terms=None` needs values that are concrete"):
-        jax.jit(lambda m: fit_prony(OMEGA, m).theta)(values)
-    with pytest.raises(ValueError, match="not available under `jit`"):
-        jax.jit(lambda m: fit_prony(OMEGA, m, terms=2).confidence(OMEGA))(values)
 
 
 # Properties -------------------------------------------------------------------------------------
@@ -531,11 +400,3 @@ def test_a_fit_is_the_same_in_all_units(stiffness, frequency, kind):
     other = FITS[kind](b * x, a * values, terms=3).material
     a, b = (1 / a if kind == "creep" else a), (1 / b if kind != "frequency" else b)
     np.testing.assert_allclose(young(other, b * OMEGA), a * young(one), rtol=1e-5)
-
-
-def test_a_known_modulus_between_the_measured_ones_is_named():
-    omega = np.logspace(-2, 2, 9)
-    values = np.asarray(gc.Prony(1e5, [1e6], [1.0], 0.5).modulus(omega))
-    for ends, words in ((dict(equilibrium=2e5), "exceeds the lowest"), (dict(glassy=9e5), "below")):
-        assert words in gc.fit_prony(omega, values, terms=1, **ends).verdict()
-    assert "cannot come near" not in gc.fit_prony(omega, values, terms=1, equilibrium=1e5).verdict()

@@ -64,23 +64,3 @@ def test_the_residual_is_what_a_value_was_changed_by_and_rows_are_left_out():
     rest = without(measured, [storage, loss])
     assert len(rest.lines) == 38 and not {19, 32} & set(rest.lines)
     assert not wild_values(rest)
-
-
-def test_isotherms_are_judged_one_by_one():
-    draw = np.random.default_rng(3)
-    parts = [tread(draw, 10, 3, 0.02) for _ in range(3)]
-    parts[1][1][0, 4] += 40
-    omega, logs = (np.concatenate([part[i] for part in parts], axis=-1) for i in (0, 1))
-    measured = made(logs, omega, np.repeat([0, 1, 2], 10))
-    (wild,) = wild_values(measured)
-    assert wild.row == 14
-    np.testing.assert_array_equal(np.bincount(without(measured, [wild]).isotherm), [10, 9, 10])
-
-
-@pytest.mark.parametrize(
-    "name, options", [("pyvisco_freq_user_raw.csv", {}), ("pp_stress_relaxation.csv", SI_TIME)]
-)
-def test_measured_files_have_no_wild_values(name, options):
-    if not (DATA / name).exists():
-        pytest.skip(f"{name} is not beside this checkout")
-    assert not wild_values(gc.read_moduli(DATA / name, **options))

@@ -1,9 +1,5 @@
 """The built-in tread against the table it was written from and the properties it states."""
 
-import os
-import subprocess
-import sys
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -29,16 +25,3 @@ def test_tread_is_given_at_twenty_degrees_and_slows_in_the_cold():
     warm, zero, cold = (tread.at(t).times[0] for t in (298.15, 273.15, 253.15))
     assert np.log10(zero / warm) == pytest.approx(1.29, abs=0.005)
     assert np.log10(cold / warm) == pytest.approx(3.0, abs=0.01)
-
-
-def test_double_precision_may_be_enabled_after_import():
-    """In this process it was enabled before."""
-    program = """
-from graded_contact.materials.library import tyre_tread
-import jax; jax.config.update("jax_enable_x64", True)
-print(tyre_tread().modulus(jax.numpy.logspace(-3, 14, 40)).tobytes().hex())
-"""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    environment.pop("JAX_ENABLE_X64", None)
-    after = subprocess.check_output([sys.executable, "-c", program], env=environment, text=True)
-    assert tyre_tread().modulus(jnp.logspace(-3, 14, 40)).tobytes().hex() == after.strip()

@@ -2,7 +2,6 @@
 
 from functools import partial
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import mpmath as mp
@@ -15,7 +14,7 @@ from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
 import graded_contact as gc
-from graded_contact import WLF, Arrhenius, BulkShear, Elastic, Prony, Tabulated, TabulatedShift
+from graded_contact import WLF, Arrhenius, BulkShear, Elastic, Prony, Tabulated
 
 EXAMPLES = settings(max_examples=60)
 BRANCHES = 7
@@ -181,23 +180,6 @@ def test_elastic_modulus_is_the_same_real_number_at_every_frequency():
     assert jax.grad(lambda m: m.modulus(jnp.ones(4)).sum())(material).young == 4
 
 
-def test_single_precision_in_and_out():
-    single = [jnp.asarray(v, jnp.float32) for v in (2e6, [5e6, 3e7], [1e-2, 1e-5], 0.48)]
-    material = Prony(*single)
-    omega = jnp.array([1e-30, 3.0, 1e5, 1e30, -1e30], jnp.float32)
-    value = modulus_of(material, omega)
-    assert value.dtype == jnp.complex64
-    expected = modulus_of(two_branches(), omega.astype(jnp.float64))
-    np.testing.assert_allclose(value.real, expected.real, rtol=1e-6)
-    np.testing.assert_allclose(value.imag, expected.imag, rtol=1e-6)
-    loss_slope = jax.jit(jax.grad(lambda material, omega: material.modulus(omega).imag))
-    slope = loss_slope(material, jnp.float32(1e5))
-    exact = loss_slope(two_branches(), jnp.float64(1e5))
-    for a, b in zip(jax.tree.leaves(slope), jax.tree.leaves(exact), strict=True):
-        assert a.dtype == jnp.float32
-        np.testing.assert_allclose(a, b, rtol=1e-5)
-
-
 SHIFTS = [WLF(c1=4.57, c2=113.6, reference=298.15), Arrhenius(8e4, 298.15)]
 
 
@@ -285,25 +267,6 @@ def test_tabulated_matches_scipy_pchip():
     np.testing.assert_array_equal(modulus_of(table, -jnp.asarray(omega)), np.conj(value))
 
 
-@pytest.mark.parametrize("omega", [9e-3, -1e6])
-def test_tabulated_refuses_frequencies_outside(omega):
-    """With both ranges where the values are known, and when they turn up under `jit`."""
-    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS)
-    with pytest.raises(ValueError, match=r"`omega` from .* is refused: the table .* covers"):
-        table.modulus(jnp.array([1.0, omega]))
-    with pytest.raises(RuntimeError, match="lies outside the table of moduli"):
-        jax.block_until_ready(eqx.filter_jit(table.modulus)(jnp.array([1.0, omega])))
-
-
-def test_tabulated_holds_its_ends_where_digits_of_a_file_differ():
-    """The table ends at 1e-2 and 3e4 rad/s; messages have the digits in which ranges differ."""
-    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS)
-    ends = modulus_of(table, jnp.array([0.99995e-2, -3.0002e4]))
-    np.testing.assert_allclose(ends, [TABLE_MODULUS[0], np.conj(TABLE_MODULUS[-1])], rtol=1e-4)
-    with pytest.raises(ValueError, match=r"to 30005 rad/s is refused: .* 0\.01 to 30000 rad/s"):
-        table.modulus(jnp.array([1.0, 3.0005e4]))
-
-
 def test_tabulated_plateau_extends_like_a_single_relaxation():
     table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, extrapolate="plateau")
     value = modulus_of(table, jnp.array([1e-5, 3e7, -3e7]))
@@ -338,113 +301,6 @@ AT_REST = {
     "mixture": sliced_profile(gc.Mixture(SOFT, STIFF, gc.shapes.Linear())),
     "aged": sliced_profile(gc.Aged(SOFT, 1.0, 7.0)),
 }
-BOTH_MODES = (jax.jacfwd, jax.jacrev)
-
-
-@pytest.mark.parametrize("material", AT_REST.values(), ids=AT_REST.keys())
-def test_derivatives_at_and_around_rest_match_differences_alone_and_jointly(material):
-    """Of E and ν by frequency and temperature; where ω should be 0, rounding may leave 1e-17."""
-
-    @jax.jit
-    def values(omega, temperature):
-        at = material.at(temperature)
-        parts = [at.modulus(omega), at.poisson_ratio(omega)]
-        return jnp.stack([part(value) for value in parts for part in (jnp.real, jnp.imag)])
-
-    @jax.jit
-    def all_slopes(omega, temperature):
-        alone = [jax.jacrev(values, i)(omega, temperature) for i in (0, 1)]
-        return alone, *(mode(values, (0, 1))(omega, temperature) for mode in BOTH_MODES)
-
-    temperature, step = 300.0, 1e-4
-    for omega in (0.0, 1e-17, -1e-17, 0.3, -0.3, 3.3):
-        differences = [
-            (values(omega + h, temperature + t) - values(omega - h, temperature - t)) / (2 * step)
-            for h, t in ((step, 0), (0, step))
-        ]
-        for slopes in all_slopes(omega, temperature):
-            np.testing.assert_allclose(slopes, differences, rtol=1e-6, atol=1e-8)
-
-
-@pytest.mark.parametrize(
-    "build, message",
-    [
-        (lambda: two_branches(times=[0.0, 1.0]), r"`times\[0\]=0` is refused: .*\[s\]"),
-        (lambda: two_branches(times=[1.0]), r"`strengths` has shape \(2,\) and `times` \(1,\)"),
-        (lambda: Prony.from_creep(1.0, [1.0] * 2, [3.0] * 2), "`times` holds a value twice"),
-        (lambda: two_branches(equilibrium=0.0).creep(), r"`equilibrium=0` .*a liquid flows"),
-        (lambda: two_branches(times=[1.0, 1.0]).creep(), "`times` holds a value twice"),
-        (lambda: SHIFTS[0].factor(jnp.array(184.0)), r"only above 184\.55 K"),
-        (lambda: two_branches().at(300.0), r"no law of time-temperature superposition.*WLF\(c1"),
-        (lambda: two_branches(shift=SHIFTS[0]).at(20.0), "temperatures are in kelvin"),
-        (lambda: Tabulated([2.0, 1.0], [1 + 1j] * 2), r"`omega\[1\]=1` .*strictly increasing"),
-        (lambda: Tabulated([1.0, 2.0], [1.0, 1 + 1j]), r"`modulus\.imag\[0\]=0` .*loss modulus"),
-    ],
-)
-def test_bad_input_is_refused_by_name(build, message):
-    with pytest.raises(ValueError, match=message):
-        build()
 
 
 # Tables of shifts -------------------------------------------------------------------------------
-
-
-def test_a_table_of_shifts_is_interpolated_as_an_arrhenius_law_is_straight():
-    law, temperatures = Arrhenius(8e4, 300.0), np.array([280.0, 290, 305, 330])
-    logs = [float(law.log_factor(t)) / np.log(10) for t in temperatures]
-    table = TabulatedShift(temperatures, logs, 300.0, np.exp(1 - 300 / temperatures))
-    for temperature in (279.5, 284.0, 300.0, 321.0, 330.9):
-        np.testing.assert_allclose(
-            table.log_factor(temperature), law.log_factor(temperature), rtol=1e-11, atol=1e-12
-        )
-        np.testing.assert_allclose(
-            table.log_vertical(temperature), 1 - 300 / temperature, atol=1e-12
-        )
-    again = table.rebased(320.0)
-    np.testing.assert_allclose(
-        again.log_factor(290.0), law.rebased(320.0).log_factor(290.0), rtol=1e-11
-    )
-    material = Prony(1e6, [1e8], [1e-3], shift=table)
-    omega = np.array([1.0, 1e3])
-    expected = np.exp(1 - 300 / 285) * material.modulus(omega * np.exp(law.log_factor(285.0)))
-    np.testing.assert_allclose(material.at(285.0).modulus(omega), expected, rtol=1e-10)
-    measured = Tabulated(omega, material.modulus(omega), shift=table).at(285.0)
-    factor = np.exp(1 - 300 / 285)
-    np.testing.assert_allclose(measured.storage, factor * material.modulus(omega).real, rtol=1e-12)
-
-
-def test_the_derivative_of_a_table_of_shifts_matches_differences():
-    # Between the nodes, where the second derivative of a cubic does not jump.
-    table = TabulatedShift([280.0, 300.0, 325.0], [2.0, 0.1, -1.0], 304.0, [0.9, 1.0, 1.2])
-
-    def value(temperature, table):
-        return jnp.log(Prony(1e6, [1e8], [1e-3], shift=table).at(temperature).modulus(30.0).imag)
-
-    slopes, differences = np.transpose(elasticities(value, (jnp.asarray(311.0), table)))
-    np.testing.assert_allclose(slopes, differences, rtol=1e-6, atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    "make, message",
-    [
-        (lambda t: t.log_factor(331.5), "`temperature=331.5` is refused: the table of"),
-        (lambda t: t.rebased(278.0), r"280.00 to 330.00 K. Use a law"),
-        (lambda t: TabulatedShift([280.0, 290.0], [0, 1], 400.0), "`reference=400` is refused"),
-    ],
-)
-def test_what_a_table_of_shifts_does_not_cover_is_refused(make, message):
-    with pytest.raises(ValueError, match=message):
-        make(TabulatedShift([280.0, 330.0], [1.0, -1.0], 300.0))
-    hidden = jax.jit(lambda t: TabulatedShift([280.0, 330.0], [1.0, -1.0], 300.0).log_factor(t))
-    assert np.isnan(hidden(340.0)) and np.isfinite(hidden(320.0))
-
-
-def test_a_block_with_a_table_of_shifts_may_change_inside_jit():
-    shift = TabulatedShift([280.0, 300.0, 320.0], [1.0, 0.0, -1.0], reference=300.0)
-    rubber = Prony(1e6, [2e6], [1e-2], 0.49, shift=shift)
-    block = gc.Stack(layers=[gc.Layer(rubber, 1e-4)], base=gc.HalfSpace(rubber))
-
-    def changed(thickness):
-        return gc.with_values(block, {"layers[0].thickness": thickness}).at(310.0)
-
-    assert eqx.tree_equal(jax.jit(changed)(2e-4), changed(2e-4), rtol=1e-12)

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import elasticities, gauss_over_angles, maxwell, persson
+from oracles import gauss_over_angles, maxwell, persson
 from scipy.interpolate import PchipInterpolator
 
 import graded_contact as gc
@@ -52,7 +52,6 @@ def on(material):
 WINDOW = gc.Surface(PROFILE.heights, GRID, periodic=False)
 slide = partial(gc.slide, pressure=2e5, velocity=0.05, rtol=1e-8)
 mean_field = jax.jit(partial(gc.mean_field_friction, pressure=3e5, throw=False))
-on_road = partial(gc.mean_field_friction, spectrum=SPECTRUM, pressure=1e5, velocity=1.0)
 
 
 def test_factors_follow_the_sweep_and_end_with_it():
@@ -122,20 +121,6 @@ def test_mean_field_matches_the_differential_equations():
     assert result.contact_area > 1.2 * linear.contact_area
 
 
-@pytest.mark.slow
-def test_derivatives_of_the_mean_field_match_differences():
-    def value(stack, spectrum, ratio):
-        s = mean_field(stack, spectrum, velocity=0.05, strain_per_slope=ratio)
-        return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
-
-    wide = StrainSoftening(
-        gc.Prony(1e6, [2e7], [1e-4], 0.49), [1e-2, 0.05, 0.9], STORAGE[:3], LOSS[:3]
-    )
-    arguments = (gc.Stack(base=gc.HalfSpace(wide)), SPECTRUM, jnp.array(0.7))
-    for slope, difference in elasticities(value, arguments):
-        assert abs(difference - slope) <= 3e-5 * abs(difference) + 1e-8
-
-
 @pytest.mark.parametrize(
     ("shape", "velocity", "layers"),
     [
@@ -176,33 +161,3 @@ def test_full_contact_is_that_of_the_mean_field():
     np.testing.assert_allclose(found.friction, field.friction, rtol=1e-9)
     linear = slide(soft, PROFILE, pressure=1e8)
     assert found.friction < 0.9 * linear.friction
-
-
-@pytest.mark.slow
-def test_derivatives_of_the_contact_match_differences():
-    soft = gc.Stack(base=gc.HalfSpace(SOFT))
-
-    @jax.jit
-    def friction(ratio, height):
-        surface = gc.Surface(height * PROFILE.heights, GRID)
-        return slide(soft, surface, strain_per_slope=ratio, rtol=1e-10).friction
-
-    arguments = jnp.array(0.7), jnp.array(1.0)
-    slopes, differences = np.transpose(elasticities(friction, arguments))
-    np.testing.assert_allclose(slopes, differences, rtol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: StrainSoftening(RUBBER, [1e-2, 1e-3], [1, 1], [1, 1]), "`strain.1.=0.001` is"),
-        (lambda: StrainSoftening.from_sweep(RUBBER, STRAIN, STORAGE), "`modulus.imag.0.=0` is"),
-        (lambda: at_strain(RUBBER, 0.1), "`block` holds no `StrainSoftening`"),
-        (lambda: slide(on(RUBBER), PROFILE, strain_per_slope=1.0), "=1.0` is refused: `stack` hol"),
-        (lambda: slide(on(SOFT), WINDOW, strain_per_slope=1.0), "a periodic one is needed"),
-        (lambda: on_road(on(RUBBER), strain_per_slope=1.0), "`stack` holds no `StrainSoftening`"),
-    ],
-)
-def test_bad_arguments_are_refused(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()

@@ -1,10 +1,8 @@
 """Heat in the mean field: each scale at its temperature, the fixed point and its derivative."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import directional
 
 import graded_contact as gc
 from graded_contact.mean_field.heating_by_scale import _rises
@@ -51,17 +49,6 @@ def test_heat_lowers_the_friction_of_the_tread_at_high_speed(shear):
         assert same[-1] > same[1] and np.all(np.diff(warm) < 0) and warm[-1] < 0.7 * warm[1]
 
 
-@pytest.mark.slow
-def test_finer_quadrature_and_counterfaces_that_take_heat():
-    found, finer = friction(1.0), friction(1.0, num_wavenumbers=128)
-    np.testing.assert_allclose(finer.friction, found.friction, rtol=1e-3)
-    np.testing.assert_allclose(finer.heated.surface_rise, found.heated.surface_rise, rtol=0.01)
-    rises = [float(friction(1.0, Heating(0.25, 1.1e-7, k)).heated.surface_rise) for k in (0, 1, 50)]
-    assert rises[0] > rises[1] > rises[2] > 0
-    assert found.heated.rises.shape == found.against_cutoff.cutoff.shape
-    assert jnp.all(jnp.diff(found.heated.rises[::8]) > 0)
-
-
 def test_the_temperature_of_one_wave_is_the_integral_of_its_green_function():
     """Green's function of the half space over the depths of the heat and of the scale."""
     wave, scale, kappa, diffusivity, speed = 1e3, 3e3, 0.25, 1e-7, 3e-4
@@ -80,25 +67,3 @@ def test_the_temperature_of_one_wave_is_the_integral_of_its_green_function():
     # Half of the power of a wave's own heat, of the mean square x.
     true = 0.5 * 2.0 * 5e-3 * np.array([total[0], np.mean(total[1:])])
     np.testing.assert_allclose(found, true, rtol=1e-3)
-
-
-@pytest.mark.slow
-def test_derivatives_through_the_fixed_point_match_differences():
-    def value(conductivity, pressure, velocity, temperature, peak):
-        law = PeakedShear(peak, 6e-3, 0.1, gc.Arrhenius(9.65e4, 293.15))
-        heating = Heating(conductivity, 1.1e-7, 1.0)
-        how = {"pressure": pressure, "temperature": temperature, "num_wavenumbers": 32}
-        return friction(velocity, heating, shear=law, rtol=1e-2, **how).friction
-
-    at = tuple(map(jnp.asarray, (0.25, 3e5, 1.0, 293.15, 6e6)))
-    ahead = [a * share for a, share in zip(at, (1.0, -0.3, 0.5, 0.02, 0.4), strict=True)]
-    np.testing.assert_allclose(*directional(value, at, ahead), rtol=1e-5)
-    np.testing.assert_allclose(jax.jit(value)(*at), value(*at), rtol=1e-9)
-
-
-def test_what_cannot_be_heated_is_refused():
-    with pytest.raises(ValueError, match="`temperature=None`"):
-        friction(1.0, temperature=None)
-    surface = gc.Surface(np.zeros((8, 8)), gc.Grid((8, 8), 1e-2))
-    with pytest.raises(ValueError, match="`heating` is refused"):
-        gc.mean_field_friction(TREAD, surface, velocity=1.0, heating=TISSUE, **COOL)

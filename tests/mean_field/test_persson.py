@@ -14,7 +14,6 @@ from scipy.special import erf
 
 import graded_contact as gc
 from graded_contact import reference
-from graded_contact.mean_field.diffusion import slowed
 from graded_contact.mean_field.mean_field import (
     mean_field_friction,
     pressure_distribution,
@@ -277,76 +276,6 @@ def test_unreached_tolerance_is_not_passed_as_converged():
 coarse = jax.jit(partial(mean_field_friction, num_wavenumbers=4, num_angles=4, throw=False))
 
 
-def test_a_mean_field_is_refined_until_it_meets_its_tolerance():
-    """Five decades of roughness on a thin, stiff coat: the default nodes are too few."""
-    ends, factor = np.array([1.0, 1e5]) * Q0, 1e-12 * Q0**3.6
-    hard = gc.Stack(layers=(gc.Layer(gc.Elastic(4e9, 0.4), 1e-6),), base=gc.HalfSpace(RUBBER))
-    call = dict(pressure=3e5, velocity=0.1, correction="none")
-    cosine, weight = gauss_over_angles()
-
-    def sums(q):
-        omega = q * 0.1 * cosine
-        below = (rubber_modulus(omega), 0.49)
-        stiffness = 1 / (reference.coated_half_space_compliance(q, 1e-6, 4e9, 0.4, *below) * 3e5)
-        density = factor * q**-3.6
-        spreading = density * q**2 * np.sum(weight * np.abs(stiffness) ** 2)
-        return spreading, density * q**3 * np.sum(weight * cosine * stiffness.imag)
-
-    area, friction = persson(sums, ends, partial(slowing, "none"))
-    spectrum = ends, factor * ends**-3.6
-    fixed = mean_field(hard, spectrum, **call)
-    assert fixed.error > 1 and len(fixed.stress_variance) == 65  # inside `jit`
-    found = mean_field_friction(hard, spectrum, **call)
-    assert found.error <= 1e-4 and len(found.stress_variance) > 65
-    np.testing.assert_allclose(found.friction, friction, rtol=1e-6)
-    np.testing.assert_allclose(found.contact_area, area, rtol=1e-6)
-
-
-def test_error_is_near_the_true_one_for_a_table_of_moduli():
-    """The interpolant has kinks; errors that they cause at each wavenumber cancel in the sum."""
-    omega = np.geomspace(1e-2, 1e8, 61)
-    table = gc.Tabulated(omega, RUBBER.modulus(omega), 0.49, extrapolate="plateau")
-    block = gc.Stack(base=gc.HalfSpace(table))
-
-    def solved(**counts):
-        def at(velocity):
-            given = dict(pressure=1e5, velocity=velocity, throw=False, **counts)
-            found = mean_field_friction(block, SPECTRUM, **given)
-            return jnp.stack([found.friction, found.contact_area]), found.error
-
-        return jax.jit(partial(jax.lax.map, at))(jnp.geomspace(1e-3, 3.0, 8))
-
-    (found, errors), (exact, fine) = solved(), solved(num_wavenumbers=192, num_angles=64)
-    true = np.max(np.abs(1 - exact / found), axis=1)
-    assert np.all((true <= errors + fine) & (errors <= 50 * (true + fine)))
-    assert np.median(errors) < 1e-4
-
-
-def test_a_table_need_not_cover_waves_that_add_nothing():
-    """Waves along the velocity excite 63 to 6300 rad/s, those across it any lower frequency."""
-    found = {}
-    for low, high in ((1e-2, 1e8), (10.0, 1e4), (1000.0, 1e4), (10.0, 1e3)):
-        omega = np.geomspace(low, high, 121)
-        block = gc.Stack(base=gc.HalfSpace(gc.Tabulated(omega, RUBBER.modulus(omega), 0.49)))
-        call = partial(mean_field_friction, block, SPECTRUM, pressure=1e5, velocity=0.1, rtol=0.05)
-        if low < 1e3 < high:
-            found[low] = call()
-            continue
-        share = call(throw=False).extrapolated_friction
-        with pytest.raises(ValueError, match=rf"^{float(share):.0%} of the friction comes from"):
-            call()
-    whole, part = found.values()
-    np.testing.assert_allclose(part.friction, whole.friction, rtol=1e-3)
-    np.testing.assert_allclose(part.contact_area, whole.contact_area, rtol=1e-3)
-
-
-def test_values_that_only_tracing_hides_do_not_pass_as_solved():
-    for spectrum in (SPECTRUM, SURFACE):
-        solution = mean_field(COATED, spectrum, pressure=-1e5, velocity=0.1)
-        assert np.isnan(solution.friction)
-        assert np.isnan(solution.error)
-
-
 # Derivatives and transformations
 
 
@@ -381,56 +310,3 @@ def test_gradient_by_every_leaf_matches_central_differences(stack, roughness, as
     arguments = (stack, roughness, jnp.asarray(2e5), jnp.array([0.04, 0.02]))
     for slope, difference in elasticities(value, arguments):
         assert abs(difference - slope) <= 1e-6 * abs(difference) + 1e-8
-
-
-@pytest.mark.parametrize("correction", ["wang_mueser", "xu"])
-def test_second_derivative_of_the_slowed_diffusion_matches_central_differences(correction):
-    slope = jax.jit(jax.grad(partial(slowed, correction)))
-    curvature = jax.grad(slope)
-    for v in (0.05, 0.7, 30.0):
-        difference = (slope(v * 1.0001) - slope(v * 0.9999)) / (2e-4 * v)
-        np.testing.assert_allclose(curvature(v), difference, rtol=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("spectrum", [SPECTRUM, SURFACE], ids=["spectrum", "surface"])
-def test_gradient_at_rest_is_that_of_a_start_along_x(spectrum):
-    """As `slide` counts it: by the velocity alone, and jointly with the relaxation times."""
-
-    @jax.jit
-    def friction(velocity, times):
-        stack = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [4e6, 2e7], times, 0.49)))
-        return mean_field(stack, spectrum, pressure=3e5, velocity=velocity).friction
-
-    times = jnp.array([1e-2, 1e-4])
-    secant = friction(jnp.array([1e-9, 0.0]), times) / 1e-9
-    alone = jax.grad(friction)(jnp.zeros(2), times)
-    jointly, _ = jax.grad(friction, (0, 1))(jnp.zeros(2), times)
-    for slope in (alone, jointly):
-        np.testing.assert_allclose(slope, [secant, 0], rtol=1e-6, atol=1e-12)
-
-
-def test_float32_gives_float32_near_the_float64_result():
-    single = lambda tree: jax.tree.map(lambda x: x.astype(jnp.float32), tree)  # noqa: E731
-    loose = mean_field_friction(
-        single(BARE), single(SPECTRUM), pressure=np.float32(3e5), velocity=np.float32(0.05)
-    )
-    tight = mean_field(BARE, SPECTRUM, pressure=3e5, velocity=0.05)
-    assert loose.friction.dtype == jnp.float32
-    np.testing.assert_allclose(loose.friction, tight.friction, rtol=2e-5)
-    np.testing.assert_allclose(loose.contact_area, tight.contact_area, rtol=2e-5)
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"num_angles": 18}, "`num_angles=18` is refused: a multiple of 4"),
-        ({"spectrum": ([1.0, 2.0], [1.0])}, r"`spectrum\[0\]` has shape \(2,\) and"),
-        ({"spectrum": ([1.0, 2.0], [1.0, 0.0])}, r"`spectrum\[1\]\[1\]=0` is refused"),
-        ({"spectrum": ([1.0, 2.0], [1.0, np.nan])}, "at 1 wavenumbers"),
-    ],
-)
-def test_bad_argument_is_refused(changed, message):
-    call = dict(stack=COATED, spectrum=SPECTRUM, pressure=3e5, velocity=0.05) | changed
-    with pytest.raises(ValueError, match=message):
-        mean_field_friction(**call)

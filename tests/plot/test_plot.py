@@ -1,32 +1,22 @@
 """Figures without a display: one style, units in every label, and in them what was computed."""
 
-import base64
 import dataclasses
 import functools
 import itertools
 import math
 import re
-import xml.etree.ElementTree as ElementTree
 from types import SimpleNamespace
 
-import jax
 import jax.numpy as jnp
-import matplotlib
 import numpy as np
 import pytest
 import xarray
-from scene_texts import HOSTILE
 from scipy.integrate import trapezoid
 
 import graded_contact as gc
-from graded_contact.command.result_tables import print_table
 from graded_contact.core.quantities import numbers_of
-from graded_contact.plot.style import caption, entitle
-from graded_contact.plot.words import title_of
 from graded_contact.scenes.collect import surface_variables
-from graded_contact.scenes.toml import entry_text
-from graded_contact.studies.dataset import attach, write_csv
-from graded_contact.surfaces.spectrum import CutoffCurve
+from graded_contact.studies.dataset import attach
 
 
 def straight(axes):
@@ -49,19 +39,6 @@ def make_fields(shape):
     return fields, gc.Surface(1e-6 * draw.normal(size=shape), gc.Grid(shape, 2e-3))
 
 
-@pytest.mark.parametrize("velocity", [-0.3, (-3.0, 4.0)])
-def test_an_arrow_points_along_the_velocity(velocity):
-    shape = (8, 32)  # whose panels have unlike scales
-    figure = gc.plot.plot_sliding(*make_fields(shape), velocity)
-    (arrow,) = figure.axes[1].texts
-    assert arrow.get_text() == "sliding"
-    assert arrow.xycoords is arrow.anncoords  # in points, unlike the units of the axes
-    along = np.subtract(arrow.xy, arrow.xyann)
-    expected = np.array(velocity if isinstance(velocity, tuple) else (velocity, 0.0))
-    along, expected = (vector / np.linalg.norm(vector) for vector in (along, expected))
-    np.testing.assert_allclose(along, expected, atol=1e-12)
-
-
 @pytest.mark.parametrize("velocity, scale", [([1.0, 0.01, 0.1], "log"), ([0, 0.1, 1], "linear")])
 def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale):
     message = np.array([["", "", ""], ["", "It stopped.", ""]])
@@ -81,15 +58,6 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     reason = "20% of the friction arises on points that were filled or tapered, not measured"
     assert f"doubtful: {reason}" in legend
-
-
-def test_what_makes_each_point_doubtful_is_said_without_crosses():
-    results = made({"pressure": [1e5], "velocity": [0.1, 1.0]})
-    results["slope_in_contact"][:] = 0.6
-    figure = gc.plot.plot_sweep(results)
-    assert not any(line.get_marker() == "x" for line in figure.axes[0].lines)
-    *_, told = (text.get_text() for text in figure.legends[0].get_texts())
-    assert told == "all points: the block's rms slope where it carries the load is 0.6"
 
 
 def made(axes, names=(), failing=()):
@@ -115,113 +83,6 @@ VARIED = {
 }  # fmt: skip
 
 
-def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
-    results = made(VARIED, failing=[(0, 0, 1, 0, 0)])
-    figure = gc.plot.plot_sweep(results)
-    axes = figure.axes[0]
-    lines = straight(axes)
-    assert len(lines) == 6 and len(axes.collections) == 6 * 2  # bands and bars
-    assert len({line.get_color() for line in lines}) == 2
-    assert len({line.get_linestyle() for line in lines}) == 3
-    # Velocity 0.01 comes first; the mean over the seeds is half a step above that of the first.
-    np.testing.assert_allclose(lines[0].get_ydata(), [1.5, 0, 2.5, 3.5])
-    # Of two numbers that differ by 1 the standard error is 1/2; one number has none.
-    band = axes.collections[6].get_paths()[0].vertices
-    assert np.isclose(band[:, 1].max(), 5) and np.isclose(band[:, 1].min(), 1)
-    (legend,) = figure.legends
-    assert {text.get_text() for text in legend.get_texts()} == {
-        "coat thickness 10 µm", "coat thickness 50 µm", "not converged",
-        "temperature 280 K (6.85 °C)", "temperature 300 K (26.85 °C)",
-        "temperature 320 K (46.85 °C)", "mean of 2 surfaces ± standard error",
-        "bars: ± estimated error",
-    }  # fmt: skip
-    every = gc.plot.plot_sweep(results, all_seeds=True).axes[0]
-    assert len(straight(every)) == 6 * (1 + 2)
-
-
-@pytest.mark.parametrize(
-    "path, words",
-    [
-        ("layers[0].thickness", "coat thickness"),
-        ("layers[1].thickness", "layer 2 (glue) thickness"),
-        ("layers[0].material.strengths[1]", "coat branch modulus 2"),
-        ("layers[0].bond.shear", "coat shear stiffness of the bond"),
-        ("layers[1].bond.thickness", "layer 2 film thickness"),
-        ("layers[3].bond.material.modulus", "tack Young's modulus"),
-        ("layers[3].profile.top.modulus", "hard Young's modulus"),
-        ("base.material.shift.c1", "tread first constant of the WLF law"),
-        ("layers[9].thickness", "layer 10 thickness"),
-        ("counter.layers[0].thickness", "counter layer 1 thickness"),
-        ("pressure", "mean pressure"),
-        ("speed of sound", "speed of sound"),
-    ],
-)
-def test_paths_are_named_by_the_materials_of_the_scene(path, words):
-    layers = ['material="coat"', 'material="glue"', 'material="glue"', 'bottom="soft"\ntop="hard"']
-    layers[3] += '\nbond={material="tack", thickness=1e-6}'
-    text = "\n".join(f"[[layers]]\n{layer}" for layer in layers) + '\n[base]\nmaterial="tread"'
-    assert title_of(path, text) == words
-
-
-def test_full_contact_has_no_empty_panel():
-    fields, surface = make_fields((8, 8))
-    full = SimpleNamespace(pressure=fields.pressure + 1e6, gap=0 * fields.gap)
-    maps, shares = gc.plot.plot_sliding(full, surface), gc.plot.plot_distributions(full)
-    assert len([axes for axes in maps.axes if axes.images]) == 2 and len(shares.axes) == 1
-    assert maps.get_suptitle() == shares.get_suptitle() == "full contact: there is no gap"
-
-
-def test_a_surface_that_is_not_gaussian_is_said_beside_the_theory():
-    waves = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=1e4, q_roll=4e4, q_high=1e5)
-    road = gc.random_surface(waves, gc.Grid((32, 32), 2 * np.pi / 1e4), jax.random.key(1))
-    clipped = dataclasses.replace(road, heights=jnp.maximum(road.heights, 0))
-    stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7)))
-    field = gc.mean_field_friction(stack, waves, pressure=1e5, velocity=1.0)
-    fields, _ = make_fields((32, 32))
-    figures = [gc.plot.plot_distributions(fields, field, one) for one in (road, clipped)]
-    assert figures[0].get_suptitle() == ""
-    assert (
-        "Persson's theory is for Gaussian heights; these have skewness" in figures[1].get_suptitle()
-    )
-
-
-def test_a_caption_has_labels_without_tex_or_line_ends_and_each_title_as_a_sentence():
-    """A title that is broken over two lines is still one sentence."""
-    figure = gc.plot.plot_dissipation(CutoffCurve(*(jnp.array([1.0, 20.0, 300.0]),) * 3))
-    assert caption(figure) == (
-        "(a) friction of waves up to q against wavenumber q; (b) dμ/dln q against wavenumber q."
-    )
-    figure.axes[1].set_ylabel("ln(fit/measured)\n[%]")
-    long = "Persson's theory is for Gaussian heights; " + 20 * "these " + "have skewness 3"
-    for title in ("full contact.", long, "highest speed 100 mm/s"):
-        entitle(figure, title)
-    assert figure.get_suptitle().count("\n") > 2
-    ends = (
-        f"(b) ln(fit/measured) against wavenumber q. Highest speed 100 mm/s. {long}. Full contact."
-    )
-    assert caption(figure).endswith(ends)
-
-
-def test_reduced_velocities_shift_each_temperature():
-    axes = gc.plot.plot_reduced(made(VARIED, names=["reduced_velocity"])).axes[0]
-    np.testing.assert_allclose(straight(axes)[0].get_xdata(), [1e-22, 1e-21, 1e-20, 1e-19])
-    with pytest.raises(ValueError, match=r"At 300 K"):
-        gc.plot.plot_reduced(made(VARIED))
-
-
-def test_results_are_compared_by_colour_and_only_over_the_same_axes():
-    bare = made({"seed": [0, 1], "pressure": [1e5, 2e5], "velocity": [0.1, 1.0]})
-    coated = made({"pressure": [1e5, 2e5], "velocity": [0.1, 1.0, 10.0]})
-    axes = gc.plot.plot_compare([bare, coated], ["bare", "coated"]).axes[0]
-    assert len({line.get_color() for line in straight(axes)}) == 2
-    warm = made({**VARIED, "layers[0].thickness": [1e-5]})
-    with pytest.raises(ValueError, match=r"'warm' varies `temperature`.*'bare' varies `pressure`"):
-        gc.plot.plot_compare([bare, warm], ["bare", "warm"])
-    slow = bare.assign_coords(velocity=bare.velocity.assign_attrs(units="mm/s"))
-    with pytest.raises(ValueError, match=r"'slow' varies .* `velocity` \[mm/s\], and 'bare'"):
-        gc.plot.plot_compare([bare, slow], ["bare", "slow"])
-
-
 PAIRED = {**VARIED, "pressure": [1e5, 3e5], "velocity": [0.1, 1.0], "temperature": [280.0, 300.0]}
 
 
@@ -231,132 +92,6 @@ OFTEN = [*((pair, (2, 2)) for pair in PAIRS), *((pair, (2, 1)) for pair in CIRCL
 OFTEN += [(PAIRS[0], (1, 1))]
 SELDOM = [(pair, (2, 1)) for pair in itertools.permutations(PAIRED, 2) if pair not in CIRCLE]
 SELDOM += [(pair, (1, 1)) for pair in PAIRS[1:]]
-
-
-@pytest.mark.parametrize(
-    "pair, counts", OFTEN + [pytest.param(*case, marks=pytest.mark.slow) for case in SELDOM]
-)
-def test_any_two_axes_of_one_or_two_points_have_figures_a_table_and_a_csv(
-    pair, counts, tmp_path, capsys
-):
-    """Every scene also has the axes pressure and velocity."""
-    points = {"pressure": 1, "velocity": 1} | dict(zip(pair, counts, strict=True))
-    axes = {name: at[: points[name]] for name, at in PAIRED.items() if name in points}
-    reduced = ["reduced_velocity"] if "temperature" in axes else []
-    results = made(axes, names=reduced)
-    several = [name for name, at in axes.items() if len(at) > 1 and name != "seed"]
-    lines = straight(gc.plot.plot_sweep(results).axes[0])
-    assert len(lines) == len({line.get_color() for line in lines}) == max(1, len(several))
-    assert all(len(line.get_xdata()) == 1 + bool(several) for line in lines)
-    gc.plot.plot_sweep(results, all_seeds=True)
-    gc.plot.plot_compare([results, results], ["one", "other"])
-    if reduced:
-        gc.plot.plot_reduced(results)
-    print_table(results)
-    rows = [line for line in capsys.readouterr().out.splitlines() if line.strip()[:1].isdigit()]
-    assert len(rows) == results.message.size // len(axes.get("seed", [0]))
-    write_csv(tmp_path / "a.csv", results)
-    assert len((tmp_path / "a.csv").read_text().splitlines()) == 1 + results.message.size
-
-
-def test_sweeps_need_steady_sliding_and_a_solve_that_succeeded():
-    results = made({"pressure": [1e5], "velocity": [0.1]})
-    with pytest.raises(ValueError, match="it is results of a motion that repeats, which `plot_c"):
-        gc.plot.plot_compare([results.assign_coords(time=[0.0, 0.5])] * 2, "ab")
-    results["friction"][:], results["message"][:] = np.nan, "The tolerance was not reached."
-    with pytest.raises(ValueError, match="No solve succeeded: no figure is drawn"):
-        gc.plot.plot_sweep(results)
-
-
-def test_a_figure_of_contacts_draws_an_input_or_refuses_it_in_words():
-    """Never by an error of Python: each function with each kind of result."""
-    fields, surface = make_fields((8, 8))
-    given = [
-        made({"pressure": [1e5], "velocity": [0.1]}), made_cycle(pressure=np.ones((8, 8, 8))),
-        fields, surface,
-        xarray.Dataset({"friction": ("q", [0.1]), "message": ("q", [""])}),
-        xarray.Dataset(
-            {n: (("field_time", "x", "y"), np.ones((2, 8, 8))) for n in ("pressure", "gap")},
-            {"field_time": [0.1, 1.0]},
-        ),
-    ]  # fmt: skip
-    draws = {
-        "plot_sweep": {0}, "plot_leakage": set(), "plot_reduced": set(), "plot_compare": {0},
-        "plot_cycle": {1}, "plot_transient": set(), "plot_film": {1, 5}, "plot_sliding": {2},
-        "plot_distributions": {2},
-    }  # fmt: skip
-    for name, known in draws.items():
-        more, drawn = [surface] if name in ("plot_film", "plot_sliding") else [], set()
-        for i, one in enumerate(given):
-            first = [[one], ["a"]] if name == "plot_compare" else [one, *more]
-            try:
-                getattr(gc.plot, name)(*first)
-                drawn.add(i)
-            except ValueError as error:
-                assert re.search("must be .*; it is|have no leakage|At 300 K", str(error)), name
-        assert drawn == known, name
-
-
-def test_measured_friction_lies_over_that_of_results_with_a_marker_for_each_temperature():
-    results = made({"pressure": [1e5], "velocity": [0.1, 1.0]})
-    measured = gc.readers.MeasuredFriction(
-        np.array([0.01, 0.1, 0.1]), np.array([0.5, 3.0, 4.0]), np.array([0.1, 0.2, np.nan]),
-        np.array([293.15, 293.15, 300.0]), name="a_b.csv",
-    )  # fmt: skip
-    for figure in (
-        gc.plot.plot_sweep(results, measured=measured),
-        gc.plot.plot_compare([results], ["one"], measured),
-    ):
-        friction, area = figure.axes
-        points = [line for line in friction.lines if line.get_color() == "black"]
-        drawn = [line.get_xydata().tolist() for line in points if line.get_marker() in "sD"]
-        assert drawn == [[[0.01, 0.5], [0.1, 3.0]], [[0.1, 4.0]]]
-        assert friction.get_ylim()[1] > 4 and friction.get_xlim()[0] < 0.01
-        assert not any(line.get_color() == "black" for line in area.lines)
-        assert len(friction.containers[-1][2][0].get_segments()) == 1  # of the last temperature
-        labels = friction.get_legend_handles_labels()[1]
-        assert labels[-2:] == ["a_b.csv, 293.15 K (20 °C)", "a_b.csv, 300 K (26.85 °C)"]
-    over_load = made({"pressure": [1e5, 2e5], "velocity": [0.1]})
-    with pytest.raises(ValueError, match=r"a_b.csv is friction over velocity, and the .* pressure"):
-        gc.plot.plot_sweep(over_load, measured=measured)
-
-
-def test_a_sweep_in_python_is_drawn_as_a_scene_is():
-    """Its results are those of `slide` over the axes, without a surface."""
-    of_scene = made({"layers[0].thickness": [1e-5, 1e-4], "velocity": [0.1, 1.0]})
-    of_sweep = of_scene.drop_vars(["heights", "x", "y"]).assign_attrs(surface_history=None)
-    del of_sweep.attrs["surface_history"]
-    lines = [straight(gc.plot.plot_sweep(one).axes[0]) for one in (of_scene, of_sweep)]
-    assert len(lines[0]) == len(lines[1]) == 2
-    for one, other in zip(*lines, strict=True):
-        np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
-
-
-def test_bars_are_total_errors_with_those_by_materials():
-    axes = {"pressure": [1e5], "velocity": [0.1, 1.0, 10.0]}
-    over = ("pressure", "velocity")
-    results = made(axes).assign(
-        friction_error=(over, np.array([[0.3, 0.4, np.inf]])),
-        contact_area_error=(over, np.full((1, 3), 0.25)),
-    )
-    known = results.assign(friction_standard_error=(over, np.array([[0.4, 0.3, 0.3]])))
-    legend = []
-    for one, sizes in ((known, [0.5, 0.5, np.nan]), (results, [0.3, 0.4, np.nan])):
-        figure = gc.plot.plot_sweep(one)
-        for panel, name, errors in zip(
-            figure.axes, ("friction", "contact_area"), (sizes, [0.25] * 3), strict=True
-        ):
-            (container,) = panel.containers
-            ends = np.array([path.vertices[:, 1] for path in container[2][0].get_paths()])
-            expected = one[name].values.T + np.array(errors)[:, None] * [-1, 1]
-            drawn = np.isfinite(errors)
-            np.testing.assert_allclose(ends[: drawn.sum()], expected[drawn])
-            assert not panel.collections[1:]  # one sign for these errors: no band beside the bars
-            assert panel.get_ylim()[1] < 10  # an error that is not known does not set the scale
-        legend += [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == [
-        "bars: ± estimated error and standard error by materials", "bars: ± estimated error",
-    ]  # fmt: skip
 
 
 def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent():
@@ -432,20 +167,6 @@ def disc(n=40):
     return SimpleNamespace(pressure=pressure, gap=gap), gc.Surface(
         -1e-6 * r**2, gc.Grid((n, n), 4.0)
     )
-
-
-def test_a_figure_is_the_same_whatever_the_user_has_set_and_leaves_that_alone(tmp_path):
-    def drawn(name):
-        gc.plot.plot_sliding(*disc()).savefig(tmp_path / name)
-        return (tmp_path / name).read_bytes()
-
-    plain = drawn("plain.svg")
-    with matplotlib.rc_context({"font.size": 30, "axes.facecolor": "black", "svg.hashsalt": "a"}):
-        before = dict(matplotlib.rcParams)
-        other = drawn("other.svg")
-        assert dict(matplotlib.rcParams) == before
-    dates = re.compile(rb"<dc:date>.*?</dc:date>")
-    assert dates.sub(b"", plain) == dates.sub(b"", other)
 
 
 def test_a_contact_has_an_outline_on_maps_and_is_thick_on_a_profile():
@@ -563,40 +284,6 @@ def test_a_van_gurp_palmen_plot_shows_phase_angles_as_measured(curve, tmp_path):
         gc.plot.plot_van_gurp_palmen(relaxation)
 
 
-def test_the_history_of_a_design_shows_what_was_tried():
-    design = gc.minimise(
-        lambda x: (jnp.log(x["a"]) - 1) ** 2 + x["b"],
-        {"a": 0.1, "b": 0.5}, {"a": 10.0, "b": 2.0},
-        constraints=lambda x: 1 - x["a"] / 2, num_starts=2,
-    )  # fmt: skip
-    figure = gc.plot.plot_history(design)
-    check_labels(figure)
-    value, limits, parameters = figure.axes
-    assert len(value.lines) == 2
-    history = design.best.history
-    assert len(history.values) == design.best.num_evaluations
-    a, b = history.parameters.T
-    np.testing.assert_allclose(history.values, (np.log(a) - 1) ** 2 + b)
-    np.testing.assert_allclose(limits.lines[0].get_ydata(), 1 - a / 2)
-    shown = {line.get_label(): line.get_ydata() for line in parameters.lines}
-    np.testing.assert_allclose(shown["(c) a"], a / design.parameters["a"])
-
-
-def test_a_slider_holds_every_figure_and_shows_the_middle_one_without_html():
-    def draw(radius):
-        fields, surface = disc(16)
-        return gc.plot.plot_sliding(fields, gc.Surface(radius * surface.heights, surface.grid))
-
-    shown = gc.plot.slider(draw, [1.0, 2.0, 4.0], "radius [µm]")
-    bundle = shown._repr_mimebundle_()
-    assert bundle["text/html"].count("<img") == 3 and bundle["text/html"].count(" hidden>") == 2
-    assert "<output>radius [µm]: 2</output>" in bundle["text/html"]
-    assert base64.b64decode(bundle["image/png"]) == shown.pictures[1]
-    assert all(picture.startswith(b"\x89PNG") for picture in shown.pictures)
-    with pytest.raises(ValueError, match="`values` has shape"):
-        gc.plot.slider(draw, [], "radius [µm]")
-
-
 # Motions in time ------------------------------------------------------------------------------
 
 TIMES = np.arange(8) / 8
@@ -650,28 +337,3 @@ def test_a_film_has_one_scale(shape):
     for axes in (one.axes[0], *figure.axes[:4]):
         high = axes.images[0].norm.vmax if len(shape) == 2 else axes.get_ylim()[1] / 1.05
         np.testing.assert_allclose(high, pressure.max() / 1e6)
-
-
-@pytest.mark.filterwarnings("ignore:Glyph")  # of fonts
-def test_any_text_is_drawn_as_it_is_and_told_in_words(tmp_path, monkeypatch):
-    monkeypatch.setitem(gc.plot.STYLE, "svg.fonttype", "none")  # texts as texts
-    axes = {"layers[0].thickness": [1e-5, 5e-5], "velocity": [0.1, 1.0]}
-    name = r"$\frac{a}{"
-    scene = f"[[layers]]\nmaterial = {entry_text(name)}"
-    results = made(axes).assign_attrs(scene=scene)
-    figure = gc.plot.plot_sweep(results)
-    assert f"{name} thickness 10 µm" in drawn_texts(figure, tmp_path / "a.svg")
-    figure = gc.plot.plot_sweep(results.isel({"layers[0].thickness": [0]}))
-    assert f"{name} thickness 10 µm" in caption(figure)
-    figure = gc.plot.plot_compare([results] * len(HOSTILE), HOSTILE)
-    texts = drawn_texts(figure, tmp_path / "b.svg")
-    for text in HOSTILE:
-        shown = "".join(letter if letter.isprintable() else " " for letter in text)
-        assert {shown, f" {shown}"} & {*texts}
-
-
-def drawn_texts(figure, path):
-    """The texts of an SVG file, which must be XML."""
-    figure.savefig(path, metadata={"Description": caption(figure)})
-    tree = ElementTree.parse(path)
-    return ["".join(text.itertext()) for text in tree.iter("{http://www.w3.org/2000/svg}text")]

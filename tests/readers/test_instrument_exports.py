@@ -1,6 +1,5 @@
 """Files as instruments and programs write them, each made here of the same few points."""
 
-import contextlib
 import json
 
 import numpy as np
@@ -72,22 +71,6 @@ def trios(celsius=(20.0, 40.0)):
     return text
 
 
-def rheocompass(decimal="."):
-    """RheoCompass: numbers begin in the second column; units two lines below the names."""
-    text = "Project:\tSBR\nTest:\tSweeps\n\n"
-    for i, t in enumerate((20, 40)):
-        text += f"Result:\tFrequency sweep {i + 1}\n\nInterval and data points:\t1\t4\n"
-        text += "Interval data:\tPoint No.\tAngular Frequency\tStorage Modulus\tLoss Modulus\t"
-        text += "Shear Strain\tTorque\tTemperature\tStatus\n\t\t\t\t\t\t\t\t\n"
-        text += "\t\t[rad/s]\t[kPa]\t[kPa]\t[%]\t[mN·m]\t[°C]\t\n"
-        text += rows(
-            ["1", "2", "3", "4"], OMEGA, (1 + i) * STORAGE / 1e3, (1 + i) * LOSS / 1e3, HERTZ,
-            HERTZ, t + CELSIUS - 20, "WMa,TruStrain™", start="\t", decimal=decimal,
-        )  # fmt: skip
-        text += "\n"
-    return text
-
-
 def test_trios_text_with_steps_and_both_frequencies(tmp_path):
     cold, hot = read(tmp_path, trios()).isotherms()
     check(cold, deformation="shear")
@@ -132,113 +115,4 @@ def test_trios_json_has_the_steps_of_its_text(tmp_path):
             read(tmp_path, other)
 
 
-def test_signs_of_both_deformations_are_refused(tmp_path):
-    text = trios().replace("plates", "Tension fixture (rectangle)")
-    with pytest.raises(
-        ValueError, match=r"in shear has a column 'Oscillation torque': pass `deformation"
-    ):
-        read(tmp_path, text)
-    check(read(tmp_path, text, deformation="tension").isotherms()[0])
-
-
-@pytest.mark.parametrize("decimal, encoding", [(".", "utf-16"), (",", "utf-16-le")])
-def test_rheocompass_is_of_shear_by_its_other_columns(tmp_path, decimal, encoding):
-    measured = read(tmp_path, rheocompass(decimal=decimal), "export.csv", encoding)
-    cold, hot = measured.isotherms()
-    check(cold, deformation="shear")
-    check(hot, modulus=2 * MODULUS, deformation="shear")
-    assert any("'Shear Strain'" in note and "shear" in note for note in measured.history)
-
-
-HEAD_TA = "Nsig\t4\nSig1\tFrequency (Hz)\nSig2\tTemperature (°C)\nSig3\tStorage Modulus (MPa)\n"
-SHEAR_MODULI = (
-    "Shear modulus (elastic component)(Pa);Shear modulus (viscous component)(Pa);"
-    "Shear modulus (complex component)(Pa)"
-)
 # Name, text, arguments, deformation.
-EXPORTS = {
-    "Universal Analysis": (
-        "Version\tV4\nInstrument\tDMA Q800\n" + HEAD_TA + "Sig4\tLoss Modulus (MPa)\n"
-        "Date\t1-Jan-10\nStartOfData\n" + rows(HERTZ, CELSIUS, STORAGE / 1e6, LOSS / 1e6),
-        {}, "tension",
-    ),
-    "ARES": (
-        "Freq\tG'\tG\"\tTan_Delta\tStrain\tTorque\tTemp\n"
-        "rad/s\tdyn/cm²\tdyn/cm²\t\t%\tg-cm\t°C\n"
-        + rows(OMEGA, 10 * STORAGE, 10 * LOSS, TANGENT, HERTZ, HERTZ, CELSIUS),
-        {}, "shear",
-    ),
-    "Kinexus": (
-        f"Action Name;Time (action)(s);Frequency(Hz);{SHEAR_MODULI};Phase angle(°);"
-        "Temperature(°C)\n"
-        + rows("Sweep", HERTZ, HERTZ, STORAGE, LOSS, MAGNITUDE, DEGREES, CELSIUS, separator=";"),
-        {}, "shear",
-    ),
-    "STARe": (
-        "Curve Name:\n   [SBR]\nCurve Values:\n"
-        "      Index      f      Ts   Storage Modulus   Loss Modulus\n"
-        "         []   [Hz]    [°C]             [MPa]          [MPa]\n"
-        + rows(["0", "1", "2", "3"], HERTZ, CELSIUS, STORAGE / 1e6, LOSS / 1e6, separator="   "),
-        {}, "tension",
-    ),
-    "Eplexor": (
-        "Probe;SBR\nPrüfart;Frequenzsweep\n"
-        "Frequenz;Temperatur;E*;E';E\";tan δ\nHz;°C;MPa;MPa;MPa;-\n"
-        + rows(HERTZ, CELSIUS, MAGNITUDE / 1e6, STORAGE / 1e6, LOSS / 1e6, TANGENT,
-               separator=";", decimal=","),
-        {}, "tension",
-    ),
-    "Proteus": (
-        "#EXPORTTYPE:DATA ALL\n#INSTRUMENT:NETZSCH DMA 242\n#DECIMAL:POINT\n"
-        "##Temp./°C;f/Hz;E'/MPa;E\"/MPa;tan delta\n"
-        + rows(CELSIUS, HERTZ, STORAGE / 1e6, LOSS / 1e6, TANGENT, separator=";"),
-        {}, "tension",
-    ),
-    "logarithms": (
-        "log10(f [Hz]), log E' [MPa], ln E'' [Pa]\n"
-        + rows(np.log10(HERTZ), np.log10(STORAGE / 1e6), np.log(LOSS), separator=","),
-        {}, "tension",
-    ),
-    "German thousands": (
-        "f [Hz];E' [Pa];E'' [Pa]\n"
-        + rows(HERTZ, *(np.char.translate([f"{x:,.2f}" for x in part], str.maketrans(",.", ".,"))
-                        .tolist() for part in (STORAGE, LOSS)), separator=";", decimal=","),
-        {}, "tension",
-    ),
-    "Fahrenheit": (
-        "f [Hz],E' [Pa],E'' [Pa],T [°F]\n"
-        + rows(HERTZ, STORAGE, LOSS, 1.8 * CELSIUS + 32, separator=","),
-        {}, "tension",
-    ),
-    "remarks, blank lines and another order": (
-        "# sweep of a tread\n\nf [Hz]  E' [Pa]  E'' [Pa]\n\n10 5.75e6 3.25e6 # repeated\n"
-        "# 1 7e6 7e6\n100 2.5e7 1.5e7\n\n\n0.1 1.25D+06 2.5D+05\n1 2.5e6 7.5e5\n# the end\n",
-        {}, "tension",
-    ),
-    "French": (
-        "Pulsation (rad/s)\tTempérature (°C)\tModule de conservation (Pa)\t"
-        "Module de perte (Pa)\tCouple (mN·m)\n"
-        + rows(OMEGA, CELSIUS, STORAGE, LOSS, HERTZ, decimal=","),
-        {}, "shear",
-    ),
-    "RepTate, ending .dat": (
-        "T=20;Mw=94.9;chem=PI;\nw G' G''\n" + rows(OMEGA, STORAGE, LOSS, separator="   "),
-        {"units": {"modulus": "Pa"}}, "shear",
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", EXPORTS)
-def test_exports_are_read_in_every_encoding_that_holds_them(tmp_path, name):
-    text, options, deformation = EXPORTS[name]
-    for encoding in ("utf-8-sig", "utf-16", "latin-1"):
-        with contextlib.suppress(UnicodeEncodeError):
-            measured = read(tmp_path, text, "export.csv", encoding, **options)
-            check(measured, deformation=deformation)
-
-
-def test_a_column_of_moments_means_shear(tmp_path):
-    """German exports name the torque `Moment`; taken as tension, moduli were 3 times too low."""
-    text = "Kreisfrequenz;Speichermodul;Verlustmodul;Deformation;Moment\nrad/s;Pa;Pa;%;mN·m\n"
-    text += rows(OMEGA, STORAGE, LOSS, HERTZ, HERTZ, separator=";")
-    check(read(tmp_path, text, poisson=0.5), modulus=3 * MODULUS)

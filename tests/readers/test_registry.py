@@ -1,7 +1,6 @@
 """A new instrument is one file: the example of CONTRIBUTING.md is run as it stands there."""
 
 import re
-import struct
 import sys
 from pathlib import Path
 
@@ -47,16 +46,3 @@ def test_the_example_of_the_guide_reads_a_file(example, tmp_path):
         path.write_bytes(content)
         with pytest.raises(ValueError, match=rf"a\.dat` is refused: .*{message}"):
             read_surface(path)
-
-
-def test_no_content_is_known_by_two_readers():
-    """The order in which modules are found decides nothing."""
-    registry.find_readers()
-    heads = [b"DIGITAL SURF", b"DSCOMPRESSED", b"GWYP", b"\x93NUMPY", b"$ROAD_CRG\n", b"1 2\n",
-             b'{"a": 1}', b"\xd0\xcf\x11\xe0", struct.pack("<8i", *range(8))]  # fmt: skip
-    for head in heads:
-        for name in ("a.dat", "a.npz"):
-            file = registry.File(Path(name), head, len(head))
-            for readers in registry.READERS.values():
-                known = [each for each in readers if each.rank == 0 and each.knows(file)]
-                assert len(known) <= 1, (head, name, known)

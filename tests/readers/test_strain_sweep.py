@@ -47,15 +47,6 @@ FILES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_spellings_of_one_sweep(name, tmp_path):
-    (tmp_path / "sweep.csv").write_text(FILES[name])
-    strain, storage, loss = read_strain_sweep(tmp_path / "sweep.csv")
-    np.testing.assert_allclose(strain, STRAIN, rtol=1e-12)
-    np.testing.assert_allclose(storage, STORAGE / STORAGE[0], rtol=1e-8)
-    np.testing.assert_allclose(loss, LOSS / LOSS[0], rtol=1e-8)
-
-
 def test_a_scene_names_the_file(tmp_path):
     (tmp_path / "payne.csv").write_text(FILES["percent"])
     text = BARE.replace('material = "tread"', 'material = "soft"') + (
@@ -84,30 +75,3 @@ def test_a_measured_sweep():
 
 def sweep(heading, *columns):
     return table(heading + ",E' [Pa],E'' [Pa]", (*columns, STORAGE, LOSS), ",")
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (sweep("f [Hz],Strain [%]", [1, 2, 4], PERCENT), r"frequency varies from 6\.283 to 25\.13"),
-        (
-            sweep("Strain", PERCENT),
-            "the strain, has no known unit; pass for instance `units={'strain': ",
-        ),
-        (sweep("strain [mm]", PERCENT), r"\(strain \[mm\]\), the strain, has no known unit"),
-        (sweep("t [s]", PERCENT), "`columns`: strain, storage"),
-        (2 * sweep("Strain [%]", PERCENT), "one curve by `step`, or"),
-        (sweep("Strain [%]", [1, 10, 9.0]), "one curve by `step`, or"),
-        (sweep("Strain [%]", [1, 1, 10]), "one curve by `step`, or"),
-    ],
-)
-def test_what_is_no_strain_sweep_is_refused(text, words, tmp_path):
-    (tmp_path / "other.csv").write_text(text)
-    with pytest.raises(ValueError, match=words):
-        read_strain_sweep(tmp_path / "other.csv")
-
-
-def test_the_reader_of_moduli_names_the_reader_of_sweeps(tmp_path):
-    (tmp_path / "s.csv").write_text(sweep("f [Hz],Strain [%]", [10, 10, 10], PERCENT))
-    with pytest.raises(ValueError, match=r"`readers\.read_strain_sweep` reads those"):
-        gc.read_moduli(tmp_path / "s.csv")

@@ -1,6 +1,5 @@
 """Heights in formats that the package reads itself, from files written here byte by byte."""
 
-import importlib.util
 import io
 import struct
 import zipfile
@@ -10,9 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graded_contact as gc
 from graded_contact import read_surface
-from graded_contact.plot.contact import draw_map
 from graded_contact.readers.instruments.digital_surf import read_digital_surf
 from graded_contact.readers.registry import File
 
@@ -107,12 +104,6 @@ def test_a_container_gives_its_measurements_by_name_with_size_and_unit(tmp_path)
     check(read(tmp_path, zipped({**files, "index.json": index})))
 
 
-@pytest.mark.parametrize("meta", ["surfaces: 3\n", "a\n  b: [\n", "surfaces:\n- topographies: 1\n"])
-def test_a_container_that_is_not_understood_is_refused_by_name(tmp_path, meta):
-    with pytest.raises(ValueError, match=r"its 'meta\.yml' is not understood"):
-        read(tmp_path, zipped({"meta.yml": meta, "a.txt": "1 2\n"}))
-
-
 # Digital Surf
 
 STEP = 1e-12  # [m], of the numbers that the file keeps
@@ -170,26 +161,6 @@ def test_maps_of_mountains_agree_with_surface_topography():
         np.testing.assert_allclose(theirs.physical_sizes, 1e9 * ours.size)
 
 
-def test_other_maps_of_mountains_and_damaged_ones_are_refused(tmp_path):
-    content = digital_surf(RAW, packed=2)
-    bomb = content[:524] + struct.pack("<I", 2**31) + content[528:]
-    endless = content[:524] + bytes(4) + content[528:]  # a part of 0 bytes
-    for changed, message in [
-        (digital_surf(RAW, packed=1, units=("mm", "mm", "a.u.")), r"its 'z' is in 'a\.u\.'"),
-        (digital_surf(RAW, units=("mm", "mm", "V")), "it holds no heights"),
-        (digital_surf(RAW, units=("s", "mm", "nm")), "its x is in 's' and its y in 'mm'"),
-        (content[:-40], "the file is damaged|bytes of heights: cut short"),
-        (bomb, "it unpacks to more than 50 MB"),
-        (endless, "bytes of heights: cut short"),
-        (content[:300], "the file is damaged"),
-        (content[:525], "the file is damaged"),
-        (content[:560] + bytes(9) + content[569:], "damaged"),
-        (digital_surf(RAW)[:-1], "bytes of heights: cut short"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            read(tmp_path, changed)
-
-
 # X3P with heights as text, and Gwyddion without units
 
 X3P = """<?xml version="1.0" encoding="UTF-8"?>
@@ -232,59 +203,6 @@ def test_heights_in_the_xml_of_an_x3p_are_read(tmp_path):
             read(tmp_path, zipped({"main.xml": x3p(HEIGHTS).replace(old, new)}))
 
 
-def gwyddion(*channels, xreal=4e3):
-    """A file of channels, each a title, heights of shape (nx, ny), a unit, and a mask or None."""
-
-    def thing(name, *components):
-        inner = b"".join(components)
-        return name.encode() + b"\0" + struct.pack("<I", len(inner)) + inner
-
-    def component(name, kind, content):
-        return name.encode() + b"\0" + kind.encode() + content
-
-    def field(values, unit):
-        numbers = values.T[::-1].astype("<f8")
-        text = component("unitstr", "s", unit.encode() + b"\0")
-        parts = [component(name, "i", struct.pack("<i", n))
-                 for name, n in zip(("xres", "yres"), values.shape, strict=True)]  # fmt: skip
-        parts += [component(name, "d", struct.pack("<d", edge))
-                  for name, edge in (("xreal", xreal), ("yreal", xreal * 30 / 40))]  # fmt: skip
-        parts += [
-            component(f"si_unit_{axis}", "o", thing("GwySIUnit", text)) for axis in ("xy", "z")
-        ]
-        data = struct.pack("<I", numbers.size) + numbers.tobytes()
-        return thing("GwyDataField", *parts, component("data", "D", data))
-
-    parts = [component("/note", "S", struct.pack("<I", 2) + b"one\0two\0")]
-    for i, (title, values, unit, mask) in enumerate(channels):
-        parts.append(component(f"/{i}/data/title", "s", title.encode() + b"\0"))
-        parts.append(component(f"/{i}/data/visible", "b", b"\1"))
-        parts.append(component(f"/{i}/data", "o", field(values, unit)))
-        if mask is not None:
-            parts.append(component(f"/{i}/mask", "o", field(mask.astype(float), "")))
-    return b"GWYP" + thing("GwyContainer", *parts)
-
-
-def test_channels_of_gwyddion_without_a_unit_are_listed_and_need_one(tmp_path):
-    pytest.importorskip("SurfaceTopography")
-    numbers = 1e9 * HEIGHTS  # [nm]
-    content = gwyddion(("One", numbers, "", None), ("Two", -numbers, "", HEIGHTS > 0))
-    with pytest.raises(ValueError, match=r"no unit; pass `channel`, one of \['One', 'Two'\]"):
-        read(tmp_path, content)
-    match = "heights and of the edges 4000 x 3000 of channel 'One'; pass `unit`, for instance 'um'"
-    with pytest.raises(ValueError, match=match):
-        read(tmp_path, content, channel="One")
-    check(read(tmp_path, content, channel="One", unit="nm"))
-    surface = read(tmp_path, content, channel="Two", unit="nm")
-    assert any(f"Filled {np.sum(HEIGHTS > 0)} missing" in note for note in surface.history)
-    known = gwyddion(("One", HEIGHTS, "m", None), ("Two", -HEIGHTS, "V", None), xreal=4e-6)
-    check(read(tmp_path, known))  # by SurfaceTopography
-    with pytest.raises(ValueError, match="its channels are no heights: 'Phase' in 'deg'"):
-        read(tmp_path, gwyddion(("Phase", HEIGHTS, "deg", None)))
-    with pytest.raises(ValueError, match=r"a\.dat"):
-        read(tmp_path, content[:-30])
-
-
 # Channels of an instrument, and marks of missing points
 
 
@@ -320,106 +238,6 @@ def test_the_measured_trace_is_read_of_a_jpk_and_the_others_are_named(tmp_path):
     assert others in surface.history[1]
     check(read(tmp_path, content, channel="Height (retrace)"), -height, rtol=2e-4)
     check(read(tmp_path, jpk(("Height", 1, height), ("Height", 0, measured))), rtol=2e-4)
-
-
-@pytest.mark.parametrize("mark", [1e37, -1e38, 3.4028235e38])
-def test_large_marks_are_missing_points(tmp_path, mark):
-    heights, hole = 1e9 * HEIGHTS, (slice(3, 5), slice(7, 9))
-    heights[hole] = np.float32(mark)
-    np.save(tmp_path / "a.npy", heights)
-    np.savetxt(tmp_path / "a.txt", heights.T[::-1])
-    x, y = np.meshgrid(np.arange(40), np.arange(30), indexing="ij")
-    np.savetxt(tmp_path / "b.txt", np.stack([x.ravel() * 1e2, y.ravel() * 1e2, heights.ravel()], 1))
-    for name, options in [("a.npy", {"size": SIZE}), ("a.txt", {"size": SIZE}), ("b.txt", {})]:
-        surface = read_surface(tmp_path / name, unit="nm", periodic="mirror", **options)
-        assert np.sum(surface.measured[:40, :30] == 0) == 4 and not np.any(
-            surface.measured[3:5, 7:9]
-        )
-        assert any(
-            "4 heights of" in note and "count as missing" in note for note in surface.history
-        )
-
-
-@pytest.mark.parametrize("jitter", ["even", "normal"])
-def test_scattered_points_are_taken_on_their_grid_or_refused(tmp_path, jitter):
-    """Each line of points is a cloud; three lines of the grid are missing."""
-    x, y = np.meshgrid(np.arange(40), np.arange(30), indexing="ij")
-    kept = (x != 4) & (x != 5) & (y != 20)
-
-    def scattered(part):
-        draw = RNG.normal if jitter == "normal" else lambda size: RNG.uniform(-1, 1, size)
-        points = np.stack([x[kept], y[kept], 1e7 * HEIGHTS[kept]], 1)
-        points[:, :2] += 100 + part * draw(size=(len(points), 2))  # no counters
-        np.savetxt(tmp_path / "a.txt", RNG.permutation(points))
-        return read_surface(tmp_path / "a.txt", unit="um", periodic="mirror", fill="harmonic")
-
-    exact, surface = scattered(0.0), scattered(0.01)
-    assert not any("beside a grid" in note for note in exact.history)
-    assert any("of a step beside a grid" in note for note in surface.history)
-    np.testing.assert_array_equal(surface.measured[:40, :30] > 0, kept)
-    np.testing.assert_allclose(surface.grid.size, [80e-6, 60e-6], rtol=1e-3)
-    np.testing.assert_allclose(surface.heights, exact.heights, atol=1e-3 * np.std(exact.heights))
-    with pytest.raises(ValueError, match=r"interpolate them onto one, for instance by `scipy"):
-        scattered(0.3)
-
-
-@pytest.mark.parametrize("periodic", [None, "harmonic"])
-def test_waves_along_either_edge_of_oblong_pixels_have_equal_areas(tmp_path, periodic):
-    """Pixels of 1:2, cut, resampled to square ones and pressed: the axes are not confused."""
-    x, y = np.meshgrid(np.arange(96) / 96, np.arange(48) / 48, indexing="ij")
-    areas, slopes = [], []
-    for name, along in (("x", x), ("y", y)):
-        np.savetxt(tmp_path / f"{name}.txt", 1e-2 * np.cos(2 * np.pi * 4 * along).T)
-        surface = read_surface(
-            tmp_path / f"{name}.txt", unit="m", size=(1.0, 1.0), periodic=periodic,
-            region=[0, 0.75, 0, 0.75], shape=(72, 72),
-        )  # fmt: skip
-        assert any("m are not square" in note for note in surface.history)
-        body = gc.Stack(base=gc.HalfSpace(gc.Elastic(0.75, 0.5)))
-        kernel = gc.stack_kernel(body, surface.grid).real
-        solution = gc.solve_contact(kernel, surface.heights, mean_gap=5e-3, rtol=1e-8)
-        areas.append(float(np.mean(solution.pressure > 0)))
-        slopes.append([surface.steps[-1].rms_slope, np.std(np.asarray(surface.heights))])
-    np.testing.assert_allclose(*np.array(slopes, float), rtol=0.01)
-    assert areas[0] == pytest.approx(areas[1], rel=0.01) and 0.1 < areas[0] < 0.5, areas
-
-
-def test_figures_show_surfaces_as_microscopes_do(tmp_path):
-    """The first line of a file is at the top; points, arrays and axes have their own y."""
-    pyplot = pytest.importorskip("matplotlib.pyplot")
-    heights = np.zeros((40, 30))  # [x, y], y upwards
-    heights[35:, -3:] = 1e-8  # at the top right, which is at the end of the first lines
-    lines, (x, y) = heights.T[::-1], np.indices(heights.shape)
-    np.savetxt(tmp_path / "lines.txt", 1e6 * lines)
-    np.savetxt(
-        tmp_path / "points.txt", np.stack([x + 0.5, y + 0.5, 1e8 * heights], -1).reshape(-1, 3)
-    )
-    np.savetxt(tmp_path / "up.txt", np.block([[np.zeros((1, 1)), x[:, :1].T + 0.5],
-                                              [y[:1].T + 0.5, 1e8 * heights.T]]))  # fmt: skip
-    np.savetxt(tmp_path / "down.txt", np.block([[np.zeros((1, 1)), x[:, :1].T + 0.5],
-                                                [y[:1, ::-1].T + 0.5, 1e8 * lines]]))  # fmt: skip
-    np.save(tmp_path / "a.npy", 1e6 * heights)
-    bare = {"unit": "um", "periodic": "mirror"}
-    raw = np.round(lines / STEP).astype("i4")
-    surfaces = [
-        read_surface(tmp_path / "lines.txt", size=SIZE, **bare),
-        read_surface(tmp_path / "a.npy", size=SIZE, **bare),
-        *(read_surface(tmp_path / f"{name}.txt", **bare) for name in ("points", "up", "down")),
-        read(tmp_path, zipped({"main.xml": x3p(heights)})),
-        read(tmp_path, digital_surf(raw)),
-        read(tmp_path, gwyddion(("a", 1e6 * heights, "", None)), unit="um"),
-    ]
-    if importlib.util.find_spec("SurfaceTopography"):
-        surfaces.append(read(tmp_path, tmd(lines)))
-    for surface in surfaces:
-        found = np.asarray(surface.heights)[:40, :30]
-        assert np.all(found[35:, -3:] > np.max(found[:34, :-4])), surface.history
-    figure, axes = pyplot.subplots()
-    image = draw_map(axes, found, np.array(SIZE))
-    drawn = image.get_array() if image.origin == "upper" else image.get_array()[::-1]
-    assert np.all(drawn[:3, 35:] > np.max(drawn[4:, :34]))
-    assert axes.get_ylim()[0] < axes.get_ylim()[1]
-    pyplot.close(figure)
 
 
 def tmd(lines):

@@ -1,18 +1,11 @@
 import re
-import sys
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
-from scene_texts import damaged
 
 from graded_contact import read_surface, surface_from_heights
-from graded_contact.fields.grid import Grid
-from graded_contact.surfaces.random_surface import random_surface
 from graded_contact.surfaces.reading_steps import step
-from graded_contact.surfaces.spectrum import SelfAffine
-from graded_contact.surfaces.statistics import statistics
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "surfaces"
 ROAD = {"size": (5.0, 3.08), "unit": "m"}
@@ -70,79 +63,7 @@ def test_mirrored_files_have_the_tabulated_statistics(name, shape, size, height,
     np.testing.assert_allclose(along, slopes, rtol=1e-3)
 
 
-def test_spikes_around_large_holes_are_reported_and_discarded_on_request():
-    path, third = _measured("frt-2.frt"), [0, 0.03, 0.04, 0.05]
-    spiky = read_surface(path, region=third, fill="harmonic")
-    assert any("Filled 1844 missing points" in n and "see `rim=1`" in n for n in spiky.history)
-    assert any("25% of the points were not measured" in text for text in spiky.caveats)
-    assert any("rms heights from the mean" in text for text in spiky.caveats)
-    surface = read_surface(path, region=third, rim=1, fill="harmonic")
-    assert not any("stand out" in note for note in surface.history)
-    assert statistics(surface).rms_height < 3e-7  # without the spikes of 3e-4 m
-
-
-@pytest.mark.parametrize(
-    ("name", "kept"),
-    [
-        ("di-5.di", 100_000), ("sur-2.sur", 9000), ("matrix-3.txt", 400_000), ("frt-2.frt", 3000),
-        ("hfm-1.hfm", 100_000), ("belgian_block_open.npz", 3000),
-    ],
-)  # fmt: skip
-def test_truncated_files_are_refused_by_name(name, kept, tmp_path):
-    path = tmp_path / name
-    path.write_bytes(_measured(name).read_bytes()[:kept])
-    with pytest.raises(ValueError, match=name):
-        read_surface(path)
-
-
-def test_what_a_file_states_is_not_overridden_and_a_channel_must_be_of_heights():
-    path = _measured("di-5.di")
-    one, two = read_surface(path, channel="ZSensor"), read_surface(path, channel=0)
-    np.testing.assert_array_equal(one.heights, two.heights)
-    for options, message in [
-        ({"unit": "um"}, "leave out `unit='um'`"),
-        ({"size": 1e-5}, "leave out `size`"),
-        ({"channel": "PeakForceError"}, "is not a length"),
-        ({"channel": "Height"}, r"pass `channel`, one of \['ZSensor', .*, not 'Height'"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            read_surface(path, **options)
-
-
 # Invented files and arrays
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({}, r"pass `unit`, for instance 'um', and `size` \[m\]"),
-        ({"size": 1.0, "unit": "nm", "region": [0, 2, 0, 1]}, "must lie in the map"),
-        ({"size": 1.0, "unit": "furlong"}, "`unit='furlong'` is not a length"),
-        ({"size": -1.0, "unit": "nm"}, "`size=-1` is refused"),
-        ({"size": [1.0, 1.0, 1.0], "unit": "nm"}, r"`size` has shape \(3,\)"),
-        ({"size": 1.0, "unit": "nm", "periodic": "taper"}, "`periodic='taper'` must be"),
-        ({"size": 1.0, "unit": "nm", "rim": -1}, "`rim=-1` must be a whole number"),
-        ({"size": 1.0, "unit": "nm", "shape": (8,)}, "2 whole numbers are needed"),
-    ],
-)
-def test_bad_options_are_refused(options, message, tmp_path):
-    np.save(tmp_path / "map.npy", _rough((8, 8)))
-    with pytest.raises(ValueError, match=message):
-        read_surface(tmp_path / "map.npy", **options)
-
-
-def test_what_is_no_file_of_heights_is_refused_by_name(tmp_path, monkeypatch):
-    pytest.importorskip("SurfaceTopography")
-    with pytest.raises(FileNotFoundError, match=r"absent\.sur"):
-        read_surface(tmp_path / "absent.sur")
-    (tmp_path / "noise.bin").write_bytes(bytes(range(256)) * 4)
-    (tmp_path / "empty.txt").write_bytes(b"")
-    for name in ("noise.bin", "empty.txt", ""):
-        with pytest.raises(ValueError, match=re.escape(f"`path={tmp_path / name}`")):
-            read_surface(tmp_path / name, unit="m", size=1.0)
-    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
-    with pytest.raises(ImportError, match=r"pip install graded_contact\[io\]"):
-        read_surface(tmp_path / "noise.bin")
 
 
 def test_the_window_falls_to_zero_and_keeps_the_rms_height():
@@ -187,16 +108,6 @@ def test_joined_edges_meet_and_keep_slope_and_interior(shape):
     assert surface.steps[-1].name == "joined" and surface.measured is None
 
 
-def test_a_form_without_roughness_is_not_blown_up():
-    """A saddle leaves little when its edges are joined: its slope must not go into the rest."""
-    x = np.linspace(-1, 1, 64)
-    rough = surface_from_heights(1e3 * _rough((64, 64)), 1.0)
-    surface = surface_from_heights(1e3 * _rough((64, 64)) + np.outer(x, x), 1.0)
-    factor = float(re.search(r"heights by (\S+) to", surface.history[-1]).group(1))
-    assert factor == 1.1
-    assert rough.caveats == () and any("when joined" in text for text in surface.caveats)
-
-
 def test_a_periodic_surface_is_unchanged_even_if_a_plane_fits_it_and_a_tilt_refused():
     x = np.linspace(0, 2 * np.pi, 32, endpoint=False)
     values = np.sin(x)[:, None] + 0.3 * np.cos(3 * x)[None, :] + 5.0
@@ -221,92 +132,6 @@ def test_holes_are_filled_harmonically():
     np.testing.assert_array_equal(np.asarray(surface.measured)[:16, :20], ~hole)
     with pytest.raises(ValueError, match="pass `fill='low'`"):
         surface_from_heights(holed, [16.0, 20.0], fill=None)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        (np.full((8, 8), np.nan), "`heights` has 0 measured points"),
-        (np.add.outer(np.arange(8.0), 2 * np.arange(9.0)), "no roughness is left"),
-        (np.zeros((4, 4, 4)), "one or two whole numbers"),
-    ],
-)
-def test_heights_without_a_surface_in_them_are_refused(values, message):
-    with pytest.raises(ValueError, match=message):
-        surface_from_heights(values, 1.0)
-
-
-def _holed():
-    """A rough surface of which a border and islands, 31 %, are missing; and its mask."""
-    spectrum = SelfAffine(rms_slope=0.2, hurst=0.8, q_low=6.3e3, q_roll=1.9e4, q_high=1e5)
-    surface = random_surface(spectrum, Grid((96, 96), 1e-3), jax.random.key(1))
-    heights = np.array(surface.heights)
-    x, y = np.meshgrid(np.arange(96), np.arange(96), indexing="ij")
-    missing = (x < 7) | (y >= 85) | (x >= 91)
-    for cx, cy, r in [(22, 30, 8), (53, 68, 10), (71, 22, 7), (45, 45, 5), (75, 70, 6)]:
-        missing |= (x - cx) ** 2 + (y - cy) ** 2 < r**2
-    heights[missing] = np.nan
-    return heights, missing
-
-
-def test_filled_holes_lie_lower_than_their_rims_whose_spikes_are_caveats():
-    heights, missing = _holed()
-    surface = surface_from_heights(heights, 1e-3, periodic="mirror")
-    tile = np.asarray(surface.heights)[:96, :96]
-    near = [np.roll(missing, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-    assert np.max(tile[missing]) < np.max(tile[~missing & np.any(near, axis=0)])
-    assert np.mean(tile[missing]) < np.mean(tile[~missing]) - np.std(tile[~missing])
-    np.testing.assert_array_equal(np.asarray(surface.measured)[:96, :96], ~missing)
-    assert any("31% of the points" in text for text in surface.caveats)
-    rng = np.random.default_rng(0)
-    rims = np.argwhere(~missing & (np.roll(missing, 1, 0) | np.roll(missing, 1, 1)))
-    for i, j in rng.permutation(rims)[:20]:
-        heights[i, j] += 1e-3 * rng.exponential()
-    caveats = surface_from_heights(heights, 1e-3).caveats
-    assert any("rms heights from the mean" in text for text in caveats)
-
-
-def test_the_largest_measured_part_is_named_and_can_be_cut_out():
-    heights, missing = _holed()
-    note = next(n for n in surface_from_heights(heights, 1e-3).history if "`region=" in n)
-    region = [float(v) for v in re.search(r"region=\[(.*?)\]", note).group(1).split(",")]
-    best = 0  # by brute force: the widest run of each pair of rows
-    for i in range(96):
-        whole = np.ones(96, bool)
-        for j in range(i, 96):
-            whole &= ~missing[j]
-            runs = np.diff(np.flatnonzero(~np.concatenate([[False], whole, [False]]))) - 1
-            best = max(best, (j + 1 - i) * int(runs.max()))
-    cut = surface_from_heights(heights, 1e-3, region=region, periodic="mirror")
-    assert np.prod(cut.grid.shape) == 4 * best
-    assert cut.measured is None and cut.caveats == ()
-    first = np.rint(np.array(region) / (1e-3 / 96)).astype(int)
-    part = heights[first[0] : first[1], first[2] : first[3]]
-    nx, ny = part.shape
-    np.testing.assert_allclose(cut.heights[:nx, :ny], _levelled(part), atol=1e-15)
-    np.testing.assert_allclose(cut.grid.size, 2e-3 * np.array(part.shape) / 96)
-
-
-def test_every_step_of_reading_has_its_roughness():
-    heights, missing = _holed()
-    surface = surface_from_heights(
-        heights, 1e-3, region=[0, 0.75e-3, 0, 1e-3], shape=(24, 32), periodic="window"
-    )
-    names = [row.name for row in surface.steps]
-    assert names == ["read", "cropped", "tilt removed", "filled", "tapered", "resampled"]
-    read, cropped, _, filled, tapered, resampled = surface.steps
-    np.testing.assert_allclose(read.rms_height, np.nanstd(heights))
-    np.testing.assert_allclose(read.missing, np.mean(missing))
-    np.testing.assert_allclose(cropped.rms_height, np.nanstd(heights[:72]))
-    assert filled.missing == 0
-    np.testing.assert_allclose(tapered.rms_height, filled.rms_height)
-    np.testing.assert_allclose(resampled.rms_height, np.std(surface.heights))
-    assert any("when resampled" in text for text in surface.caveats)
-    assert surface.measured.shape == (24, 32)
-    # The window marks its flanks.
-    flank = np.sin(np.pi / 2 * (3 + 0.5) / 9.6) ** 2  # 96 points, the fourth from the edge
-    whole = surface_from_heights(np.nan_to_num(heights), 1e-3, periodic="window")
-    np.testing.assert_allclose(whole.measured[3, 48], flank, rtol=1e-12)
 
 
 # Text
@@ -360,38 +185,6 @@ def test_matrices_and_triples_are_read_in_any_layout(tmp_path, encoding):
         np.testing.assert_allclose(surface.heights[:6, :5], expected, atol=1e-9 * vertical)
 
 
-@pytest.mark.parametrize("word", ["NaN", "---", "", "inf"])
-def test_words_between_the_numbers_are_missing_points(tmp_path, word):
-    h, _ = _texts()
-    cells = [[f"{v:g}" for v in row] for row in h.T[::-1]]
-    cells[3][2] = cells[1][4] = word
-    (tmp_path / "map.csv").write_text("\n".join(map(",".join, cells)))
-    surface = read_surface(tmp_path / "map.csv", unit="um", size=1e-5, periodic="mirror")
-    assert any(f"Missing points are written {word!r}." in note for note in surface.history)
-    expected = np.ones((6, 5))
-    expected[2, 1] = expected[4, 3] = 0
-    np.testing.assert_array_equal(surface.measured[:6, :5], expected)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("1,2,3\n4,5\n6,7,8\n", "line 2 has 2 cells, those before it 3"),
-        ("1,2,3,4\n1,2,3x,4\n" * 4, "line 2 holds '3x', which is no number"),
-        ("0,12\n1,15\n2,9\n4,7\n", "commas may be decimal marks or separate two columns"),
-        ("0,12,1,05,2,71\n0,31,1,99,2,03\n" * 3, "decimal marks and to separate columns too"),
-        (" \n", "it is empty"),
-        ("0 1\n5 2\n1 3\n7 1\n3 4\n", "goes back and forth"),
-        ("0 0 1\n1 0.3 2\n5 7 1\n2.2 3 9\n4 5.1 2\n", "form no grid"),
-        ("0 3 1 4\n2 5 9 2\n4 6 5 3\n6 8 9 7\n8 3 2 3\n", "an axis. remove it"),
-    ],
-)
-def test_texts_that_could_be_read_in_two_ways_or_in_none_are_refused(tmp_path, text, message):
-    (tmp_path / "map.txt").write_text(text)
-    with pytest.raises(ValueError, match=message):
-        read_surface(tmp_path / "map.txt", unit="um", size=1e-5)
-
-
 @pytest.mark.parametrize(
     ("text", "heights", "unit"),
     [
@@ -406,29 +199,6 @@ def test_one_column_or_row_is_a_profile(tmp_path, text, heights, unit):
     surface = read_surface(tmp_path / "line.txt", unit=unit, size=6e-6, periodic="mirror")
     expected = 1e-6 * _levelled(np.array(heights))
     np.testing.assert_allclose(surface.heights[: len(heights)], expected, atol=1e-16)
-
-
-def test_an_unequal_line_scan_is_interpolated_and_its_gaps_are_missing(tmp_path):
-    """A parabola on jittered positions, with one gap; units in the heading differ."""
-    rng = np.random.default_rng(0)
-    x = np.arange(60) + rng.uniform(-0.2, 0.2, 60)
-    x[30:] += 9
-    z = 0.01 * x**2 + np.sin(x)
-    lines = [f"{a:.6f};{b:.6f}".replace(".", ",") for a, b in zip(x, z, strict=True)]
-    (tmp_path / "line.csv").write_text("Weg [mm];Höhe [µm]\n" + "\n".join(lines))
-    surface = read_surface(tmp_path / "line.csv", periodic="mirror")
-    assert any("are not equally spaced: interpolated linearly" in n for n in surface.history)
-    assert [s.name for s in surface.steps[:2]] == ["read", "equally spaced"]
-    num = surface.grid.shape[0] // 2
-    step = float(surface.grid.spacing[0])
-    np.testing.assert_allclose(step, 1e-3 * np.median(np.diff(x)), rtol=1e-5)
-    at = 1e-3 * x[0] + step * np.arange(num)
-    lost = np.asarray(surface.measured)[:num] == 0
-    np.testing.assert_array_equal(lost, (at > 1e-3 * x[29]) & (at < 1e-3 * x[30]))
-    truth = 1e-6 * np.interp(1e3 * at, x, z)
-    apart = (np.asarray(surface.heights)[:num] - truth)[~lost]
-    line = np.polyval(np.polyfit(at[~lost], apart, 1), at[~lost])
-    np.testing.assert_allclose(apart, line, atol=1e-11)
 
 
 # OpenCRG
@@ -486,63 +256,3 @@ def test_roads_are_read_in_every_form(tmp_path, form):
     np.testing.assert_allclose(apart, apart[0], atol=1e-8)
     assert any("slope and banking of the reference line were left out" in n
                for n in surface.history)  # fmt: skip
-
-
-def test_long_sections_at_unequal_distances_are_interpolated(tmp_path):
-    v = [-1.5, -1.25, -1.0, 0.0, 1.0, 1.25, 1.5]
-    heights = np.random.default_rng(0).normal(size=(8, 7)).round(4)
-    (tmp_path / "a.crg").write_bytes(_road("LRFI", heights, v))
-    surface = read_surface(tmp_path / "a.crg", periodic="mirror")
-    np.testing.assert_allclose(surface.grid.size, [8.0, 2 * 13 * 0.25])
-    assert any("interpolated linearly to 13 equally spaced" in n for n in surface.history)
-    even = np.stack([np.interp(np.arange(13) * 0.25 - 1.5, v, row) for row in heights])
-    np.testing.assert_allclose(surface.heights[:8, :13], _levelled(even), atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        (b"LONG_SECTION_V_INCREMENT = 0.25", b"", "no distance between its long sections"),
-        (b"#:LRFI", b"#:XYZ", "its format 'XYZ' is not known"),
-        (b"long section 3,m", b"long section 3,V", "not all in one unit of length"),
-        (b"$$$$", b"$", "its header does not end"),
-        (b"* LONG", b"REFERENCE_LINE_START_U = 0\nREFERENCE_LINE_END_U = 9.5\n* LONG", "9 of 20 r"),
-    ],
-)
-def test_damaged_roads_are_refused(tmp_path, old, new, message):
-    content = _road("LRFI", 1e3 * _rough((9, 11)), "LONG_SECTION_V_INCREMENT = 0.25\n")
-    assert old in content
-    (tmp_path / "a.crg").write_bytes(content.replace(old, new))
-    with pytest.raises(ValueError, match=message):
-        read_surface(tmp_path / "a.crg")
-
-
-@pytest.mark.parametrize("end", ["", "$$$$\n"])
-def test_a_road_that_refers_to_another_file_names_it(tmp_path, end):
-    text = "$CT\nlayers\n$ROAD_CRG_FILE\n* the elevations\n$FOLDER/wet.crg ! of 2005\n$\n"
-    (tmp_path / "a.crg").write_text(text.replace("$FOLDER", "rough") + end)
-    with pytest.raises(ValueError, match=r"in another OpenCRG file, 'rough/wet.crg': read that"):
-        read_surface(tmp_path / "a.crg")
-
-
-@pytest.mark.slow
-def test_no_damage_to_a_file_brings_a_reader_down(tmp_path):
-    """400 damaged texts, roads and arrays: read, or refused with `ValueError`."""
-    rng = np.random.default_rng(20240601)
-    originals = [(text.encode(), arguments, "a.txt") for _, text, arguments in _texts()[1]]
-    for form in ("LRFI", "LDFI", "KRBI", "KDBI"):
-        road = _road(form, 1e3 * _rough((9, 11)), "LONG_SECTION_V_INCREMENT = 0.25\n")
-        originals += 3 * [(road, {}, "a.crg")]
-    np.savez(tmp_path / "a.npz", _rough((8, 9)))
-    content = (tmp_path / "a.npz").read_bytes()
-    originals.append((content, {"unit": "um", "size": 1e-5}, "a.npz"))
-    refused = 0
-    for case in range(400):
-        content, arguments, name = originals[case % len(originals)]
-        (tmp_path / name).write_bytes(damaged(content, rng))
-        try:
-            assert np.all(np.isfinite(read_surface(tmp_path / name, **arguments).heights))
-        except ValueError as error:
-            refused += 1
-            assert "`path=" in str(error) or "`size" in str(error)
-    assert 80 < refused < 400

@@ -5,12 +5,10 @@ import pytest
 from scene_texts import BARE
 
 import graded_contact as gc
-from graded_contact.command.result_tables import print_table
 from graded_contact.scenes.collect import numbers_of_scene
 from graded_contact.scenes.plan import build_surface, plan
-from graded_contact.scenes.results import kept_contact, kept_solves, read_results
+from graded_contact.scenes.results import kept_contact
 from graded_contact.scenes.scene_file import parse_scene
-from graded_contact.studies.dataset import write, write_csv
 
 SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")
 CYCLE = SMALL.replace(
@@ -59,88 +57,6 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
     assert results.time.values.tolist() == [i / 8 for i in range(8)]
     assert results.work.attrs["units"] == "J/m²" and results.largest_step.attrs["units"] == "1"
     np.testing.assert_allclose(at.friction * at["load"], at["traction"], rtol=1e-12)
-
-
-@pytest.mark.slow
-def test_a_table_of_cycles_has_a_column_of_the_shear(cycles, capsys):
-    print_table(cycles[1], full=True)
-    head = capsys.readouterr().out.split("1.000e-01")[0]
-    assert all(word in head for word in ("(peak)", "shear", "phase"))
-
-
-@pytest.mark.slow
-def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(cycles, tmp_path):
-    _, results = cycles
-    write(tmp_path / "r.h5", results)
-    again = read_results(tmp_path / "r.h5")
-    assert again.identical(results)
-    assert kept_solves(again) == [(1, 0, 1)]
-    fields, surface = kept_contact(again, (1, 0, 1))
-    assert fields["pressure"].shape == (8, 16, 16) and surface.periodic
-    np.testing.assert_allclose(
-        fields["pressure"].mean(("x", "y")), again["load"][1, 0, 1], rtol=1e-9
-    )
-    write_csv(tmp_path / "r.csv", results)
-    head, *rows = (tmp_path / "r.csv").read_text().splitlines()
-    assert len(rows) == 4 and head.startswith("direction [rad],")
-    assert ",mean_friction," in head and "period [s]" in head
-    figure = gc.plot.plot_cycle(again)
-    assert len(figure.axes[0].lines) == 5  # four loops and zero
-
-
-@pytest.mark.slow
-def test_a_run_with_shear_adds_the_stress_on_the_contact():
-    text = SMALL + '[shear]\nkind = "constant"\nstress = 1e5\n'
-    scene = parse_scene(text)
-    results = plan(scene).run()
-    # The mean field in a scene has the same law.
-    np.testing.assert_allclose(results.shear_friction, 0.5 * results.contact_area, rtol=1e-9)
-    both = results.hysteresis_friction + results.shear_friction
-    np.testing.assert_allclose(results.friction, both, rtol=1e-12)
-
-
-@pytest.mark.slow
-def test_a_law_and_numbers_that_are_asked_for_are_those_of_python(capsys):
-    """The softer body flows: no pressure exceeds its hardness."""
-    elastic = SMALL.replace('"tyre_tread"', '"elastic"\nmodulus = 2e6\npoisson = 0.5')
-    law = '[law]\nkind = "hard_wall"\nhardness = 1e6\n'
-    plain = parse_scene(elastic.replace("[0.01, 1.0]", "0.0") + law)
-    asked = "[observe]\nstiffness = true\nconductance = true\nflow = true\ntension = true\n"
-    asked += "von_mises = true\nstress_depths = [0.0, 2e-5]\n"
-    scene = parse_scene(plain.text + asked)
-    surface, results = build_surface(scene), plan(scene).run()
-    assert not any("stiffness" in name for name in numbers_of_scene(plain, surface))
-    given = {"pressure": 2e5, "velocity": 0.0, "law": gc.HardWall(1e6)}
-    sliding = gc.slide(scene.stack, surface, **given)
-    assert results.contact_pressure.max() <= 1e6 * (1 + 1e-12)
-    assert results.contact_area_pixels.item() >= 0.2  # the load over the hardness
-    flow = gc.sliding.gap_flow(sliding.gap, sliding.grid, contact=sliding.pressure > 0)
-    expected = {
-        "contact_area": sliding.contact_area,
-        "mean_gap": sliding.mean_gap,
-        "contact_stiffness": gc.sliding.contact_stiffness(sliding),
-        "contact_stiffness_error": gc.sliding.contact_stiffness_error(sliding),
-        "specific_conductance": gc.sliding.contact_conductance(sliding, 3.0) * 3.0,
-        "flow_along_x": flow.conductance[0],
-        "flow_along_y": flow.conductance[1],
-    }
-    stress = gc.sliding.contact_stress(sliding, scene.stack, [0.0, 2e-5])
-    for kind in ("tension", "von_mises"):
-        found = stress.largest(kind)
-        expected |= {kind: found.value, f"{kind}_depth": found.place[-1]}
-    for name, value in expected.items():
-        np.testing.assert_allclose(results[name].item(), value, rtol=1e-6, err_msg=name)
-    assert results.tension.attrs["units"] == "Pa" and results.tension_depth.attrs["units"] == "m"
-    # Barber's analogy, and its error.
-    conductance, stiffness = results.specific_conductance, results.contact_stiffness
-    np.testing.assert_allclose(conductance, 2 * stiffness * (1 - 0.5**2) / 2e6, rtol=1e-9)
-    parts = results.specific_conductance_error / conductance, results.contact_stiffness_error
-    np.testing.assert_allclose(parts[0], parts[1] / stiffness, rtol=1e-9)
-    units = [results[name].attrs["units"] for name in ("flow_along_x", "contact_stiffness")]
-    assert units == ["m³", "Pa/m"]
-    print_table(results)
-    table = capsys.readouterr().out
-    assert "[m³]" in table and "[Pa/m]" in table
 
 
 @pytest.mark.slow

@@ -1,22 +1,16 @@
 """The tables [motion], [shear] and [heating], spheres and windows: what they make, and refusals."""
 
-import re
-from pathlib import Path
-
 import equinox as eqx
 import jax
 import numpy as np
 import pytest
-from scene_texts import BARE, TEXT, changed
+from scene_texts import BARE, changed
 
 import graded_contact as gc
 from graded_contact.blocks import Bond, Film
 from graded_contact.contacts import AdhesiveLJ, ExponentialAdhesion, RepulsiveLJ
-from graded_contact.readers.recorded_motion import read_motion
-from graded_contact.scenes import block
 from graded_contact.scenes.collect import numbers_of_scene
-from graded_contact.scenes.plan import plan
-from graded_contact.scenes.scene_file import parse_scene, read_scene
+from graded_contact.scenes.scene_file import parse_scene
 from graded_contact.scenes.theory import mean_field_at, roughness_of
 
 STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")
@@ -65,36 +59,6 @@ def test_a_recorded_motion_is_read_from_a_table(tmp_path, head):
     ] == ([] if head else told)
 
 
-def test_headings_give_units_of_a_recorded_motion(tmp_path):
-    (tmp_path / "s.csv").write_text("time [ms];s (mm)\n0;0\n25;0,1\n50;0\n75;-0,1\n")
-    found = read_motion(tmp_path / "s.csv", 0.1, 8)
-    expected = gc.sliding.recorded([0.0, 0.025, 0.05, 0.075], [0.0, 1e-4, 0.0, -1e-4], 0.1, 8)
-    np.testing.assert_allclose(found.displacement, expected.displacement, atol=1e-18)
-    (tmp_path / "s.csv").write_text("1;2\n3\n4;5\n")
-    with pytest.raises(ValueError, match=r"`path=.*` is refused: two columns of numbers"):
-        read_motion(tmp_path / "s.csv", 0.1)
-    for head, wrong in (("s (mm);time [ms]", "times are in 'mm'"), ("t [s];v [m/s]", "in 'm/s'")):
-        (tmp_path / "s.csv").write_text(f"{head}\n0;0\n25;0,1\n50;0\n75;-0,1\n")
-        with pytest.raises(ValueError, match=wrong):
-            read_motion(tmp_path / "s.csv", 0.1)
-
-
-def test_what_is_assumed_of_a_material_is_a_caveat_of_the_scene(tmp_path):
-    """Of a table that says neither tension nor shear, and of a table that says so itself."""
-    rows = "".join(f"{f:g},{2e6 + f},{1e5}\n" for f in np.geomspace(1e-3, 1e9, 25))
-    (tmp_path / "a.csv").write_text(
-        "Frequency [Hz],Storage modulus [Pa],Loss modulus [Pa]\n" + rows
-    )
-    table = 'kind = "tabulated"\npath = "a.csv"\n'
-    scene = parse_scene(BARE.replace('kind = "tyre_tread"\n', table), tmp_path)
-    (sentence,) = scene.assumed
-    assert sentence.startswith("tread: The moduli are assumed to be Young's (tension)")
-    assert sentence in scene.notes
-    stated = table + 'deformation = "tension"\nassumed = ["Of another batch."]\n'
-    scene = parse_scene(BARE.replace('kind = "tyre_tread"\n', stated), tmp_path)
-    assert scene.assumed == ("tread: Of another batch.",)
-
-
 def test_shear_and_heating_are_those_of_the_constructors():
     text = STILL.replace("[load]", "[load]\nvelocity = 1.0\ntemperature = 300.0")
     scene = parse_scene(text + PEAKED + SHIFT + HEATING)
@@ -108,13 +72,6 @@ def test_shear_and_heating_are_those_of_the_constructors():
         parse_scene(two)  # a block without layers
     constant = parse_scene(BARE + '[shear]\nkind = "constant"\nstress = 1e5\n').shear
     assert float(constant.stress) == 1e5
-
-
-def test_a_law_decides_the_names_of_solves():
-    scene, law = parse_scene(BARE), "\n[law]\nkind = 'hard_wall'\nhardness = 2e6\n"
-    case = scene.case({"pressure": 2e5, "velocity": 1.0}, scene.surface.build())
-    assert isinstance(case.law, gc.HardWall)
-    assert not np.any(np.isin(plan(parse_scene(BARE + law)).points, plan(scene).points))
 
 
 @pytest.mark.parametrize(
@@ -173,22 +130,6 @@ def test_a_sphere_is_a_window_with_the_heights_of_hertz():
     np.testing.assert_allclose(heights[3, 20], -(x**2 + y**2) / 4e-3, rtol=1e-12)
 
 
-def test_a_body_on_a_window_takes_an_approach():
-    approach = "approach = [1e-6, 2e-6]\n"
-    pressure = re.search(r"pressure = .*\n", BARE).group()
-    sphere = '[surface]\nkind = "sphere"\nradius = 2e-3\n[grid]' + BARE.split("[grid]")[1]
-    scene = parse_scene(sphere.replace(pressure, approach))
-    assert list(scene.axes) == ["approach", "velocity"] and scene.num_solves == 4
-    for text, expected in [
-        (sphere.replace(pressure, pressure + approach), "has `pressure` and `approach`; give one"),
-        (sphere.replace(pressure, ""), "lacks one of the keys `pressure`"),
-        (BARE.replace(pressure, approach), "`approach` needs a surface of kind"),
-        (sphere.replace(pressure, approach) + SINE, "needs a `pressure` in .load., not"),
-    ]:
-        with pytest.raises(ValueError, match=expected):
-            parse_scene(text)
-
-
 def test_strain_per_slope_is_a_key_of_the_load():
     key = "[load]\nstrain_per_slope = 0.7"
     scene = parse_scene(SOFTENED.replace("[load]", key))
@@ -231,47 +172,6 @@ def test_directions_are_an_axis():
     assert parse_scene(BARE).case(point, surface).velocity.shape == ()
 
 
-@pytest.mark.parametrize(
-    "text, expected",
-    [
-        (STILL, r"^\[load\] lacks the key `velocity`"),
-        (STILL + SINE.replace("stroke", "strok"), r"\[motion\] has no key `strok`; did you mean"),
-        (STILL + SINE.replace('"sin', '"sun'), r"`kind` = 'sunusoidal' .* did you mean `sinuso"),
-        (STILL + SINE.replace("= 20.0", "= -1.0"), r"\[motion\] `frequency=-1` is refused"),
-        (STILL.replace("[load]", "[load]\ntemperature = 300.0") + HEATING
-         + SINE.replace("2e-4", "0.0"), r"\[heating\] is refused: \[motion\] is at rest"),
-        (BARE.replace("[0.01", "[0.0") + SINE, r"\[load\] `velocity\[0\]=0` is refused"),
-        (BARE.replace("= [0.01, 1.0]", "= 1.0\npressure_ratio = [1.0, 2.0]"), "needs a table .mot"),
-        (BARE + '[law]\nkind = "hard_wall"\nhardness = 1e5\n',
-         r"^\[load\] `pressure=200000` is refused: the law allows mean pressures between 0 and"),
-        (BARE + '[law]\nkind = "adhesive_lj"\nrange = 1e-9\n', r"\[law\] lacks the key `work`"),
-        (BARE + "[observe]\nleakage = true\n", r"\[observe\] has no key `leakage`; it takes `sti"),
-        (BARE + SINE.replace("16", "64") + "[observe]\nflow = true\n",
-         r"^\[observe\] needs steady sliding on a periodic surface"),
-        (BARE + "[observe]\nstress_depths = [0.0]\n", "`stress_depths` needs `tension` or `von_mi"),
-        (BARE + "[observe]\ninterface_shear = true\n", r"^\[observe\] `interface_shear` needs a l"),
-        (BARE + SINE.replace("16", "64") + "[observe]\ntension = true\n",
-         r"^\[observe\] needs steady sliding on a periodic surface"),
-        (BARE + PEAKED + SHIFT, r"\[shear\] `temperature=None` is refused"),
-        (BARE + '[shear]\nknd = "peaked"\n', r"^\[shear\] has no key `knd`; did you mean `kind`"),
-        (BARE + '[shear]\nstress = 1e5\n', r"^\[shear\] must be a table with the key `kind`, one"),
-        (TEXT.replace("2e-5", "2e-5\nbond = {sheer = 1e9}"),
-         r"\[layers\[0\].bond\] has no key `sheer`; did you mean `shear`"),
-        (TEXT.replace("2e-5", "2e-5\nbond = {normal = 0.0}"),
-         r"\[layers\[0\].bond\] `normal=0` is refused"),
-        (TEXT.replace("2e-5", '2e-5\nbond = {material = "glue", thickness = 1e-6}'),
-         r"\[layers\[0\].bond\] `material` = 'glue' is not in \[materials\]"),
-        (TEXT.replace("2e-5", '2e-5\nbond = {material = "coat", shear = 1e-6}'),
-         r"\[layers\[0\].bond\] has no key `shear`"),
-        (BARE + HEATING, r"\[heating\] needs the bulk `temperature`"),
-        (BARE.replace("self_affine", "sphere"), r"\[surface\] has no key `rms_slope`"),
-    ],
-)  # fmt: skip
-def test_a_wrong_table_is_refused_with_its_place(text, expected):
-    with pytest.raises(ValueError, match=expected):
-        parse_scene(text)
-
-
 def test_a_bond_is_that_of_the_constructor_and_an_axis():
     """Springs, a film of a material, a graded layer's bond; a design may be robust against it."""
     below = lambda bond: changed("thickness = 2e-5", f"thickness = 2e-5\nbond = {bond}")  # noqa: E731
@@ -292,41 +192,3 @@ EXAMPLES = (
     *("reciprocating", "shear_and_heat", "indenter", "failing_bond"),
     *("braking", "seal", "load_steps"),
 )
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_an_example_is_read(name):
-    assert read_scene(Path(__file__).parents[2] / "examples" / f"{name}.toml").title
-
-
-def test_a_scene_chooses_and_names_its_number_of_times(tmp_path):
-    """Of a drawn surface and of a file; the direction turns the path over the diagonal."""
-    plain = SINE.replace("num_times = 16\n", "")
-    scene = parse_scene(STILL + plain)
-    # π times the stroke over half a spacing.
-    assert 2 * np.pi * 2e-4 / (1e-3 / 32) <= scene.num_times <= 50
-    assert f"{scene.num_times} times, a largest step of 0.4" in str(scene)
-    turned = parse_scene(STILL.replace("[load]", "[load]\ndirection = 0.8") + plain)
-    assert turned.num_times >= scene.num_times * 1.2 and turned.step <= 0.5
-    case = turned.case({"pressure": 2e5, "velocity": 1.0}, turned.surface.build())
-    moved = np.abs(np.diff(case.displacement, axis=0)) / (1e-3 / 32)
-    np.testing.assert_allclose(turned.step, np.max(moved.sum(axis=1)), rtol=1e-12)
-    np.savez(tmp_path / "h.npz", heights=np.random.default_rng(0).normal(size=(64, 64)), size=1e-3)
-    file = '[surface]\nkind = "file"\npath = "h.npz"\nunit = "um"\n[materials'
-    read = parse_scene(file + STILL.split("[materials", 1)[1] + plain, tmp_path)
-    assert scene.num_times * 1.8 < read.num_times <= 100
-    times = "[motion] `num_times=16` is refused: the surface moves by up to 2."
-    with pytest.raises(ValueError, match=re.escape(times)):
-        parse_scene(file + STILL.split("[materials", 1)[1] + SINE, tmp_path)
-
-
-@pytest.mark.parametrize("kind", ["poroelastic", "neo_hookean", "viscoelastic"])
-def test_an_unknown_material_names_all_kinds_and_what_the_model_lacks(kind):
-    kinds = [*block.MATERIALS, "tabulated", "strain_sweep"]
-    known = ", ".join(f"`{one}`" for one in kinds)
-    with pytest.raises(
-        ValueError, match=f"'{kind}' is not known; the kinds are {known}. .*hyperel"
-    ):
-        parse_scene(TEXT.replace('"tyre_tread"', f'"{kind}"'))
-    with pytest.raises(ValueError, match=r"did you mean `elastic`\? The kinds .*no plastic flow"):
-        parse_scene(TEXT.replace('"elastic"', '"elastik"'))

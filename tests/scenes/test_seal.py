@@ -6,8 +6,7 @@ from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.command.result_tables import print_table
-from graded_contact.core.display import number, with_time
-from graded_contact.plot.style import caption
+from graded_contact.core.display import with_time
 from graded_contact.scenes.plan import plan
 from graded_contact.scenes.results import over_seeds, surface_of
 from graded_contact.scenes.scene_file import parse_scene
@@ -47,73 +46,6 @@ def test_leakage_is_the_conductance_times_the_pressure_over_the_viscosity(seal):
     means = over_seeds(seal)
     np.testing.assert_allclose(means.leakage_along_x, seal.leakage_along_x.mean("seed"))
     assert "leakage_along_x_seed_error" in means
-
-
-def test_at_rest_no_figure_and_no_cell_is_of_friction_that_is_rounding(seal, capsys):
-    labels = [axes.get_ylabel() for axes in gc.plot.plot_sweep(seal).axes]
-    assert labels == ["contact area fraction", "mean gap [m]"]
-    print_table(seal)
-    printed = capsys.readouterr().out
-    assert "At temperature 293.15 K (20 °C):" in printed
-    assert "Left out, as 0 within rounding or errors: friction.\n" in printed
-    heads, _, *rows = (line.split() for line in printed.split("[MPa]")[1].splitlines())
-    assert "[µm]" in heads and [row[0] for row in rows[:3]] == ["0.000e+00"] * 3
-    assert "No fluid passes along x at a pressure of 20 MPa or more." in printed
-
-
-def test_a_fluid_that_would_lift_the_surface_is_a_warning():
-    (warning,) = parse_scene(SEAL).assumed
-    assert "of 10 kPa is not small beside the load of 20 kPa" in warning
-    thin = parse_scene(SEAL.replace("pressure_difference = 1e4", "pressure_difference = 1e3"))
-    assert not any("lifts" in sentence for sentence in thin.assumed)
-
-
-def test_leakage_has_a_total_error_and_no_digits_beyond_it(seal, capsys):
-    """The error of the leakage is that of the conductance, in its unit."""
-    print_table(seal, all_seeds=True)
-    printed = capsys.readouterr().out
-    for axis, across in (("x", 0.5), ("y", 2.0)):
-        parts = sum(seal[f"flow_along_{axis}_{cause}_error"] for cause in ("solver", "grid"))
-        error, leakage = seal[f"leakage_along_{axis}_error"], seal[f"leakage_along_{axis}"]
-        np.testing.assert_allclose(error, parts * 1e4 / (12 * 2e-3) * across, rtol=1e-6)
-        assert error.attrs["units"] == "m³/s" and float(error.where(leakage > 0).min()) > 0
-        for value, wrong in zip(leakage.values.flat, error.values.flat, strict=True):
-            words = number(value, ".3e", wrong)
-            assert words in printed.split() and words != f"{value:.3e}"
-
-
-def test_a_figure_of_leakage_is_against_the_load_and_marks_closed_gaps(seal):
-    figure = gc.plot.plot_leakage(seal)
-    fluid = "Fluid with η = 0.002 Pa s, Δp = 10 kPa over the cell of 1 mm × 500 µm."
-    assert fluid in caption(figure) and caption(figure).endswith("temperature 293.15 K (20 °C).")
-    for axes, name in zip(figure.axes, ("leakage_along_x", "leakage_along_y"), strict=True):
-        assert axes.get_yscale() == "log" and axes.get_xlabel() == "mean pressure [Pa]"
-        lines = {line.get_marker(): line for line in axes.lines if len(line.get_xdata())}
-        closed = seal.pressure[(seal[name] == 0).all(["seed", "velocity"])]
-        np.testing.assert_allclose(lines["v"].get_xdata(), closed)
-        mean = seal[name].mean("seed").values[:, 0]
-        (curve,) = (one for one in lines.values() if one.get_linestyle() == "-")
-        np.testing.assert_allclose(curve.get_ydata(), np.where(mean > 0, mean, np.nan))
-    with pytest.raises(ValueError, match=r"have no leakage: the scene needs the table \[fluid\]"):
-        gc.plot.plot_leakage(seal.drop_vars(["flow_along_x"]))
-
-
-@pytest.mark.parametrize(
-    "old, new, message",
-    [
-        ("viscosity = 2e-3", "viscosity = 0", r"\[fluid\] `viscosity=0` is refused"),
-        ("viscosity = 2e-3", "viskosity = 2e-3", "did you mean `viscosity`"),
-        ("[16, 16]\n", "[16]\n", "needs a surface in two dimensions"),
-        ("[fluid]", '[motion]\nkind = "sinusoidal"\nstroke = 1e-4\nfrequency = 1.0\n[fluid]',
-         r"\[fluid\] needs a periodic surface, under steady sliding or .* `once = true`"),
-    ],
-)  # fmt: skip
-def test_a_fluid_that_has_no_leakage_is_refused(old, new, message):
-    assert old in SEAL
-    text = SEAL.replace(old, new)
-    text = text.replace("[1e-3, 5e-4]", "1e-3") if "[16]" in new else text
-    with pytest.raises(ValueError, match=message):
-        plan(parse_scene(text))
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import elasticities, gauss_over_angles, maxwell, persson
+from oracles import gauss_over_angles, maxwell, persson
 from scipy.integrate import quad
 
 import graded_contact as gc
@@ -97,25 +97,6 @@ def test_lay_of_crossed_waves_is_the_principal_direction():
     assert profile.slope_ratio is None
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"anisotropy": 2.0, "roll_off": "sharp"}, "`anisotropy=2.0` is refused with the sharp"),
-        ({"angle": 0.3}, "`angle=0.3` is refused without an `anisotropy`"),
-    ],
-)
-def test_a_bad_lay_is_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
-        gc.SelfAffine(rms_slope=0.2, **BAND | changes)
-
-
-def test_a_lay_that_no_grid_holds_is_refused():
-    with pytest.raises(ValueError, match=r"`anisotropy=9` is refused.*This cell takes up to 4"):
-        gc.random_surface(lay(9.0, q_high=20 * Q0), GRID, jax.random.key(0))
-    with pytest.raises(ValueError, match="`anisotropy` is refused for a profile"):
-        gc.random_surface(lay(2.0, q_high=20 * Q0), gc.Grid((64,), CELL), jax.random.key(0))
-
-
 # Friction in the mean field
 
 
@@ -192,19 +173,6 @@ def test_an_endless_lay_has_no_friction_along_it_and_that_of_a_profile_across():
     np.testing.assert_allclose(along.contact_area, rest.contact_area, rtol=5e-4)
 
 
-@pytest.mark.slow
-def test_derivatives_by_the_lay_and_by_own_roughness_match_differences():
-    def value(spectrum, own, pressure, velocity):
-        given = {"pressure": pressure, "velocity": velocity, "own_roughness": own}
-        s = mean_field(BARE, spectrum, **given)
-        return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
-
-    own = gc.SelfAffine(rms_slope=0.1, hurst=0.6, q_low=5 * Q0, q_roll=9 * Q0, q_high=300 * Q0)
-    arguments = (lay(3.0, 0.4), own, jnp.asarray(2e5), jnp.array([0.04, 0.02]))
-    for slope, difference in elasticities(value, arguments):
-        assert abs(difference - slope) <= 1e-6 * abs(difference) + 1e-8
-
-
 # Roughness of the block itself
 
 
@@ -252,10 +220,3 @@ def test_own_roughness_stays_at_rest_in_the_rubber():
     np.testing.assert_allclose(found.contact_area, area, rtol=1e-6)
     np.testing.assert_allclose(found.friction, friction, rtol=1e-6)
     assert found.friction < 0.97 * solve(ISOTROPIC, velocity=0.05).friction
-
-
-def test_own_roughness_is_refused_by_name():
-    call = partial(gc.mean_field_friction, BARE, pressure=3e5, velocity=0.05)
-    surface = gc.Surface(np.zeros((8, 8)), gc.Grid((8, 8), CELL))
-    with pytest.raises(ValueError, match="`own_roughness` is refused with a `Surface`"):
-        call(surface, own_roughness=OWN)

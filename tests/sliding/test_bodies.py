@@ -2,16 +2,13 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact.fields.grid import wavevector
-from graded_contact.materials import StrainSoftening
 from graded_contact.mean_field import mean_field_friction
 from graded_contact.reference import hertz_line, hertz_pressure, hertz_sphere
 from graded_contact.sliding import ConstantShear, Coulomb, Heating, contact_stress, slide_cycle
@@ -270,47 +267,6 @@ def test_a_cylinder_on_a_slab_and_a_counter_is_that_of_the_sum_of_kernels():
 
 
 @pytest.mark.slow
-def test_derivatives_of_steady_sliding_match_differences():
-    def friction(strength, modulus, thickness, heights):
-        counter = eqx.tree_at(lambda c: c.layers[0].thickness, COATED, thickness)
-        counter = eqx.tree_at(lambda c: c.layers[0].material.young, counter, modulus)
-        surface = dataclasses.replace(ROUGH, heights=heights * ROUGH.heights)
-        found = slide(rubber(strength), counter, surface, shear=Coulomb(0.2), rtol=1e-12)
-        return found.friction + found.contact.mean_gap
-
-    for gradient, change in elasticities(friction, tuple(map(np.array, (3.0, 5.0, 0.05, 1.0)))):
-        np.testing.assert_allclose(gradient, change, rtol=1e-4, atol=1e-9)
-
-
-@pytest.mark.slow
-def test_derivatives_of_a_cycle_of_two_rough_bodies_match_differences():
-    n = 16
-    own, other = rough(n), rough(n, seed=3)
-    t = np.arange(n) / n
-
-    def number(strength, equilibrium, stroke, heights):
-        s = stroke * jnp.sin(2 * np.pi * t)
-        second = dataclasses.replace(other, heights=heights * other.heights)
-        counter = rubber(8.0, 0.2, equilibrium)
-        how = {"counter": counter, "block_surface": second, "rtol": 1e-11}
-        found = cycle(rubber(strength), own, s, **how)
-        return found.mean_friction + found.counter_power + jnp.mean(found.mean_gap)
-
-    at = tuple(map(np.array, (3.0, 2.0, 0.1, 1.0)))
-    for gradient, change in elasticities(number, at, step=1e-4):
-        np.testing.assert_allclose(gradient, change, rtol=2e-3, atol=1e-7)
-
-
-def test_counters_are_a_batch_and_are_traced():
-    moduli = jnp.array([2.0, 5.0])
-    how = {"throw": False, "rtol": 1e-9}
-    friction = jax.jit(lambda modulus: slide(rubber(), elastic(modulus), **how).friction)
-    one_by_one = [float(slide(rubber(), elastic(m), rtol=1e-9).friction) for m in moduli]
-    np.testing.assert_allclose(jax.vmap(friction)(moduli), one_by_one, rtol=1e-6)
-    np.testing.assert_allclose([friction(m) for m in moduli], one_by_one, rtol=1e-6)
-
-
-@pytest.mark.slow
 def test_stress_in_the_counter_is_that_in_the_block_of_exchanged_bodies():
     """From the counter the traction of the motion is that of the opposite motion."""
     soft, stiff = elastic(1.0), elastic(4.0, 0.45)
@@ -326,16 +282,6 @@ def test_stress_in_the_counter_is_that_in_the_block_of_exchanged_bodies():
         contact_stress(found, soft, depths, body="counter")
     with pytest.raises(ValueError, match="rigid counter"):
         contact_stress(slide(soft), soft, depths, body="counter")
-
-
-def test_a_counter_that_softens_has_the_modulus_at_its_strain():
-    half = StrainSoftening(gc.Elastic(4.0, 0.3), [1e-3, 1.0], [0.5, 0.5], [0.5, 0.5])
-    soft = gc.Stack(base=gc.HalfSpace(half))
-    found = slide(rubber(), soft, strain_per_slope=1.0)
-    expected = slide(rubber(), elastic(2.0))
-    np.testing.assert_allclose(found.friction, expected.friction, rtol=1e-8)
-    with pytest.raises(ValueError, match="strain_per_slope"):
-        slide(rubber(), elastic(2.0), strain_per_slope=1.0)
 
 
 @pytest.mark.parametrize(
@@ -363,56 +309,6 @@ def test_the_mean_field_of_exchanged_bodies_is_the_same():
     other = mean_field_friction(COATED, own, own_roughness=track, counter=rubber(), **how)
     np.testing.assert_allclose(other.friction, found.friction, rtol=1e-4)
     np.testing.assert_allclose(other.contact_area, found.contact_area, rtol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_counter_says_where_it_was_not_measured():
-    """Of a cycle, in which it dissipates; under steady sliding it is at rest."""
-    known = gc.Prony(2.0, [8.0], [0.2], 0.3, measured=gc.materials.MeasuredRange([1e3, 1e4]))
-    counter = gc.Stack(base=gc.HalfSpace(known))
-    s = 0.1 * np.sin(2 * np.pi * np.arange(16) / 16)
-    found = cycle(elastic(1.0), rough(16), s, counter=counter, pressure=LOAD)
-    found.compute("extrapolated_friction", "counter_power")
-    assert found.extrapolated_friction == 1 and found.counter_power > 0
-    assert slide(rubber(), counter).extrapolated_friction == 0
-
-
-def test_what_has_no_state_is_refused_by_name():
-    liquid = gc.Stack(base=gc.HalfSpace(gc.Prony(0.0, [1.0], [0.1], 0.3)))
-    s = 0.1 * np.sin(2 * np.pi * np.arange(16) / 16)
-    how = {"block_surface": OTHER}
-    heating = {"heating": Heating(0.2, 1e-7), "temperature": 300.0}
-    with pytest.raises(ValueError, match=r"`counter`.*liquid"):
-        slide(rubber(), liquid)
-    with pytest.raises(ValueError, match=r"`counter`.*liquid"):
-        mean_field_friction(rubber(), ROUGH, pressure=LOAD, velocity=1.0, counter=liquid)
-    with pytest.raises(ValueError, match=r"`block_surface` is refused with a `velocity`"):
-        Case(rubber(), ROUGH, velocity=1.0, pressure=LOAD, block_surface=OTHER)
-    with pytest.raises(ValueError, match=r"`heating` is refused with a `block_surface`"):
-        cycle(rubber(), ROUGH, s, **how, **heating)
-    with pytest.raises(ValueError, match=r"`block_surface` is on"):
-        cycle(rubber(), rough(16), s, **how)
-    window = gc.Surface(OTHER.heights, OTHER.grid, periodic=False)
-    with pytest.raises(ValueError, match=r"`block_surface` is on a window"):
-        cycle(rubber(), ROUGH, s, block_surface=window)
-
-
-@pytest.mark.slow
-def test_heat_of_friction_softens_the_block_under_a_counter():
-    """A stiff counter has the temperatures of a rigid one; under a soft one there is less heat."""
-    q = Q0 / 4e-3
-    spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=q, q_roll=2 * q, q_high=4 * q)
-    surface = gc.random_surface(spectrum, gc.Grid((16, 16), 4e-3), jax.random.key(0))
-    known = gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49, shift=gc.WLF(8.0, 100.0, 293.0))
-    block = gc.Stack(base=gc.HalfSpace(known))
-    how = {"heating": Heating(0.25, 1.1e-7, 1.0), "temperature": 293.0, "pressure": 3e4}
-    found = [
-        slide(block, counter, surface, rtol=1e-6, **how)
-        for counter in (None, elastic(1e12), elastic(1e6, 0.49))
-    ]
-    rigid, stiff, soft = (float(one.surface_rise) for one in found)
-    np.testing.assert_allclose(stiff, rigid, rtol=1e-3)
-    assert rigid > 1 and 0 < soft < rigid
 
 
 @pytest.mark.slow

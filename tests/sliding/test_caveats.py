@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -55,17 +54,6 @@ def test_doubtful_numbers_are_told_and_sound_ones_are_not(changed, words):
         assert part in sentence
 
 
-def test_a_caveat_is_true_of_each_solve_that_it_concerns_and_of_no_other():
-    area = np.array([[0.05, np.nan, 0.2], [0.6, 0.0, 0.1]])
-    sound = np.where(np.isnan(area), np.nan, 0.3)
-    numbers = dict.fromkeys(["friction", "slope_in_contact"], sound)
-    numbers["friction_grid_error"] = 0.01 * sound
-    (caveat,) = told(**numbers, unmeasured_area=area)
-    assert caveat.sentence.startswith("20% to 60% of the contact area")
-    assert "2 of 6 solves" in caveat.sentence
-    np.testing.assert_array_equal(caveat.where, area > 0.1)
-
-
 def sliding(pressure, displacement, grid, measured=None):
     """A contact with these fields, and nothing else."""
     fields = {f.name: jnp.zeros(()) for f in dataclasses.fields(ContactSolution)}
@@ -91,13 +79,6 @@ def test_the_slope_in_contact_is_that_of_the_touching_part():
     assert sliding(0 * p, w, grid).slope_in_contact == 0
 
 
-def test_a_result_keeps_its_numbers_and_a_copy_starts_with_none():
-    found = sliding(jnp.ones(8), jnp.zeros(8), gc.Grid((8,), 1.0))
-    (area,) = found.compute("unmeasured_area")
-    assert found.kept.numbers == {"unmeasured_area": area} and found.kept.formulas is None
-    assert jax.tree.map(lambda leaf: leaf, found).kept.numbers == {}
-
-
 def test_shares_of_points_not_measured_are_sums_over_them():
     """A tooth on each flank of a wave: all of the work on the one that was filled, or half."""
     grid = gc.Grid((32,), 1.0)
@@ -109,26 +90,3 @@ def test_shares_of_points_not_measured_are_sums_over_them():
     found = sliding(p, w, grid, measured).compute(*names)
     np.testing.assert_allclose(found, 0.5, rtol=1e-12)
     np.testing.assert_array_equal(sliding(0 * p, w, grid, measured).compute(*names), 0)
-
-
-@pytest.mark.slow
-def test_a_surface_with_marked_points_slides_under_jit_vmap_and_grad():
-    grid = gc.Grid((16,), 1e-3)
-    x = jnp.arange(16) / 16
-    heights = 1e-5 * jnp.cos(2 * jnp.pi * x) + 3e-6 * jnp.cos(6 * jnp.pi * x)
-    surface = gc.Surface(heights, grid, measured=jnp.where(x < 0.1, 0.5, 1.0))
-    prony = gc.Prony(equilibrium=1e6, strengths=[1e7], times=[1e-3])
-    stack = gc.Stack(layers=(), base=gc.HalfSpace(prony))
-
-    plain = gc.contacts.DouglasRachford(newton=False)  # compiles in two thirds of the time
-
-    def solve(surface, velocity):
-        found = gc.slide(stack, surface, pressure=1e4, velocity=velocity, solver=plain)
-        return found.friction, found
-
-    by_surface = jax.value_and_grad(solve, has_aux=True)
-    (_, found), slope = jax.jit(jax.vmap(by_surface, (None, 0)))(surface, jnp.array([0.1, 1.0]))
-    assert jnp.all((found.unmeasured_friction > 0) & (found.unmeasured_friction < 1))
-    assert jnp.all((found.unmeasured_area > 0) & (found.unmeasured_area < 1))
-    assert any("of the contact area" in text for text in found.caveats)
-    assert jnp.all(jnp.isfinite(slope.heights)) and jnp.all(slope.measured == 0)

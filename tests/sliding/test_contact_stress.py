@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact.blocks import interface_depths, largest_tension, stress_field
@@ -109,16 +108,3 @@ def test_largest_values_and_their_places():
     open_edges = dataclasses.replace(s.problem, facts=frozenset({WINDOW}))
     with pytest.raises(ValueError, match="on a window"):
         contact_stress(dataclasses.replace(s, problem=open_edges), BLOCK, [0.0])
-
-
-@pytest.mark.slow
-def test_derivatives_of_the_largest_values_match_differences():
-    def total(friction, modulus, thickness):
-        coat = gc.Layer(gc.Elastic(modulus, 0.35), thickness)
-        block = gc.Stack(layers=(coat,), base=BLOCK.base)
-        s = gc.slide(block, ROAD, pressure=5e4, velocity=0.1, shear=Coulomb(friction), rtol=1e-11)
-        found = contact_stress(s, block, jnp.append(0.0, interface_depths(block)), side="above")
-        return sum(found.largest(kind).value for kind in ("tension", "von_mises", "shear"))
-
-    arguments = tuple(map(jnp.asarray, (0.6, 3e7, 2e-4)))
-    np.testing.assert_allclose(*np.transpose(elasticities(total, arguments)), rtol=1e-4)

@@ -10,11 +10,9 @@ from scipy.special import jv
 
 import graded_contact as gc
 from graded_contact.sliding import (
-    ConstantShear,
     PeakedShear,
     sinusoidal,
     slide_cycle,
-    start_stop,
     steady,
 )
 
@@ -114,18 +112,6 @@ def test_shear_follows_from_pressure_and_speed_of_each_time():
     for found in (coulomb, viscous):  # the block loses what it lost
         np.testing.assert_allclose(found.load_work, alone.load_work, atol=1e-15)
         assert found.dissipated_power == alone.dissipated_power
-
-
-def test_there_is_no_shear_at_rest():
-    motion = start_stop(stroke=0.2, moving=0.5, dwell=0.5, num_times=32)
-    given = {"s": motion.displacement, "period": motion.period}
-    alone, found = cycle(**given), cycle(**given, shear=ConstantShear(0.02))
-    added = np.asarray(found.friction - alone.friction)
-    still = np.abs(np.diff(np.append(motion.displacement, motion.displacement[0]))) < 1e-9
-    still &= np.roll(still, 1)
-    assert 8 < still.sum() < 24
-    np.testing.assert_array_equal(added[still], 0)
-    assert np.all(np.abs(added[~still]) * LOAD <= 0.02 * found.contact_area[~still] * (1 + 1e-9))
 
 
 @pytest.mark.parametrize(("amplitude", "rate"), [(1, 1.0), (5, 0.3), (20, 0.1)])
@@ -296,55 +282,6 @@ def test_a_table_of_a_graded_kernel_is_as_good_as_it_says(monkeypatch):
     expected = gc.surface_compliance(stack, q, omega[:, None], rtol=1e-8)
     off = np.max(np.abs(kernel[:9, 1:] / expected - 1))
     assert off <= error <= 1e-6
-
-
-def test_usual_motions():
-    wave = sinusoidal(2.0, 5.0, 64)
-    np.testing.assert_allclose(wave.highest_speed, 10 * np.pi, rtol=2e-3)
-    np.testing.assert_allclose(wave.period, 0.2)
-    assert 9 < wave.largest_step(gc.Grid((100,), 1.0)) < 10
-    rest = start_stop(1.0, 0.5, 1.0, 300)
-    np.testing.assert_allclose(rest.period, 3.0)
-    assert np.all(rest.displacement[:50] == 0) and np.all(rest.displacement[101:199] == 1)
-    np.testing.assert_allclose(rest.highest_speed, 15 / 8 / 0.5, rtol=1e-2)
-    there = steady(-2.0, GRID)
-    np.testing.assert_allclose(there.displacement, -TIMES)
-    np.testing.assert_allclose(there.period, 0.5)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"s": np.zeros((8, 2))}, "displacement"),
-        ({"pressure": np.ones(3)}, "pressure"),
-        ({"pressure": np.zeros(N)}, "pressure.*where the surfaces part, prescribe `mean_gap`"),
-        ({"mean_gap": -np.ones(N)}, "mean_gap"),
-    ],
-)
-def test_bad_input_is_refused(options, message):
-    with pytest.raises(ValueError, match=f"`{message}"):
-        cycle(**options)
-
-
-@pytest.mark.slow
-def test_caveats_name_what_the_times_do_not_resolve():
-    jumps = 0.03 * np.sign(np.sin(2 * np.pi * TIMES))
-    lifted = cycle(s=jumps, pressure=None, mean_gap=np.where(TIMES < 0.5, 0.01, 0.1), rtol=1e-3)
-    for words in ("spacings of the grid", "kinks or jumps", "gap changes too fast"):
-        assert any(words in text for text in lifted.caveats)
-    assert lifted.time_in_contact == np.mean(lifted.load > 0) and 0.3 < lifted.time_in_contact < 0.7
-    apart = cycle(pressure=None, mean_gap=0.5, rtol=1e-3)
-    assert any("surfaces never touch" in text for text in apart.caveats)
-    assert np.isnan(apart.mean_friction) and np.isnan(apart.peak_friction)
-    assert np.isnan(apart.mean_friction_error)
-
-
-@pytest.mark.slow
-def test_a_cycle_that_does_not_converge_says_so():
-    with pytest.raises(RuntimeError, match="max_steps"):
-        cycle(solver=gc.contacts.DouglasRachford(max_steps=2))
-    failed = cycle(solver=gc.contacts.DouglasRachford(max_steps=2), throw=False)
-    assert failed.result == gc.contacts.RESULTS.max_steps_reached
 
 
 def pressure_by_steps(surface, displacement, tau, branch, num_cycles=3):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.contacts.solution import FAILURES, RESULTS, has_failed
+from graded_contact.contacts.solution import RESULTS
 from graded_contact.core.quantities import OBSERVABLES
 
 GRID = gc.Grid((16,), 1e-3)
@@ -57,12 +57,3 @@ def test_a_failed_solve_has_no_derivatives_and_a_sound_one_keeps_its_own():
     number, slope = area(1e5)
     np.testing.assert_allclose(slope, (area(1.001e5)[0] - area(0.999e5)[0]) / 200, rtol=1e-2)
     assert 0 < number < 1
-
-
-@pytest.mark.slow
-def test_partial_results_are_numbers_of_solves_that_did_not_fail():
-    assert not any(has_failed(end) for end in (RESULTS.successful, RESULTS.max_steps_reached))
-    assert all(map(has_failed, FAILURES))
-    partial = slid(1e5, solver=gc.contacts.DouglasRachford(max_steps=2))
-    assert 0 < partial.contact_area < 1
-    assert repr(partial).startswith("Sliding (not converged: partial results)")

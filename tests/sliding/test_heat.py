@@ -4,11 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import elasticities
 from scipy.linalg import solve_banded
 
 import graded_contact as gc
-from graded_contact.blocks import Bond, Film
 from graded_contact.fields.grid import multiplicity, to_field, to_spectrum, wavenumber
 from graded_contact.materials import StrainSoftening
 from graded_contact.sliding import (
@@ -19,7 +17,7 @@ from graded_contact.sliding import (
     heat_source,
 )
 from graded_contact.sliding.conduction import Heat, temperatures, thermal_wavenumber
-from graded_contact.sliding.heat_source import check_series, shear_heat
+from graded_contact.sliding.heat_source import shear_heat
 
 CELL = 4e-3  # m
 Q0 = 2 * np.pi / CELL
@@ -53,15 +51,6 @@ def heat_over_depth(stack, **how):
 @pytest.mark.parametrize("stack", [CLAMPED, SOFTENED], ids=["clamped", "soft"])
 def test_heat_over_the_depth_is_the_work_of_friction(stack):
     assert abs(heat_over_depth(stack) - 1) <= 1e-3
-
-
-def test_springs_of_a_bond_make_no_heat_and_a_bond_with_losses_is_refused():
-    stack = lambda bond: gc.Stack(  # noqa: E731
-        layers=(gc.Layer(COAT, 2e-4, bond),), base=gc.HalfSpace(RUBBER)
-    )
-    assert abs(heat_over_depth(stack(Bond(1e10, 1e9))) - 1) <= 1e-3
-    with pytest.raises(ValueError, match=r"`layers\[0\].bond` may have losses"):
-        check_series(stack(Film(RUBBER, 1e-6)))
 
 
 @pytest.mark.slow
@@ -248,52 +237,3 @@ def test_heat_at_depth_makes_less_of_a_flash_than_at_the_surface():
     touching = s.pressure > 0
     assert 0 < jnp.mean(rise[0][touching]) < 0.7 * jnp.mean(above[touching])
     assert rise[0].max() > rise[1].max() > 0
-
-
-@pytest.mark.slow
-def test_derivatives_of_the_temperature_match_differences():
-    def contact_mean(strength, conductivity, diffusivity, other, speed, thickness):
-        rubber = gc.Prony(1e6, jnp.stack([strength, 2e7]), [1e-2, 1e-4], 0.49)
-        stack = gc.Stack(layers=(gc.Layer(COAT, thickness),), base=gc.HalfSpace(rubber))
-        s = gc.slide(stack, SURFACE, **HOW | {"velocity": speed, "shear": law, "rtol": 1e-11})
-        heating = Heating(jnp.stack([conductivity, 0.6]), diffusivity, other)
-        rise = flash_temperature(s, stack, heating, [0.0])[0]
-        return jnp.mean(rise * s.pressure) / 4e5
-
-    def law(pressure, speed, temperature):
-        return 0.2 * pressure
-
-    arguments = tuple(map(jnp.asarray, (9e6, 0.25, 1.1e-7, 0.6, 0.5, 1e-4)))
-    pairs = elasticities(contact_mean, arguments)
-    np.testing.assert_allclose(*np.transpose(pairs), rtol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("stack", "depths", "words"),
-    [
-        (gc.Stack(base=gc.HalfSpace(gc.BulkShear(RUBBER, RUBBER))), [1e-3], "BulkShear"),
-        (
-            gc.Stack(
-                layers=(gc.GradedLayer(lambda s, w: (1e6 + 0 * s, 0.4), 1e-3),), base=gc.Rigid()
-            ),
-            [1e-4],
-            "graded layer with the profile",
-        ),
-    ],
-)
-def test_what_has_no_known_heat_is_refused(sheared, stack, depths, words):
-    with pytest.raises(ValueError, match=words):
-        heat_source(sheared, stack, depths)
-
-
-def test_conductivities_of_other_layers_are_refused(sheared):
-    with pytest.raises(ValueError, match=r"`conductivity` has shape \(3,\); one number"):
-        flash_temperature(sheared, HALF_SPACE, DIFFERENT, [0.0])
-    with pytest.raises(ValueError, match=r"`counterface_conductivity` has shape \(2,\).*counter"):
-        flash_temperature(sheared, HALF_SPACE, Heating(0.2, 1e-7, [0.2, 1.0]), [0.0])
-    with pytest.raises(ValueError, match="counterface_conductivity"):
-        Heating(0.2, 1e-7, [0.2, 0.0])
-    for each in (DIFFERENT, Heating(0.2, 1e-7, [0.2, 1.0])):
-        how = {"pressure": 1e5, "velocity": 1.0, "temperature": 293.0, "heating": each}
-        with pytest.raises(ValueError, match="numbers for each layer"):
-            gc.mean_field_friction(HALF_SPACE, SPECTRUM, **how)

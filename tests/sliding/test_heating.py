@@ -1,18 +1,15 @@
 """Heat that softens the block under its own contact: the fixed point and its derivative."""
 
-import itertools
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import directional
 
 import graded_contact as gc
 from graded_contact.blocks.heated_stack import heated
-from graded_contact.contacts.solution import RESULTS
-from graded_contact.core.fixed_point import attach_fixed_point, find_fixed_point, has_reached
+from graded_contact.core.fixed_point import attach_fixed_point, find_fixed_point
 from graded_contact.sliding import (
     ConstantShear,
     Coulomb,
@@ -162,26 +159,6 @@ def test_more_conduction_means_less_heating_and_shear_heats_too():
     np.testing.assert_allclose(s.shear_friction, stress * s.contact_area / 3e4, rtol=1e-12)
 
 
-@pytest.mark.slow
-def test_derivatives_through_the_fixed_point_match_differences():
-    """Along one direction of six parameters; the programs of the derivatives take minutes."""
-
-    def friction(strength, conductivity, temperature, speed, pressure, energy):
-        rubber = gc.Prony(1e6, jnp.stack([strength, 2e7]), [1e-2, 1e-4], 0.49, RUBBER.shift)
-        law = PeakedShear(3e5, 1.0, 0.3, gc.Arrhenius(energy, 293.0))
-        stack, heating = gc.Stack(base=gc.HalfSpace(rubber)), Heating(conductivity, 1.1e-7, 1.0)
-        how = {"temperature": temperature, "pressure": pressure, "rtol": 1e-10, "shear": law}
-        return warm(stack, heating, speed, **how).friction
-
-    arguments = tuple(map(jnp.asarray, (9e6, 0.25, 293.0, 1.0, 3e4, 9e4)))
-    shares = (1.0, -0.7, 0.02, 0.5, -0.3, 0.1)
-    direction = tuple(a * share for a, share in zip(arguments, shares, strict=True))
-    reverse, difference = directional(friction, arguments, direction)
-    forward = jax.jvp(friction, arguments, direction)[1]
-    np.testing.assert_allclose(forward, difference, rtol=1e-4)
-    np.testing.assert_allclose(reverse, forward, rtol=1e-6)
-
-
 @pytest.mark.parametrize("slope", [-0.9, 0.5, 0.99])
 def test_a_fixed_point_is_found_where_the_map_falls_or_rises(slope):
     """cos has its own; tanh has three, and from 0 the one above is found."""
@@ -219,77 +196,3 @@ def warmer(heat, softening, tilt, peak=0.0):
 
 def sought(image):
     return find_fixed_point(image, jnp.zeros(6), None, jnp.asarray(1e-6), jnp.asarray(HOT))
-
-
-def test_temperatures_are_found_however_steeply_the_heat_falls():
-    """Images beyond every temperature, far below the last one, and of another profile."""
-    for heat, softening, tilt, peak in itertools.product(
-        (3e1, 3e3, 3e5), (20.0, 60.0), (0.0, 2.0), (0.0, 100.0)
-    ):
-        image = warmer(heat, softening, tilt, peak)
-        point = sought(image)
-        np.testing.assert_allclose(image(point.x, None)[0], point.x, atol=2e-6 * jnp.max(point.x))
-        assert point.history.cycles <= 25
-
-
-def test_heat_that_grows_up_to_the_highest_temperature_ends_there():
-    point = find_fixed_point(
-        warmer(900.0, 1e5, 0.0), jnp.zeros(6), None, jnp.asarray(1e-6), jnp.asarray(HOT)
-    )
-    assert has_reached(point.x, jnp.asarray(HOT)) and point.error > 0.1
-    assert point.history.cycles <= 3
-
-
-@pytest.mark.slow
-def test_large_spots_at_high_speeds_have_a_steady_temperature_or_are_too_hot():
-    """A peaked shear at 1 and 10 m/s: the first image may be thousands of kelvin."""
-    length = 0.64
-    unit = 2 * np.pi / length
-    spectrum = gc.SelfAffine(
-        rms_slope=0.35, hurst=0.9, q_low=unit, q_roll=3 * unit, q_high=10 * unit
-    )
-    cobbles = gc.random_surface(spectrum, gc.Grid((32, 32), length), jax.random.key(0))
-    tread = gc.Stack(base=gc.HalfSpace(gc.tyre_tread(poisson=0.49)))
-    slide = partial(
-        gc.slide, tread, cobbles, pressure=1e6, heating=Heating(0.25, 1.3e-7, 1.0), throw=False
-    )
-    law = PeakedShear(2e5, 1e-2, 0.1, gc.Arrhenius(9e4, 293.15))
-    for speed, bulk in itertools.product((1.0, 10.0), (268.15, 293.15, 333.15)):
-        s = slide(velocity=speed, temperature=bulk, shear=law)
-        assert s.result == RESULTS.successful
-        # The temperatures cause themselves: by the public functions, without the loop.
-        rise = gc.sliding.flash_temperature(s, s.heated.stack, slide.keywords["heating"], [0.0])
-        found = jnp.mean(rise[0] * s.pressure) / 1e6
-        np.testing.assert_allclose(found, s.surface_rise, rtol=0.1)
-    hot = {"velocity": 10.0, "temperature": bulk, "shear": gc.sliding.ConstantShear(5e7)}
-    s = slide(**hot)
-    assert s.result == RESULTS.too_hot and s.state == "not converged: partial results"
-    with pytest.raises(RuntimeError, match=r"materials can have.* 666\.\d K above the bulk"):
-        slide(**hot | {"throw": True})
-
-
-@pytest.mark.parametrize(
-    ("how", "words"),
-    [
-        ({"temperature": None}, "`temperature=None`"),
-        ({"temperature": 20.0}, "`temperature=20` is refused: temperatures are in kelvin"),
-        (
-            {
-                "stack": gc.Stack(
-                    layers=(gc.GradedLayer(gc.Aged(RUBBER, 1.0, 2.0), 1e-3),), base=gc.Rigid()
-                )
-            },
-            "graded layer",
-        ),
-        ({"stack": gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [1e6], [1.0])))}, "superposition"),
-    ],
-)
-def test_what_cannot_be_heated_is_refused(how, words):
-    with pytest.raises(ValueError, match=words):
-        warm(**how)
-
-
-def test_a_known_solution_is_not_heated():
-    solution = gc.slide(BLOCK, SURFACE, pressure=3e4, velocity=1.0).contact
-    with pytest.raises(ValueError, match="`solution`"):
-        warm(solution=solution)

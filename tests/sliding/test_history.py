@@ -1,7 +1,6 @@
 """What happens once: its memory, its contacts, and the numbers over time."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -12,15 +11,12 @@ import pytest
 
 import graded_contact as gc
 from graded_contact import contacts
-from graded_contact.blocks import Blend, window_kernel
+from graded_contact.blocks import window_kernel
 from graded_contact.blocks.creep import NODES, contour, creep_of
 from graded_contact.contacts import DouglasRachford
-from graded_contact.core.caveats import caveats_of
-from graded_contact.materials import AbstractMaterial, MeasuredRange, StrainSoftening, Tabulated
-from graded_contact.sliding import Case, ConstantShear, Coulomb, dwell, ramp, recorded_once, start
-from graded_contact.sliding.doubts import extrapolated_times, path_after_rest
+from graded_contact.materials import StrainSoftening, Tabulated
+from graded_contact.sliding import Case, ConstantShear, dwell, ramp, recorded_once, start
 from graded_contact.sliding.history import history_problem
-from graded_contact.sliding.result import TransientSliding
 
 RUBBER = gc.Prony(1e6, [4e6, 8e6], [1e-2, 1e-3], 0.49)
 BLOCK = gc.Stack(base=gc.HalfSpace(RUBBER))
@@ -46,32 +42,9 @@ def elastic(modulus):
     return gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus, 0.49)))
 
 
-def unsolved(**problem):
-    """A history that knows no more than this of its problem."""
-    found = object.__new__(TransientSliding)
-    object.__setattr__(found, "problem", SimpleNamespace(**problem))
-    return found
-
-
 def creep_compliance(t):
     glassy, compliances, times = map(np.asarray, RUBBER.creep())
     return 1 / glassy + np.sum(compliances * (1 - np.exp(-np.asarray(t)[..., None] / times)), -1)
-
-
-@pytest.mark.parametrize(
-    ("known", "expected"),
-    [(None, 0.0), ([1e-3, 1e6], 0.0), ([10.0, 1e3], 0.5), ([1e-3, 0.1], 1.0), ([100.0, 1e9], 0.5)],
-)
-def test_times_beyond_the_measured_ones_are_a_share_of_their_decades(known, expected):
-    """From steps of 0.1 ms to 1 s: four decades of 1/t, of which `known` has some."""
-    rubber = gc.Prony(1e6, [4e6], [1e-2], 0.49, measured=known and MeasuredRange(known))
-    body = gc.Stack(base=gc.HalfSpace(rubber))
-    times = jnp.asarray([1e-4, 1e-3, 1e-2, 0.1, 0.5, 1.0])
-    found = unsolved(times=times, displacement=jnp.zeros(6), bodies=(elastic(1e6), body))
-    np.testing.assert_allclose(extrapolated_times(found), expected, atol=1e-4)
-    told = caveats_of(lambda name: expected if name == "extrapolated_times" else 0.0, "history")
-    words = f"{expected:.0%} of the times between the shortest step and the end"
-    assert sum(words in caveat.sentence for caveat in told) == (expected > 0)
 
 
 def test_moduli_at_complex_frequencies_are_those_of_the_laplace_transform():
@@ -201,119 +174,8 @@ def test_the_traction_is_that_of_the_slopes():
     assert "friction" in text[0]
 
 
-def test_a_step_that_fails_is_named_with_its_time():
-    times = np.arange(1, STEPS + 1) * 1e-3
-    with pytest.raises(RuntimeError, match=r"Step 1 of 64, which ends at 0.001 s.*max_steps"):
-        run(COAT, times, np.zeros(STEPS), 1e5, solver=DouglasRachford(2, newton=False))
-
-
-class Fractional(AbstractMaterial):
-    def modulus(self, omega):
-        power = (1j * jnp.asarray(omega) * 1e-3) ** 0.5
-        return 1e6 + 9e6 * power / (1 + power)
-
-    def poisson_ratio(self, omega):
-        return jnp.asarray(0.5)
-
-    def at(self, temperature):
-        return self
-
-
-class Even(Fractional):
-    def modulus(self, omega):
-        return 1e6 * (1 + jnp.abs(omega) ** 0.2) + 1e5j
-
-
-def test_own_laws_are_taken_if_they_are_analytic():
-    ends, steps = jnp.asarray([1e3, 1e6]), jnp.full(3, 1e-3)
-    found = creep_of(gc.Stack(base=gc.HalfSpace(Fractional())), ends, steps)
-    q = jnp.asarray([1e4])
-
-    def compliance(s):
-        power = mpmath.sqrt(s * mpmath.mpf("1e-3"))
-        return 1.5 / (1e4 * (1e6 + 9e6 * power / (1 + power))) / s
-
-    expected = float(mpmath.invertlaplace(compliance, 1e-3, method="talbot"))
-    whole = float((found.whole[0] @ found.shares(q))[0, 0])
-    assert whole == pytest.approx(expected, rel=1e-8)
-    with pytest.raises(ValueError, match=r"material=Even.*fit_prony"):
-        creep_of(gc.Stack(base=gc.HalfSpace(Even())), ends, steps)
-    layers = (gc.Layer(Fractional(), 1e-4, gc.blocks.Film(Even(), 1e-6)),)
-    with pytest.raises(ValueError, match=r"material=Even.*fit_prony"):
-        creep_of(gc.Stack(layers=layers, base=gc.Rigid()), ends, steps)
-
-
-@pytest.mark.slow
-def test_the_creep_of_a_graded_layer_is_that_of_many_thin_ones():
-    stiff, ends, steps = gc.Prony(3e6, [2e6, 9e6], [1e-2, 1e-3], 0.4), [1e3, 1e6], [1e-3, 4e-3]
-
-    def mixed(share):  # from the top, which is RUBBER
-        strengths = (1 - share) * RUBBER.strengths + share * stiff.strengths
-        return gc.Prony(1e6 + 2e6 * share, strengths, stiff.times, 0.49 - 0.09 * share)
-
-    graded = gc.GradedLayer(Blend(stiff, RUBBER), 1e-4)
-    thin = tuple(gc.Layer(mixed((i + 0.5) / 12), 1e-4 / 12) for i in range(12))
-    one, many = (
-        creep_of(
-            gc.Stack(layers=layers, base=gc.HalfSpace(stiff)), *map(jnp.asarray, (ends, steps))
-        )
-        for layers in ((graded,), thin)
-    )
-    for name in ("now", "whole", "aged"):
-        np.testing.assert_allclose(
-            getattr(one, name) * one.longest, getattr(many, name) * many.longest, rtol=5e-3
-        )
-    assert one.error < 1e-4
-
-
 WINDOW = gc.Surface(SURFACE.heights, GRID, periodic=False)
 TABLE = Tabulated([1.0, 1e3], [1e6 + 1e5j, 2e6 + 1e5j], extrapolate="plateau")
-
-
-@pytest.mark.parametrize(
-    "changes, words",
-    [
-        (dict(stack=gc.Stack(base=gc.HalfSpace(TABLE))), "fit_prony"),
-        (
-            dict(
-                stack=gc.Stack(
-                    layers=(gc.GradedLayer(Blend(RUBBER, TABLE), 1e-4),), base=gc.HalfSpace(RUBBER)
-                )
-            ),
-            "fit_prony",
-        ),
-        (dict(times=[1.0, 0.5]), "increasing"),
-        (dict(times=[0.0, 0.5]), "`times"),
-        (dict(times=[1e-12, 1.0]), "shortest step"),
-        (dict(displacement=[0.0]), "one for each"),
-        (dict(pressure=[1e5]), "`pressure`"),
-        (dict(pressure=None), "exactly one"),
-        (dict(surface=WINDOW, pressure=None, mean_gap=1e-5), "`mean_gap` is refused.*cell"),
-    ],
-)
-def test_what_a_history_refuses(changes, words):
-    given = dict(stack=BLOCK, surface=SURFACE, times=[0.5, 1.0], displacement=[0.0, 0.0])
-    given = given | dict(pressure=1e5) | changes
-    with pytest.raises(ValueError, match=words):
-        gc.slide_history(given.pop("stack"), given.pop("surface"), **given)
-
-
-def test_heat_and_strain_are_refused_by_name():
-    for name in ("heating", "strain_per_slope"):
-        with pytest.raises(TypeError, match=name):
-            gc.slide_history(
-                BLOCK, SURFACE, times=[1.0], displacement=[0.0], pressure=1e5, **{name: 1.0}
-            )
-
-
-def test_a_record_that_does_not_close_names_what_happens_once():
-    times, moved = np.linspace(0, 1, 50, endpoint=False), np.linspace(0, 0.1, 50)
-    with pytest.raises(ValueError, match=r"100 mm from its start.*`slide_history`"):
-        gc.sliding.recorded(times, moved, 1.0, grid=GRID)
-    with pytest.raises(ValueError, match=r"450 µm from its start.*whole cells"):
-        gc.slide_cycle(
-            BLOCK, SURFACE, displacement=np.linspace(0, 4.5e-4, 50), period=1.0, pressure=1e5
-        )
 
 
 def test_motions_that_happen_once():
@@ -336,20 +198,6 @@ def test_motions_that_happen_once():
     assert np.max(np.diff(read.displacement)) < 0.51 * 1e-3 / 64
     with pytest.raises(ValueError, match="inside of a program"):
         jax.jit(lambda v: ramp(v, 1.0, GRID).times)(1.0)
-
-
-@pytest.mark.parametrize(
-    ("displacement", "expected"),
-    [
-        ([0, 1e-4, 3e-3], 0),  # no rest
-        ([0, 0, 4e-4, -1.5e-3], 1.5),
-        ([0, 1e-4, 1e-4, 2.1e-3, 2.1e-3], 2),  # the second rest meets nothing any more
-    ],
-)
-def test_the_path_after_a_rest_is_told_in_cells(displacement, expected):
-    # Along x.
-    found = unsolved(displacement=jnp.asarray(displacement), facts=frozenset(), grid=GRID)
-    np.testing.assert_allclose(path_after_rest(found), expected)
 
 
 def test_after_many_periods_it_is_the_cycle_with_an_error_of_second_order():
@@ -432,21 +280,6 @@ def test_derivatives_are_those_of_differences_and_batches_are_single_histories()
     np.testing.assert_allclose(both, single, rtol=1e-6)
 
 
-def test_a_step_beyond_the_grid_is_refused_and_few_steps_have_an_unknown_error():
-    """A step of a whole cell would look like a rest."""
-    times, waves = 1e-3 * np.arange(1, 5), 1e-5 * np.cos(2 * np.pi * np.arange(16) / 16)
-    surface, block = gc.Surface(waves, gc.Grid((16,), 1e-3)), gc.Stack(base=gc.HalfSpace(RUBBER))
-    for moved, many in ((1e-3 * np.arange(1, 5), "16"), (np.full(4, 3e-4), "4.8")):
-        with pytest.raises(ValueError, match=f"moves by up to {many} spacings of the grid"):
-            gc.slide_history(block, surface, times=times, displacement=moved, pressure=1e5)
-    moved = np.array([0, 8e-5])
-    found = gc.slide_history(
-        block, surface, times=times[:2], displacement=moved, pressure=1e5, rtol=1e-3
-    )
-    assert any("1.3 spacings of the grid" in text for text in found.caveats)
-    assert np.all(np.isnan(found.contact_area_error))
-
-
 def test_the_response_on_the_path_of_a_window_is_that_of_a_window_kernel():
     """Under a constant pressure a block is elastic, of the creep compliance of that time."""
     grid, times = gc.Grid((8,), 1e-3), jnp.asarray([1e-3, 2e-3, 4e-3])
@@ -498,52 +331,6 @@ def test_a_sphere_under_a_load_that_begins_is_that_of_lee_and_radok():
         assert abs(mean - exact) < 2 * error
 
 
-ON_WINDOW = gc.Surface(-((np.arange(32) / 32 - 0.5) ** 2) / 2, gc.Grid((32,), 1.0), periodic=False)
-
-
 def coated(strength=4.0):
     rubber = gc.HalfSpace(gc.Prony(1.0, [strength], [0.05], 0.4))
     return gc.Stack(layers=(gc.Layer(gc.Elastic(3.0, 0.45), 0.05),), base=rubber)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("velocity", [1.0, -1.0])
-def test_steady_sliding_on_a_window_is_its_limit_also_under_traction(velocity):
-    times, law = np.arange(1, 65) / 64, Coulomb(0.5)
-    given = dict(shear=law, pressure=0.03)
-    steady = gc.slide(coated(), ON_WINDOW, velocity=velocity, **given)
-    found = run(coated(), times, velocity * times, surface=ON_WINDOW, **given)
-    free = gc.slide(coated(), ON_WINDOW, velocity=velocity, pressure=0.03)
-    assert velocity * found.friction[-1] == pytest.approx(float(steady.friction), abs=1e-3)
-    assert found.mean_gap[-1] == pytest.approx(float(steady.mean_gap), rel=1e-3)
-    assert abs(float(free.mean_gap / steady.mean_gap) - 1) > 5e-3
-
-
-@pytest.mark.slow
-def test_derivatives_on_a_window_are_those_of_differences():
-    times = jnp.arange(1, 11) / 64
-
-    def number(strength, heights, moved):
-        surface = gc.Surface(heights, ON_WINDOW.grid, periodic=False)
-        found = run(coated(strength), times, moved, 0.03, surface, rtol=1e-10)
-        return found.friction[-1] + 10 * found.mean_gap[-1] + found.work_done[-1]
-
-    at = jnp.asarray(4.0), ON_WINDOW.heights, 1.0 * times
-    ways = jnp.asarray(1.0), 1e-2 * jnp.cos(jnp.arange(32.0)), 0.1 * times**2
-    slopes = jax.grad(number, argnums=(0, 1, 2))(*at)
-    for i, way in enumerate(ways):
-
-        def moved(sign, i=i, way=way):
-            return number(*at[:i], at[i] + 1e-4 * sign * way, *at[i + 1 :])
-
-        expected = (float(moved(1)) - float(moved(-1))) / 2e-4
-        assert float(jnp.sum(slopes[i] * way)) == pytest.approx(expected, rel=2e-3)
-
-
-@pytest.mark.parametrize("steps", [(), (100,), (-100,)])
-def test_steps_that_do_not_exist_keep_no_fields_of_others(steps):
-    times = np.linspace(1e-3, 4e-3, 4)
-    with pytest.raises(ValueError, match=r"`fields_at="):
-        gc.slide_history(
-            BLOCK, SURFACE, times=times, displacement=0 * times, pressure=1e5, fields_at=steps
-        )

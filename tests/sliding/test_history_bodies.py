@@ -1,13 +1,12 @@
 """What happens once between two bodies: exchanged bodies, energy, the periodic state."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import graded_contact as gc
 from graded_contact.contacts import DouglasRachford
-from graded_contact.sliding import Case, Coulomb, Heating, PeakedShear
+from graded_contact.sliding import Coulomb, PeakedShear
 from graded_contact.sliding.shear import AbstractShear
 
 NUM, STEPS, LOAD = 16, 16, 0.2  # points and steps of all histories: they share a program
@@ -61,36 +60,6 @@ def test_exchanged_bodies_have_the_same_history():
     np.testing.assert_allclose(other.friction, -found.friction, atol=1e-6)
     for name in ("contact_area", "mean_gap", "work_done", "load_work_done"):
         np.testing.assert_allclose(getattr(other, name), getattr(found, name), atol=1e-6)
-
-
-def test_two_bodies_that_are_unloaded_have_taken_energy():
-    load = np.where(np.arange(STEPS) < STEPS - 4, LOAD, 1e-4 * LOAD)
-    found = run(rubber(), rubber(6.0, 0.03), pressure=load)
-    taken = np.asarray(found.work_done + found.load_work_done)
-    assert np.all(taken > 0)
-    assert taken[-1] > 0.05 * taken[STEPS - 5]
-
-
-def test_a_counter_that_flows_has_a_history_and_no_steady_state():
-    liquid = rubber(equilibrium=0.0)
-    assert np.all(np.diff(run(rubber(), liquid, displacement=0 * MOVED).contact_area) > -1e-6)
-    with pytest.raises(ValueError, match="`counter`"):
-        gc.slide(rubber(), ROUGH, counter=liquid, pressure=LOAD, velocity=1.0)
-
-
-def test_what_a_history_of_two_bodies_refuses():
-    given = dict(stack=rubber(), surface=ROUGH, times=TIMES, displacement=MOVED, pressure=LOAD)
-    longer = gc.Surface(OTHER.heights, gc.Grid((NUM,), 2.0))
-    with pytest.raises(ValueError, match=r"`block_surface` is on .*2.*grid of `surface`"):
-        Case(**given, block_surface=longer)
-    window = gc.Surface(ROUGH.heights, GRID, periodic=False)
-    with pytest.raises(ValueError, match="`surface` is on a window"):
-        Case(**given | dict(surface=window), block_surface=OTHER)
-    with pytest.raises(ValueError, match=r"`heating`.*`times`"):
-        Case(**given, block_surface=OTHER, heating=Heating(0.2, 1e-7))
-    table = gc.materials.Tabulated([1.0, 1e3], [1 + 0.1j, 2 + 0.1j], extrapolate="plateau")
-    with pytest.raises(ValueError, match=r"`counter`.*fit_prony"):
-        run(rubber(), gc.Stack(base=gc.HalfSpace(table)))
 
 
 @pytest.mark.parametrize("counter", [None, elastic(6.0)])
@@ -179,25 +148,3 @@ def test_after_some_periods_it_is_the_cycle_with_an_error_of_second_order():
         errors.append(np.median(np.abs(found.friction[-count:] - cycle.friction[place])))
     assert errors[1] < 0.01 * float(cycle.peak_friction)
     assert errors[1] < 0.35 * errors[0]
-
-
-@pytest.mark.slow
-def test_derivatives_by_both_bodies_match_differences():
-    def number(moduli, own):
-        found = run(
-            rubber(moduli[0], 0.05), rubber(moduli[1], 0.03, 2.0), own=gc.Surface(own, GRID),
-            rtol=1e-9,
-        )  # fmt: skip
-        return found.friction[8] + 10 * found.mean_gap[-1] + found.work_done[-1]
-
-    at = jnp.asarray([3.0, 6.0]), OTHER.heights
-    ways = jnp.asarray([1.0, 0.7]), 1e-2 * jnp.cos(PLACE + 0.3)
-    slopes = jax.grad(number, argnums=(0, 1))(*at)
-    for i, way in enumerate(ways):
-        ends = []
-        for sign in (1, -1):
-            moved = list(at)
-            moved[i] = at[i] + sign * 1e-4 * way
-            ends.append(float(number(*moved)))
-        expected = (ends[0] - ends[1]) / 2e-4
-        assert float(jnp.sum(slopes[i] * way)) == pytest.approx(expected, rel=1e-3)

@@ -1,16 +1,10 @@
 """Errors by the grid and by the times, against finer grids and more times."""
 
-import gc as garbage
-import weakref
-
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.sliding.grid_errors import openings
-from graded_contact.sliding.half_grid import halved
 from graded_contact.sliding.resolution import neighbours_of
 
 CELL, Q0 = 8e-3, 2 * np.pi / 8e-3
@@ -58,14 +52,6 @@ def test_errors_contain_the_change_to_a_finer_grid(coarse):
     assert coarse.contact_area_pixels > 1.05 * fine.contact_area > coarse.contact_area
 
 
-def test_the_total_is_the_sum_of_its_parts_and_prints_behind_the_number(coarse):
-    parts = coarse.friction_solver_error, coarse.friction_grid_error
-    np.testing.assert_allclose(coarse.friction_error, sum(parts), rtol=1e-12)
-    row = next(line for line in repr(coarse).splitlines() if " friction " in line)
-    assert f"(solver {parts[0]:.1e}, grid {parts[1]:.1e})" in row
-    assert "friction_grid_error" not in repr(coarse)
-
-
 def test_near_full_contact_errors_contain_what_the_points_do_not_see():
     """The contact without the waves that half the grid lacks is full on both grids."""
     rng, n = np.random.default_rng(1), 32
@@ -91,47 +77,6 @@ def test_a_wave_of_two_points_has_an_error_of_friction():
     assert fine.friction < found.friction_error < 30 * fine.friction
 
 
-def test_errors_of_tiny_contacts_are_not_absurd(coarse):
-    found = known(slide(rough(32, 4), 1.0))  # Pa, on one point
-    assert found.mean_gap_error < 0.05 * found.mean_gap
-    assert slide(rough(32, 4), None, mean_gap=found.mean_gap).mean_gap_grid_error == 0
-
-
-@pytest.mark.slow
-def test_a_batch_prints_itself():
-    plain = gc.contacts.DouglasRachford(newton=False)
-    solve = lambda load: slide(rough(32, 4), load, solver=plain)  # noqa: E731
-    assert "friction" in repr(jax.vmap(solve)(jnp.array([1e5, 2e5])))
-
-
-@pytest.mark.parametrize("size, waves, phase", [(1.05, 13, 0.3), (1.3, 11, 0.0), (0.5, 12, 0.1)])
-def test_openings_between_points_are_those_of_the_waves_of_the_pressure(size, waves, phase):
-    """A pressure that is positive at all points; the truth is its sign at many more."""
-    n = 32
-    points, more = np.arange(n) / n, np.arange(128 * n) / (128 * n)
-    pressure = lambda x: (  # noqa: E731
-        1 + size * np.sin(2 * np.pi * (waves * x + phase)) * np.exp(-(((x - 0.5) / 0.08) ** 2))
-    )
-    at = jnp.asarray(pressure(points))
-    assert jnp.all(at > 0)
-    share = openings(at, at > 0)
-    np.testing.assert_allclose(share, np.mean(pressure(more) < 0), rtol=0.2, atol=1e-12)
-
-
-def test_a_result_that_is_dropped_gives_its_memory_back_at_once(coarse):
-    """Python would find it in a circle of references only after many more results."""
-    found = jax.tree.map(lambda leaf: leaf, coarse)  # the programs are compiled
-    gone = weakref.ref(known(found))
-    assert found.friction_error > 0
-    garbage.collect()
-    garbage.disable()
-    try:
-        del found
-        assert gone() is None
-    finally:
-        garbage.enable()
-
-
 def test_a_surface_with_waves_that_half_the_grid_lacks_has_an_error_too():
     surface = rough(32, 16)
     found, fine = known(slide(surface)), known(slide(finer(surface, 4)))
@@ -141,37 +86,6 @@ def test_a_surface_with_waves_that_half_the_grid_lacks_has_an_error_too():
     for name in ("friction", "contact_area"):
         off = abs(getattr(found, name) - getattr(fine, name))
         assert off <= getattr(found, f"{name}_error") <= getattr(found, name)
-
-
-def test_contacts_of_one_point_have_an_area_and_shear():
-    """The contour had no area there, and the shear was 0 ± 0."""
-    surface = rough(32, 16)
-    shear = gc.sliding.ConstantShear(1e5)
-    found, fine = (slide(s, 1e3, shear=shear) for s in (surface, finer(surface, 4)))
-    found.compute("shear_friction", "contact_area", "friction", "friction_error")
-    fine.compute("shear_friction", "contact_area", "friction")
-    assert np.sum(found.pressure > 0) < 10
-    for name in ("shear_friction", "contact_area"):
-        assert 0.4 < getattr(found, name) / getattr(fine, name) < 2.5
-    assert abs(found.friction - fine.friction) < 2 * found.friction_error
-
-
-@pytest.mark.slow
-def test_errors_under_jit_and_in_a_batch_are_those_of_the_call(coarse):
-    surface = rough(32, 4)
-    plain = gc.contacts.DouglasRachford(newton=False)  # compiles in two thirds of the time
-
-    def errors(velocity):
-        found = slide(surface, velocity=velocity, solver=plain)
-        errors = jnp.stack(found.compute("friction_error", "contact_area_error"))
-        return jnp.sum(errors), errors
-
-    expected = [coarse.friction_error, coarse.contact_area_error]
-    (_, found), slope = jax.jit(jax.value_and_grad(errors, has_aux=True))(0.5)
-    np.testing.assert_allclose(found, expected, rtol=1e-2)
-    assert slope == 0
-    batch = jax.lax.map(lambda v: slide(surface, velocity=v, solver=plain), jnp.array([0.5, 1.0]))
-    np.testing.assert_allclose(batch.friction_error[0], expected[0], rtol=1e-2)
 
 
 @pytest.mark.slow
@@ -188,15 +102,6 @@ def test_a_body_on_a_window_has_the_error_of_its_grid():
     assert off <= found.approach_error <= 0.05 * found.approach
     off = abs(found.contact_area - np.pi * a**2 / CELL**2)
     assert off <= found.contact_area_error <= 0.2 * found.contact_area
-
-
-def test_where_half_the_grid_loses_the_contact_the_error_is_the_number_itself():
-    surface = rough(64, 8)
-    gap = 0.99 * float(jnp.max(surface.heights))
-    found = known(gc.slide(RUBBER, surface, mean_gap=gap, velocity=0.1))
-    assert np.isnan(neighbours_of(found).half.friction)
-    assert found.friction_error > 0.5 * found.friction
-    assert "does not resolve" in found.caveats[0]
 
 
 def test_an_elastic_block_has_no_friction_on_any_grid_and_a_load_at_its_mean_gap():
@@ -219,23 +124,6 @@ def test_a_body_that_flows_touches_at_least_as_much_as_its_load_needs():
     found.compute("contact_area", "contact_area_error")
     assert found.contact_area >= 0.2 * (1 - 1e-9)
     assert abs(found.contact_area - fine.contact_area) <= found.contact_area_error < 1
-
-
-def test_an_area_of_few_points_is_in_doubt_without_friction_too():
-    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.49)))
-    found = gc.slide(block, rough(32, 16), pressure=1e3, velocity=0.0)
-    assert "the contact area has an error of about" in found.caveats[0]
-
-
-def test_on_the_smallest_grids_the_error_is_not_known():
-    assert halved((6, 6)) == (6, 6) and halved((8, 6)) == (4, 6)
-    assert np.isnan(slide(rough(6, 2)).mean_gap_error)
-
-
-def test_a_failed_solve_has_no_errors():
-    surface, plain = rough(16, 4), gc.contacts.DouglasRachford(newton=False)
-    failed = jax.jit(lambda p: slide(surface, pressure=p, throw=False, solver=plain))(jnp.nan)
-    assert np.isnan(failed.friction_error)
 
 
 def cycle(num_times, stroke=2e-3):

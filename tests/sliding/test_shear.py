@@ -3,13 +3,10 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
-from oracles import elasticities
 from scipy.integrate import quad
 
 import graded_contact as gc
-from graded_contact.contacts import RESULTS, DouglasRachford
-from graded_contact.sliding import ConstantShear, Coulomb, PeakedShear
+from graded_contact.sliding import ConstantShear, PeakedShear
 
 CELL = 0.01  # m
 Q0 = 2 * np.pi / CELL
@@ -17,15 +14,6 @@ SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1.2 * Q0, q_roll=2.3 * 
 SURFACE = gc.random_surface(SPECTRUM, gc.Grid((32, 32), CELL), jax.random.key(0))
 BLOCK = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.5)))
 PEAK = PeakedShear(5e6, 6e-3, 0.1, gc.Arrhenius(9e4, 293.0))
-
-
-class WithPressure(gc.sliding.AbstractShear):
-    """A user's own law, with a power of the pressure that has no derivative at 0."""
-
-    peaked: PeakedShear
-
-    def __call__(self, pressure, speed, temperature):
-        return self.peaked(pressure, speed, temperature) + 3 * pressure**0.8
 
 
 def rubbed(shear, velocity=0.1, temperature=None, stack=BLOCK, **how):
@@ -49,16 +37,6 @@ def test_constant_shear_adds_stress_times_area_over_load():
     np.testing.assert_allclose(
         s.geometric_friction - s.friction, alone.geometric_friction - alone.friction, atol=1e-15
     )
-
-
-def test_a_negative_shear_that_tracing_hides_fails():
-    quick = {"throw": False, "rtol": 1e-3, "solver": DouglasRachford(newton=False)}
-
-    @jax.jit
-    def end(number):
-        return rubbed(Coulomb(number, coupled=False), **quick).result
-
-    assert end(0.3) == RESULTS.successful and end(-0.3) == RESULTS.not_finite
 
 
 def test_along_an_oblique_velocity_the_speed_counts():
@@ -90,29 +68,6 @@ def test_peak_has_its_width_and_moves_with_temperature():
     assert jax.grad(lambda v: law(none, v, None))(0.0) == 0
 
 
-def test_the_error_of_a_loose_solve_covers_the_total():
-    for law in (ConstantShear(1e6), lambda p, v, t: p):
-        close = rubbed(law)
-        for rtol in (1e-2, 1e-3, 1e-4):
-            s = rubbed(law, rtol=rtol)
-            assert (
-                abs(s.friction - close.friction)
-                <= s.friction_solver_error
-                <= 10 * rtol * s.friction
-            )
-
-
-def test_derivatives_of_the_contact_match_differences():
-    def total(peak, velocity, steepness, energy, temperature, speed):
-        law = WithPressure(PeakedShear(peak, velocity, steepness, gc.Arrhenius(energy, 293.0)))
-        direction = jnp.array([0.8, 0.6])
-        plain = gc.contacts.DouglasRachford(newton=False)  # compiles in half the time
-        return rubbed(law, speed * direction, temperature, rtol=1e-11, solver=plain).friction
-
-    arguments = tuple(map(jnp.asarray, (5e6, 6e-3, 0.1, 9e4, 310.0, 0.1)))
-    np.testing.assert_allclose(*np.transpose(elasticities(total, arguments)), rtol=1e-5)
-
-
 def field(shear, temperature=None, spectrum=SPECTRUM, **how):
     how = {"pressure": 4e5, "velocity": 0.1} | how
     return gc.mean_field_friction(BLOCK, spectrum, shear=shear, temperature=temperature, **how)
@@ -138,28 +93,3 @@ def test_mean_field_has_the_shear_of_its_area_and_of_its_pressures():
 
     integral = quad(integrand, 0, 4e7, limit=200, points=[1e5, 1e6, 5e6])[0]
     np.testing.assert_allclose(root.shear_friction, integral / 4e5, rtol=1e-4)
-
-
-@pytest.mark.slow
-def test_derivatives_of_the_mean_field_match_differences():
-    def total(peak, energy, temperature, pressure):
-        law = PeakedShear(peak, 6e-3, 0.1, gc.Arrhenius(energy, 293.0))
-        return field(law, temperature, pressure=pressure).friction
-
-    arguments = tuple(map(jnp.asarray, (5e6, 9e4, 310.0, 4e5)))
-    np.testing.assert_allclose(*np.transpose(elasticities(total, arguments)), rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("shear", "temperature", "words"),
-    [
-        (ConstantShear, None, "`shear="),
-        (PEAK, None, "`temperature=None`"),
-        (lambda pressure: pressure, None, "`shear` must return"),
-        (lambda p, v, t: jnp.ones(3), None, "`shear` must return"),
-    ],
-)
-def test_what_is_no_law_is_refused(shear, temperature, words):
-    for run in (rubbed, field):
-        with pytest.raises(ValueError, match=words):
-            run(shear, temperature=temperature)

@@ -1,17 +1,12 @@
-import dataclasses
-import pickle
-
 import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact.contacts.solve import RTOL
-from graded_contact.core.quantities import numbers_of
 
 CELL = 0.01  # m
 GRID = gc.Grid((64, 64), CELL)
@@ -120,52 +115,6 @@ def test_gradients_by_every_leaf_match_central_differences():
     assert np.sum(np.abs(differences) > 2e-5) >= 16
 
 
-def test_observables_of_a_batch_a_copy_and_inside_jit_are_those_of_the_call():
-    """They are computed when they are read, and no tracer stays behind."""
-    slide = lambda v: gc.slide(coated(), SURFACE, pressure=4e5, velocity=v)  # noqa: E731
-    one = slide(0.1)
-    jax.jit(lambda x: x * one.contact_area)(2.0)
-    # Neighbours on other grids, of which the errors are made, are solved to 2e-4 only.
-    names = [name for name in numbers_of("steady") if not name.endswith("_error")]
-    numbers = np.array(one.compute(*names))
-    np.testing.assert_allclose(jax.jit(slide)(0.1).compute(*names), numbers, 1e-9, 1e-14)
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(one)).compute(*names), numbers)
-    stacked = jax.tree.map(lambda a: jnp.stack([a, a]), one)
-    np.testing.assert_allclose(np.array(stacked.compute(*names))[:, 1], numbers, 1e-9, 1e-14)
-    copy = dataclasses.replace(one, heated=None)  # computes friction alone
-    np.testing.assert_allclose(copy.friction, one.friction, rtol=1e-12)
-
-
-def test_a_case_with_another_load_has_the_friction_of_slide(unchecked_types):
-    case = dataclasses.replace(gc.Case(coated(), SURFACE, pressure=1e5, velocity=0.1), pressure=4e5)
-    alone = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
-    assert gc.sliding.solve(case).friction == alone.friction
-    with pytest.raises(ValueError, match="`displacement` with `period` or `times`, is needed"):
-        dataclasses.replace(case, displacement=np.zeros(8), period=1.0)
-    with pytest.raises(TypeError, match="slide has no argument `rtoll`; its numerics are `rtol`"):
-        gc.slide(coated(), SURFACE, pressure=1e4, velocity=0.1, rtoll=1e-6)
-    with pytest.raises(ValueError, match="`solver="):
-        gc.sliding.Numerics(solver="newton")
-
-
-def test_the_default_tolerance_follows_the_precision():
-    numerics, single = gc.sliding.Numerics(), jnp.ones(2, jnp.float32)
-    assert numerics.of(single).rtol == 5e-4
-    assert numerics.of(single, jnp.ones(2)).rtol == 5e-5
-    assert dataclasses.replace(numerics, rtol=1e-3).of(single).rtol == 1e-3
-
-
-def test_a_known_solution_has_derivatives_without_a_solve():
-    def by_thickness(d, **known):
-        return gc.slide(coated(d), SURFACE, pressure=4e5, velocity=0.1, **known).friction
-
-    known = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1).contact
-    value, slope = jax.value_and_grad(by_thickness)(1e-4, solution=known)
-    exact, expected = jax.value_and_grad(by_thickness)(1e-4)
-    assert value == exact
-    np.testing.assert_allclose(slope, expected, rtol=1e-9)
-
-
 def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
     line = SURFACE.heights[:, 0]
     profile = gc.Surface(line, gc.Grid((64,), CELL))
@@ -177,48 +126,6 @@ def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
     )
     np.testing.assert_allclose(two.friction, one.friction, rtol=1e-6)
     np.testing.assert_allclose(two.pressure[:, 0], one.pressure, atol=1e-5 * one.pressure.max())
-
-
-@pytest.mark.slow
-def test_a_kernel_that_fails_is_a_result_or_an_error():
-    """One bad block must not end a sweep: here its kinks are not told."""
-
-    def kinked(s, omega):
-        return 1e6 * (1 + jnp.abs(jnp.sin(9 * s))), 0.3
-
-    stack = gc.Stack(layers=(gc.GradedLayer(kinked, 1e-3),), base=gc.Rigid())
-    x = np.arange(16) / 16
-    heights = 1e-4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x)
-    wave = gc.Surface(heights, gc.Grid((16, 16), CELL))
-
-    def run(velocity, throw=False):
-        return gc.slide(stack, wave, pressure=4e5, velocity=velocity, throw=throw)
-
-    s = jax.jit(run)(0.1)
-    assert s.result == gc.contacts.RESULTS.inaccurate_kernel
-    assert np.isnan(s.friction)
-    with pytest.raises(RuntimeError, match="tolerance was not reached in a kernel"):
-        run(0.1, throw=True)
-
-
-@pytest.mark.slow
-def test_values_that_only_tracing_hides_do_not_pass_as_solved():
-    """Under `jit` the door cannot see them; the result must."""
-
-    @jax.jit
-    def end(thickness, pressure):
-        block = coated(thickness)
-        return gc.slide(block, SURFACE, pressure=pressure, velocity=0.1, throw=False).result
-
-    assert end(1e-4, -4e5) == gc.contacts.RESULTS.bad_pressure
-    assert end(-1e-4, 4e5) == gc.contacts.RESULTS.not_finite
-    assert end(1e-4, 4e5) == gc.contacts.RESULTS.successful
-
-
-def test_table_that_does_not_cover_the_sliding_frequencies_is_refused_with_both_ranges():
-    table = gc.Tabulated([1.0, 10.0], [1e6 + 1e5j, 2e6 + 3e5j])
-    with pytest.raises(ValueError, match=r"from 62\.832 to .* the table of moduli covers 1 to 10"):
-        gc.slide(gc.Stack(base=gc.HalfSpace(table)), SURFACE, pressure=1e5, velocity=0.1)
 
 
 def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
@@ -262,79 +169,7 @@ def test_soft_law_slides_nearly_as_the_hard_wall():
     )
 
 
-LIQUID = gc.Prony(0.0, [1e6], [1.0])
-
-
-@pytest.mark.parametrize(
-    "run",
-    [
-        lambda stack: gc.slide(stack, SURFACE, pressure=4e5, velocity=0.0),
-        lambda stack: gc.slide(stack, SURFACE, pressure=4e5, velocity=0.1, throw=False),
-        lambda stack: gc.sliding.slide_cycle(
-            stack, SURFACE, displacement=1e-5 * np.sin(np.arange(8)), period=1.0, pressure=4e5
-        ),
-        lambda stack: gc.mean_field_friction(stack, SURFACE, pressure=4e5, velocity=0.1),
-        lambda stack: gc.surface_compliance(stack, [1e3], [0.0]),
-    ],
-)
-def test_a_liquid_at_rest_is_named(run):
-    """Waves across the motion are at rest, too."""
-    with pytest.raises(ValueError, match=r"^`base` is a liquid \(its equilibrium modulus is 0\)"):
-        run(gc.Stack(base=gc.HalfSpace(LIQUID)))
-    blend = gc.Blend(LIQUID, gc.Elastic(1e6))
-    with pytest.raises(ValueError, match=r"^`layers\[0\]` is a liquid"):
-        run(gc.Stack(layers=(gc.GradedLayer(blend, 1e-4),), base=gc.Rigid()))
-
-
-def test_a_liquid_slides_along_a_profile():
-    """Full contact with one wave: the shear stress is q² a² Im(E/(1 - ν²))/4."""
-    grid, q, a, speed = gc.Grid((32,), 1e-3), 2 * np.pi / 1e-3, 1e-6, 1e-4
-    wave = gc.Surface(a * np.cos(q * np.arange(32) * 1e-3 / 32), grid)
-    block = gc.Stack(base=gc.HalfSpace(LIQUID))
-    found = gc.slide(block, wave, pressure=1e5, velocity=speed)
-    omega = q * speed * 1.0
-    loss = 1e6 * omega / (1 + omega**2) / 0.75
-    np.testing.assert_allclose(found.friction, q**2 * a**2 * loss / 4 / 1e5, rtol=1e-6)
-    with pytest.raises(ValueError, match=r"^`base` is a liquid .* need none"):
-        gc.slide(block, wave, pressure=1e5, velocity=0.0)
-
-
 TEMPERATURES, LOG10 = np.array([260.0, 280.0, 300.0, 330.0]), np.array([4.0, 1.5, 0.0, -1.5])
-ANOTHER = [  # laws about 300 K and about another temperature, there log10 a_T, and that temperature
-    (gc.WLF(8.0, 120.0, 300.0), gc.WLF(8.0 * 120 / 100, 100.0, 280.0), 8.0 * 20 / 100, 280.0),
-    (gc.TabulatedShift(TEMPERATURES, LOG10, 300.0),
-     gc.TabulatedShift(TEMPERATURES, LOG10 - 4.0, 260.0), 4.0, 260.0),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("law, other, shift, reference", ANOTHER)
-def test_another_reference_temperature_changes_no_friction(law, other, shift, reference):
-    """log10 a_T changes by a constant, the times about the new reference by that factor."""
-    times = np.array([1e-3, 1e-1])
-    rubber = gc.Prony(1e6, [1e7, 3e6], times, shift=law)
-    moved = gc.Prony(1e6, [1e7, 3e6], 10**shift * times, shift=other)
-    profile = gc.random_surface(SPECTRUM, gc.Grid((64,), GRID.size[0]), jax.random.key(0))
-    for at in (reference, 290.0, 300.0, 325.0):
-        np.testing.assert_allclose(
-            law.log_factor(at) - other.log_factor(at), np.log(10) * shift, atol=1e-12
-        )
-        found, expected = (
-            gc.slide(
-                gc.Stack(base=gc.HalfSpace(one.at(at))), profile, pressure=4e5, velocity=0.1
-            ).friction
-            for one in (moved, rubber)
-        )
-        np.testing.assert_allclose(found, expected, rtol=1e-8)
-
-
-def test_steady_sliding_of_a_liquid_in_one_dimension_has_derivatives():
-    """Its mean, which is at rest, is no wave: it has neither a modulus nor a derivative."""
-    grid = gc.Grid((64,), 1e-3)
-    ridges = gc.Surface(1e-6 * jnp.cos(2 * np.pi * jnp.arange(64) / 64), grid)
-    melt = gc.Stack(base=gc.HalfSpace(gc.Prony(0.0, [1e6, 3e6], [1.0, 1e-2], 0.5)))
-    friction = lambda v: gc.slide(melt, ridges, pressure=1e3, velocity=v, rtol=1e-9).friction  # noqa: E731
-    slope = (friction(0.101) - friction(0.099)) / 0.002
-    np.testing.assert_allclose(jax.grad(friction)(0.1), slope, rtol=1e-3)
 
 
 def test_the_mean_gap_of_full_contact_is_accepted():

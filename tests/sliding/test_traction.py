@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact.blocks.tangential_kernel import tangential_kernels
@@ -188,43 +187,6 @@ def test_work_of_a_cycle_is_lost_in_block_and_interface():
 
 
 @pytest.mark.slow
-def test_derivatives_match_differences():
-    def total(friction, time, speed):
-        base = gc.HalfSpace(gc.Prony(1e6, [4e6], jnp.array([time]), 0.2))
-        plain = gc.contacts.DouglasRachford(newton=False)  # compiles in half the time
-        s = rub(Coulomb(friction), speed, gc.Stack(base=base), rtol=1e-11, solver=plain)
-        return s.friction + 3 * s.block_friction + s.contact_area
-
-    arguments = tuple(map(jnp.asarray, (0.5, 1e-3, 0.3)))
-    np.testing.assert_allclose(*np.transpose(elasticities(total, arguments)), rtol=1e-5)
-
-
-@pytest.mark.slow
-def test_derivatives_of_lagged_traction_match_differences():
-    class Root(AbstractShear):
-        factor: jax.Array
-        coupled: bool = True
-
-        def __call__(self, pressure, speed, temperature):
-            return self.factor * pressure**0.8
-
-    def steadily(factor, load):
-        s = rub(Root(factor), pressure=load, rtol=1e-11)
-        return s.friction + 3 * s.block_friction
-
-    there = 0.1 * CELL * np.sin(2 * np.pi * np.arange(16) / 16)
-
-    def in_a_cycle(friction, load):
-        given = dict(displacement=there, period=0.01, pressure=load, rtol=1e-10)
-        c = slide_cycle(BLOCK, LINE, shear=Coulomb(friction), **given)
-        return c.mean_friction + c.dissipated_power / 1e3
-
-    for total, arguments in ((steadily, (4.0, LOAD)), (in_a_cycle, (0.5, LOAD))):
-        pairs = elasticities(total, tuple(map(jnp.asarray, arguments)))
-        np.testing.assert_allclose(*np.transpose(pairs), rtol=1e-5)
-
-
-@pytest.mark.slow
 def test_heat_is_what_the_block_and_the_interface_lose():
     soft = gc.Stack(layers=(gc.Layer(gc.Prony(2e6, [1e7], [1e-4], 0.4), 1e-4),), base=BLOCK.base)
     s = rub(Coulomb(0.8), [0.2, 0.2], soft)
@@ -299,25 +261,3 @@ def test_contact_is_that_of_active_sets_where_traction_outweighs_waves(periodic)
     for expected in active_set(kernel, np.asarray(found.heights), LOAD):
         np.testing.assert_allclose(found.pressure, expected, atol=1e-7 * np.max(expected))
     assert np.sum(expected > 0) >= 4 and found.energy_imbalance < 1e-9
-
-
-@pytest.mark.slow
-def test_derivative_where_traction_outweighs_a_wave():
-    friction = jax.jit(lambda f: rub(Coulomb(f), 0.1, THIN).friction)
-    slope = (friction(0.501) - friction(0.499)) / 0.002
-    np.testing.assert_allclose(jax.grad(friction)(0.5), slope, rtol=1e-4)
-
-
-@pytest.mark.slow
-def test_where_traction_keeps_a_solve_from_its_end_the_method_is_named():
-    few = gc.contacts.DouglasRachford(max_steps=4, newton=False)
-    with pytest.raises(RuntimeError, match="a limit of the method; a steady contact may exist"):
-        rub(Coulomb(0.5), 0.1, THIN, solver=few)
-    # In a cycle the traction lags.
-    there = 0.2 * CELL * np.sin(2 * np.pi * np.arange(32) / 32)
-    given = dict(displacement=there, period=0.05, pressure=LOAD, rtol=1e-4)
-    with pytest.raises(ValueError, match=r"coefficient 3 .* 0\.00\d+ m .* limit of the method"):
-        slide_cycle(THIN, LINE, shear=Coulomb(3.0), **given)
-    window = gc.Surface(ROAD.heights, ROAD.grid, periodic=False)
-    with pytest.raises(ValueError, match="only the traction of `Coulomb`"):
-        rub(ConstantShear(1e5, coupled=True), surface=window)

@@ -124,38 +124,6 @@ def test_derivatives_on_a_window_match_differences(stack, name):
     np.testing.assert_allclose(*directional(friction, at, ahead), rtol=1e-5)
 
 
-def test_a_solution_and_a_start_on_a_window_are_accepted(sliding):
-    again = gc.slide(
-        COATED, sphere(64), pressure=0.02, velocity=1.0, solution=sliding.contact, rtol=1e-4
-    )
-    for name in ("pressure", "gap", "displacement", "mean_gap"):
-        np.testing.assert_allclose(getattr(again, name), getattr(sliding, name), atol=1e-12)
-    near = gc.slide(COATED, sphere(64), pressure=0.02, velocity=1.0, start=sliding.pressure)
-    np.testing.assert_allclose(near.friction, sliding.friction, rtol=1e-5)
-
-
-def test_what_a_window_cannot_have_is_refused():
-    surface = cylinder(256)
-    with pytest.raises(ValueError, match="mean_gap"):
-        gc.slide(COATED, surface, mean_gap=0.1, velocity=1.0)
-    with pytest.raises(
-        ValueError, match=r"`approach=0.01` is refused: the displacement of this block"
-    ):
-        gc.slide(COATED, surface, approach=0.01, velocity=1.0)
-    assert jnp.isnan(gc.slide(ELASTIC, surface, pressure=0.02, velocity=0.0).approach)
-    with pytest.raises(ValueError, match="give exactly one"):
-        gc.slide(COATED, surface, pressure=0.1, approach=0.01, velocity=1.0)
-    repeated = gc.Surface(surface.heights, surface.grid)
-    with pytest.raises(ValueError, match=r"`approach=0.01` is refused: only a body .* `mean_gap`"):
-        gc.slide(COATED, repeated, approach=0.01, velocity=1.0)
-    with pytest.raises(ValueError, match="periodic"):
-        gc.surfaces.resample(surface, (32,))
-    with pytest.raises(ValueError, match=r"^`approach=1e-18` is refused: below"):  # by rounding
-        gc.slide(SLAB, surface, approach=1e-18, velocity=1.0)
-    with pytest.raises(AttributeError, match="mean_gap"):
-        _ = gc.slide(ELASTIC, repeated, pressure=0.02, velocity=0.0).approach
-
-
 @pytest.mark.parametrize(
     "heights", [cylinder(64).heights, pytest.param(np.zeros(64), marks=pytest.mark.slow)]
 )
@@ -184,37 +152,6 @@ def test_before_the_first_touch_there_is_no_load(heights):
 
 
 @pytest.mark.slow
-def test_an_approach_through_the_layers_or_in_another_unit_is_noticed():
-    surface = cylinder(64)
-    deep = gc.slide(SLAB, surface, approach=0.08, velocity=1.0)
-    assert "moved into the layers by 160% of their thickness" in " ".join(deep.caveats)
-    np.testing.assert_allclose(deep.compression, 1.6, rtol=1e-6)
-    pressed = gc.slide(SLAB, surface, pressure=deep.contact.mean_pressure, velocity=1.0)
-    np.testing.assert_allclose(pressed.compression, 1.6, rtol=1e-4)
-    assert "by 20%" in gc.slide(SLAB, surface, approach=0.01, velocity=1.0).caveats[-1]
-    with pytest.raises(ValueError, match=r"`approach=20` is refused: .* window's length of 1 m"):
-        gc.slide(SLAB, surface, approach=20.0, velocity=1.0)
-
-    @eqx.filter_jit
-    def traced(approach):
-        given = {"approach": approach, "throw": False, "solver": PLAIN}
-        return gc.slide(SLAB, surface, velocity=1.0, **given)
-
-    hidden = traced(jnp.asarray(20.0))
-    assert hidden.result == gc.contacts.RESULTS.not_finite and jnp.isnan(hidden.friction)
-    assert "an approach beyond the window's length" in gc.contacts.RESULTS[hidden.result]
-
-
-def test_friction_at_an_approach_has_the_error_of_the_load():
-    def press(approach):
-        return gc.slide(COATED, sphere(64), approach=approach, velocity=1.0, rtol=1e-8)
-
-    found = press(0.026)
-    change = abs(press(0.026 + found.approach_kernel_error).friction - found.friction)
-    assert 1e-6 < change < found.friction_kernel_error < 1e-2 * found.friction
-
-
-@pytest.mark.slow
 def test_load_at_an_approach_has_the_error_of_the_kernel():
     found = gc.slide(COATED, sphere(64), approach=0.026, velocity=1.0, rtol=1e-8)
     printed = repr(found)
@@ -229,16 +166,6 @@ def test_load_at_an_approach_has_the_error_of_the_kernel():
     assert not hasattr(pressed, "mean_pressure_error")
     with pytest.raises(AttributeError, match="at a given `pressure`"):
         _ = pressed.mean_pressure_error
-
-
-def test_area_at_a_load_has_the_error_of_the_kernel(sliding):
-    errors = 20 * sliding.problem.kernel_error
-    claimed = eqx.tree_at(
-        lambda s: s.problem.kernel_error, sliding, errors
-    ).contact_area_kernel_error
-    found = gc.solve_contact(sliding.kernel + jnp.sum(errors, 0), sliding.heights, 0.02)
-    changed = abs(jnp.mean(found.pressure > 0) - sliding.contact_area_pixels)
-    assert 0 < changed < claimed < 0.1
 
 
 @pytest.mark.slow

@@ -99,34 +99,6 @@ def test_the_same_seed_gives_the_same_design_and_a_cut_off_run_goes_on(tmp_path)
     assert other.value != whole.value
 
 
-def test_what_has_not_converged_is_reported():
-    design = minimise_expected(bowl, LOW, HIGH, num_steps=8, num_checks=200, rtol=1e-3)
-    assert not design.converged
-    assert "raise `num_steps`" in design.report()
-    noise = lambda p, key: bowl(p, key) + jax.random.normal(key)  # noqa: E731
-    noisy = minimise_expected(noise, LOW, HIGH, num_steps=200, rtol=0.05)
-    assert not noisy.converged and "raise `num_checks`" in noisy.report()
-
-
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
-        ({"objective": lambda p, key: jnp.log(p["a"] - 5)}, "`objective` is nan at a = 1.* draw 0"),
-        ({"constraints": lambda p, key: p["a"] - 20}, "The mean of `constraints` is"),
-        ({"constraints": lambda p, key: jnp.log(p["a"] - 5)}, "`constraints` is nan at a = 1"),
-        ({"num_steps": 2}, "`num_steps=2` must be a whole number, at least 4"),
-        ({"rtol": 0.0}, "`rtol"),
-    ],
-)
-def test_what_cannot_be_designed_is_refused(arguments, message):
-    usual = {
-        "objective": lambda p, key: p["a"] * (1 + 0.1 * jax.random.normal(key)),
-        "lower": {"a": 0.1}, "upper": {"a": 10.0}, "num_steps": 8,
-    }  # fmt: skip
-    with pytest.raises(ValueError, match=message):
-        minimise_expected(**{**usual, **arguments})
-
-
 def test_a_base_found_on_random_surfaces_gives_more_friction_on_one_never_seen():
     """Friction grows with the compliance of the block: the softest allowed is the best."""
     grid = gc.Grid((16, 16), 1e-2)

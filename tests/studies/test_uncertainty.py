@@ -103,11 +103,3 @@ def test_what_decides_friction_adds_up_to_what_pressure_does():
         )
         difference = (above - below) / (2 * step) / width
         np.testing.assert_allclose(getattr(found, part)[i], difference, rtol=1e-4)
-
-
-def test_what_cannot_be_known_is_refused(unchecked_types):
-    varying = gc.BulkShear(gc.Elastic(2e9), TRUTH)
-    with pytest.raises(ValueError, match="Poisson's ratio of shape"):
-        sensitivity(lambda material: 1.0, varying, OMEGA)
-    with pytest.raises(ValueError, match=r"`known=.*must be a fit"):
-        propagate(lambda material: 1.0, TRUTH)

@@ -1,8 +1,5 @@
 """The oracle is the spectrum from which pieces of surfaces and lines are drawn, by NumPy alone."""
 
-import dataclasses
-import re
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,9 +9,6 @@ from scipy.special import erf, gamma
 import graded_contact as gc
 from graded_contact.mean_field.mean_field import mean_field_friction
 from graded_contact.mean_field.roughness import as_roughness
-from graded_contact.page.document import open_document
-from graded_contact.plot import plot_spectra
-from graded_contact.scenes.scene_file import parse_scene
 from graded_contact.surfaces import (
     SpectrumTable,
     joined_spectrum,
@@ -114,26 +108,6 @@ def test_rms_slope_of_joined_scans_is_the_integral_over_their_range(joined):
     np.testing.assert_allclose(float(joined.spectrum.rms_slope), slope, rtol=0.05)
 
 
-def test_noise_within_the_range_of_a_scan_is_a_caveat():
-    scans = _scans()
-    scans[1] = scan_spectrum(_area(2e-3, 256, 2, noise=1e-6), "optical")
-    spectrum = joined_spectrum(scans).spectrum
-    assert any("times that of AFM where they overlap" in sentence for sentence in spectrum.caveats)
-
-
-@pytest.mark.parametrize("factor, high, low", [(1e3, "optical", "AFM"), (1e-3, "AFM", "optical")])
-def test_heights_of_one_scan_in_a_wrong_unit_are_refused_with_both_names(factor, high, low):
-    words = rf"`scans` do not fit. C of {high} is \d[.]\d+e[+]0[56] times that of {low} where"
-    with pytest.raises(ValueError, match=words):
-        joined_spectrum(_scans(factor=factor)[1:])
-
-
-def test_a_gap_between_the_ranges_of_scans_is_refused():
-    _, optical, afm = _scans()
-    with pytest.raises(ValueError, match=r"gap: 'optical' ends at .* and 'AFM' begins"):
-        joined_spectrum([afm, dataclasses.replace(optical, q=optical.q / 5)])
-
-
 def test_a_single_area_has_its_own_spectrum():
     surface = _area(2e-4, 256, 3)
     spectrum = joined_spectrum([scan_spectrum(surface, "AFM")]).spectrum
@@ -174,60 +148,6 @@ def test_moments_of_a_table_are_integrals_of_its_powers():
     assert float(SpectrumTable([1.000004, 10.0], [1.0, 1e-2]).between(1.0, 10.0).q_low) == 1.000004
 
 
-@pytest.mark.parametrize(
-    "call, words",
-    [
-        (lambda t: t.between(0.5, 50.0), "`q_low=0.5` is refused: the spectrum is known from 1 to"),
-        (lambda t: t.between(50.0, 2.0), "`q_high=2` is refused: it must exceed `q_low=50`"),
-        (lambda t: random_surface(t, gc.Grid((8,), 1.0), jax.random.key(0)), "two dimensions"),
-        (
-            lambda t: random_surface(t, gc.Grid((8, 8), 9.0), jax.random.key(0)),
-            "`q_high` by `spectrum.between`.",
-        ),
-        (lambda t: joined_spectrum([t]), "must be spectra of `scan_spectrum`"),
-        (lambda t: SpectrumTable([1.0, 1.0], [1.0, 1.0]), "strictly increasing"),
-    ],
-)
-def test_tables_refuse_what_they_do_not_know(call, words):
-    with pytest.raises(ValueError, match=re.escape(words)):
-        call(SpectrumTable([1.0, 10.0, 100.0], [1.0, 1e-2, 1e-5]))
-
-
-def test_a_ground_surface_has_the_caveat_that_c_is_a_mean_over_directions():
-    rough = _area(2e-4, 64, 3)
-    modes = np.fft.fft2(rough.heights)
-    modes[:, 2:-1] = 0  # no short waves along y
-    ground = gc.Surface(np.fft.ifft2(modes).real, rough.grid)
-    assert scan_spectrum(rough, "AFM").caveats == ()
-    assert "between directions" in scan_spectrum(ground, "AFM").caveats[-1]
-
-
-def test_limits_that_leave_nothing_of_a_scan_are_refused():
-    with pytest.raises(ValueError, match="leave too little of the scan 'AFM', 200 µm long"):
-        scan_spectrum(_area(2e-4, 32, 3), "AFM", shortest=1e-3)
-
-
-@pytest.mark.parametrize(
-    "limits, words",
-    [
-        (
-            {"longest": 2.1e-4},
-            "`longest=0.00021` is refused: the edge of the scan 'AFM' is 0.0002 m",
-        ),
-        (
-            {"shortest": 1.2e-5},
-            "`shortest=1.2e-05` is refused: two spacings of the scan 'AFM' are 1.25",
-        ),
-    ],
-)
-def test_limits_that_a_scan_does_not_see_are_refused_and_its_ends_are_taken(limits, words):
-    area = _area(2e-4, 32, 3)
-    with pytest.raises(ValueError, match=re.escape(words)):
-        scan_spectrum(area, "AFM", **limits)
-    whole = scan_spectrum(area, "AFM", longest=2e-4, shortest=1.25e-5)
-    assert whole.longest > 1.6e-4 and whole.shortest < 1.4e-5
-
-
 def test_mean_field_sees_c_of_a_table_and_nothing_outside(joined):
     q = jnp.asarray([0.9, 1.0]) * joined.spectrum.q_low
     rough = as_roughness(joined.spectrum)
@@ -247,40 +167,3 @@ def test_mean_field_takes_a_table_like_its_pair_and_has_its_slope(joined):
     # Persson 2001: √2 p over E* and the rms slope, E* of an incompressible solid.
     share = erf(np.sqrt(2) * 1e5 / (1e7 / 0.75 * float(table.rms_slope)))
     np.testing.assert_allclose(float(found.contact_area), share, rtol=1e-9)
-
-
-def test_a_scene_draws_its_surface_from_files_of_several_scans(tmp_path):
-    for name, surface in (("line", _line(20e-3, 4000, 1)), ("area", _area(2e-3, 256, 2))):
-        heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
-        np.savez(tmp_path / f"{name}.npz", heights=heights, size=size, unit="m")
-    scene = parse_scene(SCENE, tmp_path)
-    assert {path.name for path in scene.inputs.values()} == {"line.npz", "area.npz"}
-    rough = scene.surface.build()
-    assert [sentence.split(":")[0] for sentence in rough.history] == [
-        "Spectrum of track", "Spectrum of area.npz"
-    ]  # fmt: skip
-    q = np.geomspace(2 * np.pi / 1e-3, 1e5, 400)
-    slope = np.sqrt(np.trapezoid(2 * np.pi * q**4 * _density(q), np.log(q)))
-    np.testing.assert_allclose(statistics(rough).rms_slope, slope, rtol=0.1)
-    (tmp_path / "scene.toml").write_text(SCENE.replace("velocity = 0.0", "velocity = 1.0"))
-    page = open_document(tmp_path / "scene.toml")  # it may be saved in another folder
-    assert page.content["surface"]["scans"][1]["path"] == str(tmp_path / "area.npz")
-    with pytest.raises(ValueError, match=r"\[surface.scans\[1\]\] has no key `shortst`"):
-        parse_scene(SCENE.replace("area.npz'", "area.npz'\nshortst = 1.0"), tmp_path)
-    with pytest.raises(
-        ValueError, match=r"\[surface\] `q_high=1e\+07` is refused: the spectrum is"
-    ):
-        parse_scene(SCENE.replace("1e5", "1e7"), tmp_path)
-    with pytest.raises(ValueError, match=r"^\[surface\] .*, or lower `q_high` in \[surface\].$"):
-        parse_scene(SCENE.replace("[64, 64]", "[16, 16]"), tmp_path).surface.build()
-    single = SCENE.replace("[[", "[").replace("]]", "]")
-    with pytest.raises(ValueError, match=r"Cannot declare .* two brackets each"):
-        parse_scene(single, tmp_path)
-    with pytest.raises(ValueError, match=r"scans=.* must be .* write `\[\[surface.scans\]\]`"):
-        parse_scene(single.replace("[surface.scans]\npath = 'area.npz'", ""), tmp_path)
-
-
-def test_figure_has_each_scan_and_the_joined_spectrum(joined):
-    (axes,) = plot_spectra(joined).axes
-    labels = [line.get_label() for line in axes.lines]
-    assert labels == ["stylus", "optical", "AFM", "joined"]
