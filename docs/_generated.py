@@ -41,7 +41,8 @@ ROOT = Path(__file__).parents[1]
 KEYS_FILE = ROOT / "docs" / "scene_keys.md"
 TITLES = {
     "materials": "Materials", "blocks": "Blocks", "response": "Response of blocks",
-    "kernels": "Kernels", "surfaces": "Surfaces", "contacts": "Contact", "sliding": "Sliding", "mean_field": "Mean field", "fitting": "Fits",
+    "kernels": "Kernels", "surfaces": "Surfaces",
+    "contacts": "Contact", "sliding": "Sliding", "mean_field": "Mean field", "fitting": "Fits",
     "readers": "Measured files", "studies": "Many solves", "scenes": "Scenes", "designs": "Designs",
     "exports": "Cards for other programs", "plot": "Figures", "page": "The page",
     "fields": "The cell", "reference": "Closed forms", "core": "Parameters and programs",
