@@ -16,8 +16,8 @@ from jaxtyping import Array, Complex, Float
 
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw
-from ..contacts.operator import AbstractOperator
-from ..contacts.window import Window
+from ..contacts.operators.operator import AbstractOperator
+from ..contacts.operators.window import Window
 from ..fields.grid import (
     Grid,
     Waves,

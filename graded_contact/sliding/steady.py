@@ -13,8 +13,8 @@ from jaxtyping import Array
 from ..blocks.stack import Rigid, Stack, films_of, interface_depths
 from ..contacts.inputs import LEAST_GAP
 from ..contacts.law import AbstractLaw, HardWall
+from ..contacts.operators.window import operator_of
 from ..contacts.solution import RESULTS
-from ..contacts.window import operator_of
 from ..core.checks import Numbers, as_float, check_values, is_concrete, within
 from ..core.compilation import compiled
 from ..core.memory import SLIDING, check_memory

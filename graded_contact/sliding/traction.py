@@ -37,7 +37,7 @@ import numpy as np
 from jaxtyping import Array, Bool
 
 from ..blocks.stack import Stack
-from ..contacts.operator import first_mode
+from ..contacts.operators.operator import first_mode
 from ..core.checks import as_float
 from ..core.quantities import FOUR, of_cycle, of_steady
 from ..fields.frequency import direction_and_speed
