@@ -5,12 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import prony_peers as peers
+from matplotlib.figure import Figure
 from prony_peers import ISOTHERMS, MASTER_CURVES, OPTIMISED, PACKAGE, PLAIN, parts_of, read_sets
 from rows import ROOT
 
 import graded_contact as gc
 from graded_contact.fitting.master import master_curve
-from graded_contact.plot.style import COLOURS, PAGE, new_figure, styled
+from graded_contact.plot.style import COLOURS, PAGE, styled
 
 POISSON = 0.49
 EDGE, SLOPE = 1e-3, 0.1  # of the cell [m], rms of the roughness [1]
@@ -127,7 +128,7 @@ def report_friction(title, name, curves, velocities, beyond, materials, table):
 
 @styled
 def plot_friction(drawn, target):
-    figure = new_figure(PAGE, 4.6)
+    figure = Figure(figsize=(PAGE, 4.6))
     axes = figure.subplots(2, len(drawn), squeeze=False, sharex="col", height_ratios=(3, 2))
     styles = {
         "table": ("black", "-"), "truth": ("black", "--"), PACKAGE: (COLOURS[0], "-"),

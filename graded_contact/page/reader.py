@@ -11,8 +11,7 @@ from ..core.display import time_unit
 from ..core.quantities import HISTORY
 from ..plot.cycles import plot_film, plot_transient
 from ..plot.slider import DOTS_PER_INCH, slider
-from ..plot.style import caption
-from ..plot.words import place_of
+from ..plot.sweeps import place_of
 from ..scenes.results import (
     has_numbers,
     kept_contact,
@@ -51,7 +50,7 @@ def history_page(results: "Dataset") -> pn.Column:
     parts: list[Any] = [heading(text) for text in told]
     figure, picture = plot_transient(results), io.BytesIO()
     figure.savefig(picture, dpi=DOTS_PER_INCH)
-    parts.append(pn.pane.PNG(picture.getvalue(), alt_text=caption(figure), **WIDE))
+    parts.append(pn.pane.PNG(picture.getvalue(), **WIDE))
     for index in kept_solves(results)[-1:]:
         parts += _film(results, index)
     return pn.Column(*parts, styles={"background": "white"}, **WIDE)

@@ -7,11 +7,11 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..blocks.compliance import effective_modulus
 from ..blocks.stack import Stack
 from ..core.checks import as_float, check_positive
 from ..fitting.master import MasterCurve
 from ..fitting.prony import PronyFit
+from ..response.compliance import effective_modulus
 from ..studies.uncertainty import Sensitivity
 from .style import PAGE, TEMPERATURES, colours_of, finished, ordered, panels
 from .sweeps import ZERO_CELSIUS, kelvin

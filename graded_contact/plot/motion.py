@@ -9,7 +9,7 @@ from ..core.display import unit_of, with_time, with_unit
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
 from .style import PAGE, entitle, finished, mosaic_of, panels
-from .sweeps import MOVING, draw_line, fixed_words, lines_of, plot_sweep, shown_in
+from .sweeps import MOVING, draw_line, lines_of, place_of, plot_sweep, shown_in
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,10 +33,12 @@ def plot_cycle(cycle: "CyclicSliding | Dataset", *, axes: Any = None) -> "Figure
       [motion]: one line for each of its solves.
     - `axes`: three panels to draw in, by default those of a new figure.
     """
-    names = ("surface_displacement", "friction", "contact_area")
-    results = _over_time(cycle, names)
+    results = _over_time(cycle, ("friction", "contact_area"))
     loop, friction, area = panels(axes, "abc", (PAGE, 2.6))
-    place, force, share, time = (shown_in(results, name) for name in (*names, "time"))
+    place, time, force, share = (
+        shown_in(results, name)
+        for name in ("surface_displacement", "time", "friction", "contact_area")
+    )
     for line, look in lines_of(results, "time"):
         # The first time is drawn once more at the end of the period.
         whole = line.isel(time=np.append(np.arange(line.sizes["time"]), 0))
@@ -55,25 +57,29 @@ def plot_cycle(cycle: "CyclicSliding | Dataset", *, axes: Any = None) -> "Figure
         panel.set_xlabel("time over the period")
     area.set(ylabel=share.label, ylim=(0, None))
     figure = loop.get_figure(root=True)
-    entitle(figure, fixed_words(results))
+    entitle(figure, place_of(results))
     return figure
 
 
 def plot_transient(
-    transient: "TransientSliding | Dataset", names: Sequence[str] = MOVING, *, axes: Any = None
+    transient: "TransientSliding | Dataset",
+    names: Sequence[str] | None = None,
+    *,
+    axes: Any = None,
 ) -> "Figure":
     """Returns a figure of friction, contact area, load and mean gap over time.
 
+    Results of a seal have their leakage, or flow, as well. A surface that rests has no friction.
     Time is logarithmic if the last step is more than ten times as long as the first.
 
     **Arguments:**
 
     - `transient`: a solution of `slide_history` for a motion along x, or the results of a scene
       with a transient motion.
-    - `names`: of the numbers over time.
+    - `names`: of the numbers over time, in place of these.
     - `axes`: a panel for each name to draw in, by default those of a new figure.
     """
-    return plot_sweep(_over_time(transient, names), names, "time", axes=axes)
+    return plot_sweep(_over_time(transient, names or MOVING), names, "time", axes=axes)
 
 
 @finished
@@ -104,7 +110,7 @@ def plot_film(
     pressure, size = np.asarray(moving.pressure), np.asarray(surface.grid.size)
     words, _, base, colours, exponent, colour = LOOKS["pressure"]
     count, high = len(pressure), float(np.max(pressure))
-    seconds = getattr(moving, "field_times", None)
+    seconds = getattr(moving, "field_times", getattr(moving, "field_time", None))
     # Quarters show both directions of a motion to and fro.
     indices = [i * count // 4 for i in range(4)] if times is None else list(times)
     if seconds is not None and times is None:
@@ -156,7 +162,7 @@ def _over_time(found: Any, names: Sequence[str]) -> "Dataset":
     # Over a period time has no unit.
     period = getattr(problem, "period", None)
     time = np.asarray(problem.times) / (1.0 if period is None else float(period))
-    numbers = {name: ("time", np.asarray(getattr(found, name))) for name in names[1:]}
-    first = ("time", moved if names[0] == "surface_displacement" else getattr(found, names[0]))
+    numbers = {name: ("time", np.asarray(getattr(found, name))) for name in names}
+    numbers["surface_displacement"] = ("time", moved)
     about = {"units": "s" if period is None else "1"}
-    return xarray.Dataset({names[0]: first, **numbers}, {"time": ("time", time, about)})
+    return xarray.Dataset(numbers, {"time": ("time", time, about)})

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 ZERO_CELSIUS = 273.15  # K
 SLIDING, AT_REST = ("friction", "contact_area"), ("contact_area", "mean_gap")
 MOVING = ("friction", "contact_area", "load", "mean_gap")
+LEAKAGES = ("leakage_along_x", "leakage_along_y")
+CONDUCTANCES = ("flow_along_x", "flow_along_y")
 FLOWS = ("flow", "leakage", "conductance")  # in the names of what is 0 in a closed gap
 DASHES = ("-", "--", ":", "-.")
 MOST_LABELS = 12  # in a legend
@@ -65,7 +67,7 @@ def plot_sweep(
             raise ValueError(f"`results` have no {name!r}; they have {', '.join(results)}.")
     if not any(np.any(np.isfinite(results[name])) for name in names):
         raise ValueError("`results` have no numbers to draw: no solve succeeded.")
-    columns = min(len(names), COLUMNS)
+    columns = len(names) if len(names) <= COLUMNS else 3
     size = (style.PAGE, 2.9 if len(names) < 3 else 2.3 * -(-len(names) // columns))
     shown = style.panels(axes, style.mosaic_of(len(names), columns), size)
     lines, x = list(lines_of(results, along)), shown_in(results, along)
@@ -78,7 +80,7 @@ def plot_sweep(
         label = f"mean of {results.sizes['seed']} surfaces ± standard error"
         shown[-1].plot([], [], color="0.8", linewidth=6, label=label)
     figure = shown[0].get_figure(root=True)
-    style.entitle(figure, fixed_words(results))
+    style.entitle(figure, place_of(results))
     return figure
 
 
@@ -95,11 +97,12 @@ def shown_in(results: "Dataset", name: str) -> Shown:
     quantity = quantity_of(name)
     unit = results[name].attrs.get("units", "" if quantity is None else quantity.unit)
     largest, factor = float(np.nanmax(np.abs(results[name].values))), 1.0
+    words = "$a_T$ × sliding velocity" if name == "reduced_velocity" else title_of(name)
     if unit == "s":
         unit, factor = time_unit(largest)
+        words = name.replace("_", " ")  # the time of a transient is not over a period
     elif unit in ("m", "Pa"):
         unit, factor = unit_of(unit, largest)
-    words = "$a_T$ × sliding velocity" if name == "reduced_velocity" else title_of(name)
     return Shown(name, words + in_brackets(unit), factor)
 
 
@@ -181,8 +184,8 @@ def over_seeds(results: "Dataset") -> "Dataset":
     solved = results[names].drop_vars("message").where(message == "")
     means = solved.mean("seed", keep_attrs=True)
     spread = solved.std("seed", ddof=1) / solved.count("seed") ** 0.5
-    errors = solved[[name for name in solved if str(name).endswith("_error")]]
-    found = means.assign(errors.max("seed", keep_attrs=True))
+    errors = [name for name in solved if str(name).endswith("_error")]
+    found = means.assign({n: solved[n].max("seed", keep_attrs=True) for n in errors})
     found = found.assign({f"{name}{SEED_ERROR}": spread[name] for name in spread})
     return found.assign(message=message.isel(seed=(message != "").argmax("seed")))
 
@@ -202,7 +205,10 @@ def _default_axis(results: "Dataset") -> str:
 
 def _default_names(results: "Dataset") -> Sequence[str]:
     if "time" in results.dims:
-        return [n for n in MOVING if n in results and "time" in results[n].dims]
+        rests = "surface_displacement" in results and not np.any(results["surface_displacement"])
+        flows = LEAKAGES if LEAKAGES[0] in results else CONDUCTANCES
+        names = (*(MOVING[1:] if rests else MOVING), *flows)
+        return [n for n in names if n in results and "time" in results[n].dims]
     at_rest = "velocity" in results and not np.any(results["velocity"])
     return AT_REST if at_rest else SLIDING
 
@@ -266,7 +272,8 @@ def kelvin(value: float) -> str:
     return f"{value:.5g} K ({celsius} °C)"
 
 
-def fixed_words(results: "Dataset") -> str:
+def place_of(results: "Dataset") -> str:
     """Returns the numbers that all solves have alike: "mean pressure 400 kPa"."""
-    fixed = [name for name in axes_of(results) if results.sizes[name] == 1 and name != "seed"]
-    return ", ".join(f"{title_of(n)} {label_of(results[n].squeeze())}" for n in fixed)
+    fixed = [str(name) for name in results.coords if results[name].size == 1]
+    fixed = [name for name in fixed if name not in ("seed", "time", "field_time", "x", "y")]
+    return ", ".join(f"{title_of(name)} {label_of(results[name].squeeze())}" for name in fixed)
