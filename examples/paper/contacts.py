@@ -1,6 +1,6 @@
 """Solves all contacts of the paper's figures into one table of the file of results.
 
-    python benchmarks/paper/contacts.py [--small] [--again] [--only CUTOFF ...]
+    python examples/paper/contacts.py [--small] [--again] [--only CUTOFF ...]
 
 Friction, area and more at every cut-off, thickness, pressure and surface, for the tread; at heights
 of 0.16 mm in place of the matched slopes and for a second rubber at fewer of them, without the

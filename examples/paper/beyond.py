@@ -1,6 +1,6 @@
 """Beyond the paper: a master curve of friction, a graded surface, a map and a design.
 
-    python benchmarks/paper/beyond.py [--small]
+    python examples/paper/beyond.py [--small]
 
 The friction master curve μ(a_T v), bare against coated: contacts at velocities from creep to skid,
 at three temperatures each; over a_T v they are on one curve of ten decades, because only ω a_T

@@ -7,7 +7,7 @@ for the E_r0 of elastic solids, the moduli ratios of the elastic coating, and th
 sublayers at their middles. Times are those of the paper's creep form, in the convention of the
 package 1/E = 1/E∞ + H/(1 + iωτ). There Im M_zz is negative: the paper's Im M_zz is -Im M_zz here.
 
-Run from the root of the repository: `python benchmarks/paper/response.py`.
+Run from the root of the repository: `python examples/paper/response.py`.
 """
 
 import argparse

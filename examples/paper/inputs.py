@@ -1,6 +1,6 @@
 """Draws Figs. RealPart, PSD, amplitude.wave and psd.test: the rubber, the roughness, the coats.
 
-    python benchmarks/paper/inputs.py [--small]
+    python examples/paper/inputs.py [--small]
 
 Printed beside: slopes and heights of the three spectra, and where the coats really hide the block,
 to set beside the paper's q d = 0.1 and 2: the loss that a wave of the surface finds in the

@@ -1,6 +1,6 @@
 """Draws all figures that follow from the table of contacts.py, and prints their numbers.
 
-    python benchmarks/paper/contact_figures.py [--small]
+    python examples/paper/contact_figures.py [--small]
 
 Figs. micro.rolling.friction and contact.area: against pressure, under four coats. A line is the
 mean over the surfaces, its band their least and largest.

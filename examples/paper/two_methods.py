@@ -1,6 +1,6 @@
 """Four points of the figures by other methods: the paper's own, and steps in time.
 
-    python benchmarks/paper/two_methods.py [--small]
+    python examples/paper/two_methods.py [--small]
 
 The thinnest and the thickest coat at σ0/E_r0 = 0.1 and 0.3, fewest waves. First residuals molecular
 dynamics (RMD) on the law of the paper, the repulsive part of Lennard-Jones, to its tolerance of
