@@ -24,7 +24,7 @@ from graded_contact.blocks.bond import AbstractBond, Bond, Film
 from graded_contact.blocks.profile import Blend
 from graded_contact.blocks.stack import HalfSpace, Layer, Stack
 from graded_contact.cli import app
-from graded_contact.contacts.nested_solve import DouglasRachford
+from graded_contact.contacts.solver.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
 from graded_contact.designs.limits import CRITERIA, LIMIT_KEYS, Limits, Stiffness
 from graded_contact.designs.objectives import OBJECTIVE, flat_loss_tangent, near_goal
@@ -40,7 +40,8 @@ from graded_contact.sliding.gap_flow import Fluid
 ROOT = Path(__file__).parents[1]
 KEYS_FILE = ROOT / "docs" / "scene_keys.md"
 TITLES = {
-    "materials": "Materials", "blocks": "Blocks and their response", "surfaces": "Surfaces",
+    "materials": "Materials", "blocks": "Blocks", "response": "Response of blocks",
+    "kernels": "Kernels", "surfaces": "Surfaces",
     "contacts": "Contact", "sliding": "Sliding", "mean_field": "Mean field", "fitting": "Fits",
     "readers": "Measured files", "studies": "Many solves", "scenes": "Scenes", "designs": "Designs",
     "exports": "Cards for other programs", "plot": "Figures", "page": "The page",

@@ -15,13 +15,13 @@ import numpy as np
 import scipy
 from jaxtyping import ArrayLike
 
-from ..blocks.periodic_kernel import period_frequencies
 from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.parameters import places
 from ..core.quantities import HISTORY
 from ..fields.frequency import velocity_along, wave_frequencies
 from ..fields.grid import Grid
+from ..kernels.periodic import period_frequencies
 from ..materials.coverage import (
     check_frequencies,
     coverage,

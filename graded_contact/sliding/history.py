@@ -10,18 +10,18 @@ import numpy as np
 import scipy
 from jaxtyping import Array
 
-from ..blocks.creep import NODES, creep_of
 from ..blocks.stack import Stack
 from ..contacts.inputs import loading_of
 from ..contacts.law import check_one_law
-from ..contacts.nested_solve import DouglasRachford
-from ..contacts.operator import Field
+from ..contacts.operators.operator import Field
 from ..contacts.solution import RESULTS, ContactSolution
+from ..contacts.solver.nested_solve import DouglasRachford
 from ..core.checks import check_squares, is_concrete, short, within
 from ..core.derivative import still
 from ..core.memory import check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid
+from ..kernels.memory import NODES, creep_of
 from .case import Case
 from .facts import COUPLED, facts_of
 from .history_problem import HistoryProblem, steps_of

@@ -11,9 +11,9 @@ import pytest
 
 import graded_contact as gc
 from graded_contact import contacts
-from graded_contact.blocks import window_kernel
-from graded_contact.blocks.creep import NODES, contour, creep_of
 from graded_contact.contacts import DouglasRachford
+from graded_contact.kernels import window_kernel
+from graded_contact.kernels.memory import NODES, contour, creep_of
 from graded_contact.materials import StrainSoftening, Tabulated
 from graded_contact.sliding import Case, ConstantShear, dwell, ramp, recorded_once, start
 from graded_contact.sliding.history import history_problem
@@ -299,7 +299,7 @@ def test_the_response_on_the_path_of_a_window_is_that_of_a_window_kernel():
         np.diff(operator.displace(load)[:8])
         for operator in (
             problem.operator_of(expected, expected),
-            contacts.window.Window(window_kernel(soft, grid)),
+            contacts.operators.window.Window(window_kernel(soft, grid)),
         )
     )
     np.testing.assert_allclose(cut, exact, atol=2e-3 * np.max(exact))
