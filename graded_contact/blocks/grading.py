@@ -18,7 +18,6 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..materials.coverage import check_frequencies
 from .graded_solver import REFUSED_BELOW, AbstractGradedSolver
 from .layering import Layering
 from .profile import check_profile
@@ -36,7 +35,6 @@ def check_profiles(stack: Stack, omega: Inexact[Array, "..."]) -> None:
 
     Of a profile it names the layer and the height.
     """
-    check_frequencies(stack, omega)
     for i, layer in enumerate(stack.layers):
         if isinstance(layer, GradedLayer):
             check_profile(f"layers[{i}].profile", layer.profile, omega)

@@ -37,7 +37,6 @@ from ..core.memory import KERNEL, check_memory
 from ..fields.devices import num_devices, required, spread, whole_along
 from ..fields.frequency import as_velocity, sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero_mode
-from ..materials.coverage import may_refuse
 from ..materials.softening import at_strain, softens
 from .compliance import compliance_of, log_compliance
 from .grading import check_profiles, graded_tolerance
@@ -163,7 +162,7 @@ def checked_velocity(stack: Stack, grid: Grid, velocity: Numbers) -> Float[Array
     velocity = as_velocity(velocity, grid)
     if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
         check_at_rest(stack)
-    if is_graded(stack) or may_refuse(stack):
+    if is_graded(stack):
         check_profiles(stack, _extreme_frequencies(grid, velocity))
     return velocity
 
