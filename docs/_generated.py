@@ -24,7 +24,7 @@ from graded_contact.blocks.bond import AbstractBond, Bond, Film
 from graded_contact.blocks.profile import Blend
 from graded_contact.blocks.stack import HalfSpace, Layer, Stack
 from graded_contact.cli import app
-from graded_contact.contacts.nested_solve import DouglasRachford
+from graded_contact.contacts.solver.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
 from graded_contact.designs.limits import CRITERIA, LIMIT_KEYS, Limits, Stiffness
 from graded_contact.designs.objectives import OBJECTIVE, flat_loss_tangent, near_goal

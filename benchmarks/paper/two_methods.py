@@ -33,7 +33,7 @@ from system import (
 from system import surface as surface_of
 
 import graded_contact as gc
-from graded_contact.contacts.rmd import ResidualDynamics
+from graded_contact.contacts.solver.rmd import ResidualDynamics
 from graded_contact.fields.grid import derivative, to_field, to_spectrum, wavenumber, wavevector
 
 RANGE = 0.01  # of the law, over the rms height

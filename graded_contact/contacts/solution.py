@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core.display import shown
-from .operator import Field, Scalar
+from .operators.operator import Field, Scalar
 
 
 class RESULTS(eqx.Enumeration):

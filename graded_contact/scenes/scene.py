@@ -17,8 +17,8 @@ from jaxtyping import Float
 
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
-from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
+from ..contacts.solver.nested_solve import DouglasRachford
 from ..core.checks import within
 from ..core.display import shown, with_time
 from ..core.parameters import with_values

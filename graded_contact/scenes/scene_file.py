@@ -8,7 +8,7 @@ import numpy as np
 
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw
-from ..contacts.nested_solve import DouglasRachford
+from ..contacts.solver.nested_solve import DouglasRachford
 from ..core.checks import (
     check_values,
     within,

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ..blocks.heated_stack import HeatedContact
 from ..contacts.law import AbstractLaw
-from ..contacts.operator import AbstractOperator
+from ..contacts.operators.operator import AbstractOperator
 from ..contacts.solution import RESULTS, ContactSolution, if_known
 from ..core.caveats import caveats_of
 from ..core.checks import is_concrete

@@ -28,8 +28,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..blocks.stack import Stack
-from ..contacts.operator import AbstractOperator, Field
-from ..contacts.space_time import SpaceTime
+from ..contacts.operators.operator import AbstractOperator, Field
+from ..contacts.operators.space_time import SpaceTime
 from ..fields.grid import Waves, resample_spectrum
 
 BodyName = Literal["block", "counter"]

@@ -2,7 +2,7 @@
 
 The surface h(x - s(t)) is pressed on the block while it moves by s(t): back and forth, with starts
 and stops, under a load that varies. One contact problem in space and time gives the periodic state
-at once (`contacts/space_time.py`), without steps in time.
+at once (`contacts/operators/space_time.py`), without steps in time.
 
 Per cycle and area, friction does the work ∮ τ·v dt, with the traction τ = -⟨σ ∇w⟩ that opposes the
 motion, and the load does the work ∮ ⟨σ ∂w/∂t⟩ dt, at a fixed point of the surface. The block turns
@@ -19,8 +19,8 @@ from ..blocks.stack import Stack, films_of
 from ..blocks.tangential_kernel import periodic_tangential_kernels
 from ..contacts.inputs import loading_of
 from ..contacts.law import check_one_law
+from ..contacts.operators.space_time import SpaceTime, at_rest, in_motion
 from ..contacts.solution import RESULTS
-from ..contacts.space_time import SpaceTime, at_rest, in_motion
 from ..core.checks import check_squares, within
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart

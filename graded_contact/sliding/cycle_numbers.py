@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..contacts.operator import nonzero
+from ..contacts.operators.operator import nonzero
 from ..core.quantities import CYCLE, FOUR, HISTORY, TOTAL, observable, of_cycle
 from .energy import dissipation_of_waves, exchange, losses
 from .errors import add_errors, by_times, over_friction, solver_errors

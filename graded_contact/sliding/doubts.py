@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..contacts.operator import nonzero
+from ..contacts.operators.operator import nonzero
 from ..core.caveats import DOUBTFUL
 from ..core.derivative import largest
 from ..core.quantities import (

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..contacts.operator import AbstractOperator
+from ..contacts.operators.operator import AbstractOperator
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import multiplicity
 from .bodies import Coupling

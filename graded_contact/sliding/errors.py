@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..contacts.estimates import error_of
-from ..contacts.window import Window
+from ..contacts.operators.window import Window
 from ..core.caveats import DOUBTFUL
 from ..core.quantities import KINDS, OBSERVABLES, Above, NumberOf
 from ..fields.grid import interpolate

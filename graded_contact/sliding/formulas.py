@@ -1,7 +1,7 @@
 """What several observables share: fields, tractions and slopes of a contact under sliding.
 
 The formulas hold for steady sliding, for cycles and on windows: the operator of the contact knows
-its fields (`contacts/operator.py`). Arrays over time are those of a cycle.
+its fields (`contacts/operators/operator.py`). Arrays over time are those of a cycle.
 
 On the moving surface the pressure σ exerts the traction τ = -⟨σ ∇(w - h_b)⟩ [Pa] against the
 motion: the power of this force, and of the load, is what the bodies take. w is the displacement of
@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..contacts import area
-from ..contacts.operator import nonzero
+from ..contacts.operators.operator import nonzero
 from ..core.derivative import largest
 from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, derivative, odd_wavevector

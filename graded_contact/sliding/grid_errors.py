@@ -24,7 +24,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..contacts.operator import nonzero
+from ..contacts.operators.operator import nonzero
 from ..core.quantities import HISTORY, OBSERVABLES
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import mode_numbers, multiplicity, to_field, to_spectrum

@@ -14,9 +14,9 @@ from ..blocks.creep import NODES, creep_of
 from ..blocks.stack import Stack
 from ..contacts.inputs import loading_of
 from ..contacts.law import check_one_law
-from ..contacts.nested_solve import DouglasRachford
-from ..contacts.operator import Field
+from ..contacts.operators.operator import Field
 from ..contacts.solution import RESULTS, ContactSolution
+from ..contacts.solver.nested_solve import DouglasRachford
 from ..core.checks import check_squares, is_concrete, short, within
 from ..core.derivative import still
 from ..core.memory import check_memory

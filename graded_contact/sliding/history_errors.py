@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..contacts.operator import nonzero
+from ..contacts.operators.operator import nonzero
 from ..core.checks import is_concrete
 from ..core.quantities import of_history
 from ..fields.grid import to_field, to_spectrum

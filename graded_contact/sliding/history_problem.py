@@ -19,8 +19,8 @@ from ..blocks.periodic_kernel import quadrant
 from ..blocks.stack import Stack
 from ..blocks.window_compliance import doubled, long_cell, without_images
 from ..contacts.law import AbstractLaw
-from ..contacts.operator import AbstractOperator
-from ..contacts.window import Window
+from ..contacts.operators.operator import AbstractOperator
+from ..contacts.operators.window import Window
 from ..fields.grid import (
     Grid,
     Waves,

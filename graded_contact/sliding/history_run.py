@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..contacts.operator import nonzero
+from ..contacts.operators.operator import nonzero
 from ..core.checks import is_concrete
 from ..core.compilation import compiled
 from ..core.derivative import largest

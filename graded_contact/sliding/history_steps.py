@@ -28,11 +28,11 @@ import numpy as np
 from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Complex
 
-from ..contacts.abstract_solver import Inputs, Loading
 from ..contacts.area import contact_shares
-from ..contacts.operator import Field, work_of_waves
+from ..contacts.operators.operator import Field, work_of_waves
 from ..contacts.solution import RESULTS
 from ..contacts.solve import contact_of
+from ..contacts.solver.abstract_solver import Inputs, Loading
 from ..fields.grid import odd_wavevector, to_field, to_spectrum
 from .area import contact_area, contact_area_pixels
 from .facts import WINDOW

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, ScalarLike
 
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
-from ..contacts.operator import work_of_waves
+from ..contacts.operators.operator import work_of_waves
 from ..core.checks import (
     Numbers,
     as_float,

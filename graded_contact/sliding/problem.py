@@ -14,14 +14,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from ..contacts.abstract_solver import Inputs
 from ..contacts.inputs import as_start, loading_of
 from ..contacts.law import AbstractLaw
-from ..contacts.operator import AbstractOperator, Field
+from ..contacts.operators.operator import AbstractOperator, Field
+from ..contacts.operators.space_time import SpaceTime, at_rest, in_motion
+from ..contacts.operators.window import operator_of
 from ..contacts.solution import ContactSolution
 from ..contacts.solve import contact_of, solve_contact
-from ..contacts.space_time import SpaceTime, at_rest, in_motion
-from ..contacts.window import operator_of
+from ..contacts.solver.abstract_solver import Inputs
 from ..core.checks import Numbers
 from ..fields.grid import Grid, resample_spectrum
 from .bodies import Counter, Coupling, coupling_on, of_block

@@ -18,8 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solution import RESULTS
+from ..contacts.solver.nested_solve import DouglasRachford
 from ..core.checks import is_concrete
 from ..core.compilation import compiled
 from ..core.derivative import largest

@@ -15,8 +15,8 @@ from ..blocks.stack import Rigid, Stack, films_of, interface_depths
 from ..blocks.window_compliance import doubled, has_ground, long_cell, without_images
 from ..contacts.inputs import LEAST_GAP
 from ..contacts.law import AbstractLaw, HardWall
+from ..contacts.operators.window import operator_of
 from ..contacts.solution import RESULTS
-from ..contacts.window import operator_of
 from ..core.checks import Numbers, as_float, check_values, is_concrete, within
 from ..core.compilation import compiled
 from ..core.memory import SLIDING, check_memory

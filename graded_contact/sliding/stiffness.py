@@ -24,10 +24,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
-from ..contacts.abstract_solver import penalty_for
 from ..contacts.adjoint import LinearSolver, LinearSplitting, opening_by_load
 from ..contacts.area import contact_shares, edge_stiffness
-from ..contacts.operator import Steady, first_mode
+from ..contacts.operators.operator import Steady, first_mode
+from ..contacts.solver.abstract_solver import penalty_for
 from ..core.checks import as_scalar, check_positive, check_type, check_types
 from ..core.compilation import compiled
 from ..core.quantities import FOUR, TOTAL, of_steady

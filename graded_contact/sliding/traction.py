@@ -39,7 +39,7 @@ from jaxtyping import Array, Bool
 from ..blocks.stack import Stack
 from ..blocks.tangential_kernel import tangential_kernels
 from ..blocks.window_compliance import without_images
-from ..contacts.operator import first_mode
+from ..contacts.operators.operator import first_mode
 from ..core.checks import as_float
 from ..core.quantities import FOUR, of_cycle, of_steady
 from ..fields.frequency import direction_and_speed

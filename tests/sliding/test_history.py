@@ -299,7 +299,7 @@ def test_the_response_on_the_path_of_a_window_is_that_of_a_window_kernel():
         np.diff(operator.displace(load)[:8])
         for operator in (
             problem.operator_of(expected, expected),
-            contacts.window.Window(window_kernel(soft, grid)),
+            contacts.operators.window.Window(window_kernel(soft, grid)),
         )
     )
     np.testing.assert_allclose(cut, exact, atol=2e-3 * np.max(exact))

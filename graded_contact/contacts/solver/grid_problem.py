@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..law import AbstractLaw
+from ..operators.operator import AbstractOperator, Field, Scalar, Solid, nonzero
 from .abstract_solver import Loading, to_mean
-from .law import AbstractLaw
-from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
 from .splitting import Splitting
 
 _NEARLY = 0.98  # share of points that touch, from which full contact is tried

@@ -29,10 +29,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core.anderson import STEPS_OF_CYCLE, Iterates, accelerate, sums
-from ..fields.grid import Waves, multiplicity
+from ...core.anderson import STEPS_OF_CYCLE, Iterates, accelerate, sums
+from ...fields.grid import Waves, multiplicity
+from ..operators.operator import Field, Scalar, Solid, root_mean_square, stiffness_bound
 from .abstract_solver import in_precision, participation_of, run_steps, slope
-from .operator import Field, Scalar, Solid, root_mean_square, stiffness_bound
 
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
 

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact, Int, Shaped
 
-from ..fields.grid import Grid, Waves, multiplicity, resample_spectrum, to_field, to_spectrum
+from ...fields.grid import Grid, Waves, multiplicity, resample_spectrum, to_field, to_spectrum
 
 Field = Float[Array, "*shape"]  # on the surface, or on the cell of a window
 Scalar = Float[Array, ""]

@@ -30,7 +30,10 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from ..core.checks import check_type, check_whole, short
+from ...core.checks import check_type, check_whole, short
+from ..adhesion import AdhesiveLJ
+from ..law import RepulsiveLJ
+from ..operators.operator import Field, Scalar, root_mean_square
 from .abstract_solver import (
     AbstractContactSolver,
     Inputs,
@@ -39,9 +42,6 @@ from .abstract_solver import (
     run_steps,
     to_mean,
 )
-from .adhesion import AdhesiveLJ
-from .law import RepulsiveLJ
-from .operator import Field, Scalar, root_mean_square
 
 _LEAST_RATIO = 0.9  # of a point's gaps after and before a step
 _LOAD_RATE = 0.5  # share of the load's error that the residuals work against

@@ -28,7 +28,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact
 
-from ..fields.grid import Grid, mode_numbers, resample_spectrum, to_field, to_spectrum, wavevector
+from ...fields.grid import Grid, mode_numbers, resample_spectrum, to_field, to_spectrum, wavevector
 from .operator import AbstractOperator, first_mode, nonzero, third_mode
 
 # The share of a wave from which on a frequency counts at the edges of contact. What a motion or a

@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core.anderson import sums
-from .law import AbstractLaw
-from .operator import AbstractOperator, Field, Scalar, nonzero, root_mean_square
+from ...core.anderson import sums
+from ..law import AbstractLaw
+from ..operators.operator import AbstractOperator, Field, Scalar, nonzero, root_mean_square
 
 _HISTORY_AT_GAP = 2  # of given mean gaps; with 5 some loads diverged above an area of 0.99
 # The true error over a solver's estimate under an attraction, whose equilibria are soft: below 4 in

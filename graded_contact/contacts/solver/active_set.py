@@ -21,8 +21,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields.devices import num_devices
-from .operator import AbstractOperator, Field, Scalar, nonzero
+from ...fields.devices import num_devices
+from ..operators.operator import AbstractOperator, Field, Scalar, nonzero
 from .splitting import DRAFTED_FROM
 
 REDUCTION = 0.1  # of the residual by one iterated step

@@ -18,9 +18,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..core.checks import check_type, check_whole, is_concrete
-from ..core.compilation import compiled
-from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
+from ...core.checks import check_type, check_whole, is_concrete
+from ...core.compilation import compiled
+from ...fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
+from ..law import AbstractLaw, HardWall
 from .abstract_solver import (
     AbstractContactSolver,
     Loading,
@@ -43,7 +44,6 @@ from .grid_problem import (
     full_contact_or,
     start_of,
 )
-from .law import AbstractLaw, HardWall
 from .pull_off import RELEASED_FROM, let_part
 from .semismooth_newton import newton_round, takes_newton_steps
 from .splitting import check_relaxation, draft

@@ -18,8 +18,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
+from ..operators.operator import Field, root_mean_square
 from .abstract_solver import run_steps, slope
-from .operator import Field, root_mean_square
 from .splitting import Splitting
 
 RELEASED_FROM = 200  # steps without an end, after which a load is tried

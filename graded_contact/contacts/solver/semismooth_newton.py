@@ -25,10 +25,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..law import AbstractLaw, Windowed, never_overlaps
+from ..operators.operator import AbstractOperator, Field, Scalar
 from .active_set import REDUCTION, Coated, green_of, pressure_on
-from .law import AbstractLaw, never_overlaps
-from .operator import AbstractOperator, Field, Scalar
-from .window import Windowed
 
 _COATED_ERROR = 1e-3  # tolerance of a coated contact
 _FACTOR = 10.0  # from one coat to the next
