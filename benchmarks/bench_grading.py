@@ -15,13 +15,13 @@ import numpy as np
 from rows import ROOT, report, run, seconds
 
 import graded_contact as gc
-from graded_contact.blocks.compliance import graded_compliance
-from graded_contact.blocks.layering import Layering
 from graded_contact.blocks.profile import Blend
-from graded_contact.blocks.riccati import Riccati
 from graded_contact.blocks.shapes import Linear, Sinusoidal
-from graded_contact.blocks.slab import factors, half_space, stack_on
 from graded_contact.blocks.stack import GradedLayer, Stack
+from graded_contact.response.compliance import graded_compliance
+from graded_contact.response.layering import Layering
+from graded_contact.response.riccati import Riccati
+from graded_contact.response.slab import factors, half_space, stack_on
 
 COPIES, FEW_COPIES = 400, 10
 SOFT = gc.Elastic(0.75, 0.5)

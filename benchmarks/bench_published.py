@@ -91,7 +91,7 @@ def gradient(points: int = 128):
 
     for k, poisson in GRADED:
         exact, stack = published.gradient_compliance(k, poisson)[0], published.power_gradient
-        for solver in (gc.blocks.Layering(), gc.blocks.Riccati()):
+        for solver in (gc.response.Layering(), gc.response.Riccati()):
             found = gc.surface_compliance(stack(k, poisson, 40.0, solver=solver), 1.0, 0.0)
             name = f"M at q = 1/m [m/Pa], {type(solver).__name__}"
             keep(k, poisson, name, exact, float(found) / exact - 1)

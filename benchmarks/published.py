@@ -128,7 +128,7 @@ def gradient_contact(
 ) -> tuple[float, float, float]:
     """Load, highest pressure and radius on E = (z/c0)^k over those of `gradient_paraboloid`."""
     approach, load, peak = gradient_paraboloid(exponent, poisson, 1.0)
-    stack = power_gradient(exponent, poisson, 1e3, 1e-5, gc.blocks.Layering(rtol=1e-6))
+    stack = power_gradient(exponent, poisson, 1e3, 1e-5, gc.response.Layering(rtol=1e-6))
     found = press(stack, ball(points, 4.0, 1.0), approach=approach)
     return load_of(found) / load, float(jnp.max(found.pressure)) / peak, radius_of(found)
 
@@ -151,7 +151,7 @@ def adhesive_sphere(tabor: float, points: int = 256) -> tuple[float, float]:
     stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(1 - POISSON**2, POISSON)))
     path = unit * (np.linspace(2.3, -1.4, 13) - 1 / tabor)
     found = gc.contacts.follow_contact(
-        gc.blocks.window_kernel(stack, surface.grid), surface.heights, approach=path,
+        gc.kernels.window_kernel(stack, surface.grid), surface.heights, approach=path,
         law=gc.contacts.AdhesiveLJ(unit / tabor, WORK, contact_gap=1.2), rtol=1e-4,
     )  # fmt: skip
     loads = np.asarray(found.mean_pressure) * size**2 / (np.pi * WORK)

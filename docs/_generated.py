@@ -40,7 +40,8 @@ from graded_contact.sliding.gap_flow import Fluid
 ROOT = Path(__file__).parents[1]
 KEYS_FILE = ROOT / "docs" / "scene_keys.md"
 TITLES = {
-    "materials": "Materials", "blocks": "Blocks and their response", "surfaces": "Surfaces",
+    "materials": "Materials", "blocks": "Blocks", "response": "Response of blocks",
+    "kernels": "Kernels", "surfaces": "Surfaces",
     "contacts": "Contact", "sliding": "Sliding", "mean_field": "Mean field", "fitting": "Fits",
     "readers": "Measured files", "studies": "Many solves", "scenes": "Scenes", "designs": "Designs",
     "exports": "Cards for other programs", "plot": "Figures", "page": "The page",

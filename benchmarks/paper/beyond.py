@@ -51,7 +51,7 @@ from system import (
 )
 
 import graded_contact as gc
-from graded_contact.blocks.layering import sliced
+from graded_contact.response.layering import sliced
 from graded_contact.studies.store import Store
 
 LABELS = {

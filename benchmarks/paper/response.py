@@ -258,7 +258,7 @@ def graded(shape, top, counts, *, log):
     q = qd / depth
     profile = gc.Blend(bulk, elastic(top * RELAXED), shape)
     stack = gc.Stack(layers=(gc.GradedLayer(profile, depth),), base=gc.HalfSpace(bulk))
-    found = gc.blocks.graded_compliance(stack, q, 0.0)
+    found = gc.response.graded_compliance(stack, q, 0.0)
     exact = np.asarray(found.value) * q * RELAXED / 2
     figure, (left, right) = panels(2)
     left.semilogx(qd, exact, color="black", label="continuous")

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..blocks.compliance import effective_modulus
 from ..blocks.stack import Stack
 from ..core.checks import check_positive, check_values, within
 from ..core.derivative import largest
 from ..core.display import shown, unit_of
 from ..core.quantities import CYCLE
+from ..response.compliance import effective_modulus
 from ..sliding.contact_stress import STRESSES
 from ..sliding.heat_source import as_depths
 

@@ -38,9 +38,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..blocks.grading import check_profiles
 from ..blocks.heated_stack import check_bulk
-from ..blocks.kernel import stack_kernel
 from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import HardWall
 from ..core.checks import (
@@ -59,8 +57,10 @@ from ..core.checks import (
 from ..core.derivative import still
 from ..core.display import shown
 from ..fields.frequency import as_velocity, direction_and_speed
+from ..kernels.steady import stack_kernel
 from ..materials.shift import HOTTEST, as_temperature
 from ..materials.softening import as_strain_per_slope, softens
+from ..response.grading import check_profiles
 from ..sliding.case import Case, Heating
 from ..sliding.shear import ShearLaw, shear_stress, unless_negative
 from ..surfaces.spectrum import CutoffCurve

@@ -30,8 +30,6 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
-from ..blocks.compliance import surface_compliance_unchecked
-from ..blocks.grading import graded_tolerance
 from ..blocks.stack import Stack
 from ..core.compilation import compiled
 from ..fields.devices import binned
@@ -39,6 +37,8 @@ from ..fields.frequency import direction_and_speed, sliding_frequency, wave_freq
 from ..fields.grid import multiplicity, rings, to_spectrum, zero_mode
 from ..materials.coverage import coverage, is_unknown
 from ..materials.softening import at_strain, softens
+from ..response.compliance import surface_compliance_unchecked
+from ..response.grading import graded_tolerance
 from ..surfaces.spectrum import between_ends
 from .angles import angles
 from .diffusion import Correction, area, mean_square_growth, slowed, slowing

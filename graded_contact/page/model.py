@@ -13,12 +13,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..blocks.compliance import effective_modulus
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed
 from ..mean_field.mean_field import RTOL, mean_field_friction
 from ..mean_field.refinement import Nodes, misses, solve_refined
+from ..response.compliance import effective_modulus
 from ..scenes.plan import build_surface
 from ..scenes.scene_checks import refuse_liquids
 from ..scenes.surface_source import RandomSurface

@@ -10,12 +10,10 @@ import numpy as np
 from jaxtyping import ScalarLike
 
 from ..blocks.bond import AbstractBond, Bond, Film
-from ..blocks.graded_solver import AbstractGradedSolver
-from ..blocks.layering import Layering
 from ..blocks.profile import Blend
-from ..blocks.riccati import Riccati
 from ..blocks.shapes import AbstractShape, ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from ..blocks.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
+from ..blocks.tolerance import AbstractGradedSolver
 from ..contacts.adhesion import AdhesiveLJ, ExponentialAdhesion
 from ..contacts.law import AbstractLaw, HardWall, RepulsiveLJ
 from ..core.checks import nearest, within
@@ -33,6 +31,8 @@ from ..readers.recorded_motion import (
     read_over_time,
 )
 from ..readers.units import DIMENSIONS, UNITS
+from ..response.layering import Layering
+from ..response.riccati import Riccati
 from ..sliding.motion import Motion, sinusoidal, start_stop
 from ..sliding.shear import SHEARS, AbstractShear
 from ..sliding.single_motion import SingleMotion, dwell, listed, ramp, recorded_once, start

@@ -7,7 +7,6 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..blocks.creep import LONGEST
 from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import AbstractLaw, HardWall
 from ..core.checks import (
@@ -26,6 +25,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..fields.frequency import as_velocity
+from ..kernels.memory import LONGEST
 from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
 from .motion import check_closed, check_resolved

@@ -9,10 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..blocks.compliance import surface_compliance
-from ..blocks.depth import Side
 from ..blocks.stack import Stack, interface_depths
-from ..blocks.stress import largest_tension, stress_field, von_mises
 from ..core.checks import Numbers, as_float, check_types, is_concrete
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart, largest
@@ -20,6 +17,9 @@ from ..core.display import shown
 from ..fields.frequency import wave_frequencies
 from ..fields.grid import Grid, coordinates, wavenumber
 from ..materials.softening import softens
+from ..response.compliance import surface_compliance
+from ..response.downwards import Side
+from ..response.stress import largest_tension, stress_field, von_mises
 from .bodies import BodyName
 from .facts import WINDOW
 from .heat_source import as_depths, shear_traction

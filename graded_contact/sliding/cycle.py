@@ -13,10 +13,7 @@ coupling of its traction is that of `isothermal.py`.
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..blocks.grading import graded_tolerance
-from ..blocks.periodic_kernel import periodic_kernel
 from ..blocks.stack import Stack, films_of
-from ..blocks.tangential_kernel import periodic_tangential_kernels
 from ..contacts.inputs import loading_of
 from ..contacts.law import check_one_law
 from ..contacts.operators.space_time import SpaceTime, at_rest, in_motion
@@ -27,7 +24,10 @@ from ..core.derivative import derivative_apart
 from ..core.memory import CYCLE, CYCLE_COUNTER, check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid
+from ..kernels.periodic import periodic_kernel
+from ..kernels.tangential import periodic_tangential_kernels
 from ..materials.coverage import coverage
+from ..response.grading import graded_tolerance
 from ..surfaces.surface import check_periodic
 from .bodies import Counter, Coupling, middle_of
 from .case import Case

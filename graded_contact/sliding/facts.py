@@ -1,7 +1,7 @@
 """Facts of a contact: an observable that `needs` some is printed and stored where they hold."""
 
 from ..blocks.stack import films_of
-from ..blocks.window_compliance import has_ground
+from ..kernels.window import has_ground
 from .case import Case
 from .shear import is_coupled
 

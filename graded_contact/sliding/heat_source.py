@@ -20,10 +20,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks.bond import Bond
-from ..blocks.grading import graded_tolerance
 from ..blocks.profile import Aged, Blend
 from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, by_kind, interface_depths
-from ..blocks.stress import stress_waves
 from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
@@ -31,6 +29,8 @@ from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, to_field
 from ..materials.material import AbstractMaterial, Elastic, Prony
 from ..materials.softening import StrainSoftening
+from ..response.grading import graded_tolerance
+from ..response.stress import stress_waves
 from .formulas import tractions_on
 from .result import Sliding
 from .traction import slip

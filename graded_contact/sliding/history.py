@@ -10,7 +10,6 @@ import numpy as np
 import scipy
 from jaxtyping import Array
 
-from ..blocks.creep import NODES, creep_of
 from ..blocks.stack import Stack
 from ..contacts.inputs import loading_of
 from ..contacts.law import check_one_law
@@ -22,6 +21,7 @@ from ..core.derivative import still
 from ..core.memory import check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid
+from ..kernels.memory import NODES, creep_of
 from .case import Case
 from .facts import COUPLED, facts_of
 from .history_problem import HistoryProblem, steps_of

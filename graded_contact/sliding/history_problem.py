@@ -14,10 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..blocks.creep import Creep
-from ..blocks.periodic_kernel import quadrant
 from ..blocks.stack import Stack
-from ..blocks.window_compliance import doubled, long_cell, without_images
 from ..contacts.law import AbstractLaw
 from ..contacts.operators.operator import AbstractOperator
 from ..contacts.operators.window import Window
@@ -31,6 +28,9 @@ from ..fields.grid import (
     to_spectrum,
     wavevector,
 )
+from ..kernels.memory import Creep
+from ..kernels.periodic import quadrant
+from ..kernels.window import doubled, long_cell, without_images
 from .facts import GROUND
 from .over_period import components
 from .shear import ShearStress

@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..blocks.periodic_kernel import period_frequencies
 from ..core.compilation import compiled
+from ..kernels.periodic import period_frequencies
 
 _REFINED = 64  # times as many for the length of the path
 

@@ -10,9 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..blocks.kernel import attempted_kernel, stack_kernel
 from ..blocks.stack import Rigid, Stack, films_of, interface_depths
-from ..blocks.window_compliance import doubled, has_ground, long_cell, without_images
 from ..contacts.inputs import LEAST_GAP
 from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.operators.window import operator_of
@@ -22,6 +20,8 @@ from ..core.compilation import compiled
 from ..core.memory import SLIDING, check_memory
 from ..fields.devices import num_devices, required
 from ..fields.grid import Grid
+from ..kernels.steady import attempted_kernel, stack_kernel
+from ..kernels.window import doubled, has_ground, long_cell, without_images
 from ..materials.coverage import coverage
 from ..materials.softening import as_strain_per_slope, softens
 from ..surfaces.statistics import slope_up_to

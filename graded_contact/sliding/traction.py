@@ -37,13 +37,13 @@ import numpy as np
 from jaxtyping import Array, Bool
 
 from ..blocks.stack import Stack
-from ..blocks.tangential_kernel import tangential_kernels
-from ..blocks.window_compliance import without_images
 from ..contacts.operators.operator import first_mode
 from ..core.checks import as_float
 from ..core.quantities import FOUR, of_cycle, of_steady
 from ..fields.frequency import direction_and_speed
 from ..fields.grid import Grid, Waves, wavenumber
+from ..kernels.tangential import tangential_kernels
+from ..kernels.window import without_images
 from .bodies import Coupling
 from .case import Case
 from .energy import powers_of_traction, waves_of

@@ -56,7 +56,7 @@ def parts_of(values):
 def sliced_profile(profile):
     """The material in the middle of a graded layer."""
     stack = gc.Stack(layers=[gc.GradedLayer(profile, 1.0)], base=gc.Free())
-    return gc.blocks.sliced(stack, 1).layers[0].material
+    return gc.response.sliced(stack, 1).layers[0].material
 
 
 def two_branches(**changes):

@@ -104,11 +104,11 @@ def test_a_scene_file_is_named_in_its_errors(tmp_path):
 
 def test_a_scene_is_the_stack_and_surface_that_it_writes():
     scene = parse_scene(changed("[solver]", '[solver]\ngraded_solver = {kind = "layering"}'))
-    assert eqx.tree_equal(scene.stack.graded_solver, gc.blocks.Layering())
+    assert eqx.tree_equal(scene.stack.graded_solver, gc.response.Layering())
     stack = gc.Stack(
         layers=(gc.Layer(gc.Elastic(2e7, 0.4), 2e-5),),
         base=gc.HalfSpace(gc.tyre_tread()),
-        graded_solver=gc.blocks.Layering(),
+        graded_solver=gc.response.Layering(),
     )
     assert eqx.tree_equal(scene.stack, stack)
     spectrum = gc.SelfAffine(

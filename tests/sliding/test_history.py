@@ -11,9 +11,9 @@ import pytest
 
 import graded_contact as gc
 from graded_contact import contacts
-from graded_contact.blocks import window_kernel
-from graded_contact.blocks.creep import NODES, contour, creep_of
 from graded_contact.contacts import DouglasRachford
+from graded_contact.kernels import window_kernel
+from graded_contact.kernels.memory import NODES, contour, creep_of
 from graded_contact.materials import StrainSoftening, Tabulated
 from graded_contact.sliding import Case, ConstantShear, dwell, ramp, recorded_once, start
 from graded_contact.sliding.history import history_problem

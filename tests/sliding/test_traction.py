@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.blocks.tangential_kernel import tangential_kernels
 from graded_contact.fields.frequency import direction_and_speed
 from graded_contact.fields.grid import multiplicity, nyquist_lines, wavevector, zero_mode
+from graded_contact.kernels.tangential import tangential_kernels
 from graded_contact.sliding import (
     AbstractShear,
     ConstantShear,

@@ -9,12 +9,12 @@ from oracles import elasticities
 from stored import Given, cases_of, complex_of
 
 import graded_contact as gc
-from graded_contact.blocks.compliance import graded_compliance, surface_compliance
-from graded_contact.blocks.layering import Layering
 from graded_contact.blocks.profile import Blend, Mixture
-from graded_contact.blocks.riccati import Riccati
 from graded_contact.blocks.shapes import ErrorFunction, PowerLaw, Sinusoidal, Table
 from graded_contact.blocks.stack import GradedLayer, Stack
+from graded_contact.response.compliance import graded_compliance, surface_compliance
+from graded_contact.response.layering import Layering
+from graded_contact.response.riccati import Riccati
 
 CASES = cases_of("graded")
 # Half of the compilation, where no second attempt is expected.
@@ -118,7 +118,7 @@ TRACTION = np.array([0.3, 0.5j, 1.0])
 def fields_in(layer, depths=DEPTHS, graded=FAST, base="halfspace"):
     """One call of one shape for all tests of fields, so that it compiles once for each base."""
     stack = Stack(layers=(gc.Layer(GLASS, 2e-5), layer), base=BASE[base])
-    return gc.blocks.interior_fields(by(graded, stack), *WAVE, TRACTION, depths, rtol=1e-7)
+    return gc.response.interior_fields(by(graded, stack), *WAVE, TRACTION, depths, rtol=1e-7)
 
 
 @pytest.mark.slow
@@ -142,7 +142,7 @@ def test_differential_equation_keeps_the_digits_of_fields_that_have_decayed():
     """To e^-50 of those above; a mesh as fine as the decay takes is the reference."""
     stack = Stack(layers=(GradedLayer(Blend(RUBBER, HARD), 1e-4),), base=gc.Rigid())
     found, exact = (
-        gc.blocks.interior_fields(by(graded, stack), 3e5, -4e5, 1e3, TRACTION, 1e-4, rtol=1e-8)
+        gc.response.interior_fields(by(graded, stack), 3e5, -4e5, 1e3, TRACTION, 1e-4, rtol=1e-8)
         for graded in (Riccati(), Layering(num_cells=300, retry=False))
     )
     size = np.max(np.abs(exact.stress))

@@ -13,14 +13,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
+from ..blocks.stack import Stack, check_at_rest
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid
-from .compliance import compliance_of, log_compliance
-from .grading import check_profiles, graded_tolerance
-from .kernel import is_dear
-from .kernel_interpolation import tabulate
-from .stack import Stack, check_at_rest
+from ..response.compliance import compliance_of, log_compliance
+from ..response.grading import check_profiles, graded_tolerance
+from .steady import is_dear
+from .table import tabulate
 
 _BLOCK = 16  # frequencies that are computed at once
 

@@ -7,8 +7,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Inexact
+from jaxtyping import Array, Float, Inexact
 
+from ..blocks.profile import check_profile
+from ..blocks.stack import GradedLayer, Stack, check_at_rest, is_graded
+from ..blocks.tolerance import REFUSED_BELOW, AbstractGradedSolver
 from ..core.checks import (
     Numbers,
     as_float,
@@ -18,10 +21,10 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from .graded_solver import REFUSED_BELOW, AbstractGradedSolver
+from ..core.compilation import compiled
+from ..fields.frequency import as_velocity
+from ..fields.grid import Grid
 from .layering import Layering
-from .profile import check_profile
-from .stack import GradedLayer, Stack, check_at_rest, is_graded
 
 _NOT_REACHED = (
     "The tolerance was not reached in a graded layer: its profile varies too sharply. Put "
@@ -58,6 +61,26 @@ def as_waves(stack: Stack, **arrays: Numbers) -> tuple[Array, ...]:
     check_profiles(stack, waves["omega"])
     rank = max(value.ndim for value in waves.values())
     return tuple(x.reshape((1,) * (rank - x.ndim) + x.shape) for x in waves.values())
+
+
+def checked_velocity(stack: Stack, grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
+    """Returns the velocity as an array, refused where a stack has no response to its waves."""
+    velocity = as_velocity(velocity, grid)
+    if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
+        check_at_rest(stack)
+    if is_graded(stack):
+        check_profiles(stack, _extreme_frequencies(grid, velocity))
+    return velocity
+
+
+@compiled
+def _extreme_frequencies(grid, velocity):
+    """|ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
+    along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
+    numbers = np.array([1, grid.shape[0] // 2]).astype(grid.size.dtype)
+    lowest, highest = (2 * np.pi / grid.size[0]) * numbers
+    # Waves across the velocity are at rest.
+    return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
 
 
 def solver_of(stack: Stack) -> AbstractGradedSolver:

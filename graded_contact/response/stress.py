@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
+from ..blocks.stack import HalfSpace, Stack, interface_depths
 from ..core.checks import (
     Numbers,
     as_float,
@@ -36,11 +37,9 @@ from ..core.compilation import compiled
 from ..core.display import shown
 from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, to_field, to_spectrum, wavevector
-from .depth import Side, depth_climb
-from .grading import graded_tolerance, solve_graded
-from .kernel import checked_velocity
+from .downwards import Side, depth_climb
+from .grading import checked_velocity, graded_tolerance, solve_graded
 from .matrix import wavevectors
-from .stack import HalfSpace, Stack, interface_depths
 
 
 @shown()

@@ -26,13 +26,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
+from ..blocks.profile import moduli_at
+from ..blocks.shapes import breaks_of
+from ..blocks.stack import GradedLayer, Layer, Stack
+from ..blocks.tolerance import AbstractGradedSolver, as_tolerance, rounding
 from ..core.checks import Numbers, as_numbers, check_type, check_types, check_whole
 from ..materials.material import AbstractMaterial
 from .column import Face, GradedPart, Rule, cast_like, stable_shape, visible
-from .graded_solver import AbstractGradedSolver, as_tolerance, rounding
-from .profile import moduli_at
-from .shapes import breaks_of
-from .stack import GradedLayer, Layer, Stack
 
 # Layers per cell of the mesh. Longer rows gain order but lose digits to their weights.
 _REFINEMENT = (1, 2, 3, 4, 6, 8)

@@ -28,14 +28,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..blocks.bond import AbstractBond
+from ..blocks.stack import GradedLayer, Stack, moduli_of
 from ..core.checks import is_concrete
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
-from .bond import AbstractBond
-from .compliance import compliance_of
-from .grading import check_profiles, graded_tolerance
-from .matrix import compliance_parts
-from .stack import GradedLayer, Stack, moduli_of
+from ..response.compliance import compliance_of
+from ..response.grading import check_profiles, graded_tolerance
+from ..response.matrix import compliance_parts
 
 NODES, _NODES_OF_STEP = 32, 14
 LONGEST = 1e8  # longest time over shortest; the error is 5e-3 there

@@ -14,10 +14,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
-from .bond import Bond, Give
-from .profile import moduli_at
-from .slab import Compliance, plane_strain
-from .stack import (
+from ..blocks.bond import Bond, Give
+from ..blocks.profile import moduli_at
+from ..blocks.stack import (
     GradedLayer,
     HalfSpace,
     Stack,
@@ -26,6 +25,7 @@ from .stack import (
     materials_of,
     moduli_of_all,
 )
+from .slab import Compliance, plane_strain
 
 
 class Face(NamedTuple):

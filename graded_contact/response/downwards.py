@@ -14,8 +14,16 @@ from typing import Any, Literal
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .below import FULL, base_face
-from .bond import Give
+from ..blocks.bond import Give
+from ..blocks.stack import (
+    Free,
+    GradedLayer,
+    HalfSpace,
+    Rigid,
+    Stack,
+    concatenated,
+    interface_depths,
+)
 from .column import (
     AddGraded,
     Carried,
@@ -30,7 +38,7 @@ from .column import (
     scaled,
 )
 from .slab import Compliance, Slab, factors, in_units, lower_face, release, stack_on
-from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack, concatenated, interface_depths
+from .upwards import FULL, base_face
 
 Side = Literal["above", "below"]
 

@@ -10,14 +10,11 @@ import pytest
 from scipy.special import j0, j1
 
 import graded_contact as gc
-from graded_contact.blocks import (
-    Blend,
-    Bond,
-    Film,
+from graded_contact.blocks import Blend, Bond, Film, interface_depths
+from graded_contact.response import (
     Layering,
     Riccati,
     graded_compliance,
-    interface_depths,
     interior_fields,
     sliced,
     surface_compliance,

@@ -30,15 +30,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from ..blocks.bond import is_smooth
+from ..blocks.profile import moduli_at
+from ..blocks.shapes import breaks_of
+from ..blocks.stack import GradedLayer, Rigid
+from ..blocks.tolerance import AbstractGradedSolver, as_tolerance, rounding
 from ..core.checks import check_type
-from .bond import is_smooth
 from .column import Carried
-from .graded_solver import AbstractGradedSolver, as_tolerance, rounding
 from .layering import add_layered, build_mesh
-from .profile import moduli_at
-from .shapes import breaks_of
 from .slab import Compliance
-from .stack import GradedLayer, Rigid
 
 
 class Equation(NamedTuple):

@@ -8,8 +8,8 @@ from oracles import differences
 from stored import MIRROR, Given, cases_of, complex_of
 
 import graded_contact as gc
-from graded_contact.blocks.matrix import surface_compliance_matrix
 from graded_contact.materials.material import BulkShear
+from graded_contact.response.matrix import surface_compliance_matrix
 
 CASES = cases_of("matrix")
 BASES = {

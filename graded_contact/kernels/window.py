@@ -26,12 +26,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Inexact
 
+from ..blocks.stack import HalfSpace, Rigid, Stack
 from ..core.checks import Numbers, check_types
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum, zero_mode
-from .kernel import stack_kernel
-from .stack import HalfSpace, Rigid, Stack
+from .steady import stack_kernel
 
 # Windows along an axis of the long cell, by the number of axes, and points to a window there.
 _WINDOWS = {1: 1024, 2: 32}

@@ -14,6 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
+from ..blocks.stack import Free, HalfSpace, Rigid, Stack, is_bonded, is_graded, moduli_of
 from ..core.checks import (
     Numbers,
     as_float,
@@ -27,12 +28,11 @@ from ..core.checks import (
 )
 from ..core.compilation import compiled
 from ..core.display import shown
-from .below import PLANE, base_face, in_plane
 from .column import climb_through, column_of
 from .grading import as_waves, graded_tolerance, solve_graded
 from .layering import Layering
 from .recursion import compliance_of_layers, layers_of
-from .stack import Free, HalfSpace, Rigid, Stack, is_bonded, is_graded, moduli_of
+from .upwards import PLANE, base_face, in_plane
 
 
 @check_types

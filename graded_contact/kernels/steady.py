@@ -20,8 +20,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool, Inexact
 
+from ..blocks.stack import Stack, is_graded
 from ..core.checks import (
     Numbers,
     as_float,
@@ -35,13 +36,12 @@ from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.memory import KERNEL, check_memory
 from ..fields.devices import num_devices, required, spread, whole_along
-from ..fields.frequency import as_velocity, sliding_frequency
+from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero_mode
 from ..materials.softening import at_strain, softens
-from .compliance import compliance_of, log_compliance
-from .grading import check_profiles, graded_tolerance
-from .kernel_interpolation import KernelTable, tabulate
-from .stack import Stack, check_at_rest, is_graded
+from ..response.compliance import compliance_of, log_compliance
+from ..response.grading import checked_velocity, graded_tolerance
+from .table import KernelTable, tabulate
 
 _BLOCK_ROWS = 16
 # With so few layers, or points of the grid, direct evaluation is faster than a table.
@@ -155,25 +155,6 @@ def kernel_table(
     if grid.ndim == 1 or velocity.ndim == 1:
         raise ValueError("A table needs a `grid` of two dimensions and sliding along x.")
     return _kernel_table(stack, grid, velocity, rtol)
-
-
-def checked_velocity(stack: Stack, grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
-    """Returns the velocity as an array, refused where a stack has no response to its waves."""
-    velocity = as_velocity(velocity, grid)
-    if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
-        check_at_rest(stack)
-    if is_graded(stack):
-        check_profiles(stack, _extreme_frequencies(grid, velocity))
-    return velocity
-
-
-@compiled
-def _extreme_frequencies(grid, velocity):
-    """|ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
-    along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
-    lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
-    # Waves across the velocity are at rest.
-    return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
 
 
 def is_dear(stack: Stack, num_points: int) -> bool:

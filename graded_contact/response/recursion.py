@@ -19,9 +19,9 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Inexact
 
+from ..blocks.stack import Free, Layer, Rigid, Stack, moduli_of, moduli_of_all
 from .column import scan_layers, unit_of_moduli
 from .slab import factors, free, half_space, hyperbolic, plane_strain, push_down, rigid, stack_on
-from .stack import Free, Layer, Rigid, Stack, moduli_of, moduli_of_all
 
 # Unrolled layers run faster and scanned ones compile faster; they cross here.
 UNROLLED_LAYERS = 4

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.blocks import kernel_interpolation as interpolation
-from graded_contact.blocks.kernel import attempted_kernel
-from graded_contact.blocks.kernel_interpolation import tabulate
+from graded_contact.kernels import table as interpolation
+from graded_contact.kernels.steady import attempted_kernel
+from graded_contact.kernels.table import tabulate
 
 HIGHEST = (300, 200)
 
@@ -96,7 +96,7 @@ def test_kernel_of_a_dear_stack_is_that_of_single_wavevectors(stack, rtol):
     np.testing.assert_allclose(kernel[index_x, index_y], expected, rtol=rtol)
     np.testing.assert_allclose(kernel[-index_x, index_y], np.conj(expected), rtol=rtol)
     if stack is LONG:
-        table = gc.blocks.kernel_table(LONG, GRID, SPEED)
+        table = gc.kernels.kernel_table(LONG, GRID, SPEED)
         assert table.error <= 1e-9 and table.num_evaluations < 129 * 102
     assert kernel[0, 0] == 0
     assert not kernel[128].imag.any()

@@ -19,10 +19,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Inexact
 
-from .bond import Give
+from ..blocks.bond import Give
+from ..blocks.stack import Free, Rigid
 from .column import Carried, Column, Face, Rule, face_in, scaled
 from .slab import Compliance, factors, half_space, in_units, lower_face, split_of, times, upwards
-from .stack import Free, Rigid
 
 
 class Below(NamedTuple):

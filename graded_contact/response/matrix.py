@@ -18,12 +18,12 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Complex
 
+from ..blocks.stack import Stack
 from ..core.checks import Numbers, check_types, is_concrete
 from ..core.compilation import compiled
-from .below import FULL, base_face
 from .column import climb_through, column_of
 from .grading import as_waves, graded_tolerance, solve_graded
-from .stack import Stack
+from .upwards import FULL, base_face
 
 
 @check_types

@@ -105,7 +105,7 @@ def test_stress_and_displacement_under_the_axis_match_kenpave():
 
     def fields(q):
         load = jnp.array([0.0, 0.0, 1.0])
-        u, stress = gc.blocks.interior_fields(
+        u, stress = gc.response.interior_fields(
             stack, q, 0.0, 0.0, load, depth[:, None, None], side="above"
         )
         # On the axis every direction is radial: the mean of those along and across q.

@@ -8,8 +8,8 @@ from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact.blocks.stack import interface_depths
-from graded_contact.blocks.stress import interior_fields, stress_field, von_mises
 from graded_contact.materials.material import BulkShear
+from graded_contact.response.stress import interior_fields, stress_field, von_mises
 
 OMEGA = 7.0
 # Lossy and incompressible, lossy with complex ν(ω), stiff, soft and nearly incompressible.

@@ -14,14 +14,14 @@ from functools import partial
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
+from ..blocks.stack import Stack, check_at_rest, is_graded
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, Waves, nyquist_lines, wavenumber, wavevector, zero_mode
-from .grading import check_profiles, graded_tolerance
-from .kernel import of_waves
-from .matrix import compliance_parts
-from .periodic_kernel import of_period, period_frequencies
-from .stack import Stack, check_at_rest, is_graded
+from ..response.grading import check_profiles, graded_tolerance
+from ..response.matrix import compliance_parts
+from .periodic import of_period, period_frequencies
+from .steady import of_waves
 
 
 def tangential_kernels(
