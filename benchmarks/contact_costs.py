@@ -9,44 +9,12 @@ from functools import partial
 
 import contact_scenes
 import jax
-from contact_scenes import bare_pair, bodies, rough_surface
-from rows import goal, report, show, timed
+from contact_scenes import bodies, rough_surface
+from rows import goal, report, timed
 
 import graded_contact as gc
-from graded_contact.fields import transforms as _fft
 
 SPEED = 0.1  # m/s
-# Near the greatest friction [m/s].
-# The fewest points that go through ducc0: all or none.
-
-
-def overhead_of(backend, sizes=(256, 512, 1024, 2048), repeat=3):
-    """The same with one backend ("xla" or "ducc0"), in this process."""
-    print(
-        "# solve: wall time over FFT pairs times that of a bare pair in a lax loop, same backend;"
-    )
-    print("# slide: with kernel and observables; rtol = 1e-6; from N = 512 on the first digits are")
-    print("# found in single precision, whose pairs count as whole ones")
-    _fft.BOUND_FROM = BOUND_FROM[backend]
-    reached = {}
-    for n in sizes:
-        bare, surface = bare_pair(n), rough_surface(n)
-        for name, load, speed in (("elastic", 0.1, 0.0), ("single", 0.1, SPEED)):
-            stack = bodies()[name]
-            kernel = gc.stack_kernel(stack, surface.grid, speed)
-            contact = partial(gc.solve_contact, kernel, surface.heights, load, rtol=1e-6)
-            slide = partial(gc.slide, stack, surface, pressure=load, velocity=speed, rtol=1e-6)
-            pairs = float(contact().num_fft_pairs)
-            slide()
-            alone, whole = timed(contact, repeat), timed(slide, repeat)
-            reached.setdefault(n, []).append(alone / (pairs * bare))
-            show({
-                "backend": backend, "body": name, "p/E_r": load, "N": n, "pair [ms]": 1e3 * bare,
-                "FFT pairs": pairs, "solve [s]": alone, "solve over pairs": alone / (pairs * bare),
-                "slide [s]": whole, "slide over pairs": whole / (pairs * bare),
-            })  # fmt: skip
-    found = ", ".join(f"{max(ratios):.2f} at N = {n}" for n, ratios in reached.items())
-    goal(f"{backend}: a solve takes <= 1.5 x its FFT pairs", found)
 
 
 def gradient(sizes=(512, 1024), bodies=("single", "tread+coat"), loads=(0.01, 0.1), repeat=3):
