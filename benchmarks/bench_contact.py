@@ -20,7 +20,7 @@
     python benchmarks/bench_contact.py features      the same of parts of a scene
     python benchmarks/bench_contact.py cycle         periodic motion, beside time steps
     python benchmarks/bench_contact.py cycle_times   periodic motion with more and fewer times
-    python benchmarks/bench_contact.py history       what happens once: cost of a step
+    python benchmarks/bench_contact.py transient     transient motion: cost of a step
     python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
 
 One FFT pair is a real transform and its inverse on the full grid; coarse grids count by their size.
@@ -44,10 +44,10 @@ from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
 from contact_first_calls import features, features_of, first, first_of
 from contact_grid import grid, total
-from contact_history import history
 from contact_peers import elastic, kernel
 from contact_random import attracted, default, hard, random
 from contact_stiffness import stiffness
+from contact_transient import transient
 from rows import run
 
 
@@ -55,7 +55,7 @@ def main():
     run(
         __doc__, elastic, viscoelastic, observables, grid, total, random, default, attracted,
         hard, stiffness, overhead, overhead_of, many, many_on, cylinder, cycle, cycle_times,
-        history, kernel, gradient, linear, first, first_of, features, features_of, largest,
+        transient, kernel, gradient, linear, first, first_of, features, features_of, largest,
     )  # fmt: skip
 
 

@@ -15,8 +15,9 @@ import numpy as np
 from rows import report
 
 import graded_contact as gc
-from graded_contact.sliding import motion, sinusoidal, slide_cycle, start_stop
-from graded_contact.sliding.motion import CHOSEN_STEP, LARGEST_STEP
+from graded_contact.sliding import sinusoidal, slide_cycle, start_stop
+from graded_contact.sliding.motion import periodic
+from graded_contact.sliding.motion.periodic import CHOSEN_STEP, LARGEST_STEP
 
 SIZE = 1.0
 _CLOSEST = 1e-10
@@ -116,7 +117,7 @@ def against_steps(num_points=33, counts=(64, 128, 256)):
 
 def cycle_times(num_points=64, steps=(4.0, 2.0, 1.0, 0.5)):
     """Mean and peak friction off by the largest step from one time to the next, in spacings."""
-    motion.LARGEST_STEP = np.inf  # what a cycle refuses is measured, too
+    periodic.LARGEST_STEP = np.inf  # what a cycle refuses is measured, too
     grid = gc.Grid((num_points,), SIZE)
     for name, make in (
         ("sine", lambda count: sinusoidal(0.4, 1.0, count, grid)),
@@ -227,7 +228,7 @@ def random_cycle(rng, num_times):
     t = 2 * np.pi * np.arange(num_times) / num_times
     moved = sum(rng.normal() / k**2 * np.sin(k * t + rng.uniform(0, 2 * np.pi)) for k in (1, 2, 3))
     moved, along = rng.uniform(0.02, 0.3) * moved, rng.integers(-1, 2) * t / (2 * np.pi)
-    while motion.Motion(moved + along, 1.0).largest_step(surface.grid) > LARGEST_STEP:
+    while periodic.Motion(moved + along, 1.0).largest_step(surface.grid) > LARGEST_STEP:
         moved = moved / 2
     load = 10 ** rng.uniform(-3, 0) * (1 + rng.uniform(0, 0.8) * np.sin(t + rng.uniform(0, 6)))
     mean = float(np.mean(load))

@@ -145,10 +145,10 @@ def _features(n, tread, coat, elastic):
         how = {"displacement": moved, "period": 1.0, "pressure": 4e5, "throw": False}
         return gc.slide_cycle(block(d), road, **how).mean_friction
 
-    def history(d):
+    def transient(d):
         how = {"times": np.linspace(0.01, 0.1, 10), "pressure": 4e5, "throw": False}
         moved = spacing / 2 * np.arange(10)
-        return gc.slide_history(block(d), road, displacement=moved, **how).friction[-1]
+        return gc.slide_transient(block(d), road, displacement=moved, **how).friction[-1]
 
     def path(d):
         kernel, loads = gc.stack_kernel(block(d), road.grid), np.linspace(1e4, 1e5, 25)
@@ -164,11 +164,11 @@ def _features(n, tread, coat, elastic):
         "three layers": partial(friction, layers=3),
         "twelve layers": partial(friction, layers=12),
         "a bond": partial(friction, bond=bond),
-        "two bodies": partial(friction, counter=gc.Stack(base=gc.HalfSpace(coat))),
+        "two bodies": partial(friction, counterface=gc.Stack(base=gc.HalfSpace(coat))),
         "shear": partial(friction, shear=SHEAR),
         "coupled shear": partial(friction, shear=gc.sliding.Coulomb(0.5)),
         "total error": total_error, "attraction": attraction, "tension at six depths": tension,
-        "cycle of 16 times": cycle, "history of 10 steps": history, "path of 25 loads": path,
+        "cycle of 16 times": cycle, "transient of 10 steps": transient, "path of 25 loads": path,
         "heated": heated,
     }  # fmt: skip
     slopes = ("slide", "a bond", "tension at six depths", "cycle of 16 times", "heated")

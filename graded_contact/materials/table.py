@@ -111,7 +111,7 @@ class Tabulated(AbstractMaterial):
         """
         if jnp.iscomplexobj(omega):
             raise ValueError(
-                "A table of moduli (`Tabulated`) is refused: what happens once needs moduli at "
+                "A table of moduli (`Tabulated`) is refused: a transient motion needs moduli at "
                 "complex frequencies, where a table has none. Fit it: `fit_prony(omega, modulus)`."
             )
         if self.extrapolate != "refuse" or not (is_concrete(omega) and is_concrete(self.omega)):

@@ -18,7 +18,7 @@ from jaxtyping import ArrayLike
 from ..blocks.stack import Stack
 from ..core.checks import within
 from ..core.parameters import places
-from ..core.quantities import HISTORY
+from ..core.quantities import TRANSIENT
 from ..fields.frequency import velocity_along, wave_frequencies
 from ..fields.grid import Grid
 from ..kernels.periodic import period_frequencies
@@ -33,8 +33,8 @@ from ..materials.material import Prony
 from ..materials.shift import require_shift
 from ..mean_field.mean_field import MeanField, mean_field_of
 from ..sliding.bodies import TwoBodies
-from ..sliding.doubts import EXTRAPOLATED
-from ..sliding.single_motion import SingleMotion
+from ..sliding.motion.transient import SingleMotion
+from ..sliding.numbers.doubts import EXTRAPOLATED
 from ..studies.parameter_covariance import Errors
 from ..studies.uncertainty import Sensitivity, sensitivity
 from ..surfaces.statistics import radial_spectrum
@@ -95,15 +95,15 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
     the mean field at the highest pressure. `extrapolate = true` in [load], or `extrapolate =
     "plateau"` of a table, allows them. Each temperature and block of [sweep] is checked.
     """
-    if scene.kind == HISTORY:
+    if scene.kind == TRANSIENT:
         return _check_rates(scene)
     for point, bodies in scene.all_bodies():
-        stack, counter = bodies
+        stack, counterface = bodies
         where = ", ".join(f"{name} = {value:g}" for name, value in point.items())
         with within(f"At {where}:") if where else contextlib.nullcontext():
-            if counter is not None and scene.motion is not None:
-                with within("[counter] and [motion]:"):
-                    check_frequencies(counter, _excited(scene, surface.grid))
+            if counterface is not None and scene.motion is not None:
+                with within("[counterface] and [motion]:"):
+                    check_frequencies(counterface, _excited(scene, surface.grid))
             if coverage(stack) is None:
                 continue
             with within("[load] `velocity` and the surface:"):
@@ -120,7 +120,7 @@ def _check_rates(scene: Scene) -> None:
     bodies = [
         (name, stack)
         for _, both in scene.all_bodies()
-        for name, stack in zip(("block", "counter"), both, strict=True)
+        for name, stack in zip(("block", "counterface"), both, strict=True)
         if stack is not None
     ]
     for body, stack in bodies:
@@ -229,7 +229,7 @@ def errors_of_bodies(scene: Scene) -> Errors | None:
     """
     names, blocks = [], []
     for _, material, known in scene.errors:
-        at = places(TwoBodies(scene.stack, scene.counter), material)
+        at = places(TwoBodies(scene.stack, scene.counterface), material)
         at = [place.removeprefix("stack.") for place in at]
         if at:
             names += [f"{place}.{path}" for place in at for path in known.paths]
@@ -277,7 +277,7 @@ def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -
         # By identity: another material with the same numbers stays.
         swapped = jax.tree.map(
             lambda node: table if node is material else node,
-            TwoBodies(scene.stack, scene.counter),
+            TwoBodies(scene.stack, scene.counterface),
             is_leaf=lambda node: node is material,
         )
         given = {**swapped._asdict(), "sweep": {}, "shear": None, "direction": 0.0}
