@@ -19,30 +19,18 @@ from rows import goal, report, show, timed
 
 import graded_contact as gc
 from graded_contact.contacts.adjoint import LinearSplitting
-from graded_contact.fields import transforms as _fft
 
 SPEED = 0.1  # m/s
 # Near the greatest friction [m/s].
 AT_PEAK = {"elastic": 0.0, "single": 4e-3, "tread": 1e5, "tread+coat": 1e5, "broad": 1e-6}
 WAYS = ("single", "jit", "lax.map", "vmap")  # of many solves
-# The fewest points that go through ducc0: all or none.
-BOUND_FROM = {"xla": 2**62, "ducc0": 0}
 
 
-def overhead(sizes=(256, 512, 1024, 2048), repeat=3, backends=("xla", "ducc0")):
+def overhead(sizes=(256, 512, 1024, 2048), repeat=3):
     """Wall time over that of the transforms alone."""
-    for _, start in in_processes("overhead_of", backends, sizes=sizes, repeat=repeat):
-        start()
-
-
-def overhead_of(backend, sizes=(256, 512, 1024, 2048), repeat=3):
-    """The same with one backend ("xla" or "ducc0"), in this process."""
-    print(
-        "# solve: wall time over FFT pairs times that of a bare pair in a lax loop, same backend;"
-    )
+    print("# solve: wall time over FFT pairs times that of a bare pair in a lax loop;")
     print("# slide: with kernel and observables; rtol = 1e-6; from N = 512 on the first digits are")
     print("# found in single precision, whose pairs count as whole ones")
-    _fft.BOUND_FROM = BOUND_FROM[backend]
     reached = {}
     for n in sizes:
         bare, surface = bare_pair(n), rough_surface(n)
@@ -56,12 +44,12 @@ def overhead_of(backend, sizes=(256, 512, 1024, 2048), repeat=3):
             alone, whole = timed(contact, repeat), timed(slide, repeat)
             reached.setdefault(n, []).append(alone / (pairs * bare))
             show({
-                "backend": backend, "body": name, "p/E_r": load, "N": n, "pair [ms]": 1e3 * bare,
+                "body": name, "p/E_r": load, "N": n, "pair [ms]": 1e3 * bare,
                 "FFT pairs": pairs, "solve [s]": alone, "solve over pairs": alone / (pairs * bare),
                 "slide [s]": whole, "slide over pairs": whole / (pairs * bare),
             })  # fmt: skip
     found = ", ".join(f"{max(ratios):.2f} at N = {n}" for n, ratios in reached.items())
-    goal(f"{backend}: a solve takes <= 1.5 x its FFT pairs", found)
+    goal("a solve takes <= 1.5 x its FFT pairs", found)
 
 
 def many(sizes=(64, 128, 256), count=200, cores=(1, 2)):

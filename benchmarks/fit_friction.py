@@ -76,7 +76,7 @@ def published_shift(celsius):
 
 def materials_of(omega, values):
     materials = {
-        "table": gc.Tabulated(omega, values, POISSON, extrapolate="plateau"),
+        "table": gc.Tabulated(omega, values, POISSON),
         PACKAGE: gc.fit_prony(omega, values, poisson=POISSON).material,
     }
     if peers.pyvisco is not None:

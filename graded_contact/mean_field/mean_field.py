@@ -60,10 +60,8 @@ from ..fields.frequency import as_velocity, direction_and_speed
 from ..kernels.steady import stack_kernel
 from ..materials.shift import HOTTEST, as_temperature
 from ..materials.softening import as_strain_per_slope, softens
-from ..materials.table import continued, refuse_beyond
 from ..response.grading import check_profiles
 from ..sliding.case import Case, Heating
-from ..sliding.numbers.doubts import EXTRAPOLATED
 from ..sliding.shear import ShearLaw, shear_stress, unless_negative
 from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.spectrum_table import Spectrum
@@ -178,9 +176,7 @@ def mean_field_friction(
       temperature that the heat of friction causes there, see `heating_by_scale.py`; `.heated` has
       the temperatures. None for one temperature.
     - `counterface`: the body that carries the track and moves with it, as in `slide`, or None.
-    - `throw`: whether to raise if `rtol` is exceeded, or if more than 1 % of the friction comes
-      from frequencies outside a `Tabulated` that refuses them; otherwise check `.error` and
-      `.extrapolated_friction`.
+    - `throw`: whether to raise if `rtol` is exceeded; otherwise check `.error`.
 
     **Returns:** friction and contact area at every cut-off, see `MeanField`.
 
@@ -203,10 +199,7 @@ def mean_field_friction(
         return solution, misses(solution.error, rtol)
 
     solution, _ = solve_refined(solve, Nodes(num_wavenumbers, num_angles))
-    if not throw:
-        return solution
-    shares = solution.extrapolated_friction
-    return refuse_beyond((stack, counterface), shares, EXTRAPOLATED, reached(solution, rtol))
+    return reached(solution, rtol) if throw else solution
 
 
 def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanField:
@@ -265,8 +258,6 @@ def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
                 "takes a part of the heat, which is not followed."
             )
         stack = stack.at(check_bulk(temperature))
-    # Waves nearly across the velocity excite frequencies that no table has, and add nothing.
-    stack, counterface = continued((stack, counterface))
     return FieldInputs(stack, roughness, own, load, velocity, ratio, counterface)
 
 

@@ -115,9 +115,6 @@ def open_document(path: Path | None) -> Document:
         tables[f"[surface.scans[{i}]]"] = scan
     for name, table in content["materials"].items():
         tables[f"[materials.{name}]"] = table
-        if table["kind"] == "tabulated":
-            # A slider soon leaves the table; the page warns how much friction depends on that.
-            table["extrapolate"] = "plateau"
     for (place, key), path in scene.inputs.items():  # the scene is saved in another folder
         tables[place][key] = str(path)
     return Document(content, folder, speeds)
@@ -163,7 +160,7 @@ def with_moduli(document: Document, path: Path, options: dict[str, Any], name: s
     document = document.copied()
     old = document.content["materials"][name]
     poisson = old.get("poisson", 0.5)
-    table = dict(kind="tabulated", path=str(path), extrapolate="plateau", poisson=poisson)
+    table = dict(kind="tabulated", path=str(path), poisson=poisson)
     table |= options
     if old["kind"] == "tabulated" and "shift" in old:
         table["shift"] = old["shift"]

@@ -186,7 +186,6 @@ class Block:
         sheet: str | None = None,
         step: str | None = None,
         poisson: ScalarLike = 0.5,
-        extrapolate: Literal["refuse", "plateau"] = "refuse",
         shift: AbstractShift | None = None,
     ) -> Tabulated:
         """Returns the material of a table of moduli; its history goes to the notes.
@@ -200,7 +199,6 @@ class Block:
         - `sheet`: of a workbook.
         - `step`: of a test with several steps.
         - `poisson`: Poisson's ratio [1].
-        - `extrapolate`: "plateau" continues the moduli outside the table, "refuse" does not.
         - `shift`: time-temperature shift.
         """
         options = {"columns": columns, "units": units, "sheet": sheet, "step": step}
@@ -209,7 +207,7 @@ class Block:
         )
         self.notes += found.history
         self.assumed += found.assumed
-        return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)
+        return Tabulated(*found.table(), poisson, shift=shift)
 
     def strain_sweep(
         self,

@@ -47,7 +47,7 @@ from .scene import Scene
 from .scene_checks import refuse_liquids
 from .scene_doubts import doubts_of
 from .surface_source import RandomSurface, SurfaceFile
-from .theory import check_frequencies_of, errors_of_bodies
+from .theory import errors_of_bodies
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -164,7 +164,6 @@ def plan(scene: Scene, *, surface: Surface | None = None) -> Plan:
         at_rest = surface.grid.ndim == 2 or scene.motion is not None or not np.all(scene.velocity)
         if at_rest and scene.kind != TRANSIENT:  # for a while a liquid may rest under a load
             refuse_liquids(scene)
-        check_frequencies_of(scene, surface)
         if isinstance(scene.surface, SurfaceFile):
             told = (*scene.assumed, *doubts_of(scene, surface.grid))
             scene = dataclasses.replace(scene, assumed=told)

@@ -136,7 +136,6 @@ class Scene:
       if missing, each material has its own amplitude.
     - `direction`: of the velocity from the x axis [rad], one or an axis. (In Python two numbers are
       one velocity, (vx, vy).)
-    - `extrapolate`: true allows friction from frequencies at which a material was not measured.
     - `solver`: algorithm of the contact.
     - `rtol`: requested relative error of the contact pressure [1].
     - `name`: begins the names of the files of results.
@@ -161,7 +160,6 @@ class Scene:
     approach: Axis | None = None
     temperature: Annotated[Float[np.ndarray, "*temperatures"], LINEAR] | None = None
     direction: Annotated[Any, LINEAR] = 0.0  # a float, or an array as an axis
-    extrapolate: bool = False
     pressure_ratio: list[float] | None = None
     strain_per_slope: float | None = None
     ratio_times: list[float] | None = None

@@ -108,7 +108,7 @@ KEYS = {
     )
     for place, names in {
         "[load]": (
-            *("pressure", "approach", "velocity", "temperature", "direction", "extrapolate"),
+            *("pressure", "approach", "velocity", "temperature", "direction"),
             *("pressure_ratio", "ratio_times", "pressure_path", "strain_per_slope"),
         ),
         "[solver]": ("rtol",),
@@ -159,9 +159,6 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         "[solver]", tables.solver, keys_of(DouglasRachford), KEYS["[solver]"]
     )
     block.read_materials(tables.materials, load.get("temperature"))
-    # A table that is continued by a plateau allows what [load] would refuse.
-    if any(getattr(m, "extrapolate", "") == "plateau" for m in block.materials.values()):
-        load["extrapolate"] = True
     with within("[solver]"):
         algorithm = DouglasRachford(**solver)
     surface = surface_source(tables.surface, tables.grid, reader)
