@@ -62,7 +62,7 @@ def calls():
     omega, time = np.geomspace(1e-2, 1e6, 40), np.geomspace(1e-6, 1e1, 40)
     modulus = np.asarray(solid.modulus(omega))
     relaxation = 1e6 + 1e7 * np.exp(-time / 1e-3)
-    table = dict(omega=omega, modulus=modulus, poisson=0.3, shift=wlf, extrapolate="refuse")
+    table = dict(omega=omega, modulus=modulus, poisson=0.3, shift=wlf)
     wave = dict(stack=stack, q=[1e3], omega=[1.0], rtol=1e-8)
     vector = dict(stack=stack, qx=[1e3], qy=[1e3], omega=[1.0])
     sweep = dict(material=solid, strain=[1e-3, 1e-1], storage=[1.0, 0.5], loss=[1.0, 0.7])

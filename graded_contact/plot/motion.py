@@ -74,7 +74,7 @@ def plot_transient(
 
     **Arguments:**
 
-    - `transient`: a solution of `slide_history` for a motion along x, or the results of a scene
+    - `transient`: a solution of `slide_transient` for a motion along x, or the results of a scene
       with a transient motion.
     - `names`: of the numbers over time, in place of these.
     - `axes`: a panel for each name to draw in, by default those of a new figure.
@@ -98,7 +98,7 @@ def plot_film(
 
     **Arguments:**
 
-    - `moving`: a solution of `slide_cycle` or `slide_history`, or anything else with `pressure`
+    - `moving`: a solution of `slide_cycle` or `slide_transient`, or anything else with `pressure`
       [Pa] over time and, unless it is a cycle, `field_times` [s].
     - `surface`: the surface that moves.
     - `times`: indices of the times whose pressure is stored; by default four, a quarter of the

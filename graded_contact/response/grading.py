@@ -24,7 +24,6 @@ from ..core.checks import (
 from ..core.compilation import compiled
 from ..fields.frequency import as_velocity
 from ..fields.grid import Grid
-from ..materials.coverage import check_frequencies, may_refuse
 from .layering import Layering
 
 _NOT_REACHED = (
@@ -39,7 +38,6 @@ def check_profiles(stack: Stack, omega: Inexact[Array, "..."]) -> None:
 
     Of a profile it names the layer and the height.
     """
-    check_frequencies(stack, omega)
     for i, layer in enumerate(stack.layers):
         if isinstance(layer, GradedLayer):
             check_profile(f"layers[{i}].profile", layer.profile, omega)
@@ -70,7 +68,7 @@ def checked_velocity(stack: Stack, grid: Grid, velocity: Numbers) -> Float[Array
     velocity = as_velocity(velocity, grid)
     if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
         check_at_rest(stack)
-    if is_graded(stack) or may_refuse(stack):
+    if is_graded(stack):
         check_profiles(stack, _extreme_frequencies(grid, velocity))
     return velocity
 
