@@ -132,9 +132,7 @@ def _heights_in_text(source: Source, content: bytes) -> Heights:
     return read_matrix(source, content)
 
 
-def _in_metres(
-    source: Source, found: Heights, unit: str | None
-) -> tuple[np.ndarray, np.ndarray]:
+def _in_metres(source: Source, found: Heights, unit: str | None) -> tuple[np.ndarray, np.ndarray]:
     """The heights [m] and the edge lengths [m]; refuses a file without these."""
     size = source.options.get("size")
     units = [found.unit] if found.size is None else [found.unit, found.lateral_unit]
