@@ -128,7 +128,9 @@ class _Search:
                 missing.append(name)
             elif name in places:
                 found[name] = places[name][0]
-        if missing:
+        if missing and not asked and not set(places) & set(way):
+            self.options["columns"] = {"...": "..."}
+        elif missing:
             self.options["columns"] = dict.fromkeys(missing, "...")
         return way, found
 

@@ -109,8 +109,9 @@ def likely_layout(lines: Mapping[int, str]) -> dict[str, Any]:
     if not sections:
         return {}
     section = max(sections, key=lambda section: section.last - section.header)
-    last = {} if section.last == max(lines) else {"end": section.last}
-    return {"header": section.header, **last, **spelt} if section.header else {**last, **spelt}
+    found = {"header": section.header, "end": section.last, **spelt}
+    usual = {"header": (0, min(lines)), "end": (max(lines),)}  # need not be given
+    return {name: each for name, each in found.items() if each not in usual.get(name, ())}
 
 
 def _section(lines, rows, above: Sequence[int], run: Sequence[int], spaced: bool) -> Section:

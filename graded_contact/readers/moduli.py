@@ -17,6 +17,7 @@ from .tables import Layout, Table, read_table, source_of
 
 HUGE = 1e30  # in SI units; instruments write 9.9e37 where they measured nothing
 _REPEATED = 0.1  # part of the lines that may repeat a frequency without being an isotherm
+_RISE = 1.1  # of a relaxation modulus over time, by noise
 _OF_E = r"(shear|tensile|young's)?"
 QUANTITIES = {
     "frequency": Quantity("frequency", r"f|w|ω|omega|freq(uency)?|ang(ular)?freq(uency)?"),
@@ -201,7 +202,12 @@ def _measured(found: Understood, poisson: Numbers | None, kelvin: float | None) 
 
 
 def _check_sweep(table: Table, name: str, measured: Measured) -> None:
-    """Refuses numbers at one frequency, and isotherms without their temperatures."""
+    """Refuses numbers at one frequency, isotherms without temperatures, and E(t) that rises."""
+    first = measured.isotherms()[0]
+    ends = np.abs(first.values[[0, -1] if first.kind == "relaxation" else [-1, 0]])
+    if first.kind in ("relaxation", "creep") and ends[1] > _RISE * ends[0]:
+        wrong = "rise" if first.kind == "relaxation" else "fall"
+        raise table.not_plain([f"its values {wrong} over time: they are no {first.kind}"])
     if np.ptp(measured.abscissa) == 0:
         hint = " (`read_strain_sweep` reads a sweep of strain)" * (name == "frequency")
         raise table.not_plain([f"the {name} is the same in every line: it is no sweep{hint}"])

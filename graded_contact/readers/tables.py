@@ -58,7 +58,9 @@ class Source(NamedTuple):
         for name, value in options.items():
             old = merged.get(name)
             merged[name] = {**old, **value} if isinstance(old, Mapping) else value
-        return NotPlain(self.path, self.reader, reasons, merged, lines)
+        merged = {name: each for name, each in merged.items() if each}
+        known = merged if merged != self.options else {}  # else something is to be left out
+        return NotPlain(self.path, self.reader, reasons, known, lines)
 
 
 def source_of(path: str | os.PathLike, reader: str, **options: Any) -> Source:
@@ -86,8 +88,8 @@ class NotPlain(ValueError):
         lines: Sequence[str] = (),
     ):
         self.path, self.reader, self.reasons = path, reader, reasons
-        self.options, self.lines = {name: each for name, each in options.items() if each}, lines
-        call = "".join(f", {name}={value!r}" for name, value in self.options.items())
+        self.options, self.lines = options, lines
+        call = "".join(f", {name}={value!r}" for name, value in options.items())
         super().__init__(self.with_remedy(f"{reader}({path.name!r}{call})" if call else ""))
 
     @property

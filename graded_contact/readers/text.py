@@ -42,17 +42,8 @@ def read_points(source: Source) -> Heights | None:
     return Heights(heights, name, size, found.units["z"], "m", (found.told,))
 
 
-def read_matrix(source: Source, content: bytes) -> Heights:
-    """Returns the heights of a text of numbers alone; a line of text is a line along x.
-
-    Words above them are refused, as they may state a unit, unless `layout` has their last line.
-    """
-    above = _words_above(content)
-    if above and "layout" not in source.options:
-        shown = [f"line {number}: {line}" for number, line in above.items()]
-        reason = "words stand above its numbers, and state no unit and size that are known"
-        options = {name: source.options.get(name, "...") for name in ("unit", "size")}
-        raise source.not_plain([reason], shown[-6:], layout={"header": max(above)}, **options)
+def read_matrix(source: Source) -> Heights:
+    """Returns the heights of a text of numbers alone; a line of text is a line along x."""
     table = read_table(source)
     lines = np.stack([table.numbers(c, "length", "m") for c in table.columns], axis=-1)
     if lines.shape[1] in (2, 3):
@@ -63,8 +54,8 @@ def read_matrix(source: Source, content: bytes) -> Heights:
     return Heights(heights, "a text of heights")
 
 
-def _words_above(content: bytes) -> dict[int, str]:
-    """The lines above the first that begins with a number."""
+def words_above(content: bytes) -> dict[int, str]:
+    """Returns the lines above the first that begins with a number."""
     above = {}
     for number, line in text_lines(content).items():
         first = line.replace(",", " ").replace(";", " ").split()

@@ -20,7 +20,7 @@ from .heights import Heights
 from .instruments import Unknown, read_instrument
 from .opencrg import is_road, read_road
 from .tables import Layout, Source, damage_named, source_of
-from .text import read_matrix, read_points
+from .text import read_matrix, read_points, words_above
 from .units import metres
 
 MISSING = 0.99e37  # in any unit: instruments mark missing points by 1e37 and more
@@ -123,13 +123,21 @@ def _heights_in(source: Source, unit: str | None) -> tuple[Heights, str | None]:
 
 
 def _heights_in_text(source: Source, content: bytes) -> Heights:
-    """Heights that an instrument wrote with unit and size, or a matrix of numbers."""
-    if "layout" not in source.options:
-        with contextlib.suppress(Unknown, ImportError):
-            heights = read_instrument(source, content)
-            if None not in (heights.unit, heights.size):
-                return heights
-    return read_matrix(source, content)
+    """A matrix of numbers, or heights below words that state unit and size.
+
+    Other words are refused, as they may state a unit, unless `layout` has the last line of them.
+    """
+    above = words_above(content)
+    if not above or "layout" in source.options:
+        return read_matrix(source)
+    with contextlib.suppress(Unknown, ImportError):
+        heights = read_instrument(source, content)
+        if heights.unit is not None and heights.size is not None:
+            return heights
+    shown = [f"line {number}: {line}" for number, line in above.items()]
+    lacking = {name: "..." for name in ("unit", "size") if name not in source.options}
+    reason = "words stand above its numbers, and state no unit and size that are known"
+    raise source.not_plain([reason], shown[-6:], layout={"header": max(above)}, **lacking)
 
 
 def _in_metres(source: Source, found: Heights, unit: str | None) -> tuple[np.ndarray, np.ndarray]:
