@@ -77,7 +77,7 @@ def understood(
     search = _Search(table, quantities)
     way, found = search.columns_of(ways, also)
     units = search.units_of(found)
-    whose = search.deformation_of(found, deformation, deformed)
+    whose = search.deformation_of(way, found, deformation) if deformed else None
     if logarithms := [c.label for c in found.values() if re.match(r"(?i)log|ln\b", c.name)]:
         search.reasons.append(f"{' and '.join(logarithms)} hold logarithms: write the numbers")
     if search.reasons:
@@ -148,7 +148,7 @@ class _Search:
                 raise self.table.not_plain([reason], columns={name: "..."})
         taken = {column.place for columns in places.values() for column in columns}
         for column in self.table.columns:
-            name = _quantity(column.name, self.quantities)
+            name = quantity_of(column.name, self.quantities)
             if name is not None and name not in given and column.place not in taken:
                 places.setdefault(name, []).append(column)
         return places
@@ -189,15 +189,14 @@ class _Search:
                 self.reasons.append(f"no column needs the unit of the {dimension}: leave it out")
 
     def deformation_of(
-        self, found: Mapping[str, Column], given: str | None, deformed: bool
+        self, way: tuple[str, ...], found: Mapping[str, Column], given: str | None
     ) -> str | None:
-        """ "tension" or "shear", by the names of the columns or as it is given."""
+        """Tension or shear of moduli, by the names of the columns or as it is given."""
         if given not in (None, "tension", "shear"):
             raise ValueError(f"`deformation` must be 'tension' or 'shear', not {given!r}.")
-        dimensions = {self.quantities[name].dimension for name in found}
-        stated = {kind for column in found.values() if (kind := deformation_in(column.name))}
-        if not deformed or not dimensions & {"modulus", "compliance"}:
+        if not {self.quantities[name].dimension for name in way} & {"modulus", "compliance"}:
             return given
+        stated = {kind for column in found.values() if (kind := deformation_in(column.name))}
         if not stated and given is None:
             self.reasons.append("no name says tension (E, D) or shear (G, J)")
             self.options["deformation"] = "..."
@@ -207,7 +206,8 @@ class _Search:
         return next(iter(stated), given)
 
 
-def _quantity(name: str, quantities: Mapping[str, Quantity]) -> str | None:
+def quantity_of(name: str, quantities: Mapping[str, Quantity]) -> str | None:
+    """Returns the quantity that a heading names, None for another one."""
     bare = _bare(name)
     found = (
         quantity

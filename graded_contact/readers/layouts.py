@@ -24,12 +24,14 @@ class Section(NamedTuple):
     - `name`: in the lines above, empty if there is none.
     - `header`: the line of the names of the columns, or the last line above the numbers.
     - `last`: the last line of numbers.
+    - `width`: how many cells these lines have.
     - `named`: whether it has a line of names.
     """
 
     name: str
     header: int
     last: int
+    width: int
     named: bool
 
 
@@ -73,7 +75,9 @@ def likely_marks(lines: Mapping[int, str]) -> tuple[str, str]:
     marks = [(mark, decimal) for mark in SEPARATORS for decimal in ".,"[: 1 + (mark != ",")]]
 
     def total(marks: tuple[str, str]) -> int:
-        counts = [_count(cells_of(line, *marks)) for line in itertools.islice(lines.values(), 2000)]
+        counts = [
+            numbers_in(cells_of(line, *marks)) for line in itertools.islice(lines.values(), 2000)
+        ]
         return sum(count for count in counts if count >= 2)
 
     return max(marks, key=total)
@@ -84,7 +88,7 @@ def sections_of(lines: Mapping[int, str], separator: str, decimal: str) -> list[
     rows = {number: cells_of(line, separator, decimal) for number, line in lines.items()}
 
     def width(number: int) -> int:
-        return len(rows[number]) if _count(rows[number]) >= 2 else 0
+        return len(rows[number]) if numbers_in(rows[number]) >= 2 else 0
 
     found: list[Section] = []
     above: list[int] = []
@@ -119,7 +123,7 @@ def _section(lines, rows, above: Sequence[int], run: Sequence[int], spaced: bool
     head: list[int] = []  # the line of names, and that of units below it
     for number in reversed(above):
         row = rows[number]
-        if len(row) != len(rows[run[0]]) or _count(row) or len(head) == 2:
+        if len(row) != len(rows[run[0]]) or numbers_in(row) or len(head) == 2:
             break
         head.append(number)
         if not is_units(row):
@@ -129,7 +133,7 @@ def _section(lines, rows, above: Sequence[int], run: Sequence[int], spaced: bool
     parts = [[lines[n]] if spaced else [cell for cell in rows[n] if cell] for n in titles]
     name = next((part[-1] for part in reversed(parts) if len(part) < 3), "")
     header = head[-1] if named else above[-1] if above else 0
-    return Section(name.lstrip("# "), header, run[-1], named)
+    return Section(name.lstrip("# "), header, run[-1], len(rows[run[0]]), named)
 
 
 def _numbered(sections: list[Section]) -> list[Section]:
@@ -150,5 +154,6 @@ def is_units(cells: Sequence[str]) -> bool:
     return 2 * sum(parse_unit(cell) is not None for cell in filled) >= max(len(filled), 1)
 
 
-def _count(cells: Sequence[str]) -> int:
+def numbers_in(cells: Sequence[str]) -> int:
+    """Returns how many cells hold numbers."""
     return sum(number_in(cell) is not None for cell in cells)

@@ -25,6 +25,7 @@ from .layouts import (
     likely_layout,
     likely_marks,
     number_in,
+    numbers_in,
     pointed,
     sections_of,
     text_lines,
@@ -243,21 +244,23 @@ def _chosen_lines(source: Source, lines: dict[int, str], layout: Layout) -> tupl
 
 def _section_named(source: Source, lines: dict[int, str], layout: Layout) -> Section:
     """The section of a text; refused if several have its name, or its numbers are interrupted."""
-    decimal = layout.get("decimal", ".")
-    found = sections_of(lines, layout.get("separator") or likely_marks(lines)[0], decimal)
-    numbers = [i for i, section in enumerate(found) if section.name == layout["section"]]
-    if len(numbers) != 1:
+    separator = layout.get("separator") or likely_marks(lines)[0]
+    found = sections_of(lines, separator, layout.get("decimal", "."))
+    places = [i for i, section in enumerate(found) if section.name == layout["section"]]
+    if len(places) != 1:
         names = list(dict.fromkeys(section.name for section in found if section.name))
-        reason = f"{len(numbers) or 'no'} sections are {layout['section']!r}; it has {names}"
-        raise source.not_plain([reason], layout=likely_layout(lines) if not found else {})
-    section, following = found[numbers[0]], found[numbers[0] + 1 : numbers[0] + 2]
-    if following and not (following[0].name or following[0].named):
-        reason = (
-            f"the numbers of section {section.name!r} are interrupted below line {section.last}"
-        )
-        raise source.not_plain(
-            [reason], [f"line {n}: {lines[n]}" for n in lines if n > section.last][:_SHOWN]
-        )
+        reason = f"{len(places) or 'no'} sections are {layout['section']!r}; it has {names}"
+        raise source.not_plain([reason], layout={"section": "..."})
+    section, following = found[places[0]], found[places[0] + 1 :]
+    before = found[places[0] - 1].last if places[0] else 0
+    after = following[0].header if following else np.inf
+    outside = {n: line for n, line in lines.items() if before < n < after}
+    outside = {n: line for n, line in outside.items() if not section.header <= n <= section.last}
+    rows = [cells_of(line, separator, layout.get("decimal")) for line in outside.values()]
+    cut = any(len(row) == section.width and numbers_in(row) > 1 for row in rows)
+    if cut or (following and not (following[0].name or following[0].named)):
+        shown = [f"line {n}: {line}" for n, line in lines.items() if n >= section.header]
+        raise source.not_plain([f"its section {section.name!r} is interrupted"], shown[:9])
     return section
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .columns import Quantity, understood
+from .columns import Quantity, quantity_of, understood
 from .heights import Heights, from_lines, step_of
 from .layouts import number_in, text_lines
 from .tables import NotPlain, Source, Table, read_table
@@ -26,8 +26,8 @@ def read_points(source: Source) -> Heights | None:
         if given:
             raise
         return None
-    names = {column.name.lower() for column in table.columns}
-    if not given and not {"x", "z"} <= names:
+    named = {quantity_of(column.name, _POINTS) for column in table.columns}
+    if not given and not {"x", "z"} <= named:
         return None
     try:
         found = understood(table, _POINTS, _WAYS)
