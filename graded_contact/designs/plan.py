@@ -22,7 +22,7 @@ from ..scenes.surface_source import RandomSurface
 from ..scenes.theory import refuse_extrapolated
 from ..studies.dataset import NOT_STARTED
 from ..studies.store import Store
-from ..studies.sweep import sweep
+from ..studies.old_sweep import sweep
 from ..surfaces.surface import Surface
 from .limits import BY_MEAN_FIELD
 from .problem import by_contact, criteria_in, design_contact, design_mean_field

@@ -39,7 +39,7 @@ from ..studies.interruption import ctrl_c_later
 from ..studies.parameter_covariance import with_standard_error
 from ..studies.program import Program, trace
 from ..studies.store import Store, open_store
-from ..studies.sweep import Workers, columns_of, solve_points
+from ..studies.old_sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
 from .collect import collect, fields_of, numbers_of_scene
 from .results import DEPTH, FLOWS, KEPT_FIELDS

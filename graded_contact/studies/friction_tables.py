@@ -24,7 +24,7 @@ from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
 from .dataset import FAILED, NOT_STARTED, package_versions
 from .parameter_covariance import Errors, with_standard_error
-from .sweep import sweep
+from .old_sweep import sweep
 
 if TYPE_CHECKING:
     from xarray import Dataset
