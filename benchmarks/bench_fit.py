@@ -1,20 +1,15 @@
 """Prony series from measured moduli: errors, and their effect on friction.
 
-    python benchmarks/bench_fit.py errors     errors over numbers of terms, on open data
-    python benchmarks/bench_fit.py friction   one rough surface on differently fitted materials
-    python benchmarks/bench_fit.py solvers    the search against SciPy's and optimistix's
+    python benchmarks/bench_fit.py
 
 Errors are root mean squares of ln(fit/measured) over all storage and loss moduli, which the package
 minimises, and of fit/measured - 1. The floor of the latter is that of non-negative least squares
-(SciPy) on a dense grid of times. Data and peers: `prony_peers.py`; the last two sections:
-`fit_friction.py`, `fit_solvers.py`. `errors` and `friction` draw
-docs/bench_fit.png and docs/bench_fit-friction.png.
+(SciPy) on a dense grid of times. Data and peers: `prony_peers.py`. Draws docs/bench_fit.png.
 """
 
 import numpy as np
 import prony_peers as peers
-from fit_friction import friction
-from fit_solvers import solvers
+from matplotlib.figure import Figure
 from prony_peers import (
     ISOTHERMS,
     MASTER_CURVES,
@@ -30,7 +25,7 @@ from rows import ROOT, goal, run, show
 
 import graded_contact as gc
 from graded_contact.fitting.master import master_curve
-from graded_contact.plot.style import COLOURS, PAGE, new_figure, styled
+from graded_contact.plot.style import COLOURS, PAGE, styled
 
 # errors -------------------------------------------------------------------------------------
 
@@ -136,7 +131,7 @@ def fitted_to_shifted(isotherms, log10_shifts):
 def plot_errors(panels, target):
     columns = 4
     rows = -(-len(panels) // columns)
-    figure = new_figure(PAGE, 1.8 * rows + 0.3)
+    figure = Figure(figsize=(PAGE, 1.8 * rows + 0.3))
     axes = figure.subplots(rows, columns, squeeze=False)
     for panel in axes.flat[len(panels) :]:
         panel.set_axis_off()
@@ -162,4 +157,4 @@ def plot_errors(panels, target):
 if __name__ == "__main__":
     if peers.pyvisco is None:
         print("# pyvisco is left out: pip install pyvisco==2.1.3")
-    run(__doc__, errors, friction, solvers)
+    run(__doc__, errors)

@@ -16,11 +16,11 @@ from ..core.caveats import Caveat
 from ..core.display import UNKNOWN, with_time, with_unit
 from ..core.quantities import (
     AXES,
-    HISTORY,
+    TRANSIENT,
     in_brackets,
 )
 from ..designs.results import NO_ERROR
-from ..plot.words import place_of, title_of
+from ..plot.sweeps import place_of, title_of
 from ..scenes.results import (
     FLOWS,
     has_numbers,
@@ -128,7 +128,7 @@ def _print_columns(heads: list[str], rows: list[list[str]], shared: int) -> None
 
 def print_notes(results: "Dataset", full: bool) -> None:
     """Prints what follows the solves: numbers over time, errors by the grid, why solves failed."""
-    if kind_of_results(results) == HISTORY:
+    if kind_of_results(results) == TRANSIENT:
         _print_times(results, full)
     if any(name in results for name in OF_STRESS):
         typer.echo(NO_ERROR)
@@ -198,7 +198,7 @@ def _heads(results: "Dataset") -> Iterator[str]:
     yield "pressure\n[MPa]" if load == "pressure" else "approach\n[m]"
     for name in map(str, others):
         unit = results[name].attrs.get("units", "1")
-        head = name if name in AXES else title_of(name, results.attrs["scene"])
+        head = name if name in AXES else title_of(name)
         yield head.replace(" ", "\n", 1) + in_brackets(unit)
 
 
