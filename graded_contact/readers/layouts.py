@@ -74,10 +74,10 @@ def likely_marks(lines: Mapping[int, str]) -> tuple[str, str]:
     """Returns the separator and the decimal mark with which most lines hold numbers."""
     marks = [(mark, decimal) for mark in SEPARATORS for decimal in ".,"[: 1 + (mark != ",")]]
 
+    first = list(itertools.islice(lines.values(), 200))
+
     def total(marks: tuple[str, str]) -> int:
-        counts = [
-            numbers_in(cells_of(line, *marks)) for line in itertools.islice(lines.values(), 2000)
-        ]
+        counts = (numbers_in(cells_of(line, *marks)) for line in first)
         return sum(count for count in counts if count >= 2)
 
     return max(marks, key=total)
