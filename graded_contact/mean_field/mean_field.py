@@ -9,8 +9,8 @@ grow by
 
 E_eff = 2/(q M) being `effective_modulus`. With a lay C depends on the direction of q. Roughness
 C_own of the block moves with the block, excites no frequency, and adds C_own q dq ∫dφ |1/M(q, 0)|²
-to dV. A counter that carries the track adds its M(q, 0) to M, and under C_own its M(q, -q·v), whose
-loss is friction, too. In partial contact the pressure spreads by diffusion that ends where it
+to dV. A counterface that carries the track adds its M(q, 0) to M, and under C_own its M(q, -q·v),
+whose loss is friction, too. In partial contact the pressure spreads by diffusion that ends where it
 reaches zero (`diffusion.py`), which leaves the contact area
 
     A(q) = erf(σ0/√(2V))          (Persson's erf(1/(2√G)), G = V/(2σ0²)),
@@ -65,12 +65,13 @@ from ..sliding.shear import ShearLaw, shear_stress, unless_negative
 from ..surfaces.spectrum import CutoffCurve, SelfAffine
 from ..surfaces.spectrum_table import Spectrum, SpectrumTable
 from ..surfaces.statistics import isotropic_spectrum
+from ..surfaces.surface import Surface
 from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
 from .quadrature import FieldInputs, Rules, integrate
 from .refinement import NODES, Nodes, misses, solve_refined
-from .roughness import edges_of, joined_edges
+from .roughness import edges_of
 
 RTOL = 1e-4
 NO_FIELD = (
@@ -136,7 +137,7 @@ def mean_field_friction(
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
     heating: Heating | None = None,
-    counter: Stack | None = None,
+    counterface: Stack | None = None,
     throw: bool = True,
 ) -> MeanField:
     """Returns friction and contact area of a rough surface sliding on a stack, by Persson's theory.
@@ -152,8 +153,9 @@ def mean_field_friction(
       `SpectrumTable`, such as `isotropic_spectrum` of a surface.
     - `pressure`: mean pressure σ0 [Pa].
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
-    - `own_roughness`: roughness of the block itself, which moves with it, as above. It reduces the area like the roughness of a track at rest: it excites no frequency
-      of the block and dissipates nothing there; a counter dissipates under it.
+    - `own_roughness`: roughness of the block itself, which moves with it, as above. It reduces the
+      area like the roughness of a track at rest: it excites no frequency of the block and
+      dissipates nothing there; a counterface dissipates under it.
     - `strain_per_slope`: for a block with `materials.StrainSoftening`. The modulus at each q is
       that at the amplitude ε = `strain_per_slope` times the rms slope of the track up to q, the
       factor [1] being of order 1. None: the amplitude of each material.
@@ -169,7 +171,7 @@ def mean_field_friction(
     - `heating`: conductivities, see `sliding.Heating`: each scale then has the modulus at the
       temperature that the heat of friction causes there, see `heating_by_scale.py`; `.heated` has
       the temperatures. None for one temperature.
-    - `counter`: the body that carries the track and moves with it, as in `slide`, or None.
+    - `counterface`: the body that carries the track and moves with it, as in `slide`, or None.
     - `throw`: whether to raise if `rtol` is exceeded; otherwise check `.error`.
 
     **Returns:** friction and contact area at every cut-off, see `MeanField`.
@@ -181,10 +183,10 @@ def mean_field_friction(
     ratio = (
         None
         if strain_per_slope is None
-        else as_strain_per_slope(strain_per_slope, (stack, counter))
+        else as_strain_per_slope(strain_per_slope, (stack, counterface))
     )
     field = _inputs(
-        (stack, counter), (spectrum, own_roughness), pressure, as_velocity(velocity), ratio,
+        (stack, counterface), (spectrum, own_roughness), pressure, as_velocity(velocity), ratio,
         (shear, temperature, heating),
     )  # fmt: skip
 
@@ -202,8 +204,8 @@ def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) 
     **Arguments:**
 
     - `case`: with a pressure and a velocity.
-    - `spectrum`: of `mean_field_friction`; None for that of the surface of the case, averaged over
-      directions.
+    - `spectrum`: of `mean_field_friction`; None for the `surface` of the case: a spectrum, or a
+      surface, whose spectrum is averaged over directions.
     - `options`: arguments of `mean_field_friction`, also in place of those of the case.
 
     **Raises:** `ValueError` for a case with another law of contact than a hard wall.
@@ -211,21 +213,23 @@ def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) 
     if not isinstance(case.law, HardWall) or case.law.hardness is not None:
         raise ValueError(f"`law={short(case.law)}` is refused: the mean field is of a hard wall.")
     names = (
-        "pressure", "velocity", "shear", "temperature", "heating", "strain_per_slope", "counter",
+        "pressure", "velocity", "shear", "temperature", "heating", "strain_per_slope",
+        "counterface",
     )  # fmt: skip
     given: dict[str, Any] = {name: getattr(case, name) for name in names} | options
     if spectrum is None:
-        spectrum = isotropic_spectrum(case.surface)
+        rough = case.surface
+        spectrum = isotropic_spectrum(rough) if isinstance(rough, Surface) else rough
     return mean_field_friction(case.stack, spectrum, **given)
 
 
 def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
     """What a mean field is integrated from, checked; `acting` are shear, temperature and heat."""
-    (stack, counter), (spectrum, own_roughness) = bodies, spectra
+    (stack, counterface), (spectrum, own_roughness) = bodies, spectra
     shear, temperature, heating = acting
-    if counter is not None:
-        with within("`counter`:"):
-            check_at_rest(counter)
+    if counterface is not None:
+        with within("`counterface`:"):
+            check_at_rest(counterface)
     pressure = as_scalar(pressure, "pressure")
     check_positive("pressure", pressure, "[Pa]")
     # Early, so that a bad law is named before anything is compiled.
@@ -240,13 +244,13 @@ def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
                 "`heating` has numbers for each layer; in the mean field both bodies are half "
                 "spaces: give one `conductivity`, `diffusivity` and `counterface_conductivity`."
             )
-        if counter is not None and own_roughness is not None:
+        if counterface is not None and own_roughness is not None:
             raise ValueError(
-                "`heating` is refused with `own_roughness` and a `counter`: the counter then takes "
-                "a part of the heat, which is not followed."
+                "`heating` is refused with `own_roughness` and a `counterface`, which then "
+                "takes a part of the heat, which is not followed."
             )
         stack = stack.at(check_bulk(temperature))
-    return FieldInputs(stack, spectrum, own_roughness, load, velocity, ratio, counter)
+    return FieldInputs(stack, spectrum, own_roughness, load, velocity, ratio, counterface)
 
 
 def _field(field: FieldInputs, correction: Correction, nodes: Nodes, acting) -> MeanField:
@@ -283,7 +287,8 @@ def _rules(field: FieldInputs, correction: Correction, nodes: Nodes) -> Rules:
         check_whole(name, count, 4)
     if nodes.num_angles % 2:
         raise ValueError(f"`num_angles={nodes.num_angles}` must be even.")
-    num_pieces = len(joined_edges(field.spectrum, field.own)) - 1
+    num_pieces = len(edges_of(field.spectrum)) - 1
+    num_pieces += 0 if field.own is None else len(edges_of(field.own))
     per_piece = 4 * -(-nodes.num_wavenumbers // (4 * num_pieces))
     return Rules(correction, per_piece, nodes.num_angles)
 
@@ -298,8 +303,10 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
         check_at_rest(field.stack)
     ends = speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]])
     check_profiles(field.stack, ends)
-    if field.counter is not None:
-        check_profiles(field.counter, jnp.append(0.0, ends) if field.own is not None else 0 * ends)
+    if field.counterface is not None:
+        check_profiles(
+            field.counterface, jnp.append(0.0, ends) if field.own is not None else 0 * ends
+        )
     if heating is None:
         return _integrated(rules, given), None
 

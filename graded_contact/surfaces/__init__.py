@@ -11,6 +11,6 @@ from .surface import Surface
 
 __all__ = [
     "CutoffCurve", "JoinedSpectrum", "ScanSpectrum", "SelfAffine", "SpectrumTable", "Statistics",
-    "Surface", "isotropic_spectrum", "joined_spectrum", "radial_spectrum", "random_surface", "resample", "rescale",
-    "scan_spectrum", "statistics", "surface_from_heights",
+    "Surface", "isotropic_spectrum", "joined_spectrum", "radial_spectrum", "random_surface",
+    "resample", "rescale", "scan_spectrum", "statistics", "surface_from_heights",
 ]  # fmt: skip
