@@ -150,11 +150,6 @@ def _features(n, tread, coat, elastic):
         moved = spacing / 2 * np.arange(10)
         return gc.slide_history(block(d), road, displacement=moved, **how).friction[-1]
 
-    def path(d):
-        kernel, loads = gc.stack_kernel(block(d), road.grid), np.linspace(1e4, 1e5, 25)
-        follow = gc.contacts.follow_contact
-        return follow(kernel, road.heights, loads, law=gc.HardWall()).mean_gap
-
     def total_error(d):
         return slide(d).friction_error
 
@@ -168,7 +163,7 @@ def _features(n, tread, coat, elastic):
         "shear": partial(friction, shear=SHEAR),
         "coupled shear": partial(friction, shear=gc.sliding.Coulomb(0.5)),
         "total error": total_error, "attraction": attraction, "tension at six depths": tension,
-        "cycle of 16 times": cycle, "history of 10 steps": history, "path of 25 loads": path,
+        "cycle of 16 times": cycle, "history of 10 steps": history,
         "heated": heated,
     }  # fmt: skip
     slopes = ("slide", "a bond", "tension at six depths", "cycle of 16 times", "heated")

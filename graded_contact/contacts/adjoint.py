@@ -21,9 +21,8 @@ N = 256, to 1e-6). If few points are in contact a dense system is solved instead
 because the iteration takes thousands of steps if moduli are far apart.
 """
 
-import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -52,14 +51,12 @@ class LinearSplitting(eqx.Module):
     - `rtol`: requested relative error of the derivative of the pressure [1]; None for twenty times
       that of the contact, at most 1e-3.
     - `max_steps`, `relaxation`, `history_length`: as those of `DouglasRachford`.
-    - `watch`: called in Python with the error that each solve reached and its tolerance, or None.
     """
 
     rtol: float | None = eqx.field(default=None, static=True)
     max_steps: int = eqx.field(default=20_000, static=True)
     relaxation: float = eqx.field(default=0.95, static=True)
     history_length: int = eqx.field(default=5, static=True)
-    watch: Callable | None = eqx.field(default=None, static=True)
 
     def __check_init__(self):
         if self.rtol is not None:
@@ -73,9 +70,7 @@ class LinearSplitting(eqx.Module):
         if self.rtol is not None:
             check_tolerance("rtol", self.rtol, rtol)
             rtol = jnp.asarray(self.rtol, rtol.dtype)
-        tau, found, error, _ = self.solve(*system, rtol=rtol, free_mean=free_mean)
-        if self.watch is not None:
-            jax.debug.callback(self.watch, error, rtol)
+        tau, found, _, _ = self.solve(*system, rtol=rtol, free_mean=free_mean)
         return jnp.where(found, tau, jnp.nan)
 
     def solve(
@@ -291,28 +286,3 @@ def check_converged(number: Array, failed: Bool[Array, ""]) -> Array:
         "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that is "
         "not a number. Friction without a load has no derivative.",
     )
-
-
-def explain_lost(function: Callable, args: tuple, changes: Any) -> None:
-    """Computes a derivative that was NaN once more; raises if its linear solve does not converge.
-
-    **Arguments:**
-
-    - `function`: the derivative, of `args` and `changes`.
-    - `args`: twice the arguments of a contact solution, the fourth of which is the `LinearSolver`:
-      those that change, and the others.
-    """
-    if not isinstance(args[0][3], LinearSplitting):
-        return
-    reached = []
-    watch = lambda error, rtol: reached.append((float(error), float(rtol)))  # noqa: E731
-    watched = dataclasses.replace(args[0][3], watch=watch)
-    jax.block_until_ready(function(*((*one[:3], watched, *one[4:]) for one in args), changes))
-    jax.effects_barrier()
-    for error, rtol in reached:
-        if not error <= rtol:
-            raise RuntimeError(
-                "The linear solve for a derivative of the contact did not converge: its relative "
-                f"error is {error:.2g}, the tolerance {rtol:.2g}. Raise `max_steps` of `adjoint`, "
-                "or loosen its `rtol`."
-            )

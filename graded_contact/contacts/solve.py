@@ -24,7 +24,7 @@ from ..core.compilation import compiled, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
-from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
+from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged
 from .estimates import assess, contact_state, penalty_at
 from .inputs import as_start, check_heights, check_kernel, loading_on
 from .law import AbstractLaw, HardWall, check_one_law, never_overlaps
@@ -101,7 +101,8 @@ def solve_contact(
     - `rtol`: requested relative error of the pressure [1]; None means 5e-5, or 5e-4 in float32.
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a missing load
       is spread evenly. A start whose load or speed differs by more than 1.5 times gives no
-      speed-up. With a law that attracts, it chooses among several solutions; see `follow_contact`.
+      speed-up. With a law that attracts, it chooses among several solutions: along a
+      path of gaps pass the last one.
     - `solution`: of an earlier call with the same arguments. Nothing is solved then: the same
       contact is returned, with derivatives.
     - `throw`: whether to raise if the solver fails, the kernel is not finite, or the linear solve
@@ -253,7 +254,7 @@ def _solution(
     return solution, result == RESULTS.successful
 
 
-_solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)
+_solution_or_fail = derivative_apart(_solution, check_converged)
 _solution_or_nan = derivative_apart(_solution)
 
 
@@ -283,8 +284,6 @@ def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, 
     operator = inputs.operator
     negative = jnp.any((jnp.real(operator.kernel) <= 0) & ~operator.is_mean)
     result = RESULTS.where((reached & finite) | ~negative, result, RESULTS.not_positive)
-    if law.attracts and pressure is not None:
-        result = RESULTS.where(found.parted, RESULTS.pulled_off, result)
     if pressure is not None:
         # On input the value is unknown if the pressure is traced.
         low, high = law.bounds
