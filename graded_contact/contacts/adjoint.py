@@ -28,7 +28,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one
@@ -138,8 +138,9 @@ class State(NamedTuple):
 
 @eqx.filter_custom_jvp
 def attach_gradient(
-    inputs: Inputs, state: State, gap: Field, penalty: Scalar, adjoint: LinearSolver, rtol: Scalar
-) -> State:
+    inputs: Inputs, state: State, gap: Field, penalty: Scalar, adjoint: LinearSolver, rtol: Scalar,
+    throw: bool,
+) -> State:  # fmt: skip
     """Returns `state` unchanged, with its derivative by `inputs`.
 
     `state` must solve the contact problem, with the pressure that the law has at `gap`; this is
@@ -150,7 +151,7 @@ def attach_gradient(
 
 @attach_gradient.def_jvp
 def _attached_jvp(primals, tangents):
-    inputs, state, gap, penalty, adjoint, rtol = primals
+    inputs, state, gap, penalty, adjoint, rtol, throw = primals
     change: Inputs = tangents[0]
     operator = inputs.operator
     # Attached again, so that a derivative of the rule itself moves with the state.
@@ -167,12 +168,29 @@ def _attached_jvp(primals, tangents):
         rhs, d_load = rhs - penalty * d_gap, None
     elif d_load is None:
         d_load = 0.0
-    d_pressure = response(operator.scaled(penalty), s, by_law, rhs, d_load, adjoint, rtol)
+    solve = _or_fail(adjoint) if throw else adjoint
+    d_pressure = response(operator.scaled(penalty), s, by_law, rhs, d_load, solve, rtol)
     d_displacement = operator.displace(d_pressure) + by_operator
     if not free_mean:
         left = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
         d_gap = operator.mean(left) / (penalty * nonzero(operator.mean(s)))
     return state, State(d_pressure, d_displacement, d_gap)
+
+
+def _or_fail(adjoint: LinearSolver) -> LinearSolver:
+    """The solver, which fails at run time if what it finds is not a number."""
+
+    def solve(*system, **how):
+        tau = adjoint(*system, **how)
+        return eqx.error_if(
+            tau,
+            jnp.any(jnp.isnan(tau)),
+            "A derivative of the contact is not a number: its linear solve did not converge (raise "
+            "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that "
+            "is not a number. Friction without a load has no derivative.",
+        )
+
+    return solve
 
 
 def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
@@ -275,14 +293,3 @@ def _fill_with_zeros(tangents, primals):
     """The tangents, with zeros in place of None."""
     fill = lambda p, t: jnp.zeros_like(p) if t is None and p is not None else t  # noqa: E731
     return jax.tree.map(fill, primals, tangents, is_leaf=lambda x: x is None)
-
-
-def check_converged(number: Array, failed: Bool[Array, ""]) -> Array:
-    """Returns a number, or fails at run time."""
-    return eqx.error_if(
-        number,
-        failed,
-        "A derivative of the contact is not a number: its linear solve did not converge (raise "
-        "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that is "
-        "not a number. Friction without a load has no derivative.",
-    )

@@ -24,7 +24,7 @@ from ..core.compilation import compiled, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
-from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged
+from .adjoint import LinearSolver, LinearSplitting, attach_gradient
 from .estimates import assess, contact_state, penalty_at
 from .inputs import as_start, check_heights, check_kernel, loading_on
 from .law import AbstractLaw, HardWall, check_one_law, never_overlaps
@@ -159,8 +159,8 @@ def _contact_on_cell(inputs: Inputs, solver, adjoint, rtol, start, solution, thr
         found = solver.solve(*fixed, rtol=tolerance, start=start)  # in a few programs
     else:
         found = _find_contact(fixed, solver, tolerance, start)
-    solution_of = _solution_or_fail if throw else _solution_or_nan
-    result, good = solution_of(inputs, solver.finds_unstable, found, adjoint, tolerance, close)
+    how = solver.finds_unstable, throw
+    result, good = _solution(inputs, *how, found, adjoint, tolerance, close)
     if throw:
         return required(result, good, result.result.error_if)
     return _unless_failed(result)
@@ -215,9 +215,16 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
     )  # fmt: skip
 
 
+@derivative_apart
 @compiled
 def _solution(
-    inputs: Inputs, finds_unstable: bool, found: SolverOutput, adjoint: LinearSolver, rtol, close
+    inputs: Inputs,
+    finds_unstable: bool,
+    throw: bool,
+    found: SolverOutput,
+    adjoint: LinearSolver,
+    rtol,
+    close,
 ) -> tuple[ContactSolution, Array]:
     """The solution with its derivative, to a tolerance `close`, and whether it is one."""
     operator = inputs.operator
@@ -230,7 +237,7 @@ def _solution(
     reached = (jnp.where(closer, error, found.error) <= rtol) & ~jnp.isnan(error)
     state = jax.lax.stop_gradient(contact_state(inputs, found))
     penalty = penalty_at(inputs, found)
-    state = attach_gradient(inputs, state, found.gap, penalty, adjoint, close)
+    state = attach_gradient(inputs, state, found.gap, penalty, adjoint, close, throw)
     pressure, displacement, mean_gap = state
     if never_overlaps(inputs.law):  # in full contact the error of 0 may be negative
         mean_gap = mean_gap + jax.lax.stop_gradient(jnp.maximum(-mean_gap, 0))
@@ -252,10 +259,6 @@ def _solution(
         num_steps=found.num_steps, num_fft_pairs=found.num_fft_pairs, result=result,
     )  # fmt: skip
     return solution, result == RESULTS.successful
-
-
-_solution_or_fail = derivative_apart(_solution, check_converged)
-_solution_or_nan = derivative_apart(_solution)
 
 
 @compiled
