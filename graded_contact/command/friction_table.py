@@ -20,7 +20,7 @@ from ..scenes.plan import build_surface, plan
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import refuse_liquids, refuse_tables
 from ..scenes.scene_file import read_scene
-from ..scenes.theory import check_frequencies_of, errors_of_bodies, roughness_of
+from ..scenes.theory import errors_of_bodies, roughness_of
 from ..scenes.toml import parse_toml
 from ..studies.dataset import FAILED, read_dataset, write, write_whole
 from ..studies.friction_tables import TableMethod, conditions, friction_table
@@ -115,8 +115,15 @@ def _mean_field(scene: Scene, interruption: Interruption) -> "Dataset":
         raise ValueError("A surface on a window has no mean field: use --method contact.")
     if not np.all(scene.velocity):
         refuse_liquids(scene)
-    check_frequencies_of(scene, surface)
-    names = ("pressure", "velocity", "direction", "strain_per_slope", "shear", "heating", "counter")
+    names = (
+        "pressure",
+        "velocity",
+        "direction",
+        "strain_per_slope",
+        "shear",
+        "heating",
+        "counterface",
+    )
     given = {name: getattr(scene, name) for name in names}
     warm = None if scene.temperature is None else np.atleast_1d(scene.temperature)
     with terminal.progress(interruption) as advance:

@@ -19,9 +19,9 @@ from ..scenes.plan import plan
 from ..scenes.proposal import ProposedLoad, proposed_load
 from ..scenes.scene import Scene
 from ..scenes.scene_file import parse_scene
-from ..scenes.theory import excites_unknown, mean_fields
+from ..scenes.theory import mean_fields
 from ..scenes.toml import entry_text
-from ..sliding.doubts import EXTRAPOLATED
+from ..sliding.numbers.doubts import EXTRAPOLATED
 from ..studies.dataset import write_whole
 from ..surfaces.surface import Surface
 from . import fit, moduli_options
@@ -139,8 +139,7 @@ def _by_mean_field(draft: Scene, surface: Surface) -> tuple[list[float], float]:
     for _, bodies in draft.all_bodies():
         fields = mean_fields(draft, surface, bodies)
         areas += [float(field.contact_area) for field in fields]
-        if excites_unknown(draft, bodies.stack, surface.grid):
-            shares += [float(field.extrapolated_friction) for field in fields]
+        shares += [float(field.extrapolated_friction) for field in fields]
     return areas, max(shares)
 
 
@@ -196,5 +195,5 @@ def _lines(
         lines.append(f"temperature = {entry_text(load.temperature)}  # {shown}")
     if share > EXTRAPOLATED:
         reason = f"up to {share:.0%} of the friction is of frequencies not measured"
-        lines.append(f"extrapolate = true  # {reason}")
+        lines.append(f"# {reason}")
     return [*lines, "", "[output]", f"name = {entry_text(name)}", 'directory = "results"', ""]

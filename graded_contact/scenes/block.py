@@ -10,12 +10,10 @@ import numpy as np
 from jaxtyping import ScalarLike
 
 from ..blocks.bond import AbstractBond, Bond, Film
-from ..blocks.graded_solver import AbstractGradedSolver
-from ..blocks.layering import Layering
 from ..blocks.profile import Blend
-from ..blocks.riccati import Riccati
 from ..blocks.shapes import AbstractShape, ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from ..blocks.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
+from ..blocks.tolerance import AbstractGradedSolver
 from ..contacts.adhesion import AdhesiveLJ, ExponentialAdhesion
 from ..contacts.law import AbstractLaw, HardWall, RepulsiveLJ
 from ..core.checks import nearest, within
@@ -33,9 +31,11 @@ from ..readers.recorded_motion import (
     read_over_time,
 )
 from ..readers.units import DIMENSIONS, UNITS
-from ..sliding.motion import Motion, sinusoidal, start_stop
+from ..response.layering import Layering
+from ..response.riccati import Riccati
+from ..sliding.motion.periodic import Motion, sinusoidal, start_stop
+from ..sliding.motion.transient import SingleMotion, dwell, listed, ramp, recorded_transient, start
 from ..sliding.shear import SHEARS, AbstractShear
-from ..sliding.single_motion import SingleMotion, dwell, listed, ramp, recorded_once, start
 from ..studies.parameter_covariance import Errors, check_errors, read_errors
 from .schema import Key, TableReader, check_keys, keys_of, kind_of
 
@@ -145,7 +145,7 @@ class Block:
         graded_solver: AbstractGradedSolver | None,
         owner: str = "",
     ) -> Stack:
-        """Returns the stack of the tables [[layers]] and [base]; `owner` as "counter."."""
+        """Returns the stack of the tables [[layers]] and [base]; `owner` as "counterface."."""
         layers = [self._layer(f"[{owner}layers[{i}]]", table) for i, table in enumerate(tables)]
         place = f"[{owner}base]"
         base = self.reader.build_kind(place, below, BASES)
@@ -186,7 +186,6 @@ class Block:
         sheet: str | None = None,
         step: str | None = None,
         poisson: ScalarLike = 0.5,
-        extrapolate: Literal["refuse", "plateau"] = "refuse",
         shift: AbstractShift | None = None,
     ) -> Tabulated:
         """Returns the material of a table of moduli; its history goes to the notes.
@@ -200,7 +199,6 @@ class Block:
         - `sheet`: of a workbook.
         - `step`: of a test with several steps.
         - `poisson`: Poisson's ratio [1].
-        - `extrapolate`: "plateau" continues the moduli outside the table, "refuse" does not.
         - `shift`: time-temperature shift.
         """
         options = {"columns": columns, "units": units, "sheet": sheet, "step": step}
@@ -209,7 +207,7 @@ class Block:
         )
         self.notes += found.history
         self.assumed += found.assumed
-        return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)
+        return Tabulated(*found.table(), poisson, shift=shift)
 
     def strain_sweep(
         self,
@@ -248,8 +246,8 @@ class Block:
         self.take(log, "motion")
         return motion
 
-    def recorded_once(self, path: os.PathLike, grid: Grid) -> SingleMotion:
-        """Returns the motion of a table that need not close, as `recorded_once`.
+    def recorded_transient(self, path: os.PathLike, grid: Grid) -> SingleMotion:
+        """Returns the motion of a table that need not close, as `recorded_transient`.
 
         **Arguments:**
 
@@ -257,7 +255,7 @@ class Block:
         """
         times, displacement, log = read_over_time(path, "displacements")
         self.take(log, "motion")
-        return recorded_once(times, displacement, grid)
+        return recorded_transient(times, displacement, grid)
 
     def take(self, log: Log, owner: str) -> None:
         """Adds the sentences of a reading to the notes."""

@@ -1,40 +1,21 @@
 """Results of a scene without solving its contacts: mean field and materials.
 
-Friction of frequencies at which no material was measured is refused before the first solve.
 Errors of materials are propagated to the friction; the mean field shows which frequencies matter.
 """
 
-import contextlib
 import dataclasses
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from typing import Any
 
 import jax
 import numpy as np
 import scipy
-from jaxtyping import ArrayLike
 
-from ..blocks.periodic_kernel import period_frequencies
-from ..blocks.stack import Stack
-from ..core.checks import within
 from ..core.parameters import places
-from ..core.quantities import HISTORY
-from ..fields.frequency import velocity_along, wave_frequencies
-from ..fields.grid import Grid
-from ..materials.coverage import (
-    check_frequencies,
-    coverage,
-    is_unknown,
-    may_refuse,
-    unknown_share,
-)
 from ..materials.material import Prony
 from ..materials.shift import require_shift
 from ..mean_field.mean_field import MeanField, mean_field_of
 from ..sliding.bodies import TwoBodies
-from ..sliding.doubts import EXTRAPOLATED
-from ..sliding.single_motion import SingleMotion
 from ..studies.parameter_covariance import Errors
 from ..studies.uncertainty import Sensitivity, sensitivity
 from ..surfaces.statistics import radial_spectrum
@@ -86,68 +67,6 @@ def roughness_of(scene: Scene, surface: Surface) -> Any:
     return radial_spectrum(surface)
 
 
-def check_frequencies_of(scene: Scene, surface: Surface) -> None:
-    """Refuses, before the first solve, friction at frequencies outside the measurements of a
-    material.
-
-    Frequencies outside a table of moduli are refused whatever their share. A series is refused if
-    more than 1 % of the friction at some velocity comes from frequencies that were not measured, by
-    the mean field at the highest pressure. `extrapolate = true` in [load], or `extrapolate =
-    "plateau"` of a table, allows them. Each temperature and block of [sweep] is checked.
-    """
-    if scene.kind == HISTORY:
-        return _check_rates(scene)
-    for point, bodies in scene.all_bodies():
-        stack, counter = bodies
-        where = ", ".join(f"{name} = {value:g}" for name, value in point.items())
-        with within(f"At {where}:") if where else contextlib.nullcontext():
-            if counter is not None and scene.motion is not None:
-                with within("[counter] and [motion]:"):
-                    check_frequencies(counter, _excited(scene, surface.grid))
-            if coverage(stack) is None:
-                continue
-            with within("[load] `velocity` and the surface:"):
-                check_frequencies(stack, _excited(scene, surface.grid))
-            if surface.periodic:  # there is no mean field of a window
-                shares = partial(_shares, scene, surface, bodies)
-                refuse_extrapolated(scene, stack, surface.grid, shares)
-
-
-def _check_rates(scene: Scene) -> None:
-    """Refuses what happens once at rates at which a material was not measured."""
-    assert isinstance(scene.motion, SingleMotion)
-    rates = scene.motion.rates
-    bodies = [
-        (name, stack)
-        for _, both in scene.all_bodies()
-        for name, stack in zip(("block", "counter"), both, strict=True)
-        if stack is not None
-    ]
-    for body, stack in bodies:
-        known = coverage(stack)
-        if scene.extrapolate or known is None or may_refuse(stack):  # a table has no history
-            continue
-        if unknown_share(*rates, known) > EXTRAPOLATED:
-            raise ValueError(
-                f"[motion] needs moduli from {rates[0]:.5g} rad/s (one over its last time) to "
-                f"{rates[1]:.5g} rad/s (one over its shortest step), but the materials of the "
-                f"{body} were measured from {known[0]:.5g} to {known[1]:.5g} rad/s. Take other "
-                "times, or set `extrapolate = true` in [load]."
-            )
-
-
-def _shares(scene: Scene, surface: Surface, bodies: TwoBodies) -> np.ndarray:
-    """The share of the friction from frequencies that were not measured, at each velocity.
-
-    Of several directions it is the largest.
-    """
-    shares = []
-    for direction in np.ravel(scene.direction):
-        one = dataclasses.replace(scene, direction=float(direction))
-        shares.append([f.extrapolated_friction for f in mean_fields(one, surface, bodies)])
-    return np.max(np.array(shares), axis=0)
-
-
 def mean_fields(scene: Scene, surface: Surface, bodies: TwoBodies) -> list[MeanField]:
     """Returns the mean field at each velocity and the highest pressure of a scene.
 
@@ -161,67 +80,6 @@ def mean_fields(scene: Scene, surface: Surface, bodies: TwoBodies) -> list[MeanF
     return [_mean_field(scene, surface, point, **given) for point in points]
 
 
-def refuse_extrapolated(
-    scene: Scene, stack: Stack, grid: Grid, friction_shares: Callable[[], ArrayLike]
-) -> None:
-    """Refuses friction at frequencies where a material extrapolates, unless that is allowed.
-
-    **Arguments:**
-
-    - `scene`: its velocities.
-    - `stack`: its block, at some temperature.
-    - `grid`: of its surface.
-    - `friction_shares`: returns the share [1] at each velocity; called if any wave is outside.
-
-    **Raises:** `ValueError` for a share of more than 1 %.
-    """
-    found, excited = coverage(stack), _excited(scene, grid)
-    if scene.extrapolate or found is None or not excites_unknown(scene, stack, grid):
-        return  # the mean field is not needed
-    low, high = map(float, found)
-    shares = np.asarray(friction_shares())
-    refused = shares > EXTRAPOLATED
-    if np.any(refused):
-        where = (
-            f"the materials of the block were measured from {low:.3g} to {high:.3g} rad/s"
-            if low <= high
-            else "there is no frequency at which all materials of the block were measured, at this "
-            "temperature"
-        )
-        speeds = np.abs(scene.velocity[refused])
-        raise ValueError(
-            f"[load] `velocity` and the surface excite {np.min(excited[excited > 0]):.3g} to "
-            f"{np.max(excited):.3g} rad/s, but {where}: up to {np.max(shares):.0%} of the friction "
-            f"at {np.sum(refused)} of {len(shares)} velocities ({np.min(speeds):.3g} to "
-            f"{np.max(speeds):.3g} m/s) would come from outside. Take other velocities or another "
-            "temperature, or set `extrapolate = true` in [load]."
-        )
-
-
-def excites_unknown(scene: Scene, stack: Stack, grid: Grid) -> bool:
-    """Returns whether a wave has a frequency at which a material was not measured.
-
-    **Arguments:**
-
-    - `scene`: its velocities.
-    - `stack`: one of its blocks.
-    - `grid`: of its surface.
-    """
-    known = coverage(stack)
-    return known is not None and bool(np.any(is_unknown(_excited(scene, grid), known)))
-
-
-def _excited(scene: Scene, grid: Grid) -> np.ndarray:
-    """Frequencies [rad/s] of all waves at each velocity; of a cycle, those of its times."""
-    if scene.motion is not None:
-        periods = scene.period_at(scene.velocity)
-        return np.array([period_frequencies(scene.num_times, period) for period in periods])
-    directions = map(float, np.ravel(scene.direction))
-    velocities = [velocity_along(v, angle) for angle in directions for v in scene.velocity]
-    # Along x alone a column of frequencies is enough.
-    return np.abs(np.concatenate([np.ravel(wave_frequencies(grid, v)) for v in velocities]))
-
-
 def errors_of_bodies(scene: Scene) -> Errors | None:
     """Returns the errors of the numbers of both bodies of a scene, or None without errors.
 
@@ -229,7 +87,7 @@ def errors_of_bodies(scene: Scene) -> Errors | None:
     """
     names, blocks = [], []
     for _, material, known in scene.errors:
-        at = places(TwoBodies(scene.stack, scene.counter), material)
+        at = places(TwoBodies(scene.stack, scene.counterface), material)
         at = [place.removeprefix("stack.") for place in at]
         if at:
             names += [f"{place}.{path}" for place in at for path in known.paths]
@@ -277,7 +135,7 @@ def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -
         # By identity: another material with the same numbers stays.
         swapped = jax.tree.map(
             lambda node: table if node is material else node,
-            TwoBodies(scene.stack, scene.counter),
+            TwoBodies(scene.stack, scene.counterface),
             is_leaf=lambda node: node is material,
         )
         given = {**swapped._asdict(), "sweep": {}, "shear": None, "direction": 0.0}

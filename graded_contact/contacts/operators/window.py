@@ -1,7 +1,7 @@
 """Contacts on a window, with no pressure around it: indenters, spheres, edges of blocks.
 
 A kernel of a cell of twice the window's length gives the displacement of a pressure on the window
-(`blocks/window_compliance.py`). The window is the first half of each axis of that cell. The contact
+(`kernels/window.py`). The window is the first half of each axis of that cell. The contact
 on the cell is solved as usual, with a law that allows no pressure outside the window. The heights
 outside do not matter; mirrored ones have the mean and the rms of the window, and no steps.
 """
