@@ -3,7 +3,6 @@
 No file of this room knows layers.
 """
 
-from ..core.deprecation import old_names
 from .adhesion import AdhesiveLJ, ExponentialAdhesion
 from .adjoint import LinearSplitting
 from .law import AbstractLaw, HardWall, RepulsiveLJ
@@ -21,5 +20,3 @@ __all__ = [
     "LinearSplitting", "Loading", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
     "Splitting", "Steady", "run_steps", "solve_contact",
 ]  # fmt: skip
-
-__getattr__ = old_names(__name__)

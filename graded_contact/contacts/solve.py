@@ -17,7 +17,6 @@ from ..core.checks import (
     as_float,
     as_numbers,
     check_tolerance,
-    check_types,
     is_concrete,
 )
 from ..core.compilation import compiled, one_by_one
@@ -56,7 +55,6 @@ _OF_PRESSURE, _LOOSEST_DERIVATIVE = 20, 1e-3
 _WORTHLESS = 0.1  # error of gaps over the rms height
 
 
-@check_types
 def solve_contact(
     kernel: Numbers,
     heights: Numbers,

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from ..core.checks import check_types
-
 if TYPE_CHECKING:  # it takes a third of a second to import
     from matplotlib.figure import Figure
 
@@ -80,12 +78,10 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 def finished(draw: "Callable[P, Figure]") -> "Callable[P, Figure]":
     """Returns a function whose figure has the style, letters of its panels, and a legend below."""
 
-    checked = check_types(draw)
-
     @styled
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> "Figure":
-        figure = checked(*args, **kwargs)
+        figure = draw(*args, **kwargs)
         panels = [axes for axes in figure.axes if axes.get_label() != COLOUR_BAR]
         for axes, letter in zip(panels, string.ascii_lowercase, strict=False):
             if len(panels) > 1:
