@@ -19,7 +19,7 @@ from ..core.checks import (
     check_tolerance,
     is_concrete,
 )
-from ..core.compilation import compiled, one_by_one
+from ..core.compilation import compiled, compiled_loop, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
@@ -169,7 +169,7 @@ def default_rtol(dtype: Any) -> float:
     return SINGLE_RTOL if jnp.finfo(dtype).bits == 32 else RTOL
 
 
-@compiled
+@compiled_loop
 @one_by_one
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start):
     inputs = _known_to_have_a_solution(inputs)

@@ -53,14 +53,14 @@ def jit(function: F) -> F:
     return _compiled(function, lambda arrays: 2)
 
 
-def compiled(function: F, small: int = WITH_LOOPS) -> F:
+def compiled(function: F, small: int = WITHOUT_LOOPS) -> F:
     """Returns `jit` of a function whose program has level 0 up to `small` numbers an argument."""
     return _compiled(function, lambda arrays: 0 if all(np.size(a) <= small for a in arrays) else 2)
 
 
-def without_loops(function: F) -> F:
-    """Returns `compiled` of a function that computes each number once."""
-    return compiled(function, WITHOUT_LOOPS)
+def compiled_loop(function: F) -> F:
+    """Returns `compiled` of a function with loops over its fields."""
+    return compiled(function, WITH_LOOPS)
 
 
 def _compiled(function: F, level_for: Callable[[list[Any]], int]) -> F:

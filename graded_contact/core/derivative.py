@@ -17,7 +17,7 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from .checks import is_concrete
-from .compilation import alone, compiled
+from .compilation import alone, compiled_loop
 
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
@@ -49,11 +49,11 @@ def derivative_apart(function: F) -> F:
     def numbers(moving, fixed):
         return eqx.filter(function(*eqx.combine(moving, fixed)), eqx.is_inexact_array)
 
-    @compiled
+    @compiled_loop
     def along(moving, fixed, tangents):
         return jax.jvp(lambda moving: numbers(moving, fixed), (moving,), (tangents,))[1]
 
-    @compiled
+    @compiled_loop
     def back(moving, fixed, cotangents):
         return jax.vjp(lambda moving: numbers(moving, fixed), moving)[1](cotangents)[0]
 

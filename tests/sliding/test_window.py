@@ -7,12 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from closed_forms import hertz_line, hertz_pressure, hertz_sphere
 from oracles import directional
 
 import graded_contact as gc
 from graded_contact.core.display import with_error
 from graded_contact.kernels import window
-from graded_contact.reference import hertz_line, hertz_pressure, hertz_sphere
 
 ELASTIC = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
 REDUCED = 1 / (1 - 0.3**2)

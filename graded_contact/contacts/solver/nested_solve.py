@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...core.checks import check_type, check_whole, is_concrete
-from ...core.compilation import compiled
+from ...core.compilation import compiled, compiled_loop
 from ...fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from ..law import AbstractLaw, HardWall
 from .abstract_solver import (
@@ -150,7 +150,7 @@ def _coarser(operator, heights, loading: Loading, shapes):
     return coarse
 
 
-@compiled
+@compiled_loop
 def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     """The fields of a problem but its grid, which XLA would copy, and the state of its solve.
 
@@ -235,7 +235,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
     return jax.lax.while_loop(lambda state: state.next == _EPOCH_NEXT, epoch, state)
 
 
-@compiled
+@compiled_loop
 def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) -> SolveState:
     """Iterates to the end, with Newton steps where the splitting is slow."""
 
