@@ -32,7 +32,7 @@ def paper_coated_half_space_compliance(
 
     Loses digits in thick coatings (about ε (q d)²) and in thin ones of high contrast.
 
-    **Arguments:** as `coated_half_space_compliance` of `tests/closed_forms.py`, and ν₀ of both solids, below 1/2.
+    **Arguments:** as the exact formula's, and ν₀ of both solids, below 1/2.
     """
     x = np.asarray(q) * np.asarray(thickness)
     nu, nub = np.asarray(poisson), np.asarray(base_poisson)
