@@ -32,7 +32,6 @@ from ..scenes.scene_checks import refuse_tables
 from ..scenes.schema import Key
 from ..sliding.case import Case
 from ..surfaces.spectrum_table import Spectrum
-from ..surfaces.surface import Surface
 from .limits import CRITERIA, Criteria
 
 WAVES = 65  # in the band of a flat loss tangent
@@ -95,7 +94,7 @@ def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
 
 def friction_curve(
     stack: Stack,
-    spectrum: Spectrum | Surface | tuple[Numbers, Numbers],
+    spectrum: Spectrum,
     *,
     pressure: ScalarLike,
     velocities: Numbers,

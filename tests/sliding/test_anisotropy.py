@@ -183,14 +183,14 @@ OWN = gc.SelfAffine(rms_slope=0.1, hurst=0.6, q_low=5 * Q0, q_roll=9 * Q0, q_hig
 def test_area_of_an_elastic_block_is_that_of_the_sum_of_the_spectra(apart):
     """Overlapping bands, and bands that are apart."""
     q = jnp.geomspace(300 * Q0, 900 * Q0, 9)
-    own = (q, OWN.density(q / 30)) if apart else OWN
+    own = gc.surfaces.SpectrumTable(q, OWN.density(q / 30)) if apart else OWN
     elastic = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.5)))
     found = mean_field(
         elastic, ISOTROPIC, pressure=3e5, velocity=0.1, own_roughness=own, correction="none"
     )
     if apart:
-        y = np.linspace(np.log(own[0][0]), np.log(own[0][-1]), 4001)
-        density = np.exp(np.interp(y, np.log(own[0]), np.log(own[1])))
+        y = np.linspace(np.log(own.q[0]), np.log(own.q[-1]), 4001)
+        density = np.exp(np.interp(y, np.log(own.q), np.log(own.values)))
         square = np.trapezoid(2 * np.pi * np.exp(4 * y) * density, y)
     else:
         square = 0.1**2
