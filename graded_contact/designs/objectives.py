@@ -20,7 +20,6 @@ from ..core.checks import (
     as_scalar,
     check_positive,
     check_together,
-    check_types,
     check_values,
 )
 from ..core.compilation import compiled
@@ -38,7 +37,6 @@ from .limits import CRITERIA, Criteria
 WAVES = 65  # in the band of a flat loss tangent
 
 
-@check_types
 def loss_tangent(
     stack: Stack,
     q: Numbers,
@@ -94,7 +92,6 @@ def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
     return jnp.mean(jnp.real(logs * jnp.conj(logs)))
 
 
-@check_types
 def friction_curve(
     stack: Stack,
     spectrum: Spectrum,

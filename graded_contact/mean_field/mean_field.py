@@ -47,7 +47,6 @@ from ..core.checks import (
     check_positive,
     check_tolerance,
     check_type,
-    check_types,
     check_values,
     check_whole,
     is_concrete,
@@ -121,7 +120,6 @@ class MeanField(eqx.Module):
         return cutoff / cutoff[0]
 
 
-@check_types
 def mean_field_friction(
     stack: Stack,
     spectrum: Spectrum,
@@ -341,7 +339,6 @@ def _sheared(field: FieldInputs, shear, temperature, x):
     return area(x) * mean_in_contact(lambda sigma: stress(sigma * pressure), x) / pressure
 
 
-@check_types
 def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array, "n m"]:
     """Returns the probability density P(σ, ζ) [1/Pa] of the pressure in contact.
 

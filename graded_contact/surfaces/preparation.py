@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..core.checks import Numbers, check_types
+from ..core.checks import Numbers, check_type
 from ..core.display import with_unit
 from ..fields.grid import Grid
 from .holes import filled, rms_slope
@@ -28,7 +28,6 @@ FAR = 10  # times the range of all other heights
 SPIKE = 10  # distance from the mean over the rms height; 1e-22 of Gaussian heights are beyond
 
 
-@check_types
 def surface_from_heights(
     heights: ArrayLike,
     size: Numbers,
@@ -61,6 +60,7 @@ def surface_from_heights(
 
     **Raises:** `ValueError` for a refused argument.
     """
+    check_type("periodic", periodic, "harmonic", "mirror", "open", type(None))
     values = np.ma.filled(np.ma.asarray(heights, float), np.nan)
     missing = ~np.isfinite(values)
     edges = np.asarray(Grid(values.shape, size).size, float)  # refuses a wrong number of axes

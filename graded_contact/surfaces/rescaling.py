@@ -7,7 +7,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import ScalarLike
 
-from ..core.checks import check_positive, check_types
+from ..core.checks import check_positive
 from ..core.memory import SURFACE, check_memory
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
@@ -16,7 +16,6 @@ from .statistics import statistics
 from .surface import Surface, check_periodic
 
 
-@check_types
 def rescale(
     surface: Surface, *, rms_height: ScalarLike | None = None, rms_slope: ScalarLike | None = None
 ) -> Surface:
@@ -37,7 +36,6 @@ def rescale(
     return _changed(surface, note, heights, surface.grid, surface.measured)
 
 
-@check_types
 def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     """Returns the surface on another number of points of the same cell, by its Fourier modes.
 

@@ -11,7 +11,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from ..core.checks import check_types, check_whole
+from ..core.checks import check_whole
 from ..core.compilation import compiled
 from ..core.derivative import largest
 from ..core.display import shown
@@ -57,7 +57,6 @@ class Statistics(eqx.Module):
     kurtosis: Float[Array, ""]
 
 
-@check_types
 @compiled
 def statistics(surface: Surface) -> Statistics:
     """Returns the statistics of a surface, differentiable unless it is flat.
@@ -121,7 +120,6 @@ def _root(square: Array) -> Array:
     return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
 
 
-@check_types
 @compiled
 def radial_spectrum(
     surface: Surface, num_bins: int = 40
@@ -163,7 +161,6 @@ def radial_spectrum(
     return q, jnp.where(count > 0, density, jnp.nan)
 
 
-@check_types
 def isotropic_spectrum(surface: Surface, num_bins: int = 40) -> SpectrumTable:
     """Returns the spectrum of a periodic surface, averaged over directions, as a table.
 

@@ -1,5 +1,6 @@
 from functools import partial
 
+import closed_forms
 import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
@@ -12,7 +13,6 @@ from scipy.optimize import brentq
 from scipy.special import erf
 
 import graded_contact as gc
-from graded_contact import reference
 from graded_contact.mean_field.mean_field import (
     mean_field_friction,
     pressure_distribution,
@@ -61,7 +61,7 @@ def test_elastic_area_follows_the_closed_form_of_each_correction(correction, rel
     solution = mean_field(
         elastic(), SPECTRUM, pressure=pressure, velocity=1.0, correction=correction
     )
-    expected = reference.persson_contact_area(pressure, 1e7 / 0.75, 0.2)
+    expected = closed_forms.persson_contact_area(pressure, 1e7 / 0.75, 0.2)
     if correction != "none":
         expected = float(corrected_area(correction, relative_pressure))
     np.testing.assert_allclose(solution.contact_area, expected, rtol=1e-10)
@@ -117,8 +117,8 @@ def test_friction_matches_integration_of_the_differential_equations(stack, corre
     def compliance(q, omega):
         below = (rubber_modulus(omega), 0.49)
         if stack is BARE:
-            return reference.half_space_compliance(q, *below)
-        return reference.coated_half_space_compliance(q, 1e-4, 4e6, 0.4, *below)
+            return closed_forms.half_space_compliance(q, *below)
+        return closed_forms.coated_half_space_compliance(q, 1e-4, 4e6, 0.4, *below)
 
     area, friction = integrated(compliance, 3e5, 0.05, correction)
     solution = mean_field(stack, SPECTRUM, pressure=3e5, velocity=0.05, correction=correction)

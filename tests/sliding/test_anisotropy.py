@@ -3,6 +3,7 @@
 from functools import partial
 from itertools import pairwise
 
+import closed_forms
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +12,6 @@ from oracles import gauss_over_angles, maxwell, persson
 from scipy.integrate import quad
 
 import graded_contact as gc
-from graded_contact import reference
 
 CELL = 0.01  # m
 Q0 = 2 * np.pi / CELL
@@ -194,7 +194,7 @@ def test_area_of_an_elastic_block_is_that_of_the_sum_of_the_spectra(apart):
         square = np.trapezoid(2 * np.pi * np.exp(4 * y) * density, y)
     else:
         square = 0.1**2
-    expected = reference.persson_contact_area(3e5, 1e7 / 0.75, np.sqrt(0.2**2 + square))
+    expected = closed_forms.persson_contact_area(3e5, 1e7 / 0.75, np.sqrt(0.2**2 + square))
     np.testing.assert_allclose(found.contact_area, expected, rtol=2e-5)
     assert found.friction == 0
     assert found.error < 1e-4
