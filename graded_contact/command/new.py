@@ -82,7 +82,7 @@ def new(
         )  # fmt: skip
         _check_temperatures(found.material, temperatures or [])
         print_surface(surface)  # once both files are read
-        print_caveats(surface.caveats)
+        print_caveats(surface.warnings)
         fit.write_fit(stem, found, ("toml",))
         if surface.grid.ndim == 2 and found.material.equilibrium == 0:
             raise ValueError(f"[materials.{name}] {LIQUID}")

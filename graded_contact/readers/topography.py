@@ -13,7 +13,7 @@ import numpy as np
 from ..core.checks import Numbers, check_positive
 from ..core.display import with_unit
 from ..core.files import read_file
-from ..surfaces.preparation import Fill, Periodic, surface_from_heights
+from ..surfaces.preparation import Periodic, surface_from_heights
 from ..surfaces.surface import Surface
 from .arrays import read_array, read_hdf5
 from .heights import Heights
@@ -39,7 +39,6 @@ def read_surface(
     layout: Layout | None = None,
     periodic: Periodic | None = "harmonic",
     shape: int | tuple[int, ...] | None = None,
-    fill: Fill | None = "low",
 ) -> Surface:
     """Returns a measured surface, or a profile from a line scan, made periodic.
 
@@ -61,7 +60,7 @@ def read_surface(
     - `channel`: name or number of the channel of an instrument, the array or the dataset.
     - `layout`: of a text that is not plain, as in `read_moduli`; "header" is the last line above a
       matrix of heights.
-    - `periodic`, `shape`, `fill`: see `surface_from_heights`.
+    - `periodic`, `shape`: see `surface_from_heights`.
 
     **Returns:** the surface, with its history.
 
@@ -98,7 +97,6 @@ def read_surface(
             edges,
             periodic=periodic,
             shape=shape,
-            fill=fill,
             history=tuple(notes),
         )
     except ValueError as error:
