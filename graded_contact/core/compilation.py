@@ -9,6 +9,7 @@ takes 1.1 (32²), 1.4 (64²) or 2.1 times (128²) as long, and a program without
 import functools
 import logging
 import os
+import threading
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -16,10 +17,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.linalg
 from jax.core import ShapedArray
 from jax.extend.core import Primitive
 from jax.interpreters import mlir
 from jax.sharding import get_abstract_mesh, use_abstract_mesh
+from threadpoolctl import ThreadpoolController
 
 from .checks import is_concrete
 
@@ -67,7 +70,8 @@ def jit(function: F, small: int = WITH_LOOPS) -> F:
             with use_abstract_mesh(get_abstract_mesh()):
                 if key not in programs:
                     programs[key] = _program(function, arrays, others, small)
-                numbers, rest = jax.block_until_ready(programs[key](arrays))
+                with one_thread_of_lapack:
+                    numbers, rest = jax.block_until_ready(programs[key](arrays))
         except (RuntimeError, ValueError) as error:  # the cause, without the frames around it
             cause = str(error).rpartition("EquinoxRuntimeError: ")[2].partition("\n\n\n---")[0]
             raise (RuntimeError(cause) if cause != str(error) else error) from None
@@ -78,6 +82,38 @@ def jit(function: F, small: int = WITH_LOOPS) -> F:
 
 compiled_loop = jit
 compiled = functools.partial(jit, small=WITHOUT_LOOPS)
+
+
+class _OneThread:
+    """Limits LAPACK to one thread while any program runs, and restores its limit afterwards.
+
+    Its threads wait for one another by turning: beside other processes small systems, as those of
+    Newton steps, take ten times as long.
+    """
+
+    def __init__(self):
+        self._lock, self._programs, self._limit = threading.Lock(), 0, None
+
+    def __enter__(self):
+        with self._lock:
+            self._programs += 1
+            if self._programs == 1:
+                self._limit = _lapack().limit(limits=1)
+
+    def __exit__(self, *_):
+        with self._lock:
+            self._programs -= 1
+            if self._programs == 0 and self._limit is not None:
+                self._limit.restore_original_limits()
+
+
+one_thread_of_lapack = _OneThread()
+
+
+@functools.cache
+def _lapack() -> ThreadpoolController:
+    scipy.linalg.lapack.dgesv  # noqa: B018 (loads the library that JAX calls)
+    return ThreadpoolController().select(user_api="blas")
 
 
 class _Fixed(eqx.Module):
