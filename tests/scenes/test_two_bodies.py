@@ -30,7 +30,7 @@ poisson = 0.49
 
 [materials.coat]
 kind = "elastic"
-modulus = 1e7
+young = 1e7
 poisson = 0.4
 
 [base]
