@@ -207,7 +207,7 @@ def _warnings(shown: ShownPoint | None) -> str:
     scene = shown.model.document.scene
     known = [of_law] if scene.law is not None else []
     of_files = [for_page(text, read_moduli) for text in scene.assumed]
-    of_files += [for_page(text, read_surface) for text in shown.model.surface.caveats]
+    of_files += [for_page(text, read_surface) for text in shown.model.surface.warnings]
     return paragraph(" ".join([*of_files, *(shown.caveats or ()), *known]))
 
 

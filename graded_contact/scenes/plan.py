@@ -78,8 +78,8 @@ class Plan:
     def caveats(self) -> tuple[str, ...]:
         """What makes every number doubtful before it is solved: of the surface, and assumed."""
         own = self.scene.block_surface
-        of_block = () if own is None else own.build().caveats
-        return *self.surface.caveats, *of_block, *self.scene.assumed
+        of_block = () if own is None else own.build().warnings
+        return *self.surface.warnings, *of_block, *self.scene.assumed
 
     def __str__(self) -> str:
         fields, solves = fields_in_memory(self.scene), str(self.points.size)
