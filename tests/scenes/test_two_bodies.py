@@ -30,7 +30,7 @@ poisson = 0.49
 
 [materials.coat]
 kind = "elastic"
-modulus = 1e7
+young = 1e7
 poisson = 0.4
 
 [base]
@@ -79,7 +79,9 @@ def test_tables_of_two_bodies_are_those_of_python():
     expected = gc.Stack(layers=(gc.Layer(coat, 2e-5),), base=gc.HalfSpace(rubber))
     assert case.counterface == expected and not case.stack.layers
     # Another surface than that of the counterface, out of the block.
-    np.testing.assert_allclose(gc.statistics(case.block_surface).rms_slope, 0.05, rtol=0.05)
+    np.testing.assert_allclose(
+        gc.surfaces.statistics(case.block_surface).rms_slope, 0.05, rtol=0.05
+    )
     aligned = np.corrcoef(case.surface.heights, case.block_surface.heights)[0, 1]
     assert abs(aligned) < 0.9
     assert described(parse_toml(MOVING)) == "rubber on a random surface of coat 20 µm, rubber"
