@@ -110,6 +110,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
 WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", dict: "tables"}
 # Of keys that become fields of another name.
 MEANINGS = {
+    "modulus": "Young's modulus [Pa].",
     "rms_height": "rms height [m], instead of `rms_slope`.",
     "rms_slope": "rms slope [1], instead of `rms_height`.",
     "q_low": "lowest wavenumber [rad/m]; by default 2π over the longest edge of the grid.",

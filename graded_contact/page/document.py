@@ -133,7 +133,7 @@ def with_layer(document: Document, material: str | None, name: str = "") -> Docu
     content = document.content
     if material is None:
         material = free_name(name.strip() or NEW_NAME, content["materials"])
-        content["materials"][material] = {"kind": "elastic", "young": 1e7, "poisson": 0.49}
+        content["materials"][material] = {"kind": "elastic", "modulus": 1e7, "poisson": 0.49}
     below = content.get("layers", [])
     thickness = below[0]["thickness"] if below else FIRST_THICKNESS
     content["layers"] = [{"material": material, "thickness": thickness}, *below]

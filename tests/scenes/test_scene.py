@@ -129,7 +129,7 @@ def test_a_scene_is_the_stack_and_surface_that_it_writes():
     ],
 )  # fmt: skip
 def test_materials_are_those_of_the_constructors(lines, expected):
-    scene = parse_scene(changed('kind = "elastic"\nyoung = 2e7\npoisson = 0.4', lines))
+    scene = parse_scene(changed('kind = "elastic"\nmodulus = 2e7\npoisson = 0.4', lines))
     assert eqx.tree_equal(scene.stack.layers[0].material, expected)
 
 

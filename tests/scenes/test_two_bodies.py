@@ -30,7 +30,7 @@ poisson = 0.49
 
 [materials.coat]
 kind = "elastic"
-young = 1e7
+modulus = 1e7
 poisson = 0.4
 
 [base]
