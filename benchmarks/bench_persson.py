@@ -166,7 +166,7 @@ def random_material(rng, letter, points):
             modulus.real,
             modulus.imag,
         ]
-        return gc.Tabulated(omega, storage + 1j * loss, poisson, extrapolate="plateau")
+        return gc.Tabulated(omega, storage + 1j * loss, poisson)
     if letter == "E":
         return gc.Elastic(10 ** rng.uniform(5, 9), poisson)
     equilibrium, shift = 10 ** rng.uniform(5, 8), 10 ** rng.uniform(-3, 3)

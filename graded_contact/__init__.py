@@ -4,9 +4,9 @@ Data flows one way: materials -> blocks -> contacts -> sliding -> studies -> sce
 main job is `slide`. SI units everywhere; `docs/theory.md` and module docstrings state conventions.
 
 The names below are those that a script starts with. All others are in the rooms: `materials`,
-`blocks`, `surfaces`, `contacts`, `sliding`, `mean_field`, `fitting`, `readers`, `studies`,
-`scenes`, `designs`, `exports`, `plot`, `page`, and `reference` (closed forms). Each name of a room
-is also found here: `gc.read_errors` is `gc.studies.read_errors`.
+`blocks`, `response`, `kernels`, `surfaces`, `contacts`, `sliding`, `mean_field`, `fitting`,
+`readers`, `studies`, `scenes`, `designs`, `exports`, `plot`, `page`, and `reference` (closed
+forms). Each name of a room is also found here: `gc.read_errors` is `gc.studies.read_errors`.
 """
 
 import importlib
@@ -14,15 +14,28 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from . import blocks, contacts, core, fields, materials, mean_field, reference, sliding, surfaces
-from .blocks import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, surface_compliance
+from . import (
+    blocks,
+    contacts,
+    core,
+    fields,
+    kernels,
+    materials,
+    mean_field,
+    reference,
+    response,
+    sliding,
+    surfaces,
+)
+from .blocks import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from .contacts import HardWall, solve_contact
 from .core import jit, with_values
 from .core.deprecation import has_moved, missing
 from .fields import Grid
 from .materials import WLF, BulkShear, Elastic, Prony, tyre_tread
 from .mean_field import mean_field_friction
-from .sliding import Case, Sliding, slide, slide_cycle, slide_history
+from .response import surface_compliance
+from .sliding import Case, Sliding, slide, slide_cycle, slide_transient
 from .surfaces import SelfAffine, Surface, random_surface
 
 if TYPE_CHECKING:
@@ -40,16 +53,18 @@ __all__ = [  # noqa: RUF022 (in the order in which data flow; the rooms last)
     "Stack", "Layer", "GradedLayer", "HalfSpace", "Rigid", "Free", "surface_compliance",
     "Grid", "SelfAffine", "Surface", "random_surface", "read_surface",
     "HardWall", "solve_contact",
-    "slide", "slide_cycle", "slide_history", "Sliding", "Case", "mean_field_friction",
+    "slide", "slide_cycle", "slide_transient", "Sliding", "Case", "mean_field_friction",
     "read_moduli", "fit_prony", "master_curve",
     "sweep", "minimise", "with_values", "jit",
     "read_scene", "plan", "read_results", "explore",
-    "materials", "blocks", "surfaces", "contacts", "sliding", "mean_field", "fitting", "readers",
-    "studies", "scenes", "designs", "exports", "plot", "page", "fields", "reference", "core",
+    "materials", "blocks", "response", "kernels", "surfaces", "contacts", "sliding", "mean_field",
+    "fitting", "readers", "studies", "scenes", "designs", "exports", "plot", "page", "fields",
+    "reference", "core",
 ]  # fmt: skip
 ROOMS = (
-    "materials", "blocks", "surfaces", "contacts", "sliding", "mean_field", "fitting", "readers",
-    "studies", "scenes", "designs", "exports", "plot", "page", "fields", "reference", "core",
+    "materials", "blocks", "response", "kernels", "surfaces", "contacts", "sliding", "mean_field",
+    "fitting", "readers", "studies", "scenes", "designs", "exports", "plot", "page", "fields",
+    "reference", "core",
 )  # fmt: skip
 _MOVED = {"motion": "sliding", "design": "studies", "surface": "surfaces"}  # since 1.0.0rc1
 

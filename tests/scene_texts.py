@@ -115,11 +115,8 @@ def write(folder, text):
     return folder / "table.csv"
 
 
-def tabulated(extrapolate: str) -> str:
-    return changed(
-        'kind = "elastic"\nmodulus = 2e7',
-        f'kind = "tabulated"\npath = "table.csv"\nextrapolate = "{extrapolate}"',
-    )
+def tabulated() -> str:
+    return changed('kind = "elastic"\nmodulus = 2e7', 'kind = "tabulated"\npath = "table.csv"')
 
 
 # What stands in a damaged file where a number was.

@@ -62,7 +62,7 @@ def calls():
     omega, time = np.geomspace(1e-2, 1e6, 40), np.geomspace(1e-6, 1e1, 40)
     modulus = np.asarray(solid.modulus(omega))
     relaxation = 1e6 + 1e7 * np.exp(-time / 1e-3)
-    table = dict(omega=omega, modulus=modulus, poisson=0.3, shift=wlf, extrapolate="refuse")
+    table = dict(omega=omega, modulus=modulus, poisson=0.3, shift=wlf)
     wave = dict(stack=stack, q=[1e3], omega=[1.0], rtol=1e-8)
     vector = dict(stack=stack, qx=[1e3], qy=[1e3], omega=[1.0])
     sweep = dict(material=solid, strain=[1e-3, 1e-1], storage=[1.0, 0.5], loss=[1.0, 0.7])
@@ -117,8 +117,8 @@ def calls():
         (gc.HalfSpace, dict(material=solid)),
         (gc.Stack, dict(layers=(layer,), base=gc.Rigid())),
         (gc.Grid, dict(shape=(8, 8), size=1e-3)),
-        (gc.blocks.Layering, dict(num_cells=8, retry=True, rtol=1e-6)),
-        (gc.blocks.Riccati, dict(solver=None, controller=None, adjoint=None, rtol=1e-6)),
+        (gc.response.Layering, dict(num_cells=8, retry=True, rtol=1e-6)),
+        (gc.response.Riccati, dict(solver=None, controller=None, adjoint=None, rtol=1e-6)),
         (gc.Surface, dict(heights=np.zeros((8, 8)), grid=grid, history=(), periodic=True)),
         (gc.random_surface, draw),
         (gc.surfaces.resample, dict(surface=surface, shape=(16, 16))),
@@ -130,18 +130,18 @@ def calls():
         (gc.effective_modulus, wave),
         (gc.surface_compliance_matrix, vector),
         (gc.layered_compliance, layers),
-        (gc.blocks.graded_compliance, wave | dict(stack=graded, rtol=1e-6)),
+        (gc.response.graded_compliance, wave | dict(stack=graded, rtol=1e-6)),
         (gc.stack_kernel, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
         (gc.stack_kernel, dict(stack=soft, grid=grid, strain=([1e3, 1e4], [0.1, 0.2]))),
         (gc.slide, job | dict(stack=soft, strain_per_slope=1)),
-        (gc.blocks.kernel_table, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
+        (gc.kernels.kernel_table, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
         (gc.blocks.interface_depths, dict(stack=stack)),
-        (gc.blocks.interior_fields, vector | dict(depth=1e-4, traction=[0.0, 0.0, 1.0])),
-        (gc.blocks.stress_field, dict(stack=stack, grid=grid, pressure=np.ones((8, 8)), depth=1e-4,
-         velocity=0.1)),
-        (gc.blocks.von_mises, dict(stress=np.eye(3))),
-        (gc.blocks.sliced, dict(stack=graded, num_slices=3)),
-        (gc.blocks.window_kernel, dict(stack=stack, grid=gc.Grid(8, 1e-3), velocity=0.1)),
+        (gc.response.interior_fields, vector | dict(depth=1e-4, traction=[0.0, 0.0, 1.0])),
+        (gc.response.stress_field, dict(stack=stack, grid=grid, pressure=np.ones((8, 8)),
+         depth=1e-4, velocity=0.1)),
+        (gc.response.von_mises, dict(stress=np.eye(3))),
+        (gc.response.sliced, dict(stack=graded, num_slices=3)),
+        (gc.kernels.window_kernel, dict(stack=stack, grid=gc.Grid(8, 1e-3), velocity=0.1)),
         (gc.sliding.contact_stiffness, dict(sliding=sliding)),
         (gc.sliding.contact_stiffness_error, dict(sliding=sliding)),
         (gc.sliding.contact_conductance, dict(sliding=sliding, resistivity=1.0)),

@@ -60,7 +60,8 @@ class AbstractBond(eqx.Module):
 
     @abc.abstractmethod
     def gives(self, omega: Inexact[Array, "*w"]) -> Give:
-        """Returns the stiffnesses at angular frequencies `omega` [rad/s], complex in histories."""
+        """Returns the stiffnesses at angular frequencies `omega` [rad/s], complex in transient
+        motion."""
 
     @abc.abstractmethod
     def at(self, temperature: ScalarLike) -> "AbstractBond":

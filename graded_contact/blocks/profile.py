@@ -27,7 +27,7 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import check_positive, check_type, check_values, is_concrete, scalar
 from ..core.display import shown
-from ..materials.coverage import check_frequencies, coverage
+from ..materials.coverage import coverage
 from ..materials.material import AbstractMaterial, material_called
 from .shapes import FROM_0_TO_1, AbstractShape, Linear, shape_called
 from .stack import moduli_of
@@ -175,11 +175,6 @@ class Aged(AbstractProfile):
             return jnp.zeros_like(self.top), jnp.full_like(self.top, jnp.inf)
         least, most = self._range()
         return known[0] / least, known[1] / most
-
-    def check(self, omega: Inexact[Array | np.ndarray, "..."]) -> None:
-        """Raises `ValueError` if the material has no modulus at these ω [rad/s] at some height."""
-        for factor in self._range():
-            check_frequencies(self.material, factor * omega)
 
     def _factor(self, s):
         return self.bottom * jnp.exp(self.shape(s) * jnp.log(self.top / self.bottom))

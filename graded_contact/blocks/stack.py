@@ -24,7 +24,7 @@ from ..core.display import shown
 from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
 from .bond import AbstractBond, Film, as_thickness, is_smooth
-from .graded_solver import AbstractGradedSolver
+from .tolerance import AbstractGradedSolver
 
 LIQUID = (
     "is a liquid (its equilibrium modulus is 0), which flows forever under waves that stand still, "

@@ -4,17 +4,17 @@ No file of this room knows layers.
 """
 
 from ..core.deprecation import old_names
-from .abstract_solver import AbstractContactSolver, Loading, SolverOutput, run_steps
 from .adhesion import AdhesiveLJ, ExponentialAdhesion
 from .adjoint import LinearSplitting
 from .law import AbstractLaw, HardWall, RepulsiveLJ
-from .nested_solve import DouglasRachford
-from .operator import AbstractOperator, Solid, Steady
+from .operators.operator import AbstractOperator, Solid, Steady
 from .path import ContactPath, follow_contact
-from .rmd import ResidualDynamics
 from .solution import RESULTS, ContactSolution
 from .solve import solve_contact
-from .splitting import Splitting
+from .solver.abstract_solver import AbstractContactSolver, Loading, SolverOutput, run_steps
+from .solver.nested_solve import DouglasRachford
+from .solver.rmd import ResidualDynamics
+from .solver.splitting import Splitting
 
 __all__ = [
     "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AdhesiveLJ",

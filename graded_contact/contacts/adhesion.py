@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from ..core.checks import check_positive, check_values, scalar
 from ..core.display import shown
 from .law import AbstractLaw, Bound, indicator_of_gap, power, proximal_root, repulsive_bracket
-from .operator import Field, Scalar
+from .operators.operator import Field, Scalar
 
 
 @shown(units=False)

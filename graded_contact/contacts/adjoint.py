@@ -34,10 +34,10 @@ from jaxtyping import Array, Bool, Float
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one
 from ..core.fixed_point import solve_lagged
-from .abstract_solver import Inputs, iterates_for, run_steps, slope
-from .active_set import green_of, most_eliminated, solve_on_few
-from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
-from .splitting import Splitting, check_relaxation, draft
+from .operators.operator import AbstractOperator, Field, Scalar, Solid, nonzero
+from .solver.abstract_solver import Inputs, iterates_for, run_steps, slope
+from .solver.active_set import green_of, most_eliminated, solve_on_few
+from .solver.splitting import Splitting, check_relaxation, draft
 
 # Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`
 # and `free_mean`, it returns τ, or NaN if it does not converge: `solve_contact` then fails.

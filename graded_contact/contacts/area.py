@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..fields.grid import Grid, Waves, mode_numbers, multiplicity, wavenumber
-from .operator import Field, Scalar, nonzero, positions
+from .operators.operator import Field, Scalar, nonzero, positions
 
 # Directions of waves that `edge_stiffness` tells apart.
 _SECTORS = 8

@@ -30,9 +30,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .abstract_solver import Inputs, SolverOutput, penalty_for, slope, softness
 from .adjoint import LinearSplitting, State, response
-from .operator import Field, Scalar, nonzero, root_mean_square, stiffness_bound
+from .operators.operator import Field, Scalar, nonzero, root_mean_square, stiffness_bound
+from .solver.abstract_solver import Inputs, SolverOutput, penalty_for, slope, softness
 
 # With these factors 12 of 8,552 claims were broken (`bench_contact.py random --count 1000 --seed
 # 30`).

@@ -18,10 +18,10 @@ from ..core.checks import (
 )
 from ..core.derivative import largest
 from ..fields.grid import half_shape
-from .abstract_solver import Loading
 from .law import AbstractLaw, HardWall, check_pressure, never_overlaps
-from .operator import AbstractOperator, Field, first_mode
-from .window import Window
+from .operators.operator import AbstractOperator, Field, first_mode
+from .operators.window import Window
+from .solver.abstract_solver import Loading
 
 LEAST_GAP = 1e-12  # mean gaps over the rms height below this are rounding
 

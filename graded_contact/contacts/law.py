@@ -22,7 +22,8 @@ from jaxtyping import Array, Float
 
 from ..core.checks import check_positive, check_values, is_concrete, optional, scalar, short
 from ..core.display import shown
-from .operator import Field, Scalar
+from .operators.operator import Field, Scalar
+from .operators.window import inside
 
 Bound = Scalar | float
 
@@ -227,3 +228,31 @@ def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
 
     root = jax.lax.custom_root(lambda t: newton(t)[0], low, solve, tangent_solve)
     return pressure_and_slope(root)[0]
+
+
+class Windowed(AbstractLaw):
+    """A law on a window, and no pressure elsewhere: see `inside`."""
+
+    law: AbstractLaw
+
+    @property
+    def attracts(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.law.attracts
+
+    @property
+    def bounds(self):
+        return self.law.bounds
+
+    @property
+    def steepest_rise(self):
+        return self.law.steepest_rise
+
+    def in_units(self, pressure, length):
+        return Windowed(self.law.in_units(pressure, length))
+
+    def proximal(self, v):
+        return jnp.where(inside(v.shape), self.law.proximal(v), 0)
+
+    def contact_indicator(self, pressure, gap, stiffness):
+        found = self.law.contact_indicator(pressure, gap, stiffness)
+        return jnp.where(inside(gap.shape), found, -stiffness * jnp.abs(gap))

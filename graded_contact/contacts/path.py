@@ -11,12 +11,12 @@ from ..core.checks import Numbers, as_float, check_types, check_values
 from ..core.compilation import alone, compiled
 from ..core.derivative import still
 from ..core.display import shown
-from .abstract_solver import AbstractContactSolver
 from .adjoint import LinearSolver, LinearSplitting
 from .law import AbstractLaw, check_pressure
-from .nested_solve import DouglasRachford
 from .solution import RESULTS, ContactSolution, has_failed
 from .solve import solve_contact
+from .solver.abstract_solver import AbstractContactSolver
+from .solver.nested_solve import DouglasRachford
 
 
 @shown()

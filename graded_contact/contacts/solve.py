@@ -24,7 +24,13 @@ from ..core.compilation import compiled, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
-from .abstract_solver import (
+from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
+from .estimates import assess, contact_state, penalty_at
+from .inputs import as_start, check_heights, check_kernel, loading_on
+from .law import AbstractLaw, HardWall, check_one_law, never_overlaps
+from .operators.window import Window, operator_of
+from .solution import RESULTS, ContactSolution, if_known
+from .solver.abstract_solver import (
     AbstractContactSolver,
     Inputs,
     SolverOutput,
@@ -33,13 +39,8 @@ from .abstract_solver import (
     penalty_for,
     softness,
 )
-from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
-from .estimates import assess, contact_state, penalty_at
-from .inputs import as_start, check_heights, check_kernel, loading_on
-from .law import AbstractLaw, HardWall, check_one_law, never_overlaps
-from .nested_solve import DouglasRachford
-from .solution import RESULTS, ContactSolution, if_known
-from .window import Window, on_part, on_whole, operator_of
+from .solver.nested_solve import DouglasRachford
+from .window import on_part, on_whole
 
 # Default tolerances of the pressure. docs/howto/precision.md has the errors of friction they leave.
 # 5e-5 takes 0.77 of the FFT pairs of 1e-6 (156 contacts, `bench_contact.py observables`).

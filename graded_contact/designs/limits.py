@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..blocks.compliance import effective_modulus
 from ..blocks.stack import Stack
 from ..core.checks import check_positive, check_values, within
 from ..core.derivative import largest
 from ..core.display import shown, unit_of
 from ..core.quantities import CYCLE
-from ..sliding.contact_stress import STRESSES
-from ..sliding.heat_source import as_depths
+from ..response.compliance import effective_modulus
+from ..sliding.interior.heat_source import as_depths
+from ..sliding.interior.stress import STRESSES
 
 Criteria = Mapping[str, Float[Array, " velocities"]]  # criteria of a block, by name
 

@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ..blocks.compliance import effective_modulus
 from ..blocks.stack import Stack
 from ..core.checks import (
     Numbers,
@@ -28,6 +27,7 @@ from ..core.compilation import compiled
 from ..core.display import shown
 from ..mean_field.mean_field import RTOL, MeanField, mean_field_of, reached
 from ..mean_field.refinement import NODES, Nodes, misses, solve_refined
+from ..response.compliance import effective_modulus
 from ..scenes.scene import Scene
 from ..scenes.scene_checks import refuse_tables
 from ..scenes.schema import Key

@@ -19,7 +19,6 @@ from ..core.parameters import with_values
 from ..scenes.plan import cost_text
 from ..scenes.scene_checks import refuse_liquids
 from ..scenes.surface_source import RandomSurface
-from ..scenes.theory import refuse_extrapolated
 from ..studies.dataset import NOT_STARTED
 from ..studies.store import Store
 from ..studies.sweep import sweep
@@ -120,11 +119,9 @@ def plan_design(study: DesignScene) -> DesignPlan:
 
     **Returns:** the plan; `plan_design(study).run()` gives the results.
 
-    **Raises:** `ValueError` for contacts that need more memory than is free, a liquid under waves
-    at rest, or a block with friction from frequencies at which its materials were not measured
-    (more than 1 %, by mean field, unless [load] has `extrapolate = true`).
+    **Raises:** `ValueError` for contacts that need more memory than is free, or a liquid at rest.
     """
-    own, kept = study.scene.stack, study.limits.stiffness
+    kept = study.limits.stiffness
     searched = bool(not_in_mean_field(study))
     contacts = searched or study.verify > 0
     if contacts:
@@ -134,9 +131,6 @@ def plan_design(study: DesignScene) -> DesignPlan:
     at_rest = (on_grid and study.grid.ndim == 2) or study.scene.motion is not None
     if at_rest or (kept is not None and kept.omega == 0):
         refuse_liquids(study.scene)
-    if study.has_mean_field:
-        shares = lambda: design_mean_field(study, own).extrapolated_friction  # noqa: E731
-        refuse_extrapolated(study.scene, own, study.grid, shares)
     return DesignPlan(study)
 
 

@@ -1,13 +1,8 @@
 """Where a material was measured, and what is outside this range.
 
-A fitted series has a modulus at every frequency, but only where there were data is it more than an
-extrapolation. A limited material, of the package or of a user, has the first of two methods; one
-that has no modulus at some frequencies has both:
-
-- `coverage()` returns the lowest and highest measured ω [rad/s]; an infinite lowest means none.
-- `check(omega)` raises `ValueError` if there is no modulus at some of the frequencies [rad/s].
-
-The functions below find all that is limited in a material, profile or stack.
+Every law continues beyond its data, and results say how much of the friction rests on that. A
+limited material, of the package or of a user, has the method `coverage()`, which returns the lowest
+and highest measured ω [rad/s]; an infinite lowest means none.
 """
 
 from typing import Any
@@ -16,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float
 
 from ..core.checks import check_positive, check_shape, is_concrete, numbers, optional
 from ..core.display import shown
@@ -112,21 +107,6 @@ def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
         return None
     lowest, highest = (jnp.stack(ends) for ends in zip(*found, strict=True))
     return jnp.max(lowest), jnp.min(highest)
-
-
-def check_frequencies(tree: Any, omega: Inexact[Array | np.ndarray, "..."]) -> None:
-    """Raises `ValueError` if a material in `tree` has no modulus at some ω [rad/s]."""
-    for part in filter(_may_refuse, _limited(tree)):
-        part.check(omega)
-
-
-def may_refuse(tree: Any) -> bool:
-    """Returns whether a material in `tree` may have no modulus at some ω."""
-    return any(map(_may_refuse, _limited(tree)))
-
-
-def _may_refuse(part):
-    return hasattr(type(part), "check")
 
 
 def _limited(tree):

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..core.checks import within
 from ..core.files import check_name, read_file
-from ..core.quantities import AXES, HISTORY
+from ..core.quantities import AXES, TRANSIENT
 from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
 from ..materials.material import AbstractMaterial
@@ -85,12 +85,12 @@ def open_document(path: Path | None) -> Document:
         name, folder, text = path.name, path.absolute().parent, text_of_scene(path)
     with within(f"{name}:"):
         scene = parse_scene(text, folder)
-        if scene.kind == HISTORY:
+        if scene.kind == TRANSIENT:
             raise ValueError(
                 "[motion] `once = true`: the page shows the results of what happens once. Run the "
                 "scene by `graded-contact run`, and open the file NAME.h5 that it writes."
             )
-        refuse_tables(scene, "The page", "motion", "counter")
+        refuse_tables(scene, "The page", "motion", "counterface")
         if not np.any(scene.velocity):
             raise ValueError("[load] `velocity` is 0. The page needs a velocity above 0.")
     moving = np.sort(np.abs(scene.velocity[scene.velocity != 0]))
@@ -115,9 +115,6 @@ def open_document(path: Path | None) -> Document:
         tables[f"[surface.scans[{i}]]"] = scan
     for name, table in content["materials"].items():
         tables[f"[materials.{name}]"] = table
-        if table["kind"] == "tabulated":
-            # A slider soon leaves the table; the page warns how much friction depends on that.
-            table["extrapolate"] = "plateau"
     for (place, key), path in scene.inputs.items():  # the scene is saved in another folder
         tables[place][key] = str(path)
     return Document(content, folder, speeds)
@@ -163,7 +160,7 @@ def with_moduli(document: Document, path: Path, options: dict[str, Any], name: s
     document = document.copied()
     old = document.content["materials"][name]
     poisson = old.get("poisson", 0.5)
-    table = dict(kind="tabulated", path=str(path), extrapolate="plateau", poisson=poisson)
+    table = dict(kind="tabulated", path=str(path), poisson=poisson)
     table |= options
     if old["kind"] == "tabulated" and "shift" in old:
         table["shift"] = old["shift"]

@@ -13,18 +13,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..blocks.compliance import effective_modulus
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.frequency import direction_and_speed
 from ..mean_field.mean_field import RTOL, mean_field_friction
 from ..mean_field.refinement import Nodes, misses, solve_refined
+from ..response.compliance import effective_modulus
 from ..scenes.plan import build_surface
 from ..scenes.scene_checks import refuse_liquids
 from ..scenes.surface_source import RandomSurface
 from ..sliding.case import Case
 from ..sliding.result import Sliding
-from ..sliding.slide import solve
+from ..sliding.slide import slide_case
 from ..surfaces.surface import Surface
 from .document import Document
 from .knobs import knobs_of, turned
@@ -129,7 +129,7 @@ class Model:
     def _slide(self, values: Any, start: Any, solution: Any = None) -> Sliding:
         # Not in one `jit`: what does not depend on the block is compiled once for all blocks.
         case = _case(self._at(values))
-        return cast(Sliding, solve(case, self._numerics, start=start, solution=solution))
+        return cast(Sliding, slide_case(case, self._numerics, start=start, solution=solution))
 
     def errors(self, values: Sequence[float]) -> tuple[str, ...]:
         """Returns the warnings about the contact at `values` [SI], which then has its errors."""

@@ -115,7 +115,7 @@ def _curve_velocities(study: DesignScene, field: MeanField) -> Float[np.ndarray,
     first, last = study.scene.velocity.min() / 100, study.scene.velocity.max() * 100
     waves = np.asarray(field.against_cutoff.cutoff).reshape(-1)[[0, -1]]
     for material in materials_of(study.scene.stack):
-        if isinstance(material, Tabulated) and material.extrapolate == "refuse":
+        if isinstance(material, Tabulated):
             # The slowest wave nearly across the velocity, and the fastest along it.
             first = max(first, float(material.omega[0]) / (waves[0] * LAST_COSINE))
             last = min(last, float(material.omega[-1]) / waves[1])

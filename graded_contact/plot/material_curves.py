@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..blocks.compliance import effective_modulus
 from ..blocks.stack import Stack
 from ..core.checks import as_float, check_positive
 from ..core.escaping import in_figure
 from ..fitting.prony import PronyFit
+from ..response.compliance import effective_modulus
 from ..studies.uncertainty import Sensitivity
 from .inputs import labelled
 from .style import COLOURS, PAGE, finished, new_figure

@@ -1,7 +1,7 @@
 """Facts of a contact: an observable that `needs` some is printed and stored where they hold."""
 
 from ..blocks.stack import films_of
-from ..blocks.window_compliance import has_ground
+from ..kernels.window import has_ground
 from .case import Case
 from .shear import is_coupled
 
@@ -12,7 +12,7 @@ GIVEN_LOAD = "given load"  # or a mean gap: the approach follows
 SHEARED = "sheared"  # there is shear stress in the contact
 COUPLED = "coupled"  # the shear stress moves the surface of the block
 HEATED = "heated"
-COUNTER = "counter"  # the body that carries the surface deforms
+COUNTERFACE = "counterface"  # the body that carries the surface deforms
 FILM = "film"  # a bond is a film of a material
 # Asked for by [observe] of a scene, whose keys these are. All contacts can compute them.
 STIFFNESS, CONDUCTANCE, FLOW = "stiffness", "conductance", "flow"
@@ -29,7 +29,7 @@ def facts_of(case: Case) -> frozenset[str]:
         SHEARED: case.shear is not None,
         COUPLED: is_coupled(case.shear),
         HEATED: case.heating is not None,
-        COUNTER: case.counter is not None,
+        COUNTERFACE: case.counterface is not None,
         FILM: any(films_of(body) is not None for body in case.bodies),
     }
     return frozenset(fact for fact, holds in known.items() if holds)

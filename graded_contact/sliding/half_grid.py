@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..contacts.operator import nonzero
+from ..contacts.operators.operator import nonzero
 from ..core.compilation import compiled
 from ..fields.grid import Grid, derivative, resample_spectrum, to_field, to_spectrum
 

@@ -7,10 +7,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..contacts.abstract_solver import AbstractContactSolver
 from ..contacts.adjoint import LinearSolver, LinearSplitting
-from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import default_rtol
+from ..contacts.solver.abstract_solver import AbstractContactSolver
+from ..contacts.solver.nested_solve import DouglasRachford
 from ..core.checks import check_type
 from ..core.deprecation import since_rc1
 

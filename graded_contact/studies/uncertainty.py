@@ -185,7 +185,6 @@ def sensitivity(
         )
     table = Tabulated(
         omega, material.modulus(omega), poisson, shift=getattr(material, "shift", None),
-        extrapolate="plateau",
     )  # fmt: skip
 
     def quantity(logarithms):

@@ -30,6 +30,8 @@ MOST_GAIN = 1.1  # factor that restores the slope: on forms without roughness it
 Periodic = Literal["harmonic", "mirror", "window", "open"]
 Fill = Literal["low", "harmonic"]
 TALLEST = 1e5  # [m], higher than any mountain
+FEWEST_MARKS = 3  # equal extreme heights that look like marks of missing points
+FAR = 10  # times the range of all other heights
 
 
 @check_types
@@ -94,7 +96,8 @@ def surface_from_heights(
     if highest > TALLEST:
         raise ValueError(f"`heights` reach {highest:.3g} m: damaged, or of another `unit`.")
     spacing = edges / np.array(values.shape)
-    prepared = _Prepared(values, spacing, list(history), list(steps), list(assumed))
+    warnings = [*assumed, *mark_warnings(values)]
+    prepared = _Prepared(values, spacing, list(history), list(steps), warnings)
     # A line scan at unequal steps has its roughness as read among the steps already.
     prepared.record("equally spaced" if steps else "read")
     if region is not None:
@@ -255,6 +258,22 @@ class _Prepared:
 def _check_measured(known: np.ndarray) -> None:
     if known.size < 4:
         raise ValueError(f"`heights` has {known.size} measured points; at least 4 are needed.")
+
+
+def mark_warnings(heights: np.ndarray) -> list[str]:
+    """Returns a sentence on equal extreme heights far from all others, marks of missing points."""
+    known, found = heights[np.isfinite(heights)], []
+    for value in (np.min(known), np.max(known)):
+        others = known[known != value]
+        count = len(known) - len(others)
+        if count < FEWEST_MARKS or not np.size(others) or np.ptp(others) == 0:
+            continue
+        if np.min(np.abs(others - value)) > FAR * np.ptp(others):
+            found.append(
+                f"{count} heights of {value:.8g} m lie far from all others, as marks of missing "
+                "points do, and count as heights: otherwise make them NaN (`missing` of a file)."
+            )
+    return found
 
 
 def _window(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -6,7 +6,7 @@ from conftest import BODIES, SPEED, rough
 
 import graded_contact as gc
 from graded_contact.contacts import area as area_of
-from graded_contact.contacts.operator import Steady
+from graded_contact.contacts.operators.operator import Steady
 from graded_contact.sliding.energy import dissipation_of_waves
 from graded_contact.sliding.problem import SteadyProblem
 

@@ -7,7 +7,7 @@ from oracles import dense_contact, dense_operator
 
 import graded_contact as gc
 from graded_contact import reference
-from graded_contact.contacts.operator import Steady
+from graded_contact.contacts.operators.operator import Steady
 from graded_contact.fields.grid import half_shape
 from graded_contact.sliding.problem import SteadyProblem
 

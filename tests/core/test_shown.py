@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.contacts.operator import Steady
+from graded_contact.contacts.operators.operator import Steady
 from graded_contact.contacts.solution import FAILURES, RESULTS, ContactSolution, if_known
 from graded_contact.core.display import with_error
 from graded_contact.sliding.problem import SteadyProblem

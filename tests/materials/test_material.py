@@ -56,7 +56,7 @@ def parts_of(values):
 def sliced_profile(profile):
     """The material in the middle of a graded layer."""
     stack = gc.Stack(layers=[gc.GradedLayer(profile, 1.0)], base=gc.Free())
-    return gc.blocks.sliced(stack, 1).layers[0].material
+    return gc.response.sliced(stack, 1).layers[0].material
 
 
 def two_branches(**changes):
@@ -229,7 +229,7 @@ def test_a_body_so_cold_that_its_shift_overflows_is_glassy_with_finite_derivativ
     shift, temperature
 ):
     assert jnp.isinf(shift.factor(temperature))
-    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, shift=shift, extrapolate="plateau")
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, shift=shift)
     material = two_branches(shift=shift)
     for body, relaxed, glassy in ((material, 2e6, 3.7e7), (table, 1e6, 9e6)):
         parts = jax.jit(lambda body, t, w: parts_of(body.at(t).modulus(w)))
@@ -268,7 +268,7 @@ def test_tabulated_matches_scipy_pchip():
 
 
 def test_tabulated_plateau_extends_like_a_single_relaxation():
-    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, extrapolate="plateau")
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS)
     value = modulus_of(table, jnp.array([1e-5, 3e7, -3e7]))
     np.testing.assert_allclose(value[0], 1e6 + 0.1e6j * 1e-3, rtol=1e-13)
     np.testing.assert_allclose(value[1], 9e6 + 0.1e6j * 1e-3, rtol=1e-13)
@@ -277,9 +277,8 @@ def test_tabulated_plateau_extends_like_a_single_relaxation():
     assert np.all(np.isfinite(extremes)) and np.all(extremes.imag >= 0)
 
 
-@pytest.mark.parametrize("extrapolate", ["refuse", "plateau"])
-def test_tabulated_at_rest_is_elastic(extrapolate):
-    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, extrapolate=extrapolate)
+def test_tabulated_at_rest_is_elastic():
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS)
     np.testing.assert_allclose(modulus_of(table, jnp.array(0.0)), 1e6, rtol=1e-14)
     slope = jax.jit(jax.grad(lambda m: m.modulus(jnp.zeros(2)).real.sum()))(table)
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
@@ -289,7 +288,6 @@ TABLE_AT_ONE = Tabulated(
     [1.0, 2.0, 5.0, 9.0],
     np.array([1 + 0.1j, 1.3 + 0.3j, 2 + 0.8j, 3 + 0.2j]),
     shift=SHIFTS[0],
-    extrapolate="plateau",
 )
 SOFT = Prony(1.0, [2.0, 0.5], [0.2, 3.0], 0.4, shift=SHIFTS[0])
 STIFF = Prony.from_creep(9.0, [0.1, 0.02], [0.3, 2.0], 0.45, shift=SHIFTS[1])

@@ -104,11 +104,11 @@ def test_a_scene_file_is_named_in_its_errors(tmp_path):
 
 def test_a_scene_is_the_stack_and_surface_that_it_writes():
     scene = parse_scene(changed("[solver]", '[solver]\ngraded_solver = {kind = "layering"}'))
-    assert eqx.tree_equal(scene.stack.graded_solver, gc.blocks.Layering())
+    assert eqx.tree_equal(scene.stack.graded_solver, gc.response.Layering())
     stack = gc.Stack(
         layers=(gc.Layer(gc.Elastic(2e7, 0.4), 2e-5),),
         base=gc.HalfSpace(gc.tyre_tread()),
-        graded_solver=gc.blocks.Layering(),
+        graded_solver=gc.response.Layering(),
     )
     assert eqx.tree_equal(scene.stack, stack)
     spectrum = gc.SelfAffine(
@@ -135,12 +135,12 @@ def test_materials_are_those_of_the_constructors(lines, expected):
 
 def test_a_table_makes_a_material_with_its_path_beside_the_scene(tmp_path):
     omega, modulus = read_moduli(write(tmp_path, TABLE)).table()
-    scene = parse_scene(tabulated("plateau"), tmp_path)
-    expected = gc.Tabulated(omega, modulus, 0.4, extrapolate="plateau")
+    scene = parse_scene(tabulated(), tmp_path)
+    expected = gc.Tabulated(omega, modulus, 0.4)
     assert eqx.tree_equal(scene.stack.layers[0].material, expected)
     assert "coat: Column 1 (f): frequency in Hz, as in the file" in " ".join(scene.notes)
     with pytest.raises(FileNotFoundError, match=r"\[materials.coat\].*elsewhere/table.csv"):
-        parse_scene(tabulated("plateau"), tmp_path / "elsewhere")
+        parse_scene(tabulated(), tmp_path / "elsewhere")
 
 
 SERIES = 'kind = "prony"\nequilibrium = 2e7\nstrengths = [1e7, 2e7]\ntimes = [1.0, 0.1]'

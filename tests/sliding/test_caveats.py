@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.contacts.operator import Steady
+from graded_contact.contacts.operators.operator import Steady
 from graded_contact.contacts.solution import RESULTS, ContactSolution
 from graded_contact.core.caveats import caveats_of
 from graded_contact.sliding.problem import SteadyProblem

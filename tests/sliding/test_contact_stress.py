@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.blocks import interface_depths, largest_tension, stress_field
+from graded_contact.blocks import interface_depths
+from graded_contact.response import largest_tension, stress_field
 from graded_contact.sliding import Coulomb, contact_stress
 from graded_contact.sliding.facts import WINDOW
 

@@ -269,13 +269,13 @@ def test_moduli_far_apart_and_light_contacts_converge():
 
 @pytest.mark.slow
 def test_a_table_of_a_graded_kernel_is_as_good_as_it_says(monkeypatch):
-    from graded_contact.blocks import kernel as kernels
-    from graded_contact.blocks.periodic_kernel import periodic_kernel
+    from graded_contact.kernels import steady as kernels
+    from graded_contact.kernels.periodic import periodic_kernel
 
     monkeypatch.setattr(kernels, "_FEW_POINTS", 100)
     grid, period = gc.Grid((64,), 1.0), jnp.asarray(0.71)
     graded = gc.GradedLayer(gc.Blend(gc.Elastic(1.0, 0.4), rubber().base.material), 0.1)
-    solver = gc.blocks.Layering(rtol=1e-6)
+    solver = gc.response.Layering(rtol=1e-6)
     stack = gc.Stack(layers=(graded,), base=rubber().base, graded_solver=solver)
     kernel, error = periodic_kernel(stack, grid, 16, period)
     q, omega = 2 * np.pi * np.arange(1, 33), 2 * np.pi * np.arange(9) / 0.71

@@ -10,8 +10,8 @@ import pytest
 from oracles import directional
 
 import graded_contact as gc
-from graded_contact.blocks import window_compliance as window
 from graded_contact.core.display import with_error
+from graded_contact.kernels import window
 from graded_contact.reference import hertz_line, hertz_pressure, hertz_sphere
 
 ELASTIC = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
@@ -276,7 +276,7 @@ def test_soft_sphere_is_pulled_off_as_by_johnson_kendall_and_roberts():
     size, work = 0.6, 5.6e-4
     stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(0.75, 0.5)))  # E* = 1
     surface, law = sphere(64, size), gc.AdhesiveLJ(3.5e-3, work)
-    kernel = gc.blocks.window_kernel(stack, surface.grid)
+    kernel = gc.kernels.window_kernel(stack, surface.grid)
     depths = np.array([0.0, 0.004, 0.0, -0.004, -0.005, -0.006, -0.007, -0.008]) - law.range
     path = gc.contacts.follow_contact(kernel, surface.heights, approach=depths, law=law, rtol=1e-5)
     force = np.asarray(path.mean_pressure) * size**2 / (np.pi * work)

@@ -1,0 +1,1 @@
+"""From pressure to displacement: steady, on a window, over a period."""

@@ -1,0 +1,1 @@
+"""Algorithms that find a contact on a grid."""

@@ -1,0 +1,213 @@
+"""The interface of contact solvers, and their common parts: units, a penalty, a loop of steps.
+
+`solve_contact` and `slide` accept any `AbstractContactSolver`. The contact that it finds gets its
+derivatives afterwards (`adjoint.py`), so a contact solver is never differentiated.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ...core.anderson import sums
+from ..law import AbstractLaw
+from ..operators.operator import AbstractOperator, Field, Scalar, nonzero, root_mean_square
+
+_HISTORY_AT_GAP = 2  # of given mean gaps; with 5 some loads diverged above an area of 0.99
+# The true error over a solver's estimate under an attraction, whose equilibria are soft: below 4 in
+# 187 random scenes like those of `bench_contact.py attracted`.
+_SOFT = 4.0
+# Largest -ρ Re M of a wave: 36 of 36 windows converged at 0.05, 23 without a limit.
+_NEGATIVE = 0.05
+
+
+class Loading(NamedTuple):
+    """The loading: a mean pressure [Pa] or a mean gap [m]. The other one is None.
+
+    One number, or of the shape of the operator's means.
+    """
+
+    pressure: Float[Array, "..."] | None
+    gap: Float[Array, "..."] | None
+
+
+class Inputs(NamedTuple):
+    """The inputs of a contact; pressures and lengths in SI units, or all in others."""
+
+    operator: AbstractOperator
+    heights: Field
+    law: AbstractLaw
+    loading: Loading
+
+
+class SolverOutput(eqx.Module):
+    """The contact that a solver found.
+
+    **Fields:**
+
+    - `pressure`: of the law [Pa], shape of the heights; its mean is the prescribed one, if any.
+    - `gap`: at which the law has this pressure [m].
+    - `mismatch`: pressure of the solid less that of the law [Pa].
+    - `displacement`: of the solid under its pressure, up to a mean [m].
+    - `error`: estimated relative error of the pressure (root mean square) [1]. Under a law that
+      attracts the result claims at least `softness` times as much. All other errors are estimated
+      afterwards (`estimates.py`).
+    - `ended`: whether the solver stopped by itself: at `rtol`, or where rounding hides the rest.
+    - `num_steps`: on the finest grid.
+    - `num_fft_pairs`: of all grids, coarse ones counted by their size.
+    - `parted`: whether it stopped because the surfaces moved apart without end, under a load that
+      the attraction does not hold.
+    """
+
+    pressure: Field
+    gap: Field
+    mismatch: Field
+    displacement: Field
+    error: Scalar
+    ended: Bool[Array, ""]
+    num_steps: Array
+    num_fft_pairs: Scalar
+    parted: Bool[Array, ""] | bool = False
+
+
+class AbstractContactSolver(eqx.Module):
+    """An algorithm that finds contacts, and its settings.
+
+    **Fields:**
+
+    - `finds_unstable`: whether equilibria may be unstable under laws that attract. If the grid does
+      not resolve the attraction, the contact then ends with `RESULTS.unresolved`.
+    """
+
+    finds_unstable: eqx.AbstractClassVar[bool]
+
+    @abstractmethod
+    def solve(
+        self, operator: AbstractOperator, heights: Field, law: AbstractLaw, loading: Loading,
+        *, rtol: Scalar, start: Field | None,
+    ) -> SolverOutput:  # fmt: skip
+        """Returns the contact of heights with a solid.
+
+        Called once inside `jax.jit`, without derivatives. A problem that the solver does not accept
+        raises `ValueError`; a failure that only values show is reported by `error` and `ended`.
+        A loop of steps is written by `run_steps`.
+
+        **Arguments:**
+
+        - `operator`: M, of a pressure [Pa] the displacement [m]; under steady sliding `.kernel` is
+          M [m/Pa] on the half spectrum, real or complex. See `operator.py`.
+        - `heights`: h [m], positive into the solid, of any mean.
+        - `law`: gives pressures point by point, see `AbstractLaw`.
+        - `loading`: the mean pressure or the mean gap.
+        - `rtol`: requested relative error of the pressure [1].
+        - `start`: a pressure [Pa] to begin from, or None.
+        """
+
+
+def run_steps(steps: Any, start: Array, max_steps: Array | int) -> Any:
+    """Returns the last state of an iteration: where it is done, or after `max_steps`.
+
+    **Arguments:**
+
+    - `steps`: the iteration, an object with three methods: `init(start)` returns the first state,
+      `step(state)` the next, and `done(state)` whether a state is the last. A state has the
+      attribute `num_steps`.
+    - `start`: argument of `steps.init`.
+    - `max_steps`: limit of the state's `num_steps`.
+
+    **Returns:** the state after the last `steps.step`.
+    """
+
+    def running(state):
+        return ~steps.done(state) & (state.num_steps < max_steps)
+
+    return jax.lax.while_loop(running, lambda state: steps.step(state), steps.init(start))
+
+
+def iterates_for(length: int, free_mean: bool) -> int:
+    """Returns how many iterates to combine: few if the mean pressure is free.
+
+    Near full contact the load drifts, and long histories amplify the drift.
+    """
+    return min(length, _HISTORY_AT_GAP) if free_mean else length
+
+
+def penalty_for(operator: AbstractOperator, participation: Scalar, law: AbstractLaw) -> Scalar:
+    """Returns ρ = 1.8 s^0.4/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
+
+    It balances the softest modes, which carry the displacement, against the stiffest, which carry
+    the edges of the contact; s is ⟨|σ|⟩²/⟨σ²⟩. Factor and power are within
+    10 % of the fewest FFT pairs of `bench_contact.py viscoelastic`. For a law that attracts, at
+    least twice its steepest rise, so that its proximal map is single-valued. Where Re M is negative
+    for some waves, at most `_NEGATIVE` over the largest of them: out of contact a step magnifies
+    their errors by (1 - ρM)/(1 + ρM) less the relaxation.
+    """
+    long, least = operator.long_wave, operator.least
+    # Not the root of the product, which underflows in float32.
+    penalty = 1.8 * participation**0.4 / jnp.sqrt(long) / jnp.sqrt(least)
+    negative = jnp.max(jnp.where(operator.is_mean, 0, -jnp.real(operator.kernel)))
+    most = jnp.where(negative > 0, _NEGATIVE / jnp.where(negative > 0, negative, 1), jnp.inf)
+    penalty = jnp.minimum(penalty, most)
+    # The penalty decides the path to the solution, not the solution.
+    return jax.lax.stop_gradient(jnp.maximum(penalty, 2 * law.steepest_rise))
+
+
+def softness(law: AbstractLaw) -> float:
+    """Returns by how much a solver's estimate of its error may be too small."""
+    return _SOFT if law.attracts else 1.0
+
+
+def pressure_unit(operator: AbstractOperator, heights: Field, loading: Loading) -> Scalar:
+    """Returns a typical pressure: the prescribed one plus that which flattens the longest waves.
+
+    `heights` are of zero mean.
+    """
+    pressure, gap = (0 if a is None else jnp.max(jnp.abs(a)) for a in loading)
+    unit = (root_mean_square(heights) + gap) / operator.long_wave + pressure
+    return jnp.where(unit > 0, unit, 1)
+
+
+def participation(pressure: Field) -> Scalar:
+    """Returns ⟨|σ|⟩²/⟨σ²⟩, a measure of the loaded area fraction [1], at least one point's."""
+    total, squared = sums(jnp.abs(pressure), pressure**2)
+    return participation_of(total, squared, pressure.size)
+
+
+def participation_of(total, squared, count: int):
+    """Returns the participation from sums of |σ| and σ² over `count` points."""
+    return jnp.maximum(total**2 / jnp.where(squared > 0, squared, 1), 1) / count
+
+
+def to_mean(operator: AbstractOperator, pressure, mean, bounds):
+    """Scales a pressure to a mean within its bounds; one without upper bound simply by a factor.
+
+    Points without a pressure get none.
+    """
+    low, high = bounds
+    room = (pressure - low) * (1 - (pressure - low) / (high - low)) * (pressure != 0)
+    total, free = operator.mean(pressure), operator.mean(room)
+    # If all points are at a bound, those above the lower bound exceed theirs, or all points do.
+    above = jnp.where(total > low, pressure - low, 1)
+    room = jnp.where(free > 0, room, above)
+    return pressure + room * ((mean - total) / nonzero(operator.mean(room)))
+
+
+def slope(proximal: Callable, v: Field) -> Field:
+    """Returns dy/dv of a law's proximal map: 1 where it fixes the gap, 0 where the pressure."""
+    return jax.jvp(proximal, (v,), (jnp.ones_like(v),))[1]
+
+
+def in_precision(tree, dtype):
+    """Returns a tree with its numbers in a real dtype, complex ones in pairs of it."""
+
+    def convert(a):
+        if not eqx.is_inexact_array(a):
+            return a
+        kind = jnp.result_type(dtype, 1j) if jnp.iscomplexobj(a) else dtype
+        return a if a.dtype == kind else a.astype(kind)
+
+    return jax.tree.map(convert, tree)

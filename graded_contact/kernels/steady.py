@@ -1,0 +1,286 @@
+"""The surface compliance of a stack on the whole half spectrum of a grid, for steady sliding.
+
+A surface moving with velocity v excites the wavevector q at ω = -q·v. To save work:
+
+- Moduli are computed once per row of equal q_x: for sliding along x, ω depends on the row only.
+- The geometry uses real arithmetic if Poisson's ratio is real.
+- Rows of -q_x follow by conjugation.
+- Rows are computed in blocks that fit the cache, so temporaries do not grow with the grid;
+  derivatives recompute a block instead of storing it.
+- Graded and long stacks are interpolated from a table of few wavevectors if that is less work
+  (`table`).
+"""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Inexact
+
+from ..blocks.stack import Stack, is_graded
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_increasing,
+    check_rows,
+    check_types,
+    check_values,
+    is_concrete,
+)
+from ..core.compilation import compiled
+from ..core.derivative import derivative_apart
+from ..core.memory import KERNEL, check_memory
+from ..fields.devices import num_devices, required, spread, whole_along
+from ..fields.frequency import sliding_frequency
+from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero_mode
+from ..materials.softening import at_strain, softens
+from ..response.compliance import compliance_of, log_compliance
+from ..response.grading import checked_velocity, graded_tolerance
+from .table import KernelTable, tabulate
+
+_BLOCK_ROWS = 16
+# With so few layers, or points of the grid, direct evaluation is faster than a table.
+_FEW_LAYERS, _FEW_POINTS = 6, 192**2
+
+
+_NOT_REACHED = (
+    "The tolerance was not reached in a kernel: the profile of a graded layer varies too sharply. "
+    "Put boundaries at its jumps, list its kinks in `breaks`, pass a larger `rtol`, or call "
+    "`stack_kernel` outside `jit`, `vmap` and derivatives, where it can evaluate all waves."
+)
+
+
+@check_types
+def stack_kernel(
+    stack: Stack,
+    grid: Grid,
+    velocity: Numbers = 0.0,
+    *,
+    rtol: float | None = None,
+    strain: tuple[Numbers, Numbers] | None = None,
+) -> Inexact[Array, "*half"]:
+    """Returns M_zz [m/Pa] of a stack on the half spectrum of a grid, for steady sliding.
+
+    Up to six homogeneous layers are evaluated at every wavevector, to rounding. Longer stacks
+    and graded layers are interpolated from a table on grids of some size if the velocity is
+    along x; `kernel_table` shows its cost and error. A table that misses `rtol` is replaced by
+    direct evaluation; under `jit`, where that cannot be decided, it is an error.
+
+    **Arguments:**
+
+    - `stack`: the block.
+    - `grid`: the periodic cell.
+    - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
+    - `rtol`: relative tolerance of graded and long stacks; by default that of the stack.
+    - `strain`: wavenumbers [rad/m], ascending, and amplitudes ε [1] at them, for a block with
+      `materials.StrainSoftening`: each wave has the modulus at its ε, linear in between.
+
+    **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
+    displacement is part of the mean gap). Nyquist lines have the real part of the mean over both
+    signs of that component of q: then the operator is real, and so is its inverse. The kernel is
+    real if every material is elastic.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
+    """
+    how = dict(rtol=rtol, strain=strain)
+    kernel, reached = attempted_kernel(stack, grid, velocity, choosing=False, **how)
+    return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
+
+
+def attempted_kernel(
+    stack: Stack, grid: Grid, velocity, *, rtol=None, strain=None, choosing=True
+) -> tuple[Inexact[Array, "*half"], Bool[Array, ""] | bool]:
+    """Returns the kernel, and whether it reached its tolerance; does not raise.
+
+    Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed. If
+    `choosing`, a table that misses it gives way to direct evaluation under `jit`, too: both are
+    compiled.
+    """
+    velocity = checked_velocity(stack, grid, velocity)
+    rtol = graded_tolerance(stack, rtol, grid.size)
+    oblique, size = velocity.ndim > 0, grid.size
+    check_memory("grid", "a kernel", KERNEL, grid.shape, size.dtype.itemsize, num_devices(size))
+    if strain is not None:
+        q, amplitude = strain = as_float(strain[0], "strain[0]"), as_float(strain[1], "strain[1]")
+        check_rows(2, **{"strain[0]": q, "strain[1]": amplitude})
+        check_increasing("strain[0]", q)
+        check_values("strain[1]", amplitude, "a strain [1] is 0 or positive", at_least=0)
+        if not softens(stack):
+            raise ValueError("`stack` holds no `StrainSoftening`: `strain` changes nothing.")
+
+    def direct():
+        kernel = _direct_kernel(stack, grid, velocity, rtol, strain)
+        return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else True
+
+    if strain is None and not oblique and grid.ndim == 2 and is_dear(stack, math.prod(grid.shape)):
+        kernel, error = _interpolated_kernel(stack, grid, velocity, rtol)
+        # NaN comes from a node that could not be solved; nor could its neighbours be.
+        table, missed = (kernel, error <= rtol), error > rtol
+        if choosing and not is_concrete(error):
+            return jax.lax.cond(missed, direct, lambda: table)
+        if not is_concrete(error) or not missed:
+            return table
+    return direct()
+
+
+@check_types
+def kernel_table(
+    stack: Stack,
+    grid: Grid,
+    velocity: Numbers = 0.0,
+    *,
+    rtol: float | None = None,
+) -> KernelTable:
+    """Returns the table of log(q M_zz) from which `stack_kernel` interpolates.
+
+    `.num_evaluations` counts the wavevectors at which the stack was solved and `.error` is the
+    estimated relative error of the kernel. Arguments as in `stack_kernel`; the grid must have
+    two dimensions and the velocity be along x.
+
+    **Arguments:**
+
+    - `stack`, `grid`, `velocity`, `rtol`: as in `stack_kernel`.
+
+    **Returns:** the table, with its cost and error.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    velocity = checked_velocity(stack, grid, velocity)
+    rtol = graded_tolerance(stack, rtol, grid.size)
+    if grid.ndim == 1 or velocity.ndim == 1:
+        raise ValueError("A table needs a `grid` of two dimensions and sliding along x.")
+    return _kernel_table(stack, grid, velocity, rtol)
+
+
+def is_dear(stack: Stack, num_points: int) -> bool:
+    """Returns whether a table is less work than the response of a stack at so many points."""
+    many = is_graded(stack) or len(stack.layers) > _FEW_LAYERS
+    return bool(many and num_points > _FEW_POINTS)
+
+
+@derivative_apart
+@compiled
+def _direct_kernel(stack, grid, velocity, rtol, strain):
+    def response(block, q, omega):
+        return [compliance_of(block, q, omega, rtol, throw=False)]
+
+    return of_waves(response, stack, grid, velocity, strain)[0]
+
+
+def of_waves(
+    response: Callable[..., list[Array]], stack: Stack, grid: Grid, velocity: Array, strain: Any
+) -> list[Inexact[Array, "*half"]]:
+    """Returns the parts of a response on the half spectrum of a grid, each by its rules.
+
+    `response(block, q, omega)` returns its parts at these waves, functions of |q| and ω.
+    """
+
+    def rows(qx, qy):
+        # Side by side, as one wider row.
+        return jnp.concatenate(_responses(response, stack, qx, qy, velocity, strain), axis=-1)
+
+    if grid.ndim == 1:
+        # The first wave in place of the mean, which `_rules` sets: a liquid has no modulus at rest.
+        qx = _wavenumbers(grid, 0, np.maximum(np.arange(grid.shape[0] // 2 + 1), 1))
+        found = rows(qx, jnp.zeros_like(qx))
+        return [_rules(part, grid) for part in jnp.split(found, len(found) // len(qx))]
+    kx, ky = both_signs(grid.shape)
+    qy = _wavenumbers(grid, 1, ky)
+    rows_at = lambda index: rows(_wavenumbers(grid, 0, jnp.asarray(kx)[index]), qy)  # noqa: E731
+    oblique = velocity.ndim > 0
+    found = _in_blocks(rows_at, len(kx)) if oblique else _mirrored(rows_at, grid)
+    parts = jnp.split(found, found.shape[1] // qy.shape[1], axis=1)
+    if oblique:
+        parts = [even_on_nyquist(part, grid.shape) for part in parts]
+    return [_rules(part, grid) for part in parts]
+
+
+@derivative_apart
+@compiled
+def _interpolated_kernel(stack, grid, velocity, rtol):
+    """The kernel by its table, and the error of that."""
+    table = _kernel_table(stack, grid, velocity, rtol)
+    numbers = np.arange(grid.shape[1] // 2 + 1)
+    qy, columns = _wavenumbers(grid, 1, numbers), table.along_y(numbers)
+
+    def rows(index):
+        qx = _wavenumbers(grid, 0, index)
+        return jnp.exp(table.along_x(index, columns)) / _magnitude(qx[:, None], qy[None, :])
+
+    return _rules(_mirrored(rows, grid), grid), table.error
+
+
+@compiled
+def _kernel_table(stack, grid, velocity, rtol):
+    lowest = 2 * np.pi / grid.size
+
+    def logarithm(kx, ky, attempt=False):
+        qx, qy = kx * lowest[0], ky * lowest[1]
+        q, omega = _magnitude(qx, qy), sliding_frequency(qx, qy, velocity)
+        return log_compliance(stack, q, omega, rtol, attempt)
+
+    highest = (grid.shape[0] // 2, grid.shape[1] // 2)
+    return tabulate(logarithm, partial(logarithm, attempt=True), highest, rtol, grid.size.dtype)
+
+
+def _mirrored(rows_of, grid):
+    """The kernel of sliding along x: rows of ±q_x are conjugates of each other."""
+    num_rows = grid.shape[0] // 2 + 1
+    kernel = _in_blocks(rows_of, num_rows)
+    # The row of the Nyquist number, if any, is its own mirror image.
+    others = kernel[1 : grid.shape[0] - num_rows + 1][::-1]
+    return jnp.concatenate([kernel, jnp.conj(others)])
+
+
+def _in_blocks(rows_of, num_rows):
+    """All rows of the kernel, computed a block at a time."""
+    # On several devices each takes its columns of every block.
+    block = jax.checkpoint(lambda index: whole_along(rows_of(index), 0))
+    if num_rows <= 2 * _BLOCK_ROWS:
+        return block(np.arange(num_rows))
+    num_blocks = -(-num_rows // _BLOCK_ROWS)
+    rows = np.arange(num_blocks * _BLOCK_ROWS).reshape(num_blocks, _BLOCK_ROWS)
+    # The last block repeats its last row instead of running over the grid.
+    kernel = jax.lax.map(block, np.minimum(rows, num_rows - 1))
+    return kernel.reshape(-1, kernel.shape[-1])[:num_rows]
+
+
+def _wavenumbers(grid, axis, number):
+    """Components of q along an axis."""
+    return (2 * np.pi / grid.size[axis]) * number.astype(grid.size.dtype)
+
+
+def _magnitude(qx, qy):
+    """|q| of broadcast components; q = 0 takes a wavenumber at which everything is finite."""
+    squared = qx**2 + qy**2
+    return jnp.sqrt(jnp.where(squared == 0, 1, squared))
+
+
+def _responses(response, stack, qx, qy, velocity, strain):
+    q = _magnitude(qx, qy)
+    # For sliding along x the frequency keeps the shape of qx: one modulus per row.
+    omega = sliding_frequency(qx, qy, velocity)
+    if strain is None:
+        return response(stack, q, omega)
+
+    # With strain each wave sees another block.
+    def at(q, omega):
+        block = at_strain(stack, jnp.interp(q, *strain))
+        return jnp.concatenate(response(block, q[None], omega[None]))
+
+    return jnp.moveaxis(jnp.vectorize(at, signature="(),()->(n)")(q, omega), -1, 0)
+
+
+def _rules(kernel, grid):
+    """By the rules of the half spectrum, and laid as what leaves a compiled program is."""
+    # The mean displacement belongs to the mean gap.
+    kernel = jnp.where(zero_mode(grid.shape), 0, kernel)
+    if jnp.iscomplexobj(kernel):
+        imag = jnp.where(nyquist_lines(grid.shape), 0, kernel.imag)
+        kernel = jax.lax.complex(kernel.real, imag)
+    return kernel if grid.ndim == 1 else spread(kernel, grid.size)

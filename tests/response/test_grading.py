@@ -1,0 +1,286 @@
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import elasticities
+from stored import Given, cases_of, complex_of
+
+import graded_contact as gc
+from graded_contact.blocks.profile import Blend, Mixture
+from graded_contact.blocks.shapes import ErrorFunction, PowerLaw, Sinusoidal, Table
+from graded_contact.blocks.stack import GradedLayer, Stack
+from graded_contact.response.compliance import graded_compliance, surface_compliance
+from graded_contact.response.layering import Layering
+from graded_contact.response.riccati import Riccati
+
+CASES = cases_of("graded")
+# Half of the compilation, where no second attempt is expected.
+FAST = Layering(retry=False)
+FINE = Layering(num_cells=48, retry=False)
+KINDS, BASES = ("linear", "sinusoidal", "exponential"), ("halfspace", "rigid", "free")
+
+
+class Stored(eqx.Module):
+    """The profiles of the stored cases, in one formula so that all run in one batch."""
+
+    kind: jax.Array
+    unit: jax.Array
+    parameter: jax.Array
+    bottom: jax.Array
+    top: jax.Array
+    reduced: jax.Array
+
+    def __call__(self, s, omega):
+        shapes = [
+            1 + self.parameter * s,
+            1 + s + jnp.sin(2 * jnp.pi * s),
+            jnp.exp(jnp.where(self.kind == 2, self.parameter, 0) * s),
+        ]
+        poisson = self.bottom + (self.top - self.bottom) * s
+        factor = jnp.where(self.reduced, 1 - poisson**2, 1)
+        return self.unit * jnp.select([self.kind == i for i in range(3)], shapes) * factor, poisson
+
+
+def arguments(case):
+    profile, poisson, base = case["profile"], case["nu"], case["substrate"]
+    ends = [poisson] * 2 if isinstance(poisson, str) else [poisson["bottom"], poisson["top"]]
+    stored = Stored(
+        kind=KINDS.index(profile["kind"]),
+        unit=complex_of(profile["E0"]),
+        parameter=float(profile.get("a", profile.get("k", 0))),
+        bottom=float(ends[0]),
+        top=float(ends[1]),
+        reduced=profile["of"] == "E_r",
+    )
+    below = [complex_of(base[k]) for k in ("E", "nu")] if "E" in base else [1 + 0j, 0.3 + 0j]
+    q = np.hypot(float(case["q"][0]), float(case["q"][1]))
+    return stored, float(case["depth"]), Given(*below), q
+
+
+def by(solver, stack):
+    """The stack, solved by another solver of graded layers."""
+    return dataclasses.replace(stack, graded_solver=solver)
+
+
+def stack_under(kind, profile, depth, material):
+    base = {"rigid": gc.Rigid(), "free": gc.Free(), "halfspace": gc.HalfSpace(material)}
+    return Stack(layers=(GradedLayer(profile, depth),), base=base[kind])
+
+
+def stored(kind):
+    """The cases of one kind of base, and the arguments of their stacks in one batch."""
+    cases = [c for c in CASES if c["substrate"]["kind"] == kind]
+    return cases, jax.tree.map(lambda *xs: jnp.array(xs), *map(arguments, cases))
+
+
+def errors_and_estimates(solver, rtol):
+    """For all stored cases, one batch for each kind of base."""
+    errors, estimates = [], []
+    for kind in BASES:
+        cases, batch = stored(kind)
+
+        def one(profile, depth, material, q, kind=kind):
+            stack = stack_under(kind, profile, depth, material)
+            return graded_compliance(by(solver, stack), q, 0.0, rtol=rtol, throw=False)
+
+        found = jax.jit(jax.vmap(one))(*batch)
+        expected = np.array([complex_of(c["M_zz"]) for c in cases])
+        errors.append(np.abs(found.value - expected) / np.abs(expected))
+        estimates.append(found.error)
+    return np.concatenate(errors), np.concatenate(estimates)
+
+
+@pytest.mark.parametrize(
+    ("solver", "rtol"),
+    [
+        (FAST, 1e-10),
+        pytest.param(FAST, 1e-4, marks=pytest.mark.slow),
+        pytest.param(Riccati(), 1e-9, marks=pytest.mark.slow),
+    ],
+)
+def test_stored_cases_are_met_and_the_estimate_of_the_error_is_honest(solver, rtol):
+    """mpmath at 50 digits: linear, sinusoidal and exponential, three bases, ν(s) and lossy E."""
+    errors, estimates = errors_and_estimates(solver, rtol)
+    assert len(errors) == 32
+    assert np.max(errors) <= rtol
+    assert np.max(estimates) <= rtol
+    assert np.max(errors / estimates) <= 10
+
+
+DEPTHS = np.array([0.0, 1e-5, 4e-5, 9e-5, 1.2e-4, 1.5e-4])
+WAVE = (np.array([[3e2], [2e4]]), np.array([[-5e2], [1e4]]), 1e3)
+TRACTION = np.array([0.3, 0.5j, 1.0])
+
+
+def fields_in(layer, depths=DEPTHS, graded=FAST, base="halfspace"):
+    """One call of one shape for all tests of fields, so that it compiles once for each base."""
+    stack = Stack(layers=(gc.Layer(GLASS, 2e-5), layer), base=BASE[base])
+    return gc.response.interior_fields(by(graded, stack), *WAVE, TRACTION, depths, rtol=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", BASES)
+def test_differential_equation_and_layers_agree_on_fields_at_depth(base):
+    """Relative to what is left of the fields at that depth, down to 1e-2 of those above."""
+    depths = DEPTHS[:-1] if base == "halfspace" else np.array([*DEPTHS[:-2], 2e-5 + 1e-4])
+    layer = GradedLayer(Blend(RUBBER, HARD), 1e-4)
+    layers, equation = (fields_in(layer, depths, graded, base) for graded in (FINE, Riccati()))
+    for value, expected in zip(layers, equation, strict=True):
+        axes = tuple(range(2, value.ndim))
+        size = np.max(np.abs(expected), axis=axes, keepdims=True)
+        if base == "rigid" and value.ndim == 3:  # the lower face does not move
+            assert not np.any(value[:, -1]) and not np.any(expected[:, -1])
+            size[:, -1] = 1
+        np.testing.assert_allclose(value / size, expected / size, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_differential_equation_keeps_the_digits_of_fields_that_have_decayed():
+    """To e^-50 of those above; a mesh as fine as the decay takes is the reference."""
+    stack = Stack(layers=(GradedLayer(Blend(RUBBER, HARD), 1e-4),), base=gc.Rigid())
+    found, exact = (
+        gc.response.interior_fields(by(graded, stack), 3e5, -4e5, 1e3, TRACTION, 1e-4, rtol=1e-8)
+        for graded in (Riccati(), Layering(num_cells=300, retry=False))
+    )
+    size = np.max(np.abs(exact.stress))
+    assert size < 1e-19
+    np.testing.assert_allclose(found.stress / size, exact.stress / size, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_estimate_is_honest_on_meshes_that_are_too_coarse():
+    for num_cells in (2, 5):
+        errors, estimates = errors_and_estimates(Layering(num_cells=num_cells, retry=False), 1e-3)
+        assert np.max(errors / estimates) <= 10
+
+
+RUBBER = gc.Prony(2e6, [3e7, 4e6], [1e-4, 1e-2], 0.49)
+HARD = gc.Prony(1e7, [2e8, 5e7], [3e-4, 1e-2], 0.4)
+GLASS = gc.Prony(5e8, [1e9], [1e-3], 0.3)
+BASE = {"halfspace": gc.HalfSpace(gc.Elastic(3e6, 0.45)), "rigid": gc.Rigid(), "free": gc.Free()}
+Q, OMEGA = np.geomspace(1e1, 1e6, 6), np.geomspace(1, 1e6, 6)[::-1].copy()
+
+
+def test_a_constant_profile_is_a_uniform_layer_and_no_thickness_no_layer():
+    q = np.geomspace(1e-1, 1e9, 12)  # q d from 1e-4 to 1e6
+    coat, layer = gc.Layer(GLASS, 1e-5), gc.Layer(RUBBER, 1e-3)
+    none, constant = (
+        GradedLayer(Blend(RUBBER, GLASS), 0.0),
+        GradedLayer(Blend(RUBBER, RUBBER), 1e-3),
+    )
+    graded = Stack(layers=(coat, none, constant), base=gc.Free())
+    found = surface_compliance(by(FAST, graded), q, 1e3, rtol=1e-7)
+    expected = surface_compliance(Stack(layers=(coat, layer), base=gc.Free()), q, 1e3)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def sandwich(base):
+    """Two graded layers, uniform ones above, between and below, every profile of complex E."""
+    kinked = Table([0.0, 0.3, 0.45, 1.0], [0.0, 0.9, 0.95, 1.0])
+    return Stack(
+        layers=(
+            gc.Layer(GLASS, 2e-5),
+            GradedLayer(Blend(RUBBER, GLASS, ErrorFunction(0.6, 0.2), "logarithmic"), 1e-4),
+            gc.Layer(RUBBER, 5e-5),
+            GradedLayer(Blend(GLASS, RUBBER, kinked), 4e-4),
+            gc.Layer(RUBBER, 1e-4),
+        ),
+        base=BASE[base],
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", BASES)
+def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
+    stack = sandwich(base)
+    layers = graded_compliance(by(FINE, stack), Q, OMEGA, rtol=1e-10)
+    equation = graded_compliance(by(Riccati(), stack), Q, OMEGA, rtol=1e-9)
+    np.testing.assert_allclose(equation.value, layers.value, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "solver",
+    [Layering(num_cells=4, retry=False), pytest.param(Riccati(), marks=pytest.mark.slow)],
+    ids=["layers", "equation"],
+)
+def test_gradient_by_every_leaf_matches_central_differences(solver):
+    shape = Table([0.0, 0.4, 1.0], [0.1, 0.5, 0.8])
+    stack = Stack(
+        layers=(gc.Layer(GLASS, 2e-5), GradedLayer(Mixture(RUBBER, GLASS, shape), 3e-4)),
+        base=gc.HalfSpace(RUBBER),
+    )
+
+    def value(stack, q, omega):
+        found = graded_compliance(by(solver, stack), q, omega, rtol=1e-10, throw=False)
+        return jnp.log(jnp.abs(found.value.real)) + 3 * jnp.log(-found.value.imag)
+
+    arguments = (stack, jnp.asarray(2e4), jnp.asarray(5e3))
+    # The ends of the table are 0 and 1.
+    for slope, difference in elasticities(value, arguments, 1e-4, fixed=(0.0, 1.0)):
+        assert abs(difference - slope) <= 1e-6
+
+
+def test_compliance_is_passive_and_hermitian():
+    profile = Mixture(RUBBER, GLASS, Sinusoidal(0.05, 1.0))
+    stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=BASE["halfspace"])
+    q, omega = jnp.geomspace(1e1, 1e6, 60)[:, None], jnp.geomspace(1e-1, 1e7, 5)
+    table, conjugate = (
+        graded_compliance(by(FINE, stack), q, w, rtol=1e-6).value for w in (omega, -omega)
+    )
+    assert table.shape == (60, 5)
+    np.testing.assert_allclose(conjugate, np.conj(table), rtol=1e-14)
+    assert np.all(table.imag <= 0)
+    assert np.all(table.real > 0)
+
+
+def test_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():
+    q = 2 * jnp.pi / jnp.geomspace(1e-10, 40.0, 48)
+    ends = gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3)
+    for exponent in (20.0, 100.0):
+        profile = Blend(*ends, PowerLaw(exponent))
+        stack = Stack(layers=(GradedLayer(profile, 1e-2),), base=gc.HalfSpace(ends[0]))
+        found, fine = (
+            graded_compliance(by(Layering(num_cells=n, retry=False), stack), q, 0.0, throw=False)
+            for n in (12, 120)
+        )
+        error = np.abs(found.value / fine.value - 1)
+        assert np.max(error) > 1e-8
+        assert np.all(error <= 3 * found.error + fine.error)
+
+
+class Fails(gc.blocks.AbstractGradedSolver):
+    rtol: float | None = None
+
+    def solve(self, climb, measure, stack, q, omega, rtol):
+        return (jnp.full_like(q, jnp.nan),), jnp.full_like(q, jnp.nan)
+
+
+def test_sharp_profile_is_retried_on_a_finer_mesh():
+    sharp = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3), Sinusoidal(0.05, 5.0))
+    stack = Stack(layers=(GradedLayer(sharp, 1e-3),), base=gc.Rigid())
+    coarse = graded_compliance(by(FAST, stack), 3e3, 0.0, throw=False)
+    assert coarse.error > 1e-9
+    fine = graded_compliance(stack, 3e3, 0.0)
+    assert fine.error <= 1e-9
+    assert abs(coarse.value / fine.value - 1) <= 10 * coarse.error
+
+
+def test_tolerance_that_is_not_reached_is_an_error():
+    """Known at once, or only when it runs: there a profile may even turn out to be NaN."""
+
+    def rough(s, omega):
+        return 1e6 * (1 + jnp.abs(jnp.sin(9 * s))), 0.3
+
+    def value(profile):
+        stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=gc.Rigid())
+        return surface_compliance(stack, 3e3, 0.0)
+
+    stack = Stack(layers=(GradedLayer(rough, 1e-3),), base=gc.Rigid())
+    assert graded_compliance(stack, 3e3, 0.0, throw=False).error > 1e-9
+    with pytest.raises(Exception, match="tolerance was not reached in a graded layer"):
+        surface_compliance(stack, 3e3, 0.0).block_until_ready()
+    with pytest.raises(Exception, match="tolerance was not reached"):
+        jax.jit(lambda x: value(lambda s, _: (1e6 * jnp.log(x - s), 0.3)))(0.5).block_until_ready()
