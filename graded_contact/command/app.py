@@ -63,7 +63,8 @@ def prepare(
     """Switches on double precision and the cache of compiled code, before a job begins."""
     options = ONE_THREAD | (LESS_WORK if jax.__version_info__[:2] == (0, 10) else {})
     given = os.environ.get("XLA_FLAGS", "")
-    flags = [f"--{n}={str(value).lower()}" for n, value in options.items() if n not in given]
+    words = {n: str(v).lower() if isinstance(v, bool) else v for n, v in options.items()}
+    flags = [f"--{name}={word}" for name, word in words.items() if name not in given]
     os.environ["XLA_FLAGS"] = " ".join([given, *flags]).strip()
     jax.config.update("jax_enable_x64", True)
     if not jax.config.values["jax_compilation_cache_dir"]:

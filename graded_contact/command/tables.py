@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.caveats import caveats_of
 from ..core.display import UNKNOWN, unit_of, with_error
-from ..core.quantities import CYCLE, HISTORY, STEADY, in_brackets
+from ..core.quantities import CYCLE, TRANSIENT, STEADY, in_brackets
 from ..plot.sweeps import SEED_ERROR, over_seeds, place_of
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def warnings_in(results: "Dataset") -> list[str]:
     solved = results["message"] == ""
     zero = np.zeros(results["message"].shape)
     kind = (
-        STEADY if "time" not in results.dims else HISTORY if "field_time" in results.dims else CYCLE
+        STEADY if "time" not in results.dims else TRANSIENT if "field_time" in results.dims else CYCLE
     )
     known = lambda name: results[name].where(solved).values if name in results else zero  # noqa: E731
     return [caveat.sentence for caveat in caveats_of(known, kind)]

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..blocks import Free, GradedLayer, HalfSpace, Layer, Layering, Riccati, Rigid
+from ..blocks import Free, GradedLayer, HalfSpace, Layer, Rigid
 from ..blocks.profile import Blend
 from ..blocks.shapes import ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from ..contacts import AdhesiveLJ, ExponentialAdhesion, HardWall, RepulsiveLJ
@@ -26,12 +26,13 @@ from ..materials import (
 from ..materials.shift import LAWS
 from ..readers import read_moduli, read_surface
 from ..readers.recorded_motion import read_motion, read_over_time
+from ..response import Layering, Riccati
 from ..sliding import (
     SingleMotion,
     dwell,
     listed,
     ramp,
-    recorded_once,
+    recorded_transient,
     sinusoidal,
     start,
     start_stop,
@@ -93,10 +94,10 @@ def measured(
     return rescale(surface, rms_height=rms_height, rms_slope=rms_slope)
 
 
-def recorded_transient(path: os.PathLike, grid: Grid) -> SingleMotion:
+def read_transient(path: os.PathLike, grid: Grid) -> SingleMotion:
     """Returns the motion of a table "time [s], displacement [m]" that need not close."""
     times, displacement = read_over_time(path, "displacements")[:2]
-    return recorded_once(times, displacement, grid)
+    return recorded_transient(times, displacement, grid)
 
 
 MATERIALS = {
@@ -116,7 +117,7 @@ TRANSIENTS = {
     "ramp": ramp,
     "dwell": dwell,
     "listed": listed,
-    "recorded": recorded_transient,
+    "recorded": read_transient,
 }
 CONTACT_LAWS = {
     "hard_wall": HardWall,

@@ -18,9 +18,9 @@ from jaxtyping import Array, Float
 from ..core.quantities import FIELDS, numbers_of, quantity_of
 from ..fields.frequency import velocity_along
 from ..materials.shift import shifts_in
-from ..sliding import Motion, SingleMotion, solve
-from ..sliding.contact_stress import STRESSES
-from ..sliding.history import solve_history
+from ..sliding import Motion, SingleMotion, slide_case
+from ..sliding.interior.stress import STRESSES
+from ..sliding.transient.solve import solve_transient
 from ..studies.sweep import sweep
 from .scene import Scene
 
@@ -73,9 +73,9 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     case = scene.case(point)
     if isinstance(scene.motion, SingleMotion):
         how = scene.numerics.of(case.bodies, case.rough)
-        contact: Any = solve_history(case, how, frames_of(scene))
+        contact: Any = solve_transient(case, how, frames_of(scene))
     else:
-        contact = solve(case, scene.numerics)
+        contact = slide_case(case, scene.numerics)
     asked = {*scene.observe.asked, *([] if scene.fluid is None else ["flow"])}
     names = [n for n in numbers_of(contact.kind, contact.facts | asked) if n not in scene.axes]
     found = dict(zip(names, contact.compute(*names), strict=True))

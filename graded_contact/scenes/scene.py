@@ -53,7 +53,7 @@ from .loads import (
 
 NEEDED = ("surface", "materials", "base", "load")
 TABLES = (
-    *NEEDED, "title", "grid", "block_surface", "layers", "counter", "sweep", "motion", "law",
+    *NEEDED, "title", "grid", "block_surface", "layers", "counterface", "sweep", "motion", "law",
     "shear", "heating", "fluid", "observe", "solver", "output",
 )  # fmt: skip
 
@@ -121,7 +121,7 @@ class Scene:
     **Fields:**
 
     - `text`, `title`: of the file.
-    - `bodies`: the block, and the counter or None.
+    - `bodies`: the block, and the counterface or None.
     - `surface`, `block_surface`: rough surfaces, or the function that draws them from a seed.
     - `axes`: values of what varies, by name: paths of numbers of the bodies, such as
       "layers[0].thickness", "seed", and the loads. Each has at least one value.
@@ -234,10 +234,12 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     if "block_surface" in tables:
         own = {"seed": 1, **tables["block_surface"]}  # another surface with the same spectrum
         block_surface, _ = surface_of(builder, "block_surface", own, first.grid)
-    counter = tables.get("counter")
+    counterface = tables.get("counterface")
     bodies = TwoBodies(
         body_of(builder, "", tables, graded_solver),
-        None if counter is None else body_of(builder, "counter.", counter, graded_solver),
+        None
+        if counterface is None
+        else body_of(builder, "counterface.", counterface, graded_solver),
     )
     scene = Scene(
         text=text,
