@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.caveats import caveats_of
 from ..core.display import UNKNOWN, unit_of, with_error
-from ..core.quantities import CYCLE, TRANSIENT, STEADY, in_brackets
+from ..core.quantities import CYCLE, STEADY, TRANSIENT, in_brackets
 from ..plot.sweeps import SEED_ERROR, over_seeds, place_of
 
 if TYPE_CHECKING:
