@@ -176,7 +176,7 @@ def isotropic_spectrum(surface: Surface, num_bins: int = 40) -> SpectrumTable:
         raise ValueError("`surface` must have two dimensions: a profile has no isotropic C(q).")
     q, density = map(np.asarray, radial_spectrum(surface, num_bins))
     filled = density > 0  # not where it is NaN
-    return SpectrumTable(q[filled], density[filled], surface.history, surface.caveats)
+    return SpectrumTable(q[filled], density[filled], surface.history, surface.warnings)
 
 
 @compiled
