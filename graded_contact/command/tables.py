@@ -96,7 +96,7 @@ def _cell(value: float, error: float) -> str:
 
 
 def warnings_in(results: "Dataset") -> list[str]:
-    """Returns why numbers of solves are doubtful although they succeeded."""
+    """Returns the warnings about surfaces, and about numbers of solves that succeeded."""
     solved = results["message"] == ""
     zero = np.zeros(results["message"].shape)
     kind = (
@@ -107,4 +107,5 @@ def warnings_in(results: "Dataset") -> list[str]:
         else CYCLE
     )
     known = lambda name: results[name].where(solved).values if name in results else zero  # noqa: E731
-    return [caveat.sentence for caveat in caveats_of(known, kind)]
+    of_surfaces = [*filter(None, results.attrs["warnings"].split("\n"))]
+    return of_surfaces + [caveat.sentence for caveat in caveats_of(known, kind)]

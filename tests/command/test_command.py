@@ -95,8 +95,8 @@ def test_a_solve_that_does_not_converge_has_no_numbers_in_the_table(tmp_path):
     result = command("run", tmp_path / "scene.toml", "-o", tmp_path)
     assert result.exit_code == 1
     assert "2 of 2 solves: " in result.stdout and "max_steps" in result.stdout
-    rows = [line.split() for line in result.stdout.splitlines() if line.startswith(("0.01", "1 "))]
-    assert len(rows) == 2 and all(set(row[1:]) == {"—"} for row in rows)
+    rows = [line.split() for line in result.stdout.splitlines() if "—" in line]
+    assert [row[0] for row in rows] == ["0.01", "1"] and {*rows[0][1:], *rows[1][1:]} == {"—"}
     assert not list(tmp_path.glob("*.png"))
     assert np.all(read_results(tmp_path / "scene.h5").error > 1e-6)
 
