@@ -190,9 +190,6 @@ def calls():
         (gc.minimise, dict(objective=square) | bounds | search),
         (gc.studies.scatter, dict(objective=square, parameters={"a": 2.0}, spread=0.1,
          num_samples=4, seed=0)),
-        (gc.read_moduli, dict(path="missing.csv", kind="frequency")),
-        (gc.readers.read_strain_sweep, dict(path="missing.csv", units={}, step="1")),
-        (gc.read_surface, dict(path="missing.x3p", periodic="window")),
     ]  # fmt: skip
 
 
