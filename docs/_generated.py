@@ -59,75 +59,11 @@ TABLES: dict[str, Callable] = {
         for key, nested in kinds.NESTED.items()
         for kind, make in nested.items()
     },
-<<<<<<< HEAD
     "[heating]": Heating,
     "[fluid]": Fluid,
     "[observe]": scene.Observe,
     "[solver] (and `rtol`)": DouglasRachford,
     "[output]": scene.Output,
-=======
-    "[grid]": {Grid: keys_of(Grid)},
-    "[materials.NAME], any kind": {gc.studies.read_errors: (block.ERRORS, block.ASSUMED)},
-    **{
-        f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
-        for kind, make in {
-            **block.MATERIALS,
-            "tabulated": block.Block.tabulated,
-            "strain_sweep": block.Block.strain_sweep,
-        }.items()
-    },
-    "[[layers]]": {Layer: keys_of(Layer), Blend: keys_of(Blend)},
-    "`bond` of [[layers]]": {Bond: keys_of(Bond), Film: keys_of(Film)},
-    '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
-        HalfSpace: keys_of(HalfSpace)
-    },
-    "[counterface]": {scene_file.CounterfaceTables: keys_of(scene_file.CounterfaceTables)},
-    "[load]": {scene.Scene: scene_file.KEYS["[load]"]},
-    "[motion], any kind": {once.motion_of: (once.ONCE, once.THEN)},
-    "[heating]": {Heating: keys_of(Heating)},
-    "[fluid]": {Fluid: keys_of(Fluid)},
-    "[observe]": {scene.Observe: keys_of(scene.Observe)},
-    "[solver]": {
-        scene.Scene: scene_file.KEYS["[solver]"][:1],
-        Stack: scene_file.KEYS["[solver]"][1:],
-        DouglasRachford: keys_of(DouglasRachford),
-    },
-    "[output]": {scene.Scene: scene_file.KEYS["[output]"]},
-    **{
-        f'{place}, kind = "{kind}"': {make: keys_of(make, "grid")}
-        for place, kinds in zip(SHORT, block.KIND_MAKERS.values(), strict=True)
-        for kind, make in kinds.items()
-    },
-    '[motion], once = true, kind = "recorded"': {
-        block.Block.recorded_transient: keys_of(block.Block.recorded_transient, "grid")
-    },
-    "[design]": {
-        DesignScene: (OBJECTIVE, *keys_of(DesignScene, "scene", "spectrum", "objective", "limits")),
-        Limits: keys_of(Limits),
-    },
-    '[design], objective = "friction"': {near_goal: keys_of(near_goal, "name", "scene")},
-    '[design], objective = "flat_loss_tangent"': {
-        flat_loss_tangent: keys_of(flat_loss_tangent, "name", "scene")
-    },
-    "[design.limits]": {Limits: tuple(Key(name, float, None) for name in LIMIT_KEYS)},
-    "[design.stiffness]": {Stiffness: keys_of(Stiffness)},
-}
-WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", dict: "tables"}
-# Of keys that become fields of another name.
-MEANINGS = {
-    "rms_height": "rms height [m], instead of `rms_slope`.",
-    "rms_slope": "rms slope [1], instead of `rms_height`.",
-    "q_low": "lowest wavenumber [rad/m]; by default 2π over the longest edge of the grid.",
-    "errors": "file NAME-errors.csv of `graded-contact fit`: friction then has its standard error.",
-    "assumed": "what its numbers rest on and nobody stated; each is a caveat of the results.",
-}
-MEANINGS |= {
-    "once": "true for what happens once; nothing touches before t = 0.",
-    "then": "motions that follow with `once = true`, each a table [[motion.then]] with a `kind`.",
-}
-MEANINGS |= {
-    key: f"{CRITERIA[name].words} [{CRITERIA[name].unit}]." for key, (name, _) in LIMIT_KEYS.items()
->>>>>>> main
 }
 LONG = 30  # rows that are shown only when asked for
 

@@ -314,7 +314,6 @@ def in_table(table, line):
     return "[solver]", f"[{table}]\n{line}\n[solver]"
 
 
-<<<<<<< HEAD
 HALF_SPACE = '[base]\nkind = "half_space"\nmaterial = "tread"'
 # What is changed, each text for the next, and the table and key that the refusal names.
 REFUSED = [
@@ -361,21 +360,6 @@ REFUSED = [
     (in_table("[motion]", 'kind = "dwell"\nduration = 1.0'), "[load]", "velocity"),
     (("title", "= title"), "line 2", "Invalid"),
 ]  # fmt: skip
-=======
-@pytest.mark.parametrize(
-    "lines, expected",
-    [
-        ('kind = "prony"\nequilibrium = 1e6\nstrengths = [2e6, 3e6]\ntimes = [1.0, 0.1]\n'
-         'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 293.15}', gc.Prony(1e6,
-         [2e6, 3e6], [1.0, 0.1], 0.5, gc.Arrhenius(1e5, 293.15))),
-        ('kind = "prony_creep"\nglassy = 1e9\ncompliances = [1e-7]\ntimes = [1.0]\npoisson=0.3',
-         gc.Prony.from_creep(1e9, [1e-7], [1.0], 0.3)),
-    ],
-)  # fmt: skip
-def test_materials_are_those_of_the_constructors(lines, expected):
-    scene = parse_scene(changed('kind = "elastic"\nyoung = 2e7\npoisson = 0.4', lines))
-    assert eqx.tree_equal(scene.stack.layers[0].material, expected)
->>>>>>> main
 
 
 @pytest.mark.parametrize("texts, place, word", REFUSED, ids=lambda part: str(part)[:40])
