@@ -93,7 +93,7 @@ def read_measured(moduli_files, temperature, **options) -> Measured:
     try:
         measured = read_moduli(moduli_files, temperature=kelvin, **options)
     except NotPlain as error:
-        raise ValueError(error.with_remedy(error.flags)) from error
+        raise ValueError(error.with_remedy(f"To read it, complete: {error.flags}")) from error
     for sentence in measured.history:
         typer.echo(sentence)
     return measured
@@ -150,7 +150,7 @@ def fitted_files(
             (path,) = moduli_files
             series = read_prony(path, glassy=glassy, equilibrium=equilibrium, **options)
         except NotPlain as error:
-            raise ValueError(error.with_remedy(error.flags)) from error
+            raise ValueError(error.with_remedy(f"To read it, complete: {error.flags}")) from error
         report = "The file holds a Prony series: nothing is fitted."
         return MaterialFit(series, None, report, {}), []
     measured = read_measured(moduli_files, temperature, **options)

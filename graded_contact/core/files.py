@@ -88,12 +88,17 @@ def read_file(path: str | os.PathLike, at_most: float | None = None) -> bytes:
         raise FileNotFoundError(f"`path={path}` does not exist.")
     if not path.is_file():
         raise ValueError(f"`path={path}` is a folder or a device; a file is needed.")
-    size, most = path.stat().st_size, _memory() if at_most is None else at_most
+    check_fits(path, path.stat().st_size, at_most)
+    return path.read_bytes()
+
+
+def check_fits(path: Path, size: float, at_most: float | None = None) -> None:
+    """Raises `ValueError` for more bytes than are allowed, by default those of the memory."""
+    most = _memory() if at_most is None else at_most
     if size > most:
         raise ValueError(
             f"`path={path}` has {_megabytes(size)}; at most {_megabytes(most)} can be read."
         )
-    return path.read_bytes()
 
 
 def read_utf8(path: str | os.PathLike, at_most: float | None = None) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .heights import Heights, from_lines
-from .tables import Source
+from .source import Source
 from .units import metres
 
 

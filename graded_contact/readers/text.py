@@ -5,7 +5,8 @@ import numpy as np
 from .columns import Quantity, quantity_of, understood
 from .heights import Heights, from_lines, step_of
 from .layouts import number_in, text_lines
-from .tables import NotPlain, Source, Table, read_table
+from .source import NotPlain, Source
+from .tables import Table, read_table
 
 _POINTS = {
     "x": Quantity("length", r"x|xposition|position|distance"),

@@ -373,7 +373,9 @@ def test_a_search_shows_its_starts_constraints_and_parameters():
         )
         runs.append(run)
     parameters = {"skin": {"thickness": 1e-5}, "speeds": np.array([2.0])}
-    design = SimpleNamespace(runs=runs, best=runs[1], parameters=parameters, constraints={"cost": 0.2})
+    design = SimpleNamespace(
+        runs=runs, best=runs[1], parameters=parameters, constraints={"cost": 0.2}
+    )
     figure = gc.plot.plot_search(design)
     check_labels(figure)
     value, limit, ratio = figure.axes
