@@ -38,9 +38,8 @@ if TYPE_CHECKING:
     from . import design, fitting, page, plot, readers, scenes, studies
     from .design import minimise
     from .fitting import fit_prony, master_curve
-    from .page import explore
     from .readers import read_moduli, read_surface
-    from .scenes import plan, read_results, read_scene
+    from .scenes import read_results, read_scene, run_scene
     from .studies import propagate, sensitivity, sweep
 
 __version__ = "0.1.0"
@@ -54,7 +53,7 @@ __all__ = [  # noqa: RUF022 (in the order in which data flow; the rooms last)
     "slide", "slide_cycle", "slide_transient", "Sliding", "Case", "mean_field_friction",
     "read_moduli", "fit_prony", "master_curve",
     "sweep", "propagate", "sensitivity", "minimise", "with_values", "jit",
-    "read_scene", "plan", "read_results", "explore",
+    "read_scene", "run_scene", "read_results",
     "materials", "blocks", "response", "kernels", "surfaces", "contacts", "sliding", "mean_field",
     "fitting", "readers", "studies", "design", "scenes", "plot", "page", "fields", "core",
 ]  # fmt: skip
@@ -65,9 +64,9 @@ _LATE = {
     "readers": ("read_moduli", "read_surface"),
     "studies": ("sweep", "propagate", "sensitivity"),
     "design": ("minimise",),
-    "scenes": ("read_scene", "plan", "read_results"),
+    "scenes": ("read_scene", "run_scene", "read_results"),
     "plot": (),
-    "page": ("explore",),
+    "page": (),
 }
 
 
