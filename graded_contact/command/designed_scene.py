@@ -68,8 +68,6 @@ def _owner_of(content: dict[str, Any], path: str) -> dict[str, Any]:
     """The table that names the material at a path of the block."""
     head, *inner, _ = path.split(".")
     table = content["base"] if head == "base" else content["layers"][layer_of(path)]
-    if inner == ["bond"]:
-        return table["bond"]
     if inner not in ([], ["profile"]):
         raise ValueError(f"{path} is part of a material that several parts of the block share.")
     return table

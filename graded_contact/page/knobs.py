@@ -6,7 +6,6 @@ Every number with a usual range (`core/quantities.py`) has a knob, which acts by
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..blocks.bond import Film
 from ..core.parameters import arrays, with_values
 from ..core.quantities import Usual, quantity_of
 from ..materials.material import Prony
@@ -111,9 +110,8 @@ def knobs_of(
         value, name = float(number), materials.get(owner.removeprefix("stack."))
         label = usual.label if name is None else f"{name}: {usual.label}"
         if last == "thickness":
-            film = "film " if isinstance(part, Film) else ""
-            label = f"layer {layer_of(path) + 1} {film}{usual.label}"
-            if value == 0 and not film:
+            label = f"layer {layer_of(path) + 1} {usual.label}"
+            if value == 0:
                 raise ValueError(f"`{label}` = 0 is refused: remove the layer.")
         if value == 0 and usual.step is None:
             continue  # no range

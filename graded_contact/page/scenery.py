@@ -163,7 +163,7 @@ def with_numbers(document: Document, before: Any, after: Any) -> Document:
             if part == "shift":
                 raise ValueError(f"no table takes the number at {path.removeprefix('stack.')!r}.")
             table = content["layers"][layer_of(path)]
-            table = table[part] if part in ("bond", "shape") else table
+            table = table[part] if part == "shape" else table
         else:
             table = content[head if owner else "load"]
         if np.ndim(new[path]):

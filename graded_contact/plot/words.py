@@ -39,11 +39,8 @@ def title_of(name: str, scene: str = "") -> str:
     table = tables.get("base", {}) if base else dict(enumerate(layers)).get(int(layer), {})
     # A path inside a graded layer names which of its two materials it means.
     end = next((end for end in ("bottom", "top") if f".{end}." in rest), "material")
-    if rest.startswith("bond.") and not quantity.name.startswith("Bond."):
-        table, place = table.get("bond", {}), f"{place} film"
     owner = table.get(end, place)
-    parts = [*layers, *(one.get("bond", {}) for one in layers)]
-    if sum(owner in map(one.get, ("material", "bottom", "top")) for one in parts) > 1:
+    if sum(owner in map(one.get, ("material", "bottom", "top")) for one in layers) > 1:
         owner = f"{place} ({owner})"  # a material of several layers
     # The material or the number already tells that it is of a layer.
     meaning = quantity.meaning.removeprefix("layer ")

@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import ScalarLike
 
-from ..blocks.bond import AbstractBond, Bond, Film
 from ..blocks.profile import Blend
 from ..blocks.shapes import AbstractShape, ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from ..blocks.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
@@ -108,7 +107,7 @@ class Block:
         self.notes: list[str] = []
         self.assumed: list[str] = []
         self.reader = TableReader(folder, KIND_MAKERS, {
-            AbstractMaterial: self._named, AbstractBond: self._bond,
+            AbstractMaterial: self._named,
         })  # fmt: skip
 
     def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
@@ -162,12 +161,6 @@ class Block:
         rest, profile = self.reader.arguments(place, table, keys_of(GradedLayer), keys_of(Blend))
         with within(place):
             return GradedLayer(profile=Blend(**profile), **rest)
-
-    def _bond(self, place: str, key: str, table: Any) -> Bond | Film:
-        place = f"{place[:-1]}.{key}]"
-        check_keys(place, table, [key.name for key in (*keys_of(Bond), *keys_of(Film))])
-        # A bond is a film if it names a material.
-        return self.reader.build(place, table, Film if "material" in table else Bond)
 
     def _named(self, place: str, key: str, value: Any) -> AbstractMaterial:
         name = self.reader.value(place, Key(key, str), value)

@@ -31,7 +31,6 @@ from .over_period import components, rate_of
 from .shear import ShearStress
 
 Range = tuple[Float[Array, "..."], Float[Array, "..."]]
-Films = tuple[tuple[Float[Array, " films"], Float[Array, " films"]] | None, ...]
 Prescribed = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m]; the others are None
 
 
@@ -52,7 +51,6 @@ class SteadyProblem(eqx.Module):
     - `coupling`: how its traction moves the surface of the block, or None.
     - `counter`: how the counter deforms, or None if it is rigid.
     - `thickness`: of the layers between a window and a rigid base [m], else None.
-    - `films`: of each body, see `films_of`; none are known on another grid.
     - `facts`: of the contact, see `facts_of`. Static.
     """
 
@@ -69,7 +67,6 @@ class SteadyProblem(eqx.Module):
     coupling: Coupling | None = None
     counter: Counter | None = None
     thickness: Float[Array, "..."] | None = None
-    films: Films = ()
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
     @property
@@ -134,7 +131,7 @@ class CycleProblem(eqx.Module):
     **Fields:**
 
     - `operator`: the block in space and time, and what `counter.in_kernel` has of the counter.
-    - `heights`, `grid`, `law`, `measured_range`, `shear`, `coupling`, `counter`, `films`: as in
+    - `heights`, `grid`, `law`, `measured_range`, `shear`, `coupling`, `counter`: as in
       `SteadyProblem`; the speed of `shear` is that of each time.
     - `block_heights`: of the block's own surface [m], out of the block, or None.
     - `prescribed`: what is given: "pressure" or "mean_gap". Static.
@@ -155,7 +152,6 @@ class CycleProblem(eqx.Module):
     coupling: Coupling | None = None
     counter: Counter | None = None
     block_heights: Float[Array, "..."] | None = None
-    films: Films = ()
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
     @property
