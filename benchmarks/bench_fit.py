@@ -1,20 +1,14 @@
 """Prony series from measured moduli: errors, and their effect on friction.
 
-    python benchmarks/bench_fit.py errors     errors over numbers of terms, on open data
-    python benchmarks/bench_fit.py friction   one rough surface on differently fitted materials
-    python benchmarks/bench_fit.py solvers    the search against SciPy's and optimistix's
+    python benchmarks/bench_fit.py
 
 Errors are root mean squares of ln(fit/measured) over all storage and loss moduli, which the package
 minimises, and of fit/measured - 1. The floor of the latter is that of non-negative least squares
-(SciPy) on a dense grid of times. Data and peers: `prony_peers.py`; the last two sections:
-`fit_friction.py`, `fit_solvers.py`. `errors` and `friction` draw
-docs/bench_fit.png and docs/bench_fit-friction.png.
+(SciPy) on a dense grid of times. Data and peers: `prony_peers.py`. Draws docs/bench_fit.png.
 """
 
 import numpy as np
 import prony_peers as peers
-from fit_friction import friction
-from fit_solvers import solvers
 from prony_peers import (
     ISOTHERMS,
     MASTER_CURVES,
@@ -162,4 +156,4 @@ def plot_errors(panels, target):
 if __name__ == "__main__":
     if peers.pyvisco is None:
         print("# pyvisco is left out: pip install pyvisco==2.1.3")
-    run(__doc__, errors, friction, solvers)
+    run(__doc__, errors)

@@ -1,14 +1,12 @@
-"""Errors and times of the surface compliance M_zz, its derivatives and its kernel on a grid.
+"""Errors of the surface compliance M_zz on random stacks, and times of kernels on a grid.
 
     python benchmarks/bench_response.py hard         errors on 20,000 random stacks
-    python benchmarks/bench_response.py derivatives  errors of derivatives
     python benchmarks/bench_response.py speed        kernels in FFT pairs
 
-Errors are against mpmath at 100 digits, on the same doubles (`exact_stacks.py`); the package is
-compared with the paper's 3×3 recursion (`paper_recursion.py`). Random stacks: 1 to 300 layers on a
-half space, a rigid base or none; q d from 1e-12 to 1e8, of the stack or of each single layer;
-moduli over twelve decades; loss tangents up to 10; ν from -0.9 to 1/2, with 1/2 and 1/2 - 1e-12
-frequent; complex ν from passive bulk and shear moduli.
+Errors are against mpmath at 100 digits, on the same doubles (`exact_stacks.py`). Random stacks: 1
+to 300 layers on a half space, a rigid base or none; q d from 1e-12 to 1e8, of the stack or of each
+single layer; moduli over twelve decades; loss tangents up to 10; ν from -0.9 to 1/2, with 1/2 and
+1/2 - 1e-12 frequent; complex ν from passive bulk and shear moduli.
 """
 
 import multiprocessing
@@ -22,12 +20,9 @@ import numpy as np
 from exact_stacks import (
     cases_of,
     change_with_digits,
-    exact_slope_by_frequency,
-    exact_slopes,
     exact_value,
     random_stacks,
 )
-from paper_recursion import paper_compliance
 from rows import goal, report, run, timed
 
 import graded_contact as gc
@@ -69,21 +64,6 @@ def compliances(base, *group):
     return jax.vmap(partial(compliance, base))(*group)
 
 
-def paper_compliances(base, *group):
-    """The paper's M_zz of the stacks; NaN where a matrix is singular in floating point."""
-    q, d, e, nu, *below = group
-    on = tuple(below) if base == "half space" else base
-    try:
-        with np.errstate(all="ignore"):
-            return paper_compliance(q, 0.0, d.T, e.T, nu.T, on)
-    except np.linalg.LinAlgError:
-        # One singular matrix stops the whole batch.
-        if len(q) == 1:
-            return np.array([np.nan])
-        halves = (slice(None, len(q) // 2), slice(len(q) // 2, None))
-        return np.concatenate([paper_compliances(base, *(a[h] for a in group)) for h in halves])
-
-
 # hard ---------------------------------------------------------------------------------------
 
 
@@ -107,12 +87,9 @@ def hard(count=20000, seed=0, processes=2):
     change = np.max(run_oracle(change_with_digits, some, processes))
     print(f"# twice as many digits change {len(some)} of them by at most {change:.0e}")
 
-    ours, theirs = [], []
-    for (base, _, _, _), group in zip(cells, groups, strict=True):
-        ours.append(np.asarray(compliances(base, *group)))
-        theirs.append(paper_compliances(base, *group))
+    pairs = zip(cells, groups, strict=True)
+    ours = [np.asarray(compliances(base, *group)) for (base, _, _, _), group in pairs]
     ours = relative_error(np.concatenate(ours), exact)
-    theirs = relative_error(np.concatenate(theirs), exact)
     labels = [np.repeat(np.array(column), sizes[sizes > 0]) for column in zip(*cells, strict=True)]
 
     sets = [("all", np.full(len(ours), True))]
@@ -123,179 +100,11 @@ def hard(count=20000, seed=0, processes=2):
             if np.any(label == name)
         ]
     for name, some in sets:
-        finite = theirs[some & np.isfinite(theirs)]
         report("bench_response-hard", {
             "stacks": name, "number": int(np.sum(some)), **quantiles("error", ours[some]),
-            **quantiles("error of the 3x3 recursion", finite),
-            "not finite there": float(1 - len(finite) / np.sum(some)),
-            "no digit there": float(np.mean(~(theirs[some] < 0.1))),
         })  # fmt: skip
     above = np.sum(~(ours <= 1e-14))
     goal("worst <= 1e-14", f"{np.max(ours):.1e}; {above} of {len(ours)} above it")
-
-
-# derivatives --------------------------------------------------------------------------------
-
-PARAMETERS = ("q", "d", "E", "ν")
-# Up to four layers are unrolled in the package, more are scanned.
-DERIVATIVE_CELLS = ((1, "lossy"), (3, "elastic"), (3, "lossy"), (8, "lossy"), (30, "lossy"))
-DEAD = 1e-4
-
-
-def derivatives(count=600, seed=0, processes=2):
-    """Errors of derivatives."""
-    rng = np.random.default_rng(seed)
-    cells = [(base, *cell) for base in BASES for cell in DERIVATIVE_CELLS]
-    size = -(-count // len(cells))
-    groups = [random_stacks(rng, size, n, kind) for _, n, kind in cells]
-    # Half of them the uppermost: deep layers are often not seen at all.
-    chosen = [rng.integers(n, size=size) * rng.integers(2, size=size) for _, n, _ in cells]
-    cases = [
-        (*case, int(j))
-        for (base, *_), group, layer in zip(cells, groups, chosen, strict=True)
-        for case, j in zip(cases_of(group, base), layer, strict=True)
-    ]
-    exact = run_oracle(exact_slopes, cases, processes)
-    modes = {"grad": reverse_slopes, "jvp": forward_slopes}
-    found = {mode: [] for mode in modes}
-    units = []
-    for (base, *_), group, layer in zip(cells, groups, chosen, strict=True):
-        for mode, function in modes.items():
-            found[mode].append(function(base, group, layer))
-        units.append(natural_units(base, group, layer))
-    unit = np.concatenate(units)
-    print(f"\n{len(cases)} stacks; an ill-conditioned derivative p ∂M/∂p is below {DEAD:g} M")
-    worst = 0.0
-    for mode, values in found.items():
-        worst = max(worst, derivative_rows(PARAMETERS, mode, np.concatenate(values), exact, unit))
-    worst = max(worst, by_frequency(count, processes, rng))
-    goal("worst <= 1e-11", f"{worst:.1e}")
-
-
-def derivative_rows(names, mode, values, exact, unit):
-    """Reports a row per parameter and returns the worst error of well-conditioned derivatives."""
-    size = np.hypot(exact[..., 0], exact[..., 2])
-    itself = relative_error(values, exact)
-    with np.errstate(all="ignore"):
-        larger = itself * size / np.maximum(size, unit)
-    # A derivative that underflows, by a layer that is not seen, has no digit and needs none.
-    larger = np.where(size < 1e-290, 0, larger)
-    alive = size > DEAD * unit
-    for i, name in enumerate(names):
-        some = alive[:, i]
-        report("bench_response-derivatives", {
-            "by": name, "mode": mode, **quantiles("relative error", itself[some, i]),
-            "ill-conditioned, left out": float(np.mean(~some)),
-            **quantiles("error over M/p or itself", larger[:, i]),
-        })  # fmt: skip
-    return np.max(itself[alive])
-
-
-def reverse_slopes(base, group, layer):
-    """By q and by d, E, ν of the chosen layers, complex, from `vjp`, shape (stacks, 4)."""
-    by_q, *rest = map(np.asarray, _pulled(base, *group))
-    return np.stack([by_q, *(np.take_along_axis(r, layer[:, None], 1)[:, 0] for r in rest)], 1)
-
-
-@partial(jax.jit, static_argnums=0)
-def _pulled(base, *group):
-    def of_one(q, d, e, nu, *below):
-        value, pull = jax.vjp(lambda *p: compliance(base, *p, *below), q, d, e, nu)
-        parts = pull(jnp.ones_like(value))
-        if jnp.iscomplexobj(value):
-            # Cotangents of real parameters are real: 1 asks for Re M, -i for Im M.
-            imag = pull(jnp.full_like(value, -1j))
-            parts = [
-                p if jnp.iscomplexobj(p) else jax.lax.complex(p, i)
-                for p, i in zip(parts, imag, strict=True)
-            ]
-        return parts
-
-    return jax.vmap(of_one)(*group)
-
-
-def forward_slopes(base, group, layer):
-    """As `reverse_slopes`, from `jvp`."""
-    return np.asarray(_pushed(base, layer, *group))
-
-
-@partial(jax.jit, static_argnums=0)
-def _pushed(base, layer, *group):
-    def of_one(j, q, d, e, nu, *below):
-        arguments = (q, d, e, nu)
-        moved = (jnp.ones_like(q), *((jnp.arange(d.size) == j).astype(p.dtype) for p in (d, e, nu)))
-
-        def slope(choice):
-            tangents = tuple(jnp.where(choice == i, m, 0) for i, m in enumerate(moved))
-            return jax.jvp(lambda *p: compliance(base, *p, *below), arguments, tangents)[1]
-
-        return jax.vmap(slope)(jnp.arange(4))
-
-    return jax.vmap(of_one)(layer, *group)
-
-
-def natural_units(base, group, layer):
-    """|M/p| for p = q and d, E of the chosen layers, and |M| for ν."""
-    q, d, e, *_ = group
-    value = np.abs(compliances(base, *group))
-    rows = np.arange(len(q))
-    return np.stack([value / q, value / d[rows, layer], value / np.abs(e[rows, layer]), value], 1)
-
-
-def by_frequency(count, processes, rng):
-    """Reports errors of derivatives by ω of stacks of Prony layers, and returns the worst."""
-    cells = [(base, num_layers) for base in BASES for num_layers in (3, 8)]
-    size, branches = -(-count // len(cells)), 3
-    groups, cases = [], []
-    for base, num_layers in cells:
-        q, d, _, nu, _, base_nu = random_stacks(rng, size, num_layers, "elastic")
-        shape = (size, num_layers + 1)
-        equilibrium = 10 ** rng.uniform(0, 9, (size, 1)) * 10 ** rng.uniform(-3, 3, shape)
-        strengths = equilibrium[..., None] * 10 ** rng.uniform(-2, 3, (*shape, branches))
-        times = 10 ** rng.uniform(-6, 2, (*shape, branches))
-        omega = 10 ** rng.uniform(-2, 6, size)
-        nu = np.concatenate([nu, base_nu[:, None]], 1)
-        groups.append((q, omega, d, equilibrium, strengths, times, nu))
-        cases += [_prony_case(base, *(a[i].tolist() for a in groups[-1])) for i in range(size)]
-    exact = run_oracle(exact_slope_by_frequency, cases, processes)
-    omega = np.concatenate([group[1] for group in groups])
-    unit = np.hypot(exact[:, 0], exact[:, 2]) / omega
-    worst = 0.0
-    for mode in ("grad", "jvp"):
-        found = [
-            np.asarray(slope_by_frequency(base, mode, *group))
-            for (base, _), group in zip(cells, groups, strict=True)
-        ]
-        found = np.concatenate(found)[:, None]
-        worst = max(worst, derivative_rows("ω", mode, found, exact[:, None, 4:], unit[:, None]))
-    return worst
-
-
-def _prony_case(base, q, omega, d, equilibrium, strengths, times, nu):
-    parts = list(zip(equilibrium, strengths, times, nu, strict=True))
-    layers = [(thickness, *part) for thickness, part in zip(d, parts, strict=False)]
-    return q, omega, layers, parts[-1] if base == "half space" else base
-
-
-@partial(jax.jit, static_argnums=(0, 1))
-def slope_by_frequency(base, mode, *inputs):
-    def of_one(q, omega, d, *moduli):
-        parts = [gc.Prony(*(m[i] for m in moduli)) for i in range(len(d) + 1)]
-        below = gc.HalfSpace(parts[-1]) if base == "half space" else BASES[base]
-        layers = tuple(gc.Layer(p, d[i]) for i, p in enumerate(parts[:-1]))
-        stack = gc.Stack(layers=layers, base=below)
-
-        def value(omega):
-            return gc.surface_compliance(stack, q, omega)
-
-        if mode == "jvp":
-            return jax.jvp(value, (omega,), (jnp.ones_like(omega),))[1]
-        real, imag = (
-            jax.grad(lambda w, p=part: p(value(w)))(omega) for part in (jnp.real, jnp.imag)
-        )
-        return jax.lax.complex(real, imag)
-
-    return jax.vmap(of_one)(*inputs)
 
 
 # speed --------------------------------------------------------------------------------------
@@ -401,4 +210,4 @@ def quantiles(name, errors):
 
 
 if __name__ == "__main__":
-    run(__doc__, hard, derivatives, speed)
+    run(__doc__, hard, speed)

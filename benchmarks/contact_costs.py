@@ -1,100 +1,20 @@
-"""Costs of a solve besides transforms.
-
-The sections `overhead`, `many`, `gradient`, `linear` and `largest`.
+"""Cost of derivatives, and of the largest grid: the sections `gradient` and `largest`.
 
 Run by `bench_contact.py`.
 """
 
-import os
 import resource
 import time
 from functools import partial
 
 import contact_scenes
 import jax
-import jax.numpy as jnp
-import numpy as np
-from contact_scenes import bare_pair, bodies, rough_surface
-from rows import goal, report, show, timed
+from contact_scenes import bodies, rough_surface
+from rows import goal, report, timed
 
 import graded_contact as gc
-from graded_contact.contacts.adjoint import LinearSplitting
 
 SPEED = 0.1  # m/s
-# Near the greatest friction [m/s].
-AT_PEAK = {"elastic": 0.0, "single": 4e-3, "tread": 1e5, "tread+coat": 1e5, "broad": 1e-6}
-WAYS = ("single", "jit", "lax.map", "vmap")  # of many solves
-
-
-def overhead(sizes=(256, 512, 1024, 2048), repeat=3):
-    """Wall time over that of the transforms alone."""
-    print("# solve: wall time over FFT pairs times that of a bare pair in a lax loop;")
-    print("# slide: with kernel and observables; rtol = 1e-6; from N = 512 on the first digits are")
-    print("# found in single precision, whose pairs count as whole ones")
-    reached = {}
-    for n in sizes:
-        bare, surface = bare_pair(n), rough_surface(n)
-        for name, load, speed in (("elastic", 0.1, 0.0), ("single", 0.1, SPEED)):
-            stack = bodies()[name]
-            kernel = gc.stack_kernel(stack, surface.grid, speed)
-            contact = partial(gc.solve_contact, kernel, surface.heights, load, rtol=1e-6)
-            slide = partial(gc.slide, stack, surface, pressure=load, velocity=speed, rtol=1e-6)
-            pairs = float(contact().num_fft_pairs)
-            slide()
-            alone, whole = timed(contact, repeat), timed(slide, repeat)
-            reached.setdefault(n, []).append(alone / (pairs * bare))
-            show({
-                "body": name, "p/E_r": load, "N": n, "pair [ms]": 1e3 * bare,
-                "FFT pairs": pairs, "solve [s]": alone, "solve over pairs": alone / (pairs * bare),
-                "slide [s]": whole, "slide over pairs": whole / (pairs * bare),
-            })  # fmt: skip
-    found = ", ".join(f"{max(ratios):.2f} at N = {n}" for n, ratios in reached.items())
-    goal("a solve takes <= 1.5 x its FFT pairs", found)
-
-
-def many(sizes=(64, 128, 256), count=200, cores=(1, 2)):
-    """Many small solves in one program, on one core and on more."""
-    for number, start in in_processes("many_on", cores, sizes=sizes, count=count):
-        # A child has the cores of its parent, and XLA sizes its pools by them.
-        allowed = os.sched_getaffinity(0)
-        os.sched_setaffinity(0, sorted(allowed)[:number])
-        start()
-        os.sched_setaffinity(0, allowed)
-
-
-def many_on(cores, sizes=(64, 128, 256), count=200):
-    """The same on so many cores, in this process."""
-    print("# ms of a solve among many of one program (loads around p/E_r = 0.1), and over its FFT")
-    print(
-        "# pairs times that of a bare pair in a lax loop on as many cores; rtol = 1e-6; single: one"
-    )
-    print("# call each, without jit; jit: one call each, a program compiled as a whole")
-    for n in sizes:
-        surface, loads = rough_surface(n), 0.1 * jnp.linspace(0.8, 1.2, count)
-        kernel = gc.stack_kernel(bodies()["single"], surface.grid, SPEED)
-
-        def solve(load, kernel=kernel, surface=surface):
-            found = gc.solve_contact(kernel, surface.heights, load, rtol=1e-6, throw=False)
-            return jnp.mean(found.pressure**2), found.num_fft_pairs
-
-        pairs = float(solve(0.1)[1])
-        one = jax.jit(solve)
-        ways = [
-            (solve, 0.1, 1),
-            (one, 0.1, 1),
-            (jax.jit(lambda loads, f=solve: jax.lax.map(f, loads)), loads, count),
-            (jax.jit(jax.vmap(solve)), loads, count),
-        ]
-        bare, cells = bare_pair(n), {}
-        for name, (function, argument, solves) in zip(WAYS, ways, strict=True):
-            jax.block_until_ready(function(argument))
-            each = timed(partial(function, argument), 3 if solves > 1 else 15) / solves
-            cells[f"{name} [ms]"] = 1e3 * each
-            cells[f"{name} over its pairs"] = each / (pairs * bare)
-        report(
-            "bench_contact-many",
-            {"on cores": int(cores), "N": n, "FFT pairs": pairs, "a pair [ms]": 1e3 * bare} | cells,
-        )
 
 
 def gradient(sizes=(512, 1024), bodies=("single", "tread+coat"), loads=(0.01, 0.1), repeat=3):
@@ -126,39 +46,6 @@ def gradient(sizes=(512, 1024), bodies=("single", "tread+coat"), loads=(0.01, 0.
                 })  # fmt: skip
     found = ", ".join(f"{ratio:.2f} at N = {n}" for n, ratio in worst.items())
     goal("a gradient costs <= 1 x its solve", found)
-
-
-def linear(n=128, loads=(0.01, 0.1, 0.5), tolerances=(1e-2, 1e-3, 5e-5)):
-    """FFT pairs and errors of the linear solves of derivatives (0 pairs: eliminated)."""
-    print("# of dμ/dp (elastic: of the area's): pairs and true relative error of the adjoint field")
-    surface, systems, ratios = rough_surface(n), [], {}
-
-    def recorded(*system, **keys):
-        jax.debug.callback(lambda *found: systems.append(found), *system)
-        return LinearSplitting(rtol=1e-2)(*system, **keys)
-
-    solve = jax.jit(lambda *system, rtol: LinearSplitting().solve(*system, rtol=rtol))
-    for name, speed in AT_PEAK.items():
-
-        def value(load, name=name, speed=speed, **keys):
-            found = gc.slide(bodies()[name], surface, pressure=load, velocity=speed, **keys)
-            return (found.friction if speed else found.contact_area), found.num_fft_pairs
-
-        for load in loads:
-            jax.block_until_ready(jax.grad(value, has_aux=True)(load, adjoint=recorded))
-            jax.effects_barrier()
-            system, pairs = jax.tree.map(jnp.asarray, systems[-1]), float(value(load)[1])
-            best = solve(*system, rtol=1e-11)[0]
-            row = {"body": name, "p/E_r": load, "solve": pairs}
-            for rtol in tolerances:
-                tau, _, _, spent = solve(*system, rtol=rtol)
-                off = jnp.linalg.norm(tau - best) / jnp.linalg.norm(best)
-                row |= {f"at {rtol:g}": float(spent), f"error at {rtol:g}": float(off)}
-                if spent > 0:
-                    ratios.setdefault(rtol, []).append(float(spent) / pairs)
-            show(row)
-    found = ", ".join(f"{np.median(r):.2f} at {rtol:g}" for rtol, r in ratios.items())
-    goal("a linear solve to 1e-3 takes <= 0.5 x the pairs of its contact", found)
 
 
 def largest(size=8192, velocity=0.1, loads=(0.1,)):

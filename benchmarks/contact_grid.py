@@ -34,7 +34,7 @@ from grid_scenes import CELL, NUMBERS, block_of, finer, measured, scene_of, wind
 from rows import goal, report, timed
 
 import graded_contact as gc
-from graded_contact.sliding.resolution import neighbours_of
+from graded_contact.sliding.errors.neighbours import neighbours_of
 
 KINDS = (
     "8", "4", "2", "full", "light", "half space", "anisotropic", "noise", "ridge", "egg box",

@@ -1,4 +1,4 @@
-"""Random scenes, soft scenes and hard scenes: `random`, `default`, `attracted` and `hard`.
+"""Random scenes and hard scenes: the sections `random` and `hard`.
 
 Run by `bench_contact.py`. Blocks of 0 to 3 layers, each elastic or a Prony series of six branches
 over ten decades, moduli over three decades, q0 d from 1e-3 to 3, ν from 0.2 to 1/2, on a half
@@ -11,12 +11,6 @@ of their modulus.
 
 Each scene is solved at its mean pressure and at the resulting mean gap (`rtol` from 1e-3 to 1e-6).
 Their claims are compared with a solution at 1e-10 (1e-9 if that fails) in double precision.
-
-Default: the same scenes at their mean pressure and at the default `rtol`, that of float64 or of
-float32. Friction below a thousandth of the rms slope in contact is left out.
-
-Attracted: `ExponentialAdhesion` on one relaxation of contrasts from 10 to 10⁴, with 0.02 to 0.29 of
-the stiffness of the shortest wave; ranges, loads and speeds over one to three decades.
 
 Hard: small contacts, and moduli far apart. Cylinders: parabolas on one relaxation, rigid against it
 in 1-D, pairs by half-widths at rest, contrast of the moduli and speed (relaxation time times speed
@@ -48,28 +42,6 @@ LEAST = 3e-10
 def random(count=500, seed=0):
     """Random scenes: failures and broken claims."""
     survey("random", lambda rng, _: layered_scene(rng, (64, 64)), count, seed)
-
-
-def default(count=1000, seed=0):
-    """Relative errors of friction and area in random scenes at the default tolerance."""
-    rng, errors, failed = np.random.default_rng(seed), {}, {"float32": 0, "float64": 0}
-    for _ in range(count):
-        scene = layered_scene(rng, (64, 64))
-        given, precision = {"pressure": scene.load}, "float32" if scene.single else "float64"
-        best, found = exact(scene, given), scene.solve(given)
-        if best is None or found.result != gc.contacts.RESULTS.successful:
-            failed[precision] += 1
-            continue
-        for name, least in (("friction", 1e-3 * float(best.slope_in_contact)), ("contact_area", 0)):
-            value, of_best = (float(getattr(s, name)) for s in (found, best))
-            if abs(of_best) > least:
-                errors.setdefault((precision, name), []).append(abs(value / of_best - 1))
-    for (precision, name), relative in sorted(errors.items()):
-        median, most, worst = np.percentile(relative, (50, 95, 100))
-        report("bench_contact-default", {
-            "precision": precision, "relative error of": name, "scenes": len(relative),
-            "not solved": failed[precision], "median": median, "95 %": most, "worst": worst,
-        })  # fmt: skip
 
 
 def survey(name, draw, num_scenes, seed):
@@ -241,52 +213,6 @@ def random_material(rng):
     if rng.random() < 0.4:
         strengths = np.full(BRANCHES, 1e-12 * modulus)
     return gc.Prony(modulus, strengths, 10 ** rng.uniform(-5, 5, BRANCHES), poisson)
-
-
-# attracted ----------------------------------------------------------------------------------
-
-ATTRACTED_CELL, RELAXED, RELAXATION = 1e-4, 1e6, 3e-5  # m, Pa, s
-_FEW_STEPS = gc.contacts.DouglasRachford(max_steps=6000)
-
-
-def attracted(count=200, seed=0):
-    """Random scenes under a law that attracts: failures and broken claims."""
-    survey("attracted", lambda rng, _: AttractedScene(rng), count, seed)
-
-
-class AttractedScene:
-    """A half space of one relaxation, with a random surface, load and speed, that attracts."""
-
-    least = LEAST
-
-    def __init__(self, rng):
-        grid, q0 = gc.Grid((24, 24), ATTRACTED_CELL), 2 * np.pi / ATTRACTED_CELL
-        contrast, slope = 10 ** rng.uniform(1, 4), 10 ** rng.uniform(-1.7, -0.3)
-        cut, self.rtol = rng.integers(3, 12), 10 ** rng.uniform(-6, -3)
-        rubber = gc.Prony(RELAXED, [contrast * RELAXED], [RELAXATION], 0.3)
-        self.stack = gc.Stack(base=gc.HalfSpace(rubber))
-        spectrum = gc.SelfAffine(
-            rms_slope=slope, hurst=0.8, q_low=q0, q_roll=2 * q0, q_high=cut * q0
-        )
-        self.surface = gc.random_surface(spectrum, grid, jax.random.key(rng.integers(2**31)))
-        self.velocity, self.load = 10 ** rng.uniform(-1.5, 1.5), 10 ** rng.uniform(3.5, 6)
-        steepness, reach = rng.uniform(0.02, 0.29), 10 ** rng.uniform(-7.4, -6.2)
-        kernel = gc.stack_kernel(self.stack, grid, self.velocity)
-        rise = steepness / np.min(np.abs(kernel.at[0, 0].set(np.inf)))
-        self.law = gc.contacts.ExponentialAdhesion(reach, rise * reach**2)
-        self.description = f"contrast {contrast:.0f}, slope {slope:.2g}, rise {steepness:.2g}"
-
-    def __repr__(self):
-        return (
-            f"{self.description}, p = {self.load:.2g}, velocity {self.velocity:.2g}, {self.law}, "
-            f"rtol {self.rtol:.1e}"
-        )
-
-    def solve(self, given, double=False, **tolerance):
-        return gc.slide(
-            self.stack, self.surface, velocity=self.velocity, law=self.law, solver=_FEW_STEPS,
-            throw=False, **tolerance, **given
-        )  # fmt: skip
 
 
 # hard ---------------------------------------------------------------------------------------

@@ -106,50 +106,6 @@ def change_with_digits(case):
         return float(abs(exact_compliance(*case) / value - 1))
 
 
-def exact_slopes(case):
-    """The derivatives of M_zz by q and by d, E, ν of one layer, by central differences.
-
-    `case` is `(q, layers, base, index of the layer)`; steps are 1e-40, at twice the digits.
-    """
-    q, layers, base, j = case
-
-    def moved(i, by):
-        layer = [_number(v) for v in layers[j]]
-        if i > 0:
-            layer[i - 1] += by
-        return exact_compliance(
-            _number(q) + (by if i == 0 else 0), [*layers[:j], layer, *layers[j + 1 :]], base
-        )
-
-    with mp.workdps(2 * DIGITS):
-        scales = (q, layers[j][0], abs(layers[j][1]), 1)
-        steps = [scale * mp.mpf(10) ** -40 for scale in scales]
-        return [
-            _four_doubles((moved(i, step) - moved(i, -step)) / (2 * step))
-            for i, step in enumerate(steps)
-        ]
-
-
-def exact_slope_by_frequency(case):
-    """M_zz and ∂M_zz/∂ω of Prony layers (d, E_eq, E_k, τ_k, ν) on a base (E_eq, E_k, τ_k, ν)."""
-    q, omega, layers, base = case
-
-    def modulus(omega, equilibrium, strengths, times):
-        terms = (1 - 1 / (1 + mp.mpc(0, omega * t)) for t in times)
-        return equilibrium + sum(e * term for e, term in zip(strengths, terms, strict=True))
-
-    def at(omega):
-        parts = [(d, modulus(omega, *prony), nu) for d, *prony, nu in layers]
-        below = base if isinstance(base, str) else (modulus(omega, *base[:-1]), base[-1])
-        return exact_compliance(q, parts, below)
-
-    with mp.workdps(2 * DIGITS):
-        omega = mp.mpf(omega)
-        step = omega * mp.mpf(10) ** -40
-        slope = (at(omega + step) - at(omega - step)) / (2 * step)
-        return _four_doubles(at(omega)) + _four_doubles(slope)
-
-
 def random_stacks(rng, size, num_layers, kind):
     """Arrays q `(size,)`, d, E, ν `(size, num_layers)` and E, ν of a half space `(size,)`.
 

@@ -129,24 +129,20 @@ def _print_aligned(cells: dict[str, str], texts: set[str], note: str = "") -> No
 
 
 def keep(name: str, row: dict[str, str | float]) -> None:
-    """Stores a row; names of columns carry their units, as in `{"time [s]": 1.0}`."""
-    path = RESULTS / f"{name}.csv"
-    path.parent.mkdir(exist_ok=True)
-    cells = {
-        key: cell if isinstance(cell, str | int) else f"{cell:.4g}" for key, cell in row.items()
-    }
-    cells["measured"] = where()
-    fresh = not path.exists()
-    if not fresh:
+    """Stores a row; the first row of a run replaces those of earlier runs.
+
+    Names of columns carry their units, as in `{"time [s]": 1.0}`.
+    """
+    path, cells = RESULTS / f"{name}.csv", {"measured": where()}
+    cells |= {k: c if isinstance(c, str | int) else f"{c:.4g}" for k, c in row.items()}
+    stored = []
+    if path.exists():
         with open(path, newline="", encoding="utf-8") as file:
-            head = next(csv.reader(file))
-        if head != list(cells):
-            raise ValueError(f"`row` has the columns {list(cells)}, but {path} has {head}.")
-    with open(path, "a", newline="", encoding="utf-8") as file:
+            stored = [one for one in csv.DictReader(file) if one["measured"] == where()]
+    with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(cells), lineterminator="\n")
-        if fresh:
-            writer.writeheader()
-        writer.writerow(cells)
+        writer.writeheader()
+        writer.writerows([*stored, cells])
 
 
 def in_processes(section, choices, **options):

@@ -35,7 +35,7 @@ from graded_contact.scenes import block, once, scene, scene_file, surface_source
 from graded_contact.scenes.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
 from graded_contact.scenes.toml import entry_text
 from graded_contact.sliding.case import Heating
-from graded_contact.sliding.gap_flow import Fluid
+from graded_contact.sliding.numbers.gap_flow import Fluid
 
 ROOT = Path(__file__).parents[1]
 KEYS_FILE = ROOT / "docs" / "scene_keys.md"
@@ -76,7 +76,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
         HalfSpace: keys_of(HalfSpace)
     },
-    "[counter]": {scene_file.CounterTables: keys_of(scene_file.CounterTables)},
+    "[counterface]": {scene_file.CounterfaceTables: keys_of(scene_file.CounterfaceTables)},
     "[load]": {scene.Scene: scene_file.KEYS["[load]"]},
     "[motion], any kind": {once.motion_of: (once.ONCE, once.THEN)},
     "[heating]": {Heating: keys_of(Heating)},
@@ -94,7 +94,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
         for kind, make in kinds.items()
     },
     '[motion], once = true, kind = "recorded"': {
-        block.Block.recorded_once: keys_of(block.Block.recorded_once, "grid")
+        block.Block.recorded_transient: keys_of(block.Block.recorded_transient, "grid")
     },
     "[design]": {
         DesignScene: (OBJECTIVE, *keys_of(DesignScene, "scene", "spectrum", "objective", "limits")),

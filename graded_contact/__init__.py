@@ -35,7 +35,7 @@ from .fields import Grid
 from .materials import WLF, BulkShear, Elastic, Prony, tyre_tread
 from .mean_field import mean_field_friction
 from .response import surface_compliance
-from .sliding import Case, Sliding, slide, slide_cycle, slide_history
+from .sliding import Case, Sliding, slide, slide_cycle, slide_transient
 from .surfaces import SelfAffine, Surface, random_surface
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ __all__ = [  # noqa: RUF022 (in the order in which data flow; the rooms last)
     "Stack", "Layer", "GradedLayer", "HalfSpace", "Rigid", "Free", "surface_compliance",
     "Grid", "SelfAffine", "Surface", "random_surface", "read_surface",
     "HardWall", "solve_contact",
-    "slide", "slide_cycle", "slide_history", "Sliding", "Case", "mean_field_friction",
+    "slide", "slide_cycle", "slide_transient", "Sliding", "Case", "mean_field_friction",
     "read_moduli", "fit_prony", "master_curve",
     "sweep", "minimise", "with_values", "jit",
     "read_scene", "plan", "read_results", "explore",

@@ -14,7 +14,7 @@ import pytest
 import xarray
 from PIL import Image
 
-FOLDER = Path(__file__).parents[1] / "benchmarks" / "paper"
+FOLDER = Path(__file__).parents[1] / "examples" / "paper"
 MODULES = ("system", "contacts", "coated_half_space")
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py") if path.stem not in MODULES)
 

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 from graded_contact import reference
 
-PAPER = Path(__file__).parents[1] / "benchmarks" / "paper" / "coated_half_space.py"
+PAPER = Path(__file__).parents[1] / "examples" / "paper" / "coated_half_space.py"
 paper_coated_half_space = runpy.run_path(str(PAPER))["paper_coated_half_space_compliance"]
 
 # (modulus, ν): compressible, auxetic, incompressible, lossy, lossy with complex ν

@@ -27,8 +27,8 @@ class HeatedContact(eqx.Module):
     - `error`: change of the temperatures in the last step over the largest rise [1].
     - `friction_error`, `area_error`: estimated errors of friction and contact area [1], by `error`
       and by the finite number of cells.
-    - `counter`, `counter_rises`: the counter and its rises as those of the block, or None if it is
-      rigid.
+    - `counterface`, `counterface_rises`: the counterface and its rises as those of the block, or
+      None if it is rigid.
     """
 
     stack: Stack
@@ -38,8 +38,8 @@ class HeatedContact(eqx.Module):
     error: Float[Array, ""]
     friction_error: Float[Array, ""]
     area_error: Float[Array, ""]
-    counter: Stack | None = None
-    counter_rises: Float[Array, " cells"] | None = None
+    counterface: Stack | None = None
+    counterface_rises: Float[Array, " cells"] | None = None
 
 
 def check_bulk(temperature: Any) -> Any:

@@ -16,7 +16,7 @@ from ..scenes.results import (
     kind_of_results,
     without_friction,
 )
-from ..sliding.contact_stress import STRESSES
+from ..sliding.interior.stress import STRESSES
 
 if TYPE_CHECKING:
     from xarray import Dataset

@@ -41,8 +41,8 @@ def designed_scene(results: DesignResults, scene_file: Path, folder: Path) -> st
         _table_at(content, place)[key] = Path(os.path.relpath(path.absolute(), folder)).as_posix()
     for path, name in scene.materials.items():
         shared = (at for at, other in scene.materials.items() if other == name)
-        # The paths are those of the block alone: the counter may have the material, too.
-        alone = "counter" not in content
+        # The paths are those of the block alone: the counterface may have the material, too.
+        alone = "counterface" not in content
         if alone and all(_same(part_at(after, path), part_at(after, at)) for at in shared):
             continue
         if not _same(part_at(before, path), part_at(after, path)):
@@ -53,7 +53,7 @@ def designed_scene(results: DesignResults, scene_file: Path, folder: Path) -> st
     tables = with_numbers(document, _Block(before), _Block(after)).content
     text = toml_text(tables | {"title": scene.title})
     written = parse_scene(text, folder)
-    if not (_same(written.stack, after) and _same(written.counter, scene.counter)):
+    if not (_same(written.stack, after) and _same(written.counterface, scene.counterface)):
         raise ValueError("no tables of a scene give this block.")
     return text
 

@@ -115,7 +115,15 @@ def _mean_field(scene: Scene, interruption: Interruption) -> "Dataset":
         raise ValueError("A surface on a window has no mean field: use --method contact.")
     if not np.all(scene.velocity):
         refuse_liquids(scene)
-    names = ("pressure", "velocity", "direction", "strain_per_slope", "shear", "heating", "counter")
+    names = (
+        "pressure",
+        "velocity",
+        "direction",
+        "strain_per_slope",
+        "shear",
+        "heating",
+        "counterface",
+    )
     given = {name: getattr(scene, name) for name in names}
     warm = None if scene.temperature is None else np.atleast_1d(scene.temperature)
     with terminal.progress(interruption) as advance:

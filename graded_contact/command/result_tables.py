@@ -16,7 +16,7 @@ from ..core.caveats import Caveat
 from ..core.display import UNKNOWN, with_time, with_unit
 from ..core.quantities import (
     AXES,
-    HISTORY,
+    TRANSIENT,
     in_brackets,
 )
 from ..designs.results import NO_ERROR
@@ -128,7 +128,7 @@ def _print_columns(heads: list[str], rows: list[list[str]], shared: int) -> None
 
 def print_notes(results: "Dataset", full: bool) -> None:
     """Prints what follows the solves: numbers over time, errors by the grid, why solves failed."""
-    if kind_of_results(results) == HISTORY:
+    if kind_of_results(results) == TRANSIENT:
         _print_times(results, full)
     if any(name in results for name in OF_STRESS):
         typer.echo(NO_ERROR)

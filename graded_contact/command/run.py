@@ -14,7 +14,7 @@ import typer
 from .. import plot
 from ..core.checks import nearest, within
 from ..core.escaping import in_figure
-from ..core.quantities import HISTORY
+from ..core.quantities import TRANSIENT
 from ..fields.frequency import velocity_along
 from ..plot.style import entitle
 from ..plot.sweeps import NOTHING
@@ -36,7 +36,7 @@ from ..scenes.scene import ONE_OR_AXIS, Scene
 from ..scenes.scene_file import parse_scene, read_scene
 from ..scenes.theory import mean_field_at, what_decides
 from ..scenes.toml import parse_toml
-from ..sliding.magnification import cumulative_friction
+from ..sliding.solve.magnification import cumulative_friction
 from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..studies.interruption import Interruption, interruptible
 from ..studies.journal import part_of
@@ -181,7 +181,7 @@ def run_scene_into(
                 told = over_seeds(results) if means else results
                 write_csv(file.with_suffix(".csv"), told)
                 typer.echo(f"wrote {file}\nwrote {file.with_suffix('.csv')}")
-                if scene.kind == HISTORY:
+                if scene.kind == TRANSIENT:
                     over_time = file.with_name(f"{name}-time.csv")
                     write_csv(over_time, told, "time")
                     typer.echo(f"wrote {over_time}")
@@ -293,7 +293,7 @@ def figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tupl
         return
     if "time" in results.dims:
         if not np.all(np.isnan(results["friction"])):
-            once = kind_of_results(results) == HISTORY
+            once = kind_of_results(results) == TRANSIENT
             draw = plot.plot_transient if once else plot.plot_cycle
             yield "history" if once else "cycle", draw(results)
         return

@@ -53,9 +53,9 @@ class RESULTS(eqx.Enumeration):
     )
     not_settled = (
         "The temperatures of the contact, the traction that moves its surface, or in a cycle the "
-        "memory of the counter did not settle. A block whose losses change fast with temperature "
-        "may have several temperatures, and one whose stiffness a traction outweighs has no steady "
-        "state: lower the velocity or the shear."
+        "memory of the counterface did not settle. A block whose losses change fast with "
+        "temperature may have several temperatures, and one whose stiffness a traction outweighs "
+        "has no steady state: lower the velocity or the shear."
     )
     too_hot = (
         "No steady temperature of the contact was found up to the highest that materials can have: "

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from .display import shown
-from .quantities import HISTORY, OBSERVABLES, NumberOf
+from .quantities import OBSERVABLES, TRANSIENT, NumberOf
 
 DOUBTFUL = 0.1  # the part of a result above which there is a caveat
 
@@ -44,7 +44,7 @@ def caveats_of(number: NumberOf, kind: str) -> tuple[Caveat, ...]:
       periodic contact has no rim.
     - `kind`: of the contacts, one of `KINDS`.
     """
-    caveats, what = [], "times" if kind == HISTORY else "solves"
+    caveats, what = [], "times" if kind == TRANSIENT else "solves"
     for name, entry in OBSERVABLES.items():
         rule = entry.warns
         if rule is None or kind not in entry.kinds or kind not in rule.kinds:

@@ -225,8 +225,8 @@ TOTAL = ("±", ".1e")
 NumberOf = Callable[[str], Any]
 
 
-# Kinds of contacts: steady sliding, a periodic motion, and what happens once.
-STEADY, CYCLE, HISTORY = KINDS = ("steady", "cycle", "history")
+# Kinds of contacts: steady sliding, a periodic motion, and a transient motion.
+STEADY, CYCLE, TRANSIENT = KINDS = ("steady", "cycle", "transient")
 
 
 class Above(NamedTuple):
@@ -255,13 +255,13 @@ class Observable(NamedTuple):
     - `quantity`: its name, symbol, unit and meaning.
     - `formula`: of a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
     - `kinds`: of the contacts that have it, a part of `KINDS`.
-    - `over_time`: whether a cycle or a history has one number at each time.
+    - `over_time`: whether a cycle or a transient solve has one number at each time.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
     - `column`: head and format in the table of the command, if it has a column there.
     - `warns`: when it is doubtful, if there is a limit; see `core/caveats.py`.
     - `beside`: what it needs beside its contact, computed before: such as the contact on half the
-      grid, see `sliding/resolution.py`.
+      grid, see `sliding/errors/neighbours.py`.
     """
 
     quantity: Quantity
@@ -288,7 +288,7 @@ class Observable(NamedTuple):
         return kind in self.kinds and {*self.needs} <= {*facts}
 
     def of(self, found: Any) -> Any:
-        """Returns the number of a contact; a history recorded some of them step by step."""
+        """Returns the number of a contact; a transient solve recorded some of them step by step."""
         known = found.recorded
         return known[self.name] if self.name in known else self.formula(found)
 
@@ -335,7 +335,7 @@ def _with(known: Observable, more: Observable) -> Observable:
     )  # fmt: skip
 
 
-of_steady, of_cycle, of_history = (partial(observable, kinds=(kind,)) for kind in KINDS)
+of_steady, of_cycle, of_transient = (partial(observable, kinds=(kind,)) for kind in KINDS)
 
 
 def numbers_of(kind: str, facts: Collection[str] = ()) -> tuple[str, ...]:

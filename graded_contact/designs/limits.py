@@ -15,8 +15,8 @@ from ..core.derivative import largest
 from ..core.display import shown, unit_of
 from ..core.quantities import CYCLE
 from ..response.compliance import effective_modulus
-from ..sliding.contact_stress import STRESSES
-from ..sliding.heat_source import as_depths
+from ..sliding.interior.heat_source import as_depths
+from ..sliding.interior.stress import STRESSES
 
 Criteria = Mapping[str, Float[Array, " velocities"]]  # criteria of a block, by name
 

@@ -18,7 +18,7 @@ from ..core.compilation import compiled
 from ..core.parameters import with_values
 from ..mean_field.mean_field import MeanField, reached
 from ..sliding.result import Found
-from ..sliding.slide import solve
+from ..sliding.slide import slide_case
 from ..studies.search import Constraints, Objective
 from ..surfaces.surface import Surface
 from .limits import BY_MEAN_FIELD, CRITERIA, Criteria
@@ -75,7 +75,7 @@ def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity:
     scene = study.scene
     bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)
     case = bare.case({"pressure": scene.pressure[0], "velocity": velocity}, surface)
-    return cast(Found, solve(case, dataclasses.replace(scene.numerics, throw=True)))
+    return cast(Found, slide_case(case, dataclasses.replace(scene.numerics, throw=True)))
 
 
 def criteria_in(study: DesignScene, stack: Stack, found: Found) -> dict[str, Array]:

@@ -24,7 +24,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..core.parameters import paths, with_values
-from ..core.quantities import HISTORY
+from ..core.quantities import TRANSIENT
 from ..fields.grid import Grid
 from ..mean_field.refinement import Nodes
 from ..scenes.scene import Scene
@@ -71,7 +71,7 @@ class DesignScene:
     verify: int = 0
 
     def __post_init__(self):
-        if self.scene.kind == HISTORY:
+        if self.scene.kind == TRANSIENT:
             raise ValueError("[design] does not take [motion] with `once = true`.")
         self._check_stresses()
         for name in self.criteria:
@@ -146,7 +146,7 @@ class DesignScene:
         scene = self.scene
         return Case(
             stack, self.spectrum, velocity=0.0, pressure=as_scalar(scene.pressure[0], "pressure"),
-            strain_per_slope=scene.strain_per_slope, counter=scene.counter,
+            strain_per_slope=scene.strain_per_slope, counterface=scene.counterface,
         )  # fmt: skip
 
     @cached_property
@@ -211,9 +211,9 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     if misplaced:
         raise ValueError(f"[design] has no key `{misplaced[0]}`: limits stand in [design.limits].")
     # The parameters are those of the block at the scene's temperature.
-    source, (stack, counter) = scene.surface, scene.bodies({})
+    source, (stack, counterface) = scene.surface, scene.bodies({})
     spectrum = source.spectrum if isinstance(source, RandomSurface) else source.build()
-    scene = dataclasses.replace(scene, stack=stack, counter=counter, temperature=None)
+    scene = dataclasses.replace(scene, stack=stack, counterface=counterface, temperature=None)
     reader = TableReader(Path(folder))
     own_keys = {name: keys_of(make, "name", "scene") for name, make in OBJECTIVES.items()}
     keys = (

@@ -8,8 +8,8 @@ transform is M(q, ω = -is). On a hyperbola around all relaxation rates, for t0 
 whatever the layers and their laws are: a node k is one equation y' = s_k y + p of first order. The
 nodes are those of Weideman & Trefethen in closed form; the angle is the best of a row. `NODES` of
 them leave errors of an exponential of any rate, relative to its start, of 1e-8, 6e-7, 1e-5, 8e-5
-for T/t0 = 1e2, 1e3, 1e4, 1e5 (`tests/sliding/test_history.py`). For one time alone 14 are enough
-for rounding: so the creep under a constant pressure, J = ∫K, and its integral are computed
+for T/t0 = 1e2, 1e3, 1e4, 1e5 (`tests/sliding/test_slide_transient.py`). For one time alone 14 are
+enough for rounding: so the creep under a constant pressure, J = ∫K, and its integral are computed
 for the length of each step.
 
 M depends on |q| only, and M over the creep at the last time is smooth in log |q|: all is computed
@@ -131,7 +131,7 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
         pairs = zip(along, across, strict=True)
         if any(bool(jnp.any(jnp.abs(b - 1j * a) > 1e-3 * jnp.abs(a) + 1e-30)) for a, b in pairs):
             raise ValueError(
-                f"`{name}={type(own).__name__}(...)` is refused: what happens once needs moduli at "
+                f"`{name}={type(own).__name__}(...)` is refused: transient motion needs moduli at "
                 "complex frequencies, and this law is not analytic there. Write it with 1j*omega, "
                 "without |omega|, sign or real part; or fit it: `fit_prony(omega, modulus)`."
             )

@@ -50,7 +50,7 @@ class AbstractMaterial(eqx.Module):
     def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
         """Returns Young's modulus E(ω) [Pa] at the angular frequencies `omega` [rad/s].
 
-        `omega` is real, or complex in histories: a law has one analytic form for both.
+        `omega` is real, or complex in transient motion: a law has one analytic form for both.
         """
 
     @abc.abstractmethod

@@ -112,7 +112,7 @@ def _if_equal(storage: Array, loss: Array) -> Array:
     if is_concrete(equal) and not np.all(equal):
         raise ValueError(
             f"`StrainSoftening` with the factors {storage:.4g} of E' and {loss:.4g} of E'' is "
-            "refused: what happens once needs one factor, since with two the modulus at complex "
+            "refused: a transient motion needs one factor, since with two the modulus at complex "
             "frequencies is that of no causal solid. Give `loss=storage`."
         )
     return jnp.where(equal, storage, jnp.nan)

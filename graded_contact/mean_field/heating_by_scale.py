@@ -5,9 +5,9 @@ so this heat is distributed over the depth as 2q exp(-2qz). The modulus of a sca
 mean temperature, weighted by 2p exp(-2pz) (B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006)
 7789, doi:10.1088/0953-8984/18/32/025, arXiv:cond-mat/0605273). In Persson's theory the heat flows
 into the depth for the duration of a large contact. Here the temperature is steady in the frame of
-the surface, as in the contact (`sliding/heating.py`), and the heat of waves q is distributed along
-the surface as the pressure with roughness up to q. Waves s have the part d⟨σ²⟩(s) of the power of
-that pressure. The mean temperature over the contact, weighted by the pressure, is
+the surface, as in the contact (`sliding/solve/heated.py`), and the heat of waves q is distributed
+along the surface as the pressure with roughness up to q. Waves s have the part d⟨σ²⟩(s) of the
+power of that pressure. The mean temperature over the contact, weighted by the pressure, is
 
     T(p) = ∫dQ(q) ∫_{s<q} d⟨σ²⟩(s)/σ0² G(s, q, p),      k = √(s² + i s v cos φ/D),
     G = Re⟨2q (1 + r(k + 2q))/[κ k (k + 2q)(1 + 2qr)(1 + kr)]⟩,      r = 1/(2p),

@@ -7,11 +7,11 @@ A spectrum with a lay varies with the angle to the direction across the lay, on 
 direction and that across the velocity cut the half turn into two parts; a rule that is dense at
 both ends (`between_ends`) resolves either scale in each of them.
 
-M is the sum of the block's M(q, -q·v) and, under a counter, of the counter's M(q, 0).
+M is the sum of the block's M(q, -q·v) and, under a counterface, of the counterface's M(q, 0).
 
 The rubber's own roughness moves with the rubber: its waves excite no frequency there, so that they
-add C_own q dq ∫dφ |1/M(q, 0)|² to the variance and nothing to the loss. Over a counter they move:
-then the counter has the frequencies, and adds its loss.
+add C_own q dq ∫dφ |1/M(q, 0)|² to the variance and nothing to the loss. Over a counterface they
+move: then the counterface has the frequencies, and adds its loss.
 
 The error is that against twice the wavenumbers. Those between have the angles between, so that
 errors of either rule show as far as they do not cancel in the integral over both: those of a
@@ -52,7 +52,7 @@ class FieldInputs(eqx.Module):
     """What a mean field is integrated from.
 
     Block, roughness of the track and of the block itself, pressure, velocity, the strain amplitude
-    per slope or None, and the counter or None.
+    per slope or None, and the counterface or None.
     """
 
     stack: Stack
@@ -61,12 +61,12 @@ class FieldInputs(eqx.Module):
     pressure: Float[Array, ""]
     velocity: Float[Array, "..."]
     strain_per_slope: Float[Array, ""] | None
-    counter: Stack | None = None
+    counterface: Stack | None = None
 
     @property
     def moving(self) -> Any:
         """The bodies over which some roughness moves, so that they dissipate."""
-        return self.stack if self.own is None else (self.stack, self.counter)
+        return self.stack if self.own is None else (self.stack, self.counterface)
 
 
 class Rules(NamedTuple):
@@ -156,22 +156,22 @@ def _rates(values, at_q, at_angle, rules):
     tolerance = graded_tolerance(field.stack, None, q)
     state, q = jax.tree.map(lambda a: a[at_q], state), q[at_q][:, None, None]
 
-    def response(q, omega, of_counter, state):
+    def response(q, omega, of_counterface, state):
         strain, temperature = state
         block = _softened(field.stack, strain)
         block = block if temperature is None else block.at(temperature)
         found = surface_compliance_unchecked(block, q, omega, tolerance)
-        if field.counter is None:
+        if field.counterface is None:
             return found
-        counter = _softened(field.counter, strain)
-        tolerance_of = graded_tolerance(counter, None, q)
-        return found + surface_compliance_unchecked(counter, q, of_counter, tolerance_of)
+        counterface = _softened(field.counterface, strain)
+        tolerance_of = graded_tolerance(counterface, None, q)
+        return found + surface_compliance_unchecked(counterface, q, of_counterface, tolerance_of)
 
-    def relative_to(amplitude, omega, of_counter):
+    def relative_to(amplitude, omega, of_counterface):
         # The block is in another state at each q.
         at = jax.vmap(response) if jax.tree.leaves(state) else response
         # √C q/(M σ0): squares of its factors may leave the range of float32.
-        relative = amplitude / (field.pressure * at(q, omega, of_counter, state))
+        relative = amplitude / (field.pressure * at(q, omega, of_counterface, state))
         return relative.real**2 + relative.imag**2, relative.imag
 
     amplitude = field.roughness.root_density(q) * q * field.roughness.root_narrowing(q, offset)
@@ -180,10 +180,10 @@ def _rates(values, at_q, at_angle, rules):
     loss = -amplitude * q * along * lost
     if field.own is not None:
         own = field.own.root_density(q, mean=True) * q
-        moving = rest if field.counter is None else omega
+        moving = rest if field.counterface is None else omega
         added, lost = relative_to(own, rest, moving)
         growth = growth + added
-        loss = loss if field.counter is None else loss - own * q * along * lost
+        loss = loss if field.counterface is None else loss - own * q * along * lost
     return jnp.stack([growth, loss])
 
 

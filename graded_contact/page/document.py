@@ -18,7 +18,7 @@ import numpy as np
 
 from ..core.checks import within
 from ..core.files import check_name, read_file
-from ..core.quantities import AXES, HISTORY
+from ..core.quantities import AXES, TRANSIENT
 from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
 from ..materials.material import AbstractMaterial
@@ -85,12 +85,12 @@ def open_document(path: Path | None) -> Document:
         name, folder, text = path.name, path.absolute().parent, text_of_scene(path)
     with within(f"{name}:"):
         scene = parse_scene(text, folder)
-        if scene.kind == HISTORY:
+        if scene.kind == TRANSIENT:
             raise ValueError(
                 "[motion] `once = true`: the page shows the results of what happens once. Run the "
                 "scene by `graded-contact run`, and open the file NAME.h5 that it writes."
             )
-        refuse_tables(scene, "The page", "motion", "counter")
+        refuse_tables(scene, "The page", "motion", "counterface")
         if not np.any(scene.velocity):
             raise ValueError("[load] `velocity` is 0. The page needs a velocity above 0.")
     moving = np.sort(np.abs(scene.velocity[scene.velocity != 0]))

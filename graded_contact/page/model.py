@@ -24,7 +24,7 @@ from ..scenes.scene_checks import refuse_liquids
 from ..scenes.surface_source import RandomSurface
 from ..sliding.case import Case
 from ..sliding.result import Sliding
-from ..sliding.slide import solve
+from ..sliding.slide import slide_case
 from ..surfaces.surface import Surface
 from .document import Document
 from .knobs import knobs_of, turned
@@ -129,7 +129,7 @@ class Model:
     def _slide(self, values: Any, start: Any, solution: Any = None) -> Sliding:
         # Not in one `jit`: what does not depend on the block is compiled once for all blocks.
         case = _case(self._at(values))
-        return cast(Sliding, solve(case, self._numerics, start=start, solution=solution))
+        return cast(Sliding, slide_case(case, self._numerics, start=start, solution=solution))
 
     def errors(self, values: Sequence[float]) -> tuple[str, ...]:
         """Returns the warnings about the contact at `values` [SI], which then has its errors."""

@@ -8,7 +8,7 @@ import numpy as np
 import panel as pn
 
 from ..core.display import time_unit
-from ..core.quantities import HISTORY
+from ..core.quantities import TRANSIENT
 from ..plot.cycles import plot_film, plot_transient
 from ..plot.slider import DOTS_PER_INCH, slider
 from ..plot.style import caption
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
-def read_history(path: Path) -> "Dataset":
+def read_transient(path: Path) -> "Dataset":
     """Returns the results of what happens once in a file.
 
     **Raises:** as `read_results`; `ValueError` for results of other contacts.
     """
     results = read_results(path)
-    if kind_of_results(results) != HISTORY:
+    if kind_of_results(results) != TRANSIENT:
         raise ValueError(
             f"`path={path}` has no [motion] with `once = true`: of results the page shows only "
             "these. Open the scene, or print them by `graded-contact info`."
@@ -42,7 +42,7 @@ def read_history(path: Path) -> "Dataset":
     return results
 
 
-def history_page(results: "Dataset") -> pn.Column:
+def transient_page(results: "Dataset") -> pn.Column:
     """Returns the page of results: figures over time, and a slider over the contact.
 
     The slider has the times whose fields are known, of the last solve that has some.

@@ -46,9 +46,9 @@ def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = "
 def _opened(path: Path | None, folder: Path) -> Callable[[], Any]:
     """What makes a page of a scene, or of results; what has no page is refused now."""
     if path is not None and is_hdf5(path):
-        from .reader import history_page, read_history
+        from .reader import read_transient, transient_page
 
-        return partial(history_page, read_history(path))
+        return partial(transient_page, read_transient(path))
     from .view import Page
 
     open_document(path)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.display import time_unit, unit_of, with_time, with_unit
 from ..core.escaping import in_figure
-from ..core.quantities import CYCLE, FIELDS, HISTORY, in_brackets, quantity_of
+from ..core.quantities import CYCLE, FIELDS, TRANSIENT, in_brackets, quantity_of
 from ..scenes.results import FLOWS, LEAKAGE
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
@@ -82,17 +82,17 @@ def plot_transient(history: "TransientSliding | Dataset") -> "Figure":
 
     **Arguments:**
 
-    - `history`: a solution of `slide_history` for a motion along x, or the result of `Plan.run` for
-      a scene with [motion] `once = true`: one line for each of its solves.
+    - `history`: a solution of `slide_transient` for a motion along x, or the result of `Plan.run`
+      for a scene with [motion] `once = true`: one line for each of its solves.
     """
-    check_drawn("history", history, HISTORY, DATASETS[HISTORY])
+    check_drawn("history", history, TRANSIENT, DATASETS[TRANSIENT])
     names = ["friction", "contact_area", "load", "mean_gap"]
     results: Any = history
     if hasattr(history, "dims"):
         flows = LEAKAGE if LEAKAGE[0] in results else FLOWS
         names += [n for n in flows if n in results and np.any(results[n] > 0)]
     ends = [name + end for name in names for end in ("", "_error")]
-    lines = _over_time(history, HISTORY, "time", "surface_displacement", *ends)
+    lines = _over_time(history, TRANSIENT, "time", "surface_displacement", *ends)
     if not np.any(lines[0]["surface_displacement"]):
         names = names[1:]
     columns = len(names) if len(names) < 5 else 3
@@ -146,7 +146,7 @@ def plot_film(
 
     **Arguments:**
 
-    - `cycle`: a solution of `slide_cycle` or `slide_history`, or the first of
+    - `cycle`: a solution of `slide_cycle` or `slide_transient`, or the first of
       `kept_contact(results, index)`.
     - `surface`: the surface that moves.
     - `times`: numbers of the times, of a history among those whose fields are kept; by default
@@ -154,7 +154,7 @@ def plot_film(
     """
     from matplotlib.colors import PowerNorm
 
-    check_drawn("cycle", cycle, CYCLE, HISTORY, FILM)
+    check_drawn("cycle", cycle, CYCLE, TRANSIENT, FILM)
     pressure, size = np.asarray(cycle.pressure), np.asarray(surface.grid.size)
     count, high = len(pressure), float(np.max(pressure))
     # Quarters show both directions of a motion to and fro.
@@ -213,7 +213,7 @@ def _draw_band(axes: "Axes", x: Any, values: Any, error: Any, colour: Any, what:
 
 def _over_time(found: Any, kind: str, *names: str) -> list[dict[str, Any]]:
     """A label, and the numbers of these names over time, of each solve; None if there is none."""
-    argument = {CYCLE: "cycle", HISTORY: "history"}[kind]
+    argument = {CYCLE: "cycle", TRANSIENT: "history"}[kind]
     # One solve in memory has a single line; results of a scene have one for each solve.
     if not hasattr(found, "dims"):
         moved = np.asarray(found.displacement if kind == CYCLE else found.problem.displacement)
@@ -233,7 +233,7 @@ def _over_time(found: Any, kind: str, *names: str) -> list[dict[str, Any]]:
     for index in np.ndindex(found["message"].shape):
         at = found.isel(dict(zip(found["message"].dims, index, strict=True)))
         # What happens once is known up to a step that failed.
-        enough = np.any if kind == HISTORY else np.all
+        enough = np.any if kind == TRANSIENT else np.all
         if not enough(np.isfinite(at["friction"])):
             continue  # failed, or not started
         words = [in_figure(f"{title_of(str(name))} {label_of(at[name])}") for name in varied]

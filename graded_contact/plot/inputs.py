@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from ..core.checks import check_type
-from ..core.quantities import CYCLE, HISTORY, KINDS, STEADY
+from ..core.quantities import CYCLE, KINDS, STEADY, TRANSIENT
 from ..scenes.results import kind_of_results
 
 T = TypeVar("T")
@@ -14,10 +14,10 @@ DATASETS = {kind: f"results {kind}" for kind in KINDS}  # of `Plan.run` and, if 
 _DRAWN = {
     STEADY: ("a contact in steady sliding", "plot_sliding"),
     CYCLE: ("a contact in a motion that repeats", "plot_cycle"),
-    HISTORY: ("a contact in what happens once", "plot_transient"),
+    TRANSIENT: ("a contact in what happens once", "plot_transient"),
     DATASETS[STEADY]: ("results of steady sliding", "plot_sweep"),
     DATASETS[CYCLE]: ("results of a motion that repeats", "plot_cycle"),
-    DATASETS[HISTORY]: ("results of what happens once", "plot_transient"),
+    DATASETS[TRANSIENT]: ("results of what happens once", "plot_transient"),
     FIELDS_OF_ONE: ("the fields of `kept_contact(results, index)`", "plot_sliding"),
     FILM: ("the fields of `kept_contact(results, index)` over time", "plot_film"),
 }

@@ -27,13 +27,13 @@ def title_of(name: str, scene: str = "") -> str:
     """
     if name in AXES:
         return AXES[name].meaning
-    path = re.fullmatch(r"(counter\.)?(?:layers\[(\d+)\]|(base))\.(.*?)(?:\[(\d+)\])?", name)
+    path = re.fullmatch(r"(counterface\.)?(?:layers\[(\d+)\]|(base))\.(.*?)(?:\[(\d+)\])?", name)
     quantity = quantity_of(name)
     if path is None or quantity is None:
         return name
-    counter, layer, base, rest, entry = path.groups()
+    counterface, layer, base, rest, entry = path.groups()
     tables = parse_toml(scene)
-    tables = tables.get("counter", {}) if counter else tables
+    tables = tables.get("counterface", {}) if counterface else tables
     layers = tables.get("layers", [])
     place = base or f"layer {int(layer) + 1}"
     table = tables.get("base", {}) if base else dict(enumerate(layers)).get(int(layer), {})
@@ -46,7 +46,7 @@ def title_of(name: str, scene: str = "") -> str:
     meaning = quantity.meaning.removeprefix("layer ")
     if entry is not None:
         meaning = f"{_SINGULAR.get(meaning, meaning)} {int(entry) + 1}"
-    return f"{'counter ' if counter else ''}{owner} {meaning}"
+    return f"{'counterface ' if counterface else ''}{owner} {meaning}"
 
 
 def label_of(number: "DataArray") -> str:

@@ -10,7 +10,7 @@ from jaxtyping import Float, ScalarLike
 
 from ..core.files import Refusal
 from ..fields.grid import Grid
-from ..sliding.motion import Motion, recorded
+from ..sliding.motion.periodic import Motion, recorded
 from .cells import TABLE_BYTES, holds_data
 from .decisions import Log
 from .registry import opening, read_as

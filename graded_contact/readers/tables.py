@@ -163,7 +163,7 @@ def find_tables(sheet: Sheet, named: Iterable[str]) -> list[DataTable]:
         if key in tables and has_units and tables[key].units != table.units:
             key = (*table.names, *table.units)
         table = tables.setdefault(key, table)
-        data = [row for row in below if holds_data(row) and not _COUNTER.match(row.cells[0])]
+        data = [row for row in below if holds_data(row) and not _COUNTERFACE.match(row.cells[0])]
         if data:
             lines = {row.line for row in data}
             for row in below:
@@ -250,14 +250,16 @@ _TEST = re.compile(
     r"(?i)sweep|ramp|hold|relax|creep|soak|step|test|balayage|rampe|fluage|paliers?|essai|kriech|versuch"
 )
 # RheoCompass counts the points above the numbers: "Interval and data points: 1 29".
-_COUNTER = re.compile(r"(?i)(?:interval|abschnitt).*:")
+_COUNTERFACE = re.compile(r"(?i)(?:interval|abschnitt).*:")
 # Settings of an instrument that are no temperature of a test.
 _SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibration|span|range")
 
 
 def title_above(rows: Sequence[Row]) -> str:
     """Returns the title of the next step, such as "Frequency sweep - 2", or an empty text."""
-    titles = [row for row in rows if _TEST.search(row.text) and not _COUNTER.match(row.cells[0])]
+    titles = [
+        row for row in rows if _TEST.search(row.text) and not _COUNTERFACE.match(row.cells[0])
+    ]
     pairs = itertools.pairwise(rows)
     titles += [row for mark, row in pairs if mark.cells[0].casefold() == "[step]"]  # TRIOS
     return next((cell for cell in reversed(titles[-1].cells) if cell), "")[:60] if titles else ""

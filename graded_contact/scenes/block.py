@@ -32,9 +32,9 @@ from ..readers.recorded_motion import (
 from ..readers.units import DIMENSIONS, UNITS
 from ..response.layering import Layering
 from ..response.riccati import Riccati
-from ..sliding.motion import Motion, sinusoidal, start_stop
+from ..sliding.motion.periodic import Motion, sinusoidal, start_stop
+from ..sliding.motion.transient import SingleMotion, dwell, listed, ramp, recorded_transient, start
 from ..sliding.shear import SHEARS, AbstractShear
-from ..sliding.single_motion import SingleMotion, dwell, listed, ramp, recorded_once, start
 from ..studies.parameter_covariance import Errors, check_errors, read_errors
 from .schema import Key, TableReader, check_keys, keys_of, kind_of
 
@@ -144,7 +144,7 @@ class Block:
         graded_solver: AbstractGradedSolver | None,
         owner: str = "",
     ) -> Stack:
-        """Returns the stack of the tables [[layers]] and [base]; `owner` as "counter."."""
+        """Returns the stack of the tables [[layers]] and [base]; `owner` as "counterface."."""
         layers = [self._layer(f"[{owner}layers[{i}]]", table) for i, table in enumerate(tables)]
         place = f"[{owner}base]"
         base = self.reader.build_kind(place, below, BASES)
@@ -239,8 +239,8 @@ class Block:
         self.take(log, "motion")
         return motion
 
-    def recorded_once(self, path: os.PathLike, grid: Grid) -> SingleMotion:
-        """Returns the motion of a table that need not close, as `recorded_once`.
+    def recorded_transient(self, path: os.PathLike, grid: Grid) -> SingleMotion:
+        """Returns the motion of a table that need not close, as `recorded_transient`.
 
         **Arguments:**
 
@@ -248,7 +248,7 @@ class Block:
         """
         times, displacement, log = read_over_time(path, "displacements")
         self.take(log, "motion")
-        return recorded_once(times, displacement, grid)
+        return recorded_transient(times, displacement, grid)
 
     def take(self, log: Log, owner: str) -> None:
         """Adds the sentences of a reading to the notes."""

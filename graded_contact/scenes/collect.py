@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.files import read_file
-from ..core.quantities import CYCLE, FIELDS, HISTORY, OBSERVABLES, numbers_of
+from ..core.quantities import CYCLE, FIELDS, OBSERVABLES, TRANSIENT, numbers_of
 from ..materials.shift import shifts_in
 from ..sliding.facts import facts_of
-from ..sliding.single_motion import SingleMotion
+from ..sliding.motion.transient import SingleMotion
 from ..studies.dataset import NOT_STARTED, attach, package_versions
 from ..studies.store import Point, together
 from ..surfaces.surface import Surface
@@ -66,7 +66,7 @@ def collect(
         return together(name, like, points).reshape(*shape, *inner)
 
     variables: dict[str, Any] = {}
-    once = scene.kind == HISTORY
+    once = scene.kind == TRANSIENT
     times = {} if scene.motion is None else {"time": scene.num_times}
     for name in numbers_of_scene(scene, surface):
         over_time = name in OBSERVABLES and OBSERVABLES[name].over_time

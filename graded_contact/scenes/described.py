@@ -17,8 +17,8 @@ def described(content: dict[str, Any]) -> str:
     kinds = {"self_affine": "a random surface", "sphere": "a sphere"}
     kinds["scans"] = "a surface of several scans"
     road = kinds.get(surface["kind"]) or Path(surface["path"]).name
-    counter = content.get("counter")
-    road = road if counter is None else f"{road} of {_body(counter)}"
+    counterface = content.get("counterface")
+    road = road if counterface is None else f"{road} of {_body(counterface)}"
     return f"{_body(content)} on {road}"
 
 
@@ -27,8 +27,8 @@ def in_words(content: dict[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {"block": _parts(content)}
     if graded_solver := content.get("solver", {}).get("graded_solver"):
         found["block"]["graded solver"] = _kind(graded_solver)
-    if "counter" in content:
-        found["counter"] = _parts(content["counter"])
+    if "counterface" in content:
+        found["counterface"] = _parts(content["counterface"])
     found["materials"] = {n: _kind(table) for n, table in content["materials"].items()}
     found["surface"] = _kind(content["surface"])
     if "grid" in content:

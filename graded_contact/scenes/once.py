@@ -14,8 +14,8 @@ from ..contacts.inputs import PARTED
 from ..core.checks import as_float, check_increasing, check_positive, check_values, within
 from ..fields.grid import Grid
 from ..readers.recorded_motion import read_over_time
-from ..sliding.motion import Motion
-from ..sliding.single_motion import SingleMotion
+from ..sliding.motion.periodic import Motion
+from ..sliding.motion.transient import SingleMotion
 from .block import KIND_MAKERS, Block
 from .schema import Key, kind_of
 
@@ -39,7 +39,7 @@ def motion_of(block: Block, table: dict[str, Any], grid: Grid) -> Motion | Singl
         block.reader.value("[motion]", key, table.get(key.name, default))
         for key, default in ((ONCE, False), (THEN, []))
     )
-    single = KIND_MAKERS[SingleMotion] | {"recorded": block.recorded_once}
+    single = KIND_MAKERS[SingleMotion] | {"recorded": block.recorded_transient}
     if not once:
         if later:
             raise ValueError("[motion] `then` needs `once = true`.")

@@ -18,7 +18,7 @@ import numpy as np
 from ..core.checks import within
 from ..core.memory import (
     CYCLE,
-    CYCLE_COUNTER,
+    CYCLE_COUNTERFACE,
     DERIVATIVE,
     SLIDING,
     available_memory,
@@ -26,15 +26,15 @@ from ..core.memory import (
     in_gigabytes,
     memory_of,
 )
-from ..core.quantities import HISTORY, OBSERVABLES
+from ..core.quantities import OBSERVABLES, TRANSIENT
 from ..fields.frequency import velocity_along
 from ..sliding.bodies import TwoBodies
-from ..sliding.contact_stress import STRESSES
 from ..sliding.facts import FLOW
-from ..sliding.history import fields_of_history, solve_history
-from ..sliding.history_errors import steps_with_errors
-from ..sliding.slide import solve
-from ..sliding.steady import check_approach
+from ..sliding.interior.stress import STRESSES
+from ..sliding.slide import slide_case
+from ..sliding.solve.steady import check_approach
+from ..sliding.transient.errors import steps_with_errors
+from ..sliding.transient.solve import fields_of_transient, solve_transient
 from ..studies.interruption import ctrl_c_later
 from ..studies.parameter_covariance import with_standard_error
 from ..studies.program import Program, trace
@@ -83,7 +83,7 @@ class Plan:
 
     def __str__(self) -> str:
         fields, solves = fields_in_memory(self.scene), str(self.points.size)
-        if self.scene.kind == HISTORY:
+        if self.scene.kind == TRANSIENT:
             solves += f", each of {self.scene.num_times} steps"
         return cost_text(self.surface.grid.shape, fields, solves, self.caveats)
 
@@ -162,7 +162,7 @@ def plan(scene: Scene, *, surface: Surface | None = None) -> Plan:
         surface = build_surface(scene) if surface is None else surface
         # In two dimensions waves across the velocity are at rest, and need a modulus there.
         at_rest = surface.grid.ndim == 2 or scene.motion is not None or not np.all(scene.velocity)
-        if at_rest and scene.kind != HISTORY:  # for a while a liquid may rest under a load
+        if at_rest and scene.kind != TRANSIENT:  # for a while a liquid may rest under a load
             refuse_liquids(scene)
         if isinstance(scene.surface, SurfaceFile):
             told = (*scene.assumed, *doubts_of(scene, surface.grid))
@@ -178,7 +178,7 @@ def plan(scene: Scene, *, surface: Surface | None = None) -> Plan:
         # Only names and dtypes of the first point matter: one program solves all points.
         first = {name: column[0] for name, column in columns_of(scene.axes).items()}
         # With errors of materials a solve has a derivative, and is one program.
-        by_steps = scene.kind == HISTORY and not scene.errors
+        by_steps = scene.kind == TRANSIENT and not scene.errors
         steps = steps_with_errors(scene.num_times) if by_steps else 0
         program = trace(_solver(scene, surface), first, steps)
         later.check()
@@ -204,13 +204,15 @@ def fields_in_memory(scene: Scene) -> float:
     """Returns how many fields of the size of its surface a scene takes."""
     kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.fields]
     # The surface, what is kept, and a derivative.
-    if scene.motion is not None and scene.kind == HISTORY:
-        own = fields_of_history(scene.counter, scene.shear, scene.motion.displacement)
+    if scene.motion is not None and scene.kind == TRANSIENT:
+        own = fields_of_transient(scene.counterface, scene.shear, scene.motion.displacement)
         return 1 + len(KEPT_FIELDS) * len(scene.kept_steps) * (2 + kept) + own
     fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     if scene.motion is None:
         return fields + SLIDING
-    return scene.num_times * (fields + CYCLE + (0 if scene.counter is None else CYCLE_COUNTER))
+    return scene.num_times * (
+        fields + CYCLE + (0 if scene.counterface is None else CYCLE_COUNTERFACE)
+    )
 
 
 def cost_text(
@@ -239,10 +241,10 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         if "seed" in point and isinstance(scene.surface, RandomSurface):
             rough = scene.surface.drawn(point["seed"])
         case = dataclasses.replace(scene, **bodies._asdict()).case(point, rough)
-        if scene.kind == HISTORY:
-            contact = solve_history(case, scene.numerics, scene.kept_steps)
+        if scene.kind == TRANSIENT:
+            contact = solve_transient(case, scene.numerics, scene.kept_steps)
         else:
-            contact = solve(case, scene.numerics)
+            contact = slide_case(case, scene.numerics)
         found = dict(zip(names, contact.compute(*names), strict=True))
         stack = case.stack if contact.heated is None else contact.heated.stack
         for name in scene.observe.stresses:
@@ -254,7 +256,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             for name, number in found.items():
                 if number.ndim == 2:
                     found[name] = number @ (jnp.abs(along) if name.endswith("_error") else along)
-        if scene.kind == HISTORY and FLOW in scene.asked:  # of the times with a gap
+        if scene.kind == TRANSIENT and FLOW in scene.asked:  # of the times with a gap
             unknown = jnp.full(scene.num_times, jnp.nan, rough.heights.dtype)
             for name in (n for n in names if n.startswith(FLOWS)):
                 found[name] = unknown.at[np.array(scene.kept_steps)].set(found[name])
@@ -263,5 +265,5 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         return found | {"result": contact.result}
 
     main = "friction" if scene.motion is None else "mean_friction"
-    bodies = TwoBodies(scene.stack, scene.counter)
+    bodies = TwoBodies(scene.stack, scene.counterface)
     return lambda point: with_standard_error(partial(solved, point), bodies, errors, main)

@@ -19,9 +19,9 @@ import numpy as np
 
 from ..contacts.solution import FAILURES, RESULTS
 from ..core.caveats import Caveat, caveats_of
-from ..core.quantities import CYCLE, HISTORY, STEADY, mean_over_seeds
+from ..core.quantities import CYCLE, STEADY, TRANSIENT, mean_over_seeds
 from ..fields.grid import Grid
-from ..sliding.errors import NO_FRICTION
+from ..sliding.errors.parts import NO_FRICTION
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, read_dataset
 from ..surfaces.reading_steps import ReadingStep
 from ..surfaces.surface import Surface
@@ -148,7 +148,7 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
         for name, variable in results.data_vars.items()
         if variable.dtype.kind == "f" and {*known.dims} <= {*variable.dims} <= {*known.dims, "time"}
     }
-    if (kind := kind_of_results(results)) != HISTORY:
+    if (kind := kind_of_results(results)) != TRANSIENT:
         return *of_files, *caveats_of(lambda name: told.get(name, 0.0), kind)
     # What is doubtful at one time makes its solve doubtful.
     over_time = {n: v if v.ndim > known.ndim else v[..., None] for n, v in told.items()}
@@ -161,7 +161,7 @@ def kind_of_results(results: "Dataset") -> str:
     if "time" not in results.dims:
         return STEADY
     # Over a period time has no unit.
-    return HISTORY if results["time"].attrs.get("units") == TIME["units"] else CYCLE
+    return TRANSIENT if results["time"].attrs.get("units") == TIME["units"] else CYCLE
 
 
 def is_of_each(caveat: Caveat, results: "Dataset") -> bool:

@@ -22,19 +22,19 @@ from ..contacts.solver.nested_solve import DouglasRachford
 from ..core.checks import within
 from ..core.display import shown, with_time
 from ..core.parameters import with_values
-from ..core.quantities import CYCLE, HISTORY, STEADY
+from ..core.quantities import CYCLE, STEADY, TRANSIENT
 from ..fields.frequency import velocity_along
 from ..materials.material import AbstractMaterial
 from ..sliding.bodies import TwoBodies, in_both
 from ..sliding.case import Case, Heating
-from ..sliding.contact_stress import STRESSES
 from ..sliding.facts import FLOW
-from ..sliding.gap_flow import Fluid
-from ..sliding.heat_source import as_depths
-from ..sliding.motion import Motion
+from ..sliding.interior.heat_source import as_depths
+from ..sliding.interior.stress import STRESSES
+from ..sliding.motion.periodic import Motion
+from ..sliding.motion.transient import SingleMotion
+from ..sliding.numbers.gap_flow import Fluid
 from ..sliding.numerics import Numerics
 from ..sliding.shear import AbstractShear
-from ..sliding.single_motion import SingleMotion
 from ..studies.parameter_covariance import Errors
 from ..surfaces.surface import Surface
 from .described import in_words
@@ -109,8 +109,8 @@ class Scene:
     - `title`: one line for the reader.
     - `stack`: the block of the file; `bodies` returns that of a point.
     - `surface`: where the surface comes from; `plan` makes it.
-    - `sweep`: other values for numbers of the stack by their paths, and of the counter by
-      "counter.layers[0].thickness".
+    - `sweep`: other values for numbers of the stack by their paths, and of the counterface by
+      "counterface.layers[0].thickness".
     - `pressure`: mean pressures [Pa], an axis; none with an approach.
     - `approach`: of a body on a window since its first touch [m], an axis in place of the pressure.
     - `velocity`: sliding velocities [m/s], an axis. With a motion these are its highest speeds, and
@@ -127,7 +127,7 @@ class Scene:
       pressure, with units in the headings ("time [h]", "pressure [kPa]"), counted from its first
       time.
     - `motion`, `law`, `shear`, `heating`: the tables of these names, or None.
-    - `counter`: the body that carries the surface, or None if it is rigid.
+    - `counterface`: the body that carries the surface, or None if it is rigid.
     - `block_surface`: where the block's own surface comes from, or None.
     - `fluid`: whose leakage through the gap is a result, or None.
     - `observe`: the table of this name.
@@ -168,7 +168,7 @@ class Scene:
     step: float | None = None
     law: AbstractLaw | None = None
     shear: AbstractShear | None = None
-    counter: Stack | None = None
+    counterface: Stack | None = None
     block_surface: RandomSurface | SurfaceFile | None = None
     heating: Heating | None = None
     fluid: Fluid | None = None
@@ -232,7 +232,7 @@ class Scene:
         """Of its contacts, one of `KINDS`."""
         if self.motion is None:
             return STEADY
-        return CYCLE if isinstance(self.motion, Motion) else HISTORY
+        return CYCLE if isinstance(self.motion, Motion) else TRANSIENT
 
     @property
     def num_times(self) -> int:
@@ -301,7 +301,7 @@ class Scene:
 
     def bodies(self, point: Mapping[str, Any]) -> TwoBodies:
         """Returns both bodies at a point, given by its numbers on the axes; JAX may trace them."""
-        bodies = TwoBodies(self.stack, self.counter)
+        bodies = TwoBodies(self.stack, self.counterface)
         bodies = with_values(bodies, {in_both(path): point[path] for path in self.sweep})
         temperature = self._at(point, "temperature")
         return bodies if temperature is None else bodies.at(temperature)

@@ -18,10 +18,10 @@ from ..core.checks import (
 from ..core.files import check_name
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
-from ..core.quantities import CYCLE, HISTORY
+from ..core.quantities import CYCLE, TRANSIENT
 from ..materials.softening import as_strain_per_slope
-from ..sliding.bodies import OF_COUNTER, BodyName, TwoBodies, in_both
-from ..sliding.conduction import of_parts
+from ..sliding.bodies import OF_COUNTERFACE, BodyName, TwoBodies, in_both
+from ..sliding.interior.conduction import of_parts
 from ..sliding.shear import shear_stress
 from .block import extremes
 from .once import LIFTED
@@ -41,17 +41,17 @@ def check_numbers(scene: Scene) -> None:
         check_values("velocity", scene.velocity, "a velocity [m/s] must be finite")
         check_squares("velocity", scene.velocity, "m/s")
         for value in extremes(scene.strain_per_slope):
-            as_strain_per_slope(value, (scene.stack, scene.counter))
+            as_strain_per_slope(value, (scene.stack, scene.counterface))
     with within("[solver]"):
         check_tolerance("rtol", scene.rtol, as_float(1.0))  # in the dtype of the session
     if scene.name is not None:
         with within("[output]"):
             check_name(scene.name)
     with within("[sweep]"):
-        bodies = TwoBodies(scene.stack, scene.counter)
+        bodies = TwoBodies(scene.stack, scene.counterface)
         for path, values in scene.sweep.items():
-            body: BodyName = "counter" if path.startswith(OF_COUNTER) else "block"
-            check_paths([path.removeprefix(OF_COUNTER)], bodies[body == "counter"], body)
+            body: BodyName = "counterface" if path.startswith(OF_COUNTERFACE) else "block"
+            check_paths([path.removeprefix(OF_COUNTERFACE)], bodies[body == "counterface"], body)
             for value in (np.min(values), np.max(values)):  # what is allowed has no gaps
                 with within(f'"{path}":'):
                     changed = with_values(bodies, {in_both(path): value})
@@ -68,7 +68,7 @@ def check_tables(scene: Scene) -> None:
         raise ValueError(
             '[load] `approach` needs a surface of kind "sphere", or a file that is "open".'
         )
-    window, once = is_open or isinstance(source, Sphere), scene.kind == HISTORY
+    window, once = is_open or isinstance(source, Sphere), scene.kind == TRANSIENT
     if {*scene.observe.asked} - ({"flow"} if once else set()) and (motion is not None or window):
         raise ValueError(
             "[observe] needs steady sliding on a periodic surface; what happens once has `flow`."
@@ -90,15 +90,15 @@ def check_tables(scene: Scene) -> None:
         raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
     if scene.heating is not None:
         with within("[heating]"):
-            of_parts(scene.heating, scene.stack, scene.counter)
+            of_parts(scene.heating, scene.stack, scene.counterface)
     with within("[shear]"):
         # A law with a shift refuses a scene without a temperature.
         for at in extremes(scene.temperature) or [None]:
             shear_stress(scene.shear, as_float(1.0, "velocity"), at)
-    with within("[counter]"):  # its waves rest under the surface
-        for _, (_, counter) in scene.all_bodies():
-            if counter is not None:
-                check_at_rest(counter)
+    with within("[counterface]"):  # its waves rest under the surface
+        for _, (_, counterface) in scene.all_bodies():
+            if counterface is not None:
+                check_at_rest(counterface)
     if scene.block_surface is not None:
         if motion is None:
             raise ValueError("[block_surface] needs a table [motion]: see `slide`.")
@@ -148,11 +148,11 @@ def check_paths(given: Iterable[str], stack: Stack | None, body: BodyName = "blo
     """Raises `ValueError` unless all name numbers of the body."""
     if stack is None:
         raise ValueError(f"{[*given]} need the table [{body}].")
-    start = OF_COUNTER if body == "counter" else ""
+    start = OF_COUNTERFACE if body == "counterface" else ""
     known = [start + path for path in paths(stack)]
     whole = [path for path in known if not path.endswith("]")]  # entries of arrays are many
     for path in (start + path for path in given):
         if path not in known:
-            other = path.startswith(OF_COUNTER) and not start
+            other = path.startswith(OF_COUNTERFACE) and not start
             hint = "only those of the block vary here" if other else nearest(path, whole)
             raise ValueError(f"`{path}` is not a number of the {body}; {hint.rstrip('.')}.")

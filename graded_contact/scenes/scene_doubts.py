@@ -30,7 +30,7 @@ def doubts_of(scene: Scene, grid: Grid) -> Iterator[str]:
     """Yields what makes the numbers of a scene on a grid doubtful."""
     usual = usual_beside(scene, grid)
     yield from doubts_about(usual, "pressure", scene.pressure, "[load]")
-    for owner, body in (("", scene.stack), ("counter.", scene.counter)):
+    for owner, body in (("", scene.stack), ("counterface.", scene.counterface)):
         for i, layer in enumerate(() if body is None else body.layers):
             path = f"{owner}layers[{i}].thickness"
             values = np.append(scene.sweep.get(path, []), layer.thickness)
@@ -50,7 +50,7 @@ def doubts_of(scene: Scene, grid: Grid) -> Iterator[str]:
 def usual_beside(scene: Scene, grid: Grid) -> UsualSizes:
     """Returns the lowest and the highest usual pressure, stress [Pa], thickness and gap [m]."""
     is_material = lambda node: isinstance(node, AbstractMaterial)  # noqa: E731
-    parts = jax.tree.leaves((scene.stack, scene.counter), is_leaf=is_material)
+    parts = jax.tree.leaves((scene.stack, scene.counterface), is_leaf=is_material)
     relaxed = [float(abs(part.modulus(0.0))) for part in parts if is_material(part)]
     moduli = [one for one in relaxed if one > 0]  # of a liquid it is 0
     highest = _PRESSURES[1] * max(moduli, default=math.inf)

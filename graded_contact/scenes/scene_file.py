@@ -17,9 +17,9 @@ from ..core.parameters import places
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
 from ..sliding.case import Heating
-from ..sliding.gap_flow import Fluid
+from ..sliding.motion.transient import SingleMotion
+from ..sliding.numbers.gap_flow import Fluid
 from ..sliding.shear import AbstractShear
-from ..sliding.single_motion import SingleMotion
 from .block import Block
 from .once import motion_of, read_load, with_corners
 from .scene import Axis, Observe, Scene
@@ -31,13 +31,13 @@ from .toml import check_texts, parse_toml, text_of_scene
 
 
 @dataclasses.dataclass(frozen=True)
-class CounterTables:
+class CounterfaceTables:
     """The body that carries the surface and moves with it; without the table it is rigid.
 
     **Fields:**
 
     - `base`: below its layers, with a `kind`.
-    - `layers`: tables [[counter.layers]], from its rough surface inwards, as [[layers]].
+    - `layers`: tables [[counterface.layers]], from its rough surface inwards, as [[layers]].
     """
 
     base: dict[str, object]
@@ -50,7 +50,7 @@ class SceneTables:
 
     **Fields:**
 
-    - `surface`: of the rough counter-body, with a `kind`.
+    - `surface`: of the rough counterface, with a `kind`.
     - `materials`: tables [materials.NAME], each with a `kind`; one may use those above it.
     - `base`: below the layers, with a `kind`.
     - `load`: pressures or approaches, velocities, temperatures.
@@ -58,12 +58,12 @@ class SceneTables:
     - `grid`: of a random surface, or of a sphere.
     - `layers`: tables [[layers]], from the loaded surface downwards. A graded one has, instead of
       `material`, the NAMEs `bottom` and `top`.
-    - `counter`: the body that carries the surface; rigid without the table. It has the temperature
-      of [load], and [heating] warms it.
+    - `counterface`: the body that carries the surface; rigid without the table. It has the
+      temperature of [load], and [heating] warms it.
     - `block_surface`: heights of the block itself, out of the block, with a `kind`; with [motion].
     - `sweep`: other values for numbers of the block, by paths as in `with_values`:
-      "layers[0].thickness" = [1e-5, 1e-4], and of the counter: "counter.layers[0].thickness". A
-      temperature acts on bodies with these values.
+      "layers[0].thickness" = [1e-5, 1e-4], and of the counterface:
+      "counterface.layers[0].thickness". A temperature acts on bodies with these values.
     - `motion`: in place of steady sliding, with a `kind`: back and forth or with stops; with
       `once = true` what happens once, with further motions after it as [[motion.then]].
     - `law`: of contact, with a `kind`: adhesion, hardness or a soft wall; if missing, a hard wall.
@@ -83,7 +83,7 @@ class SceneTables:
     title: str = ""
     grid: Grid | None = None
     layers: list[dict] = dataclasses.field(default_factory=list)
-    counter: CounterTables | None = None
+    counterface: CounterfaceTables | None = None
     block_surface: dict[str, object] | None = None
     sweep: dict[str, Axis] = dataclasses.field(default_factory=dict)
     motion: dict[str, object] | None = None
@@ -176,9 +176,11 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
             highest = float(f"{highest:.12g}")
         load.setdefault("velocity", np.array([highest]))
     how = accuracy.pop("graded_solver", None)
-    stack, counter, own_surface = block.stack(tables.layers, tables.base, how), None, None
-    if tables.counter is not None:
-        counter = block.stack(tables.counter.layers, tables.counter.base, how, "counter.")
+    stack, counterface, own_surface = block.stack(tables.layers, tables.base, how), None, None
+    if tables.counterface is not None:
+        counterface = block.stack(
+            tables.counterface.layers, tables.counterface.base, how, "counterface."
+        )
     if tables.block_surface is not None:
         own_surface = surface_of_block(tables.block_surface, tables.grid, surface, reader)
     inputs = dict(reader.paths)  # before [output], whose folder is no input
@@ -189,7 +191,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     found = Scene(
         text=text, surface=surface, stack=stack, materials=materials, errors=errors, inputs=inputs,
         notes=tuple(block.notes), assumed=tuple(block.assumed), solver=algorithm, motion=motion,
-        step=step, counter=counter, block_surface=own_surface,
+        step=step, counterface=counterface, block_surface=own_surface,
         **own, **load, **accuracy, **output,
     )  # fmt: skip
     check_numbers(found)

@@ -87,7 +87,7 @@ def errors_of_bodies(scene: Scene) -> Errors | None:
     """
     names, blocks = [], []
     for _, material, known in scene.errors:
-        at = places(TwoBodies(scene.stack, scene.counter), material)
+        at = places(TwoBodies(scene.stack, scene.counterface), material)
         at = [place.removeprefix("stack.") for place in at]
         if at:
             names += [f"{place}.{path}" for place in at for path in known.paths]
@@ -135,7 +135,7 @@ def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -
         # By identity: another material with the same numbers stays.
         swapped = jax.tree.map(
             lambda node: table if node is material else node,
-            TwoBodies(scene.stack, scene.counter),
+            TwoBodies(scene.stack, scene.counterface),
             is_leaf=lambda node: node is material,
         )
         given = {**swapped._asdict(), "sweep": {}, "shear": None, "direction": 0.0}

@@ -18,7 +18,7 @@ from ..core.checks import is_concrete
 from ..core.compilation import compiled
 from ..core.deprecation import since_rc1
 from ..core.derivative import derivative_apart
-from ..core.quantities import HISTORY, OBSERVABLES, numbers_of
+from ..core.quantities import OBSERVABLES, TRANSIENT, numbers_of
 from ..fields.grid import Grid
 from .bodies import Coupling
 from .facts import WINDOW
@@ -59,7 +59,7 @@ class AbstractSliding(eqx.Module):
     problem: eqx.AbstractVar[Problem]
     heated: eqx.AbstractVar[HeatedContact | None]
     kind: eqx.AbstractClassVar[str]
-    recorded: eqx.AbstractVar[dict[str, Array]]  # numbers of the steps of a history
+    recorded: eqx.AbstractVar[dict[str, Array]]  # numbers of the steps of a transient solve
 
     def __getattr__(self, name: str) -> Array:
         # Python looks here only for what is no field. Numbers of `contact` need no program.
@@ -193,6 +193,6 @@ def _computed(
         one.kept.formulas, one.kept.near = {}, others
     entries = [OBSERVABLES[name] for name in names]
     numbers = {e.name: e.of(found if e.has_derivative else still) for e in entries}
-    if found.kind == HISTORY:  # whose numbers before a failure are known
+    if found.kind == TRANSIENT:  # whose numbers before a failure are known
         return numbers
     return if_known(found.result, numbers)  # an area is a number even of a pressure that is none

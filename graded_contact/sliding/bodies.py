@@ -1,15 +1,17 @@
-"""What moves the surfaces of both bodies beside the pressure on the block: traction, the counter.
+"""What moves the surfaces of both bodies beside the pressure on the block: traction, the
+counterface.
 
-The counter carries the rough surface and moves with it. The pressure σ moves its surface into the
-counter, away from the block, so that the gap opens by both,
+The counterface carries the rough surface and moves with it. The pressure σ moves its surface into
+the counterface, away from the block, so that the gap opens by both,
 
     u = ū + w + w_c - h,
 
-and the traction acts on it as on the block, in the opposite direction. Seen from the counter, with
-z into it, both are pressure and traction on an ordinary block: w_c = M_zz σ - M_zi τ_i. Two equal
-bodies without frequencies do not move along z under their traction, as Dundurs's constant β = 0.
+and the traction acts on it as on the block, in the opposite direction. Seen from the counterface,
+with z into it, both are pressure and traction on an ordinary block: w_c = M_zz σ - M_zi τ_i. Two
+equal bodies without frequencies do not move along z under their traction, as Dundurs's constant β =
+0.
 
-The waves of the counter are at rest under the surface: under steady sliding M is that of ω = 0,
+The waves of the counterface are at rest under the surface: under steady sliding M is that of ω = 0,
 real and even. In a cycle the pressure under the surface varies with time, and M is that of the
 frequencies of the period, without the phases of the motion. It is not diagonal in the waves of the
 block: the kernel of the contact then contains the middle of its values, a real number for each q,
@@ -32,18 +34,19 @@ from ..contacts.operators.operator import AbstractOperator, Field
 from ..contacts.operators.space_time import SpaceTime
 from ..fields.grid import Waves, resample_spectrum
 
-BodyName = Literal["block", "counter"]
-OF_COUNTER = "counter."  # begins the paths of its numbers beside those of a block
+BodyName = Literal["block", "counterface"]
+OF_COUNTERFACE = "counterface."  # begins the paths of its numbers beside those of a block
 
 
 class TwoBodies(NamedTuple):
-    """The block, and the counter or None if it is rigid; values by paths are in both.
+    """The block, and the counterface or None if it is rigid; values by paths are in both.
 
-    Paths of the counter begin with `OF_COUNTER`, those of the block with nothing, see `in_both`.
+    Paths of the counterface begin with `OF_COUNTERFACE`, those of the block with nothing, see
+    `in_both`.
     """
 
     stack: Stack
-    counter: Stack | None
+    counterface: Stack | None
 
     def at(self, temperature: ScalarLike) -> "TwoBodies":
         """Returns both bodies at another temperature [K]."""
@@ -51,8 +54,8 @@ class TwoBodies(NamedTuple):
 
 
 def in_both(path: str) -> str:
-    """Returns the path in `TwoBodies` of a number of the block or of the counter."""
-    return path if path.startswith(OF_COUNTER) else f"stack.{path}"
+    """Returns the path in `TwoBodies` of a number of the block or of the counterface."""
+    return path if path.startswith(OF_COUNTERFACE) else f"stack.{path}"
 
 
 class Coupling(eqx.Module):
@@ -100,17 +103,18 @@ def lags(coupling: Coupling | None) -> TypeGuard[Coupling]:
     return coupling is not None and not coupling.in_kernel
 
 
-class Counter(eqx.Module):
-    """How the counter deforms, in waves at rest under the surface; z counts into the counter.
+class Counterface(eqx.Module):
+    """How the counterface deforms, in waves at rest under the surface; z counts into the
+    counterface.
 
     **Fields:**
 
     - `operator`: M_zz, in a cycle over its frequencies; with `coupling.in_kernel` it contains the
       traction.
     - `in_kernel`: the part of M that the kernel of the contact contains [m/Pa].
-    - `coupling`: how the traction on the counter moves its surface, or None.
+    - `coupling`: how the traction on the counterface moves its surface, or None.
     - `lags`: whether `in_kernel` is not all of M. Static.
-    - `measured_range`, `thickness`: as in `SteadyProblem`, of the counter.
+    - `measured_range`, `thickness`: as in `SteadyProblem`, of the counterface.
     """
 
     operator: AbstractOperator
@@ -125,7 +129,7 @@ class Counter(eqx.Module):
         return dataclasses.replace(block, kernel=block.kernel + self.in_kernel)
 
     def displace(self, pressure: Field, tractions: Sequence[Field]) -> Field:
-        """Returns w_c [m] under the pressure and the tractions on the counter."""
+        """Returns w_c [m] under the pressure and the tractions on the counterface."""
         moved = self.operator.displace(pressure)
         if lags(self.coupling):
             moved = moved + self.coupling.lifted(self.operator, tractions)
@@ -143,20 +147,21 @@ class Counter(eqx.Module):
 
     def on(
         self, operator: AbstractOperator, old: tuple[int, ...], new: tuple[int, ...]
-    ) -> "Counter":
-        """Returns the counter on another cell, with the waves that both resolve.
+    ) -> "Counterface":
+        """Returns the counterface on another cell, with the waves that both resolve.
 
-        `operator` has the kernel of the counter there; `old` and `new` are the shapes of the cells.
+        `operator` has the kernel of the counterface there; `old` and `new` are the shapes of the
+        cells.
         """
         axes = self.in_kernel.ndim
         kept = resample_spectrum(self.in_kernel, old[-axes:], new[-axes:])
         coupling = coupling_on(self.coupling, old, new)
-        return Counter(operator, kept, coupling, self.lags, self.measured_range, self.thickness)
+        return Counterface(operator, kept, coupling, self.lags, self.measured_range, self.thickness)
 
 
-def of_block(both: AbstractOperator, counter: Counter | None) -> AbstractOperator:
+def of_block(both: AbstractOperator, counterface: Counterface | None) -> AbstractOperator:
     """Returns the operator of the block from that of the contact."""
-    return both if counter is None else both.with_kernel(both.kernel - counter.in_kernel)
+    return both if counterface is None else both.with_kernel(both.kernel - counterface.in_kernel)
 
 
 def middle_of(kernel: Inexact[Array, "nt *half"]) -> Float[Array, "*half"]:

@@ -28,7 +28,7 @@ from ..fields.frequency import as_velocity
 from ..kernels.memory import LONGEST
 from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
-from .motion import check_closed, check_resolved
+from .motion.periodic import check_closed, check_resolved
 from .shear import ShearLaw
 
 OfParts = Float[Array, ""] | Float[Array, " parts"]
@@ -44,7 +44,7 @@ class Heating(eqx.Module):
       and one for the half space below (also below a rigid base).
     - `diffusivity`: D of the block [m²/s]: one number, or as many as layers plus one.
     - `counterface_conductivity`: κ of the body that carries the surface [W/(m K)]: one number, 0 if
-      no heat flows into it, or one for each layer of a `counter`, surface first, and one below.
+      no heat flows into it, or one for each layer of a `counterface`, surface first, and one below.
     """
 
     conductivity: OfParts = eqx.field(converter=numbers("conductivity"))
@@ -78,14 +78,14 @@ class Case(eqx.Module):
       have a spectrum in its place, see `mean_field_friction`.
     - `velocity`: of the surface over the block [m/s]; or
     - `displacement`: s(t) [m], with the `period` [s] of a cycle, or the `times` [s] of a motion
-      that happens once.
+      that is transient.
     - `pressure` [Pa], `mean_gap` [m] or `approach` [m]: what is prescribed.
     - `law`: of contact.
     - `shear`: law of the shear stress in the contact, or None.
     - `temperature`: of the contact [K], with `heating` that of the bulk; or None.
     - `heating`: how the heat of friction flows, or None; of a cycle it is the mean heat.
     - `strain_per_slope`: strain amplitude of each wave over the rms slope [1], or None.
-    - `counter`: the body that carries the surface and moves with it, or None if it is rigid.
+    - `counterface`: the body that carries the surface and moves with it, or None if it is rigid.
     - `block_surface`: heights of the block itself, which rest on it; with a displacement, or None.
     """
 
@@ -103,7 +103,7 @@ class Case(eqx.Module):
     temperature: Any = None
     heating: Heating | None = None
     strain_per_slope: Any = None
-    counter: Stack | None = None
+    counterface: Stack | None = None
     block_surface: Surface | None = None
 
     def __check_init__(self):
@@ -111,11 +111,11 @@ class Case(eqx.Module):
         check_type("surface", self.surface, Surface, *get_args(Spectrum), tuple)
         check_type("law", self.law, AbstractLaw)
         check_type("heating", self.heating, Heating, type(None))
-        check_type("counter", self.counter, Stack, type(None))
+        check_type("counterface", self.counterface, Stack, type(None))
         check_type("block_surface", self.block_surface, Surface, type(None))
-        if self.counter is not None and self.times is None:
-            with within("`counter`:"):
-                check_at_rest(self.counter)  # its waves rest under the surface, forever
+        if self.counterface is not None and self.times is None:
+            with within("`counterface`:"):
+                check_at_rest(self.counterface)  # its waves rest under the surface, forever
         if (self.velocity is None) == (self.displacement is None):
             raise ValueError(
                 "`velocity`, or `displacement` with `period` or `times`, is needed, not both."
@@ -126,9 +126,9 @@ class Case(eqx.Module):
             if self.block_surface is not None:
                 raise ValueError(
                     "`block_surface` is refused with a `velocity`: two rough surfaces have no "
-                    "steady state. Use `slide_cycle` or `slide_history`; if the sliding surface is "
-                    "smooth, exchange the bodies: the block is the `counter` of its surface, which "
-                    "moves backwards."
+                    "steady state. Use `slide_cycle` or `slide_transient`; if the sliding "
+                    "surface is smooth, exchange the bodies: the block is the `counterface` of "
+                    "its surface, which moves backwards."
                 )
             return
         check_type("surface", self.surface, Surface)
@@ -183,8 +183,8 @@ class Case(eqx.Module):
 
     @property
     def bodies(self) -> tuple[Stack, ...]:
-        """The bodies that deform: the block, and the counter if there is one."""
-        return (self.stack,) if self.counter is None else (self.stack, self.counter)
+        """The bodies that deform: the block, and the counterface if there is one."""
+        return (self.stack,) if self.counterface is None else (self.stack, self.counterface)
 
     def _check_times(self, grid: Any) -> None:
         for name, refused in (("period", self.period), ("heating", self.heating)):

@@ -1,10 +1,10 @@
 """The power that both bodies take, wave by wave.
 
 The power of the traction τ·v, and in a cycle that of the load ⟨σ ∂(w + w_c)/∂t⟩ at a fixed point of
-the surface, add up to the dissipation in block and counter, -Σ ω Im M |σ_qω|² over all waves of
+the surface, add up to the dissipation in block and counterface, -Σ ω Im M |σ_qω|² over all waves of
 both signs of each, which is never negative for a passive solid. At a fixed point of the block, w
 changes at the rate U* iωM U σ, so that both sides agree to rounding. So does w_c at a fixed point
-of the counter. Under steady sliding the counter is at rest there, and takes no power.
+of the counterface. Under steady sliding the counterface is at rest there, and takes no power.
 """
 
 import functools
@@ -19,7 +19,7 @@ from ..fields.frequency import wave_frequencies
 from ..fields.grid import multiplicity
 from .bodies import Coupling
 from .formulas import loaded, shared, tractions_on
-from .over_period import odd_frequencies
+from .motion.over_period import odd_frequencies
 from .result import Found, Sliding
 
 
@@ -51,13 +51,13 @@ def frequencies(found: Found) -> Array:
 
 @shared
 def bodies_of(found: Found) -> list[Body]:
-    """The bodies that take power: the block, and in a cycle the counter, unless it is rigid."""
+    """The bodies that take power: the block, and in a cycle the counterface, unless it is rigid."""
     tractions = [] if found.coupling is None else tractions_on(found)
     block = Body(found.problem.block, found.coupling, tractions)
-    counter = found.problem.counter
-    if counter is None or isinstance(found, Sliding):
+    counterface = found.problem.counterface
+    if counterface is None or isinstance(found, Sliding):
         return [block]
-    return [block, Body(counter.operator, counter.coupling, [-t for t in tractions])]
+    return [block, Body(counterface.operator, counterface.coupling, [-t for t in tractions])]
 
 
 @shared

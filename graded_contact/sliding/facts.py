@@ -11,7 +11,7 @@ GIVEN_LOAD = "given load"  # or a mean gap: the approach follows
 SHEARED = "sheared"  # there is shear stress in the contact
 COUPLED = "coupled"  # the shear stress moves the surface of the block
 HEATED = "heated"
-COUNTER = "counter"  # the body that carries the surface deforms
+COUNTERFACE = "counterface"  # the body that carries the surface deforms
 # Asked for by [observe] of a scene, whose keys these are. All contacts can compute them.
 STIFFNESS, CONDUCTANCE, FLOW = "stiffness", "conductance", "flow"
 
@@ -27,6 +27,6 @@ def facts_of(case: Case) -> frozenset[str]:
         SHEARED: case.shear is not None,
         COUPLED: is_coupled(case.shear),
         HEATED: case.heating is not None,
-        COUNTER: case.counter is not None,
+        COUNTERFACE: case.counterface is not None,
     }
     return frozenset(fact for fact, holds in known.items() if holds)

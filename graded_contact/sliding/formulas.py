@@ -7,9 +7,9 @@ On the moving surface the pressure σ exerts the traction τ = -⟨σ ∇(w - h_
 motion: the power of this force, and of the load, is what the bodies take. w is the displacement of
 the block, h_b are the heights of its own surface, if it is rough. The slope is that of the
 interface: where the bodies touch it is also the slope of h - w_c, w_c being the displacement of the
-counter. On a grid the two differ by the slope of the gap at the edges of contact, and heights have
-more of this error than displacements (`friction.py`). So if both bodies are rough, each form counts
-by the part of the other body in the mean square slope: the bodies may be exchanged.
+counterface. On a grid the two differ by the slope of the gap at the edges of contact, and heights
+have more of this error than displacements (`friction.py`). So if both bodies are rough, each form
+counts by the part of the other body in the mean square slope: the bodies may be exchanged.
 """
 
 import dataclasses
@@ -28,7 +28,7 @@ from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, derivative, odd_wavevector
 from .bodies import lags
 from .facts import WINDOW
-from .over_period import refined
+from .motion.over_period import refined
 from .result import CyclicSliding, Found, Sliding
 from .shear import shear_field, shear_parts
 
@@ -82,13 +82,13 @@ def interface(found: Found, pressure: Array, moved: Array) -> Array:
     if isinstance(found, Sliding) or found.problem.block_heights is None:
         return moved
     problem = found.problem
-    of_counter = problem.heights
-    if problem.counter is not None:
-        of_counter = of_counter - counter_displacement(found, pressure)
-    return touching_at(problem.roughness, problem.grid, moved - problem.passing, of_counter)
+    of_counterface = problem.heights
+    if problem.counterface is not None:
+        of_counterface = of_counterface - counterface_displacement(found, pressure)
+    return touching_at(problem.roughness, problem.grid, moved - problem.passing, of_counterface)
 
 
-def touching_at(roughness: Sequence[Array], grid: Grid, block: Array, counter: Array) -> Array:
+def touching_at(roughness: Sequence[Array], grid: Grid, block: Array, counterface: Array) -> Array:
     """The interface of two rough bodies [m], from the surfaces of both under their pressure."""
 
     def squared(heights):
@@ -97,13 +97,13 @@ def touching_at(roughness: Sequence[Array], grid: Grid, block: Array, counter: A
 
     surface, own = map(squared, roughness)
     own = own / nonzero(surface + own)
-    return (1 - own) * block + own * counter
+    return (1 - own) * block + own * counterface
 
 
-def counter_displacement(found: Found, pressure: Array) -> Array:
-    """The displacement of the counter under a pressure, into it, on the cell [m]."""
-    assert found.problem.counter is not None
-    return found.problem.counter.displace(pressure, _on_counter(found))
+def counterface_displacement(found: Found, pressure: Array) -> Array:
+    """The displacement of the counterface under a pressure, into it, on the cell [m]."""
+    assert found.problem.counterface is not None
+    return found.problem.counterface.displace(pressure, _on_counterface(found))
 
 
 @shared
@@ -132,20 +132,20 @@ def _lifted(found: Found) -> Array:
 
 def lift(found: Found) -> Array:
     """The displacement of both bodies that the kernel of the contact does not contain [m]."""
-    counter = found.problem.counter
-    if counter is None:
+    counterface = found.problem.counterface
+    if counterface is None:
         return _lifted(found)
-    return _lifted(found) + counter.beyond_kernel(found.pressure, _on_counter(found))
+    return _lifted(found) + counterface.beyond_kernel(found.pressure, _on_counterface(found))
 
 
-def _on_counter(found: Found) -> list[Array]:
-    """The tangential traction on the counter, opposite to that on the block [Pa]."""
+def _on_counterface(found: Found) -> list[Array]:
+    """The tangential traction on the counterface, opposite to that on the block [Pa]."""
     return [-part for part in tractions_on(found)] if lags(found.coupling) else []
 
 
 def displaced(found: Found) -> tuple[Array, Array]:
     """Pressure and displacement of the block on the cell; the solution's own if it is known."""
-    if WINDOW in found.facts or found.problem.counter is not None:
+    if WINDOW in found.facts or found.problem.counterface is not None:
         return loaded(found)
     return found.pressure, found.contact.displacement
 

@@ -5,13 +5,13 @@ may be used by the modules below it.
 """
 
 # ruff: noqa: F401, I001
-from . import load
-from . import cycle_numbers
-from . import history_numbers
-from . import friction
-from . import area
-from . import doubts
-from . import traction
-from . import history_errors
-from . import gap_flow
-from . import stiffness
+from .numbers import load
+from .numbers import cycle
+from .transient import numbers
+from .numbers import friction
+from .numbers import area
+from .numbers import doubts
+from .numbers import traction
+from .transient import errors
+from .numbers import gap_flow
+from .numbers import stiffness

@@ -5,6 +5,7 @@ contact at a load, by `contact`; on another grid of the cell, by `on`, it has th
 traction that both grids resolve.
 """
 
+import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -14,20 +15,33 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
+from ..blocks.stack import Stack
 from ..contacts.inputs import as_start, loading_of
 from ..contacts.law import AbstractLaw
 from ..contacts.operators.operator import AbstractOperator, Field
 from ..contacts.operators.space_time import SpaceTime, at_rest, in_motion
-from ..contacts.operators.window import operator_of
+from ..contacts.operators.window import Window, operator_of
 from ..contacts.solution import ContactSolution
 from ..contacts.solve import contact_of, solve_contact
 from ..contacts.solver.abstract_solver import Inputs
 from ..core.checks import Numbers
-from ..fields.grid import Grid, resample_spectrum
-from .bodies import Counter, Coupling, coupling_on, of_block
+from ..fields.grid import (
+    Grid,
+    Waves,
+    mode_numbers,
+    resample_spectrum,
+    to_field,
+    to_spectrum,
+    wavevector,
+)
+from ..kernels.memory import Creep
+from ..kernels.periodic import quadrant
+from ..kernels.window import doubled, long_cell, without_images
+from .bodies import Counterface, Coupling, coupling_on, of_block
+from .facts import GROUND
 from .half_grid import resampled
+from .motion.over_period import components, rate_of
 from .numerics import Numerics
-from .over_period import components, rate_of
 from .shear import ShearStress
 
 Range = tuple[Float[Array, "..."], Float[Array, "..."]]
@@ -39,7 +53,7 @@ class SteadyProblem(eqx.Module):
 
     **Fields:**
 
-    - `operator`: block and counter; `.kernel` is their M [m/Pa].
+    - `operator`: block and counterface; `.kernel` is their M [m/Pa].
     - `heights`: h of the surface [m].
     - `grid`, `law`: of the surface and of the contact.
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
@@ -49,7 +63,7 @@ class SteadyProblem(eqx.Module):
     - `kernel_error`: two estimated errors of the kernel of a window [m/Pa]; None if periodic.
     - `shear`: shear stress [Pa] as a function of the pressure, or None.
     - `coupling`: how its traction moves the surface of the block, or None.
-    - `counter`: how the counter deforms, or None if it is rigid.
+    - `counterface`: how the counterface deforms, or None if it is rigid.
     - `thickness`: of the layers between a window and a rigid base [m], else None.
     - `facts`: of the contact, see `facts_of`. Static.
     """
@@ -65,7 +79,7 @@ class SteadyProblem(eqx.Module):
     kernel_error: Inexact[Array, "..."] | None = None
     shear: ShearStress | None = None
     coupling: Coupling | None = None
-    counter: Counter | None = None
+    counterface: Counterface | None = None
     thickness: Float[Array, "..."] | None = None
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
@@ -77,7 +91,7 @@ class SteadyProblem(eqx.Module):
     @property
     def block(self) -> AbstractOperator:
         """The operator of the block alone."""
-        return of_block(self.operator, self.counter)
+        return of_block(self.operator, self.counterface)
 
     @property
     def roughness(self) -> tuple[Field, ...]:
@@ -113,14 +127,14 @@ class SteadyProblem(eqx.Module):
         grid, none = Grid(shape, self.grid.size), jnp.zeros((), self.heights.dtype)
         old, new = self.operator.cell(self.grid).shape, self.operator.cell(grid).shape
         on_grid = lambda one: operator_of(resample_spectrum(one.kernel, old, new), shape)  # noqa: E731
-        counter = self.counter
-        if counter is not None:
-            counter = counter.on(on_grid(counter.operator), old, new)
+        counterface = self.counterface
+        if counterface is not None:
+            counterface = counterface.on(on_grid(counterface.operator), old, new)
         return SteadyProblem(
             operator=on_grid(self.operator), heights=none, grid=grid, law=self.law,
             measured_range=self.measured_range, prescribed=self.prescribed, velocity=self.velocity,
             measured=None, kernel_error=None, shear=self.shear,
-            coupling=coupling_on(self.coupling, old, new), counter=counter,
+            coupling=coupling_on(self.coupling, old, new), counterface=counterface,
             thickness=self.thickness, facts=self.facts,
         )  # fmt: skip
 
@@ -130,8 +144,9 @@ class CycleProblem(eqx.Module):
 
     **Fields:**
 
-    - `operator`: the block in space and time, and what `counter.in_kernel` has of the counter.
-    - `heights`, `grid`, `law`, `measured_range`, `shear`, `coupling`, `counter`: as in
+    - `operator`: the block in space and time, and what `counterface.in_kernel` has of the
+      counterface.
+    - `heights`, `grid`, `law`, `measured_range`, `shear`, `coupling`, `counterface`: as in
       `SteadyProblem`; the speed of `shear` is that of each time.
     - `block_heights`: of the block's own surface [m], out of the block, or None.
     - `prescribed`: what is given: "pressure" or "mean_gap". Static.
@@ -150,7 +165,7 @@ class CycleProblem(eqx.Module):
     period: Float[Array, ""]
     shear: ShearStress | None = None
     coupling: Coupling | None = None
-    counter: Counter | None = None
+    counterface: Counterface | None = None
     block_heights: Float[Array, "..."] | None = None
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
@@ -162,7 +177,7 @@ class CycleProblem(eqx.Module):
     @property
     def block(self) -> AbstractOperator:
         """The operator of the block alone."""
-        return of_block(self.operator, self.counter)
+        return of_block(self.operator, self.counterface)
 
     @property
     def roughness(self) -> tuple[Field, ...]:
@@ -237,19 +252,185 @@ class CycleProblem(eqx.Module):
         moved = moved + drift * (np.arange(num_times) / num_times)[:, None]
         kernel = resample_spectrum(self.block.compliance, old, new)
         still = [(0, 0), (0, len(shape) - moved.shape[1])]
-        operator, counter = in_motion(kernel, jnp.pad(moved, still), grid), self.counter
-        if counter is not None:
-            kernel = resample_spectrum(counter.operator.compliance, old, new)
-            counter = counter.on(at_rest(kernel), old, new)
-            operator = counter.beside(operator)
+        operator, counterface = in_motion(kernel, jnp.pad(moved, still), grid), self.counterface
+        if counterface is not None:
+            kernel = resample_spectrum(counterface.operator.compliance, old, new)
+            counterface = counterface.on(at_rest(kernel), old, new)
+            operator = counterface.beside(operator)
         return CycleProblem(
             operator=operator, heights=none, grid=grid,
             law=self.law, measured_range=self.measured_range, prescribed=self.prescribed,
             displacement=moved.reshape(num_times, *self.displacement.shape[1:]),
             period=self.period, shear=self.shear, coupling=coupling_on(self.coupling, old, new),
-            counter=counter, block_heights=None if self.block_heights is None else none,
+            counterface=counterface, block_heights=None if self.block_heights is None else none,
             facts=self.facts,
         )  # fmt: skip
+
+
+class OneStep(AbstractOperator):
+    """The bodies in one step of a transient motion.
+
+    **Fields:**
+
+    - `kernel`: I(Δ)/Δ [m/Pa], see `Creep`.
+    - `aged`: J(t) of a pressure that acts since t = 0 [m/Pa]: edges of contact that rest are soft.
+    """
+
+    kernel: Waves
+    aged: Waves
+
+    def at_edges(self, load):
+        return jnp.stack([self.kernel, self.aged])
+
+
+class OneStepOnWindow(OneStep, Window):
+    """The bodies in one step of a transient motion, on a window."""
+
+
+class TransientProblem(eqx.Module):
+    """A surface in a transient motion, on a block.
+
+    **Fields:**
+
+    - `bodies`, `creeps`: the block and the counterface, unless it is rigid, and their memories.
+    - `heights`, `grid`, `law`, `shear`, `facts`: as in `SteadyProblem`.
+    - `block_heights`: of the block's own surface [m], out of the block, or None.
+    - `prescribed`: what is given: "pressure" or "mean_gap". Static.
+    - `times`: ends of the steps [s], shape `(nt,)`.
+    - `displacement`: s of the surface at these times [m], since t = 0, shape `(nt,)` or `(nt, 2)`.
+    - `given`: pressure [Pa] or mean gap [m] at these times.
+    """
+
+    bodies: tuple[Stack, ...]
+    creeps: tuple[Creep, ...]
+    heights: Float[Array, "..."]
+    grid: Grid
+    law: AbstractLaw
+    prescribed: str = eqx.field(default="pressure", static=True, kw_only=True)
+    times: Float[Array, " nt"]
+    displacement: Float[Array, "nt ..."]
+    given: Float[Array, " nt"]
+    shear: ShearStress | None = None
+    block_heights: Float[Array, "..."] | None = None
+    facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
+    path: tuple[int, ...] | None = eqx.field(default=None, static=True)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the fields at one time."""
+        return self.grid.shape
+
+    @property
+    def operator(self) -> OneStep:
+        """The bodies in the last step."""
+        last = (jnp.stack([creep.now[0, -1], creep.aged[-1]]) for creep in self.creeps)
+        found = functools.reduce(jnp.add, map(self.responses, self.creeps, last))
+        return self.operator_of(*on_half(found, mode_numbers(self.memory_grid.shape)))
+
+    def operator_of(self, kernel: Waves, aged: Waves) -> OneStep:
+        """Returns the operator of kernels on `memory_grid`; a window has it on twice its length."""
+        if self.path is None:
+            return OneStep(kernel, aged)
+        window = self.grid.shape
+        places = np.ix_(*((np.arange(2 * n) + n) % (2 * n) - n for n in window))
+
+        def cut(kernel):
+            if self.path == window:
+                return kernel
+            waves = to_spectrum(to_field(kernel + 0j, self.memory_grid.shape)[places])
+            return waves if jnp.iscomplexobj(kernel) else waves.real
+
+        return OneStepOnWindow(cut(kernel), cut(aged))
+
+    @property
+    def memory_grid(self) -> Grid:
+        """The cell of what the bodies remember: around a window's path, without its copies."""
+        return self.grid if self.path is None else doubled(self._all_of_path)
+
+    @property
+    def waves_between(self) -> Float[Array, "2"]:
+        """The lowest and the highest wavenumber at which responses are needed [rad/m]."""
+        grid, of_path = self.memory_grid, self.path is not None
+        cells = [long_cell(self._all_of_path), grid] if of_path else [grid]
+        highest = [jnp.pi * jnp.sqrt(jnp.sum(cell.spacing**-2)) for cell in cells]
+        lowest = 2 * jnp.pi / jnp.max(cells[0].size)
+        return jnp.stack([lowest, functools.reduce(jnp.maximum, highest)])
+
+    @property
+    def _all_of_path(self) -> Grid:
+        assert self.path is not None
+        return Grid(self.path, self.grid.spacing * np.array(self.path))
+
+    def responses(self, creep: Creep, tables: Array, axis: int | None = None) -> Array:
+        """Returns the responses to tables of `Creep` at the positive numbers of `memory_grid`.
+
+        They are those to a pressure, or but for i and a sign to a traction along an axis.
+        """
+        if self.path is None:
+            return _at_positive(creep, self.grid, tables, axis)
+        positive = slice(0, self.path[0] + 1)
+
+        def on_window(table):
+            kernel = self.around_path(creep, table, axis)[0][positive]
+            return kernel if axis is None else kernel.imag
+
+        return jax.lax.map(on_window, tables)
+
+    def around_path(self, creep: Creep, table: Array, axis: int | None = None) -> tuple[Array, ...]:
+        """Returns the kernel of a table on `memory_grid` around a window's path, and its errors."""
+        path = self._all_of_path
+        cells = doubled(path), long_cell(path)
+        near, far = (
+            on_half(_at_positive(creep, cell, table, axis), mode_numbers(cell.shape), axis)
+            for cell in cells
+        )
+        if axis is None:
+            return without_images(near, far, path, GROUND in self.facts)
+        return without_images(1j * near, 1j * far, path, False)
+
+    @property
+    def roughness(self) -> tuple[Float[Array, "..."], ...]:
+        """The heights of the bodies that are rough: of the surface, and of the block."""
+        both = self.heights, self.block_heights
+        return tuple(heights for heights in both if heights is not None)
+
+    @property
+    def moved(self) -> Float[Array, "nt components"]:
+        """The displacement, its components on the second axis [m]."""
+        return components(self.displacement)
+
+    @property
+    def steps(self) -> tuple[Float[Array, " nt"], Float[Array, "nt components"]]:
+        """The lengths of the steps [s], and how far the surface moves in them [m]."""
+        before = jnp.zeros((1, self.moved.shape[1]), self.moved.dtype)
+        way = jnp.diff(self.moved, axis=0, prepend=before)
+        # What a sum or a turn leaves of a rest by rounding is no motion, and has no direction.
+        least = 16 * jnp.finfo(way.dtype).eps * jnp.max(jnp.abs(self.moved))
+        return steps_of(self.times), jnp.where(jnp.abs(way) > least, way, 0)
+
+
+def steps_of(times: Float[Array, " nt"]) -> Float[Array, " nt"]:
+    """Returns the lengths of the steps that end at these times [s]."""
+    return jnp.diff(times, prepend=jnp.zeros((1,), times.dtype))
+
+
+def _at_positive(creep: Creep, cell: Grid, tables: Array, axis: int | None) -> Array:
+    """The responses to tables at a cell's positive numbers; of traction but for i and a sign."""
+    q, is_wave = quadrant(cell)
+    found = (tables @ creep.shares(q)).reshape(*tables.shape[:-1], *is_wave.shape)
+    found = jnp.where(is_wave, found, 0)
+    if axis is None:
+        return found
+    numbers = np.ix_(*map(np.arange, is_wave.shape))
+    along = jnp.where(2 * numbers[axis] < cell.shape[axis], wavevector(cell, numbers)[axis], 0)
+    return found * along / q.reshape(is_wave.shape)
+
+
+def on_half(found: Array, numbers: tuple[np.ndarray, ...], axis: int | None = None) -> Array:
+    """Responses at mode numbers from those at positive ones; to traction but for a factor i."""
+    if len(numbers) == 2:
+        found = jnp.take(found, np.abs(numbers[0]).ravel(), axis=-2)
+    return found if axis is None else found * np.sign(numbers[axis])
 
 
 Problem = SteadyProblem | CycleProblem

@@ -12,11 +12,10 @@ from jaxtyping import Array, Float, Inexact
 from ..blocks.heated_stack import HeatedContact
 from ..contacts.solution import ContactSolution
 from ..core.display import number, shown
-from ..core.quantities import CYCLE, HISTORY, OBSERVABLES, STEADY
+from ..core.quantities import CYCLE, OBSERVABLES, STEADY, TRANSIENT
 from ..fields.frequency import direction_and_speed
 from .abstract_sliding import AbstractSliding, beyond_contact
-from .history_problem import HistoryProblem
-from .problem import CycleProblem, Problem, SteadyProblem
+from .problem import CycleProblem, Problem, SteadyProblem, TransientProblem
 
 
 def describe(kind: type[AbstractSliding]) -> None:
@@ -57,7 +56,7 @@ class Sliding(AbstractSliding):
     contact: ContactSolution
     problem: SteadyProblem
     heated: HeatedContact | None = None
-    recorded: dict[str, Array] = eqx.field(default_factory=dict)  # of a history alone
+    recorded: dict[str, Array] = eqx.field(default_factory=dict)  # of a transient solve alone
     kind: ClassVar[str] = STEADY
 
     @property
@@ -112,7 +111,7 @@ class CyclicSliding(AbstractSliding):
     contact: ContactSolution
     problem: CycleProblem
     heated: HeatedContact | None = None
-    recorded: dict[str, Array] = eqx.field(default_factory=dict)  # of a history alone
+    recorded: dict[str, Array] = eqx.field(default_factory=dict)  # of a transient solve alone
     kind: ClassVar[str] = CYCLE
 
     @property
@@ -162,7 +161,7 @@ class CyclicSliding(AbstractSliding):
 
 @shown("contact", "failed", "grid_errors", "caveats")
 class TransientSliding(AbstractSliding):
-    """Friction, contact area and fields in a motion that happens once.
+    """Friction, contact area and fields in a transient motion.
 
     Arrays over time have the shape `(nt,)`, one number for each of `.times`; those along the
     motion, friction and traction, `(nt, 2)` if the displacement has two components. Errors have no
@@ -177,7 +176,7 @@ class TransientSliding(AbstractSliding):
     - `contact`: the fields at the ends of some steps, of the shape `(kept, *grid.shape)`, see
       `ContactSolution`; its numbers are the largest errors and the sums of all steps. Also reached
       directly as `.pressure`, `.gap`, `.displacement` [Pa, m, m], at the `.field_times` [s].
-    - `problem`: what was solved, see `HistoryProblem`; its `times`, `displacement`, `heights`,
+    - `problem`: what was solved, see `TransientProblem`; its `times`, `displacement`, `heights`,
       `grid`, `law`, `shear` and others are also reached directly.
     - `recorded`: numbers of the steps by their names, each with the times on its first axis.
     - `failed`: number of the first step that did not succeed, or -1.
@@ -185,12 +184,12 @@ class TransientSliding(AbstractSliding):
     """
 
     contact: ContactSolution
-    problem: HistoryProblem
+    problem: TransientProblem
     recorded: dict[str, Array]
     failed: Array
     kept_steps: tuple[int, ...] = eqx.field(static=True)
     heated: HeatedContact | None = None
-    kind: ClassVar[str] = HISTORY
+    kind: ClassVar[str] = TRANSIENT
 
     @property
     def times(self) -> Float[Array, " nt"]:
@@ -232,7 +231,7 @@ class TransientSliding(AbstractSliding):
 
 if TYPE_CHECKING:
     Found = Sliding | CyclicSliding
-else:  # a few formulas, such as errors by the grid, also take a history
+else:  # a few formulas, such as errors by the grid, also take a transient solve
     Found = Sliding | CyclicSliding | TransientSliding
 
 

@@ -1,6 +1,6 @@
 """A rough surface sliding on a layered viscoelastic block: steadily, or in periodic motion.
 
-`slide` and `slide_cycle` build a `Case`; `solve` solves it.
+`slide` and `slide_cycle` build a `Case`; `slide_case` solves it.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from ..contacts.solution import ContactSolution
 from ..core.checks import Numbers, check_types
 from ..surfaces.surface import Surface
 from .case import Case, Heating
-from .heating import solve_heated
-from .history import solve_history
-from .isothermal import solve_isothermal
 from .numerics import Numerics, numerics_of
 from .result import CyclicSliding, Found, Sliding, TransientSliding
 from .shear import ShearLaw
+from .solve.heated import solve_heated
+from .solve.isothermal import solve_isothermal
+from .transient.solve import solve_transient
 
 
 @check_types
@@ -36,7 +36,7 @@ def slide(
     temperature: ScalarLike | None = None,
     heating: Heating | None = None,
     strain_per_slope: ScalarLike | None = None,
-    counter: Stack | None = None,
+    counterface: Stack | None = None,
     **numerics: Any,
 ) -> Sliding:
     """Returns friction, contact area and fields of a rough surface sliding on a block.
@@ -68,15 +68,15 @@ def slide(
     - `strain_per_slope`: for a block with `materials.StrainSoftening`, as in `mean_field_friction`:
       each wave q has the modulus at the amplitude ε = `strain_per_slope` times the rms slope of the
       surface up to q. None: the amplitude of each material.
-    - `counter`: the body that carries the surface and moves with it, a `Stack` from its surface
+    - `counterface`: the body that carries the surface and moves with it, a `Stack` from its surface
       inwards; None for a rigid one. The waves of the pressure rest on it: it has its relaxed moduli
-      and loses nothing. It keeps its temperature: pass `counter.at(...)`; with `heating` it has the
-      bulk temperature and is heated, too. If the block is rough and the counter is smooth, exchange
-      them: `stack` is then the smooth body, `counter` the rough one, and the velocity that of the
-      rough body over the smooth one.
+      and loses nothing. It keeps its temperature: pass `counterface.at(...)`; with `heating` it has
+      the bulk temperature and is heated, too. If the block is rough and the counterface is smooth,
+      exchange them: `stack` is then the smooth body, `counterface` the rough one, and the velocity
+      that of the rough body over the smooth one.
     - `law`: of contact.
     - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`; `start`
-      and `solution`, see `solve`.
+      and `solution`, see `slide_case`.
 
     With `throw=False`, `.result` also reports a graded layer whose kernel misses its tolerance; all
     numbers are then NaN.
@@ -88,10 +88,10 @@ def slide(
     case = Case(
         stack=stack, surface=surface, pressure=pressure, mean_gap=mean_gap, approach=approach,
         velocity=velocity, law=law, shear=shear, temperature=temperature, heating=heating,
-        strain_per_slope=strain_per_slope, counter=counter,
+        strain_per_slope=strain_per_slope, counterface=counterface,
     )  # fmt: skip
     how, known = numerics_of("slide", numerics, "start", "solution")
-    return cast(Sliding, solve(case, how, **known))
+    return cast(Sliding, slide_case(case, how, **known))
 
 
 @check_types
@@ -107,7 +107,7 @@ def slide_cycle(
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
     heating: Heating | None = None,
-    counter: Stack | None = None,
+    counterface: Stack | None = None,
     block_surface: Surface | None = None,
     **numerics: Any,
 ) -> CyclicSliding:
@@ -135,8 +135,8 @@ def slide_cycle(
     - `heating`: as in `slide`, by the mean heat of the cycle: the block and the shear have the
       temperature of steady sliding at the mean speed and load, with the mean power of the cycle.
       What varies within the cycle is left out, see `solve_heated`.
-    - `counter`: as in `slide`. Where the pressure under the surface varies, the counter has its
-      moduli at the frequencies of the period, and loses power, `counter_power`.
+    - `counterface`: as in `slide`. Where the pressure under the surface varies, the counterface has
+      its moduli at the frequencies of the period, and loses power, `counterface_power`.
     - `block_surface`: the heights of the block itself, which rest on it; heights count out of the
       block, so that those of both surfaces add up. At s = 0 the points of the two grids coincide.
     - `numerics`: as in `slide`, without `solution`.
@@ -148,14 +148,14 @@ def slide_cycle(
     case = Case(
         stack=stack, surface=surface, displacement=displacement, period=period, pressure=pressure,
         mean_gap=mean_gap, law=law, shear=shear, temperature=temperature, heating=heating,
-        counter=counter, block_surface=block_surface,
+        counterface=counterface, block_surface=block_surface,
     )  # fmt: skip
     how, known = numerics_of("slide_cycle", numerics, "start")
-    return cast(CyclicSliding, solve(case, how, **known))
+    return cast(CyclicSliding, slide_case(case, how, **known))
 
 
 @check_types
-def slide_history(
+def slide_transient(
     stack: Stack,
     surface: Surface,
     *,
@@ -166,12 +166,12 @@ def slide_history(
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
-    counter: Stack | None = None,
+    counterface: Stack | None = None,
     block_surface: Surface | None = None,
     fields_at: Sequence[int] = (-1,),
     **numerics: Any,
 ) -> TransientSliding:
-    """Returns friction, contact area and fields of a surface in a motion that happens once.
+    """Returns friction, contact area and fields of a surface in a transient motion.
 
     Start from rest, dwell, braking, steps of the load, unloading. Before t = 0 nothing touches; in
     the first step the pressure grows from 0. Differentiable in every leaf of `stack`, `surface`,
@@ -197,7 +197,7 @@ def slide_history(
       speed of its step, and the traction has the direction of that step. At rest there is none.
       What moves the surfaces under a law that is `coupled` is the traction of the step's speed on
       the contact one step before; of `Coulomb` it is that on the contact itself.
-    - `counter`, `block_surface`: as in `slide_cycle`; the counter has its memory, too.
+    - `counterface`, `block_surface`: as in `slide_cycle`; the counterface has its memory, too.
     - `fields_at`: numbers of the steps whose fields are kept, at least one; -1 is the last.
     - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
 
@@ -208,13 +208,13 @@ def slide_history(
     case = Case(
         stack=stack, surface=surface, displacement=displacement, times=times, pressure=pressure,
         mean_gap=mean_gap, law=law, shear=shear, temperature=temperature,
-        counter=counter, block_surface=block_surface,
+        counterface=counterface, block_surface=block_surface,
     )  # fmt: skip
-    how, _ = numerics_of("slide_history", numerics)
-    return solve_history(case, how.of(case.bodies, surface, block_surface), fields_at)
+    how, _ = numerics_of("slide_transient", numerics)
+    return solve_transient(case, how.of(case.bodies, surface, block_surface), fields_at)
 
 
-def solve(
+def slide_case(
     case: Case,
     how: Numerics = Numerics(),  # noqa: B008 (immutable)
     *,
@@ -242,7 +242,7 @@ def solve(
             "`solution` is refused with `heating` or a motion: it holds steady contacts alone."
         )
     if case.times is not None:
-        return solve_history(case, how)
+        return solve_transient(case, how)
     if case.heating is not None:
         return solve_heated(case, how, start)
     return solve_isothermal(case, how, start, solution)

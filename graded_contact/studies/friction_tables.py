@@ -19,7 +19,7 @@ from ..sliding.bodies import TwoBodies
 from ..sliding.case import Case
 from ..sliding.numerics import numerics_of
 from ..sliding.shear import is_coupled
-from ..sliding.slide import solve
+from ..sliding.slide import slide_case
 from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
 from .dataset import FAILED, NOT_STARTED, package_versions
@@ -56,8 +56,8 @@ def friction_table(
     - `roughness`: a `Surface`; for the mean field also what `mean_field_friction` takes.
     - `pressure`: mean pressures [Pa], shape `(pressures,)`.
     - `velocity`: speeds [m/s], shape `(velocities,)`, not negative.
-    - `temperature`: of the block, and of a `counter` [K], shape `(temperatures,)`; None leaves the
-      materials unchanged.
+    - `temperature`: of the block, and of a `counterface` [K], shape `(temperatures,)`; None leaves
+      the materials unchanged.
     - `direction`: of sliding, from the x axis [rad].
     - `method`: `"contact"`, by `slide`; or `"mean_field"`, by `mean_field_friction`.
     - `errors`: of numbers of the stack, as `propagate` takes them, or None.
@@ -92,7 +92,7 @@ def friction_table(
             changed: dict[str, Any] = {**point, "velocity": moving, **bodies._asdict()}
             return solved(options, dataclasses.replace(case, **changed))
 
-        return with_standard_error(at, TwoBodies(stack, case.counter), errors)
+        return with_standard_error(at, TwoBodies(stack, case.counterface), errors)
 
     if method == "contact" or isinstance(roughness, Surface):  # its modes are summed
         table = sweep(partial(numbers, options), axes, **engine)
@@ -174,7 +174,7 @@ def _replaced(table: "Dataset", where: np.ndarray, again: "Dataset") -> "Dataset
 
 def _by_contact(options: dict[str, Any], case: Case) -> dict[str, Any]:
     numerics, _ = numerics_of("friction_table", {**options, "throw": False})
-    found = solve(case, numerics)
+    found = slide_case(case, numerics)
     names = ("friction", "friction_error", "contact_area", "contact_area_error")
     return dict(zip(names, found.compute(*names), strict=True), result=found.result)
 

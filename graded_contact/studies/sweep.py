@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
-from ..sliding.history_run import followed
+from ..sliding.transient.run import followed
 from .dataset import FAILED, LOST, NOT_STARTED, attach
 from .interruption import Interruption, ctrl_c_later
 from .journal import PointJournal, forget

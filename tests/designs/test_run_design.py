@@ -110,19 +110,21 @@ def test_a_designed_scene_has_the_designed_block_at_its_temperature(tmp_path):
 PROFILED = FLAT.replace('material = "coat"\n', 'bottom = "tread"\ntop = "coat"\n').replace(
     "2e-4\n", "2e-4\nshape = {kind = 'power_law', exponent = 2.0}\n"
 )  # fmt: skip
-COUNTER = '[counter]\nlayers = [{material = "coat", thickness = 1e-4}]\nbase = {kind = "rigid"}\n'
+COUNTERFACE = (
+    '[counterface]\nlayers = [{material = "coat", thickness = 1e-4}]\nbase = {kind = "rigid"}\n'
+)
 
 
 @pytest.mark.parametrize(
     "text, path, own",
     [
-        (FLAT + COUNTER, "layers[0].material.strengths[0]", 2e7),
+        (FLAT + COUNTERFACE, "layers[0].material.strengths[0]", 2e7),
         (PROFILED, "layers[0].profile.shape.exponent", 3.1),
         (FLAT, "layers[0].material.poisson", 0.45),
     ],
 )
 def test_a_designed_scene_changes_the_free_number_alone(tmp_path, text, path, own):
-    """A counter keeps its material, a shape its table."""
+    """A counterface keeps its material, a shape its table."""
     head = text.partition("[design]")[0] + text.partition(FLAT)[2]
     lower, upper = own / 10, min(own * 2, own + 1) if own < 1 else 2 * own
     upper = 0.49 if path.endswith("poisson") else upper
@@ -130,7 +132,7 @@ def test_a_designed_scene_changes_the_free_number_alone(tmp_path, text, path, ow
     table += f'[design.parameters]\n"{path}" = [{lower}, {upper}]\n'
     written, stack = scene_after(head + table, tmp_path, **{path.rpartition(".")[2]: own})
     found, before = parse_scene(written, tmp_path), parse_scene(head, tmp_path)
-    assert repr(found.counter) == repr(before.counter)
+    assert repr(found.counterface) == repr(before.counterface)
     now, wanted, first = paths(found.stack), paths(stack), paths(before.stack)
     assert now.keys() == wanted.keys()
     assert {at for at in now if not np.array_equal(now[at], wanted[at])} == set()

@@ -10,7 +10,7 @@ import graded_contact as gc
 from graded_contact.scenes.plan import build_surface, plan
 from graded_contact.scenes.results import kept_contact, read_results
 from graded_contact.scenes.scene_file import parse_scene, read_scene
-from graded_contact.sliding.single_motion import dwell, ramp, start
+from graded_contact.sliding.motion.transient import dwell, ramp, start
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RUBBER = 'kind = "prony"\nequilibrium = 2e6\nstrengths = [4e6]\ntimes = [1e-3]\npoisson = 0.49'
@@ -68,7 +68,7 @@ def test_motions_follow_one_another_and_steps_end_where_the_load_turns():
 def test_a_run_is_slide_history(braking):
     planned, results, _ = braking
     scene = planned.scene
-    found = gc.sliding.slide_history(
+    found = gc.sliding.slide_transient(
         scene.stack, build_surface(scene), times=scene.motion.times,
         displacement=scene.motion.displacement, fields_at=scene.kept_steps, rtol=scene.rtol,
         pressure=2e5 * np.interp(scene.motion.times, [0, 3e-3], [1, 1.5]),

@@ -1,4 +1,4 @@
-"""Scenes of two bodies: the tables [counter] and [block_surface]."""
+"""Scenes of two bodies: the tables [counterface] and [block_surface]."""
 
 import numpy as np
 import pytest
@@ -37,10 +37,10 @@ poisson = 0.4
 kind = "half_space"
 material = "rubber"
 
-[counter]
+[counterface]
 base = {kind = "half_space", material = "rubber"}
 
-[[counter.layers]]
+[[counterface.layers]]
 material = "coat"
 thickness = 2e-5
 
@@ -77,14 +77,14 @@ def test_tables_of_two_bodies_are_those_of_python():
     scene, case = case_of(MOVING)
     rubber, coat = gc.Prony(2e6, [4e6], [1e-2], 0.49), gc.Elastic(1e7, 0.4)
     expected = gc.Stack(layers=(gc.Layer(coat, 2e-5),), base=gc.HalfSpace(rubber))
-    assert case.counter == expected and not case.stack.layers
-    # Another surface than that of the counter, out of the block.
+    assert case.counterface == expected and not case.stack.layers
+    # Another surface than that of the counterface, out of the block.
     np.testing.assert_allclose(gc.statistics(case.block_surface).rms_slope, 0.05, rtol=0.05)
     aligned = np.corrcoef(case.surface.heights, case.block_surface.heights)[0, 1]
     assert abs(aligned) < 0.9
     assert described(parse_toml(MOVING)) == "rubber on a random surface of coat 20 µm, rubber"
     told = " ".join(str(scene).split())
-    assert "counter layer 1 coat, 20 µm base rubber, half space materials" in told
+    assert "counterface layer 1 coat, 20 µm base rubber, half space materials" in told
     assert "coat elastic, modulus 10 MPa, poisson 0.4" in told and "HalfSpace" not in told
 
 
@@ -94,7 +94,7 @@ def test_a_run_of_two_bodies_is_that_of_python(text):
     scene, case = case_of(text)
     found = plan(scene).run().squeeze()
     assert found.message == ""
-    how = {"rtol": scene.rtol, "pressure": 1e5, "counter": case.counter}
+    how = {"rtol": scene.rtol, "pressure": 1e5, "counterface": case.counterface}
     if scene.motion is None:
         expected = gc.slide(case.stack, case.surface, velocity=0.1, **how)
         np.testing.assert_allclose(found.friction, expected.friction, rtol=1e-5)
@@ -103,7 +103,7 @@ def test_a_run_of_two_bodies_is_that_of_python(text):
         case.stack, case.surface, displacement=case.displacement, period=case.period,
         block_surface=case.block_surface, **how,
     )  # fmt: skip
-    np.testing.assert_allclose(found.counter_power, expected.counter_power, rtol=1e-3)
+    np.testing.assert_allclose(found.counterface_power, expected.counterface_power, rtol=1e-3)
     np.testing.assert_allclose(found.mean_friction, expected.mean_friction, rtol=1e-3)
 
 

@@ -14,7 +14,7 @@ from graded_contact.reference import hertz_line, hertz_pressure, hertz_sphere
 from graded_contact.sliding import ConstantShear, Coulomb, Heating, contact_stress, slide_cycle
 from graded_contact.sliding.case import Case
 from graded_contact.sliding.numerics import Numerics
-from graded_contact.sliding.steady import steady_problem
+from graded_contact.sliding.solve.steady import steady_problem
 
 Q0, LOAD = 2 * np.pi, 0.2
 TRACK = {"rms_slope": 0.2, "hurst": 0.8, "q_low": Q0, "q_roll": 2 * Q0, "q_high": 64 * Q0}
@@ -38,9 +38,9 @@ ROUGH, OTHER = rough(32), rough(32, seed=3)
 COATED = gc.Stack(layers=(gc.Layer(gc.Elastic(5.0, 0.4), 0.05),), base=rubber(10.0, 0.5).base)
 
 
-def slide(stack, counter=None, surface=ROUGH, velocity=1.0, **how):
+def slide(stack, counterface=None, surface=ROUGH, velocity=1.0, **how):
     how = {"pressure": LOAD, "rtol": 1e-10} | how
-    return gc.slide(stack, surface, velocity=velocity, counter=counter, **how)
+    return gc.slide(stack, surface, velocity=velocity, counterface=counterface, **how)
 
 
 def cycle(stack, surface, displacement, **how):
@@ -60,12 +60,12 @@ def test_two_elastic_bodies_are_one_with_the_sum_of_compliances(first, second):
     np.testing.assert_allclose(two.pressure, one.pressure, atol=1e-9 * float(one.pressure.max()))
     np.testing.assert_allclose(two.gap, one.gap, atol=1e-9 * float(jnp.std(ROUGH.heights)))
     s = 0.2 * np.sin(2 * np.pi * np.arange(32) / 32)
-    two = cycle(elastic(*first), ROUGH, s, counter=elastic(*second))
+    two = cycle(elastic(*first), ROUGH, s, counterface=elastic(*second))
     expected = np.broadcast_to(one.pressure, two.pressure.shape)
     np.testing.assert_allclose(two.pressure, expected, atol=1e-7 * float(one.pressure.max()))
 
 
-def test_a_stiff_counter_tends_to_a_rigid_one():
+def test_a_stiff_counterface_tends_to_a_rigid_one():
     rigid = slide(rubber()).compute("friction", "contact_area")
     away = []
     for modulus in (1e4, 1e6):
@@ -74,7 +74,7 @@ def test_a_stiff_counter_tends_to_a_rigid_one():
     assert np.all(away[1] < 2e-2 * away[0]) and np.all(away[1] < 1e-6)
 
 
-def test_the_counter_is_at_rest_under_its_waves():
+def test_the_counterface_is_at_rest_under_its_waves():
     """It has its relaxed moduli, and the block loses all power."""
     found = slide(rubber(), rubber(10.0, 0.5))
     relaxed = slide(rubber(), elastic(1.0))
@@ -83,14 +83,14 @@ def test_the_counter_is_at_rest_under_its_waves():
     assert found.energy_imbalance < 1e-12 and found.friction > 0.01
 
 
-def steady_kernels(stack, counter, coefficient, grid, velocity):
-    """M_zz + f M_zx of both bodies; the counter's compliance is turned about the x axis."""
+def steady_kernels(stack, counterface, coefficient, grid, velocity):
+    """M_zz + f M_zx of both bodies; the counterface's compliance is turned about the x axis."""
     qx = np.asarray(wavevector(grid)[0])
     q = np.where(qx == 0, 1.0, qx)
     turned = np.diag([1.0, -1.0, -1.0])
     block = np.asarray(gc.surface_compliance_matrix(stack, q, 0 * q, -qx * velocity))
-    other = np.asarray(gc.surface_compliance_matrix(counter, q, 0 * q, 0 * q))
-    # The forces on the counter are opposite, and so is what opens the gap.
+    other = np.asarray(gc.surface_compliance_matrix(counterface, q, 0 * q, 0 * q))
+    # The forces on the counterface are opposite, and so is what opens the gap.
     other = turned @ other @ turned
     force = np.array([coefficient, 0.0, 1.0])
     found = (block @ force)[:, 2] + (other @ force)[:, 2]
@@ -98,9 +98,9 @@ def steady_kernels(stack, counter, coefficient, grid, velocity):
 
 
 @pytest.mark.parametrize("velocity", [1.0, -2.0])
-def test_traction_acts_on_the_counter_in_the_opposite_direction(velocity):
+def test_traction_acts_on_the_counterface_in_the_opposite_direction(velocity):
     case = Case(
-        stack=rubber(), surface=rough(31), pressure=LOAD, velocity=velocity, counter=COATED,
+        stack=rubber(), surface=rough(31), pressure=LOAD, velocity=velocity, counterface=COATED,
         shear=Coulomb(0.4),
     )  # fmt: skip
     problem = steady_problem(case, Numerics().of(case.bodies)).problem
@@ -141,19 +141,19 @@ def whole_steps(n):
 
 @pytest.mark.parametrize("shear", [None, pytest.param(Coulomb(0.3), marks=pytest.mark.slow)])
 def test_exchanged_bodies_have_the_same_friction(shear):
-    """The frames of counter and block are equivalent; numbers of points and times are odd."""
+    """The frames of counterface and block are equivalent; numbers of points and times are odd."""
     n = 15
     own, other, s = rough(n), rough(n, seed=3), whole_steps(n)
     how = {"shear": shear, "rtol": 1e-10}
-    found = cycle(rubber(), own, s, counter=COATED, block_surface=other, **how)
-    swapped = cycle(COATED, other, -s, counter=rubber(), block_surface=own, **how)
+    found = cycle(rubber(), own, s, counterface=COATED, block_surface=other, **how)
+    swapped = cycle(COATED, other, -s, counterface=rubber(), block_surface=own, **how)
     for name in ("mean_gap", "work", "load_work", "contact_area_pixels"):
         tiny = 1e-9 * float(jnp.max(jnp.abs(getattr(found, name))))
         same = getattr(swapped, name), getattr(found, name)
         np.testing.assert_allclose(*same, rtol=1e-6, atol=tiny)
     np.testing.assert_allclose(swapped.friction, -found.friction, rtol=1e-6, atol=1e-8)
-    np.testing.assert_allclose(swapped.counter_power, found.dissipated_power, rtol=1e-6)
-    np.testing.assert_allclose(swapped.dissipated_power, found.counter_power, rtol=1e-6)
+    np.testing.assert_allclose(swapped.counterface_power, found.dissipated_power, rtol=1e-6)
+    np.testing.assert_allclose(swapped.dissipated_power, found.counterface_power, rtol=1e-6)
     # The pressure is the same field, seen from the other body.
     steps = np.round(s * n).astype(int)
     moved = np.stack([np.roll(p, -k) for p, k in zip(swapped.pressure, steps, strict=True)])
@@ -162,11 +162,11 @@ def test_exchanged_bodies_have_the_same_friction(shear):
 
 
 @pytest.mark.slow
-def test_roughness_on_the_block_alone_is_that_of_a_counter_that_moves_backwards():
+def test_roughness_on_the_block_alone_is_that_of_a_counterface_that_moves_backwards():
     n = 15
     flat = dataclasses.replace(rough(n), heights=jnp.zeros(n))
     once = np.arange(n) / n  # once through the cell in a period
-    found = cycle(rubber(), flat, once, counter=COATED, block_surface=rough(n))
+    found = cycle(rubber(), flat, once, counterface=COATED, block_surface=rough(n))
     expected = slide(COATED, rubber(), surface=rough(n), velocity=-1.0)
     found.compute("friction", "mean_friction")
     np.testing.assert_allclose(found.friction, expected.friction, rtol=1e-6)
@@ -180,8 +180,8 @@ def test_two_bodies_obey_the_conditions_of_contact_with_a_dense_matrix():
     s = 0.15 * np.sin(2 * np.pi * t) + 0.05 * np.cos(4 * np.pi * t)
     load = LOAD * (1 + 0.4 * np.sin(2 * np.pi * t))
     own, other = rough(n, cut=3), rough(n, seed=3, cut=3)
-    counter = rubber(8.0, 0.2, 2.0)
-    found = cycle(rubber(), own, s, pressure=load, counter=counter, block_surface=other)
+    counterface = rubber(8.0, 0.2, 2.0)
+    found = cycle(rubber(), own, s, pressure=load, counterface=counterface, block_surface=other)
     q, w = 2 * np.pi * np.fft.fftfreq(n, 1 / n), 2 * np.pi * np.fft.fftfreq(nt, 1 / nt)
     waves, iw = q[q != 0], 1j * w
     moduli = 1 + 3 * iw * 0.05 / (1 + iw * 0.05), 2 + 8 * iw * 0.2 / (1 + iw * 0.2)
@@ -204,7 +204,7 @@ def test_two_bodies_obey_the_conditions_of_contact_with_a_dense_matrix():
     np.testing.assert_allclose(p.mean(axis=1), load, rtol=1e-12)
     powers = [np.mean(p * rate) for rate in rates]
     np.testing.assert_allclose(found.dissipated_power, powers[0], rtol=1e-7)
-    np.testing.assert_allclose(found.counter_power, powers[1], rtol=1e-7)
+    np.testing.assert_allclose(found.counterface_power, powers[1], rtol=1e-7)
     np.testing.assert_allclose(found.work + found.load_work, sum(powers), rtol=1e-7)
     slope = lambda field: np.fft.ifft(1j * q * np.fft.fft(field, axis=-1), axis=-1).real  # noqa: E731
     parts = [np.mean(slope(body.heights) ** 2) for body in (other, own)]
@@ -221,9 +221,9 @@ def test_works_and_losses_of_two_bodies_balance_in_the_limit_of_many_points():
     left = []
     for n in (16, 32, 64):
         s = 0.2 * np.sin(2 * np.pi * np.arange(n) / n)
-        given = {"counter": rubber(10.0, 0.5), "block_surface": rough(n, seed=3), "rtol": 1e-7}
+        given = {"counterface": rubber(10.0, 0.5), "block_surface": rough(n, seed=3), "rtol": 1e-7}
         found = cycle(rubber(), rough(n), s, shear=Coulomb(0.2), **given)
-        lost = found.dissipated_power + found.counter_power + found.interface_power
+        lost = found.dissipated_power + found.counterface_power + found.interface_power
         np.testing.assert_allclose(found.work + found.load_work, lost, rtol=1e-10)
         left.append(float(found.load_mismatch))
     assert left[2] < 2e-3 and left[2] < left[0]
@@ -248,7 +248,7 @@ def test_a_sphere_on_two_bodies_is_that_of_hertz():
 
 
 @pytest.mark.slow
-def test_a_cylinder_on_a_slab_and_a_counter_is_that_of_the_sum_of_kernels():
+def test_a_cylinder_on_a_slab_and_a_counterface_is_that_of_the_sum_of_kernels():
     n = 64
     x = (np.arange(n) - n / 2) / n
     line = gc.Surface(-(x**2) / 2, gc.Grid((n,), 1.0), periodic=False)
@@ -267,21 +267,21 @@ def test_a_cylinder_on_a_slab_and_a_counter_is_that_of_the_sum_of_kernels():
 
 
 @pytest.mark.slow
-def test_stress_in_the_counter_is_that_in_the_block_of_exchanged_bodies():
-    """From the counter the traction of the motion is that of the opposite motion."""
+def test_stress_in_the_counterface_is_that_in_the_block_of_exchanged_bodies():
+    """From the counterface the traction of the motion is that of the opposite motion."""
     soft, stiff = elastic(1.0), elastic(4.0, 0.45)
     depths = [0.0, 0.1]
     found = slide(soft, stiff, shear=Coulomb(0.3))
-    in_counter = contact_stress(found, stiff, depths, body="counter")
+    in_counterface = contact_stress(found, stiff, depths, body="counterface")
     exchanged = slide(stiff, soft, velocity=-1.0, shear=Coulomb(0.3))
     in_block = contact_stress(exchanged, stiff, depths)
     scale = float(jnp.max(jnp.abs(in_block.stress)))
-    np.testing.assert_allclose(in_counter.stress, in_block.stress, atol=1e-6 * scale)
-    assert in_counter.largest("von_mises").value > 0.1 * LOAD
-    with pytest.raises(ValueError, match="another counter"):
-        contact_stress(found, soft, depths, body="counter")
-    with pytest.raises(ValueError, match="rigid counter"):
-        contact_stress(slide(soft), soft, depths, body="counter")
+    np.testing.assert_allclose(in_counterface.stress, in_block.stress, atol=1e-6 * scale)
+    assert in_counterface.largest("von_mises").value > 0.1 * LOAD
+    with pytest.raises(ValueError, match="another counterface"):
+        contact_stress(found, soft, depths, body="counterface")
+    with pytest.raises(ValueError, match="rigid counterface"):
+        contact_stress(slide(soft), soft, depths, body="counterface")
 
 
 @pytest.mark.parametrize(
@@ -289,13 +289,13 @@ def test_stress_in_the_counter_is_that_in_the_block_of_exchanged_bodies():
 )
 def test_the_mean_field_of_two_elastic_bodies_is_that_of_one(spectrum):
     roughness, how = spectrum or ROUGH, {"pressure": LOAD, "velocity": 1.0}
-    two = mean_field_friction(elastic(2.0), roughness, counter=elastic(2.0), **how)
+    two = mean_field_friction(elastic(2.0), roughness, counterface=elastic(2.0), **how)
     one = mean_field_friction(elastic(1.0), roughness, **how)
     np.testing.assert_allclose(two.contact_area, one.contact_area, rtol=1e-10)
 
 
 def test_the_mean_field_of_complete_contact_is_that_of_both_bodies():
-    found = mean_field_friction(rubber(), ROUGH, counter=COATED, pressure=50.0, velocity=1.0)
+    found = mean_field_friction(rubber(), ROUGH, counterface=COATED, pressure=50.0, velocity=1.0)
     full = slide(rubber(), COATED, pressure=50.0)
     np.testing.assert_allclose(found.friction, full.friction, rtol=2e-3)
 
@@ -305,8 +305,8 @@ def test_the_mean_field_of_exchanged_bodies_is_the_same():
     track = gc.SelfAffine(**TRACK)
     own = gc.SelfAffine(rms_slope=0.1, hurst=0.7, q_low=Q0, q_roll=2 * Q0, q_high=32 * Q0)
     how = {"pressure": LOAD, "velocity": 1.0}
-    found = mean_field_friction(rubber(), track, own_roughness=own, counter=COATED, **how)
-    other = mean_field_friction(COATED, own, own_roughness=track, counter=rubber(), **how)
+    found = mean_field_friction(rubber(), track, own_roughness=own, counterface=COATED, **how)
+    other = mean_field_friction(COATED, own, own_roughness=track, counterface=rubber(), **how)
     np.testing.assert_allclose(other.friction, found.friction, rtol=1e-4)
     np.testing.assert_allclose(other.contact_area, found.contact_area, rtol=1e-4)
 
@@ -320,7 +320,7 @@ def test_heat_of_a_cycle_warms_both_bodies():
     shift = gc.WLF(8.0, 100.0, 293.0)
     block = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49, shift=shift)))
     soft = gc.HalfSpace(gc.Prony(1e6, [9e6], [1e-3], 0.4, shift=shift))
-    counter = gc.Stack(layers=(gc.Layer(gc.Elastic(1e7, 0.4), 1e-4),), base=soft)
+    counterface = gc.Stack(layers=(gc.Layer(gc.Elastic(1e7, 0.4), 1e-4),), base=soft)
     motion = gc.sliding.sinusoidal(2e-3, 250.0, grid=surface.grid)
     how = {
         "displacement": motion.displacement,
@@ -329,16 +329,17 @@ def test_heat_of_a_cycle_warms_both_bodies():
     }
     how |= {"pressure": 3e4, "rtol": 1e-6}
     heat = {"heating": Heating(0.25, 1.1e-7, [1.0, 0.25]), "temperature": 293.0}
-    found = slide_cycle(block, surface, counter=counter, **heat, **how)
-    own, other, at = found.heated.rises, found.heated.counter_rises, float(found.surface_rise)
-    # The heat stays under the contact of the counter, and is carried away from that of the block.
+    found = slide_cycle(block, surface, counterface=counterface, **heat, **how)
+    own, other, at = found.heated.rises, found.heated.counterface_rises, float(found.surface_rise)
+    # The heat stays under the contact of the counterface, and is carried away from that of the
+    # block.
     assert at > 10 and np.all(np.diff(other) < 0) and 0.9 * at < other[0] < at
     assert 0 < own[0] < 0.2 * at
     # The cycle is that of these bodies; of cold ones it is another.
-    names = "mean_friction", "dissipated_power", "counter_power"
+    names = "mean_friction", "dissipated_power", "counterface_power"
     warm, cold = (
-        slide_cycle(first, surface, counter=second, **how).compute(*names)
-        for first, second in ((found.heated.stack, found.heated.counter), (block, counter))
+        slide_cycle(first, surface, counterface=second, **how).compute(*names)
+        for first, second in ((found.heated.stack, found.heated.counterface), (block, counterface))
     )
     np.testing.assert_allclose(found.compute(*names), warm, rtol=1e-4)
     assert np.all(np.abs(np.divide(cold, warm) - 1) > 0.05)
@@ -346,5 +347,7 @@ def test_heat_of_a_cycle_warms_both_bodies():
     for ratio in (0.0, 0.5):
         load = 3e4 * (1 + ratio * np.sin(2 * np.pi * motion.displacement / 2e-3))
         given = how | {"shear": None, "pressure": load}
-        rise = slide_cycle(elastic(1e7), surface, counter=counter, **heat, **given).surface_rise
+        rise = slide_cycle(
+            elastic(1e7), surface, counterface=counterface, **heat, **given
+        ).surface_rise
         assert rise == 0 if ratio == 0 else 0 < rise < at

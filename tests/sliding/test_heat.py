@@ -16,8 +16,8 @@ from graded_contact.sliding import (
     heat_depths,
     heat_source,
 )
-from graded_contact.sliding.conduction import Heat, temperatures, thermal_wavenumber
-from graded_contact.sliding.heat_source import shear_heat
+from graded_contact.sliding.interior.conduction import Heat, temperatures, thermal_wavenumber
+from graded_contact.sliding.interior.heat_source import shear_heat
 
 CELL = 4e-3  # m
 Q0 = 2 * np.pi / CELL
@@ -190,7 +190,7 @@ def of_shear(sheared, lost=0.0):
     return Heat(*none, shear_heat(sheared), lost)
 
 
-def test_heat_divides_between_a_moving_block_and_a_coated_counter_at_rest(sheared):
+def test_heat_divides_between_a_moving_block_and_a_coated_counterface_at_rest(sheared):
     """1/T = 1/T_b + 1/T_c of the temperatures that each has alone (J. C. Jaeger, 1942)."""
     q = np.array(wavenumber(sheared.grid))
     q[0, 0] = 1.0
@@ -204,9 +204,9 @@ def test_heat_divides_between_a_moving_block_and_a_coated_counter_at_rest(sheare
     alone = [np.sum(weight * one.real) for one in (1 / (0.25 * k), coated)]
     power, lost = float(jnp.mean(shear_heat(sheared))), 30.0
     expected = (power + lost) / sum(1 / one for one in alone)
-    counter = gc.Stack(layers=(gc.Layer(COAT, 1e-4),), base=gc.Rigid())
+    counterface = gc.Stack(layers=(gc.Layer(COAT, 1e-4),), base=gc.Rigid())
     heating, depths = Heating(0.25, 1.1e-7, [0.25, 40.0]), jnp.array([0.0, 3e-5])
-    bodies, heat = (HALF_SPACE, counter), of_shear(sheared, lost)
+    bodies, heat = (HALF_SPACE, counterface), of_shear(sheared, lost)
     found = temperatures(sheared, bodies, heating, heat, [depths] * 2)
     pressure = sheared.pressure / jnp.mean(sheared.pressure)
     block, other = (to_field(body[0], sheared.grid.shape) for body in found)
@@ -214,15 +214,19 @@ def test_heat_divides_between_a_moving_block_and_a_coated_counter_at_rest(sheare
     # Below the surface the coat's waves decay, and are reflected.
     share = (np.exp(-q * 3e-5) + image * np.exp(q * 3e-5)) / (1 + image)
     np.testing.assert_allclose(found[1][1], found[1][0] * share, atol=1e-9)
-    one = flash_temperature(sheared, HALF_SPACE, heating, depths, counter=counter, body="counter")
+    one = flash_temperature(
+        sheared, HALF_SPACE, heating, depths, counterface=counterface, body="counterface"
+    )
     assert one.shape == (2, *sheared.grid.shape) and 0 < one[1].max() < one[0].max()
 
 
 def test_two_equal_bodies_at_rest_have_equal_temperatures(sheared):
     body = gc.Stack(layers=(gc.Layer(COAT, 1e-4),), base=gc.HalfSpace(RUBBER))
     heating, depths = Heating([0.3, 2.0], 1e9, [0.3, 2.0]), jnp.array([0.0, 5e-5, 3e-4])
-    block, counter = temperatures(sheared, (body, body), heating, of_shear(sheared), [depths] * 2)
-    np.testing.assert_allclose(counter, block, rtol=1e-6, atol=1e-9)
+    block, counterface = temperatures(
+        sheared, (body, body), heating, of_shear(sheared), [depths] * 2
+    )
+    np.testing.assert_allclose(counterface, block, rtol=1e-6, atol=1e-9)
 
 
 def test_heat_at_depth_makes_less_of_a_flash_than_at_the_surface():

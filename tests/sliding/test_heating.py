@@ -18,7 +18,7 @@ from graded_contact.sliding import (
     heat_depths,
     heat_source,
 )
-from graded_contact.sliding import heating as module
+from graded_contact.sliding.solve import heated as module
 
 CELL = 4e-3  # m
 Q0 = 2 * np.pi / CELL

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.sliding.resolution import neighbours_of
+from graded_contact.sliding.errors.neighbours import neighbours_of
 
 CELL, Q0 = 8e-3, 2 * np.pi / 8e-3
 RUBBER = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6], [1e-3], 0.49)))

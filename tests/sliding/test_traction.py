@@ -15,12 +15,12 @@ from graded_contact.sliding import (
     Coulomb,
     heat_depths,
     heat_source,
-    heating,
     slide_cycle,
     steady,
 )
 from graded_contact.sliding.case import Case
-from graded_contact.sliding.heat_source import shear_heat
+from graded_contact.sliding.interior.heat_source import shear_heat
+from graded_contact.sliding.solve import heated
 
 CELL = 4e-3  # m
 Q0 = 2 * np.pi / CELL
@@ -177,7 +177,7 @@ def test_work_of_a_cycle_is_lost_in_block_and_interface():
     assert c.energy_imbalance < 1e-12
     # This power is what heats the contact.
     case = Case(BLOCK, LINE, displacement=there, period=0.01, pressure=LOAD)
-    np.testing.assert_allclose(heating._of_mean(case, c)[1], power, rtol=1e-12)
+    np.testing.assert_allclose(heated._of_mean(case, c)[1], power, rtol=1e-12)
     assert c.directions[0].ravel()[8] == 0 and abs(c.friction[8]) < 0.1 < c.friction[0]
     apart = slide_cycle(BLOCK, LINE, shear=Coulomb(0.8, coupled=False), **given)
     assert abs(apart.work - c.work) > 1e-3 * c.work

@@ -1,0 +1,45 @@
+"""The headline table of this commit, in about three minutes: `python -m benchmarks`.
+
+Elastic contact beside Tamaas and ContactMechanics at equal true error (the extra `bench` has them),
+friction with its gradient, kernels of layers, the total error against seconds, and first calls.
+Single sections with other options: `bench_contact.py`, `bench_response.py`, `bench_fit.py`,
+`bench_uncertainty.py`.
+"""
+
+import importlib.util
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+FOLDER = Path(__file__).parent
+SECTIONS = {
+    "Elastic contact at equal true error": (
+        "bench_contact elastic --sizes 256 512 --targets 1e-4 --loads 0.01 0.1 --repeat 3"
+    ),
+    "Friction and its gradient": (
+        "bench_contact gradient --sizes 256 --bodies tread+coat --loads 0.1"
+    ),
+    "Kernels of layered blocks": "bench_response speed --sizes 1024",
+    "Total error against seconds": "bench_contact total --sizes 64 128 256 --finest 1024",
+    "First calls": "bench_contact first",
+}
+PEERS = ("tamaas", "ContactMechanics")
+
+
+def main() -> None:
+    """Runs each section in a process of its own."""
+    missing = [name for name in PEERS if importlib.util.find_spec(name) is None]
+    begun = time.perf_counter()
+    for title, section in SECTIONS.items():
+        script, *options = section.split()
+        if missing and title.startswith(("Elastic", "Total")):
+            print(f"\n## {title}: left out, {', '.join(missing)} is not installed")
+            continue
+        print(f"\n## {title}", flush=True)
+        subprocess.run([sys.executable, FOLDER / f"{script}.py", *options], check=True)
+    print(f"\n{time.perf_counter() - begun:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

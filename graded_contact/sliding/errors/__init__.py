@@ -1,0 +1,1 @@
+"""Errors of observables: by the solver, the grid and the times."""

@@ -1,0 +1,141 @@
+"""The errors of the grid and of the times: the contact with fewer points, or fewer times.
+
+The waves of surface and block that half as many points resolve are kept. A surface may have waves
+that half the grid lacks. Then the surface without them is solved on the grid, too, and compared
+with half of it: as many points for the shortest wave as the grid itself has. What errors follow
+from these contacts is in `grid_errors.py` and `errors.py`.
+
+A window has no waves of its own: the heights of half the grid are means of neighbours.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...contacts.solution import RESULTS
+from ...contacts.solver.nested_solve import DouglasRachford
+from ...core.checks import is_concrete
+from ...core.compilation import compiled
+from ...core.derivative import largest
+from ...fields.grid import interpolate
+from ..facts import WINDOW
+from ..formulas import lift
+from ..half_grid import NOTHING_LACKS, halved, resampled, roughness_on
+from ..numerics import Numerics
+from ..problem import Problem
+from ..result import CyclicSliding, Found, Sliding
+
+NEIGHBOURS_RTOL = 2e-4  # of the pressure; the differences of two grids are larger
+_LEAST_TIMES = 8  # times that are not halved again
+
+
+class Neighbours(eqx.Module):
+    """Contacts that show what a grid and the times change.
+
+    **Fields:**
+
+    - `same`: on the grid, without the waves that half of it lacks; None if it lacks none: then this
+      is the contact itself.
+    - `half`: the same contact on half as many points.
+    - `fewer`: of a cycle or a transient solve, on the grid with half as many times; None if these
+      are too few.
+    - `lacking`: share of the squared slope in waves that half the grid lacks [1]; NaN if the grid
+      has too few points to be halved.
+    """
+
+    same: Any | None  # of the kind of the contact
+    half: Any
+    fewer: Any
+    lacking: Float[Array, ""]
+
+    def both(self, found: Any) -> tuple[Any, Any]:
+        """Returns `same` and `half` of a contact."""
+        return found if self.same is None else self.same, self.half
+
+
+def neighbours_of(found: Found) -> Neighbours:
+    """Returns the contacts on half the grid, and of a cycle with half the times."""
+    return kept_neighbours(found, _neighbours)
+
+
+def kept_neighbours(found: Any, solve: Callable[[Any], Neighbours]) -> Neighbours:
+    """Returns the neighbours that `solve` finds; the result keeps them, unless they are traced."""
+    near = found.kept.near
+    if near is None:
+        # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.
+        near = solve(jax.tree.map(lambda leaf: leaf, found))
+        if all(map(is_concrete, jax.tree.leaves(near))):
+            found.kept.near = near
+    return near
+
+
+def _neighbours(found: Found) -> Neighbours:
+    shape = found.grid.shape
+    half = halved(shape)
+    pressure = found.contact.mean_pressure
+    if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
+        # Without a contact there is nothing to compare.
+        return Neighbours(None, found, found, jnp.zeros_like(pressure))
+    times = len(found.displacement) if isinstance(found, CyclicSliding) else 0
+    rough, window = found.problem.roughness, WINDOW in found.facts
+    on_half, cut, missing = roughness_on(rough, found.grid, half, window)
+    same = fewer = None
+    if not (is_concrete(missing) and missing <= NOTHING_LACKS):
+        same = _solved(found, shape, cut, times)
+    if times >= 2 * _LEAST_TIMES:
+        fewer = _solved(found, shape, rough, times // 2)
+    if half == shape:  # nothing is known of the error of the grid
+        missing = missing * jnp.nan
+    return Neighbours(same, _solved(found, half, on_half, times), fewer, missing)
+
+
+def _solved(
+    found: Found, shape: tuple[int, ...], heights: tuple[Array, ...], num_times: int
+) -> Found:
+    """The contact on another grid of the cell; of a cycle with other times."""
+    problem, load, start, shift = _given(found, shape, heights[0], num_times)
+    problem = problem.with_roughness(*heights)
+    # In a program of the user, Newton steps would take long to compile and are seldom needed.
+    solver = DouglasRachford(newton=is_concrete(load))
+    how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
+    # The displacement by a traction that is no part of the kernel stays as it is.
+    contact = problem.contact({found.problem.prescribed: load}, shift, how, start)
+    # A number that is not known must not show a small change. What may be unstable on half the grid
+    # is close to what the whole grid resolves.
+    good = (contact.result == RESULTS.successful) | (contact.result == RESULTS.gap_unresolved)
+    good = good | (contact.result == RESULTS.unresolved)
+    pressure = jnp.where(good, contact.pressure, jnp.nan)
+    moved = contact.displacement + shift
+    contact = dataclasses.replace(contact, pressure=pressure, displacement=moved)
+    return dataclasses.replace(found, contact=contact, problem=problem)
+
+
+@compiled
+def _given(
+    found: Found, shape: tuple[int, ...], heights: Array, num_times: int
+) -> tuple[Problem, Array, Array, Array]:
+    """The problem on another grid, its load, a start, and the shift by lagged traction."""
+    (low, high), contact, over = found.law.bounds, found.contact, ()
+    if isinstance(found, Sliding):
+        # Relative to the first touch; means of neighbours are lower than their highest.
+        lower = largest(found.heights) - largest(heights)
+        load = {
+            "pressure": lambda: contact.mean_pressure, "mean_gap": lambda: contact.mean_gap,
+            "approach": lambda: found.compute("approach")[0] - lower,
+        }[found.problem.prescribed]()  # fmt: skip
+    else:
+        over = (num_times,)
+        name = "load" if found.problem.prescribed == "pressure" else "mean_gap"
+        load = interpolate(found.compute(name)[0], over)
+    start = jnp.clip(resampled(found.pressure, (*over, *shape)), low, high)
+    shift = lift(found)
+    shift = resampled(shift, (*over, *shape)) if shift.ndim else shift
+    # A program would return a copy of the heights.
+    problem = found.problem.on(shape, num_times)
+    return problem, load, start, shift

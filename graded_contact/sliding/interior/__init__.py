@@ -1,0 +1,1 @@
+"""Stress, heat and temperature inside the bodies."""

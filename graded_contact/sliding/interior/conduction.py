@@ -1,0 +1,220 @@
+"""The temperature of both bodies by the heat of friction.
+
+The temperature in the frame of the surface is steady. In a layer of conductivity κ and diffusivity
+D each wave of the temperature obeys
+
+    T'' = k² T - W/κ,      k = √(q² + iω/D), ω = -q·v
+
+(H. S. Carslaw, J. C. Jaeger, Conduction of Heat in Solids, Oxford 1959, chapter 10), T and the flux
+-κT' being continuous. The heat W is constant on slices of the depth, and the solution on each slice
+is exact. A recursion upwards, from the half space below, where the flux is κkT, gives the flux Y T
++ F into the block below each edge; a recursion downwards gives the temperatures. The counterface is
+at rest in this frame: k = |q|. The part β of the heat flows into the counterface, distributed as
+the pressure. β makes the mean temperatures of both surfaces over the contact, weighted by the
+pressure, equal (the partition of H. Blok, 1937). The mode q = 0 (bulk heating) is left out:
+temperatures are above the mean of each plane, and both bodies have the same bulk temperature.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...blocks.stack import Stack, interface_depths
+from ...core.checks import Numbers, check_types
+from ...core.compilation import compiled
+from ...fields.frequency import wave_frequencies
+from ...fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
+from ..bodies import BodyName
+from ..case import Heating
+from ..result import Sliding
+from .heat_source import as_depths, heat_depths, heat_source, shear_heat
+
+
+@check_types
+def flash_temperature(
+    sliding: Sliding,
+    stack: Stack,
+    heating: Heating,
+    depths: Numbers,
+    *,
+    counterface: Stack | None = None,
+    body: BodyName = "block",
+) -> Float[Array, "depths *shape"]:
+    """Returns the temperature in a body above the mean of each depth [K].
+
+    Hysteresis and the shear of `sliding` heat the block. Differentiable as `heat_source`, and in
+    `heating`.
+
+    **Arguments:**
+
+    - `sliding`, `stack`: as in `heat_source`; `stack` as given to `slide`.
+    - `heating`: conductivities and diffusivities.
+    - `depths`: z [m], shape `(depths,)`; 0 is the surface.
+    - `counterface`: as given to `slide`, for its layers; None for one half space.
+    - `body`: "block" or "counterface", whose depths count into the counterface.
+
+    **Returns:** T, shape `(depths, *grid.shape)`. Add the bulk temperature.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    depths = as_depths(depths)
+    nodes, thickness = heat_depths(stack, sliding.grid)
+    block = stack if sliding.heated is None else sliding.heated.stack
+    heat = Heat(heat_source(sliding, block, nodes), thickness, shear_heat(sliding))
+    found = temperatures(sliding, (stack, counterface), heating, heat, (depths, depths))
+    return jax.vmap(lambda spectrum: to_field(spectrum, sliding.grid.shape))(
+        found[body == "counterface"]
+    )
+
+
+class Heat(NamedTuple):
+    """What heats both bodies.
+
+    **Fields:**
+
+    - `source`: of slices of the block [W/m³], from the surface down.
+    - `thickness`: of the slices [m].
+    - `shear`: at the contact [W/m²].
+    - `lost`: in the counterface, its mean [W/m²]; distributed over its surface as the pressure.
+    """
+
+    source: Array
+    thickness: Array
+    shear: Array
+    lost: Array | float = 0.0
+
+
+@compiled
+def temperatures(sliding: Sliding, bodies, heating: Heating, heat: Heat, depths) -> list[Array]:
+    """Returns the spectra of the temperature at depths of the block and of the counterface.
+
+    `bodies` may be the block alone. A counterface that is None is a half space.
+    """
+    grid, weight = sliding.grid, to_spectrum(pressure_weight(sliding))
+    stack, counterface = bodies if len(bodies) == 2 else (*bodies, None)
+    conductivity, diffusivity, parts = of_parts(heating, stack, counterface)
+    kappa = heating.counterface_conductivity
+    # Its conductivity may be 0: temperatures depend on the ratios of its layers.
+    first, ratios = (parts[0], jnp.ones_like(parts)) if kappa.ndim == 0 else (1.0, parts)
+    made = jax.vmap(to_spectrum)(heat.source)
+    bottoms = jnp.cumsum(heat.thickness)
+    here, flux, block_at = _conduction(
+        grid, sliding.velocity, stack, conductivity, diffusivity, made, bottoms, depths[0]
+    )
+    rest = depths[1] if len(depths) == 2 else jnp.zeros(1, depths[0].dtype)
+    there, _, counterface_at = _conduction(
+        grid,
+        jnp.zeros_like(sliding.velocity),
+        counterface,
+        ratios,
+        jnp.ones_like(ratios),
+        made[:0],
+        bottoms[:0],
+        rest,
+    )
+    alone = (to_spectrum(heat.shear) - flux) / here
+    # The heat that leaves, distributed as the pressure, makes the means of both surfaces equal.
+    mean, by_block, by_counterface = (
+        over_contact(weight, spectrum, grid) for spectrum in (alone, weight / here, weight / there)
+    )
+    into = (mean + heat.lost * by_block) / (first * by_block + by_counterface)
+    left = first * into - heat.lost
+    found = [block_at(alone - left * weight / here), counterface_at(into * weight / there)]
+    return [jax.vmap(_without_mean)(spectra) for spectra in found[: len(depths)]]
+
+
+def of_parts(heating: Heating, stack: Stack, counterface: Stack | None) -> list[Array]:
+    """Returns the conductivity and diffusivity of each layer of the block and of what is below it,
+    and the conductivity of those of the counterface; raises `ValueError` for another number of
+    them.
+    """
+    found = []
+    for body, names in (
+        (stack, ("conductivity", "diffusivity")), (counterface, ("counterface_conductivity",)),
+    ):  # fmt: skip
+        layers = 0 if body is None else len(body.layers)
+        for name in names:
+            value = getattr(heating, name)
+            if value.shape not in ((), (layers + 1,)):
+                whose = "a `counterface`" if body is counterface else "the block"
+                raise ValueError(
+                    f"`{name}` has shape {value.shape}; one number is needed, or {layers + 1}: "
+                    f"one for each of the {layers} layers of {whose} and one for what is below."
+                )
+            found.append(jnp.broadcast_to(value, (layers + 1,)))
+    return found
+
+
+def _conduction(
+    grid: Grid, velocity, stack: Stack | None, conductivity, diffusivity, heat, bottoms, depths
+):
+    """The admittance of a body, the flux into it at a cold surface, and what gives the spectra of
+    the temperature at `depths` from that of the surface.
+
+    `heat` has the spectra of slices that end at `bottoms`; there is none below.
+    """
+    interfaces = jnp.zeros(0) if stack is None else interface_depths(stack)
+    interfaces = interfaces.astype(depths.dtype)
+    edges = jnp.sort(jnp.concatenate([jnp.zeros(1, depths.dtype), bottoms, interfaces, depths]))
+    middles = (edges[1:] + edges[:-1]) / 2
+    k = thermal_wavenumber(grid, velocity, diffusivity[-1])
+    heat = jnp.concatenate([heat, jnp.zeros((1, *k.shape), k.dtype)])
+
+    def cell(i):
+        """Thickness, κk, k and the heat of a cell between two edges."""
+        layer = jnp.sum(middles[i] >= interfaces)
+        k = thermal_wavenumber(grid, velocity, diffusivity[layer])
+        d = edges[i + 1] - edges[i]
+        return d, conductivity[layer] * k, k, heat[jnp.searchsorted(bottoms, middles[i])]
+
+    def up(below, i):
+        (admittance, flux), (d, y, k, w) = below, cell(i)
+        e = jnp.exp(-k * d)
+        cosine, tangent = 2 * e / (1 + e**2), -jnp.expm1(-2 * k * d) / (1 + e**2)  # 1/cosh, tanh
+        whole = (jnp.expm1(-k * d)) ** 2 / (1 + e**2)  # 1 - 1/cosh
+        scale = 1 / (1 + admittance * tangent / y)
+        # The temperature below is a times that above, plus b.
+        a, b = cosine * scale, (w / (k * y) * whole - flux * tangent / y) * scale
+        above = (admittance + y * tangent) * scale
+        flux = a * flux - w / (k * y) * (admittance * whole + y * tangent) * scale
+        return (above, flux), (a, b)
+
+    below = conductivity[-1] * k, jnp.zeros_like(k)
+    (admittance, flux), steps = jax.lax.scan(up, below, jnp.arange(len(middles)), reverse=True)
+
+    def at_depths(surface):
+        def down(above, step):
+            found = step[0] * above + step[1]
+            return found, found
+
+        rest = jax.lax.scan(down, surface, steps)[1]
+        return jnp.concatenate([surface[None], rest])[jnp.searchsorted(edges, depths)]
+
+    return admittance, flux, at_depths
+
+
+def over_contact(weight, spectrum, grid: Grid) -> Array:
+    """Returns the mean over the contact of a field without its mode q = 0, by the pressure."""
+    parts = (jnp.conj(weight) * spectrum).real * multiplicity(grid.shape)
+    return jnp.sum(_without_mean(parts)) / np.prod(grid.shape) ** 2
+
+
+def pressure_weight(sliding: Sliding) -> Array:
+    """Returns the pressure over its mean [1]."""
+    # Points that pull, with adhesion, have no weight.
+    pressed = jnp.maximum(sliding.pressure, 0)
+    return pressed / jnp.mean(pressed)
+
+
+def thermal_wavenumber(grid, velocity, diffusivity):
+    """Returns k = √(q² + iω/D) [1/m], 1 at q = 0: temperatures decay as exp(-kz)."""
+    q = wavenumber(grid)
+    squared = q**2 + 1j * wave_frequencies(grid, velocity) / diffusivity
+    return jnp.sqrt(jnp.where(q == 0, 1, squared))
+
+
+def _without_mean(spectrum):
+    return spectrum.at[(0,) * spectrum.ndim].set(0)

@@ -1,0 +1,231 @@
+"""The stress in a body under the pressure and the traction of a contact."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...blocks.stack import Stack, interface_depths
+from ...core.checks import Numbers, as_float, check_types, is_concrete
+from ...core.compilation import compiled
+from ...core.derivative import derivative_apart, largest
+from ...core.display import shown
+from ...fields.frequency import wave_frequencies
+from ...fields.grid import Grid, coordinates, wavenumber
+from ...materials.softening import softens
+from ...response.compliance import surface_compliance
+from ...response.downwards import Side
+from ...response.stress import stress_field, von_mises
+from ..bodies import BodyName
+from ..facts import WINDOW
+from ..result import Sliding
+from .heat_source import as_depths, shear_traction
+
+_SAME = 1e-3  # relative difference of two kernels of one block, in float32 and of tables
+StressKind = Literal["von_mises", "tension", "shear", "opening"]
+Depths = Float[Array, " depths"]
+
+
+@shown()
+class LargestStress(eqx.Module):
+    """The largest value of a stress, and where it acts.
+
+    **Fields:**
+
+    - `value`: [Pa], with a derivative.
+    - `place`: x (and y) on the grid, and the depth z [m].
+    """
+
+    value: Float[Array, ""]
+    place: Float[Array, " axes"]
+
+
+@shown(units=False)
+class ContactStress(eqx.Module):
+    """The stress in a body at some depths under a contact; positive in tension.
+
+    **Fields:**
+
+    - `stress`: σ [Pa], shape `(depths, *grid.shape, 3, 3)`, along (x, y, z).
+    - `depths`: z [m], shape `(depths,)`.
+    - `grid`: of the surface.
+    """
+
+    stress: Float[Array, "depths *shape 3 3"]
+    depths: Float[Array, " depths"]
+    grid: Grid
+
+    @property
+    def von_mises(self) -> Float[Array, "depths *shape"]:
+        """The von Mises stress [Pa]."""
+        return von_mises(self.stress)
+
+    @property
+    def tension(self) -> Float[Array, "depths *shape"]:
+        """The largest principal stress [Pa], which opens cracks."""
+        return jnp.linalg.eigvalsh(self.stress)[..., -1]
+
+    @property
+    def shear(self) -> Float[Array, "depths *shape"]:
+        """The shear stress in the plane z = constant [Pa], which slides a layer off another."""
+        squared = self.stress[..., 0, 2] ** 2 + self.stress[..., 1, 2] ** 2
+        return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
+
+    @property
+    def opening(self) -> Float[Array, "depths *shape"]:
+        """σ_zz [Pa]: where it is positive, it pulls a layer off another."""
+        return self.stress[..., 2, 2]
+
+    def largest(self, kind: StressKind) -> LargestStress:
+        """Returns the largest value of "von_mises", "tension", "shear" or "opening".
+
+        The largest of the points: between them it may be more.
+        """
+        return _largest(getattr(self, kind), self.depths, self.grid)
+
+
+@compiled
+def _largest(field: Array, depths: Array, grid: Grid) -> LargestStress:
+    index = jnp.unravel_index(jnp.argmax(field), field.shape)
+    axes = [axis.ravel() for axis in coordinates(grid)]
+    place = [axis[i] for axis, i in zip(axes, index[1:], strict=True)]
+    return LargestStress(largest(field), jnp.stack([*place, depths[index[0]]]))
+
+
+@check_types
+def contact_stress(
+    sliding: Sliding,
+    stack: Stack,
+    depths: Numbers,
+    *,
+    side: Side = "below",
+    body: BodyName = "block",
+) -> ContactStress:
+    """Returns the stress in a body under the pressure and the traction of a contact.
+
+    The traction is that of the law of `shear`, coupled or not. Differentiable in the contact, in
+    every leaf of `stack` and in `depths`.
+
+    **Arguments:**
+
+    - `sliding`: a result of `slide` on a periodic surface.
+    - `stack`: the body: its block or counterface, with heating `sliding.heated.stack` or
+      `.counterface`.
+    - `depths`: z [m], shape `(depths,)`; 0 is the surface. See `interface_depths`.
+    - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump.
+    - `body`: "block" or "counterface". The z axis is into the body: that of the counterface is
+      opposite.
+
+    **Returns:** stresses, and their largest values with their places, see `ContactStress`.
+
+    **Raises:** `ValueError` for a refused argument, such as another block than that of the contact.
+    """
+    if WINDOW in sliding.facts:
+        raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
+    depths = as_depths(depths)
+    if body == "counterface" and sliding.problem.counterface is None:
+        raise ValueError('`body="counterface"` is refused: the contact has a rigid counterface.')
+    _check_body(sliding, stack, body)
+    return ContactStress(_stress_apart(sliding, stack, depths, side, body), depths, sliding.grid)
+
+
+def _check_body(sliding: Sliding, stack: Stack, body: BodyName) -> None:
+    """Raises `ValueError` unless two waves have the kernel of the contact; not if traced."""
+    problem, q = sliding.problem, wavenumber(sliding.grid)
+    counterface = problem.counterface if body == "counterface" else None
+    operator, coupling = problem.block, sliding.coupling
+    if counterface is not None:
+        operator, coupling = counterface.operator, counterface.coupling
+    kernel = operator.kernel
+    # In a contact, a block that softens may have another strain in each wave.
+    if softens(stack) or not all(map(is_concrete, jax.tree.leaves((sliding, stack)))):
+        return
+    modes = np.unique([1, max(1, min(sliding.grid.shape) // 4)])
+    modes = (modes[2 * modes < min(sliding.grid.shape)],) * sliding.grid.ndim
+    shear: Any = sliding.shear  # with a coupling there is one
+    if coupling is not None and coupling.in_kernel:
+        sign = 1 if counterface is None else -1
+        kernel = kernel - sign * shear.law.coefficient * coupling.lift[0]
+    velocity = _velocity(sliding, body)
+    omega = jnp.broadcast_to(wave_frequencies(sliding.grid, velocity), q.shape)[modes]
+    own = surface_compliance(stack, q[modes], omega)
+    if not np.allclose(own, kernel[modes], rtol=_SAME, atol=0):
+        raise ValueError(
+            f"`stack` is refused: the contact has another {body}. Pass the stack that `slide` "
+            "took, with heating `sliding.heated.stack` (or `.counterface`), and of the counterface "
+            '`body="counterface"`.'
+        )
+
+
+def _velocity(sliding: Sliding, body: BodyName) -> Array:
+    """The velocity of the surface over a body [m/s]."""
+    return sliding.velocity if body == "block" else jnp.zeros_like(sliding.velocity)
+
+
+@compiled
+def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side, body: BodyName):
+    traction = shear_traction(sliding)
+    if body == "counterface" and traction is not None:
+        traction = -traction
+    how = {"side": side, "traction": traction}
+    grid, pressure, velocity = sliding.grid, sliding.pressure, _velocity(sliding, body)
+    at = lambda z: stress_field(stack, grid, pressure, z, velocity, **how).stress  # noqa: E731
+    return jax.lax.map(at, depths)
+
+
+_stress_apart = derivative_apart(_stress)
+
+
+# The largest stresses in a block.
+
+
+@compiled
+def _at_depths(
+    found: Sliding, stack: Stack, kind: StressKind, depths: Depths, side: Side
+) -> Depths:
+    # One depth after another, also in the derivative: the stresses of all would fill the memory.
+    at = jax.checkpoint(
+        lambda z: contact_stress(found, stack, z[None], side=side).largest(kind).value
+    )
+    return jax.lax.map(at, depths)
+
+
+def _in_block(kind: StressKind) -> Callable[..., tuple[Array, Array]]:
+    """The largest stress of a kind on the surface and in the layers, or at depths; its depth."""
+
+    def of_contact(
+        found: Sliding, stack: Stack, depths: Sequence[float] | None
+    ) -> tuple[Array, Array]:
+        faces = interface_depths(stack)
+        if depths is not None:
+            above = below = as_float(depths, "depths")
+        else:
+            whole = jnp.diff(faces, prepend=0.0)
+            above = jnp.ravel(faces - jnp.array([[0.75], [0.5], [0.0]]) * whole)
+            deep = faces[: None if hasattr(stack.base, "material") else -1]  # else nothing is below
+            below = jnp.concatenate([jnp.zeros(1, faces.dtype), deep])
+        sides: tuple[tuple[Side, Depths], ...] = (("above", above), ("below", below))
+        values = [_at_depths(found, stack, kind, at, side) for side, at in sides if at.size]
+        return _with_depth(jnp.concatenate(values), jnp.concatenate([above, below]))
+
+    return of_contact
+
+
+def _between_layers(found: Sliding, stack: Stack, _: Any) -> tuple[Array, Array]:
+    faces = interface_depths(stack)
+    return _with_depth(_at_depths(found, stack, "shear", faces, "above"), faces)
+
+
+def _with_depth(values: Array, depths: Depths) -> tuple[Array, Array]:
+    return jnp.max(values), depths[jnp.argmax(values)]
+
+
+# Each gives the largest stress [Pa] in a block under a contact, and the depth at which it acts [m].
+STRESSES = {
+    "tension": _in_block("tension"), "von_mises": _in_block("von_mises"),
+    "interface_shear": _between_layers,
+}  # fmt: skip

@@ -1,0 +1,368 @@
+"""Usual periodic motions of a surface: reciprocating, start and stop, steady, and recorded ones.
+
+A motion is s(t) at equally spaced times over one period. A wave of the surface at q excites the
+block at the frequencies of exp(-i q·s(t)): up to q v, v being the highest speed. So a motion is
+sampled finely enough if the surface moves by no more than a spacing of the grid from one time to
+the next, see `Motion.largest_step`. With a grid these functions choose their number of times.
+"""
+
+import math
+from typing import cast
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float, ScalarLike
+
+from ...core.checks import (
+    Numbers,
+    as_float,
+    as_scalar,
+    check_positive,
+    check_types,
+    check_values,
+    check_whole,
+    is_concrete,
+    numbers,
+    scalar,
+)
+from ...core.compilation import compiled
+from ...core.display import shown, with_unit
+from ...core.memory import CYCLE, check_memory
+from ...fields.grid import Grid
+
+# At a largest step of 0.5 spacings the mean friction is off by 5e-5 or less, at 1 by 2e-3 or less,
+# at 2 by 1 to 18 %, at 4 by 5 to 72 % (`benchmarks/bench_contact.py cycle_times`).
+CHOSEN_STEP = 0.5
+LARGEST_STEP = 2.0
+_USUAL = 128  # times, where the grid is not known
+_FEWEST = 32  # times that are chosen
+# Times of a way from rest to rest: 0.1 % of its velocity is then at the upper half of the
+# frequencies. A rest of 1/8 of the way has 4; the slow ends of the way look like a shorter one.
+_OF_A_WAY = 32
+_OPEN = 0.2  # of the extent of a record: a gap that its next row does not close
+_FINE = 16  # times between two of a recorded motion, before the highest frequencies are cut
+
+
+@shown("num_times", "displacement", "period", "highest_speed", units=False)
+class Motion(eqx.Module):
+    """A periodic motion of the surface over the block.
+
+    **Fields:**
+
+    - `displacement`: s [m] at equally spaced times, shape `(nt,)` along x, or `(nt, 2)`.
+    - `period`: T [s].
+    """
+
+    displacement: Float[Array, "..."] = eqx.field(converter=numbers("displacement"))
+    period: Float[Array, ""] = eqx.field(converter=scalar("period"))
+
+    @property
+    def num_times(self) -> int:
+        """How many times a period has."""
+        return len(self.displacement)
+
+    @property
+    def highest_speed(self) -> Float[Array, ""]:
+        """The largest distance between neighbouring times over the time between them [m/s]."""
+        moved = jnp.sqrt(jnp.sum(_steps(self.displacement) ** 2, axis=1))
+        return jnp.max(moved) * len(self.displacement) / self.period
+
+    def largest_step(self, grid: Grid) -> Float[Array, ""]:
+        """Returns the largest distance between neighbouring times, in spacings along x plus y [1].
+
+        Above 1, take more times; above 2 a cycle refuses the motion.
+        """
+        return _largest_step(self.displacement, grid.spacing)
+
+
+def _steps(displacement):
+    """Distances from each time to the next one of this period, along each axis."""
+    rows = displacement.reshape(len(displacement), -1)
+    return abs(rows[1:] - rows[:-1])
+
+
+def _largest_step(displacement, spacing):
+    """The largest distance, in spacings along x plus y; in NumPy of what NumPy has."""
+    moved = _steps(displacement)
+    return (moved / spacing[: moved.shape[1]]).sum(axis=1).max()
+
+
+def _step_of(displacement: Array | np.ndarray, grid: Grid) -> float | None:
+    """`Motion.largest_step`, or None where the numbers are not known."""
+    if not (is_concrete(displacement) and is_concrete(grid.size)):
+        return None
+    return float(_largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
+
+
+def check_resolved(
+    given: str, displacement: Array | np.ndarray, grid: Grid | None, enough: int | None = None
+) -> None:
+    """Raises `ValueError` if the times cannot resolve how the waves of a grid move.
+
+    **Arguments:**
+
+    - `given`: what is refused, in words.
+    - `displacement`: s [m] at the times.
+    - `grid`: of the surface; None for no check.
+    - `enough`: number of times that resolve it; None to estimate it from the steps.
+    """
+    step = None if grid is None else _step_of(displacement, grid)
+    if step is not None and step > LARGEST_STEP:
+        enough = enough or _fast(len(displacement) * step / CHOSEN_STEP)
+        raise ValueError(
+            f"{given} is refused: the surface moves by up to {step:.3g} spacings of the grid from "
+            f"one time to the next, and {LARGEST_STEP:g} are the most. A motion without jumps "
+            f"needs {enough} times."
+        )
+
+
+def _enough(grid: Grid | None, dash: Array, least: Array | int) -> int | None:
+    """How many times resolve a motion along x, or None where its numbers are not known.
+
+    `dash` is how far its highest speed leads in a period [m], `least` the fewest times.
+    """
+    if grid is None:
+        return _fast(max(_USUAL, float(least))) if is_concrete(least) else _USUAL
+    if not all(map(is_concrete, (dash, least, grid.size))):
+        return None
+    spacing = np.asarray(grid.size)[0] / grid.shape[0]
+    return _fast(max(float(least), float(dash) / spacing / CHOSEN_STEP))
+
+
+def _chosen(num_times: int | None, enough: int | None, grid: Grid | None) -> int:
+    """The number of times: the one given, or what is enough if there is memory for it."""
+    if num_times is not None:
+        return num_times
+    if enough is None:
+        raise ValueError(
+            "`num_times=None` is refused inside of a program (`jit`, `vmap`, `grad`), where the "
+            "motion is not known. Give a number."
+        )
+    shape = () if grid is None else grid.shape
+    check_memory("num_times", "a resolved cycle", CYCLE, (enough, *shape))
+    return enough
+
+
+def _fast(least: float) -> int:
+    """A multiple of 4 without prime factors above 5: transforms are fast, turns are at a time."""
+    return 4 * cast(int, scipy.fft.next_fast_len(math.ceil(min(least, 1e15) / 4), real=True))
+
+
+@check_types
+def sinusoidal(
+    stroke: ScalarLike,
+    frequency: ScalarLike,
+    num_times: int | None = None,
+    grid: Grid | None = None,
+) -> Motion:
+    """Returns the motion s = (stroke/2) sin(2π f t) along x.
+
+    Its highest speed is π f times the stroke.
+
+    **Arguments:**
+
+    - `stroke`: distance between the turning points [m].
+    - `frequency`: f [Hz].
+    - `num_times`: times in a period, at least 4; None for as many as the grid needs: the surface
+      then moves by at most half a spacing from one to the next. 128 without a grid.
+    - `grid`: of the surface.
+
+    **Returns:** the motion, with period 1/f.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    stroke, frequency = as_scalar(stroke, "stroke"), as_scalar(frequency, "frequency")
+    check_values("stroke", stroke, "a stroke [m] must be finite and not negative", at_least=0)
+    check_positive("frequency", frequency, "[Hz]")
+    enough = _enough(grid, np.pi * stroke, _FEWEST)
+    count = _chosen(num_times, enough, grid)
+    displacement = _sine(stroke, count)
+    check_resolved(f"`num_times={count}`", displacement, grid, enough)
+    return Motion(displacement, 1 / frequency)
+
+
+@check_types
+def start_stop(
+    stroke: ScalarLike,
+    moving: ScalarLike,
+    dwell: ScalarLike,
+    num_times: int | None = None,
+    grid: Grid | None = None,
+) -> Motion:
+    """Returns a motion along x that rests, moves by the stroke, rests, and moves back.
+
+    Speed and acceleration are continuous: s is the polynomial of least jerk, with the highest speed
+    15/8 stroke/`moving`.
+
+    **Arguments:**
+
+    - `stroke`: distance between the two places of rest [m].
+    - `moving`: time of one way [s].
+    - `dwell`: time of one rest [s]; 0 for none.
+    - `num_times`: times in a period, at least 4; None for as many as the grid needs, see
+      `sinusoidal`, and at least 32 in each way from rest to rest.
+    - `grid`: of the surface.
+
+    **Returns:** the motion, with period 2 (`moving` + `dwell`). It begins in the middle of a rest.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    names = ("stroke", "moving", "dwell")
+    stroke, moving, dwell = map(as_scalar, (stroke, moving, dwell), names)
+    check_values("stroke", stroke, "a stroke [m] must be finite and not negative", at_least=0)
+    check_positive("moving", moving, "[s]")
+    check_values("dwell", dwell, "a time [s] must be finite and not negative", at_least=0)
+    period = 2 * (moving + dwell)
+    ways = period / moving
+    enough = _enough(grid, 15 / 8 * stroke * ways, _OF_A_WAY * ways)
+    count = _chosen(num_times, enough, grid)
+    displacement = _there_and_back(stroke, moving, dwell, count)
+    check_resolved(f"`num_times={count}`", displacement, grid, enough)
+    return Motion(displacement, period)
+
+
+@compiled
+def _sine(stroke, count: int):
+    return stroke / 2 * jnp.sin(2 * np.pi * _times(count, stroke))
+
+
+@compiled
+def _there_and_back(stroke, moving, dwell, count: int):
+    """Displacements of `start_stop`."""
+    half = moving + dwell
+    time = 2 * half * _times(count, stroke) - dwell / 2
+    return stroke * (_least_jerk(time / moving) - _least_jerk((time - half) / moving))
+
+
+def _least_jerk(x):
+    x = jnp.clip(x, 0, 1)
+    return x**3 * (10 - 15 * x + 6 * x**2)
+
+
+@check_types
+def steady(velocity: ScalarLike, grid: Grid, num_times: int | None = None) -> Motion:
+    """Returns steady sliding along x over one cell, s = v t. It is what `slide` solves faster.
+
+    **Arguments:**
+
+    - `velocity`: v [m/s], not 0.
+    - `grid`: the cell that the surface crosses in a period.
+    - `num_times`: times in a period; None for one for each point of the grid along x, with which
+      the friction is that of `slide`.
+
+    **Returns:** the motion, with period L/|v|.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    velocity = as_scalar(velocity, "velocity")
+    if is_concrete(velocity) and velocity == 0:
+        raise ValueError("`velocity=0` is refused: a surface at rest has no period. Use `slide`.")
+    check_values("velocity", velocity, "a velocity [m/s] must be finite")
+    length = grid.size[0] * jnp.sign(velocity)
+    count = grid.shape[0] if num_times is None else num_times
+    displacement = length * _times(count, length)
+    check_resolved(f"`num_times={count}`", displacement, grid)
+    return Motion(displacement, length / velocity)
+
+
+@check_types
+def recorded(
+    times: Numbers,
+    displacement: Numbers,
+    period: ScalarLike,
+    num_times: int | None = None,
+    grid: Grid | None = None,
+) -> Motion:
+    """Returns a measured motion at equally spaced times, without frequencies that these alias.
+
+    The table is interpolated linearly over the period; then frequencies above that of `num_times`
+    are cut, and with them most of the noise. It must end where it began.
+
+    **Arguments:**
+
+    - `times`: t [s], shape `(n,)`, ascending, less than a period from the first to the last.
+    - `displacement`: s [m] at these times, shape `(n,)` or `(n, 2)`.
+    - `period`: T [s].
+    - `num_times`: times in a period, at least 4; None for 128, or with a grid for more, until the
+      surface moves by at most half a spacing from one to the next.
+    - `grid`: of the surface.
+
+    **Returns:** the motion; its first time is the first of the table.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    times, table = as_float(times, "times"), as_float(displacement, "displacement")
+    period = as_scalar(period, "period")
+    check_positive("period", period, "[s]")
+    check_values("displacement", table, "a displacement [m] must be finite")
+    if times.ndim != 1 or table.ndim not in (1, 2) or len(table) != len(times) or len(times) < 2:
+        raise ValueError(
+            f"`times` has shape {times.shape} and `displacement` shape {table.shape}; one time for "
+            "each row of the displacement is needed."
+        )
+    known = is_concrete(times) and is_concrete(period)
+    if known and not (np.all(np.diff(times) > 0) and times[-1] - times[0] < period):
+        raise ValueError(
+            f"`times` from {times[0]:g} to {times[-1]:g} s are refused: they must ascend within "
+            f"one `period` of {period:g} s, whose end is not listed."
+        )
+    check_closed(table, grid, cells=False)
+    count = _USUAL if num_times is None else num_times
+    moved = _resampled(times, table, period, count)
+    if num_times is None and grid is not None:
+        # More times keep more of the noise, so that they are not known beforehand.
+        while (step := _step_of(moved, grid)) is None or step > CHOSEN_STEP:
+            enough = None if step is None else _fast(max(count + 1, count * step / CHOSEN_STEP))
+            count = _chosen(None, enough, grid)
+            moved = _resampled(times, table, period, count)
+    check_resolved(f"`num_times={count}`", moved, grid)
+    return Motion(moved, period)
+
+
+def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
+    """Raises `ValueError` for a motion whose end is further from its start than its rows explain.
+
+    If `cells`, the surface may advance by whole cells of the grid.
+    """
+    known = is_concrete(displacement) and (grid is None or is_concrete(grid.size))
+    if not known or len(displacement) < 4:
+        return
+    rows = np.asarray(displacement).reshape(len(displacement), -1)
+    apart, extent = rows[-1] - rows[0], np.ptp(rows, axis=0)
+    if cells and grid is not None:
+        size = np.asarray(grid.size)[: rows.shape[1]]
+        apart = apart - size * np.round(apart / size)
+        extent = np.minimum(extent, size)
+    # The last row is a step before the end; a record of few rows takes long steps.
+    steps = np.max(np.abs(np.diff(rows, axis=0)), axis=0)
+    if np.any(np.abs(apart) > np.maximum(4 * steps, _OPEN * extent)):
+        beyond = " of whole cells" if cells else ""
+        far = with_unit(float(np.linalg.norm(apart)), "m")
+        raise ValueError(
+            f"`displacement` is refused: its end is {far} from its start{beyond}, but a cycle ends "
+            "where it began. Use `slide_transient` (with `recorded_transient`) for a "
+            "transient motion, or let the surface advance by whole cells, see `slide_cycle`."
+        )
+
+
+@compiled
+def _resampled(times, table, period, count: int) -> Float[Array, "nt ..."]:
+    """A table of displacements at equally spaced times."""
+    # Finer times first: those of the result would alias what lies between them.
+    fine = times[0] + period * _times(_FINE * count, table)
+    # Its first row, a period later, closes the table.
+    ends = jnp.append(times, times[0] + period)
+    columns = jnp.concatenate([table, table[:1]]).reshape(len(ends), -1).T
+    dense = jnp.stack([jnp.interp(fine, ends, column) for column in columns], axis=1)
+    # On the highest frequency of the coarser times the sign is not known.
+    waves = jnp.fft.rfft(dense, axis=0)[: (count + 1) // 2]
+    moved = jnp.fft.irfft(waves, count, axis=0) / _FINE
+    return moved.reshape(count, *table.shape[1:])
+
+
+def _times(num_times: int, like: Array) -> Float[Array, " nt"]:
+    """Equally spaced times over the period."""
+    check_whole("num_times", num_times, 4)
+    return jnp.arange(num_times, dtype=like.dtype) / num_times

@@ -1,0 +1,244 @@
+"""Transient motions: from rest, at a velocity, to rest, one after the other, and recorded.
+
+A motion is s(t) at the ends of steps, from s = 0 at t = 0. While the surface moves, a step leads it
+by about half a spacing of the grid; while it rests, each step is a fixed part of the time so far.
+"""
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, ScalarLike
+
+from ...core.checks import (
+    Numbers,
+    as_scalar,
+    check_increasing,
+    check_positive,
+    check_rows,
+    check_type,
+    check_types,
+    check_values,
+    check_whole,
+    is_concrete,
+    numbers,
+)
+from ...core.display import shown
+from ...fields.grid import Grid
+from .periodic import CHOSEN_STEP
+
+_STEPS = 128  # of a motion, where the grid is not known
+_A_DECADE = 10  # steps of a rest, whose error is then below 1e-3
+
+
+@shown("num_times", "times", "displacement", units=False)
+class SingleMotion(eqx.Module):
+    """A transient motion.
+
+    **Fields:**
+
+    - `times`: ends of the steps [s], shape `(nt,)`.
+    - `displacement`: s [m] at these times since t = 0, shape `(nt,)` along x, or `(nt, 2)`.
+    """
+
+    times: Float[Array, " nt"] = eqx.field(converter=numbers("times"))
+    displacement: Float[Array, "nt ..."] = eqx.field(converter=numbers("displacement"))
+
+    @property
+    def num_times(self) -> int:
+        """How many steps it has."""
+        return len(self.times)
+
+    @property
+    def highest_speed(self) -> Float[Array, ""]:
+        """The largest mean speed of a step [m/s]."""
+        steps = jnp.diff(self.times, prepend=0)
+        return jnp.max(jnp.sqrt(jnp.sum(self._ways**2, axis=1)) / steps)
+
+    @property
+    def rates(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """One over its last time, and one over its shortest step [1/s]."""
+        return 1 / self.times[-1], 1 / jnp.min(jnp.diff(self.times, prepend=0))
+
+    def largest_step(self, grid: Grid) -> Float[Array, ""]:
+        """Returns how far a step leads at most, in spacings along x plus y [1]."""
+        ways = jnp.abs(self._ways)
+        return jnp.max(jnp.sum(ways / grid.spacing[: ways.shape[1]], axis=1))
+
+    @property
+    def _ways(self):
+        """How far each step leads, along each axis [m]."""
+        moved = self.displacement.reshape(len(self.times), -1)
+        return jnp.diff(moved, axis=0, prepend=jnp.zeros_like(moved[:1]))
+
+    def then(self, other: "SingleMotion") -> "SingleMotion":
+        """Returns this motion and then another one, which begins where this one ends."""
+        check_type("other", other, SingleMotion)
+        if other.displacement.ndim != self.displacement.ndim:
+            raise ValueError(
+                f"`other` has displacements of shape {other.displacement.shape} after those of "
+                f"shape {self.displacement.shape}: both must be along x, or both along x and y."
+            )
+        return SingleMotion(
+            jnp.concatenate([self.times, self.times[-1] + other.times]),
+            jnp.concatenate([self.displacement, self.displacement[-1] + other.displacement]),
+        )
+
+
+@check_types
+def dwell(
+    duration: ScalarLike, num_times: int | None = None, first: ScalarLike | None = None
+) -> SingleMotion:
+    """Returns a rest, in steps that grow with the time.
+
+    **Arguments:**
+
+    - `duration`: of the rest [s].
+    - `num_times`: number of steps; None for ten for each decade from `first` on.
+    - `first`: end of the first step [s]; None for 1e-4 of the duration.
+
+    **Returns:** the motion.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    duration = as_scalar(duration, "duration")
+    check_positive("duration", duration, "[s]")
+    first = 1e-4 * duration if first is None else as_scalar(first, "first")
+    check_positive("first", first, "[s]")
+    ratio = duration / first
+    if is_concrete(ratio) and not ratio > 1:
+        raise ValueError(f"`first={first:g}` s must be less than `duration={duration:g}` s.")
+    if num_times is None:
+        num_times = math.ceil(_A_DECADE * math.log10(_known("num_times", ratio))) + 1
+    check_whole("num_times", num_times, 2)
+    # Equal steps as long as the first one, then in proportion: no step is shorter than the first.
+    part = jnp.linspace(0, 1, num_times, dtype=duration.dtype)
+    grown = jnp.maximum(first * ratio**part, first * jnp.arange(1, num_times + 1))
+    times = jnp.minimum(grown * (duration / grown[-1]), duration)
+    return SingleMotion(times, jnp.zeros_like(times))
+
+
+@check_types
+def ramp(
+    velocity: ScalarLike, duration: ScalarLike, grid: Grid | None = None,
+    num_times: int | None = None,
+) -> SingleMotion:  # fmt: skip
+    """Returns a motion along x at one velocity, in equal steps.
+
+    **Arguments:**
+
+    - `velocity`: v [m/s].
+    - `duration`, `grid`, `num_times`: as in `start`.
+
+    **Returns:** the motion.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    return start(velocity, duration, velocity, grid, num_times)
+
+
+@check_types
+def start(
+    velocity: ScalarLike, duration: ScalarLike, before: ScalarLike = 0.0,
+    grid: Grid | None = None, num_times: int | None = None,
+) -> SingleMotion:  # fmt: skip
+    """Returns a motion along x that goes smoothly from one velocity to another, such as from rest.
+
+    The velocity is before + (v - before)(3x² - 2x³), x = t/duration: a brake if v = 0.
+
+    **Arguments:**
+
+    - `velocity`: v at the end [m/s].
+    - `duration`: of the motion [s].
+    - `before`: velocity at the beginning [m/s].
+    - `grid`: of the surface, which then moves by half a spacing in a step; None for 128 steps.
+    - `num_times`: number of steps, in place of the grid's.
+
+    **Returns:** the motion.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    velocity, duration = as_scalar(velocity, "velocity"), as_scalar(duration, "duration")
+    before = as_scalar(before, "before")
+    check_positive("duration", duration, "[s]")
+    for name, value in (("velocity", velocity), ("before", before)):
+        check_values(name, value, "a velocity [m/s] must be finite")
+    if num_times is None and grid is not None:  # the longest step is at the higher velocity
+        way = jnp.maximum(jnp.abs(velocity), jnp.abs(before)) * duration
+        num_times = max(math.ceil(_known("num_times", way / grid.spacing[0]) / CHOSEN_STEP), 1)
+    num_times = _STEPS if num_times is None else num_times
+    check_whole("num_times", num_times, 1)
+    part = jnp.arange(1, num_times + 1, dtype=duration.dtype) / num_times
+    moved = before * part + (velocity - before) * (part**3 - part**4 / 2)
+    return SingleMotion(duration * part, duration * moved)
+
+
+@check_types
+def listed(times: Numbers, displacement: Numbers) -> SingleMotion:
+    """Returns the motion of given times and displacements, one for each step.
+
+    **Arguments:**
+
+    - `times`: ends of the steps [s], shape `(nt,)`, positive and ascending.
+    - `displacement`: s [m] at these times since t = 0, shape `(nt,)` or `(nt, 2)`.
+
+    **Returns:** the motion.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    motion = _table(times, displacement, 1)
+    check_positive("times", motion.times, "[s]", squares=False)
+    return motion
+
+
+@check_types
+def recorded_transient(times: Numbers, displacement: Numbers, grid: Grid) -> SingleMotion:
+    """Returns a measured motion that need not close, in steps that the grid resolves.
+
+    The table is interpolated linearly. Each of its intervals is cut into equal steps, in which the
+    surface moves by at most half a spacing.
+
+    **Arguments:**
+
+    - `times`: t [s], shape `(n,)`, ascending; the first is the time 0 of the motion.
+    - `displacement`: s [m] at these times, shape `(n,)` or `(n, 2)`; counted from the first.
+    - `grid`: of the surface.
+
+    **Returns:** the motion.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    table = _table(times, displacement, 2)
+    rows = table.displacement.reshape(len(table.times), -1)
+    ways = jnp.abs(jnp.diff(rows, axis=0)) / grid.spacing[: rows.shape[1]]
+    counts = np.maximum(np.ceil(_known("grid", jnp.sum(ways, axis=1)) / CHOSEN_STEP), 1)
+    place = np.concatenate([i + np.arange(1, n + 1) / n for i, n in enumerate(counts)])
+    at = lambda column: jnp.interp(place, np.arange(len(column)), column - column[0])  # noqa: E731
+    moved = jnp.stack([at(column) for column in rows.T], axis=1)
+    return SingleMotion(at(table.times), moved.reshape(-1, *table.displacement.shape[1:]))
+
+
+def _table(times: Numbers, displacement: Numbers, least: int) -> SingleMotion:
+    """Times and displacements, at least so many, of which the times ascend."""
+    table = SingleMotion(times, displacement)
+    check_rows(least, times=table.times)
+    check_increasing("times", table.times)
+    check_values("displacement", table.displacement, "a displacement [m] must be finite")
+    count, shape = len(table.times), table.displacement.shape
+    if shape not in ((count,), (count, 2)):
+        raise ValueError(
+            f"`displacement` has shape {shape}; `({count},)` or `({count}, 2)` is needed, one for "
+            "each of the `times`."
+        )
+    return table
+
+
+def _known(name: str, number: Array) -> np.ndarray:
+    """What a number of steps follows from, which must be known."""
+    if not is_concrete(number):
+        raise ValueError(
+            f"`{name}` is needed inside of a program (`jit`, `vmap`, `grad`), where the motion is "
+            "not known."
+        )
+    return np.asarray(number)

@@ -1,0 +1,1 @@
+"""The observables of a contact."""

@@ -1,0 +1,89 @@
+"""Contact area and gap."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ...contacts.area import area_in_doubt, counted_area, sub_pixel_area
+from ...contacts.estimates import error_of
+from ...core.quantities import FOUR, KINDS, TOTAL, observable, of_cycle, of_steady
+from ..errors.grid import OF_PLACE, area_by_grid, by_grid
+from ..errors.parts import add_errors, changes_by_kernel, gap_by_solver, over_number, with_chance
+from ..formulas import edges_of, indicator_of, share_of, touching
+from ..result import CyclicSliding, Found, Sliding
+
+
+@observable(
+    "A/A_0",
+    "1",
+    "contact area fraction",
+    over_time=True,
+    column=("contact\narea", ".5f"),
+    kinds=KINDS,
+)
+def contact_area(found: Found) -> Array:
+    """Fraction of the surface in contact [1], with edges between the points."""
+
+    edges = edges_of(found)
+
+    def share(indicator, pressure):
+        # Where the body flows, the pressure ends at its edge at once: its load needs this area.
+        flown = jnp.mean(pressure) / found.law.bounds[1]
+        return jnp.maximum(sub_pixel_area(indicator, edges), flown)
+
+    return share_of(found, share, indicator_of(found), found.pressure)
+
+
+@observable("A/A_0", "1", "share of points in contact", over_time=True, kinds=KINDS)
+def contact_area_pixels(found: Found) -> Array:
+    """Fraction of the points in contact [1]: 4 to 20 % more than the area, without a derivative."""
+    return share_of(found, counted_area, touching(found))
+
+
+@of_cycle("t_c/T", "1", "share of the times at which the surfaces touch")
+def time_in_contact(found: CyclicSliding) -> Array:
+    """Share of the times at which the surfaces touch [1]."""
+    return jnp.mean(contact_area_pixels(found) > 0, dtype=found.pressure.dtype)
+
+
+@observable(r"\bar u", "m", "mean gap", over_time=True, column=("mean gap\n[m]", FOUR), kinds=KINDS)
+def mean_gap(found: Found) -> Array:
+    """Mean of the gap [m]."""
+    gap = found.contact.mean_gap
+    return gap.reshape(gap.shape[: -found.grid.ndim]) if isinstance(found, CyclicSliding) else gap
+
+
+@observable("", "Pa", "how far points are inside contact or outside", stored=False)
+def contact_indicator(found: Found) -> Array:
+    """How far points are inside contact or outside [Pa], see `AbstractLaw.contact_indicator`."""
+    return indicator_of(found)
+
+
+def _area_in_doubt(found: Found, change: Array) -> Array:
+    """The share of points that a change of the pressure may have put on the wrong side."""
+    return area_in_doubt(indicator_of(found), jnp.abs(change))
+
+
+def _area_by_solver(found: Found) -> Array:
+    indicator, edges, value = indicator_of(found), edges_of(found), contact_area(found)
+    of = lambda change: sub_pixel_area(indicator + change, edges)[None]  # noqa: E731
+    moved = error_of(of, value[None], found.contact.correction, value)[0]
+    return moved + _area_in_doubt(found, found.contact.correction)
+
+
+def _area_by_kernel(found: Sliding) -> Array:
+    inside, change = touching(found), jnp.zeros_like(found.pressure)
+    for moved in changes_by_kernel(found):  # 0 outside contact, where points may join it
+        in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(inside), 1))
+        change += jnp.where(inside, jnp.abs(moved), in_contact)
+    # Edges move between the points, too; what a change of both signs moves may cancel by chance.
+    pull = jax.grad(sub_pixel_area)(indicator_of(found), edges_of(found))
+    return _area_in_doubt(found, change) + with_chance(pull * change)
+
+
+add_errors(
+    "contact_area", of_steady, TOTAL, over=over_number,
+    solver=_area_by_solver, grid=area_by_grid, kernel=_area_by_kernel,
+    temperature=lambda found: found.heated.area_error,
+)  # fmt: skip
+add_errors("mean_gap", of_steady, solver=gap_by_solver, grid=by_grid("mean_gap", OF_PLACE))

@@ -1,0 +1,74 @@
+"""What presses a body on the block: load, approach, moment."""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ...contacts.estimates import error_of
+from ...core.derivative import largest
+from ...core.quantities import FOUR, of_steady
+from ...fields.grid import coordinates
+from ..errors.grid import OF_PLACE, by_grid
+from ..errors.parts import add_errors, changes_by_kernel, gap_by_solver, with_chance
+from ..facts import GIVEN_LOAD, GROUND, LOAD_FOLLOWS, WINDOW
+from ..formulas import moved_where_loaded
+from ..result import Found, Sliding
+
+
+@of_steady(
+    r"\bar\sigma", "Pa", "mean contact pressure", needs=[LOAD_FOLLOWS],
+    column=("pressure\n[Pa]", FOUR),
+)  # fmt: skip
+def mean_pressure(found: Sliding) -> Array:
+    """Mean pressure [Pa]."""
+    return found.contact.mean_pressure
+
+
+@of_steady(r"\delta", "m", "approach", needs=[GROUND], column=("approach\n[m]", FOUR))
+def approach(found: Sliding) -> Array:
+    """How far a body on a window moved into the block after its first touch [m].
+
+    Relative to the block far away; NaN if that displacement has no limit, see `solve_contact`.
+    Negative if nothing touches.
+    """
+    if WINDOW not in found.facts:
+        raise AttributeError("Only a body on a window has an `approach`; use `mean_gap`.")
+    moved, mean = moved_where_loaded(found, found.operator, found.heights + found.gap)
+    ground = found.kernel[(0,) * found.kernel.ndim] != 0
+    return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
+
+
+@of_steady("M", "N m", "moment of the pressure about the middle of the window", stored=False)
+def moment(found: Sliding) -> Array:
+    """Moment of the pressure about the middle of a window [N m], of a line [N].
+
+    Force times distance along each axis.
+    """
+    forces = found.pressure * jnp.prod(found.grid.spacing)
+    arms = (place - jnp.mean(place) for place in coordinates(found.grid))
+    return jnp.stack([jnp.sum(forces * arm) for arm in arms])
+
+
+def _pressure_by_solver(found: Found) -> Array:
+    if found.problem.prescribed == "pressure":
+        raise AttributeError("A contact at a given `pressure` has no `mean_pressure_error`.")
+    of = lambda change: jnp.mean(found.pressure + change)[None]  # noqa: E731
+    mean = found.contact.mean_pressure
+    return error_of(of, mean[None], found.contact.correction, mean)[0]
+
+
+def _approach_by_kernel(found: Sliding) -> Array:
+    assert found.problem.kernel_error is not None
+    operators = map(found.operator.with_kernel, found.problem.kernel_error)
+    moved = [moved_where_loaded(found, operator) for operator in operators]
+    return jnp.sum(jnp.abs(jnp.stack(moved)))
+
+
+add_errors(
+    "mean_pressure", of_steady, needs=(LOAD_FOLLOWS,),
+    solver=_pressure_by_solver, grid=by_grid("mean_pressure", OF_PLACE),
+    kernel=lambda f: sum(map(with_chance, changes_by_kernel(f))) / f.pressure.size,
+)  # fmt: skip
+add_errors(
+    "approach", of_steady, needs=(GROUND, GIVEN_LOAD),
+    solver=gap_by_solver, grid=by_grid("approach", OF_PLACE), kernel=_approach_by_kernel,
+)  # fmt: skip

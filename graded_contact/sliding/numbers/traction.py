@@ -1,0 +1,155 @@
+"""Traction that moves the surface of the block: its kernels, and where its power goes.
+
+In gross sliding the shear stress τ acts on the block along the motion e. It moves the surface by
+M_ze τ along z, so that
+
+    w = M_zz σ + M_ze τ(σ).
+
+On the counterface, if there is one, it acts in the opposite direction (`bodies.py`).
+
+Under Coulomb's law in steady sliding, w = (M_zz + f M_ze) σ: a contact without traction, of another
+kernel, whose real part may be negative for some waves. Under other laws, and where the direction
+changes with time, the traction lags (`isothermal.py`).
+
+The traction does the work τ e·u̇ on the block, and the rest of τ v heats the interface, where the
+surfaces slip by v - e·u̇. So the friction, the sum of shear and slopes, is
+
+    ⟨τ⟩ - ⟨σ ∂w/∂x⟩ = [-⟨σ ∂w/∂x⟩ - ⟨τ ∂u/∂x⟩] + ⟨τ (1 + ∂u/∂x)⟩,
+
+the part lost in the block, Σ -ω Im(tᴴ C t)/v with t = (τ, σ), plus the heat of the interface. Both
+sides agree to rounding.
+
+The law takes the stress σ normal to the mean plane: then the force is right to first order in the
+slope. If the law takes the pressure normal to the slope ∂w/∂x, the force is
+
+    τ(σ) - σ ∂w/∂x - τ τ' ∂w/∂x
+
+to this order; the last term is `slope_friction`.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool
+
+from ...blocks.stack import Stack
+from ...contacts.operators.operator import first_mode
+from ...core.checks import as_float
+from ...core.quantities import FOUR, of_cycle, of_steady
+from ...fields.frequency import direction_and_speed
+from ...fields.grid import Grid, Waves, wavenumber
+from ...kernels.tangential import tangential_kernels
+from ...kernels.window import without_images
+from ..bodies import Coupling
+from ..case import Case
+from ..energy import powers_of_traction, waves_of
+from ..facts import COUPLED
+from ..formulas import along_motion, loaded, mean_load, shear_power, tractions_of, tractions_on
+from ..result import CyclicSliding, Sliding
+from ..shear import Coulomb
+from .friction import friction, shear_friction
+
+
+def steady_coupling(
+    case: Case,
+    stack: Stack,
+    velocity: Any,
+    cells: Sequence[Grid],
+    strain: tuple[Array, Array] | None,
+) -> tuple[Coupling, Waves | None, Bool[Array, ""]]:
+    """Returns the coupling of a body of a `Case`, errors of M_ze, and whether it is good.
+
+    `velocity` is that of the surface over the body; `cells` are the cell of a periodic surface,
+    or the two of a window, which has errors.
+    """
+    if len(cells) == 2 and not isinstance(case.shear, Coulomb):
+        raise ValueError(
+            "`shear` is refused: on a window only the traction of `Coulomb` can move the surface. "
+            "Pass `coupled=False`, or put the body into a periodic cell."
+        )
+    direction, velocity = direction_and_speed(case.velocity)[0], as_float(velocity)
+    found = [tangential_kernels(stack, cell, velocity, direction, strain) for cell in cells]
+    (lift, along, good), error = found[0], None
+    if len(cells) == 2:
+        (far_lift, far_along, far_good), window = found[1], case.rough.grid
+        lift, error = without_images(lift, far_lift, window, False)
+        along, _ = without_images(along, far_along, window, False)
+        good = good & far_good
+    return Coupling((lift,), ((along,),), isinstance(case.shear, Coulomb)), error, good
+
+
+def check_positive_kernel(kernel: Waves, cell: Grid, coefficient: Array) -> None:
+    """Raises `ValueError` if Re(M_zz + f M_ze) is not positive for all waves."""
+    waves = ~first_mode(kernel.shape)
+    given_way = waves & ~(kernel.real > 0) & jnp.isfinite(kernel)
+    if jnp.any(given_way):
+        share = np.where(np.asarray(given_way), np.asarray(kernel.real / jnp.abs(kernel)), 1)
+        q = np.asarray(wavenumber(cell)).ravel()[np.argmin(share)]
+        raise ValueError(
+            f"`shear` with the coefficient {float(coefficient):g} is refused: at the wavelength "
+            f"{2 * np.pi / q:.3g} m the traction outweighs the stiffness of the block (the real "
+            "part of M_zz + f M_zx is not positive), and a traction that lags did not settle. This "
+            "is a limit of the method; a periodic state may exist. Lower the coefficient, or pass "
+            "`coupled=False`."
+        )
+
+
+def slip(found: Sliding) -> Array:
+    """Returns the speed of slip over that of the surface [1], on the cell of steady sliding."""
+    (along,), moved = along_motion(found), waves_of(found)[0][1][1]
+    shape = loaded(found)[0].shape
+    return 1 + found.operator.to_field(1j * along * moved, shape) * math.prod(shape)
+
+
+@of_steady(
+    r"\mu_\mathrm{block}", "1", "friction lost in the block", needs=[COUPLED],
+    column=("lost in\nthe block", FOUR),
+)  # fmt: skip
+def block_friction(found: Sliding) -> Array:
+    """The part of the friction that is dissipated in the block [1], by pressure and traction."""
+    return friction(found) - interface_friction(found)
+
+
+@of_steady(
+    r"\mu_\mathrm{int}", "1", "friction that heats the interface", needs=[COUPLED],
+    column=("heat of the\ninterface", FOUR),
+)  # fmt: skip
+def interface_friction(found: Sliding) -> Array:
+    """The part of the friction that heats the interface [1]; without coupling that of shear."""
+    if found.coupling is None:
+        return shear_friction(found)
+    (stress,) = tractions_on(found)
+    return jnp.mean(stress * slip(found)) / mean_load(found)
+
+
+@of_steady(
+    "", "1", "what the slope adds to the friction of shear, to first order", needs=[COUPLED],
+    stored=False,
+)  # fmt: skip
+def slope_friction(found: Sliding) -> Array:
+    """What `friction` lacks if the law takes the pressure normal to the slopes [1].
+
+    -⟨τ τ' ∂w/∂x⟩ over the load, see `sliding/numbers/traction.py`; f² times the hysteresis for
+    `Coulomb`.
+    """
+    if found.shear is None:
+        return jnp.zeros((), found.pressure.dtype)
+    pressure, moved = loaded(found)
+    rise = jax.jvp(found.shear, (pressure,), (jnp.ones_like(pressure),))[1]
+    (stress,) = tractions_on(found)
+    return tractions_of(found, stress * rise, moved)[0] / mean_load(found)
+
+
+@of_cycle(r"P_\mathrm{int}", "W/m²", "mean power that heats the interface", needs=[COUPLED])
+def interface_power(found: CyclicSliding) -> Array:
+    """Mean power that heats the interface per area [W/m²].
+
+    The work of friction and of the load is this, `dissipated_power` and `counterface_power`.
+    """
+    if found.coupling is None:
+        return shear_power(found)
+    return shear_power(found) - sum(map(jnp.mean, powers_of_traction(found)))

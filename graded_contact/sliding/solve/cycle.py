@@ -1,0 +1,98 @@
+"""A rough rigid surface in any periodic motion on a layered viscoelastic block.
+
+The surface h(x - s(t)) is pressed on the block while it moves by s(t): back and forth, with starts
+and stops, under a load that varies. One contact problem in space and time gives the periodic state
+at once (`contacts/operators/space_time.py`), without steps in time.
+
+Per cycle and area, friction does the work ∮ τ·v dt, with the traction τ = -⟨σ ∇w⟩ that opposes the
+motion, and the load does the work ∮ ⟨σ ∂w/∂t⟩ dt, at a fixed point of the surface. The block turns
+their sum to heat: T Σ -ω Im M |σ_qω|². Shear in the contact acts along the motion at each time; the
+coupling of its traction is that of `isothermal.py`.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ...blocks.stack import Stack
+from ...contacts.inputs import loading_of
+from ...contacts.law import check_one_law
+from ...contacts.operators.space_time import SpaceTime, at_rest, in_motion
+from ...contacts.solution import RESULTS
+from ...core.checks import check_squares, within
+from ...core.compilation import compiled
+from ...core.derivative import derivative_apart
+from ...core.memory import CYCLE, CYCLE_COUNTERFACE, check_memory
+from ...fields.devices import required
+from ...fields.grid import Grid
+from ...kernels.periodic import periodic_kernel
+from ...kernels.tangential import periodic_tangential_kernels
+from ...materials.coverage import coverage
+from ...response.grading import graded_tolerance
+from ...surfaces.surface import check_periodic
+from ..bodies import Counterface, Coupling, middle_of
+from ..case import Case
+from ..facts import facts_of
+from ..motion.over_period import components
+from ..numerics import Numerics
+from ..problem import CycleProblem, Posed
+from ..shear import is_coupled, shear_stress, unless_negative
+
+
+def cycle_problem(case: Case, how: Numerics) -> Posed:
+    """Returns the problem of a case with a displacement over time, and its load."""
+    surface, law = case.rough, case.law
+    check_periodic(surface)
+    check_one_law(law)
+    grid, num_times = surface.grid, len(case.displacement)
+    check_squares("heights", surface.heights, "m")
+    heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
+    fields = CYCLE if case.counterface is None else CYCLE + CYCLE_COUNTERFACE
+    check_memory("displacement", "a cycle", fields, heights.shape, heights.dtype.itemsize)
+    load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
+    loading_of(law, heights, num_times, **load)  # refuses what is no load
+    kernel, coupling, reached = _response(case, case.stack)
+    counterface = None
+    if case.counterface is not None:
+        with within("`counterface`:"):
+            other, traction, good = _response(case, case.counterface)
+        reached = reached & good
+        counterface = Counterface(
+            at_rest(other), middle_of(other), traction, lags=jnp.iscomplexobj(other),
+            measured_range=coverage(case.counterface),
+        )  # fmt: skip
+    sheared = shear_stress(case.shear, jnp.zeros((), heights.dtype), case.temperature)
+    # Under `jit` only the program itself can raise.
+    if how.throw:
+        kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
+    own = None if case.block_surface is None else case.block_surface.heights
+    problem = CycleProblem(
+        operator=_operator(unless_negative(kernel, sheared), counterface, case.displacement, grid),
+        heights=surface.heights, grid=grid, law=law, displacement=case.displacement,
+        period=case.period, shear=sheared, coupling=coupling, counterface=counterface,
+        block_heights=own,
+        measured_range=coverage(case.stack), prescribed=case.prescribed,
+        facts=facts_of(case),
+    )  # fmt: skip
+    return Posed(problem, load, True if how.throw else reached)
+
+
+def _response(case: Case, stack: Stack) -> tuple[Array, Coupling | None, Array]:
+    """The kernel of a body, its coupling by traction or None, and whether they are good."""
+    grid, num_times, period = case.rough.grid, len(case.displacement), case.period
+    kernel, error = periodic_kernel(stack, grid, num_times, period)
+    reached = error <= graded_tolerance(stack, None, grid.size)
+    if not is_coupled(case.shear):
+        return kernel, None, reached
+    axes = components(case.displacement).shape[1]
+    lift, along, good = periodic_tangential_kernels(stack, grid, num_times, period, axes)
+    return kernel, Coupling(lift, along), reached & good
+
+
+@derivative_apart
+@compiled
+def _operator(kernel, counterface: Counterface | None, displacement, grid: Grid) -> SpaceTime:
+    moved = components(displacement)
+    # A motion along x alone stays in place on the other axis.
+    missing = grid.ndim - moved.shape[1]
+    block = in_motion(kernel, jnp.pad(moved, [(0, 0), (0, missing)]), grid)
+    return block if counterface is None else counterface.beside(block)

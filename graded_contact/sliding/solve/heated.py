@@ -1,0 +1,271 @@
+"""The effect of the heat of friction on friction.
+
+With `slide(..., heating=...)` the block has the temperature of its contact. The mean rise over the
+contact at each depth, weighted by the pressure, sets the relaxation times there: the block becomes
+a stack of thin layers, each at its temperature (`conduction.py`), and so does a counterface that
+deforms. The fixed point is found in steps of a contact and its temperatures
+(`core/fixed_point.py`): first by a bracket of the largest rise, up to the highest temperature that
+materials can have, then by Anderson's acceleration. The derivative is implicit.
+
+With `slide_cycle(..., heating=...)` one temperature of each depth holds for the whole cycle. It is
+that of steady sliding at the mean speed and the mean load of the cycle, times the mean power of the
+cycle over the power of that sliding. The power is that of all forces, friction and load: what the
+block loses and what heats the interface. What the counterface loses is made at its surface,
+distributed as the pressure, which overestimates its effect. This is a mean: at the highest speed
+the contact is warmer, and at a turn it cools. And each pass is to meet rubber that has cooled since
+the last one, which is so if the stroke is longer than the spots of contact.
+"""
+
+import dataclasses
+from typing import cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ...blocks.heated_stack import HeatedContact, check_bulk, check_heated, heated
+from ...blocks.stack import Stack
+from ...contacts.area import area_in_doubt
+from ...contacts.solution import RESULTS, ended
+from ...core.checks import Numbers, is_concrete
+from ...core.compilation import compiled
+from ...core.derivative import derivative_apart, still
+from ...core.fixed_point import attach_fixed_point, find_fixed_point, has_reached
+from ...fields.devices import required
+from ...fields.grid import Grid, to_spectrum
+from ...materials.shift import HOTTEST, as_temperature
+from ...materials.softening import at_strain
+from ...surfaces.surface import check_periodic
+from ..case import Case, Heating
+from ..facts import facts_of
+from ..formulas import lengths
+from ..interior.conduction import Heat, over_contact, pressure_weight, temperatures
+from ..interior.heat_source import check_series, gauss_within, heat_where, intervals, shear_heat
+from ..motion.over_period import refined
+from ..numbers.traction import interface_power
+from ..numerics import Numerics
+from ..result import CyclicSliding, Found, Sliding
+from .isothermal import solve_isothermal
+
+NUM_CELLS = 8  # of the depth, each at one temperature
+_SAFETY = 4.0  # of the change of friction by twice the cells
+_HOTTEST = HOTTEST * (1 - 1e-6)  # of iterates: rounding must not carry them beyond
+_FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
+
+
+def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -> Found:
+    """Returns the contact of a `Case` at the temperatures that it causes; see `slide`."""
+    grid, dtype = case.rough.grid, case.rough.grid.size.dtype
+    temperature = _bulk_of(case)
+    edges, padded, finer = _cells(grid, NUM_CELLS)
+    given = dataclasses.replace(case, temperature=temperature)
+    fixed = still(given)
+    heat = fixed.heating, fixed.bodies
+    rtol = 10 * numerics.rtol  # temperatures are as noisy as the contact is inaccurate
+
+    def contact(
+        x, case: Case, edges, starts=(None, None), solutions=(None, None)
+    ) -> tuple[Found, Sliding, list[Stack], tuple[Array | float, Array | float]]:
+        """The contact at rises of both bodies, the contact with its heat, its bodies, and the
+        factor of the heat and what the counterface loses.
+        """
+        bodies, temperature = _warm(case.bodies, case.temperature, x, edges)
+        warm = dict(zip(("stack", "counterface"), bodies, strict=False))
+        inner = dataclasses.replace(case, **warm, temperature=temperature, heating=None)
+        if case.velocity is None:
+            cycle = cast(CyclicSliding, solve_isothermal(inner, numerics, starts[0], solutions[0]))
+            inner, power = _of_mean(inner, cycle)
+            s = cast(Sliding, solve_isothermal(inner, numerics, starts[1], solutions[1]))
+            own = s.friction * jnp.mean(s.pressure) * s.speed
+            factor = jnp.where(own > 0, power / jnp.where(own > 0, own, 1), 0)
+            return cycle, s, bodies, (factor, cycle.counterface_power)
+        s = cast(Sliding, solve_isothermal(inner, numerics, starts[0], solutions[0]))
+        if (ratio := case.strain_per_slope) is not None:
+            bodies[0] = at_strain(bodies[0], ratio * s.slope_in_contact)
+        return s, s, bodies, (1.0, 0.0)
+
+    def step(x, state):
+        starts, pairs = state
+        found, s, bodies, powers = contact(x, fixed, edges, starts)
+        pairs = pairs + found.num_fft_pairs
+        rises = shorter(_rises(*powers, s, *heat, bodies[0], padded))
+        # Without losses there is rounding, which never settles.
+        rises = jnp.where(temperature + rises == temperature, 0, rises)
+        return rises, ((found.pressure, s.pressure), pairs)
+
+    def shorter(rises):
+        """Without the cells that repeat the last edge."""
+        return rises.reshape(len(case.bodies), -1)[:, : NUM_CELLS + 1].ravel()
+
+    state = (start, None), jnp.zeros((), dtype)
+    none = jnp.zeros(len(case.bodies) * (NUM_CELLS + 1), dtype)
+    most = (_HOTTEST - fixed.temperature).astype(dtype)
+    point = find_fixed_point(step, none, state, jnp.asarray(rtol, dtype), most)
+    x = jax.lax.stop_gradient(point.x)
+    starts, pairs = point.state
+    found, s, bodies, powers = contact(x, fixed, edges, starts)
+    # One more step with twice the cells has less error, of the iteration and of the depths.
+    rises = _rises(*powers, s, *heat, bodies[0], finer)
+    # One that did not settle may cause temperatures that no material can have.
+    rises = jnp.where(point.error <= rtol, rises, jnp.clip(rises, jnp.min(x), most))
+    closer = contact(rises, fixed, finer, (found.pressure, s.pressure))[0]
+    errors = still(_errors(found, closer))
+    pairs = pairs + found.num_fft_pairs + closer.num_fft_pairs
+    # Derivatives are attached only where something is traced.
+    if not all(map(is_concrete, jax.tree.leaves(given))):
+        known = still((found.contact, s.contact))
+
+        def image(given, x):
+            _, s, bodies, powers = contact(x, given, edges, solutions=known)
+            return shorter(_rises(*powers, s, given.heating, given.bodies, bodies[0], padded))
+
+        x = attach_fixed_point(image, given, x)
+        found, _, bodies, _ = contact(x, given, edges, solutions=known)
+    reached, hottest = point.error <= rtol, has_reached(x, most)
+    ends = (reached | hottest, RESULTS.not_settled), (reached | ~hottest, RESULTS.too_hot)
+    solution = _with_ends(found.contact, ends, x[0], point.error, numerics.throw)
+    own = bodies[0], x[0], x[1 : NUM_CELLS + 1]
+    of_counterface = (bodies[1], x[NUM_CELLS + 2 :]) if bodies[1:] else (None, None)
+    return dataclasses.replace(
+        found,
+        contact=dataclasses.replace(solution, num_fft_pairs=pairs),
+        problem=dataclasses.replace(found.problem, facts=facts_of(case)),
+        heated=HeatedContact(*own, edges, point.error, *errors, *of_counterface),
+    )
+
+
+def _bulk_of(case: Case) -> Array:
+    """The bulk temperature of a case [K]; raises `ValueError` where `heating` is refused."""
+    check_periodic(case.rough)
+    for name, body in zip(("stack", "counterface"), case.bodies, strict=False):
+        check_heated(name, body)
+    if (
+        case.velocity is None
+        and is_concrete(case.displacement)
+        and not np.any(np.ptp(np.asarray(case.displacement), axis=0))
+    ):
+        raise ValueError("`heating` is refused: `displacement` does not move.")
+    temperature = as_temperature(check_bulk(case.temperature))
+    temperature = temperature.astype(case.rough.grid.size.dtype)
+    for body in case.bodies:
+        body.at(temperature)  # refuses what a material cannot have
+    return temperature
+
+
+def _with_ends(solution, ends, rise, change, throw: bool):
+    """The solution with how the search of temperatures ended; raises if it failed and `throw`."""
+    for good, end in ends:
+        solution = ended(solution, good, end)
+        if not throw:
+            continue
+        if is_concrete(good) and not good:
+            raise RuntimeError(
+                f"{RESULTS[end]} The last contact is {float(rise):.4g} K above the bulk; its heat "
+                f"changes temperatures by {float(change):.2g} of the largest rise."
+            )
+        solution = required(solution, good, end.error_if)
+    return solution
+
+
+def _of_mean(case: Case, cycle: CyclicSliding) -> tuple[Case, Array]:
+    """The case of steady sliding at the mean speed and load of a cycle, and its mean power [W/m²].
+
+    The velocity is along the fastest part of the path, if the path is not straight.
+    """
+    velocity = refined(cycle.motion_of_surface[0])
+    speed = lengths(velocity)
+    # There and back it is as fast: the first of them, which rounding must not choose.
+    top = jnp.argmax(speed >= (1 - 1e-9) * jnp.max(speed))
+    mean = jnp.mean(speed) * velocity[top] / speed[top]
+    steady = dataclasses.replace(
+        case, displacement=None, period=None, velocity=mean.reshape(cycle.displacement.shape[1:]),
+        pressure=cycle.contact.mean_pressure, mean_gap=None,
+    )  # fmt: skip
+    # With coupling some of the work of shear is lost in the block: it counts once.
+    return steady, cycle.dissipated_power + interface_power(cycle)
+
+
+def _errors(s: Found, closer: Found):
+    """The errors of friction and contact area, from a contact of less error."""
+    names = (
+        "mean_friction" if isinstance(s, CyclicSliding) else "friction",
+        "contact_area",
+        "contact_indicator",
+    )
+    return _differences(*((*one.compute(*names), one.pressure) for one in (s, closer)))
+
+
+@compiled
+def _differences(found, closer):
+    """The errors of friction and area from both, indicators and pressures."""
+    by_friction, by_area = (
+        _SAFETY * jnp.max(jnp.abs(a - b)) for a, b in zip(found[:2], closer[:2], strict=True)
+    )
+    return by_friction, jnp.maximum(by_area, area_in_doubt(found[2], closer[3] - found[3]))
+
+
+@compiled
+def _cells(grid: Grid, number: int) -> tuple[Array, ...]:
+    """The edges of the cells, these once more, and those of twice as many cells [m].
+
+    In the second the last edge is repeated: one program serves both numbers of cells.
+    """
+    ends = _FIRST * jnp.min(grid.spacing), jnp.max(grid.size)
+    edges, finer = intervals(*ends, number), intervals(*ends, 2 * number)
+    padded = jnp.append(edges, jnp.full(number, edges[-1]))
+    # The cells are a choice of the method: they have no derivative.
+    return jax.lax.stop_gradient((edges, padded, finer))
+
+
+@derivative_apart
+@compiled
+def _warm(bodies: tuple[Stack, ...], temperature, x, edges) -> tuple[list[Stack], Array]:
+    """The bodies at rises of their surfaces and cells, and the temperature of the contact."""
+    rises = x.reshape(len(bodies), -1)[:, 1:]
+    warm = [heated(body, temperature, own, edges) for body, own in zip(bodies, rises, strict=True)]
+    return warm, temperature + x[0]
+
+
+def _rises(factor, lost, s: Sliding, heating, bodies, block: Stack, edges) -> Array:
+    """The mean rises over the contact of the surface and of the cells of each body [K].
+
+    By the heat of a contact with this block, times a factor, and what the counterface loses [W/m²].
+    """
+    nodes, needed = _nodes(bodies, block, edges)
+    source = heat_where(needed, s, block, nodes[0][0])
+    return _risen(factor, lost, s, heating, bodies, nodes, source, edges)
+
+
+@derivative_apart
+@compiled
+def _nodes(bodies, block: Stack, edges) -> tuple[list[tuple[Array, Array]], Array]:
+    """Depths and weights [m] of quadratures over each body, and whether those of a block count."""
+    check_series(block)
+    nodes = [gauss_within(body, edges) for body in bodies]
+    return nodes, nodes[0][1] > 0
+
+
+@derivative_apart
+@compiled
+def _risen(factor, lost, s: Sliding, heating: Heating | None, bodies, nodes, source, edges):
+    """The rises by the heat at the nodes of the block [W/m³]."""
+    assert heating is not None
+    weights = nodes[0][1]
+    # A few depths miss some of the heat.
+    made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
+    own = s.hysteresis_friction if s.coupling is None else s.block_friction
+    power = factor * own * jnp.mean(s.pressure) * s.speed
+    source = source * jnp.where(made > 0, jnp.abs(power) / jnp.where(made > 0, made, 1), 0)
+    heat = Heat(source, weights, factor * shear_heat(s), lost)
+    places = [jnp.append(0.0, depths) for depths, _ in nodes]
+    weight = to_spectrum(pressure_weight(s))
+    found = []
+    for spectra, (depths, weights) in zip(
+        temperatures(s, bodies, heating, heat, places), nodes, strict=True
+    ):
+        rises = jax.vmap(lambda spectrum: over_contact(weight, spectrum, s.grid))(spectra)
+        share = jnp.where((depths > edges[:-1, None]) & (depths < edges[1:, None]), weights, 0)
+        total = jnp.sum(share, 1)
+        found += [rises[:1], share @ rises[1:] / jnp.where(total > 0, total, 1)]
+    return jnp.concatenate(found)

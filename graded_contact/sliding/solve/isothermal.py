@@ -1,0 +1,141 @@
+"""The contact of a case at one temperature of the block: the one place where contacts are solved.
+
+    case ──> problem and load ──> contact of the heights less d ──> result
+             (steady.py, cycle.py)         ^                          │
+                                           └──     d(pressure)     ───┘
+
+d is the displacement that is no part of the kernel, else 0: M_ze τ under a traction, and in a cycle
+what the counterface lacks of its relaxed displacement (`bodies.py`). It lags: it is that under the
+pressure before. Anderson's acceleration ends the loop, and the derivative is implicit. In a cycle
+the traction has the direction in which the surface moves at each time. While the surface rests
+there is none: the law is that of gross sliding.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...contacts.solution import RESULTS, ContactSolution, ended
+from ...core.checks import Numbers, is_concrete
+from ...core.compilation import compiled
+from ...core.derivative import still
+from ...core.fixed_point import attach_fixed_field, find_fixed_point
+from ...fields.devices import required
+from ...fields.frequency import wave_frequencies
+from ..bodies import lags
+from ..case import Case
+from ..formulas import lift
+from ..numbers.traction import check_positive_kernel
+from ..numerics import Numerics
+from ..problem import Posed, Prescribed, Problem
+from ..result import CyclicSliding, Found, result_of
+from ..shear import Coulomb
+from .cycle import cycle_problem
+from .steady import steady_problem
+
+_LOOSER = 10  # tolerance of the traction over that of the pressure, whose noise it has
+
+
+def solve_isothermal(
+    case: Case,
+    how: Numerics,
+    start: Numbers | None = None,
+    solution: ContactSolution | None = None,
+) -> Found:
+    """Returns the contact of a case without its heat; arguments as of `slide_case`."""
+    pose = cycle_problem if case.velocity is None else steady_problem
+    return solve_posed(pose(case, how), how, start, solution)
+
+
+def solve_posed(
+    posed: Posed,
+    how: Numerics,
+    start: Numbers | None = None,
+    solution: ContactSolution | None = None,
+) -> Found:
+    """Returns the contact of a problem with its load; arguments as of `slide_case`."""
+    problem, load, reached = posed
+    counterface = problem.counterface
+    if lags(problem.coupling) or (counterface is not None and counterface.lags):
+        found = _lagged(problem, load, how, start, solution)
+    else:
+        found = result_of(problem, problem.contact(load, None, how, start, solution))
+    if reached is True:
+        return found
+    contact = ended(found.contact, reached, RESULTS.inaccurate_kernel)
+    return dataclasses.replace(found, contact=contact)
+
+
+def _check_speeds(cycle: CyclicSliding) -> None:
+    """Raises `ValueError` if the kernel of steady sliding at the speed of some time is refused.
+
+    Of a cycle that did not settle, under Coulomb's law. Its kernels have the frequencies of the
+    period: the nearest takes the place of -q·v.
+    """
+    stress, coupling = cycle.shear, cycle.coupling
+    if stress is None or coupling is None or not isinstance(stress.law, Coulomb):
+        return
+    coefficient, kernel = stress.law.coefficient, cycle.operator.kernel
+    rates = cycle.motion_of_surface[0]
+    last = (len(kernel) - 1) // 2
+    for i in np.argsort(-np.linalg.norm(rates, axis=1)):  # the highest speed first
+        turns = wave_frequencies(cycle.grid, rates[i]) * cycle.period / (2 * np.pi)
+        turns = jnp.clip(jnp.round(turns), -last, last).astype(int) % len(kernel)
+        turns = jnp.broadcast_to(turns, kernel.shape[1:])[None]
+        along = zip(cycle.directions, coupling.lift, strict=True)
+        pushed = kernel + coefficient * sum(part[i] * lift for part, lift in along)
+        check_positive_kernel(jnp.take_along_axis(pushed, turns, 0)[0], cycle.grid, coefficient)
+
+
+def _lagged(
+    problem: Problem,
+    load: Prescribed,
+    how: Numerics,
+    start: Numbers | None,
+    solution: ContactSolution | None,
+) -> Found:
+    """The contact under a traction that is no part of its kernel."""
+    given, none = (problem, load), jnp.zeros(problem.shape, problem.heights.dtype)
+
+    def solve(given, shift, start, solution):
+        problem, load = given
+        return result_of(problem, problem.contact(load, shift, how, start, solution))
+
+    fixed, tolerance = still(given), jnp.asarray(_LOOSER * how.rtol, none.dtype)
+    pairs, settled = jnp.zeros((), none.dtype), jnp.asarray(True)
+    if solution is None:
+
+        def step(x, state):
+            start, pairs = state
+            found = solve(fixed, x, start, None)
+            return _lift(found), (found.pressure, pairs + found.contact.num_fft_pairs)
+
+        point = find_fixed_point(step, none, (start, pairs), tolerance)
+        x, (start, pairs) = jax.lax.stop_gradient(point.x), point.state
+        found, settled = solve(fixed, x, start, None), point.error <= tolerance
+        pairs = pairs + found.contact.num_fft_pairs
+    else:
+        solution = still(solution)
+        x = _lift(still(result_of(problem, solution)))
+        before = dataclasses.replace(solution, displacement=solution.displacement - x)
+        found = solve(fixed, x, None, before)
+    # Derivatives are attached only where something is traced.
+    if not all(map(is_concrete, jax.tree.leaves(given))):
+        contact = still(found.contact)
+        image = lambda given, x: _lift(solve(given, x, None, contact))  # noqa: E731
+        x = attach_fixed_field(image, given, x)
+        found = solve(given, x, None, contact)
+    contact = found.contact
+    if how.throw:
+        if isinstance(found, CyclicSliding) and is_concrete(settled) and not settled:
+            _check_speeds(found)
+        contact = required(contact, settled, RESULTS.not_settled.error_if)
+    contact = ended(contact, settled, RESULTS.not_settled)
+    moved = contact.displacement + x
+    contact = dataclasses.replace(contact, displacement=moved, num_fft_pairs=pairs)
+    return dataclasses.replace(found, contact=contact)
+
+
+_lift = compiled(lift)

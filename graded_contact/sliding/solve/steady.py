@@ -1,0 +1,175 @@
+"""The problem of a surface that slides steadily, at one temperature of the block.
+
+In the frame of the surface the contact is steady, and every wavevector q of the pressure deforms
+the block at the frequency ω = -q·v, and the counterface at rest.
+"""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ...blocks.stack import Rigid, Stack, interface_depths
+from ...contacts.inputs import LEAST_GAP
+from ...contacts.law import AbstractLaw, HardWall
+from ...contacts.operators.window import operator_of
+from ...contacts.solution import RESULTS
+from ...core.checks import Numbers, as_float, check_values, is_concrete, within
+from ...core.compilation import compiled
+from ...core.memory import SLIDING, check_memory
+from ...fields.devices import num_devices, required
+from ...fields.grid import Grid
+from ...kernels.steady import attempted_kernel, stack_kernel
+from ...kernels.window import doubled, has_ground, long_cell, without_images
+from ...materials.coverage import coverage
+from ...materials.softening import as_strain_per_slope, softens
+from ...surfaces.statistics import slope_up_to
+from ...surfaces.surface import Surface, check_periodic
+from ..bodies import Counterface, Coupling
+from ..case import Case
+from ..facts import facts_of
+from ..numbers.traction import steady_coupling
+from ..numerics import Numerics
+from ..problem import Posed, SteadyProblem
+from ..shear import is_coupled, shear_stress, unless_negative
+
+
+def steady_problem(case: Case, how: Numerics) -> Posed:
+    """Returns the problem of a case with a velocity, and its load."""
+    stack, surface, grid = case.stack, case.rough, case.rough.grid
+    itemsize = surface.heights.dtype.itemsize
+    check_memory("surface", "sliding", SLIDING, grid.shape, itemsize, num_devices(grid.size))
+    strain = _strain_of(case)
+    block = _response(case, stack, case.velocity, strain, how)
+    kernel, kernel_error, reached = block.kernel, block.error, block.reached
+    counterface = None
+    if case.counterface is not None:
+        with within("`counterface`:"):
+            other = _response(case, case.counterface, np.zeros(()), strain, how, opposite=True)
+        kernel, reached = kernel + other.kernel, reached & other.reached
+        if kernel_error is not None and other.error is not None:
+            kernel_error = kernel_error + other.error
+        counterface = Counterface(
+            operator_of(other.kernel, surface.heights.shape), other.kernel, other.coupling,
+            measured_range=_coverage(case.counterface),
+            thickness=_thickness(case.counterface, surface),
+        )  # fmt: skip
+    sheared = shear_stress(case.shear, case.velocity, case.temperature)
+    kernel = unless_negative(kernel, sheared)
+    problem = SteadyProblem(
+        operator=operator_of(kernel, surface.heights.shape), heights=surface.heights,
+        measured=surface.measured, grid=surface.grid, velocity=case.velocity, law=case.law,
+        shear=sheared, coupling=block.coupling, counterface=counterface,
+        measured_range=_coverage(stack),
+        kernel_error=kernel_error, prescribed=case.prescribed,
+        thickness=_thickness(stack, surface),
+        facts=facts_of(case),
+    )  # fmt: skip
+    load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)
+    if case.approach is not None:
+        load["approach"] = check_approach(case.approach, surface, case.law)
+    return Posed(problem, load, reached)
+
+
+_coverage = compiled(coverage)
+
+
+def _thickness(stack: Stack, surface: Surface) -> Array | None:
+    """The thickness of the layers between a window and a rigid base [m], else None."""
+    on_rigid = not surface.periodic and isinstance(stack.base, Rigid)
+    return interface_depths(stack)[-1] if on_rigid else None
+
+
+def _strain_of(case: Case) -> tuple[Array, Array] | None:
+    """The strain amplitudes of the waves, by their wavenumbers, or None."""
+    if case.strain_per_slope is None:
+        return None
+    check_periodic(case.rough)
+    ratio = as_strain_per_slope(case.strain_per_slope, case.bodies)
+    q, slope = slope_up_to(case.rough)
+    return q, ratio * slope
+
+
+class _Response(NamedTuple):
+    """The response of a body to pressure, and to traction in proportion to it.
+
+    **Fields:**
+
+    - `kernel`: M_zz, with Coulomb's law M_zz + f M_ze [m/Pa].
+    - `error`: its errors on a window [m/Pa], or None.
+    - `coupling`: by traction, or None.
+    - `reached`: whether all is good.
+    """
+
+    kernel: Array
+    error: Array | None
+    coupling: Coupling | None
+    reached: Array | bool
+
+
+def _response(
+    case: Case, stack: Stack, velocity: Any, strain, how: Numerics, opposite: bool = False
+) -> _Response:
+    """The response of a body of a case over which the surface has this velocity.
+
+    `opposite` if the traction on the body is opposite to that on the block.
+    """
+    surface, grid = case.rough, case.rough.grid
+    strain = strain if softens(stack) else None
+    # If the velocity is known to be 0, the kernel is real.
+    at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
+
+    def kernel_on(cell: Grid):
+        if how.throw:
+            kernel, reached = stack_kernel(stack, cell, velocity, strain=strain), True
+        else:
+            kernel, reached = attempted_kernel(stack, cell, velocity, strain=strain)
+        return kernel.real if at_rest else kernel, reached
+
+    cells = (grid,) if surface.periodic else (doubled(grid), long_cell(grid))
+    found = [kernel_on(cell) for cell in cells]
+    kernel, error = found[0][0], None
+    if not surface.periodic:
+        # Cells of two sizes give the kernel of a window without the images of its load.
+        near, far = (one for one, _ in found)
+        grounded = all(has_ground(body, grid) for body in case.bodies)
+        kernel, error = without_images(near, far, grid, grounded)
+    reached = found[0][1] if surface.periodic else found[0][1] & found[1][1]
+    if not is_coupled(case.shear):
+        return _Response(kernel, error, None, reached)
+    coupling, lift_error, good = steady_coupling(case, stack, velocity, cells, strain)
+    if how.throw:
+        coupling = required(coupling, good, RESULTS.inaccurate_kernel.error_if)
+    else:
+        reached = reached & good
+    coefficient = getattr(case.shear, "coefficient", None) if coupling.in_kernel else None
+    # Without friction a real kernel stays real.
+    if coefficient is None or (is_concrete(coefficient) and np.asarray(coefficient) == 0):
+        return _Response(kernel, error, coupling, reached)
+    coefficient = coefficient.astype(kernel.real.dtype)
+    coefficient = -coefficient if opposite else coefficient
+    kernel = kernel + coefficient * coupling.lift[0]
+    error = None if error is None or lift_error is None else error + coefficient * lift_error
+    return _Response(kernel, error, coupling, reached)
+
+
+def check_approach(approach: Numbers, surface: Surface, law: AbstractLaw) -> Array:
+    """Returns an approach; refuses one of more than a window's length: of another unit.
+
+    It is NaN if tracing hides that. At a hard wall, one that rounding hides is refused, too.
+    """
+    approach, heights = as_float(approach, "approach"), surface.heights
+    if is_concrete(surface.grid.size):
+        most = float(np.max(np.asarray(surface.grid.size)))
+        allowed = f"it must be finite, in metres, and at most the window's length of {most:g} m"
+        check_values("approach", approach, allowed, at_most=most)
+    if isinstance(law, HardWall) and is_concrete(approach) and is_concrete(heights):
+        least, known = LEAST_GAP * float(np.std(np.asarray(heights))), np.asarray(approach)
+        hidden = known[(known > 0) & (known < least)]
+        if hidden.size:
+            raise ValueError(
+                f"`approach={hidden[0]:g}` is refused: below {least:.2g} m rounding decides what "
+                "touches. At an approach of 0 or less nothing does."
+            )
+    return jnp.where(approach <= jnp.max(surface.grid.size), approach, jnp.nan)

@@ -1,0 +1,166 @@
+"""Errors of a transient motion: by the grid, the steps, the memory of the block and the solver.
+
+Those by the grid follow from the transient solve on half the grid, as for other contacts, at each
+time. Those by the steps follow from the transient solve in half as many steps. Each step is of
+second order, so that a change is three times the error; but where the load or the motion begins at
+once it is of first order, as large as the change, which the error therefore contains whole.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ...contacts.operators.operator import nonzero
+from ...core.checks import is_concrete
+from ...core.quantities import TOTAL, of_transient
+from ...fields.grid import to_field, to_spectrum
+from ..errors.grid import OF_FORCE, OF_PLACE, area_by_grid, by_grid
+from ..errors.neighbours import Neighbours, kept_neighbours, neighbours_of
+from ..errors.parts import add_errors, over_number
+from ..facts import FLOW, WINDOW
+from ..formulas import lengths, shared
+from ..half_grid import NOTHING_LACKS, halved, roughness_on
+from ..numbers.gap_flow import FLOWS, flow_errors
+from ..result import TransientSliding
+from .solve import on_grid
+
+_LEAST_STEPS = 2  # of the transient solve in half as many
+_KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many steps
+
+
+def transient_neighbours(found: TransientSliding) -> Neighbours:
+    """Returns the transient solves on half the grid, and in half as many steps."""
+    return kept_neighbours(found, _neighbours)
+
+
+def _neighbours(found: TransientSliding) -> Neighbours:
+    shape, every = found.grid.shape, np.arange(len(found.times))
+    half = halved(shape)
+    rough = found.problem.roughness
+    on_half, cut, missing = roughness_on(rough, found.grid, half, WINDOW in found.facts)
+    same = fewer = None
+    if not (is_concrete(missing) and missing <= NOTHING_LACKS):
+        same = on_grid(found, shape, cut, every)
+    if len(every) >= 2 * _LEAST_STEPS:
+        fewer = on_grid(found, shape, rough, _halved_steps(len(every)))
+    if half == shape:  # nothing is known of the error of the grid
+        missing = missing * jnp.nan
+    return Neighbours(same, on_grid(found, half, on_half, every), fewer, missing)
+
+
+def steps_with_errors(count: int) -> int:
+    """Returns how many steps a transient solve takes at most, with those of its neighbours."""
+    return 3 * count + (len(_halved_steps(count)) if count >= 2 * _LEAST_STEPS else 0)
+
+
+def _halved_steps(count: int) -> np.ndarray:
+    """Every second step, with the last one."""
+    return np.arange(count - 1, -1, -2)[::-1]
+
+
+def _by_steps(name: str):
+    """The formula of the error by the steps, from the transient solve with half as many."""
+
+    def error(found):
+        own, fewer = found.recorded[name], neighbours_of(found).fewer
+        if fewer is None:  # nothing is known of it
+            return jnp.nan * own
+        if own.ndim == 0:
+            return _KEPT_BY_TIMES * jnp.abs(own - fewer.recorded[name])
+        chosen = _halved_steps(len(own))
+        change = jnp.abs(own[chosen] - fewer.recorded[name])
+        change = jnp.where(jnp.isnan(change), jnp.abs(own[chosen]), change)
+        columns = change.reshape(len(change), -1).T
+        at = [jnp.interp(found.times, found.times[chosen], column) for column in columns]
+        moved = jnp.stack(at, axis=-1).reshape(own.shape)
+        return _KEPT_BY_TIMES * moved + _MEAN_BY_TIMES * jnp.mean(change, axis=0)
+
+    return error
+
+
+@shared
+def _memory(found: TransientSliding) -> Array:
+    """The relative error of the displacements by the memory, on a window also by its kernel."""
+    problem = found.problem
+    error = sum((creep.error for creep in problem.creeps), jnp.zeros(()))
+    if problem.path is None:
+        return error
+    pressure, cell = found.pressure[-1], problem.memory_grid.shape
+    missing = [(0, n - m) for n, m in zip(cell, pressure.shape, strict=True)]
+    waves = to_spectrum(jnp.pad(pressure, missing))
+
+    def moved(kernel):
+        return jnp.std(to_field(kernel * waves, cell)[tuple(map(slice, pressure.shape))])
+
+    for creep in problem.creeps:
+        kernel, errors = problem.around_path(creep, creep.aged[-1])
+        error = error + sum(map(moved, errors)) / nonzero(moved(kernel))
+    return error
+
+
+def _forces(found: TransientSliding) -> Array:
+    """What a relative error of pressures may change in the friction of each step [1]."""
+    return found.recorded["slope"] * found.recorded["spread"] / nonzero(found.recorded["load"])
+
+
+def _roughness(found: TransientSliding) -> Array:
+    """The rms roughness of both bodies, at most [m]."""
+    return sum(map(jnp.std, found.problem.roughness), jnp.zeros(()))
+
+
+def _heights(found: TransientSliding) -> Array:
+    return _roughness(found) * jnp.ones_like(found.times)
+
+
+def _area(found: TransientSliding) -> Array:
+    return found.recorded["contact_area"]
+
+
+def _works(found: TransientSliding) -> Array:
+    """The same in the work of friction so far [J/m²]."""
+    way = lengths(found.problem.steps[1])
+    return jnp.cumsum(_forces(found) * found.recorded["load"] * way)
+
+
+def _work_of_load(found: TransientSliding) -> Array:
+    gap = found.recorded["mean_gap"]
+    closed = jnp.abs(jnp.diff(gap, prepend=gap[:1] + 3 * _roughness(found)))
+    return _works(found) + jnp.cumsum(found.recorded["load"] * closed)
+
+
+def _mean_forces(found: TransientSliding) -> Array:
+    return jnp.max(_forces(found))
+
+
+# Of each number: by what errors of the grid are weighed, and what a relative error of the pressure
+# changes in it; of the gap the solver knows its own.
+for _name, _weights, _scale in (
+    ("friction", OF_FORCE, _forces), ("mean_friction", OF_FORCE, _mean_forces),
+    ("peak_friction", OF_FORCE, _mean_forces), ("contact_area", None, _area),
+    ("mean_gap", OF_PLACE, _heights),
+    ("work_done", OF_FORCE, _works), ("load_work_done", OF_FORCE, _work_of_load),
+):  # fmt: skip
+    _solver = "step_gap_error" if _name == "mean_gap" else "step_error"
+
+    def _scaled(found, by, scale=_scale, name=_name):
+        size = scale(found)
+        size = (jnp.max(by) if size.ndim == 0 else by) * size
+        like = found.recorded[name]
+        return jnp.broadcast_to(
+            size.reshape(size.shape + (1,) * (like.ndim - size.ndim)), like.shape
+        )
+
+    add_errors(
+        _name, of_transient, over_time=not _name.endswith("_friction"), beside=transient_neighbours,
+        over=over_number if _weights is None else None,
+        grid=area_by_grid if _weights is None else by_grid(_name, _weights),
+        time=_by_steps(_name),
+        solver=lambda f, scaled=_scaled, of=_solver: 2 * scaled(f, f.recorded[of]),
+        memory=lambda f, scaled=_scaled: scaled(f, _memory(f)),
+    )  # fmt: skip
+
+
+for _axis, _name in enumerate(FLOWS):
+    add_errors(
+        _name, of_transient, TOTAL, needs=[FLOW], beside=transient_neighbours, **flow_errors(_axis)
+    )

@@ -1,0 +1,183 @@
+"""Transient motion: the problem of a case with times, its steps, and the result."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array
+
+from ...blocks.stack import Stack
+from ...contacts.inputs import loading_of
+from ...contacts.law import check_one_law
+from ...contacts.operators.operator import Field
+from ...contacts.solution import RESULTS, ContactSolution
+from ...contacts.solver.nested_solve import DouglasRachford
+from ...core.checks import check_squares, is_concrete, short, within
+from ...core.derivative import still
+from ...core.memory import check_memory
+from ...fields.devices import required
+from ...fields.grid import Grid
+from ...kernels.memory import NODES, creep_of
+from ..case import Case
+from ..errors.neighbours import NEIGHBOURS_RTOL
+from ..facts import COUPLED, facts_of
+from ..motion.over_period import components
+from ..numerics import Numerics
+from ..problem import TransientProblem, steps_of
+from ..result import TransientSliding
+from ..shear import ShearLaw, is_coupled, shear_stress, unless_negative
+from .run import run_transient
+from .steps import OF_STEPS, TransientState
+
+_MEMORY = 4 * NODES + 30  # fields of a body
+_WINDOW = 1.4  # times these on a window, for the responses of its table
+
+
+def transient_problem(case: Case) -> TransientProblem:
+    """Returns the problem of a case with displacements at times."""
+    surface, times = case.rough, case.times
+    check_one_law(case.law)
+    check_squares("heights", surface.heights, "m")
+    grid, count = surface.grid, len(times)
+    path = None if surface.periodic else _path_of(case)
+    stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
+    load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
+    loading = loading_of(case.law, surface.heights[None], count, **load)
+    given = next(value for value in loading if value is not None).reshape(count)
+    problem = TransientProblem(
+        bodies=case.bodies, creeps=(), heights=surface.heights, grid=grid, law=case.law,
+        times=times, displacement=case.displacement, given=unless_negative(given, stress),
+        shear=stress, prescribed=case.prescribed, facts=facts_of(case), path=path,
+        block_heights=None if case.block_surface is None else case.block_surface.heights,
+    )  # fmt: skip
+    fields = fields_of_transient(case.counterface, case.shear, case.displacement)
+    if path is not None:
+        fields *= _WINDOW
+    shape, itemsize = problem.memory_grid.shape, surface.heights.dtype.itemsize
+    check_memory("surface", "a transient solve", fields, shape, itemsize)
+    return _with_creeps(problem)
+
+
+def _path_of(case: Case) -> tuple[int, ...]:
+    """The points of the part of the block over which the window of a case moves."""
+    if case.mean_gap is not None:
+        raise ValueError(
+            "`mean_gap` is refused: only a surface in a periodic cell has one. Prescribe "
+            "`pressure`."
+        )
+    # Inside of a program what is known stays known only if nothing of JAX's touches it.
+    moved, size = (
+        given if is_concrete(given) else still(given)
+        for given in (case.displacement, case.rough.grid.size)
+    )
+    if not (is_concrete(moved) and is_concrete(size)):
+        raise ValueError(
+            "`displacement` must be known on a window, outside of `jit` and `vmap`: the bodies "
+            "remember all of its path. Derivatives are allowed."
+        )
+    path = np.array(case.rough.grid.shape)
+    steps = np.asarray(size) / path
+    for axis, column in enumerate(np.asarray(moved).reshape(len(moved), -1).T):
+        far = math.ceil(np.ptp([0, *column]) / steps[axis] - 1e-6)
+        path[axis] = scipy.fft.next_fast_len(int(path[axis]) + far) if far else path[axis]
+    return tuple(path.tolist())
+
+
+def _with_creeps(problem: TransientProblem) -> TransientProblem:
+    """The problem with the memories of its bodies."""
+    creeps, coupled = [], COUPLED in problem.facts
+    for name, body in zip(("`stack`:", "`counterface`:"), problem.bodies, strict=False):
+        with within(name):
+            creeps.append(creep_of(body, problem.waves_between, steps_of(problem.times), coupled))
+    return dataclasses.replace(problem, creeps=tuple(creeps))
+
+
+def on_grid(
+    found: TransientSliding, shape: tuple[int, ...], rough: tuple[Field, ...], chosen: np.ndarray
+) -> TransientSliding:
+    """Returns the transient solve of other heights on a grid of the cell, in fewer steps.
+
+    `chosen` are the numbers of the steps whose ends stay.
+    """
+    problem, (heights, *own) = found.problem, rough
+    path = problem.path
+    if path is not None:
+        points = zip(path, shape, problem.shape, strict=True)
+        path = tuple(-(-n * new // old) for n, new, old in points)
+    problem = dataclasses.replace(
+        problem, heights=heights, block_heights=own[0] if own else None, path=path,
+        grid=Grid(shape, problem.grid.size), times=problem.times[chosen],
+        displacement=problem.displacement[chosen], given=problem.given[chosen],
+    )  # fmt: skip
+    if path is not None or len(chosen) < len(found.times):
+        problem = _with_creeps(problem)
+    solver = DouglasRachford(newton=is_concrete(problem.given))
+    how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
+    kept = found.kept_steps if len(chosen) == len(found.times) else (len(chosen) - 1,)
+    return transient_of(problem, *run_transient(problem, how, kept), kept)
+
+
+def solve_transient(
+    case: Case, how: Numerics, fields_at: Sequence[int] = (-1,)
+) -> TransientSliding:
+    """Returns the contact of a case with displacements at times; see `slide_transient`."""
+    count = len(case.times)
+    kept = _steps_kept(fields_at, count)
+    problem = transient_problem(case)
+    state, numbers = run_transient(problem, how, kept)
+    found = transient_of(problem, state, numbers, kept)
+    if not how.throw:
+        return found
+    if is_concrete(found.failed) and np.ndim(found.failed) == 0 and found.failed >= 0:
+        step = int(found.failed)
+        raise RuntimeError(
+            f"Step {step + 1} of {count}, which ends at {float(case.times[step]):.4g} s, failed: "
+            f"{RESULTS[found.result]} With `throw=False` the numbers before it are returned."
+        )
+    good = found.failed < 0
+    return dataclasses.replace(
+        found, recorded=required(found.recorded, good, found.result.error_if),
+        contact=required(found.contact, good, found.result.error_if),
+    )  # fmt: skip
+
+
+def fields_of_transient(counterface: Stack | None, shear: ShearLaw | None, moved: Array) -> float:
+    """Returns how many fields a transient solve takes: for each force on each body."""
+    forces = 1 + components(moved).shape[1] if is_coupled(shear) else 1
+    return _MEMORY * forces * (1 if counterface is None else 2)
+
+
+def _steps_kept(fields_at: Any, count: int) -> tuple[int, ...]:
+    """The numbers of the steps whose fields are kept, from 0."""
+    steps = np.asarray(fields_at)
+    if steps.ndim != 1 or not steps.size or not np.issubdtype(steps.dtype, np.integer):
+        raise ValueError(
+            f"`fields_at={short(fields_at)}` must be a tuple of numbers of steps, such as (0, -1)."
+        )
+    for step in steps[(steps < -count) | (steps >= count)]:
+        raise ValueError(
+            f"`fields_at={step}` is refused: the {count} steps are 0 to {count - 1}, or -1 to "
+            f"{-count} from the last."
+        )
+    return tuple((steps % count).tolist())
+
+
+def transient_of(problem, state: TransientState, numbers, kept) -> TransientSliding:
+    """Returns the result of the numbers and the state of a transient solve."""
+    pressure, gap, displacement, correction = state.kept
+    over = tuple(range(1, pressure.ndim))
+    contact = ContactSolution(
+        pressure=pressure, gap=gap, displacement=displacement, correction=correction,
+        mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(gap, axis=over),
+        result=state.result, **{
+            name: (jnp.sum if name.startswith("num_") else jnp.max)(numbers[f"step_{name}"])
+            for name in OF_STEPS
+        },
+    )  # fmt: skip
+    return TransientSliding(
+        contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept
+    )

@@ -1,0 +1,319 @@
+"""A rough surface in a transient motion: start, dwell, braking, steps of the load.
+
+Before t = 0 nothing touches. The times cut the motion into steps, in each of which the pressure
+grows linearly. In the frame of the block a wave of the pressure leaves the displacement
+
+    u_n = I(Δ)/Δ p_n + [J(Δ) - I(Δ)/Δ] p_(n-1) + Re Σ_k w_k M(s_k) exp(s_k Δ) y_k
+
+at the end of a step Δ (`kernels/memory.py`): the first term has a real and positive kernel, the
+others are known. So each step is one ordinary contact of the heights less what is known, in the
+frame of the surface, started from the pressure before:
+
+    y, p, s(t) ──> displacement that is known ──> contact ──> p ──> y        (one scan)
+
+The counterface has a memory like the block's, whose waves rest under the surface: both kernels add
+up, and so do both known displacements.
+"""
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.ad_checkpoint import checkpoint_name
+from jaxtyping import Array, Complex
+
+from ...contacts.area import contact_shares
+from ...contacts.operators.operator import Field, work_of_waves
+from ...contacts.solution import RESULTS
+from ...contacts.solve import contact_of
+from ...contacts.solver.abstract_solver import Inputs, Loading
+from ...fields.grid import odd_wavevector, to_field, to_spectrum
+from ..errors.grid import unseen_area
+from ..facts import WINDOW
+from ..formulas import edges_of, indicator_of, touching_at, weighted_slope
+from ..numbers.area import contact_area, contact_area_pixels
+from ..numerics import Numerics
+from ..problem import SteadyProblem, TransientProblem
+from ..result import Sliding
+from ..shear import Coulomb, shear_over_load, shear_parts
+from .waves import TransientWaves
+
+
+class Past(NamedTuple):
+    """What a force on a body carries from step to step.
+
+    The memory of the nodes, real and imaginary parts for those of the waves; the waves of the
+    force (of a traction times i) at the end of the step and before it, and of the displacement.
+    """
+
+    memory: tuple[Array, Array]
+    pressed: Array
+    before: Array
+    moved: Array
+
+
+class TransientState(NamedTuple):
+    """What a transient solve carries from step to step.
+
+    The past of each force; the pressure, and how fast it rises; the share of contact at each point;
+    traction; works; the kept fields; the first failure.
+    """
+
+    pasts: tuple[Past, ...]
+    pressure: Array
+    rise: Array
+    shares: Array
+    traction: Array
+    works: Array
+    kept: Any
+    result: RESULTS
+    failed: Array
+
+
+class _Step(NamedTuple):
+    """What a step is given."""
+
+    length: Array
+    shift: Array  # s [m], along each component
+    way: Array  # how far the surface moves [m]
+    given: Array
+    tables: tuple[Array, ...]  # `now`, `whole` and `aged` of the `Creep` of each force
+    decay: Array  # exp(s_k Δ)
+    from_old: Array  # of the step before
+    from_new: Array
+    slot: Array  # where its fields are kept
+    index: Array
+    counts: Array  # False for a step that only fills up the last segment
+
+
+class Advance(eqx.Module):
+    """What does not change from step to step: `init`, and `step` for `lax.scan`."""
+
+    problem: TransientProblem
+    waves: TransientWaves
+    how: Numerics
+
+    def init(self, kept: int) -> TransientState:
+        """Returns the state before t = 0, with room for the fields of so many steps."""
+        problem = self.problem
+        dtype, memories = problem.heights.dtype, self.waves.memories
+        rest = jnp.zeros_like(memories[0][0])
+        nodes = jnp.zeros((len(memories[0]), 2, *rest.shape), dtype)
+        field = jnp.zeros(problem.shape, dtype)
+        return TransientState(
+            pasts=(Past((nodes, nodes), rest, rest, rest),) * len(memories),
+            pressure=field, rise=field, shares=field,
+            traction=jnp.zeros(problem.moved.shape[1], dtype), works=jnp.zeros(3, dtype),
+            kept=tuple(jnp.zeros((kept, *problem.shape), dtype) for _ in range(4)),
+            result=RESULTS.successful, failed=jnp.full((), -1, int),
+        )  # fmt: skip
+
+    def step(self, state: TransientState, given: _Step) -> tuple[TransientState, dict[str, Array]]:
+        """Returns the state at the end of a step, and its numbers."""
+        problem, waves, bodies = self.problem, self.waves, len(self.problem.creeps)
+        turns = [1.0 if i % bodies else waves.turn(given.shift) for i in range(len(state.pasts))]
+        parts = [self._known(force, past, given) for force, past in enumerate(state.pasts)]
+        kernels, known, memories = zip(*parts, strict=True)
+        factors, ahead = self._forces(state, given)
+        # What is known before the contact: the memory, and a traction that lags.
+        left = waves.field(_sum_of_products(known, turns))
+        if ahead:
+            lifted = _sum_of_products(ahead, [now for now, _ in kernels[bodies:]])
+            left = left + to_field(lifted, waves.grid.shape)
+        left, passing = waves.on_surface(left), jnp.zeros_like(problem.heights)
+        if problem.block_heights is not None:
+            passing = waves.field(waves.split(to_spectrum(problem.block_heights)) * turns[0])
+        heights = problem.heights + passing - left
+        together = _sum_of_products(factors, kernels)
+        operator = problem.operator_of(together[0], together[1].real)
+        loading = (given.given, None) if problem.prescribed == "pressure" else (None, given.given)
+        inputs = Inputs(operator, heights, problem.law, Loading(*loading))
+        # As the pressure went on in the step before: two thirds of the FFT pairs.
+        start = jnp.maximum(state.pressure + given.length * state.rise, problem.law.bounds[0])
+        contact = contact_of(
+            inputs, self.how.solver, self.how.adjoint, self.how.rtol,
+            jax.lax.stop_gradient(start), None, False,
+        )  # fmt: skip
+        contact = jax.tree.map(lambda leaf: checkpoint_name(leaf, STEP_CONTACT), contact)
+        spectrum = to_spectrum(waves.on_grid(contact.pressure))
+        driven = [factor * spectrum for factor in factors] + ahead
+        pasts = [
+            Past(memory, waves.split(force) * jnp.conj(turn), past.pressed,
+                 rest + waves.split(now * force) * jnp.conj(turn))
+            for force, (now, _), rest, memory, past, turn in zip(
+                driven, kernels, known, memories, state.pasts, turns, strict=True
+            )
+        ]  # fmt: skip
+        moved, profile = self._surfaces(passing, pasts, turns)
+        displacement = waves.on_surface(moved)
+        displacement = displacement - jnp.mean(displacement)
+        one = Sliding(contact, SteadyProblem(
+            operator=operator, heights=heights, grid=problem.grid, law=problem.law,
+            velocity=jnp.ones((), heights.dtype), prescribed=problem.prescribed,
+            facts=problem.facts & {WINDOW},
+        ))  # fmt: skip
+        traction, numbers = self._numbers(one, profile, moved, given)
+        # Of the pressure on each body, also where traction moves it.
+        pairs = list(zip(pasts, state.pasts, strict=True))
+        loads = [(new.pressed + old.pressed) / 2 for new, old in pairs[:bodies]]
+        work = sum(
+            waves.mean_product(load, new.moved - old.moved) / waves.part
+            for load, (new, old) in zip(itertools.cycle(loads), pairs, strict=False)
+        )
+        by_slopes = jnp.sum((traction + state.traction) / 2 * given.way)
+        by_shear = jnp.sum(numbers["shear_traction"] * given.way)
+        works = state.works + jnp.stack([by_slopes + by_shear, work - by_slopes, by_shear])
+        names = ("work_done", "load_work_done", "shear_work_done")
+        numbers |= dict(zip(names, works, strict=True))
+        fields = contact.pressure, contact.gap, displacement, contact.correction
+        kept = [
+            before.at[given.slot].set(field, mode="drop")
+            for before, field in zip(state.kept, fields, strict=True)
+        ]
+        rise = (contact.pressure - state.pressure) / given.length
+        good, ends_well = state.result == RESULTS.successful, contact.result == RESULTS.successful
+        return TransientState(
+            pasts=tuple(pasts), pressure=contact.pressure,
+            # What a load that begins adds in the first step does not go on.
+            rise=jax.lax.stop_gradient(jnp.where(given.index > 0, rise, 0)),
+            shares=contact_shares(indicator_of(one), edges_of(one)) if ahead else state.shares,
+            traction=traction, works=works, kept=tuple(kept),
+            result=RESULTS.where(good, contact.result, state.result),
+            failed=jnp.where(good & ~ends_well, given.index, state.failed),
+        ), numbers  # fmt: skip
+
+    def _surfaces(self, passing: Field, pasts: list[Past], turns: list[Any]) -> tuple[Array, Array]:
+        """The displacement of the block, and the interface, on the cell of the memory [m]."""
+        problem, waves, bodies = self.problem, self.waves, len(self.problem.creeps)
+        moved = [past.moved for past in pasts]
+        block = waves.field(_sum_of_products(moved[::bodies], turns[::bodies]))
+        if problem.block_heights is None:
+            return block, block
+        other = problem.heights
+        if bodies > 1:
+            other = other - waves.field(functools.reduce(jnp.add, moved[1::2]))
+        return block, touching_at(problem.roughness, problem.grid, block - passing, other)
+
+    def _forces(self, state: TransientState, given: _Step) -> tuple[list[Any], list[Array]]:
+        """Each force over the pressure, and half spectra of those that do not follow its step.
+
+        First pressures, then tractions; that on a counterface is opposite. Coulomb's is in
+        proportion to the pressure. Others lag: they are those of the contact before at the speed of
+        the step.
+        """
+        bodies, count = len(self.problem.creeps), len(state.pasts)
+        factors: list[Any] = [1.0] * bodies
+        if count == bodies:
+            return factors, []
+        law, (unit, far) = self.problem.shear, _direction(given.way)
+        assert law is not None
+        # The responses to a traction lack the factor i.
+        signs = [1j * way * sign for way in unit for sign in (1, -1)[:bodies]]
+        if isinstance(law.law, Coulomb):
+            return factors + [law.law.coefficient * sign for sign in signs], []
+        stress = dataclasses.replace(law, speed=far / given.length)
+        least, added = shear_parts(state.pressure, stress)
+        spectrum = to_spectrum(self.waves.on_grid(least * state.shares + added))
+        return factors, [sign * spectrum for sign in signs]
+
+    def _known(self, force: int, past: Past, given: _Step):
+        """The kernels of a force in the step, the waves that its past leaves, and its memory."""
+        parts = lambda wave: jnp.stack([wave.real, wave.imag])  # noqa: E731
+        old, new, waves = parts(past.before), parts(past.pressed), self.waves
+
+        def add(total, node):
+            real, imag, decay, before, last, weight = node
+            real = real + before.real * old + last.real * new
+            imag = imag + before.imag * old + last.imag * new
+            real, imag = (
+                decay.real * real - decay.imag * imag,
+                decay.real * imag + decay.imag * real,
+            )
+            return total + weight.real * real - weight.imag * imag, (real, imag)
+
+        factors = given.decay, given.from_old, given.from_new, waves.memories[force]
+        total, nodes = jax.lax.scan(add, jnp.zeros_like(old), (*past.memory, *factors))
+        now, whole, aged = waves.kernel(force, given.tables[force])
+        known = jax.lax.complex(*total) + waves.split(whole - now) * past.pressed
+        return jnp.stack([now, aged]), known, nodes
+
+    def _numbers(self, one: Sliding, profile: Array, moved: Array, given: _Step):
+        """The traction by slopes [Pa], and the numbers of the contact of a step."""
+        problem, waves, contact = self.problem, self.waves, one.contact
+        pressure, on_grid = contact.pressure, waves.on_grid(contact.pressure)
+        axes = odd_wavevector(waves.grid)[: len(given.way)]
+        traction = jnp.stack([jnp.sum(work_of_waves(on_grid, profile, q)) for q in axes])
+        traction = traction / waves.part
+        load, sheared = jnp.mean(pressure), jnp.zeros_like(traction)
+        if problem.shear is not None:
+            unit, far = _direction(given.way)
+            speed = far / given.length
+            stress = dataclasses.replace(problem.shear, speed=speed)
+            size = shear_over_load(pressure, indicator_of(one), edges_of(one), stress)
+            sheared = unit * jnp.where(load > 0, size * load, 0)
+        of_contact = {f"step_{name}": getattr(contact, name) for name in OF_STEPS}
+        return traction, of_contact | dict(
+            traction=traction + sheared, shear_traction=sheared, load=load,
+            contact_area=contact_area(one), contact_area_pixels=contact_area_pixels(one),
+            mean_gap=contact.mean_gap, slope=weighted_slope(on_grid, moved, waves.grid),
+            spread=jnp.sqrt(jnp.mean(pressure**2)), unseen_area=unseen_area(one),
+        )  # fmt: skip
+
+
+def _sum_of_products(ones: Sequence[Any], others: Sequence[Any]) -> Array:
+    return functools.reduce(jnp.add, map(jnp.multiply, ones, others))
+
+
+def _direction(way: Array) -> tuple[Array, Array]:
+    """The unit vector of a step and its length; at rest 0 and 1."""
+    far = jnp.sqrt(jnp.sum(way**2))
+    moves = far > 0
+    far = jnp.where(moves, far, 1)
+    return jnp.where(moves, way / far, 0), far
+
+
+STEP_CONTACT = "contact"  # what a derivative keeps of each step
+OF_STEPS = (
+    "error", "gap_error", "load_error", "complementarity_error", "penetration", "num_steps",
+    "num_fft_pairs",
+)  # fmt: skip
+
+
+def steps_given(problem: TransientProblem, kept: tuple[int, ...]) -> _Step:
+    """What each step is given."""
+    count = len(problem.times)
+    lengths, way = problem.steps
+    tables = tuple(
+        jnp.stack([creep.now[kind], creep.whole[kind], creep.aged * (kind == 0)], 1)
+        for kind in [0, *[1] * (way.shape[1] if len(problem.creeps[0].kernels) > 1 else 0)]
+        for creep in problem.creeps
+    )
+    # The nodes follow from the times: those of all bodies are equal.
+    z = problem.creeps[0].nodes * lengths[:, None]
+    twice = _rest_of_exponential(z)
+    once = 1 + z * twice  # (exp(z) - 1)/z
+    before = lambda row: jnp.concatenate([jnp.zeros_like(row[:1]), row[:-1]])  # noqa: E731
+    slots = np.full(count, len(kept))
+    slots[list(kept)] = np.arange(len(kept))
+    return _Step(
+        length=lengths, shift=problem.moved, way=way, given=problem.given,
+        tables=tables, decay=jnp.exp(z), from_old=before(lengths[:, None] * (once - twice)),
+        from_new=before(lengths[:, None] * twice), slot=jnp.asarray(slots),
+        index=jnp.arange(count), counts=jnp.ones(count, bool),
+    )  # fmt: skip
+
+
+def _rest_of_exponential(z: Complex[Array, "..."]) -> Complex[Array, "..."]:
+    """(exp(z) - 1 - z)/z², of small z by its series."""
+    small = jnp.abs(z) < 1
+    near, far = jnp.where(small, z, 0), jnp.where(small, 1, z)
+    series = jnp.ones_like(z)
+    for k in range(20, 2, -1):
+        series = 1 + series * near / k
+    return jnp.where(small, series / 2, (jnp.exp(far) - 1 - far) / far**2)

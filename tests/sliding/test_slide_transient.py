@@ -1,0 +1,336 @@
+"""Transient motion: its memory, its contacts, and the numbers over time."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact import contacts
+from graded_contact.contacts import DouglasRachford
+from graded_contact.kernels import window_kernel
+from graded_contact.kernels.memory import NODES, contour, creep_of
+from graded_contact.materials import StrainSoftening, Tabulated
+from graded_contact.sliding import Case, ConstantShear, dwell, ramp, recorded_transient, start
+from graded_contact.sliding.transient.solve import transient_problem
+
+RUBBER = gc.Prony(1e6, [4e6, 8e6], [1e-2, 1e-3], 0.49)
+BLOCK = gc.Stack(base=gc.HalfSpace(RUBBER))
+COAT = gc.Stack(layers=(gc.Layer(gc.Elastic(3e6, 0.45), 3e-5),), base=gc.HalfSpace(RUBBER))
+GRID = gc.Grid((64,), 1e-3)
+PLACE = np.arange(64) / 64
+SURFACE = gc.Surface(
+    jnp.asarray(5e-5 * np.cos(2 * np.pi * PLACE) + 5e-6 * np.cos(10 * np.pi * PLACE + 1)), GRID
+)
+STEPS = 64  # of all solves here: they share a program
+
+
+def run(stack, times, displacement, pressure=None, surface=SURFACE, **options):
+    options = dict(solver=DouglasRachford(newton=False), rtol=1e-6) | options
+    if pressure is not None:
+        pressure = jnp.broadcast_to(jnp.asarray(pressure, float), (len(times),))
+    return gc.slide_transient(
+        stack, surface, times=times, displacement=displacement, pressure=pressure, **options
+    )
+
+
+def elastic(modulus):
+    return gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus, 0.49)))
+
+
+def creep_compliance(t):
+    glassy, compliances, times = map(np.asarray, RUBBER.creep())
+    return 1 / glassy + np.sum(compliances * (1 - np.exp(-np.asarray(t)[..., None] / times)), -1)
+
+
+def test_moduli_at_complex_frequencies_are_those_of_the_laplace_transform():
+    s = jnp.asarray([3.0 + 40j, -5.0 + 200j, 1e4 + 0j])
+    omega = -1j * s
+    expected = 1e6 + sum(e * s * t / (1 + s * t) for e, t in ((4e6, 1e-2), (8e6, 1e-3)))
+    np.testing.assert_allclose(RUBBER.modulus(omega), expected, rtol=1e-13)
+    np.testing.assert_allclose(RUBBER.modulus(jnp.asarray([7.0 + 0j])), RUBBER.modulus([7.0]))
+    assert gc.Elastic(2e6).modulus(omega).dtype == jnp.float64
+    bulk = gc.BulkShear(gc.Elastic(2e9), RUBBER)
+    shear, ratio = expected, expected / 6e9
+    np.testing.assert_allclose(bulk.modulus(omega), 3 * shear / (1 + ratio), rtol=1e-13)
+    strain, factor = [0.01, 0.1], [1.0, 0.5]
+    soft = StrainSoftening(RUBBER, strain, factor, factor, 0.1)
+    np.testing.assert_allclose(soft.modulus(omega), 0.5 * expected, rtol=1e-12)
+    with pytest.raises(ValueError, match="one factor"):
+        StrainSoftening(RUBBER, strain, factor, [1.0, 0.9], 0.1).modulus(omega)
+    # M of a half space, by the closed form.
+    found = gc.surface_compliance(BLOCK, 1e4, omega)
+    np.testing.assert_allclose(found, 2 * (1 - 0.49**2) / (1e4 * expected), rtol=1e-13)
+
+
+@pytest.mark.parametrize("ratio, most", [(1e2, 1e-8), (1e3, 1e-6), (1e5, 2e-4)])
+def test_the_nodes_sum_up_to_exponentials_of_every_rate(ratio, most):
+    nodes, weights = map(np.asarray, contour(jnp.asarray(1.0), jnp.asarray(ratio), NODES))
+    times, rates = np.geomspace(1, ratio, 40), np.append(0, np.geomspace(1e-3 / ratio, 1e4, 60))
+    found = (np.exp(np.outer(times, nodes)) * weights @ (1 / (nodes[:, None] + rates))).real
+    assert np.max(np.abs(found - np.exp(-np.outer(times, rates)))) < most
+
+
+def test_the_creep_of_a_half_space_is_that_of_its_material():
+    ends, steps = jnp.asarray([1e3, 1e6]), jnp.asarray([1e-3, 2e-3, 4e-3])
+    found = creep_of(BLOCK, ends, steps)
+    q = jnp.asarray([2e3, 7e5])
+    whole = found.whole[0] @ found.shares(q)
+    expected = 2 * (1 - 0.49**2) * creep_compliance(steps)[:, None] / q
+    np.testing.assert_allclose(whole, expected, rtol=1e-9)
+    assert found.error < 1e-6
+
+
+def test_the_creep_of_a_coat_is_the_inverse_laplace_transform():
+    q, step = 5e4, 3e-3
+    found = creep_of(COAT, jnp.asarray([1e3, 1e6]), jnp.asarray([step, step]))
+
+    def transform(s):
+        omega = jnp.asarray(complex(-1j * s))
+        return mpmath.mpmathify(complex(gc.surface_compliance(COAT, q, omega))) / s
+
+    expected = float(mpmath.invertlaplace(transform, step, method="dehoog", degree=14))
+    whole = float((found.whole[0] @ found.shares(jnp.asarray([q])))[0, 0])
+    assert whole == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_load_that_stays_has_the_elastic_contact_of_the_creep_compliance():
+    """E. H. Lee & J. R. M. Radok, J. Appl. Mech. 27 (1960) 438: the contact grows."""
+    rest = dwell(1.0, STEPS, first=1e-5)
+    found = run(BLOCK, rest.times, rest.displacement, 1e5)
+    for i in (0, 40, 63):
+        soft = elastic(1 / creep_compliance(rest.times[i]))
+        expected = gc.slide(soft, SURFACE, pressure=1e5, velocity=0.0, rtol=1e-6)
+        assert found.mean_gap[i] == pytest.approx(float(expected.mean_gap), rel=2e-3)
+        assert found.contact_area[i] == pytest.approx(float(expected.contact_area), abs=0.01)
+    assert np.all(np.diff(found.contact_area) > -1e-4)  # the error of the memory
+    assert np.abs(found.pressure.mean() / 1e5 - 1) < 1e-10
+
+
+def test_after_a_step_down_of_the_load_the_area_is_that_of_the_relaxed_modulus_and_never_falls():
+    """T. C. T. Ting, J. Appl. Mech. 33 (1966) 845: what is still in contact has been since t = 0.
+
+    So it has relaxed since then, E(t), whatever the load was. Afterwards the area only grows, as on
+    any linear block (arXiv:2511.19402).
+    """
+    height, times = 5e-5, np.arange(1, STEPS + 1) * 2e-4
+    wave = gc.Surface(jnp.asarray(height * np.cos(2 * np.pi * PLACE)), GRID)
+    for end in (8, 40):
+        load = np.where(np.arange(STEPS) < end, 2e5, 3e4)
+        area = np.asarray(run(BLOCK, times, np.zeros(STEPS), load, wave).contact_area)
+        relaxed = 1e6 + 4e6 * np.exp(-times[end] / 1e-2) + 8e6 * np.exp(-times[end] / 1e-3)
+        full = np.pi * relaxed / (1 - 0.49**2) * height / 1e-3
+        expected = 2 / np.pi * np.arcsin(np.sqrt(3e4 / full))  # Westergaard (1939)
+        assert area[end] == pytest.approx(expected, abs=0.5 / 64)  # half a point of the grid
+        assert area[end] < 0.5 * area[end - 1]
+        highest = np.maximum.accumulate(area[end:])
+        assert np.all(area[end:] > highest - 0.5 / 64)
+        assert area[-1] > area[end]
+
+
+def test_an_elastic_block_stores_the_work_of_friction_and_load():
+    """Its energy is ⟨σ w⟩/2, whatever happened before."""
+    times = np.arange(1, STEPS + 1) * 1e-3
+    moved, load = 2e-4 * np.sin(40 * times), 1e5 * (1 + np.sin(30 * times) / 2)
+    found = run(elastic(2e6), times, moved, load)
+    energy = 0.5 * jnp.mean(found.pressure * found.displacement)
+    work = found.work_done[-1] + found.load_work_done[-1]
+    assert work == pytest.approx(float(energy), rel=1e-4)
+
+
+def test_a_block_that_is_unloaded_has_taken_energy():
+    times = np.arange(1, STEPS + 1) * 1e-3
+    load = np.where(np.arange(STEPS) < 40, 1e5, 1.0)
+    found = run(COAT, times, 1e-4 * np.sin(100 * times), load)
+    taken = np.asarray(found.work_done + found.load_work_done)
+    assert np.all(taken > 0)
+    assert taken[-1] > 0.05 * taken[39]
+
+
+def test_a_transient_of_gaps_returns_the_loads():
+    times = np.arange(1, STEPS + 1) * 1e-3
+    load = 1e5 * (1 + np.sin(30 * times) / 2)
+    moved = 1e-4 * np.sin(100 * times)
+    given = run(COAT, times, moved, load)
+    back = run(COAT, times, moved, None, mean_gap=given.mean_gap)
+    np.testing.assert_allclose(back.load, load, rtol=1e-4)
+    np.testing.assert_allclose(back.friction, given.friction, atol=1e-5)
+
+
+def test_the_traction_is_that_of_the_slopes():
+    times = np.arange(1, STEPS + 1) * 1e-3
+    found = run(COAT, times, 8e-6 * np.arange(1, STEPS + 1), 1e5)
+    q = 2 * np.pi * np.fft.rfftfreq(64, 1e-3 / 64)
+    slope = np.fft.irfft(1j * q * np.fft.rfft(found.displacement[-1]) * (np.arange(33) < 32), 64)
+    traction = -np.mean(np.asarray(found.pressure[-1]) * slope)
+    assert found.traction[-1] == pytest.approx(traction, rel=1e-9)
+    assert found.friction[-1] == pytest.approx(traction / 1e5, rel=1e-9)
+    text = found.table(5).splitlines()
+    assert len(text) == 6
+    assert "friction" in text[0]
+
+
+WINDOW = gc.Surface(SURFACE.heights, GRID, periodic=False)
+TABLE = Tabulated([1.0, 1e3], [1e6 + 1e5j, 2e6 + 1e5j])
+
+
+def test_motions_that_happen_once():
+    rest = dwell(1.0)
+    assert rest.times[-1] == pytest.approx(1.0)
+    assert np.min(np.diff(rest.times, prepend=0)) >= 0.99e-4
+    whole = rest.then(start(0.02, 0.01, grid=GRID)).then(ramp(0.02, 0.01, grid=GRID))
+    assert whole.times[-1] == pytest.approx(1.02)
+    assert whole.displacement[-1] == pytest.approx(0.02 * (0.005 + 0.01))
+    assert np.max(np.diff(whole.displacement)) < 0.51 * 1e-3 / 64
+    brake = start(0.0, 0.01, before=0.02, num_times=1000)
+    assert brake.displacement[-1] == pytest.approx(1e-4)
+    speeds = np.diff(brake.displacement) / np.diff(brake.times)
+    assert speeds[0] == pytest.approx(0.02, rel=1e-3)
+    assert speeds[-1] == pytest.approx(0, abs=1e-4)
+    read = recorded_transient([2.0, 3.0, 5.0], [1e-4, 1e-4, 3e-4], GRID)
+    assert read.times[0] == 1.0
+    assert read.times[-1] == 3.0
+    assert read.displacement[-1] == pytest.approx(2e-4)
+    assert np.max(np.diff(read.displacement)) < 0.51 * 1e-3 / 64
+    with pytest.raises(ValueError, match="inside of a program"):
+        jax.jit(lambda v: ramp(v, 1.0, GRID).times)(1.0)
+
+
+def test_after_many_periods_it_is_the_cycle_with_an_error_of_second_order():
+    period, stroke = 0.05, 1e-4
+    phase = 2 * np.pi * np.arange(256) / 256
+    cycle = gc.slide_cycle(
+        COAT, SURFACE, displacement=stroke * np.sin(phase), period=period, pressure=1e5, rtol=1e-8
+    )
+    errors = []
+    for count in (32, 64):
+        times = np.arange(1, 8 * count + 1) * period / count
+        moved = stroke * np.sin(2 * np.pi * times / period)
+        found = run(COAT, times, moved, 1e5, rtol=1e-7)
+        place = np.arange(256 // count, 257, 256 // count) % 256
+        errors.append(np.median(np.abs(found.friction[-count:] - cycle.friction[place])))
+    assert errors[1] < 0.01 * float(cycle.peak_friction)
+    assert errors[1] < 0.35 * errors[0]
+
+
+@pytest.mark.slow
+def test_steady_sliding_is_its_limit():
+    velocity, count = 0.02, 640
+    steady = gc.slide(COAT, SURFACE, pressure=1e5, velocity=velocity)
+    times = np.arange(1, count + 1) * 0.2e-3 / 2
+    found = run(COAT, times, velocity * times, 1e5, rtol=1e-5)
+    assert found.friction[-1] == pytest.approx(float(steady.friction), rel=0.02)
+    assert found.contact_area[-1] == pytest.approx(float(steady.contact_area), rel=0.02)
+
+
+@pytest.mark.slow
+def test_errors_contain_the_change_to_a_finer_grid_and_more_steps():
+    rough = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=6284.0, q_roll=12566.0, q_high=50265.0)
+
+    def at(factor):
+        grid = gc.Grid((64 * factor,), 1e-3)
+        surface = gc.random_surface(rough, grid, jax.random.key(0))
+        motion = dwell(0.1, 31 * factor).then(start(0.02, 0.005, num_times=13 * factor))
+        motion = motion.then(ramp(0.02, 0.01, num_times=26 * factor))
+        shear = ConstantShear(1e4)
+        given = motion.times, motion.displacement, 1e5, surface
+        return run(COAT, *given, rtol=5e-5 / factor**4, shear=shear)
+
+    coarse, fine = at(1), at(4)
+    for name in ("friction", "contact_area", "mean_gap", "work_done", "load_work_done"):
+        exact = np.interp(coarse.times, fine.times, fine.recorded[name])
+        missed = np.abs(coarse.recorded[name] - exact) > getattr(coarse, f"{name}_error")
+        assert np.mean(missed) < 0.05, name
+    for name in ("mean_friction", "peak_friction"):
+        change = abs(getattr(coarse, name) - getattr(fine, name))
+        assert change < getattr(coarse, f"{name}_error")
+
+
+@pytest.mark.slow
+def test_derivatives_are_those_of_differences_and_batches_are_single_solves():
+    motion = dwell(0.1, 10).then(start(0.02, 0.002, num_times=10))
+
+    def number(stack, times, moved, load, heights):
+        surface = gc.Surface(heights, GRID)
+        found = run(stack, times, moved, load, surface, rtol=1e-9)
+        return 10 * found.friction[-1] + 1e5 * found.mean_gap[-1] + found.work_done[-1]
+
+    args = COAT, motion.times, motion.displacement, jnp.full(20, 1e5), SURFACE.heights
+    slopes = jax.grad(number, argnums=(0, 1, 2, 3, 4))(*args)
+    rng = np.random.default_rng(0)
+    for i, given in enumerate(args):
+        leaves, structure = jax.tree.flatten(eqx.filter(given, eqx.is_inexact_array))
+        ways = [1e-5 * leaf * rng.uniform(0.5, 1, leaf.shape) for leaf in leaves]
+        way = structure.unflatten(ways)
+
+        def moved(sign, i=i, way=way):
+            changed = eqx.apply_updates(args[i], jax.tree.map(lambda w: sign * w, way))
+            return float(number(*args[:i], changed, *args[i + 1 :]))
+
+        expected = (moved(1) - moved(-1)) / 2
+        found = sum(jnp.sum(a * b) for a, b in zip(jax.tree.leaves(slopes[i]), ways, strict=True))
+        assert float(found) == pytest.approx(expected, rel=2e-3, abs=1e-9)
+    loads = jnp.asarray([1e5, 2e5])[:, None] * jnp.ones(20)
+    both = jax.vmap(lambda load: number(*args[:3], load, args[4]))(loads)
+    single = [number(*args[:3], load, args[4]) for load in loads]
+    np.testing.assert_allclose(both, single, rtol=1e-6)
+
+
+def test_the_response_on_the_path_of_a_window_is_that_of_a_window_kernel():
+    """Under a constant pressure a block is elastic, of the creep compliance of that time."""
+    grid, times = gc.Grid((8,), 1e-3), jnp.asarray([1e-3, 2e-3, 4e-3])
+    window = gc.Surface(jnp.zeros(8), grid, periodic=False)
+    slab = lambda material: gc.Stack(layers=(gc.Layer(material, 2e-4),), base=gc.Rigid())  # noqa: E731
+    moved = jnp.asarray([1e-4, -1e-4, 1e-4])
+    case = Case(slab(RUBBER), window, displacement=moved, times=times, pressure=1e5)
+    problem = transient_problem(case)
+    assert problem.path == (10,)  # 8 points, and 1.6 spacings to and fro
+    soft = slab(gc.Elastic(1 / creep_compliance(times[-1]), 0.49))
+    expected = window_kernel(soft, gc.Grid((10,), 10 / 8 * 1e-3))
+    found = problem.responses(problem.creeps[0], problem.creeps[0].aged[-1:])[0]
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    # A window needs no more than the distances within it.
+    load = jnp.eye(16)[3]
+    cut, exact = (
+        np.diff(operator.displace(load)[:8])
+        for operator in (
+            problem.operator_of(expected, expected),
+            contacts.operators.window.Window(window_kernel(soft, grid)),
+        )
+    )
+    np.testing.assert_allclose(cut, exact, atol=2e-3 * np.max(exact))
+    with pytest.raises(ValueError, match="`displacement` must be known on a window"):
+        jax.jit(lambda s: transient_problem(dataclasses.replace(case, displacement=s)).given)(moved)
+
+
+@pytest.mark.slow
+def test_a_sphere_under_a_load_that_begins_is_that_of_lee_and_radok():
+    """Radius a³ = 3/4 (1 - ν²) R F J(t), and the mean gap of Hertz's contact of this radius."""
+    rubber = gc.Prony(1.0, [4.0], [0.1], 0.5)
+    times, radius, force = np.geomspace(1e-3, 1, 16), 1.0, 0.02
+    creep = 1 - 0.8 * np.exp(-times / 0.5)
+    expected = (0.75 * 0.75 * radius * force * creep) ** (1 / 3)
+    size, n = 3 * expected[-1], 48
+    place = (np.arange(n) - n // 2) * size / n
+    away = np.hypot(place[:, None], place)
+    found = run(
+        gc.Stack(base=gc.HalfSpace(rubber)), times, 0 * times, force / size**2,
+        gc.Surface(-(away**2) / (2 * radius), gc.Grid((n, n), size), periodic=False), rtol=1e-5,
+    )  # fmt: skip
+    radii = size * np.sqrt(np.asarray(found.contact_area) / np.pi)
+    np.testing.assert_allclose(radii, expected, rtol=0.007)
+    for mean, error, a in zip(found.mean_gap, found.mean_gap_error, expected, strict=True):
+        r = np.maximum(away, a)
+        moved = ((2 * a**2 - r**2) * np.arcsin(a / r) + a * np.sqrt(r**2 - a**2)) / (np.pi * radius)
+        exact = np.mean(np.where(away > a, r**2 / 2 / radius - a**2 / radius + moved, 0))
+        assert mean == pytest.approx(exact, rel=1.5e-3)
+        assert abs(mean - exact) < 2 * error
+
+
+def coated(strength=4.0):
+    rubber = gc.HalfSpace(gc.Prony(1.0, [strength], [0.05], 0.4))
+    return gc.Stack(layers=(gc.Layer(gc.Elastic(3.0, 0.45), 0.05),), base=rubber)
