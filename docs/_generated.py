@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike
 from typer.testing import CliRunner
 
 import graded_contact as gc
-from graded_contact.blocks.bond import AbstractBond, Bond, Film
 from graded_contact.blocks.profile import Blend
 from graded_contact.blocks.stack import HalfSpace, Layer, Stack
 from graded_contact.cli import app
@@ -72,7 +71,6 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
         }.items()
     },
     "[[layers]]": {Layer: keys_of(Layer), Blend: keys_of(Blend)},
-    "`bond` of [[layers]]": {Bond: keys_of(Bond), Film: keys_of(Film)},
     '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
         HalfSpace: keys_of(HalfSpace)
     },
@@ -340,8 +338,6 @@ def words(key: Key) -> str:
             return f"number, list, or {{from, to, points}}, {part.words}"
         if part is AbstractMaterial:
             return "NAME of a material"
-        if part is AbstractBond:
-            return "table, see below"
         if part in block.KIND_MAKERS:
             return "table with a `kind`"
     found = " or ".join(WORDS[kind] for kind in classes_of(parts)) or "table"

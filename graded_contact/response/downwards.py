@@ -93,12 +93,14 @@ def _cut(stack, depth, side):
     thickness = in_rows([layer.thickness for layer in stack.layers], depth)
     tops = in_rows(jnp.append(0, interface_depths(stack)), depth)
     passed = depth >= tops if side == "below" else depth > tops
-    # All of a layer that ends above: a difference of depths would be rounded.
-    above = jnp.where(depth >= tops[1:], thickness, jnp.clip(depth - tops[:-1], 0, thickness))
-    rest = jnp.maximum(depth - tops[-1:], 0)
     # A rigid base is no place: at its face the depth is in the layer above.
     last = len(stack.layers) - (not isinstance(stack.base, HalfSpace))
-    return jnp.concatenate([above, rest]), jnp.clip(jnp.sum(passed, axis=0) - 1, 0, last)
+    place = jnp.clip(jnp.sum(passed, axis=0) - 1, 0, last)
+    # All of a layer that ends above: a difference of depths would be rounded.
+    above = jnp.where(depth >= tops[1:], thickness, jnp.clip(depth - tops[:-1], 0, thickness))
+    # A layer may be so thin that it begins and ends at this depth.
+    above = jnp.where(in_rows(range(len(stack.layers)), depth) > place, 0, above)
+    return jnp.concatenate([above, jnp.maximum(depth - tops[-1:], 0)]), place
 
 
 def _with_base(column: Column) -> Column:

@@ -4,10 +4,9 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
-from scene_texts import BARE, changed
+from scene_texts import BARE
 
 import graded_contact as gc
-from graded_contact.blocks import Bond, Film
 from graded_contact.contacts import AdhesiveLJ, ExponentialAdhesion, RepulsiveLJ
 from graded_contact.scenes.collect import numbers_of_scene
 from graded_contact.scenes.scene_file import parse_scene
@@ -172,23 +171,7 @@ def test_directions_are_an_axis():
     assert parse_scene(BARE).case(point, surface).velocity.shape == ()
 
 
-def test_a_bond_is_that_of_the_constructor_and_an_axis():
-    """Springs, a film of a material, a graded layer's bond; a design may be robust against it."""
-    below = lambda bond: changed("thickness = 2e-5", f"thickness = 2e-5\nbond = {bond}")  # noqa: E731
-    text = below("{normal = 1e12, shear = inf}")
-    scene = parse_scene(text + '[sweep]\n"layers[0].bond.shear" = [0.0, 1e10]\n')
-    assert eqx.tree_equal(scene.stack.layers[0].bond, Bond(1e12))
-    assert scene.axes["layers[0].bond.shear"].tolist() == [0.0, 1e10]
-    scene = parse_scene(below('{material = "tread", thickness = 1e-6}'))
-    assert eqx.tree_equal(scene.stack.layers[0].bond, Film(scene.stack.base.material, 1e-6))
-    assert scene.materials["layers[0].bond.material"] == "tread"
-    graded = 'top = "coat"\nbottom = "tread"'
-    scene = parse_scene(below("{shear = 0.0}").replace('material = "coat"', graded))
-    assert eqx.tree_equal(scene.stack.layers[0].bond, Bond(shear=0.0))
-    assert parse_scene(below('"none"')).stack.layers[0].bond is None
-
-
 EXAMPLES = (
-    *("reciprocating", "shear_and_heat", "indenter", "failing_bond"),
+    *("reciprocating", "shear_and_heat", "indenter"),
     *("braking", "seal", "load_steps"),
 )
