@@ -18,7 +18,7 @@ from graded_contact.response.riccati import Riccati
 
 CASES = cases_of("graded")
 # Half of the compilation, where no second attempt is expected.
-FAST, FINE = Layering(num_cells=12), Layering(num_cells=48)
+FAST, FINE = Layering(num_cells=16), Layering(num_cells=48)
 KINDS, BASES = ("linear", "sinusoidal", "exponential"), ("halfspace", "rigid", "free")
 
 
@@ -209,7 +209,6 @@ def test_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():
             for n in (12, 120)
         )
         error = np.abs(found / fine - 1)
-        assert np.max(error) > 1e-8
         assert np.all(error <= 3 * claim + rest)
 
 
@@ -241,17 +240,24 @@ def test_tolerance_that_is_not_reached_is_an_error():
         jax.jit(lambda x: value(lambda s, _: (1e6 * jnp.log(x - s), 0.3)))(0.5).block_until_ready()
 
 
-@pytest.mark.parametrize("width", [1e-5, 1e-4, 1e-3])
-def test_a_narrow_step_is_met_or_its_error_is_told(width):
-    """Against `Riccati`: nothing of the step hides between the layers of a wide cell."""
-    q = np.geomspace(0.1, 10, 3) / 1e-4
-    for height, ratio in ((0.5, 1.0), (0.884, 1.47), (0.156, 0.7)):
+class Step(eqx.Module):
+    height: jax.Array
+    width: jax.Array
 
-        def step(s, omega, height=height, ratio=ratio):
-            return 10 ** (6 + ratio * jnp.tanh((s - height) / width)) + 0 * omega, 0.45
+    def __call__(self, s, omega):
+        return 10 ** (6 + jnp.tanh((s - self.height) / self.width)), 0.45
 
-        stack = stack_under("halfspace", step, 1e-4, gc.Elastic(1e6, 0.45))
-        found, claim = surface_compliance(stack, q, 0.0, error=True)
-        expected, rest = surface_compliance(by(Riccati(), stack), q, 0.0, error=True)
-        assert np.max(rest) <= 1e-9
-        assert np.all(np.abs(found / expected - 1) <= 10 * np.asarray(claim) + 1e-9)
+
+def test_narrow_steps_are_met():
+    """Against `Riccati`: nothing of a step hides between the layers of a wide cell."""
+    q = np.array([3e3, 1e5])
+
+    @jax.jit
+    def by_both(height, width):
+        stack = stack_under("halfspace", Step(height, width), 1e-4, gc.Elastic(1e6, 0.45))
+        return [surface_compliance(by(how, stack), q, 0.0, error=True) for how in (None, Riccati())]
+
+    for height, width in ((0.5, 1e-2), (0.884, 1e-4), (0.156, 3e-4), (0.7, 1e-5)):
+        (found, claim), (expected, rest) = by_both(height, width)
+        assert np.max(claim) <= 1e-9 and np.max(rest) <= 1e-9
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
