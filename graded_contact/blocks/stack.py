@@ -14,7 +14,6 @@ from jaxtyping import Array, Float, ScalarLike
 from ..core.checks import (
     as_scalar,
     check_type,
-    check_types,
     check_values,
     is_concrete,
     short,
@@ -256,7 +255,6 @@ def concatenated(parts: Sequence[Array], rank: int) -> Array:
     return jnp.concatenate([jnp.broadcast_to(part, (len(part), *shape)) for part in parts])
 
 
-@check_types
 def interface_depths(stack: Stack) -> Float[Array, " layers"]:
     """Returns the depth of the lower face of every layer [m], the last one being the bottom.
 

@@ -17,16 +17,13 @@ from ..fitting.prony import fit_prony
 from ..fitting.wild import wild_values, without
 from ..materials.material import Prony
 from ..materials.measured import Measured
-from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
-from ..readers.decisions import Options
-from ..readers.moduli import read_moduli
-from ..readers.prony import prony_in
+from ..plot import plot_fit, plot_master_curve
+from ..readers import NotPlain, read_moduli, read_prony
 from ..scenes.toml import entry_text
 from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import Errors, write_errors
 from ..studies.uncertainty import errors_of_fit
 from . import moduli_options
-from .result_tables import print_caveats
 from .terminal import Output, checked_place, refusing, save_figure
 
 if TYPE_CHECKING:
@@ -47,8 +44,7 @@ def fit(
     poisson: moduli_options.PoissonRatio = None,
     kind: moduli_options.DataKind = None,
     temperature: moduli_options.Temperatures = None,
-    sheet: moduli_options.SheetName = None,
-    step: moduli_options.StepNames = None,
+    layout: moduli_options.LayoutTexts = None,
     law: moduli_options.Law = "wlf",
     equilibrium: moduli_options.Equilibrium = None,
     glassy: moduli_options.Glassy = None,
@@ -69,7 +65,7 @@ def fit(
         folder = output or f"{moduli_files[0].stem}-fit"
         stem = checked_place(folder, material_name(moduli_files[0]))
         found, _ = fitted_files(
-            moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, robust=robust,
+            moduli_files, column, unit, temperature, kind, layout=layout, robust=robust,
             terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,
         )  # fmt: skip
         write_fit(stem, found, tuple(CARDS))
@@ -91,25 +87,16 @@ def _typed(given: dict[str, Any]) -> list[str]:
     return words
 
 
-def read_measured(moduli_files, column, unit, temperature, kind, **options) -> Measured:
+def read_measured(moduli_files, temperature, **options) -> Measured:
     """Reads moduli with options as texts, and prints how they were understood."""
-    options |= moduli_options.kinds_of(kind)
-    columns = moduli_options.keys_and_values("column", column)  # a number counts the columns from 1
-    measured = read_moduli(
-        moduli_files, units=moduli_options.keys_and_values("unit", unit), **options,
-        columns={key: int(v) if v.isdecimal() else v for key, v in columns.items()},
-        temperature=temperature[0] if temperature and len(temperature) == 1 else temperature,
-    )  # fmt: skip
-    print_history(measured.history, measured.assumed)
+    kelvin = temperature[0] if temperature and len(temperature) == 1 else temperature
+    try:
+        measured = read_moduli(moduli_files, temperature=kelvin, **options)
+    except NotPlain as error:
+        raise ValueError(error.with_remedy(error.flags)) from error
+    for sentence in measured.history:
+        typer.echo(sentence)
     return measured
-
-
-def print_history(history: Sequence[str], assumed: Sequence[str]) -> None:
-    """Prints how a file was read, and what was assumed."""
-    for sentence in history:
-        if sentence not in assumed:
-            typer.echo(moduli_options.in_options(sentence))
-    print_caveats(map(moduli_options.in_options, assumed))
 
 
 def looked_through(measured: Measured, robust: bool) -> Measured:
@@ -147,7 +134,7 @@ class MaterialFit(NamedTuple):
 
 
 def fitted_files(
-    moduli_files: Sequence[Path], column, unit, temperature, kind, *, sheet, step, robust: bool,
+    moduli_files: Sequence[Path], column, unit, temperature, kind, *, layout, robust: bool,
     glassy: float | None, poisson: float | None, equilibrium: float | None, **arguments: Any,
 ) -> tuple[MaterialFit, list[float]]:  # fmt: skip
     """Returns the fit to moduli, or the Prony series in a file, and the temperatures [K] if known.
@@ -155,38 +142,24 @@ def fitted_files(
     `arguments` are of `fitted`.
     """
     ratio = 0.5 if poisson is None else poisson
-    try:
-        if "series" in (kind or []):
-            raise ValueError("`--kind series` is refused: no file, or not one alone, holds one.")
-        measured = read_measured(
-            moduli_files, column, unit, temperature, kind, poisson=ratio, sheet=sheet, step=step
-        )
-    except ValueError:
-        if len(moduli_files) > 1:
-            raise
-        kinds = moduli_options.kinds_of(kind)
-        options = Options(
-            units=moduli_options.keys_and_values("unit", unit), poisson=poisson, sheet=sheet,
-            deformation=kinds.get("deformation"), glassy=glassy, equilibrium=equilibrium,
-        )  # fmt: skip
-        read = prony_in(moduli_files[0], options, "series" if "doubtful" in kinds else "refused")
-        if read is None:
-            raise
-        series, log = read
-        print_history(log.history, log.assumed)
+    kinds = moduli_options.kinds_of(kind)
+    options = moduli_options.reading(column, unit, layout)
+    options |= {"deformation": kinds.get("deformation"), "poisson": ratio}
+    if "series" in kinds:
+        try:
+            (path,) = moduli_files
+            series = read_prony(path, glassy=glassy, equilibrium=equilibrium, **options)
+        except NotPlain as error:
+            raise ValueError(error.with_remedy(error.flags)) from error
         report = "The file holds a Prony series: nothing is fitted."
-        return MaterialFit(series, None, report, {}, tuple(log.assumed)), []
+        return MaterialFit(series, None, report, {}), []
+    measured = read_measured(moduli_files, temperature, **options)
     if glassy is not None:
         raise ValueError("`glassy` is refused: it is for the ratios of a Prony series.")
     found = fitted(
         looked_through(measured, robust), poisson=ratio, equilibrium=equilibrium, **arguments
     )
-    caveats = "".join(
-        f"\nWarning: {moduli_options.in_options(sentence)}" for sentence in measured.assumed
-    )
     means = [part.temperature for part in measured.isotherms() if part.temperature is not None]
-    assumed = *measured.assumed, *found.assumed
-    found = found._replace(report=found.report + caveats, assumed=assumed)
     return found, [float(np.mean(part)) for part in means]
 
 
@@ -212,8 +185,6 @@ def fitted(measured: Measured, law: str, **arguments: Any) -> MaterialFit:
         return MaterialFit(found.material, errors, found.report(), {"": plot_fit(found)})
     curve = master_curve(isotherms, law=law, **arguments)
     figures = {"": plot_master_curve(curve)}
-    if kind == "frequency":
-        figures["-van-gurp-palmen"] = plot_van_gurp_palmen(curve)
     material = curve.exported()
     errors = errors_of_fit(curve, material)
     return MaterialFit(material, errors, curve.report(), figures, curve.caveats())

@@ -14,7 +14,7 @@ from ..core.checks import check_values
 from ..core.display import UNKNOWN
 from ..core.quantities import STEADY, in_brackets
 from ..exports.friction_cards import export_friction
-from ..plot.words import kelvin
+from ..plot.sweeps import kelvin
 from ..scenes.described import described
 from ..scenes.plan import build_surface, plan
 from ..scenes.scene import Scene
@@ -138,7 +138,7 @@ def _mean_field(scene: Scene, interruption: Interruption) -> "Dataset":
     _print_theory(found)
     shares = {"extrapolated_friction": found["extrapolated_friction"]}
     doubts = caveats_of(lambda number: shares.get(number, 0.0), STEADY)
-    caveats = [*surface.caveats, *scene.assumed, *(caveat.sentence for caveat in doubts)]
+    caveats = [*surface.warnings, *scene.assumed, *(caveat.sentence for caveat in doubts)]
     print_caveats(caveats)
     about = {"title": scene.title, "scene": scene.text, "caveats": "\n".join(caveats)}
     return found.assign_attrs(about | _about(scene, surface, "mean_field"))

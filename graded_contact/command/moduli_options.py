@@ -12,8 +12,7 @@ from ..fitting.shifts import LawKind
 
 # The words of `--kind`, by the argument that they are a value of.
 KIND_WORDS = {
-    "kind": ("frequency", "relaxation", "creep"), "deformation": ("tension", "shear"),
-    "doubtful": ("series",),  # a Prony series, also if the names may mean E(t)
+    "deformation": ("tension", "shear"), "series": ("series",),
 }  # fmt: skip
 # Options of the command, by the arguments that messages about moduli and their fits name.
 _FIT_OPTIONS = {
@@ -22,7 +21,7 @@ _FIT_OPTIONS = {
     "unit": "--height-unit", "shift_std": "--law LAW:STD",
     "vertical_shift_std": "--law LAW:STD:STD",
     **{name: f"--{name}" for name in (
-        "kind", "poisson", "sheet", "step", "terms", "law", "equilibrium", "glassy", "temperatures",
+        "kind", "poisson", "layout", "terms", "law", "equilibrium", "glassy", "temperatures",
     )},
 }  # fmt: skip
 
@@ -37,8 +36,8 @@ PoissonRatio = Annotated[
     float | None, Option(help="Poisson's ratio of the material (default: as in the file, or 0.5).")
 ]
 DataKind = Annotated[list[str] | None, Option(
-    metavar="WORD", help="What the file does not say: frequency, relaxation or creep; tension or "
-    "shear; series, a Prony series. May be repeated.",
+    metavar="WORD", help="What the file does not say: tension or shear; series, a Prony series. "
+    "May be repeated.",
 )]  # fmt: skip
 Temperatures = Annotated[list[float] | None, Option(
     "--temperature", metavar="KELVIN",
@@ -51,11 +50,9 @@ ColumnTexts = Annotated[list[str] | None, Option(
     "--column", metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated."
 )]  # fmt: skip
 
-SheetName = Annotated[
-    str | None, Option(help="Name of the sheet of a workbook, or of the material of a deck.")
-]
-StepNames = Annotated[list[str] | None, Option(
-    metavar="NAME", help="Number or title of a step to read; may be repeated."
+LayoutTexts = Annotated[list[str] | None, Option(
+    "--layout", metavar="NAME=VALUE",
+    help="Of a table that is not plain: header=9, end, section, sheet, separator, decimal.",
 )]  # fmt: skip
 Law = Annotated[str, Option(
     metavar="LAW[:STD[:STD]]", help="How isotherms are shifted: wlf or arrhenius; the standard "
@@ -112,6 +109,17 @@ def kinds_of(kind: list[str] | None) -> dict[str, str]:
             raise ValueError(f"`--kind {word}` is not known; {nearest(word, allowed)}")
         found[name] = word
     return found
+
+
+def reading(column, unit, layout) -> dict[str, Any]:
+    """The options of a reader; whole numbers as such, and a tab for "\\t"."""
+    texts = {"columns": ("column", column), "units": ("unit", unit), "layout": ("layout", layout)}
+    found = {name: keys_and_values(*each) for name, each in texts.items()}
+    return {
+        name: {key: int(v) if v.isdecimal() else v.replace("\\t", "\t") for key, v in each.items()}
+        for name, each in found.items()
+        if each
+    }
 
 
 def keys_and_values(option: str, texts: list[str] | None) -> dict[str, str]:

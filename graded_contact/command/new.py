@@ -13,7 +13,7 @@ from typer import Argument, Option
 from ..blocks.stack import LIQUID
 from ..core.escaping import in_comment
 from ..materials.material import Prony
-from ..plot.words import kelvin
+from ..plot.sweeps import kelvin
 from ..readers.topography import read_surface
 from ..scenes.plan import plan
 from ..scenes.proposal import ProposedLoad, proposed_load
@@ -55,8 +55,7 @@ def new(
         metavar="KELVIN",
         help="Temperature of the scene; may be repeated (default: some of those of the data).",
     )] = None,
-    sheet: moduli_options.SheetName = None,
-    step: moduli_options.StepNames = None,
+    layout: moduli_options.LayoutTexts = None,
     law: moduli_options.Law = "wlf",
     equilibrium: moduli_options.Equilibrium = None,
     glassy: moduli_options.Glassy = None,
@@ -78,12 +77,12 @@ def new(
             raise ValueError(f"{scene} exists: give another --output, or --replace.")
         surface, read = _finer(surface_file, size=size, unit=height_unit, periodic=periodic)
         found, measured = fit.fitted_files(
-            moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, robust=robust,
+            moduli_files, column, unit, temperature, kind, layout=layout, robust=robust,
             terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,
         )  # fmt: skip
         _check_temperatures(found.material, temperatures or [])
         print_surface(surface)  # once both files are read
-        print_caveats(surface.caveats)
+        print_caveats(surface.warnings)
         fit.write_fit(stem, found, ("toml",))
         if surface.grid.ndim == 2 and found.material.equilibrium == 0:
             raise ValueError(f"[materials.{name}] {LIQUID}")

@@ -20,7 +20,7 @@ from ..core.quantities import (
     in_brackets,
 )
 from ..designs.results import NO_ERROR
-from ..plot.words import place_of, title_of
+from ..plot.sweeps import place_of, title_of
 from ..scenes.results import (
     FLOWS,
     has_numbers,
@@ -198,7 +198,7 @@ def _heads(results: "Dataset") -> Iterator[str]:
     yield "pressure\n[MPa]" if load == "pressure" else "approach\n[m]"
     for name in map(str, others):
         unit = results[name].attrs.get("units", "1")
-        head = name if name in AXES else title_of(name, results.attrs["scene"])
+        head = name if name in AXES else title_of(name)
         yield head.replace(" ", "\n", 1) + in_brackets(unit)
 
 
@@ -276,12 +276,6 @@ def print_surface(surface: Surface) -> None:
 def print_steps(surface: Surface) -> None:
     """Prints size and roughness, and the roughness after every step of reading, one line each."""
     typer.echo(f"surface: {size_of(surface)}")
-    if surface.steps:
-        heads = f"{'rms height':>16}{'rms slope':>12}{'peak/rms':>10}{'missing':>9}"
-        typer.echo(f"{'surface, after the step':24}{heads}")
-    for name, rms_height, rms_slope, peak, missing in surface.steps:
-        numbers = f"{rms_slope:12.4g}{peak:10.3g}{missing:9.1%}"
-        typer.echo(f"{name:24}{with_unit(rms_height, 'm'):>16}{numbers}")
 
 
 def size_of(surface: Surface) -> str:

@@ -28,7 +28,6 @@ from ..core.checks import (
     as_float,
     check_increasing,
     check_rows,
-    check_types,
     check_values,
     is_concrete,
 )
@@ -54,7 +53,6 @@ _NOT_REACHED = (
 )
 
 
-@check_types
 def stack_kernel(
     stack: Stack,
     grid: Grid,

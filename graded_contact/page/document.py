@@ -165,7 +165,7 @@ def with_moduli(document: Document, path: Path, options: dict[str, Any], name: s
     if old["kind"] == "tabulated" and "shift" in old:
         table["shift"] = old["shift"]
     with within(f"{path.name}:"), worded(read_moduli):
-        isotherms = read_moduli(path, kind="frequency", poisson=poisson, **options).isotherms()
+        isotherms = read_moduli(path, poisson=poisson, **options).isotherms()
         if len(isotherms) > 1:
             table = material_table(master_curve(isotherms, poisson=poisson).exported())
     document.content["materials"][name] = table

@@ -26,14 +26,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Inexact
 
 from ..blocks.stack import Stack
-from ..core.checks import Numbers, as_float, check_positive, check_types, is_concrete
+from ..core.checks import Numbers, as_float, check_positive, is_concrete
 from ..core.compilation import compiled
 from .column import climb_through, column_of
 from .grading import as_waves, graded_tolerance, solve_graded
 from .upwards import FULL, PLANE, base_face, in_plane
 
 
-@check_types
 def surface_compliance(
     stack: Stack,
     q: Numbers,
@@ -66,7 +65,6 @@ def surface_compliance(
     return found if error else found[0]
 
 
-@check_types
 def effective_modulus(
     stack: Stack,
     q: Numbers,
@@ -86,7 +84,6 @@ def effective_modulus(
     return 2 / (as_float(q, "q") * found)
 
 
-@check_types
 def surface_compliance_matrix(
     stack: Stack,
     qx: Numbers,

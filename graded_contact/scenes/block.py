@@ -22,14 +22,10 @@ from ..materials.material import AbstractMaterial, BulkShear, Elastic, Prony
 from ..materials.shift import LAWS, AbstractShift
 from ..materials.softening import StrainSoftening
 from ..materials.table import Tabulated
-from ..readers.decisions import Log
-from ..readers.moduli import read_moduli, strain_sweep
-from ..readers.recorded_motion import (
-    motion_in,
-    read_motion,
-    read_over_time,
-)
-from ..readers.units import DIMENSIONS, UNITS
+from ..readers.moduli import QUANTITIES, read_moduli, strain_sweep
+from ..readers.recorded_motion import read_motion, read_over_time
+from ..readers.tables import LAYOUT
+from ..readers.units import UNITS
 from ..response.layering import Layering
 from ..response.riccati import Riccati
 from ..sliding.motion.periodic import Motion, sinusoidal, start_stop
@@ -173,11 +169,10 @@ class Block:
     def tabulated(
         self,
         path: os.PathLike,
-        columns: dict[Literal[tuple(DIMENSIONS)], object] | None = None,
+        columns: dict[Literal[tuple(QUANTITIES)], object] | None = None,
         units: dict[Literal[tuple(UNITS)], object] | None = None,
         deformation: str | None = None,
-        sheet: str | None = None,
-        step: str | None = None,
+        layout: dict[Literal[LAYOUT], object] | None = None,
         poisson: ScalarLike = 0.5,
         shift: AbstractShift | None = None,
     ) -> Tabulated:
@@ -189,27 +184,22 @@ class Block:
         - `columns`: names of quantities and their columns, by name or by number from 1.
         - `units`: of the columns, if the table does not state them.
         - `deformation`: "tension" or "shear"; moduli in shear become Young's moduli.
-        - `sheet`: of a workbook.
-        - `step`: of a test with several steps.
+        - `layout`: of a table that is not plain, see `read_moduli`.
         - `poisson`: Poisson's ratio [1].
         - `shift`: time-temperature shift.
         """
-        options = {"columns": columns, "units": units, "sheet": sheet, "step": step}
-        found = read_moduli(
-            path, kind="frequency", deformation=deformation, poisson=poisson, **options
-        )
+        options = {"columns": columns, "units": units, "layout": layout}
+        found = read_moduli(path, deformation=deformation, poisson=poisson, **options)
         self.notes += found.history
-        self.assumed += found.assumed
         return Tabulated(*found.table(), poisson, shift=shift)
 
     def strain_sweep(
         self,
         material: AbstractMaterial,
         path: os.PathLike,
-        columns: dict[Literal[tuple(DIMENSIONS)], object] | None = None,
+        columns: dict[Literal[tuple(QUANTITIES)], object] | None = None,
         units: dict[Literal[tuple(UNITS)], object] | None = None,
-        sheet: str | None = None,
-        step: str | None = None,
+        layout: dict[Literal[LAYOUT], object] | None = None,
         amplitude: ScalarLike = 0.0,
     ) -> StrainSoftening:
         """Returns a material that softens as a strain sweep; its history goes to the notes.
@@ -218,26 +208,13 @@ class Block:
 
         - `material`: at small strain.
         - `path`: of the strain sweep, text or Excel.
-        - `columns`, `units`, `sheet`, `step`: as of kind "tabulated".
+        - `columns`, `units`, `layout`: as of kind "tabulated".
         - `amplitude`: strain amplitude of the modulus [1], 0 for the smallest of the sweep.
         """
-        sweep = strain_sweep(path, columns, units, sheet, step)
+        sweep = strain_sweep(path, columns=columns, units=units, layout=layout)
         self.notes += sweep.history
-        self.assumed += sweep.assumed
         soft = StrainSoftening.from_sweep(material, sweep.abscissa, sweep.values)
         return dataclasses.replace(soft, amplitude=amplitude)
-
-    def recorded(
-        self,
-        path: os.PathLike,
-        period: ScalarLike,
-        num_times: int | None = None,
-        grid: Grid | None = None,
-    ) -> Motion:
-        """Returns the motion of a table, as `read_motion`; its history goes to the notes."""
-        motion, log = motion_in(path, period, num_times, grid)
-        self.take(log, "motion")
-        return motion
 
     def recorded_transient(self, path: os.PathLike, grid: Grid) -> SingleMotion:
         """Returns the motion of a table that need not close, as `recorded_transient`.
@@ -246,11 +223,4 @@ class Block:
 
         - `path`: of the table, see `read_motion`; its first time is the time 0 of the motion.
         """
-        times, displacement, log = read_over_time(path, "displacements")
-        self.take(log, "motion")
-        return recorded_transient(times, displacement, grid)
-
-    def take(self, log: Log, owner: str) -> None:
-        """Adds the sentences of a reading to the notes."""
-        self.notes += [f"{owner}: {sentence}" for sentence in log.history]
-        self.assumed += [f"{owner}: {sentence}" for sentence in log.assumed]
+        return recorded_transient(*read_over_time(path, "displacements"), grid)

@@ -1,7 +1,6 @@
 """The dataset of a scene from its solves."""
 
 import hashlib
-import json
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -169,8 +168,7 @@ def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
         variables["measured"] = (axes, np.asarray(surface.measured))
     attributes = {
         "surface_history": "\n".join(surface.history),
-        "surface_steps": json.dumps(surface.steps),
-        "surface_assumed": "\n".join(surface.assumed),
+        "surface_assumed": "\n".join(surface.warnings),
         "surface_periodic": int(surface.periodic),
     }
     return variables, places, attributes

@@ -15,7 +15,6 @@ def described(content: dict[str, Any]) -> str:
     """Returns the layers of a scene's tables with their thicknesses, the base, and the surface."""
     surface = content["surface"]
     kinds = {"self_affine": "a random surface", "sphere": "a sphere"}
-    kinds["scans"] = "a surface of several scans"
     road = kinds.get(surface["kind"]) or Path(surface["path"]).name
     counterface = content.get("counterface")
     road = road if counterface is None else f"{road} of {_body(counterface)}"

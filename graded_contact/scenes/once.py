@@ -44,7 +44,7 @@ def motion_of(block: Block, table: dict[str, Any], grid: Grid) -> Motion | Singl
         if later:
             raise ValueError("[motion] `then` needs `once = true`.")
         kind = first.get("kind")
-        periodic = KIND_MAKERS[Motion] | {"recorded": block.recorded}
+        periodic = KIND_MAKERS[Motion]
         if kind in single and kind not in periodic:
             raise ValueError(f'[motion] kind "{kind}" needs `once = true`.')
         return block.reader.build_kind("[motion]", first, periodic, grid=grid)
@@ -67,9 +67,8 @@ def read_load(block: Block, load: dict[str, Any]) -> None:
         if name in load:
             raise ValueError(f"[load] has `pressure_path` and `{name}`: remove one of the two.")
     with within("[load] `pressure_path`:"):
-        times, pressures, log = read_over_time(path, "pressures")
+        times, pressures = read_over_time(path, "pressures")
         check_positive("pressure", pressures, f"[Pa]{LIFTED}")
-    block.take(log, "load")
     highest = np.max(pressures)
     load["pressure"] = np.array([highest])
     load["pressure_ratio"] = (pressures / highest).tolist()

@@ -9,7 +9,6 @@ all solves were kept, over `x` and `y` if only one was, whose index is the attri
 cycle they are also over `time`, of what happens once over `field_time`.
 """
 
-import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +22,6 @@ from ..core.quantities import CYCLE, STEADY, TRANSIENT, mean_over_seeds
 from ..fields.grid import Grid
 from ..sliding.errors.parts import NO_FRICTION
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, read_dataset
-from ..surfaces.reading_steps import ReadingStep
 from ..surfaces.surface import Surface
 
 if TYPE_CHECKING:
@@ -141,7 +139,7 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     known = has_numbers(results)
     # Caveats of the surface, and of what was assumed of files, concern every solve.
     assumed = filter(None, results.attrs.get("assumed", "").split("\n"))
-    of_surface = surface_of(results).caveats if "surface_history" in results.attrs else ()
+    of_surface = surface_of(results).warnings if "surface_history" in results.attrs else ()
     of_files = (Caveat(text, known.values) for text in (*of_surface, *assumed))
     told = {
         name: variable.where(known).values
@@ -210,9 +208,8 @@ def surface_of(results: "Dataset") -> Surface:
         grid=Grid(heights.shape, jnp.asarray(size)),
         history=tuple(filter(None, history.split("\n"))),
         measured=jnp.asarray(results["measured"].values) if "measured" in results else None,
-        steps=tuple(ReadingStep(*step) for step in json.loads(results.attrs["surface_steps"])),
         periodic=bool(results.attrs.get("surface_periodic", True)),
-        assumed=tuple(filter(None, assumed.split("\n"))),
+        warnings=tuple(filter(None, assumed.split("\n"))),
     )
 
 

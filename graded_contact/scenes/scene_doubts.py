@@ -14,9 +14,15 @@ import numpy as np
 from ..core.display import with_unit
 from ..fields.grid import Grid
 from ..materials.material import AbstractMaterial
-from ..surfaces.reading_steps import unusual
 from .scene import Scene
 
+# A wrong unit is wrong by 1000 mostly.
+USUAL = {
+    "thickness": (1e-9, 1.0, "m"),  # of a layer
+    "gap": (1e-11, 1.0, "m"),
+    "pressure": (1e-6, 1e12, "Pa"),
+    "stress": (1e-6, 1e12, "Pa"),
+}
 _SMALL_BESIDE = 0.3  # of the load
 _LEAST_PRESSURE = 10.0  # by the weight of 1 mm of rubber [Pa]; on soft solids less is usual
 # Of loads over the softest and the stiffest relaxed modulus, of thicknesses over the spacing of the
@@ -70,3 +76,16 @@ def doubts_about(usual: UsualSizes, name: str, values: Any, where: str) -> Itera
     for value in dict.fromkeys([np.min(values), np.max(values)] if values.size else []):
         if sentence := unusual(name, float(value), *usual[name]):
             yield f"{where}: {sentence}"
+
+
+def unusual(name: str, value: float, at_least: float = 0.0, at_most: float = math.inf) -> str:
+    """Returns a warning if a number [SI] is outside of its range in `USUAL`, or nothing.
+
+    The range is narrower if `at_least` and `at_most` say so.
+    """
+    low, high, unit = USUAL[name]
+    low, high = max(low, at_least), min(high, at_most)
+    if low <= value <= high:
+        return ""
+    here, first, last = (with_unit(n, unit) if unit else f"{n:.2g}" for n in (value, low, high))
+    return f"The {name} of {here} is unusual (usual are {first} to {last}): check units."

@@ -7,16 +7,14 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike, PRNGKeyArray
 
-from ..core.checks import check_squares, check_values, check_whole, within
+from ..core.checks import check_values, check_whole, within
 from ..core.display import shown
 from ..core.memory import check_points
 from ..fields.grid import Grid
 from ..readers.topography import read_surface
-from ..surfaces.joined_spectrum import joined_spectrum, scan_spectrum
-from ..surfaces.random_surface import CUT, random_surface
+from ..surfaces.random_surface import random_surface
 from ..surfaces.rescaling import rescale
 from ..surfaces.spectrum import SelfAffine
-from ..surfaces.spectrum_table import Spectrum, SpectrumTable
 from ..surfaces.surface import Surface
 from .schema import ROOT, Key, TableReader, keys_of, kind_of
 
@@ -33,7 +31,7 @@ class RandomSurface(NamedTuple):
     - `seeds`: number of surfaces, drawn from `seed`, `seed` + 1, ...; one axis of the results.
     """
 
-    spectrum: Spectrum
+    spectrum: SelfAffine
     grid: Grid
     seed: int = 0
     amplitudes: Literal["exact", "gaussian"] = "exact"
@@ -50,10 +48,7 @@ class RandomSurface(NamedTuple):
 
     def of_key(self, key: PRNGKeyArray) -> Surface:
         """Returns the surface of a random key."""
-        try:
-            return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
-        except ValueError as error:
-            raise ValueError(str(error).replace(CUT, " in [surface]")) from error
+        return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
 
 
 @shown(unset=False)
@@ -99,45 +94,6 @@ class Sphere(NamedTuple):
         return Surface(-squared / (2 * self.radius), grid, periodic=False)
 
 
-# Of one scan: how it is read, and what of it counts. It is called as its file, unless named.
-SCAN = {
-    read_surface: keys_of(read_surface),
-    scan_spectrum: tuple(
-        key._replace(default=None) if key.name == "name" else key
-        for key in keys_of(scan_spectrum, "surface")
-    ),
-}
-
-
-def spectrum_of_scans(
-    reader: TableReader,
-    grid: Grid,
-    scans: list[dict],
-    q_high: float,
-    q_low: float | None = None,
-) -> SpectrumTable:
-    """Returns the spectrum of files, cut to what a grid has.
-
-    **Arguments:**
-
-    - `reader`, `grid`: of the scene, and of the surface.
-    - `scans`: tables [[surface.scans]], at least one, lines and areas at any magnification.
-    - `q_high`: highest wavenumber [rad/m], at most what the scans have.
-    - `q_low`: lowest wavenumber [rad/m], see `SelfAffine`.
-    """
-    found = []
-    for i, table in enumerate(scans):
-        place = f"[surface.scans[{i}]]"
-        reading, counts = reader.arguments(place, table, *SCAN.values())
-        counts.setdefault("name", reading["path"].name)
-        with within(place):
-            found.append(scan_spectrum(read_surface(**reading), **counts))
-    with within("[surface]"):
-        spectrum = joined_spectrum(found).spectrum
-        longest = max(2 * np.pi / float(np.max(grid.size)), float(spectrum.q_low))
-        return spectrum.between(longest if q_low is None else q_low, q_high)
-
-
 SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
     "self_affine": {
         SelfAffine: tuple(
@@ -147,10 +103,6 @@ SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
         RandomSurface: keys_of(RandomSurface, "spectrum", "grid"),
     },
     "sphere": {Sphere: keys_of(Sphere, "grid")},
-    "scans": {
-        spectrum_of_scans: keys_of(spectrum_of_scans, "reader", "grid"),
-        RandomSurface: keys_of(RandomSurface, "spectrum", "grid"),
-    },
     "file": {read_surface: keys_of(read_surface), rescale: keys_of(rescale, "surface")},
 }
 
@@ -211,20 +163,14 @@ def surface_source(
             least = LEAST_RADIUS * float(np.max(grid.size))
             allowed = f"[m] must be at least {LEAST_RADIUS:g} of the window's length, {least:.2g} m"
             check_values("radius", sphere["radius"], f"a radius {allowed}", at_least=least)
-            check_squares("radius", sphere["radius"], "m")
         return Sphere(**sphere, grid=grid)
     spectrum, drawn = reader.arguments(place, entries, *keys)
     if kinds is OF_BLOCK:
         drawn.setdefault("seed", 1)
-    if kind == "scans":
-        made = spectrum_of_scans(reader, grid, **spectrum)
-    else:
-        # Unless given, the longest wave is as long as the longest edge.
-        spectrum.setdefault("q_low", 2 * np.pi / float(np.max(grid.size)))
-        with within(place):
-            made = SelfAffine(**spectrum)
+    # Unless given, the longest wave is as long as the longest edge.
+    spectrum.setdefault("q_low", 2 * np.pi / float(np.max(grid.size)))
     with within(place):
-        found = RandomSurface(made, grid, **drawn)
+        found = RandomSurface(SelfAffine(**spectrum), grid, **drawn)
         if found.seeds is not None:
             check_whole("seeds", found.seeds, 1)
             check_points("seeds", found.seeds)

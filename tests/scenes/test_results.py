@@ -13,7 +13,6 @@ from graded_contact.scenes.results import (
     surface_of,
 )
 from graded_contact.studies.dataset import NOT_STARTED, attach, write
-from graded_contact.surfaces.reading_steps import ReadingStep
 
 
 def make_results(shape=(4, 6), dtype=np.float64, keep="every"):
@@ -24,10 +23,6 @@ def make_results(shape=(4, 6), dtype=np.float64, keep="every"):
         grid=gc.Grid(shape, np.array([1e-3, 3e-3][: len(shape)], dtype)),
         history=("Read.", "Filled."),
         measured=draw.uniform(size=shape).astype(dtype),
-        steps=(
-            ReadingStep("read", 1.1, 0.3, 4.0, 0.2),
-            ReadingStep("resampled", 1.0, 0.2, 3.9, 0.0),
-        ),
     )
     variables, places, attributes = surface_variables(surface)
     variables |= {
@@ -59,5 +54,4 @@ def test_results_come_back_bit_for_bit(tmp_path, shape, dtype):
     before, after = surface_of(results), surface_of(again)
     assert before.heights.dtype == after.heights.dtype == dtype
     np.testing.assert_array_equal(before.grid.size, after.grid.size)
-    assert after.history == ("Read.", "Filled.") and after.steps[1].name == "resampled"
-    assert after.steps == before.steps
+    assert after.history == ("Read.", "Filled.")

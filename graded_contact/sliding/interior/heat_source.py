@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 
 from ...blocks.profile import Blend
 from ...blocks.stack import GradedLayer, HalfSpace, Layer, Stack, by_kind, interface_depths
-from ...core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
+from ...core.checks import Numbers, as_float, check_rows, check_values, check_whole
 from ...core.compilation import compiled
 from ...core.derivative import derivative_apart
 from ...fields.frequency import direction_and_speed, wave_frequencies
@@ -38,7 +38,6 @@ _NODES = 2  # of Gauss's rule in each interval of the depth
 _FIRST, _LAST = 0.05, 3.0  # ends of the first interval [spacings] and of the last one [cells]
 
 
-@check_types
 def heat_depths(
     stack: Stack, grid: Grid, num_intervals: int = 18
 ) -> tuple[Float[Array, " depths"], Float[Array, " depths"]]:
@@ -81,7 +80,6 @@ def gauss_within(
     return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
 
 
-@check_types
 def heat_source(
     sliding: Sliding,
     stack: Stack,
@@ -95,7 +93,7 @@ def heat_source(
 
     - `sliding`: a result of `slide` for this block.
     - `stack`: the block, of `Prony` and `Elastic` materials, also in `StrainSoftening`; graded
-      layers `Aged`, or `Blend` with linear mixing.
+      layers `Blend` with linear mixing.
     - `depths`: z [m], shape `(depths,)`; see `heat_depths`.
 
     **Returns:** W, shape `(depths, *grid.shape)`.
@@ -177,7 +175,7 @@ def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
 
 
 def check_series(stack: Stack) -> None:
-    """Raises `ValueError` for a material or a bond whose heat is not known."""
+    """Raises `ValueError` for a material whose heat is not known."""
     eqx.filter_eval_shape(_series_in, stack, jnp.zeros(()))
 
 
