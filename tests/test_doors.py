@@ -95,7 +95,7 @@ def calls():
          coarsest=64)),
         (gc.contacts.LinearSplitting, dict(max_steps=10, relaxation=0.9, history_length=5)),
         (gc.contacts.ResidualDynamics, dict(max_steps=10)),
-        (gc.Elastic, dict(young=1e6, poisson=0.3)),
+        (gc.Elastic, dict(modulus=1e6, poisson=0.3)),
         (gc.Prony, dict(equilibrium=1e6, strengths=[1e6], times=[1e-3], poisson=0.3, shift=wlf,
          measured=known)),
         (gc.materials.MeasuredRange, dict(omega=[1.0, 10.0], temperature=[280.0, 300.0])),
