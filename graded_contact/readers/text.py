@@ -73,7 +73,7 @@ def _check_no_axis(table: Table, lines: np.ndarray) -> None:
         step = abs(even[1] - even[0])
         if step > 0 and np.max(np.abs(edge - even)) <= _AXIS * step:
             reason = "its first line or column rises in equal steps, as positions do"
-            remedy = "read it by `numpy.loadtxt`, and call `surfaces.surface_from_heights(heights, size)`"
+            remedy = "take `numpy.loadtxt`, then `surfaces.surface_from_heights(heights, size)`"
             raise table.source.not_plain([f"{reason}: {remedy}"])
 
 
