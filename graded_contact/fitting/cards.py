@@ -5,7 +5,7 @@ constant: E(t) = E_inf (1 - Σ g_k (1 - exp(-t/τ_k))), g_k = E_k/E_inf. Poisson
 so the bulk modulus relaxes as the shear modulus does: k_k = g_k. Numbers of a card have at most 20
 characters, so that E_eq keeps a relative error of about 1e-13 E_inf/E_eq.
 
-Source: Abaqus Keywords Reference Guide, *VISCOELASTIC and *TRS.
+Source: Abaqus Keywords Reference Guide, `*VISCOELASTIC` and `*TRS`.
 """
 
 import dataclasses
@@ -41,9 +41,9 @@ def toml_table(material: Prony, name: str) -> str:
 
 
 def abaqus_card(material: Prony, name: str) -> str:
-    """Returns a series as *MATERIAL with *ELASTIC and *VISCOELASTIC, TIME=PRONY, in SI units.
+    """Returns a series as `*MATERIAL` with `*ELASTIC` and `*VISCOELASTIC`, in SI units.
 
-    A WLF law is *TRS, with temperatures in kelvin; another law is left out.
+    A WLF law is `*TRS`, with temperatures in kelvin; another law is left out.
 
     **Arguments:**
 
