@@ -109,8 +109,8 @@ thicker = gc.with_values(block, {"layers[0].thickness": 1e-4})
 p = gc.propagate(lambda b: gc.slide(b, road, pressure=4e5, velocity=0.1).friction,
                  {"layers[0].thickness": 5e-6}, block)
 """,
-    "plan": """
-results = gc.plan(gc.read_scene("scene.toml")).run()
+    "run_scene": """
+results = gc.run_scene(gc.read_scene("scene.toml"))
 results.friction.sel(velocity=0.1, method="nearest")
 """,
     "read_results": """
