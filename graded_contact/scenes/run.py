@@ -45,7 +45,7 @@ def run_scene(scene: Scene, **engine: Any) -> "Dataset":
     this package as attributes. Fields are those of the last point, or of all points if the scene
     stores these.
     """
-    stored = () if scene.output.fields == "none" else fields_of(scene)
+    stored = () if scene.output.fields is None else fields_of(scene)
     last = stored if scene.output.fields == "last" else ()
     results = sweep(lambda point: numbers_at(scene, point), scene.axes, last=last, **engine)
     results = with_places(scene, results)
@@ -100,7 +100,7 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
         found |= {name: unknown.at[frames].set(found[name]) for name in flows}
     if scene.fluid is not None:
         found |= _leakages(scene, found, case.rough.grid)
-    if scene.output.fields != "none":
+    if scene.output.fields is not None:
         found |= {name: getattr(contact.contact, of) for name, of in CONTACT_FIELDS.items()}
         found |= {SEED_HEIGHTS: case.rough.heights} if "seed" in scene.axes else {}
     return found | {"result": contact.result}

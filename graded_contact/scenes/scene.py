@@ -100,16 +100,16 @@ class Output:
 
     **Fields:**
 
-    - `fields`: solves whose fields over the surface are stored.
+    - `fields`: solves whose fields over the surface are stored: "last", "every" or "none".
     - `frames`: number of times of a transient motion with fields, and with a flow or leakage: after
       equal numbers of steps, with the first and the last.
     """
 
-    fields: Literal["last", "every", "none"] = "last"
+    fields: Literal["last", "every"] | None = "last"
     frames: int = 8
 
     def __post_init__(self):
-        check_type("fields", self.fields, "last", "every", "none")
+        check_type("fields", self.fields, "last", "every", type(None))
         check_whole("frames", self.frames, 1)
 
 
