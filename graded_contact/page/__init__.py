@@ -1,5 +1,5 @@
 """The page: a scene with sliders, in the browser or in a notebook."""
 
-from .serving import explore
+from .page import Page, explore, serve
 
-__all__ = ["explore"]
+__all__ = ["Page", "explore", "serve"]
