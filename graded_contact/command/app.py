@@ -47,10 +47,11 @@ def explore(
         serve(scene_file, output, port=port, show=browser)
 
 
-def _print_version(chosen: bool) -> None:
+def _print_version(chosen: bool) -> bool:
     if chosen:
         typer.echo(f"graded-contact {version('graded_contact')} (jax {version('jax')})")
         raise typer.Exit
+    return chosen
 
 
 @app.callback()

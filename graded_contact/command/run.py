@@ -100,7 +100,7 @@ def run_into(
     with refusing():
         folder.mkdir(parents=True, exist_ok=True)
         check_same_scene(file, scene)
-        typer.echo(scene.title)
+        typer.echo("\n".join(filter(None, (scene.title, *scene.case(scene.first).rough.history))))
         store = folder / f"{name}.points"
         results = run_scene(scene, store=store, workers=workers, progress=True)
         write_results(file, results)

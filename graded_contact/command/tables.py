@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.caveats import caveats_of
 from ..core.display import UNKNOWN, unit_of, with_error
-from ..core.quantities import CYCLE, TRANSIENT, STEADY, in_brackets
+from ..core.quantities import CYCLE, STEADY, TRANSIENT, in_brackets
 from ..plot.sweeps import SEED_ERROR, over_seeds, place_of
 
 if TYPE_CHECKING:
@@ -36,7 +36,8 @@ def print_results(results: "Dataset", full: bool = False) -> None:
         heading += f"\nMeans of {results.sizes['seed']} surfaces ± standard error."
     if heading:
         print(heading.strip())
-    print(table_of(shown, full).to_string(line_width=WIDTH))
+    table = table_of(shown, full)
+    print(table.to_string(line_width=WIDTH, index=table.columns.name is not None))
     for sentence in warnings_in(results):
         print(f"Warning: {sentence}")
     message = results["message"].values
@@ -58,8 +59,14 @@ def table_of(results: "Dataset", full: bool) -> "DataFrame":
     names = [name for name in names if not name.endswith(("_error", SEED_ERROR))]
     if not full:
         names = [name for name in MAIN if name in names and INSTEAD.get(name) not in names]
-    table = pandas.DataFrame(dict(column_of(results, name) for name in (*varied, *names)))
-    return table.set_index([*table.columns[: len(varied)]]) if varied else table
+    table = pandas.DataFrame(dict(column_of(results, name) for name in names))
+    heads = [column_of(results, axis) for axis in varied]
+    widths = [max(map(len, (head, *cells))) for head, cells in heads]
+    rows = zip(*((head, *cells) for head, cells in heads), strict=True)
+    lines = ["  ".join(text.rjust(n) for text, n in zip(row, widths, strict=True)) for row in rows]
+    if varied:
+        table.columns.name, *table.index = lines
+    return table
 
 
 def column_of(results: "Dataset", name: str) -> tuple[str, list[str]]:
@@ -89,11 +96,16 @@ def _cell(value: float, error: float) -> str:
 
 
 def warnings_in(results: "Dataset") -> list[str]:
-    """Returns why numbers of solves are doubtful although they succeeded."""
+    """Returns the warnings about surfaces, and about numbers of solves that succeeded."""
     solved = results["message"] == ""
     zero = np.zeros(results["message"].shape)
     kind = (
-        STEADY if "time" not in results.dims else TRANSIENT if "field_time" in results.dims else CYCLE
+        STEADY
+        if "time" not in results.dims
+        else TRANSIENT
+        if "field_time" in results.dims
+        else CYCLE
     )
     known = lambda name: results[name].where(solved).values if name in results else zero  # noqa: E731
-    return [caveat.sentence for caveat in caveats_of(known, kind)]
+    of_surfaces = [*filter(None, results.attrs["warnings"].split("\n"))]
+    return of_surfaces + [caveat.sentence for caveat in caveats_of(known, kind)]

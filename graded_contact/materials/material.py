@@ -29,7 +29,6 @@ from ..core.checks import (
     check_poisson,
     check_positive,
     check_rows,
-    check_squares,
     check_type,
     check_values,
     instance,
@@ -64,7 +63,7 @@ class AbstractMaterial(eqx.Module):
 
 def material_called(name: str) -> Callable[[Any], AbstractMaterial]:
     """Returns the converter of a field that holds a material."""
-    return instance(name, AbstractMaterial, "a material, such as `Elastic(modulus, poisson)`")
+    return instance(name, AbstractMaterial, "a material, such as `Elastic(young, poisson)`")
 
 
 class Elastic(AbstractMaterial):
@@ -72,20 +71,15 @@ class Elastic(AbstractMaterial):
 
     **Fields:**
 
-    - `young`: Young's modulus E [Pa], the constructor's `modulus`, and so in paths; `modulus` of a
-      material is its method.
+    - `young`: Young's modulus E [Pa].
     - `poisson`: Poisson's ratio ν [1], -1 < ν <= 1/2.
     """
 
-    young: Float[Array, ""] = eqx.field(metadata={"argument": "modulus"})
-    poisson: Float[Array, ""]
-
-    def __init__(self, modulus: ScalarLike, poisson: ScalarLike = 0.5):
-        self.young = as_scalar(modulus, "modulus")
-        self.poisson = as_scalar(poisson, "poisson")
+    young: Float[Array, ""] = eqx.field(converter=scalar("young"))
+    poisson: Float[Array, ""] = eqx.field(converter=scalar("poisson"), default=0.5)
 
     def __check_init__(self):
-        check_positive("modulus", self.young, "[Pa]")
+        check_positive("young", self.young, "[Pa]")
         check_poisson("poisson", self.poisson)
 
     def modulus(self, omega: Numbers) -> Float[Array, "*w"]:
@@ -125,7 +119,6 @@ class Prony(AbstractMaterial):
         check_type("measured", self.measured, MeasuredRange, type(None))
         allowed = "it must be zero or a positive number [Pa]"
         check_values("equilibrium", self.equilibrium, allowed, at_least=0)
-        check_squares("equilibrium", self.equilibrium, "Pa")
         _check_series("strengths", self.strengths, "[Pa]", self.times)
         check_poisson("poisson", self.poisson)
         check_type("shift", self.shift, AbstractShift, type(None))

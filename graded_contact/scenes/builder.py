@@ -12,12 +12,13 @@ import contextlib
 import inspect
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ..core.checks import nearest, short, within
 from ..core.files import full_path
 from ..materials import AbstractMaterial
 
+F = TypeVar("F", bound=Callable)
 Kinds = Mapping[str, Callable]
 MATERIAL_KEYS = ("material", "bottom", "top", "bulk", "shear")
 
@@ -42,11 +43,9 @@ class Builder:
     def build(self, place: str, table: Any, make: Callable, **given: Any) -> Any:
         """Returns `make` called with the entries of a table and with `given`."""
         parameters = inspect.signature(make).parameters
-        open_end = any(each.kind is each.VAR_KEYWORD for each in parameters.values())
-        check_table(place, table, table if open_end else parameters.keys() - given.keys())
-        needed = [n for n, each in parameters.items() if each.default is each.empty]
-        for name in needed[:-1] if open_end else needed:
-            if name not in table and name not in given:
+        check_table(place, table, parameters.keys() - given.keys())
+        for name, each in parameters.items():
+            if each.default is each.empty and name not in {**table, **given}:
                 raise ValueError(f"[{place}] lacks the key `{name}`.")
         entries = {key: self.entry(f"{place}.{key}", key, value) for key, value in table.items()}
         with in_table(place):
@@ -74,6 +73,22 @@ class Builder:
         if isinstance(value, list):
             return tuple(value)
         return None if value == "none" else value
+
+
+def with_keys_of(other: Callable) -> Callable[[F], F]:
+    """Returns a decorator: the keywords `**` of a function are the parameters of another one."""
+
+    def decorate(make: F) -> F:
+        own = inspect.signature(make).parameters
+        named = [each for each in own.values() if each.kind is not each.VAR_KEYWORD]
+        more = [
+            each for name, each in inspect.signature(other).parameters.items() if name not in own
+        ]
+        named += [each.replace(kind=each.KEYWORD_ONLY) for each in more]
+        setattr(make, "__signature__", inspect.Signature(named))  # noqa: B010 (pyright)
+        return make
+
+    return decorate
 
 
 def kind_of(place: str, table: Any, kinds: Collection[str]) -> tuple[str, dict[str, Any]]:

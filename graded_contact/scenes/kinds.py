@@ -39,11 +39,12 @@ from ..sliding import (
 )
 from ..sliding.shear import SHEARS
 from ..surfaces import SelfAffine, Surface, random_surface, rescale
-from .builder import Builder
+from .builder import Builder, with_keys_of
 
 DrawSurface = Callable[[ArrayLike], Surface]  # from a seed
 
 
+@with_keys_of(read_moduli)
 def tabulated(
     path: os.PathLike,
     poisson: float = 0.5,
@@ -55,6 +56,7 @@ def tabulated(
     return Tabulated(*found.table(), poisson, shift=shift)
 
 
+@with_keys_of(SelfAffine)
 def self_affine(
     grid: Grid, amplitudes: str = "exact", q_low: float | None = None, **spectrum: Any
 ) -> DrawSurface:
@@ -81,6 +83,7 @@ def sphere(grid: Grid, radius: float) -> Surface:
     return Surface(-squared / (2 * radius), grid, periodic=False)
 
 
+@with_keys_of(read_surface)
 def measured(
     path: os.PathLike,
     rms_height: float | None = None,
@@ -96,7 +99,7 @@ def measured(
 
 def read_transient(path: os.PathLike, grid: Grid) -> SingleMotion:
     """Returns the motion of a table "time [s], displacement [m]" that need not close."""
-    times, displacement = read_over_time(path, "displacements")[:2]
+    times, displacement = read_over_time(path, "displacements")
     return recorded_transient(times, displacement, grid)
 
 

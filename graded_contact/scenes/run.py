@@ -51,8 +51,15 @@ def run_scene(scene: Scene, **engine: Any) -> "Dataset":
     results = with_places(scene, results)
     if "temperature" in scene.axes and "velocity" in scene.axes:
         results = with_reduced_velocity(scene, results)
-    about = {"title": scene.title, "scene": scene.text, "version": version("graded_contact")}
-    return results.assign_attrs(about)
+    surfaces = [
+        surface for surface in (scene.case(scene.first).rough, scene.block_surface) if surface
+    ]
+    return results.assign_attrs(
+        title=scene.title,
+        scene=scene.text,
+        version=version("graded_contact"),
+        warnings="\n".join(text for surface in surfaces for text in surface.warnings),
+    )
 
 
 def fields_of(scene: Scene) -> tuple[str, ...]:

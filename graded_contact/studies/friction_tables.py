@@ -11,7 +11,7 @@ import numpy as np
 from jax import Array
 
 from ..blocks.stack import Stack, check_at_rest
-from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
+from ..core.checks import Numbers, as_float, check_positive, check_values, short
 from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import NO_FIELD, mean_field_of
 from ..mean_field.refinement import NODES, Nodes, solve_refined
@@ -23,8 +23,8 @@ from ..sliding.slide import slide_case
 from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
 from .dataset import FAILED, NOT_STARTED, package_versions
+from .old_sweep import sweep
 from .parameter_covariance import Errors, with_standard_error
-from .sweep import sweep
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -33,7 +33,6 @@ TableMethod = Literal["contact", "mean_field"]
 _ENGINE = ("store", "workers", "client", "progress")  # arguments of `sweep`
 
 
-@check_types
 def friction_table(
     stack: Stack,
     roughness: Surface | Spectrum | tuple[Numbers, Numbers],

@@ -20,7 +20,6 @@ from ...core.checks import (
     as_float,
     as_scalar,
     check_positive,
-    check_types,
     check_values,
     check_whole,
     is_concrete,
@@ -150,7 +149,6 @@ def _fast(least: float) -> int:
     return 4 * cast(int, scipy.fft.next_fast_len(math.ceil(min(least, 1e15) / 4), real=True))
 
 
-@check_types
 def sinusoidal(
     stroke: ScalarLike,
     frequency: ScalarLike,
@@ -183,7 +181,6 @@ def sinusoidal(
     return Motion(displacement, 1 / frequency)
 
 
-@check_types
 def start_stop(
     stroke: ScalarLike,
     moving: ScalarLike,
@@ -241,7 +238,6 @@ def _least_jerk(x):
     return x**3 * (10 - 15 * x + 6 * x**2)
 
 
-@check_types
 def steady(velocity: ScalarLike, grid: Grid, num_times: int | None = None) -> Motion:
     """Returns steady sliding along x over one cell, s = v t. It is what `slide` solves faster.
 
@@ -267,7 +263,6 @@ def steady(velocity: ScalarLike, grid: Grid, num_times: int | None = None) -> Mo
     return Motion(displacement, length / velocity)
 
 
-@check_types
 def recorded(
     times: Numbers,
     displacement: Numbers,

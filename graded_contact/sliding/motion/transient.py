@@ -18,7 +18,6 @@ from ...core.checks import (
     check_positive,
     check_rows,
     check_type,
-    check_types,
     check_values,
     check_whole,
     is_concrete,
@@ -86,7 +85,6 @@ class SingleMotion(eqx.Module):
         )
 
 
-@check_types
 def dwell(
     duration: ScalarLike, num_times: int | None = None, first: ScalarLike | None = None
 ) -> SingleMotion:
@@ -119,7 +117,6 @@ def dwell(
     return SingleMotion(times, jnp.zeros_like(times))
 
 
-@check_types
 def ramp(
     velocity: ScalarLike, duration: ScalarLike, grid: Grid | None = None,
     num_times: int | None = None,
@@ -138,7 +135,6 @@ def ramp(
     return start(velocity, duration, velocity, grid, num_times)
 
 
-@check_types
 def start(
     velocity: ScalarLike, duration: ScalarLike, before: ScalarLike = 0.0,
     grid: Grid | None = None, num_times: int | None = None,
@@ -174,7 +170,6 @@ def start(
     return SingleMotion(duration * part, duration * moved)
 
 
-@check_types
 def listed(times: Numbers, displacement: Numbers) -> SingleMotion:
     """Returns the motion of given times and displacements, one for each step.
 
@@ -188,11 +183,10 @@ def listed(times: Numbers, displacement: Numbers) -> SingleMotion:
     **Raises:** `ValueError` for a refused argument.
     """
     motion = _table(times, displacement, 1)
-    check_positive("times", motion.times, "[s]", squares=False)
+    check_positive("times", motion.times, "[s]")
     return motion
 
 
-@check_types
 def recorded_transient(times: Numbers, displacement: Numbers, grid: Grid) -> SingleMotion:
     """Returns a measured motion that need not close, in steps that the grid resolves.
 

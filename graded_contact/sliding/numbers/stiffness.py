@@ -28,7 +28,7 @@ from ...contacts.adjoint import LinearSolver, LinearSplitting, opening_by_load
 from ...contacts.area import contact_shares, edge_stiffness
 from ...contacts.operators.operator import Steady, first_mode
 from ...contacts.solver.abstract_solver import penalty_for
-from ...core.checks import as_scalar, check_positive, check_type, check_types
+from ...core.checks import as_scalar, check_positive, check_type
 from ...core.compilation import compiled
 from ...core.quantities import FOUR, TOTAL, of_steady
 from ...fields.grid import wavenumber
@@ -47,7 +47,6 @@ _LACKING = 8.0  # times the share of the squared slope in waves that half the gr
 
 
 @of_steady("k", "Pa/m", "contact stiffness", needs=[STIFFNESS], column=("stiffness\n[Pa/m]", FOUR))
-@check_types
 def contact_stiffness(
     sliding: Sliding,
     *,
@@ -76,7 +75,6 @@ def contact_stiffness(
     r"\delta k", "Pa/m", "estimated error of the contact stiffness", needs=[STIFFNESS],
     column=TOTAL, beside=neighbours_of,
 )  # fmt: skip
-@check_types
 def contact_stiffness_error(
     sliding: Sliding,
     *,
@@ -105,7 +103,6 @@ def contact_stiffness_error(
     return missed * (_FROM_HALF * jnp.abs(own - other) + jnp.abs(own - softer))
 
 
-@check_types
 def contact_conductance(
     sliding: Sliding,
     resistivity: ScalarLike,
