@@ -19,6 +19,7 @@ from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import mean_field_of
 from ..scenes.scene import Scene
 from ..sliding import slide_case
+from ..surfaces import isotropic_spectrum
 from .numbers import middle_of, numbers_of
 
 PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
@@ -49,7 +50,7 @@ class Curves:
     - `numbers`: what varies, see `numbers_of`.
     - `surface`: of the contacts.
     - `kind`: of the contacts, one of `SHOWN`.
-    - `has_curve`: whether there is a mean field: of steady sliding of a periodic surface with a
+    - `has_curve`: whether there is a mean field: of steady sliding of one periodic surface with a
       hard wall. It is computed without the heat of friction.
     """
 
@@ -62,7 +63,10 @@ class Curves:
         self.kind = self.kind if first.times is None else "transient"
         hard = isinstance(first.law, HardWall) and first.law.hardness is None
         moves = self.kind == "steady" and bool(np.any(first.velocity))
-        self.has_curve = moves and hard and first.rough.periodic and first.pressure is not None
+        given = first.pressure is not None and first.block_surface is None
+        rough = first.rough.periodic and first.rough.grid.ndim == 2
+        self.has_curve = moves and hard and given and rough
+        self._spectrum = isotropic_spectrum(self.surface) if self.has_curve else None
         numerics = dataclasses.replace(scene.numerics, rtol=PAGE_RTOL)
         cool = {name: at for name, at in scene.options.items() if name != "heating"}
         without_heat = dataclasses.replace(scene, options=cool)
@@ -73,7 +77,7 @@ class Curves:
         def curve(values):
             def at(speed):
                 case = without_heat.case(self.point({**values, "velocity": speed}))
-                found = mean_field_of(case, throw=False)
+                found = mean_field_of(case, self._spectrum, throw=False)
                 return found.friction, found.contact_area
 
             return jax.lax.map(at, self._speeds())

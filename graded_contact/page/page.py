@@ -40,6 +40,9 @@ GRID = """
 }
 """
 FLOW = ":host {display: flex !important; flex-flow: row wrap; gap: 4px 12px} * {flex: 1 1 280px}"
+# Phones draw a page without this line as wide as on a desk.
+VIEWPORT = """<script>document.head.insertAdjacentHTML("beforeend",
+'<meta name="viewport" content="width=device-width, initial-scale=1">')</script>"""
 TEXT = """
 * {font-family: system-ui, sans-serif; color: #2b2f36; margin: 0}
 .numbers {display: flex; flex-wrap: wrap; gap: 2px 28px; align-items: baseline}
@@ -168,7 +171,9 @@ class Page(pn.viewable.Viewer):
             pn.Card(*some, title=group, collapsed=group.endswith("more"), **WIDE)
             for group, some in groups.items()
         ]
-        head = pn.Column(self._head, pn.Row(self._busy, self._status, **WIDE), **WIDE)
+        title = f"<h1>{html.escape(self.curves.scene.title)}</h1>{VIEWPORT}"
+        title = pn.pane.HTML(title, stylesheets=[TEXT], **WIDE)
+        head = pn.Column(title, self._head, pn.Row(self._busy, self._status, **WIDE), **WIDE)
         below = (self.pin, self.ask, self.file_name, self.save_button, self.saved)
         side = pn.Column(*cards, *below, **WIDE)
         flow: Any = {"stylesheets": [FLOW], **WIDE}
@@ -294,8 +299,7 @@ class Page(pn.viewable.Viewer):
                 change = 100 * (self._known[name][0] / pinned[name][0] - 1)
                 words += f", {change:+.1f} % of the pinned {in_words(name, *pinned[name])}"
             cells.append(f"<div><b>{text}</b><span>{words}</span></div>")
-        title = f"<h1>{html.escape(self.curves.scene.title)}</h1>"
-        self._head.object = f"{title}<div class=numbers>{''.join(cells)}</div>"
+        self._head.object = f"<div class=numbers>{''.join(cells)}</div>"
 
     def _pin(self, pinned: bool) -> None:
         self.pinned = (self.curve, self._known) if pinned else None
