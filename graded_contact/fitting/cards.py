@@ -36,7 +36,8 @@ def toml_table(material: Prony, name: str) -> str:
     if material.measured is not None:
         entries["measured"] = _fields(material.measured)
     lines = [f"{key} = {_in_toml(entry)}" for key, entry in entries.items()]
-    return "\n".join([f"[materials.{json.dumps(name)}]", *lines, ""])
+    bare = name.isascii() and name.replace("-", "_").isidentifier()
+    return "\n".join([f"[materials.{name if bare else json.dumps(name)}]", *lines, ""])
 
 
 def abaqus_card(material: Prony, name: str) -> str:
