@@ -53,19 +53,19 @@ def fit(
                 temperature=kelvin,
             )
         except NotPlain as error:
-            raise ValueError(error.with_remedy(error.flags)) from error
+            raise ValueError(error.with_remedy(f"Options to add: {error.flags}")) from error
         if kind not in (None, measured.kind):
             raise ValueError(f"`kind` is {kind}, but the files are of kind {measured.kind}.")
         isotherms = measured.isotherms()
         if len(isotherms) == 1:
             x, values = measured.abscissa, measured.values
             found = fit_prony(x, values, kind=measured.kind, terms=terms, poisson=poisson)
-            figure = plot_fit(found)
+            material, figure = found.material, plot_fit(found)
         else:
             found = master_curve(isotherms, law=law, terms=terms, poisson=poisson)
-            figure = plot_master_curve(found)
+            material, figure = found.exported(), plot_master_curve(found)
         name = moduli_files[0].stem
-        table = toml_table(found.material, name)
+        table = toml_table(material, name)
         folder = output or Path(f"{name}-fit")
         folder.mkdir(parents=True, exist_ok=True)
         (folder / f"{name}.toml").write_text(table, "utf-8")
@@ -80,5 +80,5 @@ def pairs(option: str, texts: list[str] | None) -> dict[str, str | int] | None:
         name, equals, value = text.partition("=")
         if not equals:
             raise ValueError(f"`--{option} {text}` must be NAME=VALUE.")
-        found[name] = int(value) if value.isdecimal() else value
+        found[name] = int(value) if value.isdecimal() else value.replace("\\t", "\t")
     return found or None

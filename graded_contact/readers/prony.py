@@ -8,10 +8,11 @@ import numpy as np
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
 from ..materials.material import Prony
 from .columns import Quantity, understood
-from .tables import Layout, Table, read_table, source_of
+from .source import Layout, source_of
+from .tables import Table, read_table
 
 _SERIES = {
-    "time": Quantity("time", r"(tau|τ|t)[ijk]?|(relaxation|rel)times?"),
+    "time": Quantity("time", r"(tau|τ)[ijk]?|t[ijk]|(relaxation|rel)times?"),
     "modulus": Quantity("modulus", r"[EG][ijk]?|modulus|(mode|branch)modulus|strengths?"),
     "ratio": Quantity("ratio", r"[ge][ijk]|ratio|weights?|(rel|relative)mod(ulus)?", "1"),
 }
