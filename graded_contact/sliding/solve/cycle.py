@@ -13,7 +13,7 @@ coupling of its traction is that of `isothermal.py`.
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ...blocks.stack import Stack, films_of
+from ...blocks.stack import Stack
 from ...contacts.inputs import loading_of
 from ...contacts.law import check_one_law
 from ...contacts.operators.space_time import SpaceTime, at_rest, in_motion
@@ -30,8 +30,7 @@ from ...materials.coverage import coverage
 from ...response.grading import graded_tolerance
 from ...surfaces.surface import check_periodic
 from ..bodies import Counterface, Coupling, middle_of
-from ..case import Case
-from ..facts import facts_of
+from ..case import Case, facts_of
 from ..motion.over_period import components
 from ..numerics import Numerics
 from ..problem import CycleProblem, Posed
@@ -70,8 +69,7 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
         heights=surface.heights, grid=grid, law=law, displacement=case.displacement,
         period=case.period, shear=sheared, coupling=coupling, counterface=counterface,
         block_heights=own,
-        measured_range=coverage(case.stack), prescribed=case.prescribed,
-        films=tuple(map(films_of, case.bodies)), facts=facts_of(case),
+        measured_range=coverage(case.stack), prescribed=case.prescribed, facts=facts_of(case),
     )  # fmt: skip
     return Posed(problem, load, True if how.throw else reached)
 
