@@ -9,6 +9,7 @@ minimises, and of fit/measured - 1. The floor of the latter is that of non-negat
 
 import numpy as np
 import prony_peers as peers
+from matplotlib.figure import Figure
 from prony_peers import (
     ISOTHERMS,
     MASTER_CURVES,
@@ -24,7 +25,7 @@ from rows import ROOT, goal, run, show
 
 import graded_contact as gc
 from graded_contact.fitting.master import master_curve
-from graded_contact.plot.style import COLOURS, PAGE, new_figure, styled
+from graded_contact.plot.style import COLOURS, PAGE, styled
 
 # errors -------------------------------------------------------------------------------------
 
@@ -130,7 +131,7 @@ def fitted_to_shifted(isotherms, log10_shifts):
 def plot_errors(panels, target):
     columns = 4
     rows = -(-len(panels) // columns)
-    figure = new_figure(PAGE, 1.8 * rows + 0.3)
+    figure = Figure(figsize=(PAGE, 1.8 * rows + 0.3))
     axes = figure.subplots(rows, columns, squeeze=False)
     for panel in axes.flat[len(panels) :]:
         panel.set_axis_off()

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from graded_contact.materials.library import tyre_tread
 from graded_contact.plot.style import (
@@ -11,7 +12,6 @@ from graded_contact.plot.style import (
     PAGE,
     TEMPERATURES,
     few_powers_of_ten,
-    new_figure,
     ordered,
     styled,
 )
@@ -23,7 +23,7 @@ Rows = list[dict[str, str]]
 def _panels(rows: Rows, by: str, line: str, time: str, error: str, marks: str) -> Any:
     """A panel for each of what stands in column `by`, a line for each of `line`."""
     names = list(dict.fromkeys(row[by] for row in rows))
-    figure = new_figure(PAGE, 2.9)
+    figure = Figure(figsize=(PAGE, 2.9))
     panels: Any = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
     for panel, name in zip(panels, names, strict=True):
         here = [row for row in rows if row[by] == name]
@@ -59,7 +59,7 @@ HOT = 150.0  # K, rises above it have no meaning for a rubber
 @styled
 def measurement(rows: Rows) -> Any:
     """Parts of friction over velocity, a colour for each temperature; points are contacts."""
-    figure = new_figure(PAGE, 5.6)
+    figure = Figure(figsize=(PAGE, 5.6))
     panels: Any = figure.subplots(2, 2).ravel()
     names = ("hysteresis", "shear", "friction", "friction")
     celsius = list(dict.fromkeys(float(row["temperature [C]"]) for row in rows))
@@ -99,7 +99,7 @@ def measurement(rows: Rows) -> Any:
 def neural_profile(found: dict[str, Any]) -> Any:
     """A trained profile over height, and the friction before and after."""
     heights, velocities = np.linspace(0, 1, 101), found["velocities"]
-    figure = new_figure(PAGE, 2.9)
+    figure = Figure(figsize=(PAGE, 2.9))
     panels: Any = figure.subplots(1, 2)
     for name, factor in zip(
         ("modulus", "relaxation times"), found["trained"].factors(heights), strict=True
@@ -117,7 +117,7 @@ def neural_profile(found: dict[str, Any]) -> Any:
 @styled
 def rubber(rows: Rows) -> Any:
     """The friction of a sphere over velocity, beside numbers that were read from a figure."""
-    figure = new_figure(COLUMN, 2.4)
+    figure = Figure(figsize=(COLUMN, 2.4))
     axes = figure.subplots()
 
     def column(name, of):
@@ -138,7 +138,7 @@ def rubber(rows: Rows) -> Any:
 @styled
 def coats(rows: Rows) -> Any:
     """The highest pressure under a sphere on one coat, by three sources."""
-    figure = new_figure(COLUMN, 2.4)
+    figure = Figure(figsize=(COLUMN, 2.4))
     axes = figure.subplots()
     found = [row for row in rows if row["scene"].startswith("one coat")]
     ratios = [float(row["scene"].partition("= ")[2]) for row in found]
@@ -162,7 +162,7 @@ def coats(rows: Rows) -> Any:
 @styled
 def adhesion(rows: Rows) -> Any:
     """Pull-off forces of an adhesive sphere between both limits."""
-    figure = new_figure(COLUMN, 2.4)
+    figure = Figure(figsize=(COLUMN, 2.4))
     axes = figure.subplots()
     for name, marks, label in (
         ("pull-off", "o", "here"),

@@ -6,6 +6,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+import xarray
 
 import graded_contact as gc
 from graded_contact.scenes.scene_file import parse_scene
@@ -99,14 +100,15 @@ def of_materials():
     isotherms = [isotherm(kelvin) for kelvin in np.arange(253.15, 334, 10)]
     curve = gc.master_curve(isotherms, vertical_shift_std=0.1, terms=7, poisson=0.49)
     save("master_curve", gc.plot.plot_master_curve(curve))
-    save("van_gurp_palmen", gc.plot.plot_van_gurp_palmen(curve))
     save("fit", gc.plot.plot_fit(gc.fit_prony(*isotherms[4][1:], terms=4, poisson=0.49)))
 
 
 def of_studies():
     texts = (SCENE, SCENE.replace("[base]", COAT + "[base]"))
     results = [gc.plan(parse_scene(text)).run() for text in texts]
-    save("compare", gc.plot.plot_compare(results, ["bare", "100 µm coat"]))
+    both = xarray.concat(results, "block", join="override", combine_attrs="drop")
+    both = both.assign_coords(block=["bare", "100 µm coat"])
+    save("compare", gc.plot.plot_sweep(both))
     spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=32 * Q0)
 
     def friction(x):
@@ -121,7 +123,7 @@ def of_studies():
         constraints=lambda x: jnp.stack([1 - x["thickness"] / 1e-4, 1 - x["modulus"] / 1e7]),
         num_starts=4,
     )  # fmt: skip
-    save("history", gc.plot.plot_history(design))
+    save("search", gc.plot.plot_search(design))
 
 
 of_contacts()

@@ -1,6 +1,6 @@
 """The command `graded-contact`: it parses, runs a job, prints a table, writes HDF5 and figures.
 
-Exit codes: 0 success; 1 a solve failed or did not converge, or a design misses its target; 2 the
+Exit codes: 0 success; 1 a solve failed or did not converge; 2 the
 input was refused; 130 and 143 ended by Ctrl-C or SIGTERM, with the finished solves written.
 """
 
@@ -11,13 +11,10 @@ from typing import Annotated
 import typer
 
 from . import __version__
-from .command.compare import compare
-from .command.design import design
 from .command.explore import show_page
 from .command.fit import fit
 from .command.friction_table import table
 from .command.new import new
-from .command.report import report
 from .command.run import demo, info, run
 from .command.spelling import spell_missing_characters
 from .command.terminal import prepare
@@ -49,7 +46,7 @@ def main(
     prepare()
 
 
-for job in (demo, new, run, info, report, table, compare, fit, design):
+for job in (demo, new, run, info, table, fit):
     app.command()(job)
 app.command("explore")(show_page)
 

@@ -17,7 +17,7 @@ from ..fitting.prony import fit_prony
 from ..fitting.wild import wild_values, without
 from ..materials.material import Prony
 from ..materials.measured import Measured
-from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
+from ..plot import plot_fit, plot_master_curve
 from ..readers.decisions import Options
 from ..readers.moduli import read_moduli
 from ..readers.prony import prony_in
@@ -212,8 +212,6 @@ def fitted(measured: Measured, law: str, **arguments: Any) -> MaterialFit:
         return MaterialFit(found.material, errors, found.report(), {"": plot_fit(found)})
     curve = master_curve(isotherms, law=law, **arguments)
     figures = {"": plot_master_curve(curve)}
-    if kind == "frequency":
-        figures["-van-gurp-palmen"] = plot_van_gurp_palmen(curve)
     material = curve.exported()
     errors = errors_of_fit(curve, material)
     return MaterialFit(material, errors, curve.report(), figures, curve.caveats())

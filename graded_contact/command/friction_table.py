@@ -14,7 +14,7 @@ from ..core.checks import check_values
 from ..core.display import UNKNOWN
 from ..core.quantities import STEADY, in_brackets
 from ..exports.friction_cards import export_friction
-from ..plot.words import kelvin
+from ..plot.sweeps import kelvin
 from ..scenes.described import described
 from ..scenes.plan import build_surface, plan
 from ..scenes.scene import Scene

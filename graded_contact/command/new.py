@@ -13,7 +13,7 @@ from typer import Argument, Option
 from ..blocks.stack import LIQUID
 from ..core.escaping import in_comment
 from ..materials.material import Prony
-from ..plot.words import kelvin
+from ..plot.sweeps import kelvin
 from ..readers.topography import read_surface
 from ..scenes.plan import plan
 from ..scenes.proposal import ProposedLoad, proposed_load

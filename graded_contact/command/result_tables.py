@@ -20,7 +20,7 @@ from ..core.quantities import (
     in_brackets,
 )
 from ..designs.results import NO_ERROR
-from ..plot.words import place_of, title_of
+from ..plot.sweeps import place_of, title_of
 from ..scenes.results import (
     FLOWS,
     has_numbers,
@@ -198,7 +198,7 @@ def _heads(results: "Dataset") -> Iterator[str]:
     yield "pressure\n[MPa]" if load == "pressure" else "approach\n[m]"
     for name in map(str, others):
         unit = results[name].attrs.get("units", "1")
-        head = name if name in AXES else title_of(name, results.attrs["scene"])
+        head = name if name in AXES else title_of(name)
         yield head.replace(" ", "\n", 1) + in_brackets(unit)
 
 

@@ -13,12 +13,10 @@ import typer
 
 from .. import plot
 from ..core.checks import nearest, within
-from ..core.escaping import in_figure
 from ..core.quantities import TRANSIENT
 from ..fields.frequency import velocity_along
 from ..plot.style import entitle
-from ..plot.sweeps import NOTHING
-from ..plot.words import not_gaussian, place_of
+from ..plot.sweeps import place_of
 from ..scenes.plan import Plan, plan
 from ..scenes.results import (
     has_numbers,
@@ -289,7 +287,7 @@ def figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tupl
     `decided` says which moduli decide the friction, see `what_decides`.
     """
     if not np.any(has_numbers(results)):
-        typer.echo(NOTHING)
+        typer.echo("No solve succeeded: no figure is drawn.")
         return
     if "time" in results.dims:
         if not np.all(np.isnan(results["friction"])):
@@ -297,13 +295,16 @@ def figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tupl
             draw = plot.plot_transient if once else plot.plot_cycle
             yield "history" if once else "cycle", draw(results)
         return
-    yield "sweep", plot.plot_sweep(results, all_seeds=all_seeds)
+    yield "sweep", plot.plot_sweep(results)
     if "flow_along_x" in results:
-        yield "leakage", plot.plot_leakage(results)
+        flows = [n for n in ("leakage_along_x", "leakage_along_y") if n in results]
+        flows = flows or ["flow_along_x", "flow_along_y"]
+        along = "pressure" if results.sizes["pressure"] > 1 else None
+        yield "leakage", plot.plot_sweep(results, flows, along)
     if not np.any(results["velocity"]):
         return  # a master curve over a_T v has one point
     if "reduced_velocity" in results:
-        yield "master", plot.plot_reduced(results)
+        yield "master", plot.plot_sweep(results, along="reduced_velocity")
     elif "master_curve" in results.attrs:
         typer.echo(results.attrs["master_curve"])
     if decided:
@@ -321,7 +322,7 @@ def contacts(
         typer.echo("The surfaces do not touch: no maps are drawn.")
         return
     solve = results.isel(dict(zip(results["message"].dims, index, strict=True)))
-    at, title = solve["message"], in_figure(place_of(solve))
+    at, title = solve["message"], place_of(solve)
     if "time" in results.dims:
         drawn = {"film": plot.plot_film(fields, surface)}
     else:
@@ -330,7 +331,7 @@ def contacts(
         drawn = {"contact": plot.plot_sliding(fields, surface, velocity)}
         if scene is not None and surface.periodic:
             theory = mean_field_at(scene, surface, index)
-            drawn["distributions"] = plot.plot_distributions(fields, theory, surface)
+            drawn["distributions"] = plot.plot_distributions(fields, theory)
             if not without_friction(solve):
                 pressure, moved = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
                 waves = cumulative_friction(pressure, moved, surface.grid, velocity)
@@ -338,7 +339,6 @@ def contacts(
                 if theory is not None:
                     curves["mean field"] = theory.against_cutoff
                 drawn["dissipation"] = plot.plot_dissipation(curves)
-                entitle(drawn["dissipation"], not_gaussian(surface))
     for key, figure in drawn.items():
         entitle(figure, title)
         yield "-".join(map(str, (key, *(index if num_kept > 1 else ())))), figure

@@ -19,7 +19,6 @@ from rich.console import Console
 
 from ..core.compilation import LESS_WORK, keep_small_programs
 from ..core.files import check_folder, check_name, full_path
-from ..plot.style import caption
 from ..scenes.scene import Scene
 from ..studies.dataset import write_whole
 from ..studies.interruption import Interruption
@@ -137,12 +136,11 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
 
 
 def save_figure(figure: "Figure", path: Path, form: str) -> None:
-    """Writes a figure with its caption, and prints both path and caption."""
-    text, content = caption(figure), io.BytesIO()
-    key = "Subject" if form == "pdf" else "Description"  # a name that each format has
-    figure.savefig(content, format=form, metadata={key: text})
+    """Writes a figure, and prints its path."""
+    content = io.BytesIO()
+    figure.savefig(content, format=form)
     write_whole(path, content.getvalue())
-    typer.echo(f"wrote {path}\n  {text}")
+    typer.echo(f"wrote {path}")
 
 
 def cache_folder() -> Path | None:

@@ -7,12 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import panel as pn
 
-from ..core.display import time_unit
 from ..core.quantities import TRANSIENT
-from ..plot.cycles import plot_film, plot_transient
-from ..plot.slider import DOTS_PER_INCH, slider
-from ..plot.style import caption
-from ..plot.words import place_of
+from ..plot.motion import plot_film, plot_transient
+from ..plot.sweeps import place_of
 from ..scenes.results import (
     has_numbers,
     kept_contact,
@@ -50,8 +47,8 @@ def transient_page(results: "Dataset") -> pn.Column:
     told = filter(None, [results.attrs["title"], *results.attrs["caveats"].split("\n")])
     parts: list[Any] = [heading(text) for text in told]
     figure, picture = plot_transient(results), io.BytesIO()
-    figure.savefig(picture, dpi=DOTS_PER_INCH)
-    parts.append(pn.pane.PNG(picture.getvalue(), alt_text=caption(figure), **WIDE))
+    figure.savefig(picture, dpi=110)
+    parts.append(pn.pane.PNG(picture.getvalue(), **WIDE))
     for index in kept_solves(results)[-1:]:
         parts += _film(results, index)
     return pn.Column(*parts, styles={"background": "white"}, **WIDE)
@@ -60,10 +57,6 @@ def transient_page(results: "Dataset") -> pn.Column:
 def _film(results: "Dataset", index: tuple[int, ...]) -> tuple[Any, Any]:
     """The numbers of a solve on the axes, and the slider over its contact."""
     fields, surface = kept_contact(results, index)
-    unit, factor = time_unit(float(fields["field_time"][-1]))
-    times = (factor * fields["field_time"]).values.tolist()
-    film = slider(
-        lambda time: plot_film(fields, surface, [times.index(time)]), times, f"time [{unit}]"
-    )
+    film = pn.pane.Matplotlib(plot_film(fields, surface), tight=True)
     solve = results.isel(dict(zip(results["message"].dims, index, strict=True)))
-    return heading(place_of(solve)), pn.pane.HTML(film._repr_mimebundle_()["text/html"], **WIDE)
+    return heading(place_of(solve)), film

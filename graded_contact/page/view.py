@@ -9,7 +9,6 @@ import panel as pn
 
 from ..core.display import number, with_error
 from ..core.escaping import in_html
-from ..plot.contact import masked_fields
 from ..readers.moduli import read_moduli
 from ..readers.topography import read_surface
 from ..scenes.described import base_name, layers_in_words
@@ -244,3 +243,13 @@ def _headline(shown: ShownPoint | None, pinned: ShownPoint | None) -> str:
             change = f"<i>{100 * (value / old - 1):+.3g} %<u> from pinned</u></i>"
         text += f"<div><span>{title}{change}</span><b>{spelt}</b></div>"
     return f'<div class="head">{text}</div>'
+
+
+def masked_fields(sliding):
+    """Returns pressure [Pa] and gap [m], NaN where there is none: out of contact, and in it."""
+    pressure, gap = np.asarray(sliding.pressure), np.asarray(sliding.gap)
+    touches = pressure > 0
+    return {
+        "pressure": np.where(touches, pressure, np.nan),
+        "gap": np.where(touches, np.nan, np.maximum(gap, 0)),
+    }

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import panel as pn
 import param
 
-from ..plot.words import ZERO_CELSIUS
+from ..plot.sweeps import ZERO_CELSIUS
 from .knobs import Knob
 
 POSITIONS = 400  # of a slider

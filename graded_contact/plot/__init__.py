@@ -1,27 +1,32 @@
-"""Figures of contacts, sweeps and stacks, with axes in units that suit their size.
+"""Figures: results or an object in, a Matplotlib figure out.
 
 All have the style `STYLE`: colours that suit any kind of colour vision, the widths of the columns
 of a journal, and fonts that journals accept. Figures are made without pyplot: they need no display,
-and you need not close them. Save one with `figure.savefig("name.pdf")`.
+and you need not close them. Save one with `figure.savefig("name.pdf")`, or give `axes` of your own.
 """
 
-from ..core.deprecation import old_names
 from .contact import plot_dissipation, plot_distributions, plot_sliding
-from .cycles import plot_cycle, plot_film, plot_transient
-from .designs import plot_design, plot_history
-from .master_curves import plot_master_curve, plot_van_gurp_palmen
-from .material_curves import plot_fit, plot_response, plot_sensitivity
-from .slider import slider
-from .spectra import plot_spectra
+from .materials import plot_fit, plot_master_curve, plot_response, plot_sensitivity
+from .motion import plot_cycle, plot_film, plot_transient
+from .search import plot_search
 from .style import COLOURS, COLUMN, PAGE, STYLE
-from .sweeps import plot_compare, plot_leakage, plot_reduced, plot_sweep
+from .sweeps import plot_sweep
 
 __all__ = [
-    "COLOURS", "COLUMN", "PAGE", "STYLE", "plot_compare", "plot_cycle", "plot_design",
-    "plot_dissipation", "plot_distributions", "plot_film", "plot_fit", "plot_history",
-    "plot_leakage", "plot_master_curve", "plot_reduced", "plot_response", "plot_sensitivity",
-    "plot_sliding", "plot_spectra", "plot_sweep", "plot_transient", "plot_van_gurp_palmen",
-    "slider",
-]  # fmt: skip
-
-__getattr__ = old_names(__name__)
+    "COLOURS",
+    "COLUMN",
+    "PAGE",
+    "STYLE",
+    "plot_cycle",
+    "plot_dissipation",
+    "plot_distributions",
+    "plot_film",
+    "plot_fit",
+    "plot_master_curve",
+    "plot_response",
+    "plot_search",
+    "plot_sensitivity",
+    "plot_sliding",
+    "plot_sweep",
+    "plot_transient",
+]

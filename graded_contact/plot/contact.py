@@ -8,26 +8,33 @@ from jaxtyping import ArrayLike
 
 from ..core.checks import as_float
 from ..core.display import unit_of, with_unit
-from ..core.escaping import in_figure
-from ..core.quantities import FIELDS, STEADY
 from ..mean_field.mean_field import MeanField, pressure_distribution
 from ..sliding.result import Sliding
 from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface
-from .inputs import FIELDS_OF_ONE, check_drawn, labelled
-from .style import COLOURS, PAGE, PRESSURES, entitle, few_powers_of_ten, finished, new_figure
-from .words import not_gaussian
+from .style import (
+    COLOURS,
+    PAGE,
+    PRESSURES,
+    colours_of,
+    entitle,
+    few_powers_of_ten,
+    finished,
+    mosaic_of,
+    panels,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-# Colours of a map, the exponent of their scale, and the colour of a profile.
+# Words, symbol, unit, colours of a map, exponent of their scale, and the colour of a profile.
 LOOKS = {
-    "heights": ("cividis", 1.0, COLOURS[0]),
-    "pressure": (PRESSURES, 0.5, COLOURS[1]),  # most of the contact is far from its peak
-    "gap": ("magma", 1.0, COLOURS[2]),
+    "heights": ("height into the solid", "h", "m", "cividis", 1.0, COLOURS[0]),
+    # Most of the contact is far from its peak.
+    "pressure": ("contact pressure", r"\sigma", "Pa", PRESSURES, 0.5, COLOURS[1]),
+    "gap": ("gap", "u", "m", "magma", 1.0, COLOURS[2]),
 }
 FINEST_OUTLINE = 1024  # points along an edge that an outline can show
 BINS = 50
@@ -39,66 +46,66 @@ FULL_CONTACT = "full contact: there is no gap"
 
 @finished
 def plot_sliding(
-    sliding: "Sliding | Dataset", surface: Surface, velocity: ArrayLike | Sequence[float] = 0.0
+    sliding: "Sliding | Dataset",
+    surface: Surface,
+    velocity: ArrayLike | Sequence[float] = 0.0,
+    *,
+    axes: Any = None,
 ) -> "Figure":
     """Returns a figure of heights, contact pressure and gap: maps, or lines of a profile.
 
-    On the heights the contact has an outline, between points in contact and points out of contact,
-    or thick pieces on a profile. Pressure is white out of contact, gap is white in contact; in full
-    contact there is no gap to show. The colours of the pressure follow the square root. Labels give
-    the range of outliers, which lie beyond the scale.
+    The contact has an outline on the map of the heights, and is thick on a profile. Pressure is
+    white out of contact; gap is white in contact, and has no panel in full contact. The colours of
+    the pressure follow the square root. Labels give the range of outliers beyond the scale.
 
     **Arguments:**
 
-    - `sliding`: a solution of `slide`, or the first of `kept_contact(results, index)`.
+    - `sliding`: a result of `slide`, or anything else with `pressure` [Pa] and `gap` [m].
     - `surface`: the surface that slides.
     - `velocity`: of the surface [m/s], as in `slide`. An arrow shows its direction if it is not 0.
+    - `axes`: three panels to draw in (two in full contact), by default those of a new figure.
     """
-    check_drawn("sliding", sliding, STEADY, FIELDS_OF_ONE)
     heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
-    fields = {"heights": heights - np.mean(heights), **masked_fields(sliding)}
-    if not np.any(np.isfinite(fields["gap"])):
-        del fields["gap"]
-    count = len(fields)
-    if heights.ndim == 1:
-        figure = new_figure(PAGE, 0.5 + 1.3 * count)
-        panels = figure.subplots(count, 1, sharex=True)
-    else:
-        tall = 1.0 + 2.1 * float(np.clip(size[1] / size[0], 0.5, 2.0))
-        figure = new_figure(PAGE * count / 3, tall)
-        panels = figure.subplots(1, count, sharex=True, sharey=True)
-    for axes, (name, values) in zip(panels, fields.items(), strict=True):
-        _draw_field(axes, name, values, size)
-        axes.label_outer()
-    _draw_outline(panels[0], np.asarray(sliding.pressure), np.asarray(sliding.gap), size)
-    if "gap" not in fields:
-        entitle(figure, FULL_CONTACT)
-    _draw_direction(panels[1], np.atleast_1d(as_float(velocity, "velocity")))
-    return figure
-
-
-def masked_fields(sliding: "Sliding | Dataset") -> dict[str, np.ndarray]:
-    """Returns pressure [Pa] and gap [m], NaN where there is none: out of contact, and in it."""
     pressure, gap = np.asarray(sliding.pressure), np.asarray(sliding.gap)
     touches = pressure > 0
-    return {
+    fields = {
+        "heights": heights - np.mean(heights),
         "pressure": np.where(touches, pressure, np.nan),
         "gap": np.where(touches, np.nan, np.maximum(gap, 0)),
     }
+    if np.all(touches):
+        del fields["gap"]
+    count = len(fields)
+    if heights.ndim == 1:
+        whole = (PAGE, 0.5 + 1.3 * count)
+        shown = panels(axes, mosaic_of(count, 1), whole, sharex=True)
+    else:
+        tall = 1.0 + 2.1 * float(np.clip(size[1] / size[0], 0.5, 2.0))
+        whole = (PAGE * count / 3, tall)
+        shown = panels(axes, mosaic_of(count, count), whole, sharex=True, sharey=True)
+    for panel, (name, values) in zip(shown, fields.items(), strict=True):
+        _draw_field(panel, name, values, size)
+        panel.label_outer()
+    _draw_outline(shown[0], pressure, gap, size)
+    _draw_direction(shown[1], np.atleast_1d(as_float(velocity, "velocity")))
+    figure = shown[0].get_figure(root=True)
+    if "gap" not in fields:
+        entitle(figure, FULL_CONTACT)
+    return figure
 
 
 def _draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -> None:
-    """Draws a field named in `LOOKS` over a cell [m]: a map with its bar, or the line of a profile.
+    """Draws a field named in `LOOKS` over a period [m]: a map with its bar, or a profile.
 
     Where a map is white, because values are NaN, a line runs at zero.
     """
     from matplotlib.colors import PowerNorm
     from matplotlib.ticker import MaxNLocator
 
-    colours, exponent, colour = LOOKS[name]
-    low, high, extend, outliers = _range_of(values, FIELDS[name].unit)
-    unit, scale = unit_of(FIELDS[name].unit, max(abs(low), abs(high)))
-    words, label = FIELDS[name].meaning, f"[{unit}]{outliers}"
+    words, _, base, colours, exponent, colour = LOOKS[name]
+    low, high, extend, outliers = _range_of(values, base)
+    unit, scale = unit_of(base, max(abs(low), abs(high)))
+    label = f"[{unit}]{outliers}"
     if values.ndim == 1:
         draw_profile(axes, scale * np.nan_to_num(values), size, color=colour)
         if outliers:
@@ -108,10 +115,16 @@ def _draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -
         return
     norm = PowerNorm(exponent, scale * low, scale * high)
     image = draw_map(axes, scale * values, size, cmap=colours, norm=norm)
-    axes.figure.colorbar(
-        image, ax=axes, orientation="horizontal", shrink=0.9, pad=0.02, ticks=MaxNLocator(5),
-        extend=extend, label=f"{words} {label}",
-    )  # fmt: skip
+    axes.get_figure(root=True).colorbar(
+        image,
+        ax=axes,
+        orientation="horizontal",
+        shrink=0.9,
+        pad=0.02,
+        ticks=MaxNLocator(5),
+        extend=extend,
+        label=f"{words} {label}",
+    )
 
 
 def _range_of(values: np.ndarray, base: str) -> tuple[float, float, str, str]:
@@ -143,7 +156,7 @@ def draw_profile(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: An
 
 
 def draw_map(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -> Any:
-    """Draws values over a cell [m], x to the right and y upwards."""
+    """Draws values over a period [m], x to the right and y upwards."""
     from matplotlib.ticker import MaxNLocator
 
     unit, factor = unit_of("m", np.max(size))
@@ -190,40 +203,42 @@ def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
     around = OffsetFrom(axes, (0.5, 0.84), "points")
     halo = [withStroke(linewidth=4, foreground="white")]
     axes.annotate(
-        "sliding", tuple(30 * along), xycoords=around, xytext=tuple(-14 * along), textcoords=around,
-        ha="center", va="center", path_effects=halo, zorder=5,
+        "sliding",
+        tuple(30 * along),
+        xycoords=around,
+        xytext=tuple(-14 * along),
+        textcoords=around,
+        ha="center",
+        va="center",
+        path_effects=halo,
+        zorder=5,
         arrowprops={"arrowstyle": "-|>", "color": "black", "path_effects": halo},
-    )  # fmt: skip
+    )
 
 
 @finished
 def plot_distributions(
-    sliding: "Sliding | Dataset",
-    mean_field: MeanField | None = None,
-    surface: Surface | None = None,
+    sliding: "Sliding | Dataset", mean_field: MeanField | None = None, *, axes: Any = None
 ) -> "Figure":
     """Returns a figure of the distributions of contact pressure and gap.
 
-    Densities are over the nominal area: that of the pressure has the contact area as its integral.
-    In full contact there is no gap to show.
-    In Persson's theory the pressure has a Gaussian distribution less its mirror image.
+    Densities are over the nominal area: the integral of the first is the contact area. In full
+    contact the gap has no panel. In Persson's theory the pressure has a Gaussian distribution less
+    its mirror image; the theory is for Gaussian heights.
 
     **Arguments:**
 
     - `sliding`: as in `plot_sliding`.
     - `mean_field`: the result of `mean_field_friction` for the same contact, to compare with.
-    - `surface`: the surface that slides; the figure says if its heights are not Gaussian, as those
-      of the theory are.
+    - `axes`: two panels to draw in (one in full contact), by default those of a new figure.
     """
-    check_drawn("sliding", sliding, STEADY, FIELDS_OF_ONE)
     pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)
     open_points = (pressure <= 0) & (gap > 0)
     count = 1 + bool(np.any(open_points))
-    figure = new_figure(PAGE * count / 2, 2.7)
-    left, *right = figure.subplots(1, count, squeeze=False)[0]
+    left, *right = shown = panels(axes, mosaic_of(count, count), (PAGE * count / 2, 2.7))
     reach = 0.0
     if mean_field is not None:
-        # The axis shows the theory too, whose tail may go beyond that of the contact.
+        # The axis shows the theory too, whose tail may go beyond the contact's.
         deviation = float(mean_field.stress_variance[-1]) ** 0.5
         reach = float(np.nan_to_num(mean_field.pressure + SHOWN_DEVIATIONS * deviation))
     high, scale = _draw_density(left, "pressure", pressure, pressure > 0, reach, "contact")
@@ -231,17 +246,16 @@ def plot_distributions(
         stress = np.linspace(0, high, 400)
         density = np.asarray(pressure_distribution(mean_field, stress))[-1]
         left.plot(scale * stress, density / scale, color=COLOURS[1], label="Persson's theory")
-    for axes in right:
-        _, scale = _draw_density(axes, "gap", gap, open_points)
+    for panel in right:
+        _, scale = _draw_density(panel, "gap", gap, open_points)
         label = f"mean gap {with_unit(float(np.mean(gap)), 'm')}"
-        # The mean is over all points, also those in contact.
-        axes.axvline(scale * np.mean(gap), color="0.3", lw=0.8, linestyle="--", label=label)
-    for axes in (left, *right):
-        axes.set(xlim=(0, None), ylim=(0, None))
+        # The mean is over all points, in contact or not.
+        panel.axvline(scale * np.mean(gap), color="0.3", lw=0.8, linestyle="--", label=label)
+    for panel in shown:
+        panel.set(xlim=(0, None), ylim=(0, None))
+    figure = left.get_figure(root=True)
     if not right:
         entitle(figure, FULL_CONTACT)
-    if mean_field is not None and surface is not None:
-        entitle(figure, not_gaussian(surface))
     return figure
 
 
@@ -252,19 +266,21 @@ def _draw_density(axes, name, values, counted, high=0.0, label=None) -> tuple[fl
     """
     found = values[counted & np.isfinite(values)]
     high = max(high, float(np.quantile(found, SHOWN_SHARE))) if found.size else high or 1.0
-    unit, scale = unit_of(FIELDS[name].unit, high)
+    words, symbol, base, *_ = LOOKS[name]
+    unit, scale = unit_of(base, high)
     counts, edges = np.histogram(scale * found, BINS, (0, scale * high or 1))
     # Over all points, not over those that count: the integral is their share of the area.
     density = counts / (len(values) * np.diff(edges))
     axes.stairs(density, edges, fill=True, color=COLOURS[0], alpha=0.35)
     axes.stairs(density, edges, color=COLOURS[0], linewidth=0.8, label=label)
-    quantity = FIELDS[name]._replace(unit=unit)
-    axes.set(xlabel=quantity.label, ylabel=f"$P({quantity.symbol})$ [1/{unit}]")
+    axes.set(xlabel=f"{words} ${symbol}$ [{unit}]", ylabel=f"$P({symbol})$ [1/{unit}]")
     return high, scale
 
 
 @finished
-def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure":
+def plot_dissipation(
+    curves: CutoffCurve | Mapping[str, CutoffCurve], *, axes: Any = None
+) -> "Figure":
     """Returns a figure of friction over the wavenumber: up to each, and per ln q.
 
     The area under the steps, over ln q, is the friction that the curve gains.
@@ -273,13 +289,12 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
 
     - `curves`: the result of `cumulative_friction` or `area_against_cutoff`, or `against_cutoff` of
       a mean field; or several, by their labels.
+    - `axes`: two panels to draw in, by default those of a new figure.
     """
-    by_label = labelled("curves", curves, CutoffCurve)
-    figure = new_figure(PAGE, 2.7)
-    total, each = figure.subplots(1, 2, sharex=True)
-    for i, (label, curve) in enumerate(by_label.items()):
+    by_label = curves if isinstance(curves, Mapping) else {"": curves}
+    total, each = panels(axes, "ab", (PAGE, 2.7), sharex=True)
+    for (label, curve), colour in zip(by_label.items(), colours_of(len(by_label)), strict=True):
         q, friction = np.asarray(curve.cutoff), np.asarray(curve.friction)
-        colour, label = COLOURS[i % len(COLOURS)], in_figure(label)
         total.plot(q, friction, color=colour, label=label)
         # Steps of equal length on the logarithm, none finer than the curve.
         count = max(1, min(len(q) - 1, round(STEPS_PER_DECADE * np.log10(q[-1] / q[0]))))
@@ -289,9 +304,9 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
         each.stairs(steps, edges, color=colour, linewidth=1.2, label=label)
     total.set(xscale="log", ylabel="friction of waves up to $q$")
     each.set_ylabel(r"$\mathrm{d}\mu/\mathrm{d}\ln q$")
-    for axes in (total, each):
-        axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
-        axes.set_xlabel("wavenumber $q$ [rad/m]")
+    for panel in (total, each):
+        panel.axhline(0, color="0.6", linewidth=0.6, zorder=0)
+        panel.set_xlabel("wavenumber $q$ [rad/m]")
     every = np.concatenate([np.asarray(curve.cutoff) for curve in by_label.values()])
     few_powers_of_ten(total.xaxis, np.min(every), np.max(every))
-    return figure
+    return total.get_figure(root=True)

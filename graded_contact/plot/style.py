@@ -1,34 +1,30 @@
-"""The one style of all figures: colours, sizes of a journal's columns, fonts, and units.
+"""The style of all figures: colours, widths of a journal's columns, fonts, panels and legends.
 
-A figure has this style when it is made, drawn and saved. The settings of the user neither act nor
-change. For your own figures: `with matplotlib.rc_context(gc.plot.STYLE): ...`, or in a notebook
-`plt.rcParams.update(gc.plot.STYLE)`.
+The settings of the user neither act nor change. For your own figures:
+`with matplotlib.rc_context(gc.plot.STYLE): ...`, or `plt.rcParams.update(gc.plot.STYLE)`.
 """
 
 import functools
-import re
 import string
 import textwrap
-import unicodedata
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
-from ..core.checks import check_types
-
 if TYPE_CHECKING:  # it takes a third of a second to import
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 P = ParamSpec("P")
-T = TypeVar("T")
 
 # Of M. Okabe and K. Ito, for any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 COLUMN, PAGE = 3.54, 7.48  # inches, 90 and 190 mm
 COLOUR_BAR = "<colorbar>"  # the label of Matplotlib for the axes of one
 KEY_WIDTH, LETTER_WIDTH, LINE_HEIGHT = 0.5, 0.058, 0.155  # inches, of legends
-HEIGHTS, PRESSURES, GAPS, TEMPERATURES = "cividis", "viridis", "magma", "plasma"
+LETTERS_PER_INCH = 15  # of a title
+PRESSURES, TEMPERATURES = "viridis", "plasma"
 STYLE = {
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -60,104 +56,85 @@ STYLE = {
     "ytick.labelsize": 7,
     "ytick.major.width": 0.6,
     "ytick.minor.width": 0.4,
-}  # fmt: skip
+}
 
 
-def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Returns a function that makes its figure in the style."""
+def styled(draw: "Callable[P, Figure]") -> "Callable[P, Figure]":
+    """Returns a function that draws its figure in the style, on top of Matplotlib's defaults."""
 
     @functools.wraps(draw)
-    def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> "Figure":
         import matplotlib.style
 
-        # On top of the defaults of Matplotlib, not of the settings of the user.
         with matplotlib.style.context(["default", STYLE]):
-            return draw(*args, **kwargs)
+            figure = draw(*args, **kwargs)
+            # Ticks are made when a figure is drawn, later perhaps, in the style of the user.
+            for axes in figure.axes:
+                axes.tick_params(labelsize=STYLE["xtick.labelsize"])
+            figure.draw_without_rendering()
+            return figure
 
     return drawn
 
 
 def finished(draw: "Callable[P, Figure]") -> "Callable[P, Figure]":
-    """Returns a function whose figure has the style, letters of its panels, and a legend below."""
+    """Returns a function whose figure has the style, letters of its panels, and a legend below.
 
-    checked = check_types(draw)
+    Given `axes` get the style alone.
+    """
 
-    @styled
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> "Figure":
-        figure = checked(*args, **kwargs)
-        panels = [axes for axes in figure.axes if axes.get_label() != COLOUR_BAR]
-        for axes, letter in zip(panels, string.ascii_lowercase, strict=False):
-            if len(panels) > 1:
-                axes.set_title(f"({letter})", loc="left", fontweight="bold")
-        _draw_legend(figure)
+        figure = draw(*args, **kwargs)
+        if kwargs.get("axes") is None:
+            _letter_panels(figure)
+            _draw_legend(figure)
         return figure
 
-    return drawn
+    return styled(drawn)
 
 
-# The class is made at the first figure: to import Matplotlib takes long.
-@functools.cache
-def _styled_figure() -> "type[Figure]":
+def panels(axes: Any, mosaic: str, size: tuple[float, float], **layout: Any) -> "list[Axes]":
+    """Returns the given `axes`, or if they are None the panels of a new figure.
+
+    **Arguments:**
+
+    - `axes`: None, one Matplotlib `Axes`, or several.
+    - `mosaic`: the panels, such as "ab;cd", see `matplotlib.figure.Figure.subplot_mosaic`.
+    - `size`: width and height of the figure [inches].
+    - `layout`: such as `sharex=True`.
+
+    **Raises:** `ValueError` if `axes` has another number of panels.
+    """
     from matplotlib.figure import Figure
 
-    class StyledFigure(Figure):
-        """A figure in the style also when it is drawn, which makes its ticks, and saved."""
-
-        draw, savefig = styled(Figure.draw), styled(Figure.savefig)
-
-    return StyledFigure
-
-
-def new_figure(width: float, height: float) -> "Figure":
-    """An empty figure [inches] with a constrained layout; it needs no display."""
-    return _styled_figure()(figsize=(width, height))
+    if axes is None:
+        return list(Figure(figsize=size).subplot_mosaic(mosaic, **layout).values())
+    given, count = list(np.ravel(axes)), len({*mosaic} - {*".;"})
+    if len(given) != count:
+        raise ValueError(f"`axes` has {len(given)} panels; {count} are needed.")
+    return given
 
 
-@styled
+def mosaic_of(count: int, columns: int) -> str:
+    """Returns the mosaic of this many panels, row by row."""
+    rows = -(-count // columns)
+    names = string.ascii_letters[:count].ljust(rows * columns, ".")
+    return ";".join(names[i : i + columns] for i in range(0, len(names), columns))
+
+
 def entitle(figure: "Figure", text: str) -> None:
-    """Puts a line above a figure, and above an earlier one; broken where it is too long."""
-    titles = [title for title in (text, *_titles(figure)) if title]
-    figure.set_label("\n".join(titles))
-    # About 15 letters of the title's size fit into an inch.
-    width = round(15 * figure.get_figwidth())
-    # A word must not break between a $ and its backslash, see `in_figure`.
-    wrap = functools.partial(textwrap.fill, width=width, break_long_words=False)
-    figure.suptitle("\n".join(map(wrap, titles)))
+    """Puts a title above a figure, and above an earlier one."""
+    titles = "\n".join(filter(None, (text, figure.get_suptitle()))).splitlines()
+    width = round(LETTERS_PER_INCH * figure.get_figwidth())
+    figure.suptitle("\n".join(textwrap.fill(title, width) for title in titles), fontsize=8)
 
 
-def _titles(figure: "Figure") -> list[str]:
-    """The titles of a figure, as its label keeps them: unbroken, one in each line."""
-    return str(figure.get_label()).splitlines()
-
-
-def caption(figure: "Figure") -> str:
-    """Returns what the panels of a figure show, from their letters and labels, and its titles."""
-    panels = []
-    for axes in figure.axes:
-        bars = [drawn.colorbar.ax for drawn in (*axes.images, *axes.collections) if drawn.colorbar]
-        title, of = axes.get_title(), bars[0] if bars else axes
-        shown = " against ".join(filter(None, (of.get_ylabel(), of.get_xlabel())))
-        if axes.get_label() != COLOUR_BAR:
-            shown = f"{title}: {shown}" if title and bars else title or shown
-            panels.append(f"{axes.get_title(loc='left')} {shown}".strip())
-    shown = " ".join("; ".join(panels).split())  # labels of axes have several lines
-    shown = re.sub(r" \[[^]]*\]", "", shown)
-    sentences = filter(None, (shown, *_titles(figure)))
-    text = " ".join(f"{text[0].upper()}{text[1:].removesuffix('.')}." for text in sentences)
-    text = re.sub(r"(?<=\. )[a-z]", lambda letter: letter[0].upper(), text)
-    # A $ after a backslash is one of the text, see `in_figure`.
-    return re.sub(r"(?<!\\)\$(.*?)\$", lambda math: _plain(math[1]), text).replace(r"\$", "$")
-
-
-def _plain(text: str) -> str:
-    """A formula of TeX in words: "log10 a_T" for r"\\log_{10} a_T"."""
-    words = {r"\mathrm": "", "_{10}": "10", "^*": "*", r"\,": " ", "{": "", "}": ""}
-    for old, new in words.items():
-        text = text.replace(old, new)
-    greek = {name: unicodedata.lookup(f"GREEK SMALL LETTER {name}") for name in
-             ("mu", "sigma", "omega", "delta")}  # fmt: skip
-    return re.sub(r"\\([a-z]+)", lambda found: greek.get(found[1], found[1]), text)
+def _letter_panels(figure: "Figure") -> None:
+    shown = [axes for axes in figure.axes if axes.get_label() != COLOUR_BAR]
+    for axes, letter in zip(shown, string.ascii_lowercase, strict=False):
+        if len(shown) > 1:
+            axes.set_title(f"({letter})", loc="left", fontweight="bold")
 
 
 def _draw_legend(figure: "Figure") -> None:
@@ -175,27 +152,21 @@ def _draw_legend(figure: "Figure") -> None:
     figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=columns)
 
 
-def at_bottom(axes: Any) -> dict[str, Any]:
-    """How to draw at the bottom of axes: their y is then from 0 to 1."""
+def at_bottom(axes: "Axes") -> dict[str, Any]:
+    """Returns how to draw at the bottom of axes: their y is then from 0 to 1."""
     return {"transform": axes.get_xaxis_transform(), "clip_on": False}
 
 
-def draw_closed(axes: Any, x: np.ndarray, colour: Any) -> None:
-    """Draws where no fluid passes a gap: triangles at the bottom."""
-    label = "closed: no flow"
-    axes.plot(x, np.zeros(len(x)), "v", color=colour, label=label, **at_bottom(axes))
+def colours_of(count: int, scale: str = PRESSURES) -> Any:
+    """Returns this many colours: those of `COLOURS`, or if there are more, from dark to light."""
+    return COLOURS[:count] if count <= len(COLOURS) else ordered(count, scale)
 
 
-def ordered(count: int, colours: str = PRESSURES) -> np.ndarray:
-    """Colours of ordered curves, from dark to light, shape `(count, 4)`."""
+def ordered(count: int, scale: str = PRESSURES) -> np.ndarray:
+    """Returns colours of ordered curves, from dark to light, shape `(count, 4)`."""
     from matplotlib import colormaps
 
-    return colormaps[colours](np.linspace(0, 0.85, count))
-
-
-def colours_of(count: int, colours: str = PRESSURES) -> Any:
-    """Colours of this many curves: those of `COLOURS` if they suffice, otherwise ordered ones."""
-    return COLOURS if count <= len(COLOURS) else ordered(count, colours)
+    return colormaps[scale](np.linspace(0, 0.85, count))
 
 
 def few_powers_of_ten(axis: Any, low: float, high: float) -> None:

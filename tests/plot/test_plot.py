@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import itertools
 import math
 import re
 from types import SimpleNamespace
@@ -11,25 +10,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray
+from matplotlib.figure import Figure
 from scipy.integrate import trapezoid
 
 import graded_contact as gc
-from graded_contact.core.quantities import numbers_of
-from graded_contact.scenes.collect import surface_variables
-from graded_contact.studies.dataset import attach
+from graded_contact.core.quantities import quantity_of
 
 
 def straight(axes):
     return [line for line in axes.lines if line.get_linestyle() != "None" and len(line.get_xdata())]
-
-
-def make_results(axes, values, message, **attributes):
-    _, surface = make_fields((8, 8))
-    variables, places, about = surface_variables(surface)
-    variables |= {name: (tuple(axes), value) for name, value in values.items()}
-    variables["message"] = tuple(axes), message.astype(str)
-    coordinates = {name: (name, np.asarray(at)) for name, at in axes.items()} | places
-    return attach(xarray.Dataset(variables, coordinates, about | attributes))
 
 
 def make_fields(shape):
@@ -39,59 +28,94 @@ def make_fields(shape):
     return fields, gc.Surface(1e-6 * draw.normal(size=shape), gc.Grid(shape, 2e-3))
 
 
-@pytest.mark.parametrize("velocity, scale", [([1.0, 0.01, 0.1], "log"), ([0, 0.1, 1], "linear")])
-def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale):
-    message = np.array([["", "", ""], ["", "It stopped.", ""]])
-    values = {n: np.arange(1.0, 7.0).reshape(2, 3) for n in numbers_of("steady")}
-    # Of one solve a fifth of the contact was not measured.
-    doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
-    values |= dict.fromkeys(("compression", "friction_grid_error"), np.zeros((2, 3)))
-    values |= dict.fromkeys(doubts, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]))
-    axes = {"pressure": np.array([1e5, 2e6]), "velocity": np.array(velocity)}
-    figure = gc.plot.plot_sweep(make_results(axes, values, message))
-    for axes, label in zip(figure.axes, ["friction coefficient", "contact area"], strict=True):
-        assert axes.get_xscale() == scale and axes.get_ylabel().startswith(label)
-        lines = straight(axes)
-        assert len(lines) == 2 and all(np.all(np.diff(line.get_xdata()) > 0) for line in lines)
-    (crosses,) = (line for line in figure.axes[0].lines if line.get_marker() == "x")
-    np.testing.assert_array_equal(crosses.get_xydata(), [[velocity[2], 6.0]])
-    legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    reason = "20% of the friction arises on points that were filled or tapered, not measured"
-    assert f"doubtful: {reason}" in legend
-
-
-def made(axes, names=(), failing=()):
-    """Results over axes whose friction is the sum of the indices."""
+def made(axes, **numbers):
+    """Results over axes; all solves succeeded."""
     shape = tuple(len(at) for at in axes.values())
-    friction = np.sum(np.indices(shape), axis=0).astype(float)
-    values = {n: np.zeros(shape) for n in numbers_of("steady")}
-    values |= {"friction": friction, "friction_grid_error": 0.01 * friction}
-    message = np.full(shape, "", object)
-    for index in failing:
-        message[index] = "failed: no kernel"
-        friction[index] = values["slope_in_contact"][index] = np.nan
-    scene = "[[layers]]\nmaterial = 'coat'"
-    results = make_results(axes, values, message, master_curve="At 300 K.", scene=scene)
-    for name in names:
-        results[name] = 10.0 ** (results.temperature - 300) * results.velocity
-    return attach(results)
+    data = {
+        name: (tuple(axes), np.broadcast_to(values, shape).copy())
+        for name, values in numbers.items()
+    }
+    data["message"] = tuple(axes), np.full(shape, "", object)
+    results = xarray.Dataset(data, {name: np.asarray(at) for name, at in axes.items()})
+    for name, variable in results.variables.items():
+        if quantity := quantity_of(name):
+            variable.attrs = {"units": quantity.unit, "long_name": quantity.meaning}
+    return results
 
 
-VARIED = {
-    "layers[0].thickness": [1e-5, 5e-5], "temperature": [280.0, 300.0, 320.0], "seed": [0, 1],
-    "pressure": [1e5], "velocity": [0.1, 0.01, 1.0, 10.0],
-}  # fmt: skip
+def labels_of(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-PAIRED = {**VARIED, "pressure": [1e5, 3e5], "velocity": [0.1, 1.0], "temperature": [280.0, 300.0]}
+@pytest.mark.parametrize("velocity, scale", [([1.0, 0.01, 0.1], "log"), ([0, 0.1, 1], "linear")])
+def test_a_sweep_has_a_line_for_each_pressure_and_marks_what_failed(velocity, scale):
+    friction = np.arange(1.0, 7.0).reshape(2, 3)
+    results = made(
+        {"pressure": [1e5, 2e6], "velocity": velocity},
+        friction=friction,
+        friction_error=0.1 * friction,
+        contact_area=friction / 10,
+    )
+    results["message"][1, 1], results["message"][0, 2] = "It stopped.", "failed: no kernel"
+    results["friction"][0, 2] = np.nan
+    figure = gc.plot.plot_sweep(results)
+    check_labels(figure)
+    panel = figure.axes[0]
+    assert [axes.get_xscale() for axes in figure.axes] == [scale, scale]
+    assert panel.get_ylabel() == "friction coefficient"
+    for line, values in zip(straight(panel)[:2], friction, strict=True):
+        known = np.isfinite(line.get_ydata())
+        np.testing.assert_allclose(np.diff(line.get_xdata()) > 0, True)
+        expected = dict(zip(velocity, values, strict=True))
+        assert all(expected[x] == y for x, y in line.get_xydata()[known])
+    marks = {line.get_label(): line for line in panel.lines if line.get_linestyle() == "None"}
+    np.testing.assert_allclose(marks["not converged"].get_xydata(), [[velocity[1], 5.0]])
+    assert marks["not converged"].get_markerfacecolor() == "white"
+    np.testing.assert_allclose(marks["failed"].get_xydata(), [[velocity[2], 0.0]])
+    assert {"mean pressure 100 kPa", "mean pressure 2 MPa", "failed"} <= {*labels_of(figure)}
+    bars = panel.collections[0].get_segments()[0]
+    np.testing.assert_allclose(np.ptp(bars[:, 1]), 0.2 * bars[:, 1].mean())
 
 
-PAIRS = [*itertools.combinations(PAIRED, 2)]
-CIRCLE = [*zip(PAIRED, [*PAIRED][1:] + [*PAIRED][:1], strict=True)]
-OFTEN = [*((pair, (2, 2)) for pair in PAIRS), *((pair, (2, 1)) for pair in CIRCLE)]
-OFTEN += [(PAIRS[0], (1, 1))]
-SELDOM = [(pair, (2, 1)) for pair in itertools.permutations(PAIRED, 2) if pair not in CIRCLE]
-SELDOM += [(pair, (1, 1)) for pair in PAIRS[1:]]
+def test_lines_over_seeds_are_means_with_their_standard_errors():
+    values = np.array([[1.0, 2.0], [2.0, 4.0], [6.0, 9.0]])
+    results = made({"seed": [0, 1, 2], "velocity": [0.1, 1.0]}, friction=values)
+    results["message"][2, 1] = "failed"
+    figure = gc.plot.plot_sweep(results, ["friction"])
+    (panel,) = figure.axes
+    np.testing.assert_allclose(panel.lines[0].get_ydata(), [3.0, 3.0])
+    band = panel.collections[0].get_paths()[0].vertices[:, 1]
+    error = np.std(values[:, 0], ddof=1) / np.sqrt(3)  # larger than that of the second
+    np.testing.assert_allclose([band.min(), band.max()], [3 - error, 3 + error])
+    assert "mean of 3 surfaces ± standard error" in labels_of(figure)
+
+
+def test_several_results_axes_and_numbers_are_drawn_by_one_function():
+    """A comparison, a reduced velocity, a leakage with a closed gap, and axes of one's own."""
+    axes = {"temperature": [280.0, 300.0], "pressure": [1e5, 1e6], "velocity": [0.1, 1.0]}
+    results = made(axes, friction=[1.0, 2.0], leakage_along_x=[[[1e-9], [0.0]]])
+    both = xarray.concat([results, 2 * results.drop_vars("message")], "block")
+    figure = gc.plot.plot_sweep(both.assign_coords(block=["bare", "coated"]), ["friction"])
+    lines = straight(figure.axes[0])
+    assert len(lines) == 8 and labels_of(figure)[4].startswith("block coated, temperature 280 K")
+    np.testing.assert_array_equal(lines[4].get_ydata(), [2.0, 4.0])
+    assert len({line.get_color() for line in lines}) == 2
+    assert len({line.get_linestyle() for line in lines}) == 4
+    shift = 10.0 ** ((300 - results.temperature) / 10)
+    reduced = results.assign(reduced_velocity=shift * results.velocity)
+    panel = gc.plot.plot_sweep(reduced, ["friction"], "reduced_velocity").axes[0]
+    np.testing.assert_allclose(panel.lines[0].get_xdata(), [10.0, 100.0])
+    (panel,) = gc.plot.plot_sweep(results, ["leakage_along_x"], "pressure").axes
+    assert panel.get_yscale() == "log" and panel.get_xlabel() == "mean pressure [MPa]"
+    closed = [line for line in panel.lines if line.get_marker() == "v"]
+    np.testing.assert_allclose(closed[0].get_xydata(), [[1.0, 0.0]])
+    own = Figure().subplots(1, 2)
+    assert gc.plot.plot_sweep(results, ["friction", "leakage_along_x"], axes=own) is own[0].figure
+    assert not own[0].figure.legends
+    with pytest.raises(ValueError, match="results"):
+        gc.plot.plot_sweep(results, ["speed"])
+    with pytest.raises(ValueError, match="axes"):
+        gc.plot.plot_sweep(results, ["friction"], axes=own)
 
 
 def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent():
@@ -145,7 +169,8 @@ def test_a_fit_in_time_shows_what_was_measured():
 # Labels without a unit: of counts and of dimensionless numbers.
 BARE = (
     "", "evaluation", "objective", "constraint (0 or more allowed)", "parameter / result",
-    "friction coefficient", "contact area fraction", "friction of waves up to $q$",
+    "friction coefficient", "contact area fraction", "time over the period",
+    "friction of waves up to $q$",
     r"$\mathrm{d}\mu/\mathrm{d}\ln q$", r"$\log_{10} a_T$", "$b_T$", "loss tangent",
 )  # fmt: skip
 
@@ -263,59 +288,55 @@ def test_a_master_curve_shows_isotherms_before_and_after_shifts_and_law(curve):
     np.testing.assert_allclose(law.get_ydata()[-1], np.log10(curve.law.factor(310.0)), rtol=1e-6)
 
 
-def test_a_van_gurp_palmen_plot_shows_phase_angles_as_measured(curve, tmp_path):
-    rows = [f"{t - 273.15},{w / 2 / np.pi},{e.real / 1e6},{e.imag / 1e6}"
-            for t, values in zip(TEMPERATURES, moduli(), strict=True)
-            for w, e in zip(OMEGA, values, strict=True)]  # fmt: skip
-    (tmp_path / "a.csv").write_text("\n".join(["T [°C],f [Hz],E' [MPa],E'' [MPa]", *rows]))
-    for isotherms in (curve, gc.read_moduli(tmp_path / "a.csv")):
-        figure = gc.plot.plot_van_gurp_palmen(isotherms)
-        check_labels(figure)
-        axes, bar = figure.axes
-        assert bar.get_ylabel() == "temperature [°C]" and axes.get_xlabel() == "$|E^*|$ [MPa]"
-        for line, values in zip(axes.lines, moduli(), strict=False):
-            size, angle = line.get_data()
-            np.testing.assert_allclose(1e6 * size, np.abs(values), rtol=1e-9)
-            np.testing.assert_allclose(angle, np.rad2deg(np.angle(values)), rtol=1e-9)
-    time = np.geomspace(1e-2, 1e2, 9)
-    relaxing = [(t, time, 1e6 + t * 1e3 * np.exp(-time)) for t in TEMPERATURES[:2]]
-    relaxation = gc.master_curve(relaxing, kind="relaxation", terms=1, shift_std=0)
-    with pytest.raises(ValueError, match=r"`isotherms` is of kind 'relaxation'"):
-        gc.plot.plot_van_gurp_palmen(relaxation)
-
-
 # Motions in time ------------------------------------------------------------------------------
 
 TIMES = np.arange(8) / 8
 MOVED = 1e-4 * np.sin(2 * np.pi * TIMES)
 
 
-def made_cycle(displacement=MOVED, errors=(), **fields):
-    fields["kept"] = SimpleNamespace(numbers=dict(errors))
+def made_cycle(displacement=MOVED, **fields):
+    problem = SimpleNamespace(displacement=displacement, times=2.0 * TIMES, period=2.0)
     numbers = {"friction": np.cos(2 * np.pi * TIMES), "contact_area": 0.1 + 0.01 * TIMES}
-    return SimpleNamespace(kind="cycle", displacement=displacement, **numbers, **fields)
+    return SimpleNamespace(problem=problem, **numbers, **fields)
 
 
 def test_the_loop_along_x_is_closed_and_has_units():
-    loop, over_time, area = gc.plot.plot_cycle(made_cycle()).axes
+    figure = gc.plot.plot_cycle(made_cycle())
+    check_labels(figure)
+    loop, over_time, area = figure.axes
     x, y = loop.lines[0].get_data()
-    place = 1e6 * MOVED
-    np.testing.assert_allclose(x, np.append(place, 0), atol=1e-12)
+    np.testing.assert_allclose(x, np.append(1e6 * MOVED, 0), atol=1e-12)
     assert loop.get_xlabel() == "displacement [µm]" and y[0] == y[-1] == 1.0
     assert over_time.lines[0].get_xdata()[-1] == 1.0 and area.get_ylim()[0] == 0
     drift = gc.plot.plot_cycle(made_cycle(1e-3 * TIMES)).axes[0].lines[0]
     assert len(drift.get_xdata()) == 8  # not closed
-    assert not (loop.collections or over_time.collections)  # no error is known
-    known = made_cycle(errors={"peak_friction_error": 0.1})
-    for axes, x in zip(gc.plot.plot_cycle(known).axes[:2], (place, TIMES), strict=True):
-        (band,) = axes.collections
-        ends = band.get_paths()[0].vertices
-        for end in (-0.1, 0.1):
-            expected = np.stack([x, np.cos(2 * np.pi * TIMES) + end], axis=1)
-            gaps = np.linalg.norm(ends[:, None] - expected, axis=-1)
-            assert np.max(np.min(gaps, axis=0)) < 1e-12
-    with pytest.raises(ValueError, match="a motion along x is needed"):
+    results = made({"velocity": [0.1]}).assign(
+        surface_displacement=("time", MOVED, {"units": "m"}),
+        friction=(("velocity", "time"), np.cos(2 * np.pi * TIMES)[None]),
+        contact_area=(("velocity", "time"), TIMES[None]),
+        peak_friction_error=("velocity", [0.1]),
+        time=TIMES,
+    )
+    for panel in gc.plot.plot_cycle(results).axes[:2]:
+        ends = panel.collections[0].get_paths()[0].vertices[:, 1]
+        np.testing.assert_allclose([ends.min(), ends.max()], [-1.1, 1.1])
+    with pytest.raises(ValueError, match="displacement"):
         gc.plot.plot_cycle(made_cycle(np.zeros((8, 2))))
+
+
+def test_a_transient_is_drawn_over_time_and_at_rest_without_friction():
+    times = np.array([1.0, 10.0, 3600.0])
+    moving = made_cycle(np.zeros(3))
+    moving.problem = SimpleNamespace(displacement=np.array([0.0, 1e-4, 2e-4]), times=times)
+    moving.friction, moving.contact_area = np.array([0.1, 0.2, 0.3]), np.array([0.1, 0.1, 0.2])
+    moving.load, moving.mean_gap = np.full(3, 2e5), np.array([3e-6, 2e-6, 1e-6])
+    figure = gc.plot.plot_transient(moving)
+    check_labels(figure)
+    np.testing.assert_allclose(figure.axes[0].lines[0].get_xydata()[-1], [1.0, 0.3])
+    np.testing.assert_allclose(figure.axes[3].lines[0].get_ydata(), [3, 2, 1])
+    assert figure.axes[0].get_xlabel() == "time [h]" and figure.axes[0].get_xscale() == "log"
+    moving.problem.displacement = np.zeros(3)
+    assert len(gc.plot.plot_transient(moving).axes) == 3
 
 
 @pytest.mark.parametrize("shape", [(16,), (8, 8)])
@@ -337,3 +358,25 @@ def test_a_film_has_one_scale(shape):
     for axes in (one.axes[0], *figure.axes[:4]):
         high = axes.images[0].norm.vmax if len(shape) == 2 else axes.get_ylim()[1] / 1.05
         np.testing.assert_allclose(high, pressure.max() / 1e6)
+
+
+def test_a_search_shows_its_starts_constraints_and_parameters():
+    runs = []
+    for best in (1.0, 0.5):
+        values = np.array([2.0, best])
+        history = SimpleNamespace(
+            values=values,
+            parameters=np.array([[2e-5, 4.0], [1e-5, 2.0]]),
+            margins=np.array([[-0.1], [0.2]]),
+        )
+        runs.append(SimpleNamespace(history=history, parameters=[1e-5, 2.0], value=best))
+    parameters = {"skin": {"thickness": 1e-5}, "speeds": np.array([2.0])}
+    design = SimpleNamespace(runs=runs, best=runs[1], parameters=parameters, constraints=("cost",))
+    figure = gc.plot.plot_search(design)
+    check_labels(figure)
+    value, limit, ratio = figure.axes
+    np.testing.assert_array_equal(value.lines[1].get_ydata(), [2.0, 0.5])
+    assert value.lines[1].get_color() != value.lines[0].get_color()
+    np.testing.assert_array_equal(limit.lines[0].get_ydata(), [-0.1, 0.2])
+    np.testing.assert_array_equal(ratio.lines[0].get_ydata(), [2.0, 1.0])
+    assert labels_of(figure) == ["(b) cost", "(c) skin.thickness", "(c) speeds[0]"]

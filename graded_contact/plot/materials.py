@@ -1,0 +1,198 @@
+"""Figures of materials and blocks: responses, fits, master curves, sensitivities."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+from jaxtyping import ArrayLike
+
+from ..blocks.stack import Stack
+from ..core.checks import as_float, check_positive
+from ..fitting.master import MasterCurve
+from ..fitting.prony import PronyFit
+from ..response.compliance import effective_modulus
+from ..studies.uncertainty import Sensitivity
+from .style import PAGE, TEMPERATURES, colours_of, finished, ordered, panels
+from .sweeps import ZERO_CELSIUS, kelvin
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Of each kind of measurement: the names of its channels, and the ordinate.
+CHANNEL_NAMES = {
+    "frequency": ("storage modulus", "loss modulus"),
+    "relaxation": ("relaxation modulus",),
+    "creep": ("creep compliance",),
+}
+ORDINATES = {
+    "frequency": "modulus [Pa]",
+    "relaxation": "modulus [Pa]",
+    "creep": "compliance [1/Pa]",
+}
+
+
+@finished
+def plot_response(
+    stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[float], *, axes: Any = None
+) -> "Figure":
+    """Returns a figure of the effective modulus and the loss tangent of a stack.
+
+    **Arguments:**
+
+    - `stack`: the block.
+    - `q`: wavenumbers [rad/m], shape `(n,)`, positive.
+    - `velocity`: one or more sliding velocities [m/s], positive; the frequency is q v.
+    - `axes`: two panels to draw in, by default those of a new figure.
+    """
+    q, speeds = as_float(q, "q"), np.atleast_1d(as_float(velocity, "velocity"))
+    check_positive("velocity", speeds, "[m/s]")
+    stiffness, loss = panels(axes, "ab", (PAGE, 2.9), sharex=True)
+    for speed, colour in zip(speeds, colours_of(len(speeds)), strict=True):
+        # Waves along the motion: those across it see lower frequencies.
+        modulus = np.asarray(effective_modulus(stack, q, q * speed))
+        label = f"sliding velocity {speed:.3g} m/s"
+        stiffness.loglog(q, np.abs(modulus), color=colour, label=label)
+        loss.semilogx(q, np.imag(modulus) / np.real(modulus), color=colour, label=label)
+    words = "wavenumber $q$ [rad/m]"
+    stiffness.set(xlabel=words, ylabel="effective modulus $|2/(q M_{zz})|$ [Pa]")
+    loss.set(xlabel=words, ylabel="loss tangent", ylim=(0, None))
+    return loss.get_figure(root=True)
+
+
+@finished
+def plot_fit(fit: PronyFit, *, axes: Any = None) -> "Figure":
+    """Returns a figure of a fit: measured points and the series, and its log residuals.
+
+    Moduli over frequency are drawn with 95 % limits. Curves and limits end where the data end.
+
+    **Arguments:**
+
+    - `fit`: the result of `fit_prony`.
+    - `axes`: two panels to draw in, by default those of a new figure.
+    """
+    above, below = panels(axes, "a;b", (PAGE, 3.8), sharex=True, height_ratios=(3, 1))
+    x = np.asarray(fit.data.x)
+    # A relaxation may start at t = 0, which has no place on a logarithmic axis.
+    fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
+    fitted, curves = np.asarray(fit.predict(x)), np.asarray(fit.predict(fine))
+    frequency = fit.data.kind == "frequency"
+    # Only moduli over frequency have limits, one pair for each channel.
+    lower, upper = fit.confidence(fine) if frequency else (fine, fine)
+    limits = [(lower.real, upper.real), (lower.imag, upper.imag)] if frequency else []
+    names = CHANNEL_NAMES[fit.data.kind]
+    for i, (name, colour) in enumerate(zip(names, colours_of(len(names)), strict=True)):
+        known = np.asarray(fit.data.weights[i]) > 0
+        measured = np.asarray(fit.data.values[i])
+        above.plot(x[known], measured[known], "o", color=colour, markersize=3, fillstyle="none")
+        above.plot(fine, curves[i], color=colour, label=name)
+        for limit in limits[i : i + 1]:
+            label = f"{name}, 95 % limits"
+            above.fill_between(fine, *limit, color=colour, alpha=0.25, linewidth=0, label=label)
+        # In logarithms a modulus that is too large by a factor weighs like one too small.
+        residual = 100 * np.log(fitted[i] / measured)
+        below.plot(x[known], residual[known], ".", color=colour, markersize=4)
+    above.set(xscale="log", yscale="log", ylabel=ORDINATES[fit.data.kind])
+    below.axhline(0, color="black", linewidth=0.6)
+    words = r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]"
+    below.set(xlabel=words, ylabel="ln(fit/measured)\n[%]")
+    return above.get_figure(root=True)
+
+
+@finished
+def plot_master_curve(curve: MasterCurve, *, axes: Any = None) -> "Figure":
+    """Returns a figure of a master curve: isotherms before and after the shift, and the shifts.
+
+    Isotherms and shifts are coloured by temperature; bars are two standard deviations.
+
+    **Arguments:**
+
+    - `curve`: the result of `master_curve`.
+    - `axes`: panels to draw in, by default those of a new figure: as measured, shifted, a_T and,
+      with vertical shifts, b_T.
+    """
+    measured, shifted = curve.data, curve.fit.data
+    frequency = shifted.kind == "frequency"
+    # b_T has a panel only where moduli were also shifted vertically.
+    mosaic = "abc;abd" if curve.isotherms.stds[1] else "abc"
+    before, after, *beside = panels(axes, mosaic, (PAGE, 2.9), width_ratios=(1, 1, 0.9))
+    colours = ordered(len(curve.temperatures), TEMPERATURES)
+    group, weights = np.asarray(curve.isotherms.group), np.asarray(measured.weights)
+    for panel, data in ((before, measured), (after, shifted)):
+        x, channels = np.asarray(data.x), np.asarray(data.values)
+        for channel, weight, mark in zip(channels, weights, "os", strict=False):
+            for i, colour in enumerate(colours):
+                there = (group == i) & (weight > 0)
+                panel.plot(x[there], channel[there], mark, color=colour, markersize=2.5)
+        panel.set(xscale="log", yscale="log")
+    x = np.asarray(shifted.x)
+    fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
+    series = np.asarray(curve.fit.predict(fine))
+    for line, name, dash in zip(series, CHANNEL_NAMES[shifted.kind], ("-", "--"), strict=False):
+        after.plot(fine, line, color="black", linewidth=0.8, linestyle=dash, label=name)
+    reference = float(curve.temperatures[curve.isotherms.reference])
+    before.set(xlabel=r"$\omega$ [rad/s]" if frequency else "$t$ [s]", title="as measured")
+    before.set_ylabel(ORDINATES[shifted.kind])
+    after.set(
+        xlabel=r"$\omega\,a_T$ [rad/s]" if frequency else "$t/a_T$ [s]",
+        title=f"shifted to {kelvin(reference)}",
+    )
+    # With one ordinate the eye sees what the shift alone did.
+    after.sharey(before)
+    after.tick_params(labelleft=False)
+    _draw_shifts(beside, curve, colours)
+    return before.get_figure(root=True)
+
+
+def _draw_shifts(beside: "list[Axes]", curve: MasterCurve, colours: Any) -> None:
+    """Draws a_T with its law and, on a second panel, b_T."""
+    temperatures = np.asarray(curve.temperatures)
+    celsius = temperatures - ZERO_CELSIUS
+    factors, deviations = np.asarray(curve.vertical_shifts), curve.shift_deviations()
+    rows = [(r"$\log_{10} a_T$", curve.log10_shifts, 1.0), ("$b_T$", factors, factors)]
+    bars_are = "two standard deviations"
+    for panel, (label, values, unit), deviation in zip(beside, rows, deviations, strict=False):
+        bars = 2 * np.asarray(deviation) * unit  # the deviation of b_T is that of its logarithm
+        for *point, colour in zip(celsius, np.asarray(values), bars, colours, strict=True):
+            panel.errorbar(*point, fmt="o", capsize=2, color=colour, label=bars_are)
+        panel.set_ylabel(label)
+    beside[-1].set_xlabel("temperature [°C]")
+    if len(beside) > 1:
+        beside[0].sharex(beside[1])
+        beside[0].tick_params(labelbottom=False)
+    # The law is drawn only where shifts were measured.
+    between = np.linspace(temperatures[0], temperatures[-1], 200)
+    by_law = jax.vmap(curve.law.log_factor)(between) / np.log(10)
+    label = f"{type(curve.law).__name__} law"
+    beside[0].plot(between - ZERO_CELSIUS, by_law, color="0.4", linewidth=0.8, label=label)
+
+
+@finished
+def plot_sensitivity(
+    sensitivity: Sensitivity | Mapping[str, Sensitivity],
+    *,
+    of: str = "friction",
+    axes: Any = None,
+) -> "Figure":
+    """Returns a figure of the parts of a master curve on which a quantity depends.
+
+    One panel shows loss moduli, the other storage moduli, over the frequency. The area under a
+    curve is the relative change of the quantity over the relative change of all these moduli.
+
+    **Arguments:**
+
+    - `sensitivity`: the result of `sensitivity`; or several, by their labels.
+    - `of`: name of the quantity.
+    - `axes`: two panels to draw in, by default those of a new figure.
+    """
+    by_label = sensitivity if isinstance(sensitivity, Mapping) else {"": sensitivity}
+    shown = panels(axes, "ab", (PAGE, 2.9), sharex=True, sharey=True)
+    channels = (("loss", "loss modulus $E''$"), ("storage", "storage modulus $E'$"))
+    for panel, (name, title) in zip(shown, channels, strict=True):
+        for (label, curve), colour in zip(by_label.items(), colours_of(len(by_label)), strict=True):
+            panel.semilogx(curve.omega, getattr(curve, name), color=colour, label=label)
+        panel.axhline(0, color="0.6", linewidth=0.8, zorder=0)
+        panel.set(xlabel=r"angular frequency $\omega$ [rad/s]", title=title)
+    shown[0].set_ylabel(f"relative change of the {of} over that of\nthe moduli of a decade")
+    return shown[0].get_figure(root=True)
