@@ -115,7 +115,7 @@ MEANINGS = {
     "rms_slope": "rms slope [1], instead of `rms_height`.",
     "q_low": "lowest wavenumber [rad/m]; by default 2π over the longest edge of the grid.",
     "errors": "file NAME-errors.csv of `graded-contact fit`: friction then has its standard error.",
-    "assumed": "what its numbers rest on and nobody stated; each is a caveat of the results.",
+    "assumed": "what its numbers rest on and nobody stated; each is a warning of the results.",
 }
 MEANINGS |= {
     "once": "true for what happens once; nothing touches before t = 0.",

@@ -26,7 +26,7 @@ from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import Errors, write_errors
 from ..studies.uncertainty import errors_of_fit
 from . import moduli_options
-from .result_tables import print_caveats
+from .result_tables import print_warnings
 from .terminal import Output, checked_place, refusing, save_figure
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def print_history(history: Sequence[str], assumed: Sequence[str]) -> None:
     for sentence in history:
         if sentence not in assumed:
             typer.echo(moduli_options.in_options(sentence))
-    print_caveats(map(moduli_options.in_options, assumed))
+    print_warnings(map(moduli_options.in_options, assumed))
 
 
 def looked_through(measured: Measured, robust: bool) -> Measured:
@@ -181,12 +181,12 @@ def fitted_files(
     found = fitted(
         looked_through(measured, robust), poisson=ratio, equilibrium=equilibrium, **arguments
     )
-    caveats = "".join(
+    warnings = "".join(
         f"\nWarning: {moduli_options.in_options(sentence)}" for sentence in measured.assumed
     )
     means = [part.temperature for part in measured.isotherms() if part.temperature is not None]
     assumed = *measured.assumed, *found.assumed
-    found = found._replace(report=found.report + caveats, assumed=assumed)
+    found = found._replace(report=found.report + warnings, assumed=assumed)
     return found, [float(np.mean(part)) for part in means]
 
 
@@ -214,7 +214,7 @@ def fitted(measured: Measured, law: str, **arguments: Any) -> MaterialFit:
     figures = {"": plot_master_curve(curve)}
     material = curve.exported()
     errors = errors_of_fit(curve, material)
-    return MaterialFit(material, errors, curve.report(), figures, curve.caveats())
+    return MaterialFit(material, errors, curve.report(), figures, curve.warnings())
 
 
 def write_fit(stem: Path, found: MaterialFit, cards: Sequence[str]) -> None:
@@ -225,10 +225,10 @@ def write_fit(stem: Path, found: MaterialFit, cards: Sequence[str]) -> None:
     for card in cards:
         ending, comment = CARDS[card]
         path = f"{stem}{ending}"
-        caveats = "".join(f"{in_comment(f'Warning: {each}', comment)}\n" for each in found.assumed)
+        warnings = "".join(f"{in_comment(f'Warning: {each}', comment)}\n" for each in found.assumed)
         try:
             exported = export_prony(found.material, card, name=stem.name)
-            write_whole(path, table if card == "toml" else caveats + exported)
+            write_whole(path, table if card == "toml" else warnings + exported)
             typer.echo(f"wrote {path}")
         except ValueError as error:
             typer.echo(f"no {path}: {error}")

@@ -9,10 +9,10 @@ import numpy as np
 import typer
 from typer import Option
 
-from ..core.caveats import caveats_of
 from ..core.checks import check_values
 from ..core.display import UNKNOWN
 from ..core.quantities import STEADY, in_brackets
+from ..core.warnings import warnings_of
 from ..exports.friction_cards import export_friction
 from ..plot.sweeps import kelvin
 from ..scenes.described import described
@@ -27,7 +27,7 @@ from ..studies.friction_tables import TableMethod, conditions, friction_table
 from ..studies.interruption import Interruption, interruptible
 from ..surfaces.surface import Surface
 from . import terminal
-from .result_tables import print_caveats, print_doubts, print_table, size_of
+from .result_tables import print_doubts, print_table, print_warnings, size_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -137,10 +137,10 @@ def _mean_field(scene: Scene, interruption: Interruption) -> "Dataset":
         found = found.isel(temperature=0, drop=True)
     _print_theory(found)
     shares = {"extrapolated_friction": found["extrapolated_friction"]}
-    doubts = caveats_of(lambda number: shares.get(number, 0.0), STEADY)
-    caveats = [*surface.caveats, *scene.assumed, *(caveat.sentence for caveat in doubts)]
-    print_caveats(caveats)
-    about = {"title": scene.title, "scene": scene.text, "caveats": "\n".join(caveats)}
+    doubts = warnings_of(lambda number: shares.get(number, 0.0), STEADY)
+    warnings = [*surface.warnings, *scene.assumed, *(warning.sentence for warning in doubts)]
+    print_warnings(warnings)
+    about = {"title": scene.title, "scene": scene.text, "warnings": "\n".join(warnings)}
     return found.assign_attrs(about | _about(scene, surface, "mean_field"))
 
 

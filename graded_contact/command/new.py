@@ -25,7 +25,7 @@ from ..sliding.numbers.doubts import EXTRAPOLATED
 from ..studies.dataset import write_whole
 from ..surfaces.surface import Surface
 from . import fit, moduli_options
-from .result_tables import print_caveats, print_surface
+from .result_tables import print_surface, print_warnings
 from .terminal import Output, Replace, checked_place, refusing
 
 FINEST_EDGE = 512  # points along an edge, for results within minutes
@@ -83,7 +83,7 @@ def new(
         )  # fmt: skip
         _check_temperatures(found.material, temperatures or [])
         print_surface(surface)  # once both files are read
-        print_caveats(surface.caveats)
+        print_warnings(surface.warnings)
         fit.write_fit(stem, found, ("toml",))
         if surface.grid.ndim == 2 and found.material.equilibrium == 0:
             raise ValueError(f"[materials.{name}] {LIQUID}")

@@ -12,13 +12,13 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ..core.caveats import Caveat
 from ..core.display import UNKNOWN, with_time, with_unit
 from ..core.quantities import (
     AXES,
     TRANSIENT,
     in_brackets,
 )
+from ..core.warnings import ResultWarning
 from ..designs.results import NO_ERROR
 from ..plot.sweeps import place_of, title_of
 from ..scenes.results import (
@@ -53,18 +53,18 @@ def print_table(results: "Dataset", all_seeds: bool = False, full: bool = False)
     """Prints one line for each solve, then why numbers are in doubt, and why solves failed."""
     print_rows(results, all_seeds, full)
     console = Console()
-    for mark, caveat in marked_warnings(results):
-        text = f"[bold yellow]({mark})[/] {escape(caveat.sentence)}"
+    for mark, warning in marked_warnings(results):
+        text = f"[bold yellow]({mark})[/] {escape(warning.sentence)}"
         console.print(text, soft_wrap=True)
     print_notes(results, full)
 
 
-def marked_warnings(results: "Dataset") -> list[tuple[str, Caveat]]:
+def marked_warnings(results: "Dataset") -> list[tuple[str, ResultWarning]]:
     """Returns the doubts of results, each with the number by which solves name it."""
     # What holds for each of several solves is said once, below the table.
     return [
-        ("each solve" if is_of_each(caveat, results) else str(n), caveat)
-        for n, caveat in enumerate(warnings_of(results), start=1)
+        ("each solve" if is_of_each(warning, results) else str(n), warning)
+        for n, warning in enumerate(warnings_of(results), start=1)
     ]
 
 
@@ -260,7 +260,7 @@ def print_read(scene: Scene, surface: Surface | None) -> None:
         print_surface(surface)
 
 
-def print_caveats(sentences: Iterable[str]) -> None:
+def print_warnings(sentences: Iterable[str]) -> None:
     """Prints why numbers are in doubt."""
     for sentence in sentences:
         typer.secho(f"Warning: {sentence}", fg="yellow")

@@ -42,12 +42,12 @@ from ..studies.store import Store
 from ..studies.workers import check_workers
 from . import terminal
 from .result_tables import (
-    print_caveats,
     print_decisive,
     print_doubts,
     print_read,
     print_steps,
     print_table,
+    print_warnings,
 )
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def info(
     with terminal.refusing():
         results = read_results(result_file)
     for name, value in results.attrs.items():
-        hidden = name in ("scene", "caveats", "assumed", "kept") or name.startswith("surface_")
+        hidden = name in ("scene", "warnings", "assumed", "kept") or name.startswith("surface_")
         if value != "" and not hidden:
             typer.echo(f"{name:22} {str(value).replace(chr(10), chr(10) + 23 * ' ')}")
     surface = surface_of(results)
@@ -161,7 +161,7 @@ def run_scene_into(
         if scene.title:
             typer.echo(scene.title)
         planned, file = _prepared(scene, folder, name, replace)
-        print_caveats(planned.caveats)
+        print_warnings(planned.warnings)
         _say_stored(planned, Store(_points_of(file)))
         # The store stays locked: another process writes to neither its points nor the results.
         with terminal.store_in(_points_of(file)) as store:

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks.stack import Stack
-from ..core.caveats import caveats_of
 from ..core.parameters import with_values
+from ..core.warnings import warnings_of
 from ..scenes.plan import cost_text
 from ..scenes.scene_checks import refuse_liquids
 from ..scenes.surface_source import RandomSurface
@@ -51,10 +51,10 @@ class DesignPlan:
     study: DesignScene
 
     @property
-    def caveats(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """What makes every number doubtful: of a surface from a file, assumed, or a wrong unit."""
         study = self.study
-        return *getattr(study.spectrum, "caveats", ()), *study.scene.assumed, *study.doubts
+        return *getattr(study.spectrum, "warnings", ()), *study.scene.assumed, *study.doubts
 
     @property
     def num_solves(self) -> int:
@@ -71,7 +71,7 @@ class DesignPlan:
         fields = design_fields(study, searched=bool(study.criteria)) if num_solves else 0.0
         # Without a search the number is known; a search often needs fewer.
         told = f"at most about {num_solves}" if study.criteria else num_solves
-        return cost_text(study.grid.shape, fields, told, self.caveats)
+        return cost_text(study.grid.shape, fields, told, self.warnings)
 
     def run(self, *, store: Store | None = None, progress: Progress | None = None) -> DesignResults:
         """Returns the design of a scene, and the contacts that verify it.
@@ -101,12 +101,12 @@ class DesignPlan:
         for name, values in (("before", study.start), ("designed", design.parameters)):
             stack = with_values(study.scene.stack, values)
             field = design_mean_field(study, stack) if study.has_mean_field else None
-            caveats = ()
+            warnings = ()
             if study.verify or method != "contact":
-                solved, caveats = _verified(study, stack, store, partial(say, f"contact, {name}"))
+                solved, warnings = _verified(study, stack, store, partial(say, f"contact, {name}"))
             else:
                 solved = {key: np.asarray(value)[None] for key, value in contacts(values).items()}
-            candidates[name] = Candidate(stack, field, solved, caveats)
+            candidates[name] = Candidate(stack, field, solved, warnings)
         return DesignResults(study, design, candidates, method, reason)
 
 
@@ -162,7 +162,7 @@ def _verified(
         raise RuntimeError(ends[ends != ""][0])
     numbers = {str(name): variable.values for name, variable in found.data_vars.items()}
     known = lambda name: numbers.get(f"numbers.{name}", 0.0)  # noqa: E731
-    caveats = caveats_of(known, study.scene.kind)
+    warnings = warnings_of(known, study.scene.kind)
     head = "criteria."
     criteria = {n.removeprefix(head): of for n, of in numbers.items() if n.startswith(head)}
-    return criteria, tuple(caveat.sentence for caveat in caveats)
+    return criteria, tuple(warning.sentence for warning in warnings)

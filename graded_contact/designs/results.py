@@ -36,13 +36,13 @@ class Candidate(NamedTuple):
     - `contacts`: by name "friction", "contact_area" [1] and what else the study limits or searches
       for, each of shape (surfaces, velocities). Without verification there are no surfaces, or
       after a search by contact one row, the mean over its surfaces.
-    - `caveats`: what makes the contacts of the verification doubtful, in sentences.
+    - `warnings`: what makes the contacts of the verification doubtful, in sentences.
     """
 
     stack: Stack
     field: MeanField | None
     contacts: dict[str, np.ndarray]
-    caveats: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def judged(self, name: str) -> tuple[str, Float[np.ndarray, "surfaces velocities"]]:
         """Returns by what the block is judged, and the values of a criterion."""
@@ -74,7 +74,7 @@ class DesignResults(NamedTuple):
         """Returns a table of before and after, and the runs that led there, as text.
 
         Contact is given as mean ± standard deviation over the surfaces. Below the table are the
-        caveats of the contacts, and the goals and limits that the design misses, see `missed`.
+        warnings of the contacts, and the goals and limits that the design misses, see `missed`.
         """
         from pandas import DataFrame  # takes a third of a second to import
 
@@ -87,7 +87,7 @@ class DesignResults(NamedTuple):
         if any(CRITERIA[name].of_stress for name in self.study.criteria):
             texts.append(NO_ERROR)
         for name, candidate in self.candidates.items():
-            texts += [f"Contact, {name}: {sentence}" for sentence in candidate.caveats]
+            texts += [f"Contact, {name}: {sentence}" for sentence in candidate.warnings]
         texts += self.missed()
         if self.method == "contact" and not self.study.verify:
             texts.append("Contact is on the surfaces of the search: `verify` draws others.")

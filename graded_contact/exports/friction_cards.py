@@ -101,7 +101,7 @@ def _remarks(table: "Dataset") -> list[str]:
         if name in table:
             share = table[name].values / friction
             lines.append(f"{words}: {100 * np.min(share):.2g} % to {100 * np.max(share):.2g} %")
-    told = "\n".join(table.attrs.get(name, "") for name in ("conditions", "caveats"))
+    told = "\n".join(table.attrs.get(name, "") for name in ("conditions", "warnings"))
     return [*lines, *filter(None, told.split("\n"))]
 
 

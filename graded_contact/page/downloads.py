@@ -21,7 +21,7 @@ class ShownPoint:
 
     - `model`: of the scene.
     - `values`: of its knobs [SI].
-    - `curves`, `contact`, `caveats`, `derivatives`: of the model at these values. The warnings,
+    - `curves`, `contact`, `warnings`, `derivatives`: of the model at these values. The warnings,
       with which the contact has its errors, and the derivatives are None until they are computed.
     """
 
@@ -29,7 +29,7 @@ class ShownPoint:
     values: tuple[float, ...]
     curves: dict[str, Curve]
     contact: Sliding
-    caveats: tuple[str, ...] | None = None
+    warnings: tuple[str, ...] | None = None
     derivatives: Derivatives | None = None
 
     @cached_property
@@ -39,7 +39,7 @@ class ShownPoint:
 
     def number(self, name: str) -> tuple[float, float]:
         """Returns a number of the contact, and its error, which is NaN until it is computed."""
-        error = np.nan if self.caveats is None else getattr(self.contact, f"{name}_error")
+        error = np.nan if self.warnings is None else getattr(self.contact, f"{name}_error")
         return float(getattr(self.contact, name)), float(error)
 
 

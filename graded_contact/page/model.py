@@ -133,7 +133,7 @@ class Model:
 
     def errors(self, values: Sequence[float]) -> tuple[str, ...]:
         """Returns the warnings about the contact at `values` [SI], which then has its errors."""
-        return self._found(values).caveats
+        return self._found(values).warnings
 
     def _found(self, values: Sequence[float]) -> Sliding:
         last, contact = self._last

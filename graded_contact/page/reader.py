@@ -44,7 +44,7 @@ def transient_page(results: "Dataset") -> pn.Column:
 
     The slider has the times whose fields are known, of the last solve that has some.
     """
-    told = filter(None, [results.attrs["title"], *results.attrs["caveats"].split("\n")])
+    told = filter(None, [results.attrs["title"], *results.attrs["warnings"].split("\n")])
     parts: list[Any] = [heading(text) for text in told]
     figure, picture = plot_transient(results), io.BytesIO()
     figure.savefig(picture, dpi=110)

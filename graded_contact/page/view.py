@@ -175,7 +175,7 @@ class Page(pn.viewable.Viewer):
         content = shown.document.content
         for name in ("friction", "contact_area"):
             self._lines[name].mark(content["load"]["velocity"], *shown.number(name))
-        if shown.caveats is not None:
+        if shown.warnings is not None:
             return
         self._show_map()
         names = [*layers_in_words(content, ", "), base_name(content)]
@@ -207,8 +207,8 @@ def _warnings(shown: ShownPoint | None) -> str:
     scene = shown.model.document.scene
     known = [of_law] if scene.law is not None else []
     of_files = [for_page(text, read_moduli) for text in scene.assumed]
-    of_files += [for_page(text, read_surface) for text in shown.model.surface.caveats]
-    return paragraph(" ".join([*of_files, *(shown.caveats or ()), *known]))
+    of_files += [for_page(text, read_surface) for text in shown.model.surface.warnings]
+    return paragraph(" ".join([*of_files, *(shown.warnings or ()), *known]))
 
 
 def _headline(shown: ShownPoint | None, pinned: ShownPoint | None) -> str:

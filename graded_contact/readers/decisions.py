@@ -6,7 +6,7 @@
 3. What neither states is asked for: a `Refusal` names the option. If nearly all files mean one
    thing, the thing is assumed, and a sentence says so beside each number that rests on it.
 
-Each decision is a sentence. What is assumed and changes a number is a caveat of the result:
+Each decision is a sentence. What is assumed and changes a number is a warning of the result:
 `Surface.assumed` and `Measured.assumed` bring it there; all other sentences are history.
 """
 

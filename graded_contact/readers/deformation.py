@@ -2,7 +2,7 @@
 
 The names of the columns count first (E', G'), then a column that only a test in shear has, then
 what the lines of the file say: their geometry, the way of loading, the kind of instrument. If none
-of them says it, tension is assumed, and a caveat says so.
+of them says it, tension is assumed, and a warning says so.
 """
 
 import re

@@ -182,7 +182,7 @@ def _modes_below(sheet: Sheet, start: int, names: list[_Name], doubtful: Doubt) 
 
 
 def _shift_law(lines: Sequence[str], log: Log) -> AbstractShift | None:
-    """The shift that a CSV of `export_prony` names; one in a table is left out, with a caveat."""
+    """The shift that a CSV of `export_prony` names; one in a table is left out, with a warning."""
     found = next((found for line in lines if (found := _LAW.search(line))), None)
     if found is None:
         return None

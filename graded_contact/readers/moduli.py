@@ -1,7 +1,7 @@
 """Measured moduli and compliances from files of rheometers, DMAs and spreadsheets.
 
 Columns, units and temperatures that the file names are used; an error lists what is missing. Two
-things are assumed, with a caveat: a frequency that is not called angular is in Hz without a unit,
+things are assumed, with a warning: a frequency that is not called angular is in Hz without a unit,
 and a modulus is Young's if nothing in the file says tension or shear. `Measured.history` records,
 in sentences, what was understood, `Measured.assumed` what was assumed.
 

@@ -10,7 +10,8 @@ from jaxtyping import Float, ScalarLike
 
 from ..core.files import Refusal
 from ..fields.grid import Grid
-from ..sliding.motion.periodic import Motion, recorded
+from ..sliding.motion.motion import Motion
+from ..sliding.motion.periodic import recorded
 from .cells import TABLE_BYTES, holds_data
 from .decisions import Log
 from .registry import opening, read_as
@@ -31,7 +32,7 @@ def read_motion(
 
     - `path`: of the table, text or Excel. The first column is the time, the second the
       displacement, with units in the headings: "time [ms]", "s (mm)". Without them seconds and
-      metres are assumed: a caveat of a scene, a warning in the log (`graded_contact`).
+      metres are assumed: a warning of a scene, a warning in the log (`graded_contact`).
     - `period`: T [s].
     - `num_times`, `grid`: as in `recorded`.
 

@@ -52,7 +52,7 @@ def read_surface(
     Whole numbers 0, 1, 2, ... beside heights count points unless a unit stands with them. A line
     scan that is not equally spaced is interpolated linearly to its median step; points x y z that
     are scattered by at most 5 % of a step are taken on their grid. Heights of 1e37 and more, in any
-    unit, are missing points; equal ones far from all others count, with a caveat.
+    unit, are missing points; equal ones far from all others count, with a warning.
 
     x runs to the right and y upwards in the picture that the microscope shows, and in figures. The
     first line of a file is the top of the picture, also in text. Points x y z, axes in the first

@@ -97,7 +97,7 @@ class Block:
     - `materials`: by name, those that were read; `names` are all.
     - `errors`: of the numbers of some of them, by name.
     - `notes`: what was understood of tables of moduli, of a recorded motion and load.
-    - `assumed`: those of them that neither a file nor the scene states; each is a caveat.
+    - `assumed`: those of them that neither a file nor the scene states; each is a warning.
     - `reader`: converts the tables.
     """
 

@@ -118,7 +118,7 @@ def collect(
     results.attrs["largest_error"] = float(results["error"].max())
     results.attrs["num_solves"] = names.size
     results.attrs["num_converged"] = ends.count("")
-    results.attrs["caveats"] = "\n".join(caveat.sentence for caveat in warnings_of(results))
+    results.attrs["warnings"] = "\n".join(warning.sentence for warning in warnings_of(results))
     return results
 
 

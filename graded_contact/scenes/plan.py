@@ -75,17 +75,17 @@ class Plan:
         return np.reshape(names, [len(at) for at in self.scene.axes.values()])
 
     @property
-    def caveats(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """What makes every number doubtful before it is solved: of the surface, and assumed."""
         own = self.scene.block_surface
-        of_block = () if own is None else own.build().caveats
-        return *self.surface.caveats, *of_block, *self.scene.assumed
+        of_block = () if own is None else own.build().warnings
+        return *self.surface.warnings, *of_block, *self.scene.assumed
 
     def __str__(self) -> str:
         fields, solves = fields_in_memory(self.scene), str(self.points.size)
         if self.scene.kind == TRANSIENT:
             solves += f", each of {self.scene.num_times} steps"
-        return cost_text(self.surface.grid.shape, fields, solves, self.caveats)
+        return cost_text(self.surface.grid.shape, fields, solves, self.warnings)
 
     def run(
         self, *, kept: tuple[int, ...] | None = None,
@@ -115,7 +115,7 @@ class Plan:
         `message`, `point`, `reduced_velocity` a_T v [m/s] if the block has one law of temperature,
         and `friction_standard_error` if errors of a material are known; the `heights` of the
         surface, and the fields of solves that the scene stores. Attributes contain the scene, the
-        seed, the versions and the caveats. With [heating] there is the `surface_rise` [K] of the
+        seed, the versions and the warnings. With [heating] there is the `surface_rise` [K] of the
         contact. On a window there are the `rim_load`, and the `approach` [m] or, at a given
         approach, the `mean_pressure` [Pa], with their errors.
 
@@ -216,9 +216,9 @@ def fields_in_memory(scene: Scene) -> float:
 
 
 def cost_text(
-    shape: tuple[int, ...], fields: float, num_solves: int | str, caveats: Iterable[str]
+    shape: tuple[int, ...], fields: float, num_solves: int | str, warnings: Iterable[str]
 ) -> str:
-    """Returns grid, memory of so many fields, number of contacts, and caveats as text."""
+    """Returns grid, memory of so many fields, number of contacts, and warnings as text."""
     memory, free = memory_of(fields, shape) if fields else 0.0, available_memory()
     beside = "" if free is None else f", {in_gigabytes(free)} are free"
     rows = {
@@ -227,7 +227,7 @@ def cost_text(
         "contact solves": num_solves,
     }
     lines = [f"{name:22} {text}" for name, text in rows.items()]
-    return "\n".join([*lines, *(f"Warning: {sentence}" for sentence in caveats)])
+    return "\n".join([*lines, *(f"Warning: {sentence}" for sentence in warnings)])
 
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:

@@ -18,8 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..contacts.solution import FAILURES, RESULTS
-from ..core.caveats import Caveat, caveats_of
 from ..core.quantities import CYCLE, STEADY, TRANSIENT, mean_over_seeds
+from ..core.warnings import ResultWarning, warnings_of
 from ..fields.grid import Grid
 from ..sliding.errors.parts import NO_FRICTION
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, read_dataset
@@ -136,23 +136,23 @@ def without_friction(results: "Dataset") -> "DataArray":
     return ~(abs(results["friction"]) > NO_FRICTION * results.get("slope_in_contact", 1.0))
 
 
-def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
+def warnings_of(results: "Dataset") -> tuple[ResultWarning, ...]:
     """Returns why numbers are doubtful although solved, and the solves that are concerned."""
     known = has_numbers(results)
-    # Caveats of the surface, and of what was assumed of files, concern every solve.
+    # Warnings of the surface, and of what was assumed of files, concern every solve.
     assumed = filter(None, results.attrs.get("assumed", "").split("\n"))
-    of_surface = surface_of(results).caveats if "surface_history" in results.attrs else ()
-    of_files = (Caveat(text, known.values) for text in (*of_surface, *assumed))
+    of_surface = surface_of(results).warnings if "surface_history" in results.attrs else ()
+    of_files = (ResultWarning(text, known.values) for text in (*of_surface, *assumed))
     told = {
         name: variable.where(known).values
         for name, variable in results.data_vars.items()
         if variable.dtype.kind == "f" and {*known.dims} <= {*variable.dims} <= {*known.dims, "time"}
     }
     if (kind := kind_of_results(results)) != TRANSIENT:
-        return *of_files, *caveats_of(lambda name: told.get(name, 0.0), kind)
+        return *of_files, *warnings_of(lambda name: told.get(name, 0.0), kind)
     # What is doubtful at one time makes its solve doubtful.
     over_time = {n: v if v.ndim > known.ndim else v[..., None] for n, v in told.items()}
-    found = caveats_of(lambda name: over_time.get(name, np.zeros(1)), kind)
+    found = warnings_of(lambda name: over_time.get(name, np.zeros(1)), kind)
     return *of_files, *(c._replace(where=c.where.any(axis=-1)) for c in found)
 
 
@@ -164,10 +164,10 @@ def kind_of_results(results: "Dataset") -> str:
     return TRANSIENT if results["time"].attrs.get("units") == TIME["units"] else CYCLE
 
 
-def is_of_each(caveat: Caveat, results: "Dataset") -> bool:
+def is_of_each(warning: ResultWarning, results: "Dataset") -> bool:
     """Returns whether a warning is true of each of several solves with numbers."""
     known = has_numbers(results).values
-    return bool(np.sum(known) > 1 and np.all(caveat.where[known]))
+    return bool(np.sum(known) > 1 and np.all(warning.where[known]))
 
 
 def over_seeds(results: "Dataset") -> "Dataset":

@@ -147,7 +147,7 @@ class Scene:
     - `errors`: of materials: name, material of the stack, and errors of its numbers.
     - `inputs`: the files that the scene names, by table and key.
     - `notes`: what was understood of its tables of moduli, one sentence each.
-    - `assumed`: those of them that neither a file nor the scene states: caveats of the results.
+    - `assumed`: those of them that neither a file nor the scene states: warnings of the results.
     """
 
     text: str

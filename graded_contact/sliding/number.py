@@ -45,7 +45,6 @@ REMEDIES = {
     "grid": "more points",
     "time": "more times",
     "memory": "a shorter motion",
-    "temperature": "with heating a smaller `rtol`",
     "kernel": "on a window a larger one",
 }
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
@@ -145,8 +144,8 @@ def error_of(
     if over is not None:
         remedies = [REMEDIES[cause] for cause in parts if cause in REMEDIES]
         sentence = (
-            f"The {meaning} has an error of about {{value:.0%}}, see `error_parts`. Take "
-            f"{', or '.join(remedies)}."
+            f"The {meaning} has an error of about {{value:.0%}}: take {', or '.join(remedies)}. "
+            "`error_parts` returns the causes."
         )
         warns = Above(WARN_ABOVE, sentence, over)
     return number(
@@ -329,11 +328,11 @@ class AbstractSliding(eqx.Module):
     def warnings(self) -> tuple[str, ...]:
         """Warnings about these numbers, one sentence each; not under `jit`."""
         known = dict(zip(self.numbers, self.compute(*self.numbers), strict=True))
-        found = warnings_of(type(self), lambda name: known.get(name, 0.0))
+        found = warnings_in(type(self), lambda name: known.get(name, 0.0))
         return tuple(warning.sentence for warning in found)
 
 
-def warnings_of(kind: type[AbstractSliding], number: NumberOf) -> tuple[ResultWarning, ...]:
+def warnings_in(kind: type[AbstractSliding], number: NumberOf) -> tuple[ResultWarning, ...]:
     """Returns the warnings of numbers of a class of results, see `warnings_by`."""
     entries = numbers_in(kind).items()
     rules = {name: entry.warns for name, entry in entries if entry.warns is not None}
@@ -351,7 +350,7 @@ def beyond_contact(found: AbstractSliding) -> tuple[str, ...]:
     return tuple(n for n in names if n not in _OF_CONTACT or f"{n}_error" in names)
 
 
-def with_numbers(tree: Any) -> Any:
+def with_observables(tree: Any) -> Any:
     """Returns a tree with the numbers and the contact of each result of sliding in its place."""
 
     def numbers(leaf):

@@ -42,7 +42,7 @@ WAVES_PER_SCAN = 2  # of the longest wave that counts: a plane is subtracted fro
 DOUBTED, REFUSED = 3.0, 100.0  # factors between C of scans where they overlap
 _DIGITS = 1e-3  # of wavelengths that limit a scan: their digits
 DIRECTED = (
-    1.5  # rms slope across over that along a lay, above which a mean over directions is a caveat
+    1.5  # rms slope across over that along a lay, above which a mean over directions is a warning
 )
 # Corrections of C from a line: more blow up noise, fewer miss a roll-off.
 CORRECTIONS = 3
@@ -60,14 +60,14 @@ class ScanSpectrum:
     - `q`: wavenumbers that count [rad/m], increasing, shape `(points,)`.
     - `density`: C at these [m⁴], of a surface also if the scan is a line.
     - `waves`: how many independent waves of the scan are behind each number.
-    - `caveats`: of the scan.
+    - `warnings`: of the scan.
     """
 
     name: str
     q: Float[np.ndarray, " points"]
     density: Float[np.ndarray, " points"]
     waves: Float[np.ndarray, " points"]
-    caveats: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def longest(self) -> float:
@@ -151,16 +151,16 @@ def scan_spectrum(
             MEAN_OF * np.pi / (q[:, None] * edges[0])
         )
         smooth = (near * waves) @ (q * density) / (near @ waves) / q
-        return ScanSpectrum(name, q, isotropic(q, smooth), waves, surface.caveats)
+        return ScanSpectrum(name, q, isotropic(q, smooth), waves, surface.warnings)
     # Noise across the lines of a microscope, shorter than what counts, is no lay.
     seen = np.minimum(grid.shape, np.ceil(2 * edges / shortest)).astype(int)
     ratio = statistics(resample(surface, tuple(seen.tolist()))).slope_ratio
-    caveats = surface.caveats
+    warnings = surface.warnings
     if ratio is not None and ratio > DIRECTED:
-        caveats += (
+        warnings += (
             f"Its slopes differ by {ratio:.2g} between directions, of which C is the mean.",
         )
-    return ScanSpectrum(name, q, density, wide * q**2 * np.prod(edges) / (4 * np.pi), caveats)
+    return ScanSpectrum(name, q, density, wide * q**2 * np.prod(edges) / (4 * np.pi), warnings)
 
 
 def isotropic(q: np.ndarray, line: np.ndarray) -> np.ndarray:
@@ -199,7 +199,7 @@ def joined_spectrum(scans: Sequence[Any]) -> JoinedSpectrum:
     - `scans`: of `scan_spectrum`, in any order; lines and areas may be mixed.
 
     **Returns:** the spectrum, and how well the scans fit each other. A mismatch by more than a
-    factor of 3 is a caveat of the spectrum and of surfaces drawn from it.
+    factor of 3 is a warning of the spectrum and of surfaces drawn from it.
 
     **Raises:** `ValueError` if no scan covers a part of the range, or if two scans differ by a
     factor of more than 100 where they overlap, as with a wrong unit.
@@ -276,7 +276,7 @@ def _told(
         ends = f"{with_unit(scan.longest, 'm')} to {with_unit(scan.shortest, 'm')}"
         fits = "" if np.isnan(factor) else f"; C is {factor:.3g} times that of the others there"
         history.append(f"Spectrum of {scan.name}: wavelengths of {ends}{fits}.")
-        doubts += [f"{scan.name}: {sentence}" for sentence in scan.caveats]
+        doubts += [f"{scan.name}: {sentence}" for sentence in scan.warnings]
     if len(scans) > 1:
         doubts += [
             f"The range of {scan.name} overlaps with no other: nothing shows that they fit."

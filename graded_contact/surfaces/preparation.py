@@ -22,7 +22,7 @@ from ..fields.grid import Grid
 from .holes import fill_holes, grown, region_note
 from .reading_steps import ReadingStep, step
 from .rescaling import resample
-from .scan_lines import AlongAxis, jump_caveats, levelled
+from .scan_lines import AlongAxis, jump_warnings, levelled
 from .surface import Surface
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
@@ -80,7 +80,7 @@ def surface_from_heights(
       warning when the rims are much rougher.
     - `level_lines`: "x" or "y" shifts each line along this axis by the median of its differences
       from the line before. It takes out the jumps of a microscope between its lines, and with them
-      all waves and the tilt that only lead across the lines. A caveat reports jumps.
+      all waves and the tilt that only lead across the lines. A warning reports jumps.
     - `history`, `steps`, `assumed`: to begin those of the surface with.
 
     **Returns:** the surface, with its history.
@@ -167,7 +167,7 @@ class _Prepared:
         self.spread = float(np.nanstd(flat))
         if self.spread <= 1e-12 * np.max(np.abs(known)):
             raise ValueError("`heights` is a plane: no roughness is left after levelling.")
-        self.assumed.extend(jump_caveats(flat, self.spacing))
+        self.assumed.extend(jump_warnings(flat, self.spacing))
         if tilted:
             self.values = self.values - np.mean(known)
             return

@@ -69,7 +69,7 @@ def random_surface(
     heights = _synthesise(spectrum, grid, key, amplitudes == "gaussian")
     if not isinstance(spectrum, SpectrumTable):
         return Surface(heights, grid)
-    return Surface(heights, grid, spectrum.history, assumed=spectrum.caveats)
+    return Surface(heights, grid, spectrum.history, assumed=spectrum.warnings)
 
 
 def _check_band(spectrum: Spectrum, grid: Grid) -> None:

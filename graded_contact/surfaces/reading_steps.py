@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.caveats import DOUBTFUL
 from ..core.checks import Numbers
 from ..core.display import shown, with_unit
+from ..core.warnings import WARN_ABOVE
 
 # What to do where a step of reading changed the slope.
 REMEDIES = {
@@ -78,7 +78,7 @@ def unusual(name: str, value: float, at_least: float = 0.0, at_most: float = mat
     return f"The {name} of {here} is unusual (usual are {first} to {last}): check units."
 
 
-def caveats_of_steps(steps: Sequence[ReadingStep], size: Sequence[float] = ()) -> tuple[str, ...]:
+def warnings_of_steps(steps: Sequence[ReadingStep], size: Sequence[float] = ()) -> tuple[str, ...]:
     """Returns the warnings about a measured surface.
 
     **Arguments:**
@@ -94,7 +94,7 @@ def caveats_of_steps(steps: Sequence[ReadingStep], size: Sequence[float] = ()) -
         numbers += [("rms height", last.rms_height), ("rms slope", last.rms_slope)]
         sentences += [sentence for pair in numbers if (sentence := unusual(*pair))]
     for before, after in pairwise(steps):
-        if after.name == "filled" and before.missing > DOUBTFUL:
+        if after.name == "filled" and before.missing > WARN_ABOVE:
             sentences.append(
                 f"{before.missing:.0%} of the points were not measured and were filled. The "
                 "history gives the largest `region` without such points."
@@ -104,8 +104,8 @@ def caveats_of_steps(steps: Sequence[ReadingStep], size: Sequence[float] = ()) -
         change = after.rms_slope / before.rms_slope - 1
         # A finer grid sees steeper slopes between its points, and is no worse for it; spikes that
         # `rim` discards took their slopes with them.
-        rose = change > DOUBTFUL and after.name in ("filled", "tapered")
-        if rose or (change < -DOUBTFUL and after.name != "filled"):
+        rose = change > WARN_ABOVE and after.name in ("filled", "tapered")
+        if rose or (change < -WARN_ABOVE and after.name != "filled"):
             sentences.append(
                 f"The rms slope {'fell' if change < 0 else 'rose'} from {before.rms_slope:.3g} to "
                 f"{after.rms_slope:.3g} when {after.name}: friction and contact area follow the "

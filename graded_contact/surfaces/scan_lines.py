@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..core.caveats import DOUBTFUL
+from ..core.warnings import WARN_ABOVE
 
 AlongAxis = Literal["x", "y"]
 FEWEST_LINES = 24  # lines, and points of a line
@@ -26,7 +26,7 @@ ROUNDED_OFF = 1e-12  # of the square of the slope: heights that are equal along 
 FOLLOWING = 0.25  # correlation of neighbouring changes: -0.5 of random shifts, 0.5 of a groove
 
 
-def jump_caveats(values: np.ndarray, spacing: np.ndarray) -> tuple[str, ...]:
+def jump_warnings(values: np.ndarray, spacing: np.ndarray) -> tuple[str, ...]:
     """Returns a sentence for each axis whose lines jump.
 
     **Arguments:**
@@ -41,7 +41,7 @@ def jump_caveats(values: np.ndarray, spacing: np.ndarray) -> tuple[str, ...]:
         f"The heights jump from line to line along {axis}, which raises the rms slope by "
         f"{rise:.0%}: pass `level_lines={axis!r}`, unless they are grooves along {axis}."
         for axis, rise in rises.items()
-        if rise > DOUBTFUL
+        if rise > WARN_ABOVE
     )
 
 

@@ -28,7 +28,7 @@ def check_table(**rows: Array) -> None:
     check_increasing(of_q, q)
 
 
-@shown("q_low", "q_high", "rms_height", "rms_slope", "history", "caveats", units=False)
+@shown("q_low", "q_high", "rms_height", "rms_slope", "history", "warnings", units=False)
 class SpectrumTable(eqx.Module):
     """The spectrum C(q) of an isotropic surface: a power of q between neighbours, 0 outside.
 
@@ -39,25 +39,25 @@ class SpectrumTable(eqx.Module):
     - `q`: wavenumbers [rad/m], increasing, shape `(points,)`.
     - `values`: C at these [m⁴], shape `(points,)`.
     - `history`: where the spectrum comes from, one sentence each. Static.
-    - `caveats`: what makes it doubtful, one sentence each: caveats of a surface drawn from it.
+    - `warnings`: what makes it doubtful, one sentence each: warnings of a surface drawn from it.
       Static.
     """
 
     q: Float[Array, " points"]
     values: Float[Array, " points"]
     history: tuple[str, ...] = eqx.field(static=True)
-    caveats: tuple[str, ...] = eqx.field(static=True)
+    warnings: tuple[str, ...] = eqx.field(static=True)
 
     def __init__(
         self,
         q: Numbers,
         values: Numbers,
         history: tuple[str, ...] = (),
-        caveats: tuple[str, ...] = (),
+        warnings: tuple[str, ...] = (),
     ):
         self.q, self.values = as_float(q, "q"), as_float(values, "values")
         check_table(q=self.q, values=self.values)
-        self.history, self.caveats = history, caveats
+        self.history, self.warnings = history, warnings
 
     @property
     def q_low(self) -> Float[Array, ""]:
@@ -112,7 +112,7 @@ class SpectrumTable(eqx.Module):
         inner = inner[(inner > ends[0] * (1 + ROUNDED)) & (inner < ends[1] * (1 - ROUNDED))]
         q = np.concatenate([ends[:1].clip(least), inner, ends[1:].clip(max=most)])
         q = jnp.asarray(q, self.q.dtype)
-        return SpectrumTable(q, self.density(q), self.history, self.caveats)
+        return SpectrumTable(q, self.density(q), self.history, self.warnings)
 
 
 Spectrum = SelfAffine | SpectrumTable

@@ -9,10 +9,10 @@ from ..core.checks import Numbers, as_float, check_shape, check_type, check_valu
 from ..core.display import shown
 from ..fields.devices import spread
 from ..fields.grid import Grid
-from .reading_steps import ReadingStep, caveats_of_steps
+from .reading_steps import ReadingStep, warnings_of_steps
 
 
-@shown("grid", "heights", "periodic", "measured", "history", "caveats", units=False)
+@shown("grid", "heights", "periodic", "measured", "history", "warnings", units=False)
 class Surface(eqx.Module):
     """Heights of a rough surface: periodic, or on a window with no pressure around it.
 
@@ -26,7 +26,7 @@ class Surface(eqx.Module):
     - `steps`: the roughness after every step of reading. Static.
     - `periodic`: whether the surface repeats. If not, as an indenter or the edge of a block, the
       block's surface around the window is free of load. Static.
-    - `assumed`: what the reading assumed and changes numbers, one sentence each: the first caveats.
+    - `assumed`: what the reading assumed and changes numbers, one sentence each: the first warnings.
       Static.
     """
 
@@ -63,9 +63,9 @@ class Surface(eqx.Module):
             check_values("measured", self.measured, reason, at_least=0, at_most=1)
 
     @property
-    def caveats(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """Warnings about contact on this surface, one sentence each."""
-        of_steps = caveats_of_steps(self.steps, np.asarray(self.grid.size).tolist())
+        of_steps = warnings_of_steps(self.steps, np.asarray(self.grid.size).tolist())
         return (*self.assumed, *of_steps)
 
 

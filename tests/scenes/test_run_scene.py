@@ -51,7 +51,7 @@ def test_a_run_gives_what_slide_gives(scene, results):
 
 
 def test_an_observable_is_one_function(capsys):
-    """Its attribute, print, dataset, unit, column and caveat follow from its entry."""
+    """Its attribute, print, dataset, unit, column and warning follow from its entry."""
     doubt = Above(1.0, "The largest pressure is {value:.2g} Pa.")
 
     @observable("F", "Pa", "largest pressure", column=("largest\npressure", "#.4g"), warns=doubt)
@@ -67,7 +67,7 @@ def test_an_observable_is_one_function(capsys):
         assert "largest_pressure [Pa]" in repr(sliding)
         np.testing.assert_allclose(results.largest_pressure[-1, -1], np.max(sliding.pressure), 1e-4)
         assert results.largest_pressure.attrs == {"units": "Pa", "long_name": "largest pressure"}
-        here, stored = sliding.caveats[-1], results.attrs["caveats"].split("\n")[-1]
+        here, stored = sliding.warnings[-1], results.attrs["warnings"].split("\n")[-1]
         assert here == f"The largest pressure is {sliding.largest_pressure:.2g} Pa."
         assert "largest pressure is" in stored and f" to {here.split()[-2]} Pa." in stored
         print_table(results, full=True)

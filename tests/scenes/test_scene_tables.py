@@ -52,7 +52,7 @@ def test_a_recorded_motion_is_read_from_a_table(tmp_path, head):
     expected = gc.sliding.recorded(times, moved, 0.1, 16)
     np.testing.assert_allclose(scene.motion.displacement, expected.displacement, atol=1e-15)
     assert scene.inputs == {("[motion]", "path"): tmp_path / "s.csv"}
-    # Units that nobody states are caveats.
+    # Units that nobody states are warnings.
     told = ["motion: The times are assumed to be in s", "motion: The displacements are assumed to"]
     assert [
         sentence[: len(start)] for sentence, start in zip(scene.assumed, told, strict=False)

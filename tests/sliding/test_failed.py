@@ -30,7 +30,7 @@ def slid(pressure, solver=PLAIN, **more):
 
 
 @pytest.mark.parametrize("kind", ["bare", pytest.param("heated", marks=pytest.mark.slow)])
-def test_every_observable_of_a_failed_solve_is_nan_and_is_no_caveat(kind):
+def test_every_observable_of_a_failed_solve_is_nan_and_is_no_warning(kind):
     failed = jax.jit(lambda p: slid(p, **KINDS[kind]))(jnp.nan)
     assert failed.result == RESULTS.bad_pressure  # heat that did not settle is no milder end
     asked = {*failed.facts, "flow", "stiffness", "conductance"}
@@ -38,7 +38,7 @@ def test_every_observable_of_a_failed_solve_is_nan_and_is_no_caveat(kind):
     assert {"contact_area", "contact_area_pixels", "slope_in_contact", "flow_along_x"} < {*names}
     found = dict(zip(names, failed.compute(*names), strict=True))
     assert [name for name in names if not np.all(np.isnan(found[name]))] == []
-    assert failed.caveats == ()
+    assert failed.warnings == ()
     assert repr(failed).startswith("Sliding (failed: no numbers)")
     if kind == "bare":
         depths = np.array([1e-5, 1e-4])

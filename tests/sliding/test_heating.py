@@ -105,7 +105,7 @@ def test_a_cycle_has_the_temperatures_of_its_mean_heat():
     found = gc.sliding.slide_cycle(BLOCK, line, **given, **how)
     power = found.work / found.period / (expected.friction * 3e4)
     np.testing.assert_allclose(found.surface_rise, power * expected.surface_rise, rtol=0.1)
-    assert found.surface_rise > 1 and "in the mean over the cycle" in " ".join(found.caveats)
+    assert found.surface_rise > 1 and "in the mean over the cycle" in " ".join(found.warnings)
     assert 0 < found.mean_friction_temperature_error < 0.01 * found.mean_friction
     with pytest.raises(ValueError, match="`heating` is refused: `displacement` does not move"):
         given = {"displacement": np.zeros(8), "period": 1.0}

@@ -143,7 +143,7 @@ def test_errors_of_a_cycle_contain_the_times():
         total = getattr(found, f"{name}_error")
         parts = [n for n in found.numbers if n.startswith(f"{name}_") and n != f"{name}_error"]
         np.testing.assert_allclose(total, sum(getattr(found, n) for n in parts), rtol=1e-12)
-    assert "number of times" not in " ".join(fine.caveats)
+    assert "number of times" not in " ".join(fine.warnings)
 
 
 @pytest.mark.slow

@@ -59,7 +59,7 @@ def test_sphere_is_that_of_hertz(radius):
         return gc.slide(ELASTIC, surface, velocity=0.0, rtol=1e-7, **given)
 
     found = press(pressure=load)
-    assert found.caveats == ()  # first: this program computes all numbers
+    assert found.warnings == ()  # first: this program computes all numbers
     back, stiffness = jax.value_and_grad(lambda d: press(approach=d).contact.mean_pressure)(
         found.approach
     )
@@ -84,11 +84,11 @@ def test_cylinder_is_that_of_hertz():
 
 
 def test_flat_punch_ends_at_the_window():
-    """p = F/(π √(a² - x²)) between the edges; its caveat tells of the rim."""
+    """p = F/(π √(a² - x²)) between the edges; its warning tells of the rim."""
     n = 256
     surface = gc.Surface(np.zeros(n), gc.Grid((n,), 1.0), periodic=False)
     found = gc.slide(ELASTIC, surface, pressure=1.0, velocity=0.0, rtol=1e-8)
-    assert "rim of the window" in found.caveats[-1]
+    assert "rim of the window" in found.warnings[-1]
     x = (np.arange(n) + 0.5) / n * 2 - 1
     middle = slice(n // 8, -n // 8)
     true = 2 / np.pi / np.sqrt(1 - x**2)
@@ -136,7 +136,7 @@ def test_before_the_first_touch_there_is_no_load(heights):
 
     assert jax.value_and_grad(load)(0.0) == (0, 0)
     found = gc.slide(SLAB, surface, approach=-0.01, velocity=1.0)
-    assert found.caveats == (
+    assert found.warnings == (
         "The surfaces do not touch: there is no load, so friction is not defined.",
     )
     assert found.contact.mean_pressure == load(0.0) == 0

@@ -98,7 +98,7 @@ def test_scans_of_three_magnifications_return_the_spectrum_they_were_drawn_from(
     assert abs(np.mean(np.log(ratio[well]))) < 0.1
     assert np.all(np.abs(np.log(ratio)) < np.log(5))
     np.testing.assert_allclose(joined.mismatch, 1, atol=0.2)
-    assert joined.spectrum.caveats == ()
+    assert joined.spectrum.warnings == ()
     assert "Spectrum of stylus: wavelengths of 10 mm to" in str(joined)
 
 
@@ -129,7 +129,7 @@ def test_surface_of_a_table_has_its_roughness_and_its_spectrum():
     q = np.geomspace(2 * np.pi / 1e-3, np.pi * 127 / 1e-3, 30)
     table = SpectrumTable(q, _density(q), ("Of a test.",), ("It is doubtful.",))
     rough = random_surface(table, gc.Grid((128, 128), 1e-3), jax.random.key(1))
-    assert (rough.history, rough.caveats) == (table.history, table.caveats)
+    assert (rough.history, rough.warnings) == (table.history, table.warnings)
     np.testing.assert_allclose(statistics(rough).rms_slope, table.rms_slope, rtol=0.02)
     found, values = map(np.asarray, radial_spectrum(rough, 24))
     known = (values > 0) & (found < q[-1] / 1.2)

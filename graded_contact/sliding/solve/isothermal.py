@@ -30,7 +30,7 @@ from ..formulas import lift
 from ..numbers.traction import check_positive_kernel
 from ..numerics import Numerics
 from ..problem import Posed, Prescribed, Problem
-from ..result import CyclicSliding, result_of
+from ..result import CyclicSliding, Sliding, result_of
 from ..shear import Coulomb
 from .cycle import cycle_problem
 from .steady import steady_problem

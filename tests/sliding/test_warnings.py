@@ -9,15 +9,15 @@ import pytest
 import graded_contact as gc
 from graded_contact.contacts.operators.operator import Steady
 from graded_contact.contacts.solution import RESULTS, ContactSolution
-from graded_contact.core.caveats import caveats_of
+from graded_contact.core.warnings import warnings_of
 from graded_contact.sliding.problem import SteadyProblem
 
 
 def told(**changed):
-    """The caveats of a sound solve, and of changes of it."""
+    """The warnings of a sound solve, and of changes of it."""
     sound = {"friction": 0.3, "friction_grid_error": 0.01, "slope_in_contact": 0.3}
     sound |= dict.fromkeys(["unmeasured_area", "unmeasured_friction", "extrapolated_friction"], 0.0)
-    return caveats_of(lambda name: (sound | changed).get(name, 0.0), kind="steady")
+    return warnings_of(lambda name: (sound | changed).get(name, 0.0), kind="steady")
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def told(**changed):
     ],
 )
 def test_doubtful_numbers_are_told_and_sound_ones_are_not(changed, words):
-    sentences = [caveat.sentence for caveat in told(**changed)]
+    sentences = [warning.sentence for warning in told(**changed)]
     assert len(sentences) == len(words)
     for sentence, part in zip(sentences, words, strict=True):
         assert part in sentence
