@@ -20,8 +20,8 @@ from ..scenes.plan import cost_text
 from ..scenes.scene_checks import refuse_liquids
 from ..scenes.surface_source import RandomSurface
 from ..studies.dataset import NOT_STARTED
+from ..studies.old_sweep import sweep
 from ..studies.store import Store
-from ..studies.sweep import sweep
 from ..surfaces.surface import Surface
 from .limits import BY_MEAN_FIELD
 from .problem import by_contact, criteria_in, design_contact, design_mean_field

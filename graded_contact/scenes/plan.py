@@ -36,10 +36,10 @@ from ..sliding.solve.steady import check_approach
 from ..sliding.transient.errors import steps_with_errors
 from ..sliding.transient.solve import fields_of_transient, solve_transient
 from ..studies.interruption import ctrl_c_later
+from ..studies.old_sweep import Workers, columns_of, solve_points
 from ..studies.parameter_covariance import with_standard_error
 from ..studies.program import Program, trace
 from ..studies.store import Store, open_store
-from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
 from .collect import collect, fields_of, numbers_of_scene
 from .results import DEPTH, FLOWS, KEPT_FIELDS

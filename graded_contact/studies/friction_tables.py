@@ -23,8 +23,8 @@ from ..sliding.slide import slide_case
 from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
 from .dataset import FAILED, NOT_STARTED, package_versions
+from .old_sweep import sweep
 from .parameter_covariance import Errors, with_standard_error
-from .sweep import sweep
 
 if TYPE_CHECKING:
     from xarray import Dataset

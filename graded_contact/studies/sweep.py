@@ -1,276 +1,303 @@
-"""A function at many points of named axes; each result is stored when it ends."""
+"""A function at every point of named axes.
+
+    function ──> jaxpr ──> name of a point ──> stored? ──> solved here or by workers ──> Dataset
+
+JAX traces the function once. The text of the trace (https://docs.jax.dev/en/latest/jaxpr.html),
+the arrays that it closes over and the numbers of a point name the file of its results. These
+arrays are arguments of the compiled code, so that functions which differ in them alone share it.
+"""
 
 import contextlib
-import importlib.util
+import functools
+import itertools
 import os
-import time
-from collections.abc import Callable, Collection, Generator, Mapping, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 
-from ..core.checks import Numbers, as_float, check_values, short
-from ..core.memory import SMALL, available_memory, in_gigabytes
-from ..sliding.transient.run import followed
-from .dataset import FAILED, LOST, NOT_STARTED, attach
-from .interruption import Interruption, ctrl_c_later
-from .journal import PointJournal, forget
-from .program import Program, Task, runner, trace
-from .store import Point, Store, open_store, together
-from .workers import check_workers, connected, num_cores, on_workers, pays
+from ..contacts.solution import RESULTS
+from ..core.compilation import compiled
+from ..core.quantities import quantity_of
+from ..sliding.result import with_observables
+from .points import Point, bytes_of, code_of, digest, patiently, read_point, write_point
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-Workers = int | Literal["auto"] | None
+NOT_STARTED, FAILED = "not started", "failed: "
+DIED = f"{FAILED}its worker died"  # no fault of the point's: it is solved again
+Numbers = dict[str, np.generic]  # of a point, by the names of the axes
+_MOST_COMPILED = 8  # programs that stay for later sweeps in this process
+_COMPILED: dict[str, Callable] = {}
+_OPTIONS = ("jax_enable_x64", "jax_compilation_cache_dir")  # that workers share
+_compiling = threading.Lock()
 
 
 def sweep(
     function: Callable[[dict[str, Any]], Any],
-    axes: Mapping[str, Numbers] | Sequence[Mapping[str, Any]],
+    axes: Mapping[str, Any],
     *,
-    store: str | os.PathLike | Store | None = None,
-    workers: Workers = None,
+    store: str | os.PathLike | None = None,
+    workers: int | None = None,
     client: Any = None,
-    units: Mapping[str, str] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: bool = False,
 ) -> "Dataset":
-    """Returns the results of a function at every point of a grid, or of a list.
+    """Returns the results of a function at every combination of the axes.
 
-    One compiled function solves all points. A point that fails has its reason and NaN; a point
-    whose solver did not converge has the message of the solver and its numbers. With a `store`
-    each result is on the disk when its point ends; the same call then solves only the points that
-    are missing or damaged (with a warning), and those whose worker died. If the function or a
-    number in it changes, all points are solved again. Ctrl-C returns the results so far.
-
-    Each point is solved by itself: a start from its neighbour saves 2 to 12 % of the FFT pairs, but
-    the bits would depend on the points solved before. The same call on the same machine gives the
-    same bits. Workers give the same bits if they have as many cores as this process and the same
-    `XLA_FLAGS`; otherwise last digits may differ.
+    A point that fails has NaN and its reason as `message`; a point whose solver did not converge
+    has its numbers and the message of the solver. With a `store` the results of each point are on
+    the disk when it ends, and the same call solves only the points that are missing. If the
+    function or an array in it changes, all points are solved again. Ctrl-C returns the results so
+    far.
 
     **Arguments:**
 
     - `function`: called as function(point), with a dict of scalars by the names of the axes; JAX
       traces it. It returns arrays in any nesting, such as a `Sliding`. Their names are their paths,
-      "friction"; a complex array becomes two, "name.real" and "name.imag".
-    - `axes`: coordinates by the name of the axis, each of one dimension: every combination is a
-      point. Or a list of points, each a dict with the same names.
-    - `store`: a folder, which is made, or a `Store`.
-    - `workers`: number of worker processes on this machine; "auto": one per core, from the moment
-      that they save time. A script with workers needs `if __name__ == "__main__":`.
-    - `client`: in place of `workers`, a client of `dask.distributed`, or the address of a
-      scheduler, "tcp://host:8786".
-    - `units`: of axes and results by name, in addition to those that the package knows.
-    - `progress`: called with the number of finished points and of all points: when the program is
-      compiled, and after each point.
+      "contact.pressure"; a complex array becomes two, "name.real" and "name.imag".
+    - `axes`: coordinates by the name of the axis; whole numbers stay whole, as seeds must.
+    - `store`: a folder, with a file for each point; it is made. Other sweeps may share it.
+    - `workers`: number of worker processes on this machine (the extra `cluster`). A script with
+      workers needs `if __name__ == "__main__":`.
+    - `client`: in place of `workers`, a client of `dask.distributed`.
+    - `progress`: whether to show a bar.
 
-    **Returns:** a dataset over the axes in their order, or over `point` for a list. `message` is
-    empty where a point succeeded; otherwise "not started", "failed: ..." or the solver's message.
-    A result that is an array has the further dimensions `<name>_0`, `<name>_1`, ...
+    **Returns:** a dataset over the axes in their order. A result that is an array has the further
+    dimensions `<name>_0`, `<name>_1`, ... `message` is empty where a point succeeded.
 
-    **Raises:** `ValueError` for axes without points, with equal or not finite coordinates, or on
-    which no result depends, for names that no axis has, or for results larger than the memory;
-    `BlockingIOError` if another process writes to the store; `OSError` if the store cannot be
-    written, or if no scheduler or worker answers; `ConnectionError` if the scheduler ends; what JAX
-    raises for a function that it cannot trace.
+    **Raises:** `ValueError` for axes without numbers, and for results with the name of an axis;
+    what JAX raises for a function that it cannot trace.
     """
-    import xarray
+    if workers is not None and (client is not None or workers < 1):
+        raise ValueError("`workers` must be at least 1, and not be given beside `client`.")
+    axes = {name: _coordinates(name, at) for name, at in axes.items()}
+    rows = itertools.product(*axes.values())
+    points: list[Numbers] = [dict(zip(axes, row, strict=True)) for row in rows]
 
-    coordinates, columns = _points(axes)
-    shape = tuple(map(len, coordinates.values()))
-    with ctrl_c_later() as later:
-        # Only names and dtypes of the first point matter: one program solves all points.
-        program = trace(function, {name: column[0] for name, column in columns.items()})
-        later.check()
-        _check_results(program, columns, int(np.prod(shape)))
-        names = [] if store is None else program.names_of(columns)
-        with open_store(store) as points_of:
-            engine = {"workers": workers, "client": client, "progress": progress}
-            points = solve_points(program, columns, names, store=points_of, **engine)
-    # Arrays of one point become arrays over all axes, and NaN stands for what is missing.
-    ends = [NOT_STARTED if point is None else point.message for point in points]
-    data: dict[str, Any] = {}
-    for name, like in program.like[0].items():
-        dimensions = (*coordinates, *(f"{name}_{i}" for i in range(like.ndim)))
-        data[name] = dimensions, together(name, like, points).reshape(*shape, *like.shape)
-    data["message"] = tuple(coordinates), np.reshape(ends, shape)
-    if list(columns) != list(coordinates):  # of a list of points, whose one axis is `point`
-        coordinates |= {name: ("point", column) for name, column in columns.items()}
-    return attach(xarray.Dataset(data, coordinates), units or {})
-
-
-def solve_points(
-    program: Program, columns: dict[str, np.ndarray], names: Sequence[str] = (), *,
-    store: Store | None = None, workers: Workers = None, client: Any = None,
-    keep: Sequence[Collection[str]] | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> list[Point | None]:  # fmt: skip
-    """Returns the result of a program at each point, None where Ctrl-C came first.
-
-    **Arguments:**
-
-    - `program`: of a function as in `sweep`.
-    - `columns`: one number per point by the names that the function reads.
-    - `names`: of the points in the store, see `Program.names_of`.
-    - `store`: points that it holds are not solved again.
-    - `workers`, `client`, `progress`: as in `sweep`.
-    - `keep`: names of the results of each point that are needed, None: all. A point of the store
-      that lacks any of them is solved again.
-
-    **Raises:** as `sweep`.
-    """
-    check_workers(workers, client)
-    count = len(next(iter(columns.values())))
-    points: list[Point | None] = [None] * count
-    tasks: dict[int, Task] = {}
-    # A stored point that lacks a result is damaged; with `keep` it was stored without its fields.
-    whole = () if keep else program.like[0]
-    for i in range(count):
-        needed = keep[i] if keep else None
-        point = None if store is None else store.read(names[i], whole)
-        has_all = point is not None and point.values.keys() >= {*(needed or ())}
-        if point is not None and (has_all or point.message.startswith(FAILED)):
-            points[i] = point
+    def work(stop: threading.Event) -> "Dataset":
+        program = trace(function, points[0])
+        like = program.like[0]
+        if clash := {*like} & {*axes, "message"}:
+            raise ValueError(f"`function` must not return {min(clash)!r}, the name of an axis.")
+        files: list[Path | None] = [None] * len(points)
+        if store is not None:
+            name = digest(program.code, *map(bytes_of, program.closed.consts))
+            files = [Path(store, f"{digest(name, _text(point))}.npz") for point in points]
+        found = [file and read_point(file, like) for file in files]
+        left = {i: point for i, point in enumerate(points) if found[i] is None}
+        if not left:
+            return _dataset(axes, like, found)
+        if client is None and workers is None:
+            engine = here(program, left)
         else:
-            tasks[i] = {name: column[i] for name, column in columns.items()}, needed
-    stored, steps = count - len(tasks), program.steps or 1
+            engine = on_workers(workers, client, function, left)
+        with (
+            contextlib.closing(engine),
+            _bar(progress, len(points) - len(left), len(points)) as advance,
+        ):
+            for i, point in engine:
+                found[i] = point
+                if (file := files[i]) is not None and point["message"] != DIED:
+                    write_point(file, point)
+                advance()
+                if stop.is_set():
+                    break
+        return _dataset(axes, like, found)
 
-    def say(done: int, of_next: int = 0) -> None:
-        if progress is not None:
-            progress((stored + done) * steps + of_next, count * steps)
-
-    if not tasks:
-        say(0)
-        return points
-    with (
-        ctrl_c_later() as later,
-        contextlib.suppress(KeyboardInterrupt),
-        # Closing ends workers and cancels their tasks at once, also after Ctrl-C.
-        contextlib.closing(
-            _solved(program, tasks, workers, client, later, say, store, names)
-        ) as solved,
-    ):
-        for done, (i, point) in enumerate(solved, start=1):
-            points[i] = point
-            if store is not None and point.message != LOST:  # a lost point is tried again
-                store.write(names[i], point)
-                forget(store, names[i])
-            say(done)
-    return points
+    return patiently(work)
 
 
-def _solved(
-    program: Program, tasks: dict[int, Task], workers: Workers, client: Any, later: Interruption,
-    say: Callable[[int, int], None], store: Store | None, names: Sequence[str],
-) -> Generator[tuple[int, Point]]:  # fmt: skip
-    """Yields points as they end: in this process, on workers, or first here and then there.
-
-    `say` is called with the points and steps done: first when the program is compiled.
-    """
-
-    def after_steps(done: int, steps: int) -> None:
-        say(done, steps)
-        later.check()
-
-    left = dict(tasks)
-    if client is None and workers in (None, "auto"):
-        can_start = workers == "auto" and importlib.util.find_spec("distributed")
-        # Processes on one GPU would compete for its memory.
-        can_start = can_start and jax.default_backend() == "cpu"
-        start = time.perf_counter()
-        solve = runner(program)
-        later.check()
-        compiling = time.perf_counter() - start
-        if not program.steps:  # of which the first point compiles the segments
-            say(0, 0)
-        for done, (i, task) in enumerate(tasks.items()):
-            start = time.perf_counter()
-            name = names[i] if names else ""
-            with followed(PointJournal(store, name, partial(after_steps, done))):
-                point = solve(task)
-            yield i, point
-            later.check()  # the point is kept
-            del left[i]
-            seconds = time.perf_counter() - start
-            if program.steps and not done:
-                compiling = seconds
-            elif can_start and pays(len(left) * seconds, compiling):
-                break
-    else:
-        say(0, 0)
-    if left:
-        count = num_cores() if workers == "auto" else workers
-        with connected(count, client) as client:
-            for found in on_workers(client, program, left):
-                yield found
-                later.check()
+def _text(point: Numbers) -> str:
+    return repr({name: (str(value.dtype), value.item()) for name, value in point.items()})
 
 
-def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Coordinates of the axes, and one number per point for each name."""
-    if isinstance(axes, Mapping) and axes:
-        coordinates = {name: _numbers(name, at) for name, at in axes.items()}
-        columns = columns_of(coordinates)
-    elif isinstance(axes, list | tuple) and axes:
-        for i, point in enumerate(axes):
-            if not isinstance(point, Mapping) or not point or point.keys() != axes[0].keys():
-                text = f"`axes[{i}]={short(point)}` must be a dict with the names of the first"
-                raise ValueError(f"{text} point, {short(axes[0])}.")
-        columns = {name: _numbers(name, [point[name] for point in axes]) for name in axes[0]}
-        coordinates = {"point": np.arange(len(axes))}
-    else:
-        raise ValueError(
-            f"`axes={short(axes)}` must be a dict of axes or a list of points, one at least."
-        )
-    # A store names a point by its numbers: equal points would share a file.
-    if len(np.unique(np.stack([*columns.values()]), axis=1).T) < len(next(iter(columns.values()))):
-        raise ValueError(f"`axes={short(axes)}` contains a point twice.")
-    return coordinates, columns
-
-
-def columns_of(axes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Returns one number per point of a grid for each axis; the last axis varies fastest."""
-    grid = np.meshgrid(*axes.values(), indexing="ij")
-    return {name: at.ravel() for name, at in zip(axes, grid, strict=True)}
-
-
-def _numbers(name: Any, values: Any) -> np.ndarray:
-    """One number per point: floating-point, or whole as seeds are."""
-    if not isinstance(name, str) or not name or "/" in name or name in ("message", "point"):
-        raise ValueError(
-            f"`axes` has the name {name!r}: a text without a slash is needed, other than "
-            '"message" and "point".'
-        )
-    # Whole numbers stay whole: a float is no seed.
-    whole = np.asarray(values).dtype.kind in "iu"
-    at = np.asarray(values) if whole else np.asarray(as_float(values, name))
-    if at.ndim != 1 or not at.size:
-        raise ValueError(f"`{name}` has shape {at.shape}: one axis with points is needed.")
-    check_values(name, at, "the numbers of an axis are finite")
+def _coordinates(name: str, values: Any) -> np.ndarray:
+    at = np.atleast_1d(np.asarray(values))
+    if at.ndim != 1 or not at.size or at.dtype.kind not in "iuf" or not np.all(np.isfinite(at)):
+        raise ValueError(f"`axes[{name!r}]` must be finite numbers along one dimension.")
     return at
 
 
-def _check_results(program: Program, columns: dict[str, Any], count: int) -> None:
-    """Refuses what no study can hold, before anything is computed."""
-    results = program.like[0]
-    if not results:
-        raise ValueError("`function` returns no numbers.")
-    # An unused axis is mostly a misspelt name in the function.
-    idle = [name for name in program.unused if len(np.unique(columns[name])) > 1]
-    if idle:
-        raise ValueError(
-            f"`axes` has {idle[0]!r}, on which no result of `function` depends: leave the axis "
-            "out, or use it."
-        )
-    twice = [name for name in results if name in (*columns, "point", "message")]
-    if twice:
-        raise ValueError(f"`function` returns {twice[0]!r}, the name of an axis: use another name.")
-    one = sum(like.size * like.dtype.itemsize for like in results.values())
-    free = available_memory() if one * count > SMALL else None
-    if free is not None and one * count > free:
-        raise ValueError(
-            f"`axes` is refused: {count} points take {in_gigabytes(one)} each, and "
-            f"{in_gigabytes(free)} of memory are free. {int(free // one)} points would fit."
-        )
+def _dataset(
+    axes: Mapping[str, np.ndarray],
+    like: Mapping[str, jax.ShapeDtypeStruct],
+    found: list[Point | None],
+) -> "Dataset":
+    """The results over the axes, with their units; NaN stands for what is missing."""
+    import xarray
+
+    shape = tuple(map(len, axes.values()))
+    points = [{"message": np.asarray(NOT_STARTED)} if at is None else at for at in found]
+    data: dict[str, Any] = {}
+    for name, one in like.items():
+        missing = np.full(one.shape, np.nan, np.result_type(one.dtype, 0.0))
+        whole = np.stack([point.get(name, missing) for point in points])
+        dimensions = (*axes, *(f"{name}_{i}" for i in range(one.ndim)))
+        data[name] = dimensions, whole.reshape((*shape, *one.shape))
+    data["message"] = tuple(axes), np.reshape([str(p["message"]) for p in points], shape)
+    results = xarray.Dataset(data, dict(axes))
+    for name, variable in results.variables.items():
+        if quantity := quantity_of(str(name)):
+            variable.attrs = {"units": quantity.unit, "long_name": quantity.meaning}
+    return results
+
+
+class Program(NamedTuple):
+    """A traced function of a point.
+
+    **Fields:**
+
+    - `closed`: the jaxpr, and the arrays that the function closes over.
+    - `like`: shapes of what it returns: arrays by name, and a member of `RESULTS`.
+    - `code`: a digest of all but these arrays.
+    """
+
+    closed: ClosedJaxpr
+    like: tuple[dict[str, jax.ShapeDtypeStruct], Any]
+    code: str
+
+
+def trace(function: Callable[[dict[str, Any]], Any], point: Numbers) -> Program:
+    """Returns the program of a function; of the point only names and dtypes matter."""
+    closed, like = jax.make_jaxpr(lambda point: _named(function(point)), return_shape=True)(point)
+    return Program(closed, like, digest(code_of(closed), repr([*like[0]])))
+
+
+def _named(found: Any) -> tuple[dict[str, jax.Array], Any]:
+    """The arrays of a nesting by their paths, and the last of its solves that did not succeed."""
+    arrays, end = {}, RESULTS.successful
+    is_result = lambda leaf: isinstance(leaf, RESULTS)  # noqa: E731
+    for path, leaf in jax.tree_util.tree_leaves_with_path(with_observables(found), is_result):
+        name = jax.tree_util.keystr(path, simple=True, separator=".") or "value"
+        if is_result(leaf):
+            end = RESULTS.where(leaf == RESULTS.successful, end, leaf)
+        elif jnp.iscomplexobj(leaf):
+            arrays |= {f"{name}.real": jnp.real(leaf), f"{name}.imag": jnp.imag(leaf)}
+        else:
+            arrays[name] = jnp.asarray(leaf)
+    return arrays, end
+
+
+def solver(program: Program) -> Callable[[Numbers], Point]:
+    """Returns what solves one point; a point that fails has its reason only."""
+    if program.code not in _COMPILED:
+        if len(_COMPILED) == _MOST_COMPILED:  # the oldest goes
+            del _COMPILED[next(iter(_COMPILED))]
+        jaxpr = program.closed.jaxpr
+        lifted = jaxpr.replace(constvars=[], invars=[*jaxpr.constvars, *jaxpr.invars])
+        _COMPILED[program.code] = compiled(jaxpr_as_fun(ClosedJaxpr(lifted, [])))
+    run, arrays = _COMPILED[program.code], jax.device_put(program.closed.consts)
+
+    def solve(point: Numbers) -> Point:
+        try:
+            numbers = map(jnp.asarray, jax.tree.leaves(point))
+            found = jax.tree.map(np.asarray, run(*arrays, *numbers))
+        except RuntimeError as error:  # `eqx.error_if` raises through XLA
+            if "RESOURCE_EXHAUSTED" in str(error):  # no fault of the point's
+                raise
+            # Equinox puts a stack before the message, and advice on debugging after it.
+            reason = str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
+            return {"message": np.asarray(FAILED + reason)}
+        values, end = jax.tree.unflatten(jax.tree.structure(program.like), found)
+        message = "" if end == RESULTS.successful else RESULTS[end]
+        return values | {"message": np.asarray(message)}
+
+    return solve
+
+
+def here(program: Program, points: Mapping[int, Numbers]) -> Iterator[tuple[int, Point]]:
+    """Yields the results of points, solved in this process."""
+    solve = solver(program)
+    for i, point in points.items():
+        yield i, solve(point)
+
+
+def on_workers(
+    workers: int | None, client: Any, function: Callable, points: Mapping[int, Numbers]
+) -> Iterator[tuple[int, Point]]:
+    """Yields the results of points as workers of dask end them, in any order.
+
+    The function goes to each worker once, by cloudpickle, and is compiled there once. dask replaces
+    a worker that dies, and solves its points again, up to three times.
+    """
+    try:
+        import cloudpickle
+        from distributed import KilledWorker, as_completed
+    except ImportError as error:
+        raise ImportError("Workers need `pip install 'graded_contact[cluster]'`.") from error
+
+    with contextlib.ExitStack() as stack:
+        client = client or stack.enter_context(_local_workers(workers))
+        options = {name: getattr(jax.config, name) for name in _OPTIONS}
+        # Packed twice: unpacking the function may start XLA, which must wait for the options.
+        code = cloudpickle.dumps((function, next(iter(points.values()))))
+        # By a task: dask repeats it if all workers that have its result have died.
+        packed = client.submit(bytes, cloudpickle.dumps((options, code)), pure=False)
+        futures = {
+            client.submit(_solve_there, packed, at, pure=False): i for i, at in points.items()
+        }
+        try:
+            for future in as_completed([*futures]):
+                try:
+                    yield futures[future], future.result()
+                except KilledWorker:
+                    yield futures[future], {"message": np.asarray(DIED)}
+                future.release()
+        finally:
+            client.cancel([*futures])
+
+
+@contextlib.contextmanager
+def _local_workers(workers: int | None) -> Iterator[Any]:
+    from distributed import Client, LocalCluster
+
+    # Ctrl-C reaches all processes of a terminal; only this one handles it.
+    deaf = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            memory_limit=0,
+            silence_logs=50,
+            dashboard_address=None,
+            preload=[deaf],
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        yield client
+
+
+def _solve_there(packed: bytes, point: Numbers) -> Point:
+    with _compiling:  # a worker may have several threads
+        solve = _unpacked(packed)
+    return solve(point)
+
+
+@functools.lru_cache(maxsize=2)
+def _unpacked(packed: bytes) -> Callable[[Numbers], Point]:
+    import cloudpickle
+
+    options, code = cloudpickle.loads(packed)
+    for option, value in options.items():
+        jax.config.update(option, value)
+    return solver(trace(*cloudpickle.loads(code)))
+
+
+@contextlib.contextmanager
+def _bar(shown: bool, done: int, total: int) -> Iterator[Callable[[], None]]:
+    """Gives what is called after each point."""
+    if not shown:
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task("compiling", completed=done, total=total)
+        yield lambda: bar.update(task, advance=1, description="solving")

@@ -21,7 +21,9 @@ DATA = Path(__file__).parents[3] / "shared" / "data"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # Rooms list functions of the names of these modules.
 PLAN = sys.modules["graded_contact.scenes.plan"]
-SWEEP, PROGRAM = (sys.modules[f"graded_contact.studies.{name}"] for name in ("sweep", "program"))
+SWEEP, PROGRAM = (
+    sys.modules[f"graded_contact.studies.{name}"] for name in ("old_sweep", "program")
+)
 
 
 @pytest.fixture(scope="module")

@@ -2,19 +2,20 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.contacts.solve import RESULTS
-from graded_contact.studies import workers as workers_module
-from graded_contact.studies.dataset import read_dataset, write
-from graded_contact.studies.sweep import sweep
+from graded_contact.contacts.solution import RESULTS
+from graded_contact.studies import sweep
 
-# In the room, `sweep` is the function.
 AXES = {"velocity": [0.1, 1.0, 10.0], "seed": [3, 4]}
 
 
@@ -32,8 +33,13 @@ def same(one, other):
     return all(one[name].values.tobytes() == other[name].values.tobytes() for name in one.variables)
 
 
-def test_every_result_lies_over_the_named_axes_with_units():
-    study = sweep(draw, AXES, units={"field": "m"})
+def times(folder):
+    """When each file of a store was written."""
+    return {file.name: file.stat().st_mtime_ns for file in folder.iterdir()}
+
+
+def test_every_result_lies_over_the_named_axes_with_units(tmp_path):
+    study = sweep(draw, AXES)
     assert list(study.sizes)[:2] == ["velocity", "seed"] and (study.message == "").all()
     assert study.field.dims == ("velocity", "seed", "field_0", "field_1")
     for i, velocity in enumerate(AXES["velocity"]):
@@ -44,40 +50,51 @@ def test_every_result_lies_over_the_named_axes_with_units():
     np.testing.assert_array_equal(study["modulus.imag"][:, 0], AXES["velocity"])
     np.testing.assert_array_equal(study.seed_again, [[3, 4]] * 3)
     assert study.velocity.attrs == {"units": "m/s", "long_name": "sliding velocity"}
-    assert study.friction.units == "1" and study.field.units == "m"
+    assert study.friction.units == "1" and study.seed_again.dtype.kind == "i"
+    study.to_netcdf(tmp_path / "study.h5", engine="h5netcdf")
+    assert sweep(lambda point: jnp.pi, {}).value == np.pi
 
 
-def test_a_list_of_points_has_one_axis_and_a_file_holds_it(tmp_path):
-    points = [{"velocity": 0.1, "seed": 4}, {"velocity": 10.0, "seed": 3}]
-    study, grid = sweep(draw, points), sweep(draw, AXES)
-    assert study.friction.dims == ("point",)
-    assert study.friction.values.tolist() == [grid.friction[0, 1], grid.friction[2, 0]]
-    np.testing.assert_array_equal(study.velocity, [0.1, 10.0])
-    write(tmp_path / "study.h5", study)
-    assert same(read_dataset(tmp_path / "study.h5"), study)
-
-
-def test_a_rerun_solves_what_is_missing_to_the_same_bits(tmp_path):
-    whole, counts = sweep(draw, AXES), []
-
-    def interrupt(done, count):
-        counts.append(done)
-        if done:
-            raise KeyboardInterrupt
-
-    store = tmp_path / "points"
-    cut = sweep(draw, AXES, store=store, progress=interrupt)
-    assert counts == [0, 1] and np.sum(cut.message == "not started") == 5
-    assert np.isnan(cut.friction.values[cut.message != ""]).all()
-    again = sweep(draw, AXES, store=store, progress=lambda *at: counts.append(at))
-    assert counts[2:] == [(done, 6) for done in range(1, 7)]  # the first when it is compiled
-    assert same(again, whole)
-    wider = AXES | {"seed": [3, 4, 5]}
-    more = sweep(draw, wider, store=store, progress=lambda *at: counts.append(at))
-    assert (6, 9) in counts
+def test_only_what_is_missing_is_solved(tmp_path):
+    whole = sweep(draw, AXES)
+    assert same(sweep(draw, AXES, store=tmp_path), whole)
+    before = times(tmp_path)
+    assert same(sweep(draw, AXES, store=tmp_path), whole) and times(tmp_path) == before
+    more = sweep(draw, AXES | {"seed": [3, 4, 5]}, store=tmp_path)
+    after = times(tmp_path)
+    assert len(after) == 9 and before.items() <= after.items()
     assert more.friction[:, :2].values.tobytes() == whole.friction.values.tobytes()
-    other = sweep(lambda p: draw(p) | {"friction": p["velocity"]}, AXES, store=store)
-    assert other.friction[0, 0] == 0.1
+
+
+def test_another_number_array_or_name_is_another_sweep(tmp_path):
+    def scaled(table, name="y", inside=jax.jit):
+        return lambda point: {name: jnp.sum(inside(lambda x: x * table)(point["x"]))}
+
+    table, other = np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 4.0])
+    outside = lambda function: function  # noqa: E731
+    for count, (function, name, expected) in enumerate(
+        [
+            (scaled(table), "y", 6), (scaled(other), "y", 7), (scaled(other, "z"), "z", 7),
+            (scaled(2.0), "y", 2), (scaled(jnp.asarray(other), inside=outside), "y", 7),
+        ], start=1,
+    ):  # fmt: skip
+        study = sweep(function, {"x": [1.0]}, store=tmp_path)
+        assert study[name] == expected and len(times(tmp_path)) == count
+
+
+def test_a_damaged_file_is_solved_again(tmp_path):
+    axes = {"x": [1.0]}
+    whole = sweep(lambda point: {"y": jnp.sin(point["x"])}, axes, store=tmp_path)
+    (file,) = tmp_path.iterdir()
+    good, rng = file.read_bytes(), np.random.default_rng(0)
+    for _ in range(40):
+        bad = bytearray(good)
+        bad[rng.integers(len(bad))] ^= 1 << rng.integers(8)
+        file.write_bytes(bad)
+        assert same(sweep(lambda point: {"y": jnp.sin(point["x"])}, axes, store=tmp_path), whole)
+    file.write_bytes(good[:100])
+    assert same(sweep(lambda point: {"y": jnp.sin(point["x"])}, axes, store=tmp_path), whole)
+    assert file.read_bytes()[:100] == good[:100] and len(times(tmp_path)) == 1
 
 
 def test_a_point_that_fails_has_its_reason_and_the_rest_goes_on(tmp_path, capfd):
@@ -87,11 +104,20 @@ def test_a_point_that_fails_has_its_reason_and_the_rest_goes_on(tmp_path, capfd)
 
     stopped = RESULTS.max_steps_reached
     for _ in range(2):  # the second time from the store
-        capfd.readouterr()
-        study = sweep(picky, {"x": [1.0, 2.0, 3.0, 4.0]}, store=tmp_path / "points")
+        study = sweep(picky, {"x": [1.0, 2.0, 3.0, 4.0]}, store=tmp_path)
         assert study.message.values.tolist() == ["", "failed: two is refused", "", RESULTS[stopped]]
-        assert capfd.readouterr().err == ""  # JAX prints a traceback
         np.testing.assert_array_equal(study.value, [1, np.nan, 3, 4])
+    assert len(times(tmp_path)) == 4
+
+
+def test_what_cannot_be_swept_is_refused():
+    for axes in ({"x": []}, {"x": [[1.0]]}, {"x": [np.nan]}, {"x": ["a"]}):
+        with pytest.raises(ValueError, match="axes"):
+            sweep(draw, axes)
+    with pytest.raises(ValueError, match="seed"):
+        sweep(lambda point: point, AXES)
+    with pytest.raises(ValueError, match="workers"):
+        sweep(draw, AXES, workers=0)
 
 
 def test_a_sweep_of_contacts_equals_slide():
@@ -112,30 +138,45 @@ def test_a_sweep_of_contacts_equals_slide():
     assert study["contact.pressure"].units == "Pa"
 
 
-@pytest.fixture
-def threads(monkeypatch):
-    """A client of a scheduler and a worker that are threads of this process."""
+SLOW = """
+import sys, jax, numpy as np
+from graded_contact.studies import sweep
+jax.config.update("jax_enable_x64", True)
+loop = lambda p: jax.lax.fori_loop(0, 8_000_000, lambda i, x: x * 0.999 + 1, p["x"])
+if __name__ == "__main__":
+    found = sweep(loop, {"x": np.arange(12.0)}, store=sys.argv[1])
+    np.save(sys.argv[1] + "/found", found.value)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_sweep_goes_on_after_its_end(tmp_path, number):
+    script, store = tmp_path / "slow.py", tmp_path / "points"
+    script.write_text(SLOW)
+    command = [sys.executable, str(script), str(store)]
+    child = subprocess.Popen(command, stderr=subprocess.PIPE)
+    while child.poll() is None and not any(store.glob("*.npz")):
+        time.sleep(0.01)
+    child.send_signal(number)
+    child.communicate(timeout=60)
+    finished = times(store)
+    if number == signal.SIGINT:
+        assert child.returncode == 0 and np.isfinite(np.load(store / "found.npy")).sum() < 12
+    subprocess.run(command, check=True, stderr=subprocess.PIPE)
+    finished.pop("found.npy", None)
+    assert finished.items() <= times(store).items()
+    whole = [0.999**8_000_000 * x + 1 / (1 - 0.999) for x in range(12)]
+    np.testing.assert_allclose(np.load(store / "found.npy"), whole, rtol=1e-9)
+
+
+def test_workers_give_the_same_bits_and_one_may_die(tmp_path):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(workers_module, "PATIENCE", 0.2)
-    options = {"processes": False, "dashboard_address": "127.0.0.1:0", "set_as_default": False}
-    with distributed.Client(n_workers=1, threads_per_worker=2, **options) as client:
-        yield client
-
-
-@pytest.mark.slow
-def test_workers_give_the_same_bits_and_one_may_die():
-    pytest.importorskip("distributed")
 
     def slow(point):
-        return jax.lax.fori_loop(0, 20_000_000, lambda i, x: x * 0.5 + 1, point["x"])
+        return jax.lax.fori_loop(0, 3_000_000, lambda i, x: x * 0.5 + 1, point["x"])
 
-    axes, killed = {"x": np.arange(6.0)}, []
-    with workers_module.connected(2, None) as client:
-
-        def kill(done, count):
-            if not killed:
-                killed.append(next(iter(client.run(os.getpid).values())))
-                os.kill(killed[0], signal.SIGKILL)
-
-        study = sweep(slow, axes, client=client, progress=kill)
-    assert killed and same(study, sweep(slow, axes))
+    axes = {"x": np.arange(6.0)}
+    with distributed.Client(n_workers=2, threads_per_worker=1, dashboard_address=None) as client:
+        os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
+        study = sweep(slow, axes, client=client)
+    assert same(study, sweep(slow, axes))
