@@ -35,7 +35,6 @@ from rows import goal, report, timed
 
 import graded_contact as gc
 
-
 KINDS = (
     "8", "4", "2", "full", "light", "half space", "anisotropic", "noise", "ridge", "egg box",
     "receding", "line", "gap", "laws", "attraction", "window",
@@ -152,7 +151,7 @@ def cycle(number, name, times=64, most=512):
 
     found, best = solve(times), solve(most, rtol=1e-8)
     exact, own = float(getattr(best, name)), float(getattr(found, name))
-    claimed = getattr(found, f"{name}_time_error") + getattr(found, f"{name}_solver_error")
+    claimed = found.error_parts(name)["time"] + found.error_parts(name)["solver"]
     return abs(own / exact - 1), float(claimed) / abs(exact), 0.0
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..core.display import number, unit_of
-from ..core.quantities import FOUR, OBSERVABLES, STEADY, TOTAL, quantity_of
+from ..core.quantities import STEADY, quantity_of
 from ..scenes.results import (
     DEPTH,
     FLOWS,
@@ -17,6 +17,8 @@ from ..scenes.results import (
     without_friction,
 )
 from ..sliding.interior.stress import STRESSES
+from ..sliding.number import FOUR, TOTAL, numbers_in
+from ..sliding.result import RESULTS
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -31,6 +33,9 @@ OVER_TIME = ("friction", "load", "contact_area", "mean_gap", "work_done", *FLOWS
 OF_FRICTION = ("friction", "work", "power")  # in names of what is rounding at rest
 # Errors that are no part of the total: ends of names, and heads.
 APART = {"_standard_error": "± by\nmaterials", SEED_ERROR: "± over\nsurfaces"}
+
+
+_ENTRIES = {name: entry for kind in RESULTS.values() for name, entry in numbers_in(kind).items()}
 
 
 class TableCells(NamedTuple):
@@ -62,7 +67,7 @@ class TableCells(NamedTuple):
 def names_in_table(results: "Dataset", full: bool) -> list[str]:
     """The names of the numbers in the table of solves; at rest it has the gap."""
     if full:
-        every = [*(n for n, entry in OBSERVABLES.items() if entry.column), *LEAKAGE, *OF_STRESS]
+        every = [*(n for n, entry in _ENTRIES.items() if entry.column), *LEAKAGE, *OF_STRESS]
     else:
         every = [*MAIN, *(["mean_gap"] if rounding_in(results) else [])]
     axes = results["message"].dims
@@ -73,7 +78,7 @@ def names_in_table(results: "Dataset", full: bool) -> list[str]:
 
 def columns_in_table(results: "Dataset", names: Iterable[str], full: bool) -> dict[str, TableCells]:
     """The columns of numbers and of their errors, which stand beside them."""
-    known = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
+    known = {name: entry.column for name, entry in _ENTRIES.items() if entry.column}
     known |= {name: (f"leakage\nalong {name[-1]}\n[m³/s]", ".3e") for name in LEAKAGE}
     known |= {f"{name}_error": TOTAL for name in LEAKAGE}
     known |= {name + end: (head, ".1e") for name in MAIN for end, head in APART.items()}
@@ -108,7 +113,7 @@ def rounding_in(results: "Dataset") -> list[str]:
     if not np.any(known):
         return []
     numbers = results.where(known)
-    names = [n for n in OBSERVABLES if n in results and any(part in n for part in OF_FRICTION)]
+    names = [n for n in _ENTRIES if n in results and any(part in n for part in OF_FRICTION)]
     names = [n for n in names if not n.endswith("_error")]
     if kind_of_results(results) == STEADY:
         return names if np.all(without_friction(results).values[known.values]) else []

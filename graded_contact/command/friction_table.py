@@ -12,7 +12,6 @@ from typer import Option
 from ..core.checks import check_values
 from ..core.display import UNKNOWN
 from ..core.quantities import STEADY, in_brackets
-from ..core.warnings import warnings_of
 from ..exports.friction_cards import export_friction
 from ..plot.sweeps import kelvin
 from ..scenes.described import described
@@ -22,6 +21,7 @@ from ..scenes.scene_checks import refuse_liquids, refuse_tables
 from ..scenes.scene_file import read_scene
 from ..scenes.theory import errors_of_bodies, roughness_of
 from ..scenes.toml import parse_toml
+from ..sliding.result import warnings_of
 from ..studies.dataset import FAILED, read_dataset, write, write_whole
 from ..studies.friction_tables import TableMethod, conditions, friction_table
 from ..studies.interruption import Interruption, interruptible

@@ -21,7 +21,7 @@ from ..scenes.scene import Scene
 from ..scenes.scene_file import parse_scene
 from ..scenes.theory import mean_fields
 from ..scenes.toml import entry_text
-from ..sliding.numbers.doubts import EXTRAPOLATED
+from ..sliding.numbers.checks import EXTRAPOLATED
 from ..studies.dataset import write_whole
 from ..surfaces.surface import Surface
 from . import fit, moduli_options

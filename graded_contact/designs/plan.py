@@ -15,10 +15,10 @@ from jaxtyping import Array, Float
 
 from ..blocks.stack import Stack
 from ..core.parameters import with_values
-from ..core.warnings import warnings_of
 from ..scenes.plan import cost_text
 from ..scenes.scene_checks import refuse_liquids
 from ..scenes.surface_source import RandomSurface
+from ..sliding.result import warnings_of
 from ..studies.dataset import NOT_STARTED
 from ..studies.old_sweep import sweep
 from ..studies.store import Store

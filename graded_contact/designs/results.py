@@ -11,7 +11,7 @@ from ..core.display import shown, with_error
 from ..core.parameters import paths
 from ..core.quantities import in_brackets
 from ..mean_field.mean_field import MeanField
-from ..sliding.numbers.doubts import EXTRAPOLATED
+from ..sliding.numbers.checks import EXTRAPOLATED
 from ..studies.search import Design
 from .limits import BY_MEAN_FIELD, CRITERIA
 from .objectives import band_tangents

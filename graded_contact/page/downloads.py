@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.quantities import FIELDS, OBSERVABLES, in_brackets
+from ..core.quantities import FIELDS, NUMBERS, in_brackets
 from ..sliding.result import Sliding
 from ..studies.dataset import package_versions
 from .document import Document
@@ -71,7 +71,7 @@ def to_hdf5(shown: ShownPoint) -> bytes:
         found[name] = (axes, np.asarray(getattr(contact, name)))
     found |= {name: ((), np.asarray(getattr(contact, name))) for name in contact.numbers}
     # The pressure of a contact is a field, not an axis.
-    known = {name: FIELDS.get(name) or OBSERVABLES[name].quantity for name in found}
+    known = {name: FIELDS.get(name) or NUMBERS[name] for name in found}
     fields_and_numbers = xr.Dataset({
         name: (*values, {"units": known[name].unit, "long_name": known[name].meaning})
         for name, values in found.items()

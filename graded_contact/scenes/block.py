@@ -33,8 +33,9 @@ from ..readers.recorded_motion import (
 from ..readers.units import DIMENSIONS, UNITS
 from ..response.layering import Layering
 from ..response.riccati import Riccati
-from ..sliding.motion.periodic import Motion, sinusoidal, start_stop
-from ..sliding.motion.transient import SingleMotion, dwell, listed, ramp, recorded_transient, start
+from ..sliding.motion.motion import Motion
+from ..sliding.motion.periodic import sinusoidal, start_stop
+from ..sliding.motion.transient import dwell, listed, ramp, recorded_transient, start
 from ..sliding.shear import SHEARS, AbstractShear
 from ..studies.parameter_covariance import Errors, check_errors, read_errors
 from .schema import Key, TableReader, check_keys, keys_of, kind_of
@@ -72,7 +73,7 @@ KIND_MAKERS = {
     },
     AbstractShear: SHEARS,
     Motion: {"sinusoidal": sinusoidal, "start_stop": start_stop, "recorded": read_motion},
-    SingleMotion: {
+    "transient": {
         "start": start,
         "ramp": ramp,
         "dwell": dwell,
@@ -246,7 +247,7 @@ class Block:
         self.take(log, "motion")
         return motion
 
-    def recorded_transient(self, path: os.PathLike, grid: Grid) -> SingleMotion:
+    def recorded_transient(self, path: os.PathLike, grid: Grid) -> Motion:
         """Returns the motion of a table that need not close, as `recorded_transient`.
 
         **Arguments:**

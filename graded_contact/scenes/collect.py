@@ -9,10 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.files import read_file
-from ..core.quantities import CYCLE, FIELDS, OBSERVABLES, TRANSIENT, numbers_of
+from ..core.quantities import CYCLE, FIELDS, TRANSIENT
 from ..materials.shift import shifts_in
-from ..sliding.facts import facts_of
-from ..sliding.motion.transient import SingleMotion
+from ..sliding.case import facts_of
+from ..sliding.number import numbers_in
+from ..sliding.result import RESULTS, numbers_of
 from ..studies.dataset import NOT_STARTED, attach, package_versions
 from ..studies.store import Point, together
 from ..surfaces.surface import Surface
@@ -68,8 +69,9 @@ def collect(
     variables: dict[str, Any] = {}
     once = scene.kind == TRANSIENT
     times = {} if scene.motion is None else {"time": scene.num_times}
+    entries = numbers_in(RESULTS[scene.kind])
     for name in numbers_of_scene(scene, surface):
-        over_time = name in OBSERVABLES and OBSERVABLES[name].over_time
+        over_time = name in entries and entries[name].over_time
         inner = times if over_time or (once and name.startswith(FLOWS)) else {}
         variables[name] = (*axes, *inner), over_axes(name, *inner.values())
     if scene.fluid is not None:
@@ -92,7 +94,7 @@ def collect(
         variables["period"] = "velocity", np.asarray(scene.period_at(scene.velocity))
         coordinates["time"] = "time", np.arange(scene.num_times) / scene.num_times
     if once:
-        assert isinstance(scene.motion, SingleMotion)
+        assert scene.motion is not None
         at = np.asarray(scene.motion.times)
         coordinates["time"] = "time", at, TIME
         kept_at = at[np.array(scene.kept_steps)]

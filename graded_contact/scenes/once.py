@@ -1,6 +1,6 @@
 """What happens once in a scene: motions of [motion] with `once = true`, and loads over time.
 
-[motion] once, kind, ...  ──>  SingleMotion, then those of [[motion.then]], one after the other
+[motion] once, kind, ...  ──>  Motion, then those of [[motion.then]], one after the other
 [load] pressure_path      ──>  pressure, pressure_ratio, ratio_times
 """
 
@@ -14,8 +14,7 @@ from ..contacts.inputs import PARTED
 from ..core.checks import as_float, check_increasing, check_positive, check_values, within
 from ..fields.grid import Grid
 from ..readers.recorded_motion import read_over_time
-from ..sliding.motion.periodic import Motion
-from ..sliding.motion.transient import SingleMotion
+from ..sliding.motion.motion import Motion
 from .block import KIND_MAKERS, Block
 from .schema import Key, kind_of
 
@@ -24,7 +23,7 @@ LIFTED = f"{PARTED} in Python"  # no scene has a gap
 _CLOSE = 1e-6  # times that differ by this part of them are one
 
 
-def motion_of(block: Block, table: dict[str, Any], grid: Grid) -> Motion | SingleMotion:
+def motion_of(block: Block, table: dict[str, Any], grid: Grid) -> Motion:
     """Returns the motion of the table [motion]: one that repeats, or happens once.
 
     **Arguments:**
@@ -39,7 +38,7 @@ def motion_of(block: Block, table: dict[str, Any], grid: Grid) -> Motion | Singl
         block.reader.value("[motion]", key, table.get(key.name, default))
         for key, default in ((ONCE, False), (THEN, []))
     )
-    single = KIND_MAKERS[SingleMotion] | {"recorded": block.recorded_transient}
+    single = KIND_MAKERS["transient"] | {"recorded": block.recorded_transient}
     if not once:
         if later:
             raise ValueError("[motion] `then` needs `once = true`.")
@@ -55,7 +54,7 @@ def motion_of(block: Block, table: dict[str, Any], grid: Grid) -> Motion | Singl
         make = single[kind]
         given = {"grid": grid} if "grid" in inspect.signature(make).parameters else {}
         parts.append(block.reader.build(place, entries, make, **given))
-    return functools.reduce(SingleMotion.then, parts)
+    return functools.reduce(Motion.then, parts)
 
 
 def read_load(block: Block, load: dict[str, Any]) -> None:
@@ -76,7 +75,7 @@ def read_load(block: Block, load: dict[str, Any]) -> None:
     load["ratio_times"] = (times - times[0]).tolist()
 
 
-def with_corners(motion: SingleMotion, load: dict[str, Any]) -> SingleMotion:
+def with_corners(motion: Motion, load: dict[str, Any]) -> Motion:
     """Returns a motion whose steps also end where the load of [load] changes its rate."""
     if "pressure_ratio" not in load and "ratio_times" not in load:
         return motion
@@ -93,4 +92,4 @@ def with_corners(motion: SingleMotion, load: dict[str, Any]) -> SingleMotion:
         check_increasing("ratio_times", as_float(times))
     near = np.any(np.isclose(times[:, None], own, rtol=_CLOSE, atol=0), axis=1)
     whole = np.sort(np.concatenate([own, times[~near & (times > 0)]]))
-    return SingleMotion(whole, np.interp(whole, np.append(0, own), np.append(0, moved)))
+    return Motion(np.interp(whole, np.append(0, own), np.append(0, moved)), times=whole)

@@ -26,15 +26,18 @@ from ..core.memory import (
     in_gigabytes,
     memory_of,
 )
-from ..core.quantities import OBSERVABLES, TRANSIENT
+from ..core.quantities import TRANSIENT
 from ..fields.frequency import velocity_along
 from ..sliding.bodies import TwoBodies
-from ..sliding.facts import FLOW
+from ..sliding.case import FLOW
 from ..sliding.interior.stress import STRESSES
+from ..sliding.number import numbers_in
+from ..sliding.result import RESULTS
 from ..sliding.slide import slide_case
 from ..sliding.solve.steady import check_approach
+from ..sliding.solve.transient import solve_transient
 from ..sliding.transient.errors import steps_with_errors
-from ..sliding.transient.solve import fields_of_transient, solve_transient
+from ..sliding.transient.pose import fields_of_transient
 from ..studies.interruption import ctrl_c_later
 from ..studies.old_sweep import Workers, columns_of, solve_points
 from ..studies.parameter_covariance import with_standard_error
@@ -233,7 +236,7 @@ def cost_text(
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
     fields, errors = fields_of(scene), errors_of_bodies(scene)
-    names = [n for n in numbers_of_scene(scene, surface) if n in OBSERVABLES]
+    names = [n for n in numbers_of_scene(scene, surface) if n in numbers_in(RESULTS[scene.kind])]
 
     def solved(point: dict[str, Any], bodies: TwoBodies) -> dict[str, Any]:
         rough = surface

@@ -10,7 +10,7 @@ from ..blocks.stack import HalfSpace, Stack
 from ..materials.coverage import coverage
 from ..materials.material import Prony
 from ..mean_field.mean_field import mean_field_friction
-from ..sliding.numbers.doubts import EXTRAPOLATED
+from ..sliding.numbers.checks import EXTRAPOLATED
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
 

@@ -19,8 +19,9 @@ import numpy as np
 
 from ..contacts.solution import FAILURES, RESULTS
 from ..core.quantities import CYCLE, STEADY, TRANSIENT, mean_over_seeds
-from ..core.warnings import ResultWarning, warnings_of
+from ..core.warnings import ResultWarning
 from ..fields.grid import Grid
+from ..sliding import result
 from ..sliding.errors.parts import NO_FRICTION
 from ..studies.dataset import FAILED, LOST, NOT_STARTED, read_dataset
 from ..surfaces.reading_steps import ReadingStep
@@ -99,7 +100,7 @@ def format_of(results: "Dataset") -> int:
     if "format" in results.attrs:
         return int(results.attrs["format"])
     # The second format was in use before the number was written.
-    return 2 if any(str(name).endswith("_solver_error") for name in results) else 1
+    return 2 if any(str(name).endswith("_error") for name in results) else 1
 
 
 def older_meaning(results: "Dataset") -> str:
@@ -149,10 +150,10 @@ def warnings_of(results: "Dataset") -> tuple[ResultWarning, ...]:
         if variable.dtype.kind == "f" and {*known.dims} <= {*variable.dims} <= {*known.dims, "time"}
     }
     if (kind := kind_of_results(results)) != TRANSIENT:
-        return *of_files, *warnings_of(lambda name: told.get(name, 0.0), kind)
+        return *of_files, *result.warnings_of(lambda name: told.get(name, 0.0), kind)
     # What is doubtful at one time makes its solve doubtful.
     over_time = {n: v if v.ndim > known.ndim else v[..., None] for n, v in told.items()}
-    found = warnings_of(lambda name: over_time.get(name, np.zeros(1)), kind)
+    found = result.warnings_of(lambda name: over_time.get(name, np.zeros(1)), kind)
     return *of_files, *(c._replace(where=c.where.any(axis=-1)) for c in found)
 
 

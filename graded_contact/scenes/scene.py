@@ -26,12 +26,10 @@ from ..core.quantities import CYCLE, STEADY, TRANSIENT
 from ..fields.frequency import velocity_along
 from ..materials.material import AbstractMaterial
 from ..sliding.bodies import TwoBodies, in_both
-from ..sliding.case import Case, Heating
-from ..sliding.facts import FLOW
+from ..sliding.case import FLOW, Case, Heating
 from ..sliding.interior.heat_source import as_depths
 from ..sliding.interior.stress import STRESSES
-from ..sliding.motion.periodic import Motion
-from ..sliding.motion.transient import SingleMotion
+from ..sliding.motion.motion import Motion
 from ..sliding.numbers.gap_flow import Fluid
 from ..sliding.numerics import Numerics
 from ..sliding.shear import AbstractShear
@@ -164,7 +162,7 @@ class Scene:
     strain_per_slope: float | None = None
     ratio_times: list[float] | None = None
     pressure_path: Path | None = None
-    motion: Motion | SingleMotion | None = None
+    motion: Motion | None = None
     step: float | None = None
     law: AbstractLaw | None = None
     shear: AbstractShear | None = None
@@ -232,7 +230,7 @@ class Scene:
         """Of its contacts, one of `KINDS`."""
         if self.motion is None:
             return STEADY
-        return CYCLE if isinstance(self.motion, Motion) else TRANSIENT
+        return CYCLE if self.motion.times is None else TRANSIENT
 
     @property
     def num_times(self) -> int:
@@ -253,13 +251,13 @@ class Scene:
         if self.motion is None or self.step is None:
             return None
         text = f"{self.num_times} times, a largest step of {self.step:.2g} spacings"
-        if isinstance(self.motion, SingleMotion):
+        if self.motion is not None and self.motion.times is not None:
             text += f", {with_time(float(self.motion.times[-1]))} in all"
         return text
 
     def period_at(self, velocity: Any) -> Any:
         """Returns the period of the motion [s] at a highest speed [m/s]."""
-        assert isinstance(self.motion, Motion)
+        assert self.motion.times is None
         # The same path at another speed takes another period; at rest the period stays.
         own = self.motion.highest_speed
         return self.motion.period * jnp.where(own > 0, own / jnp.where(own > 0, velocity, 1), 1)
@@ -285,7 +283,7 @@ class Scene:
         moved = moved if len(along) == 1 else moved[:, None] * along
         if self.block_surface is not None:
             given["block_surface"] = self.block_surface.build()
-        if isinstance(self.motion, SingleMotion):
+        if self.motion is not None and self.motion.times is not None:
             times = np.asarray(self.motion.times)
             if self.pressure_ratio is not None and self.ratio_times is not None:
                 ratio = np.interp(times, self.ratio_times, self.pressure_ratio)

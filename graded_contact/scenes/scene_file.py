@@ -17,7 +17,6 @@ from ..core.parameters import places
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
 from ..sliding.case import Heating
-from ..sliding.motion.transient import SingleMotion
 from ..sliding.numbers.gap_flow import Fluid
 from ..sliding.shear import AbstractShear
 from .block import Block
@@ -166,13 +165,15 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     if tables.motion is not None:
         line = _along(surface, direction)
         motion = motion_of(block, tables.motion, line)
-        if isinstance(motion, SingleMotion):
+        if motion is not None and motion.times is not None:
             motion = with_corners(motion, load)
             if "velocity" in load:
                 raise ValueError("[load] `velocity` is refused: [motion] `once = true` gives it.")
         step = float(motion.largest_step(line))
         highest = float(motion.highest_speed)
-        if isinstance(motion, SingleMotion):  # as it was written, not as steps round it
+        if (
+            motion is not None and motion.times is not None
+        ):  # as it was written, not as steps round it
             highest = float(f"{highest:.12g}")
         load.setdefault("velocity", np.array([highest]))
     how = accuracy.pop("graded_solver", None)

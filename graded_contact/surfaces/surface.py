@@ -26,8 +26,8 @@ class Surface(eqx.Module):
     - `steps`: the roughness after every step of reading. Static.
     - `periodic`: whether the surface repeats. If not, as an indenter or the edge of a block, the
       block's surface around the window is free of load. Static.
-    - `assumed`: what the reading assumed and changes numbers, one sentence each: the first warnings.
-      Static.
+    - `assumed`: what the reading assumed and changes numbers, one sentence each: the first
+      warnings. Static.
     """
 
     heights: Float[Array, "*shape"]

@@ -25,8 +25,8 @@ def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful, **numbers)
     )  # fmt: skip
     found = gc.Sliding(contact, problem)
     found.kept.numbers.update(dict.fromkeys(found.numbers, jnp.array(0.0)))
-    numbers |= {"friction": jnp.array(friction), "friction_error": jnp.array(1.7e-4)}
-    numbers |= {"friction_grid_error": jnp.array(1.7e-4)}
+    parts = {"solver": jnp.array(0.0), "grid": jnp.array(1.7e-4)}
+    numbers |= {"friction": jnp.array(friction), "friction_error": parts}
     found.kept.numbers.update(numbers)
     return found
 

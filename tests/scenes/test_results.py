@@ -5,13 +5,13 @@ import pytest
 import xarray
 
 import graded_contact as gc
-from graded_contact.core.quantities import numbers_of
 from graded_contact.scenes.collect import surface_variables
 from graded_contact.scenes.results import (
     KEPT_FIELDS,
     read_results,
     surface_of,
 )
+from graded_contact.sliding.result import numbers_of
 from graded_contact.studies.dataset import NOT_STARTED, attach, write
 from graded_contact.surfaces.reading_steps import ReadingStep
 

@@ -4,14 +4,11 @@ import sys
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from scene_texts import BARE, TEXT, changed
+from scene_texts import TEXT, changed
 
 import graded_contact as gc
-from graded_contact.command.result_tables import print_table
-from graded_contact.core.quantities import OBSERVABLES, Above, observable
 from graded_contact.scenes.plan import build_surface, plan
 from graded_contact.scenes.results import kept_contact, kept_solves
 from graded_contact.scenes.scene_file import parse_scene, read_scene
@@ -50,33 +47,6 @@ def test_a_run_gives_what_slide_gives(scene, results):
     assert results.attrs["scene"] == TEXT
     assert results.attrs["seed"] == 3
     assert results.attrs["dtype"] == "float64"
-
-
-def test_an_observable_is_one_function(capsys):
-    """Its attribute, print, dataset, unit, column and warning follow from its entry."""
-    doubt = Above(1.0, "The largest pressure is {value:.2g} Pa.")
-
-    @observable("F", "Pa", "largest pressure", column=("largest\npressure", "#.4g"), warns=doubt)
-    def largest_pressure(found):
-        """The largest pressure [Pa]."""
-        return jnp.max(found.pressure)
-
-    try:
-        scene = parse_scene(BARE.replace("[32, 32]", "[16]").replace("8e4", "4e4"))
-        results = plan(scene).run()
-        sliding = gc.slide(scene.stack, build_surface(scene), pressure=2e5, velocity=1.0)
-        assert sliding.largest_pressure == np.max(sliding.pressure)
-        assert "largest_pressure [Pa]" in repr(sliding)
-        np.testing.assert_allclose(results.largest_pressure[-1, -1], np.max(sliding.pressure), 1e-4)
-        assert results.largest_pressure.attrs == {"units": "Pa", "long_name": "largest pressure"}
-        here, stored = sliding.warnings[-1], results.attrs["warnings"].split("\n")[-1]
-        assert here == f"The largest pressure is {sliding.largest_pressure:.2g} Pa."
-        assert "largest pressure is" in stored and f" to {here.split()[-2]} Pa." in stored
-        print_table(results, full=True)
-        assert "largest" in capsys.readouterr().out
-    finally:
-        del OBSERVABLES["largest_pressure"]
-    assert not hasattr(sliding, "largest_gap")
 
 
 @pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from graded_contact.surfaces.reading_steps import ReadingStep, warnings_of_steps, step
+from graded_contact.surfaces.reading_steps import ReadingStep, step, warnings_of_steps
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,9 @@ from graded_contact.surfaces.reading_steps import ReadingStep, warnings_of_steps
     ],
 )
 def test_steps_that_change_the_slope_are_told(steps, words):
-    sentences = warnings_of_steps([ReadingStep(name, 1.0, slope, 4.0, 0.0) for name, slope in steps])
+    sentences = warnings_of_steps(
+        [ReadingStep(name, 1.0, slope, 4.0, 0.0) for name, slope in steps]
+    )
     assert len(sentences) == len(words)
     for sentence, part in zip(sentences, words, strict=True):
         assert part in sentence

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ...blocks.heated_stack import HeatedContact
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
-from ...core.quantities import TRANSIENT
+from ...core.quantities import NUMBERS, TRANSIENT, in_brackets
 from ..case import (
     SHEARED,
 )
@@ -141,14 +141,13 @@ class TransientSliding(AbstractSliding):
 
     def table(self, most: int = 25) -> str:
         """Returns the numbers over time in columns, of at most so many times."""
-        entries = [OBSERVABLES[name] for name in self.numbers if name in self.recorded]
-        shown_of = [(e, e.column) for e in entries if e.over_time and e.column is not None]
         rows = np.unique(np.linspace(0, len(self.times) - 1, most).round().astype(int))
-        heads = ["time [s]", *(head.replace("\n", " ") for _, (head, _) in shown_of)]
+        shown_of = ("friction", "contact_area", "mean_gap", "load", "work_done")
+        heads = ["time [s]", *(n + in_brackets(NUMBERS[n].unit) for n in shown_of)]
         columns = [[f"{t:.4g}" for t in np.asarray(self.times)[rows]]]
-        for entry, (_, form) in shown_of:
-            values = np.asarray(self.recorded[entry.name])[rows].reshape(len(rows), -1)
-            columns.append([" ".join(number(v, form) for v in row) for row in values])
+        for name in shown_of:
+            values = np.asarray(self.recorded[name])[rows].reshape(len(rows), -1)
+            columns.append([" ".join(in_digits(v, ".4g") for v in row) for row in values])
         widths = [max(map(len, (head, *rest))) for head, rest in zip(heads, columns, strict=True)]
         lines = [heads, *zip(*columns, strict=True)]
         return "\n".join(
