@@ -45,7 +45,7 @@ TITLES = {
     "contacts": "Contact", "sliding": "Sliding", "mean_field": "Mean field", "fitting": "Fits",
     "readers": "Measured files", "studies": "Many solves", "scenes": "Scenes", "designs": "Designs",
     "exports": "Cards for other programs", "plot": "Figures", "page": "The page",
-    "fields": "The cell", "reference": "Closed forms", "core": "Parameters and programs",
+    "fields": "The cell", "core": "Parameters and programs",
     "blocks.shapes": "Shapes of graded layers",
 }  # fmt: skip
 

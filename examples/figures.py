@@ -60,7 +60,7 @@ def of_contacts():
     road = gc.random_surface(spectrum, gc.Grid((256, 256), EDGE), jax.random.key(0))
     load = {"pressure": PRESSURE, "velocity": VELOCITY}
     sliding = gc.slide(block(), road, **load)
-    theory = gc.mean_field_friction(block(), road, **load)
+    theory = gc.mean_field_friction(block(), spectrum, **load)
     waves = gc.sliding.cumulative_friction(
         sliding.pressure, sliding.displacement, road.grid, VELOCITY
     )

@@ -5,8 +5,8 @@ main job is `slide`. SI units everywhere; `docs/theory.md` and module docstrings
 
 The names below are those that a script starts with. All others are in the rooms: `materials`,
 `blocks`, `response`, `kernels`, `surfaces`, `contacts`, `sliding`, `mean_field`, `fitting`,
-`readers`, `studies`, `scenes`, `designs`, `exports`, `plot`, `page`, and `reference` (closed
-forms). Each name of a room is also found here: `gc.read_errors` is `gc.studies.read_errors`.
+`readers`, `studies`, `scenes`, `designs`, `exports`, `plot` and `page`. Each name of a room is
+also found here: `gc.read_errors` is `gc.studies.read_errors`.
 """
 
 import importlib
@@ -22,7 +22,6 @@ from . import (
     kernels,
     materials,
     mean_field,
-    reference,
     response,
     sliding,
     surfaces,
@@ -59,12 +58,12 @@ __all__ = [  # noqa: RUF022 (in the order in which data flow; the rooms last)
     "read_scene", "plan", "read_results", "explore",
     "materials", "blocks", "response", "kernels", "surfaces", "contacts", "sliding", "mean_field",
     "fitting", "readers", "studies", "scenes", "designs", "exports", "plot", "page", "fields",
-    "reference", "core",
+    "core",
 ]  # fmt: skip
 ROOMS = (
     "materials", "blocks", "response", "kernels", "surfaces", "contacts", "sliding", "mean_field",
     "fitting", "readers", "studies", "scenes", "designs", "exports", "plot", "page", "fields",
-    "reference", "core",
+    "core",
 )  # fmt: skip
 _MOVED = {"motion": "sliding", "design": "studies", "surface": "surfaces"}  # since 1.0.0rc1
 

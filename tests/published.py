@@ -150,12 +150,17 @@ def adhesive_sphere(tabor: float, points: int = 256) -> tuple[float, float]:
     surface = ball(points, size, 1.0)
     stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(1 - POISSON**2, POISSON)))
     path = unit * (np.linspace(2.3, -1.4, 13) - 1 / tabor)
-    found = gc.contacts.follow_contact(
-        gc.kernels.window_kernel(stack, surface.grid), surface.heights, approach=path,
-        law=gc.contacts.AdhesiveLJ(unit / tabor, WORK, contact_gap=1.2), rtol=1e-4,
-    )  # fmt: skip
-    loads = np.asarray(found.mean_pressure) * size**2 / (np.pi * WORK)
-    radii = np.sqrt(np.asarray(found.contact_area) / np.pi) * size / JKR_RADIUS
+    kernel = gc.kernels.window_kernel(stack, surface.grid)
+    law = gc.contacts.AdhesiveLJ(unit / tabor, WORK, contact_gap=1.2)
+    pressure, loads, areas = None, [], []
+    for approach in path:
+        how = dict(law=law, rtol=1e-4, start=pressure)
+        found = gc.solve_contact(kernel, surface.heights, approach=approach, **how)
+        pressure = found.pressure
+        loads.append(found.mean_pressure)
+        areas.append(np.mean(law.contact_indicator(pressure, found.gap, 1.0) > 0))
+    loads = np.asarray(loads) * size**2 / (np.pi * WORK)
+    radii = np.sqrt(np.asarray(areas) / np.pi) * size / JKR_RADIUS
     least = CubicSpline(-path, loads)
     pull_off = -minimize_scalar(least, bounds=(-path[0], -path[-1])).fun
     return float(pull_off), float(np.interp(0, -loads, radii))

@@ -1,12 +1,12 @@
 """Results that others published; the page `docs/published.md` has the sources and all numbers."""
 
 import axisymmetric
+import closed_forms
 import numpy as np
 import published
 import pytest
 
 import graded_contact as gc
-from graded_contact import reference
 
 NU, REDUCED = published.POISSON, published.REDUCED
 ONE_COAT = [([(ratio, NU, 1.0)], 10.0) for ratio in (0.25, 0.5, 1.0, 2.0, 4.0)]
@@ -23,13 +23,13 @@ def integral(layers, curvature):
 def test_the_integral_has_the_closed_forms():
     """Of Hertz, of one coat (M), of a bonded slab (M), also cut into two."""
     found = axisymmetric.paraboloid([(2.0, 0.4, 1.0)], (2.0, 0.4), 3.0, load=0.1)
-    radius, peak, approach = reference.hertz_sphere(0.1, 3.0, 2 / (1 - 0.4**2))
+    radius, peak, approach = closed_forms.hertz_sphere(0.1, 3.0, 2 / (1 - 0.4**2))
     np.testing.assert_allclose(found, (radius, approach, 0.1, peak), rtol=1e-9)
     q, unit = np.array([0.1, 1.0, 5.0]), 0.1 / (1 - 0.3**2)
     coat, slab = axisymmetric.relative_compliance(q, [(0.1, 0.3, 1.0)], (1.0, 0.45)), [0.1, 0.3]
-    exact = reference.coated_half_space_compliance(q, 1.0, *slab, 1.0, 0.45) * q * unit / 2
+    exact = closed_forms.coated_half_space_compliance(q, 1.0, *slab, 1.0, 0.45) * q * unit / 2
     np.testing.assert_allclose(coat, exact, rtol=1e-12)
-    exact = reference.slab_on_rigid_compliance(q, 1.0, *slab) * q * unit / 2
+    exact = closed_forms.slab_on_rigid_compliance(q, 1.0, *slab) * q * unit / 2
     for thicknesses in ((1.0,), (0.4, 0.6)):
         parts = [(*slab, thickness) for thickness in thicknesses]
         found = axisymmetric.relative_compliance(q, parts, None)

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from graded_contact.core.checks import check_values
-from graded_contact.reference import half_space_compliance
 
 
 def paper_coated_half_space_compliance(
@@ -22,8 +21,8 @@ def paper_coated_half_space_compliance(
     Scaraggi & Comingio (coating.on.bulk.ni) mix ν(ω) with ν₀ = ν(ω -> 0): displacements of a ν₀
     solid under tractions of a ν(ω) solid, which are not in equilibrium. The result may create
     energy, and a half space of ν and ν₀ comes out (1 - 2ν)(1 - ν₀)/((1 - 2ν₀)(1 - ν)) times as
-    soft as it is. It is here only to redraw the paper's figure beside
-    `reference.coated_half_space_compliance`, with which it agrees where ν = ν₀ in both solids.
+    soft as it is. It is here only to redraw the paper's figure beside the exact one
+    of `tests/closed_forms.py`, with which it agrees where ν = ν₀ in both solids.
 
     The printed formula is corrected in six places: ε_e is the ratio of E/(1 - ν²), not of E; `q`
     is q d; its prefactor n is -n/(2p); n₀ loses the n before its bracket and d₀ gains one; and
@@ -33,7 +32,7 @@ def paper_coated_half_space_compliance(
 
     Loses digits in thick coatings (about ε (q d)²) and in thin ones of high contrast.
 
-    **Arguments:** as `reference.coated_half_space_compliance`, and ν₀ of both solids, below 1/2.
+    **Arguments:** as the exact formula's, and ν₀ of both solids, below 1/2.
     """
     x = np.asarray(q) * np.asarray(thickness)
     nu, nub = np.asarray(poisson), np.asarray(base_poisson)
@@ -80,4 +79,5 @@ def paper_coated_half_space_compliance(
     d3 = n * (b * t - x) - stiff * ep * (t - n * x)
     top = c1 * n0 + c2 * (n1 * mm * p**2 + 2 * n2 * m * p + n3 * ep * m**2)
     bottom = c1 * d0 + c2 * (d1 * mm * p**2 + 2 * d2 * m * p + d3 * ep * m**2)
-    return half_space_compliance(q, modulus, poisson) * (-n / (2 * p)) * top / bottom
+    half_space = 2 * (1 - nu**2) / (np.asarray(q) * np.asarray(modulus))
+    return half_space * (-n / (2 * p)) * top / bottom

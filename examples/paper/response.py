@@ -11,6 +11,7 @@ Run from the root of the repository: `python examples/paper/response.py`.
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,10 @@ from matplotlib.lines import Line2D
 from system import DOCS, STYLE, ordered, panels, save
 
 import graded_contact as gc
-from graded_contact import reference
 from graded_contact.plot import COLOURS
+
+sys.path.append(str(Path(__file__).parents[2] / "tests"))
+from closed_forms import coated_half_space_compliance
 
 LENGTH, VELOCITY = 0.1, 10.0  # L0 [m] and v1 [m/s]: τ = L0/v1 = 0.01 s
 Q0, TAU = 2 * np.pi / LENGTH, LENGTH / VELOCITY
@@ -165,7 +168,7 @@ def coated_elastic():
         def closed_form(qd, coat=coat):
             q = qd / depth * Q0
             moduli = (coat.young, INCOMPRESSIBLE, base.young, INCOMPRESSIBLE)
-            m = reference.coated_half_space_compliance(q, depth / Q0, *moduli)
+            m = coated_half_space_compliance(q, depth / Q0, *moduli)
             return m * q * RELAXED / 2
 
         axes.loglog(qd, closed_form(qd), color=colour, label=f"{ratio:g}")

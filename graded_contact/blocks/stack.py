@@ -13,7 +13,6 @@ from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import (
     check_type,
-    check_types,
     instance,
     is_concrete,
     optional,
@@ -289,7 +288,6 @@ def concatenated(parts: Sequence[Array], rank: int) -> Array:
     return jnp.concatenate([jnp.broadcast_to(part, (len(part), *shape)) for part in parts])
 
 
-@check_types
 def interface_depths(stack: Stack) -> Float[Array, " layers"]:
     """Returns the depth of the lower face of every layer [m], the last one being the bottom.
 

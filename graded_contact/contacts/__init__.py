@@ -3,12 +3,10 @@
 No file of this room knows layers.
 """
 
-from ..core.deprecation import old_names
 from .adhesion import AdhesiveLJ, ExponentialAdhesion
 from .adjoint import LinearSplitting
 from .law import AbstractLaw, HardWall, RepulsiveLJ
 from .operators.operator import AbstractOperator, Solid, Steady
-from .path import ContactPath, follow_contact
 from .solution import RESULTS, ContactSolution
 from .solve import solve_contact
 from .solver.abstract_solver import AbstractContactSolver, Loading, SolverOutput, run_steps
@@ -18,9 +16,7 @@ from .solver.splitting import Splitting
 
 __all__ = [
     "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AdhesiveLJ",
-    "ContactPath", "ContactSolution", "DouglasRachford", "ExponentialAdhesion", "HardWall",
+    "ContactSolution", "DouglasRachford", "ExponentialAdhesion", "HardWall",
     "LinearSplitting", "Loading", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
-    "Splitting", "Steady", "follow_contact", "run_steps", "solve_contact",
+    "Splitting", "Steady", "run_steps", "solve_contact",
 ]  # fmt: skip
-
-__getattr__ = old_names(__name__)

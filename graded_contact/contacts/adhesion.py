@@ -1,8 +1,8 @@
 """Laws of interaction that attract.
 
 If the attraction rises more steeply with the gap than the stiffness of the solid, points snap into
-contact and out of it, and the solution depends on history: `follow_contact` follows a path of loads
-or gaps.
+contact and out of it, and the solution depends on history: follow a path of gaps, each contact the
+`start` of the next.
 
 Let r be the slope of the attraction over the stiffness of the solid to the shortest wave, 1/|M|. A
 grid resolves the attraction if r is well below 1; otherwise points snap one by one.

@@ -21,15 +21,14 @@ N = 256, to 1e-6). If few points are in contact a dense system is solved instead
 because the iteration takes thousands of steps if moduli are far apart.
 """
 
-import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one
@@ -52,14 +51,12 @@ class LinearSplitting(eqx.Module):
     - `rtol`: requested relative error of the derivative of the pressure [1]; None for twenty times
       that of the contact, at most 1e-3.
     - `max_steps`, `relaxation`, `history_length`: as those of `DouglasRachford`.
-    - `watch`: called in Python with the error that each solve reached and its tolerance, or None.
     """
 
     rtol: float | None = eqx.field(default=None, static=True)
     max_steps: int = eqx.field(default=20_000, static=True)
     relaxation: float = eqx.field(default=0.95, static=True)
     history_length: int = eqx.field(default=5, static=True)
-    watch: Callable | None = eqx.field(default=None, static=True)
 
     def __check_init__(self):
         if self.rtol is not None:
@@ -73,9 +70,7 @@ class LinearSplitting(eqx.Module):
         if self.rtol is not None:
             check_tolerance("rtol", self.rtol, rtol)
             rtol = jnp.asarray(self.rtol, rtol.dtype)
-        tau, found, error, _ = self.solve(*system, rtol=rtol, free_mean=free_mean)
-        if self.watch is not None:
-            jax.debug.callback(self.watch, error, rtol)
+        tau, found, _, _ = self.solve(*system, rtol=rtol, free_mean=free_mean)
         return jnp.where(found, tau, jnp.nan)
 
     def solve(
@@ -143,8 +138,9 @@ class State(NamedTuple):
 
 @eqx.filter_custom_jvp
 def attach_gradient(
-    inputs: Inputs, state: State, gap: Field, penalty: Scalar, adjoint: LinearSolver, rtol: Scalar
-) -> State:
+    inputs: Inputs, state: State, gap: Field, penalty: Scalar, adjoint: LinearSolver, rtol: Scalar,
+    throw: bool,
+) -> State:  # fmt: skip
     """Returns `state` unchanged, with its derivative by `inputs`.
 
     `state` must solve the contact problem, with the pressure that the law has at `gap`; this is
@@ -155,7 +151,7 @@ def attach_gradient(
 
 @attach_gradient.def_jvp
 def _attached_jvp(primals, tangents):
-    inputs, state, gap, penalty, adjoint, rtol = primals
+    inputs, state, gap, penalty, adjoint, rtol, throw = primals
     change: Inputs = tangents[0]
     operator = inputs.operator
     # Attached again, so that a derivative of the rule itself moves with the state.
@@ -172,12 +168,29 @@ def _attached_jvp(primals, tangents):
         rhs, d_load = rhs - penalty * d_gap, None
     elif d_load is None:
         d_load = 0.0
-    d_pressure = response(operator.scaled(penalty), s, by_law, rhs, d_load, adjoint, rtol)
+    solve = _or_fail(adjoint) if throw else adjoint
+    d_pressure = response(operator.scaled(penalty), s, by_law, rhs, d_load, solve, rtol)
     d_displacement = operator.displace(d_pressure) + by_operator
     if not free_mean:
         left = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
         d_gap = operator.mean(left) / (penalty * nonzero(operator.mean(s)))
     return state, State(d_pressure, d_displacement, d_gap)
+
+
+def _or_fail(adjoint: LinearSolver) -> LinearSolver:
+    """The solver, which fails at run time if what it finds is not a number."""
+
+    def solve(*system, **how):
+        tau = adjoint(*system, **how)
+        return eqx.error_if(
+            tau,
+            jnp.any(jnp.isnan(tau)),
+            "A derivative of the contact is not a number: its linear solve did not converge (raise "
+            "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that "
+            "is not a number. Friction without a load has no derivative.",
+        )
+
+    return solve
 
 
 def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
@@ -280,39 +293,3 @@ def _fill_with_zeros(tangents, primals):
     """The tangents, with zeros in place of None."""
     fill = lambda p, t: jnp.zeros_like(p) if t is None and p is not None else t  # noqa: E731
     return jax.tree.map(fill, primals, tangents, is_leaf=lambda x: x is None)
-
-
-def check_converged(number: Array, failed: Bool[Array, ""]) -> Array:
-    """Returns a number, or fails at run time."""
-    return eqx.error_if(
-        number,
-        failed,
-        "A derivative of the contact is not a number: its linear solve did not converge (raise "
-        "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that is "
-        "not a number. Friction without a load has no derivative.",
-    )
-
-
-def explain_lost(function: Callable, args: tuple, changes: Any) -> None:
-    """Computes a derivative that was NaN once more; raises if its linear solve does not converge.
-
-    **Arguments:**
-
-    - `function`: the derivative, of `args` and `changes`.
-    - `args`: twice the arguments of a contact solution, the fourth of which is the `LinearSolver`:
-      those that change, and the others.
-    """
-    if not isinstance(args[0][3], LinearSplitting):
-        return
-    reached = []
-    watch = lambda error, rtol: reached.append((float(error), float(rtol)))  # noqa: E731
-    watched = dataclasses.replace(args[0][3], watch=watch)
-    jax.block_until_ready(function(*((*one[:3], watched, *one[4:]) for one in args), changes))
-    jax.effects_barrier()
-    for error, rtol in reached:
-        if not error <= rtol:
-            raise RuntimeError(
-                "The linear solve for a derivative of the contact did not converge: its relative "
-                f"error is {error:.2g}, the tolerance {rtol:.2g}. Raise `max_steps` of `adjoint`, "
-                "or loosen its `rtol`."
-            )

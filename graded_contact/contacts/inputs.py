@@ -12,7 +12,6 @@ from ..core.checks import (
     as_float,
     check_positive,
     check_shape,
-    check_squares,
     check_values,
     is_concrete,
 )
@@ -36,7 +35,6 @@ def check_heights(heights: Array) -> None:
     if heights.dtype not in (jnp.float32, jnp.float64):
         raise ValueError(f"`heights` has dtype {heights.dtype}; float32 or float64 is needed.")
     check_values("heights", heights, "heights [m] must be finite")
-    check_squares("heights", heights, "m")
 
 
 def check_kernel(kernel: Array, shape: tuple[int, ...], on_window: bool, throw: bool) -> None:
@@ -52,7 +50,7 @@ def check_kernel(kernel: Array, shape: tuple[int, ...], on_window: bool, throw: 
         check_values("kernel.real", real, "it must be finite")
         # The entry that is ignored counts 1. Inside a trace even a known kernel is not looked at.
         if is_concrete(total) and np.asarray(total) <= 1:
-            check_positive("kernel.real", real, "[m/Pa] for nearly all q but 0", squares=False)
+            check_positive("kernel.real", real, "[m/Pa] for nearly all q but 0")
         check_values("kernel.imag", imag, "it must be finite")
 
 

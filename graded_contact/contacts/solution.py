@@ -25,7 +25,8 @@ class RESULTS(eqx.Enumeration):
     successful = "successful"
     max_steps_reached = (
         "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` of the solver or "
-        "loosen `rtol`; at a mean gap near full contact, prescribe `pressure`."
+        "loosen `rtol`; at a mean gap near full contact, prescribe `pressure`; "
+        "under an attraction that does not hold the load, prescribe `mean_gap` (`approach`)."
     )
     rounding = (
         "Rounding hides the remaining error, which may be more than `rtol`. Loosen `rtol`; in "
@@ -68,11 +69,6 @@ class RESULTS(eqx.Enumeration):
         "the block. There the splitting may not converge, although a contact may exist. With "
         "friction, lower the `coefficient` of `shear`, pass `coupled=False`, or give a `start`."
     )
-    pulled_off = (
-        "No equilibrium: the load is below the pull-off of this contact, and the surfaces moved "
-        "apart without end. Prescribe a load nearer to 0, or a `mean_gap` (`approach`): the lowest "
-        "pressure along a path of gaps, see `follow_contact`, is the pull-off."
-    )
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 
 
@@ -80,7 +76,7 @@ ROUNDING = 10  # of the precision
 
 # After these ends no number means anything.
 FAILURES = (
-    RESULTS.not_finite, RESULTS.inaccurate_kernel, RESULTS.not_positive, RESULTS.pulled_off,
+    RESULTS.not_finite, RESULTS.inaccurate_kernel, RESULTS.not_positive,
     RESULTS.bad_pressure,
 )  # fmt: skip
 

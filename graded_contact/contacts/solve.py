@@ -17,14 +17,13 @@ from ..core.checks import (
     as_float,
     as_numbers,
     check_tolerance,
-    check_types,
     is_concrete,
 )
-from ..core.compilation import compiled, one_by_one
+from ..core.compilation import compiled, compiled_loop, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
-from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
+from .adjoint import LinearSolver, LinearSplitting, attach_gradient
 from .estimates import assess, contact_state, penalty_at
 from .inputs import as_start, check_heights, check_kernel, loading_on
 from .law import AbstractLaw, HardWall, check_one_law, never_overlaps
@@ -56,7 +55,6 @@ _OF_PRESSURE, _LOOSEST_DERIVATIVE = 20, 1e-3
 _WORTHLESS = 0.1  # error of gaps over the rms height
 
 
-@check_types
 def solve_contact(
     kernel: Numbers,
     heights: Numbers,
@@ -101,7 +99,8 @@ def solve_contact(
     - `rtol`: requested relative error of the pressure [1]; None means 5e-5, or 5e-4 in float32.
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a missing load
       is spread evenly. A start whose load or speed differs by more than 1.5 times gives no
-      speed-up. With a law that attracts, it chooses among several solutions; see `follow_contact`.
+      speed-up. With a law that attracts, it chooses among several solutions: along a
+      path of gaps pass the last one.
     - `solution`: of an earlier call with the same arguments. Nothing is solved then: the same
       contact is returned, with derivatives.
     - `throw`: whether to raise if the solver fails, the kernel is not finite, or the linear solve
@@ -158,8 +157,8 @@ def _contact_on_cell(inputs: Inputs, solver, adjoint, rtol, start, solution, thr
         found = solver.solve(*fixed, rtol=tolerance, start=start)  # in a few programs
     else:
         found = _find_contact(fixed, solver, tolerance, start)
-    solution_of = _solution_or_fail if throw else _solution_or_nan
-    result, good = solution_of(inputs, solver.finds_unstable, found, adjoint, tolerance, close)
+    how = solver.finds_unstable, throw
+    result, good = _solution(inputs, *how, found, adjoint, tolerance, close)
     if throw:
         return required(result, good, result.result.error_if)
     return _unless_failed(result)
@@ -170,7 +169,7 @@ def default_rtol(dtype: Any) -> float:
     return SINGLE_RTOL if jnp.finfo(dtype).bits == 32 else RTOL
 
 
-@compiled
+@compiled_loop
 @one_by_one
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start):
     inputs = _known_to_have_a_solution(inputs)
@@ -214,9 +213,16 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
     )  # fmt: skip
 
 
+@derivative_apart
 @compiled
 def _solution(
-    inputs: Inputs, finds_unstable: bool, found: SolverOutput, adjoint: LinearSolver, rtol, close
+    inputs: Inputs,
+    finds_unstable: bool,
+    throw: bool,
+    found: SolverOutput,
+    adjoint: LinearSolver,
+    rtol,
+    close,
 ) -> tuple[ContactSolution, Array]:
     """The solution with its derivative, to a tolerance `close`, and whether it is one."""
     operator = inputs.operator
@@ -229,7 +235,7 @@ def _solution(
     reached = (jnp.where(closer, error, found.error) <= rtol) & ~jnp.isnan(error)
     state = jax.lax.stop_gradient(contact_state(inputs, found))
     penalty = penalty_at(inputs, found)
-    state = attach_gradient(inputs, state, found.gap, penalty, adjoint, close)
+    state = attach_gradient(inputs, state, found.gap, penalty, adjoint, close, throw)
     pressure, displacement, mean_gap = state
     if never_overlaps(inputs.law):  # in full contact the error of 0 may be negative
         mean_gap = mean_gap + jax.lax.stop_gradient(jnp.maximum(-mean_gap, 0))
@@ -251,10 +257,6 @@ def _solution(
         num_steps=found.num_steps, num_fft_pairs=found.num_fft_pairs, result=result,
     )  # fmt: skip
     return solution, result == RESULTS.successful
-
-
-_solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)
-_solution_or_nan = derivative_apart(_solution)
 
 
 @compiled
@@ -283,8 +285,6 @@ def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, 
     operator = inputs.operator
     negative = jnp.any((jnp.real(operator.kernel) <= 0) & ~operator.is_mean)
     result = RESULTS.where((reached & finite) | ~negative, result, RESULTS.not_positive)
-    if law.attracts and pressure is not None:
-        result = RESULTS.where(found.parted, RESULTS.pulled_off, result)
     if pressure is not None:
         # On input the value is unknown if the pressure is traced.
         low, high = law.bounds

@@ -1,26 +1,23 @@
 """Conversion to strongly typed arrays and refusal of bad input at the public boundary.
 
-Checks of values look at concrete arrays, and at arguments of `gc.jit`. Elsewhere under `jit`,
-`vmap` or `grad` the values are unknown and the check passes (shapes are always checked).
+Checks of values look at concrete arrays. Under `jit`, `vmap` or `grad` the values are unknown and
+the check passes (shapes are always checked).
 """
 
 import contextlib
 import difflib
 import functools
-import inspect
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from types import UnionType
-from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
-from jaxtyping import AbstractArray, ArrayLike, Float, Inexact
+from jaxtyping import ArrayLike, Float, Inexact
 
-from .deprecation import since_rc1
 from .display import short
 
 # What users call the classes that annotations name.
@@ -50,41 +47,22 @@ def as_float(value: Any, name: str = "value") -> Float[Array, "..."]:
 def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     """Returns `value`, real or complex, as `as_float` does."""
     if isinstance(value, Array) and jnp.issubdtype(value.dtype, jnp.inexact):
-        if not value.weak_type:
-            return value
-        strong = value.astype(value.dtype)
-        if not is_concrete(value) and is_concrete(number := _seen(value)):
-            _known[id(strong)] = strong, number
-        return strong
+        return value.astype(value.dtype) if value.weak_type else value
     needed = "a number or a (rectangular) array of numbers is needed"
     try:
-        if isinstance(value, str | bytes | bool | np.bool_) or value is None:
+        if value is None or isinstance(value, str | bytes | bool | np.bool_):
             raise TypeError
-        host = _on_host(value)
-        kind = jnp.result_type(host) if isinstance(host, np.ndarray) else None
-        if kind in (np.float32, np.complex64) and kind != host.dtype:
-            needed = f"it is too large for {kind}"
-            if np.any(np.isfinite(host) & (np.abs(host) > float(jnp.finfo(kind).max))):
-                raise ValueError
-        array = jnp.asarray(host)
+        if not any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
+            value = np.asarray(value)
+            # Of whole numbers JAX keeps the last 32 or 64 bits.
+            value = value.astype(float) if value.dtype.kind in "iuO" else value
+        array = jnp.asarray(value)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"`{name}={short(value)}` is refused: {needed}.") from None
     if not (jnp.issubdtype(array.dtype, jnp.number) or array.dtype == bool):
         raise ValueError(f"`{name}` has dtype {array.dtype} and is refused: {needed}.")
     dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.inexact) else jnp.result_type(float)
     return jnp.asarray(array, dtype=dtype)
-
-
-def _on_host(value: Any) -> Any:
-    """Numbers that are not JAX's, as floats: of whole ones JAX keeps the last 32 or 64 bits."""
-    if any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
-        return value
-    found = np.asarray(value)
-    # Python's whole numbers beyond 64 bits are objects to NumPy.
-    whole = found.dtype.kind in "iu" or (
-        found.dtype.kind == "O" and all(isinstance(entry, int | float) for entry in found.flat)
-    )
-    return found.astype(float) if whole else found
 
 
 def as_scalar(value: Any, name: str) -> Float[Array, ""]:
@@ -131,59 +109,6 @@ def is_concrete(value: Any) -> bool:
     return not isinstance(value, Tracer)
 
 
-# Arguments of a program that is being traced, by their identity, and the numbers behind them.
-_known: dict[int, tuple[Any, Any]] = {}
-
-
-@contextlib.contextmanager
-def knowing(arguments: list[Any], numbers: list[Any]) -> Iterator[None]:
-    """Lets checks see the numbers behind traced arguments of a program."""
-    before = _known.copy()
-    _known.update({id(one): (one, number) for one, number in zip(arguments, numbers, strict=False)})
-    try:
-        yield
-    finally:
-        _known.clear()
-        _known.update(before)
-
-
-def _seen(value: Any) -> Any:
-    """A value as checks see it: the number behind an argument of a program, also in derivatives."""
-    inner = value
-    while isinstance(inner, Tracer) and id(inner) not in _known:
-        inner = getattr(inner, "primal", None)
-    return _known.get(id(inner), (value, value))[1]
-
-
-def check_types(function: F) -> F:
-    """Refuses arguments of other types than the annotations of a public function name, and calls
-    with too many arguments, too few or unknown ones, and names those that there are.
-
-    Looked at are annotations that name classes, unions of them, and literals; arrays of numbers
-    are the business of `as_float`.
-    """
-    signature = inspect.signature(function)
-    hints = {name: _plain(entry.annotation) for name, entry in signature.parameters.items()}
-    hints = {name: kinds for name, kinds in hints.items() if kinds}
-
-    @functools.wraps(function)
-    def checked(*args, **kwargs):
-        try:
-            arguments = signature.bind(*args, **kwargs).arguments
-        except TypeError as error:
-            names = ", ".join(f"`{name}`" for name in signature.parameters)
-            told = next(filter(None, map(since_rc1, kwargs.keys() - signature.parameters)), "")
-            text = f"{function.__name__}: {error}{told}; it takes {names}."
-            raise TypeError(text) from None
-        # Defaults are not bound: only what the caller gave is looked at.
-        for name, value in arguments.items():
-            if name in hints:
-                check_type(name, value, *hints[name])
-        return function(*args, **kwargs)
-
-    return cast(F, checked)
-
-
 def check_type(name: str, value: Any, *kinds: Any) -> None:
     """Raises `ValueError` unless `value` is of one of the classes, or is one of the literals."""
     if any(_is_of(value, kind) for kind in kinds):
@@ -208,24 +133,6 @@ def _is_of(value: Any, kind: Any) -> bool:
     return isinstance(value, kind)
 
 
-def _plain(annotation: Any) -> tuple[Any, ...]:
-    """The classes and literals that an annotation names; none for other annotations."""
-    origin = get_origin(annotation)
-    if origin is Literal:
-        return get_args(annotation)
-    if origin in (Union, UnionType):
-        parts = [_plain(part) for part in get_args(annotation)]
-        return tuple(kind for part in parts for kind in part) if all(parts) else ()
-    if annotation is None:
-        return (type(None),)
-    kind = origin or annotation
-    if not isinstance(kind, type) or kind in (inspect.Parameter.empty, Any):
-        return ()
-    # In place of an array a list may be given, too: `as_float` converts or refuses the value.
-    arrays = (Array, np.ndarray, AbstractArray)
-    return () if issubclass(kind, arrays) or kind in (Sequence, object) else (kind,)
-
-
 Limit = float | None
 
 
@@ -237,7 +144,6 @@ def check_values(
 
     NaN and infinities are always refused.
     """
-    value = _seen(value)
     if not is_concrete(value):
         return
     for array, corner in _parts(value):
@@ -268,35 +174,15 @@ def _parts(value: ArrayLike):
     ]
 
 
-def check_squares(name: str, value: ArrayLike, unit: str) -> None:
-    """Raises `ValueError` if the squares of the largest entries, unless 0, leave their dtype."""
-    value = _seen(value)
-    if is_concrete(value):
-        parts = [array for array, _ in _parts(value)]
-        largest = max(float(np.max(np.abs(array), initial=0)) for array in parts)
-        limits = np.finfo(parts[0].dtype if parts[0].dtype.kind == "f" else np.float64)
-        if largest and not limits.tiny <= largest * largest <= limits.max:
-            size = "small" if largest < 1 else "large"
-            raise ValueError(
-                f"`{name}` up to {largest:.2g} {unit} is refused: its squares are too {size} "
-                f"for {limits.dtype}."
-            )
-
-
-def check_positive(name: str, value: ArrayLike, unit: str, *, squares: bool = True) -> None:
+def check_positive(name: str, value: ArrayLike, unit: str) -> None:
     """Raises `ValueError` unless every entry of `value` is finite and greater than zero.
 
     Numbers too small for all digits of their dtype are refused too: compiled code takes them for 0.
-    So are numbers whose `squares` leave it.
     """
-    value = _seen(value)
-    if is_concrete(value):
-        kind = getattr(value, "dtype", np.float64)
-        kind = kind if np.issubdtype(kind, np.floating) else np.float64
-        least = float(np.finfo(kind).tiny)
-        check_values(name, value, f"it must be a positive number {unit}", at_least=least)
-        if squares:
-            check_squares(name, value, unit)
+    kind = getattr(value, "dtype", np.float64)
+    kind = kind if np.issubdtype(kind, np.floating) else np.float64
+    least = float(np.finfo(kind).tiny)
+    check_values(name, value, f"it must be a positive number {unit}", at_least=least)
 
 
 def check_together(**arrays: Array) -> None:
@@ -324,7 +210,6 @@ def check_rows(least: int, **arrays: Array) -> None:
 
 def check_increasing(name: str, value: Array) -> None:
     """Raises `ValueError` unless every entry of a row exceeds the one before it."""
-    value = _seen(value)
     if is_concrete(value):
         entries = np.asarray(value)  # inside `jit` JAX would trace even known arrays
         falling = np.flatnonzero(np.diff(entries) <= 0) + 1

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 
-from .checks import Numbers, as_float, check_shape, check_types, short
+from .checks import Numbers, as_float, check_shape, short
 
 T = TypeVar("T")
 
@@ -43,7 +43,6 @@ def arrays(tree: object) -> dict[str, jax.Array]:
     return {_name(tree, path): leaf for path, leaf in leaves}
 
 
-@check_types
 def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
     """Returns `tree` with other values at some paths; differentiable in them.
 

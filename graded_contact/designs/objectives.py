@@ -20,7 +20,6 @@ from ..core.checks import (
     as_scalar,
     check_positive,
     check_together,
-    check_types,
     check_values,
 )
 from ..core.compilation import compiled
@@ -33,13 +32,11 @@ from ..scenes.scene_checks import refuse_tables
 from ..scenes.schema import Key
 from ..sliding.case import Case
 from ..surfaces.spectrum_table import Spectrum
-from ..surfaces.surface import Surface
 from .limits import CRITERIA, Criteria
 
 WAVES = 65  # in the band of a flat loss tangent
 
 
-@check_types
 def loss_tangent(
     stack: Stack,
     q: Numbers,
@@ -95,10 +92,9 @@ def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
     return jnp.mean(jnp.real(logs * jnp.conj(logs)))
 
 
-@check_types
 def friction_curve(
     stack: Stack,
-    spectrum: Spectrum | Surface | tuple[Numbers, Numbers],
+    spectrum: Spectrum,
     *,
     pressure: ScalarLike,
     velocities: Numbers,

@@ -36,6 +36,7 @@ from ..scenes.surface_source import RandomSurface, SurfaceFile
 from ..scenes.toml import parse_toml, text_of_scene
 from ..sliding.case import Case
 from ..surfaces.spectrum_table import Spectrum
+from ..surfaces.statistics import isotropic_spectrum
 from ..surfaces.surface import Surface
 from .limits import CRITERIA, Limits
 from .objectives import OBJECTIVE, OBJECTIVES, DesignObjective, refined_curve
@@ -144,8 +145,10 @@ class DesignScene:
     def case_of(self, stack: Stack) -> Case:
         """Returns the case of the mean field of a block, at no velocity yet."""
         scene = self.scene
+        rough = self.spectrum
+        rough = isotropic_spectrum(rough) if isinstance(rough, Surface) else rough
         return Case(
-            stack, self.spectrum, velocity=0.0, pressure=as_scalar(scene.pressure[0], "pressure"),
+            stack, rough, velocity=0.0, pressure=as_scalar(scene.pressure[0], "pressure"),
             strain_per_slope=scene.strain_per_slope, counterface=scene.counterface,
         )  # fmt: skip
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.checks import check_types, short
+from ..core.checks import short
 from ..core.escaping import in_comment
 from ..materials.coverage import MeasuredRange
 from ..materials.material import AbstractMaterial, Prony
@@ -30,7 +30,6 @@ ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-7  # of E_eq in E_inf, to keep it to about 1e-6
 
 
-@check_types
 def export_prony(material: AbstractMaterial, format: str, *, name: str = "material") -> str:
     """Returns the text of a Prony material in one of `PRONY_CARDS`, SI units.
 

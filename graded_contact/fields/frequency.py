@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from ..core.checks import Numbers, as_float, check_squares, check_values, is_concrete
+from ..core.checks import Numbers, as_float, check_values, is_concrete
 from ..core.compilation import compiled
 from .grid import Grid, odd_wavevector
 
@@ -30,7 +30,6 @@ def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..
             "dimensions, two components are needed. For several velocities use `jax.vmap`."
         )
     check_values("velocity", velocity, "a velocity [m/s] must be finite")
-    check_squares("velocity", velocity, "m/s")
     return velocity
 
 

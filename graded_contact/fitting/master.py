@@ -20,8 +20,6 @@ from ..core.checks import (
     Numbers,
     as_scalar,
     check_poisson,
-    check_squares,
-    check_types,
     check_values,
     is_concrete,
 )
@@ -202,7 +200,6 @@ def _slopes(isotherms: Isotherms, theta):
     return jax.jacfwd(isotherms.shifts)(theta)
 
 
-@check_types
 def master_curve(
     isotherms: Measured | Sequence[Measured | Isotherm],
     *,
@@ -248,7 +245,6 @@ def master_curve(
             raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
         as_scalar(std, name)
         check_values(name, std, "it must be zero or positive", at_least=0)
-        check_squares(name, float(std), "decades" if name == "shift_std" else "[1]")
     along, across = map(float, given.values())
     data = joined_curves(
         isotherms, kind, law, (LN10 * along, across), reference, weights, equilibrium

@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Complex, Float
 
-from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive, check_types
+from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive
 from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange, is_unknown
@@ -167,7 +167,6 @@ class PronyFit(AbstractFit):
         return report_of(self)
 
 
-@check_types
 def fit_prony(
     x: Numbers,
     values: Numbers,

@@ -28,7 +28,6 @@ from ..core.checks import (
     as_float,
     check_increasing,
     check_rows,
-    check_types,
     check_values,
     is_concrete,
 )
@@ -55,7 +54,6 @@ _NOT_REACHED = (
 )
 
 
-@check_types
 def stack_kernel(
     stack: Stack,
     grid: Grid,
@@ -128,7 +126,6 @@ def attempted_kernel(
     return direct()
 
 
-@check_types
 def kernel_table(
     stack: Stack,
     grid: Grid,

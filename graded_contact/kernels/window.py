@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Array, Inexact
 
 from ..blocks.stack import HalfSpace, Rigid, Stack
-from ..core.checks import Numbers, check_types
+from ..core.checks import Numbers
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum, zero_mode
@@ -38,7 +38,6 @@ _WINDOWS = {1: 1024, 2: 32}
 _POINTS = 32
 
 
-@check_types
 def window_kernel(
     stack: Stack,
     grid: Grid,

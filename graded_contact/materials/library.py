@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ..core.checks import check_types
 from .material import Prony
 from .shift import WLF
 
@@ -19,7 +18,6 @@ _TREAD_STRENGTHS = np.array(
 )  # Pa  # fmt: skip
 
 
-@check_types
 def tyre_tread(poisson: float = 0.5) -> Prony:
     """Returns a synthetic, representative filled-SBR tyre tread at 20 °C (293.15 K).
 

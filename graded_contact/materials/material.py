@@ -29,7 +29,6 @@ from ..core.checks import (
     check_poisson,
     check_positive,
     check_rows,
-    check_squares,
     check_type,
     check_values,
     instance,
@@ -125,7 +124,6 @@ class Prony(AbstractMaterial):
         check_type("measured", self.measured, MeasuredRange, type(None))
         allowed = "it must be zero or a positive number [Pa]"
         check_values("equilibrium", self.equilibrium, allowed, at_least=0)
-        check_squares("equilibrium", self.equilibrium, "Pa")
         _check_series("strengths", self.strengths, "[Pa]", self.times)
         check_poisson("poisson", self.poisson)
         check_type("shift", self.shift, AbstractShift, type(None))

@@ -24,7 +24,6 @@ from ..core.checks import (
     check_increasing,
     check_positive,
     check_rows,
-    check_types,
     check_values,
     is_concrete,
     numbers,
@@ -118,7 +117,6 @@ def _if_equal(storage: Array, loss: Array) -> Array:
     return jnp.where(equal, storage, jnp.nan)
 
 
-@check_types
 def at_strain(block: T, strain: ScalarLike) -> T:
     """Returns a material, layer or stack with its `StrainSoftening` at one strain amplitude.
 

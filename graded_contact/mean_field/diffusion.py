@@ -7,14 +7,9 @@ less its mirror image (B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840, doi:10.
 contact area is A = ∫P dσ = erf(1/√(2v)), and the mean square pressure grows as d⟨σ²⟩/dv = A.
 
 In partial contact finer roughness adds less than this, because the edges of the contact yield. The
-corrections slow the diffusion: x(v) replaces v, with dx/dv = S.
-
-- `"yang_persson"`: S = 0.45 + 0.55 A². C. Yang, B. N. J. Persson, J. Phys.: Condens. Matter 20
-  (2008) 215214, doi:10.1088/0953-8984/20/21/215214.
-- `"wang_mueser"`: S = 5/9 - 2/9 A² + 2/3 A⁴. A. Wang, M. H. Müser, Tribol. Lett. 65 (2017) 103,
-  doi:10.1007/s11249-017-0886-9.
-- `"xu"`: x = (0.42 + 0.58 A) v. Y. Xu's public programs (github.com/xylcsi/PerssonModelFudgeFactor,
-  "Xu24"), whose forms of the other two are those above.
+correction `"yang_persson"` slows the diffusion: x(v) replaces v, with dx/dv = S.
+S = 0.45 + 0.55 A² is of C. Yang, B. N. J. Persson, J. Phys.: Condens. Matter 20 (2008) 215214,
+doi:10.1088/0953-8984/20/21/215214.
 """
 
 from collections.abc import Callable
@@ -27,7 +22,7 @@ import numpy as np
 from jax.scipy.special import erf
 from jaxtyping import Array, Float
 
-Correction = Literal["none", "yang_persson", "wang_mueser", "xu"]
+Correction = Literal["none", "yang_persson"]
 
 # Below, the area is 1 to rounding (1 - 2e-23): nothing has reached σ = 0.
 _START = 0.01
@@ -70,20 +65,9 @@ def mean_in_contact(function: Callable, x: Float[Array, " n"]) -> Float[Array, "
     return jnp.sum(weights * values, -1) / jnp.sum(weights, -1)
 
 
-def slowing(correction: Correction, x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Returns S = dx/dv [1]."""
-    a = area(x)
-    if correction == "yang_persson":
-        return 0.45 + 0.55 * a**2
-    if correction == "wang_mueser":
-        return 5 / 9 - 2 / 9 * a**2 + 2 / 3 * a**4
-    if correction == "xu":
-        spread = x > _START
-        safe = jnp.where(spread, x, 1)
-        shrinking = jnp.exp(-1 / (2 * safe)) / jnp.sqrt(2 * np.pi * safe)  # -x dA/dx
-        factor = 0.42 + 0.58 * a
-        return factor**2 / (factor + 0.58 * jnp.where(spread, shrinking, 0))
-    return jnp.ones_like(x)
+def _slowing(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """S = dx/dv [1] of the correction."""
+    return 0.45 + 0.55 * area(x) ** 2
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
@@ -100,7 +84,7 @@ def slowed(correction: Correction, v: Float[Array, "*n"]) -> Float[Array, "*n"]:
     def elapsed(start, end):
         half = (end - start) / 2
         x = start[..., None] + half[..., None] * (1 + nodes)
-        return half * jnp.sum(weights / slowing(correction, x), axis=-1)
+        return half * jnp.sum(weights / _slowing(x), axis=-1)
 
     # At the last entry S has become constant.
     table = jnp.asarray(np.geomspace(_START, 1e24, 700), v.dtype)
@@ -111,11 +95,12 @@ def slowed(correction: Correction, v: Float[Array, "*n"]) -> Float[Array, "*n"]:
     start, late = table[i], v - passed[i]
     x = start + late * (table[i + 1] - start) / steps[i]
     for _ in range(2):
-        x = x + (late - elapsed(start, x)) * slowing(correction, x)
+        x = x + (late - elapsed(start, x)) * _slowing(x)
     return jnp.where(v > _START, x, v)
 
 
 @slowed.defjvp
 def _slowed_jvp(correction, primals, tangents):
     x = slowed(correction, *primals)
-    return x, slowing(correction, x) * tangents[0]
+    rate = jnp.ones_like(x) if correction == "none" else _slowing(x)
+    return x, rate * tangents[0]

@@ -21,8 +21,7 @@ that in complete contact. Friction is the dissipation of this pressure,
     dμ = A C q dq ∫dφ q cos φ Im(1/M)/σ0  =  ½ A C q³ dq ∫dφ cos φ Im E_eff(q, q v cos φ)/σ0,
 
 which at A = 1 is the exact friction of complete contact. A correction slows the diffusion, dV' = S
-dV: V' replaces V in the area, and A S replaces A in the friction. (Programs with S in the friction
-alone do not correct the area; here one diffusion gives both.)
+dV: V' replaces V in the area, and A S replaces A in the friction.
 
 Shear in the contact adds ∫τ_f(σ) P(σ) dσ/σ0, P being the density of the pressure.
 
@@ -47,7 +46,7 @@ from ..core.checks import (
     as_scalar,
     check_positive,
     check_tolerance,
-    check_types,
+    check_type,
     check_values,
     check_whole,
     is_concrete,
@@ -57,22 +56,21 @@ from ..core.checks import (
 from ..core.derivative import still
 from ..core.display import shown
 from ..fields.frequency import as_velocity, direction_and_speed
-from ..kernels.steady import stack_kernel
 from ..materials.shift import HOTTEST, as_temperature
-from ..materials.softening import as_strain_per_slope, softens
+from ..materials.softening import as_strain_per_slope
 from ..response.grading import check_profiles
 from ..sliding.case import Case, Heating
 from ..sliding.shear import ShearLaw, shear_stress, unless_negative
-from ..surfaces.spectrum import CutoffCurve
-from ..surfaces.spectrum_table import Spectrum
-from ..surfaces.statistics import slope_up_to
+from ..surfaces.spectrum import CutoffCurve, SelfAffine
+from ..surfaces.spectrum_table import Spectrum, SpectrumTable
+from ..surfaces.statistics import isotropic_spectrum
 from ..surfaces.surface import Surface
 from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
-from .quadrature import FieldInputs, Rules, add_up, integrate
+from .quadrature import FieldInputs, Rules, integrate
 from .refinement import NODES, Nodes, misses, solve_refined
-from .roughness import as_roughness
+from .roughness import edges_of
 
 RTOL = 1e-4
 NO_FIELD = (
@@ -99,8 +97,8 @@ class MeanField(eqx.Module):
     - `pressure`: the mean pressure σ0 [Pa].
     - `extrapolated_friction`: share of the hysteresis from frequencies at which a material of the
       stack was not measured [1], to about 1 % by the quadrature; see `coverage`.
-    - `error`: estimated relative error of friction and area by the quadrature [1], in the median
-      8 times the true one; 0 for a surface, whose modes are summed.
+    - `error`: estimated relative error of friction and area by the quadrature [1]: what every
+      second wavenumber and every second angle change.
     - `heated`: temperatures of the scales, see `mean_field/heating_by_scale.py`, or None.
     """
 
@@ -122,14 +120,13 @@ class MeanField(eqx.Module):
         return cutoff / cutoff[0]
 
 
-@check_types
 def mean_field_friction(
     stack: Stack,
-    spectrum: Spectrum | Surface | tuple[Numbers, Numbers],
+    spectrum: Spectrum,
     *,
     pressure: Numbers,
     velocity: Numbers,
-    own_roughness: Spectrum | tuple[Numbers, Numbers] | None = None,
+    own_roughness: Spectrum | None = None,
     strain_per_slope: ScalarLike | None = None,
     correction: Correction = "yang_persson",
     num_wavenumbers: int = NODES.num_wavenumbers,
@@ -150,24 +147,21 @@ def mean_field_friction(
     **Arguments:**
 
     - `stack`: the block, see `Stack`. `stack.at(temperature)` is the block at another temperature.
-    - `spectrum`: roughness of the track, as a `SelfAffine`, isotropic or with a lay; or, isotropic,
-      as a `SpectrumTable`, or as a pair `(q, C)` of wavenumbers [rad/m] and C(q) [m⁴], shape
-      `(points,)`, a power law between neighbours (`radial_spectrum` of a surface gives such a pair;
-      rings without modes, where C is NaN, are left out); or a `Surface`, whose modes are summed,
-      isotropic or not.
+    - `spectrum`: roughness of the track, as a `SelfAffine`, isotropic or with a lay, or as a
+      `SpectrumTable`, such as `isotropic_spectrum` of a surface.
     - `pressure`: mean pressure σ0 [Pa].
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
-    - `own_roughness`: roughness of the block itself, which moves with it, a spectrum or a pair
-      as above. It reduces the area like the roughness of a track at rest: it excites no frequency
-      of the block and dissipates nothing there; a counterface dissipates under it.
+    - `own_roughness`: roughness of the block itself, which moves with it, as above. It reduces the
+      area like the roughness of a track at rest: it excites no frequency of the block and
+      dissipates nothing there; a counterface dissipates under it.
     - `strain_per_slope`: for a block with `materials.StrainSoftening`. The modulus at each q is
       that at the amplitude ε = `strain_per_slope` times the rms slope of the track up to q, the
       factor [1] being of order 1. None: the amplitude of each material.
-    - `correction`: how partial contact slows the diffusion: `"none"` (Persson 2001),
-      `"yang_persson"`, `"wang_mueser"` or `"xu"`, see `mean_field/diffusion.py`.
+    - `correction`: how partial contact slows the diffusion: `"none"` (Persson 2001) or
+      `"yang_persson"`, see `mean_field/diffusion.py`.
     - `num_wavenumbers`: intervals of the quadrature in q, shared by the smooth pieces of the
       spectrum and rounded up to multiples of 4 on each.
-    - `num_angles`: intervals between the directions along and across the velocity, a multiple of 4.
+    - `num_angles`: intervals between the directions along and across the velocity, an even number.
     - `rtol`: largest acceptable `error` [1]. Both numbers of intervals are doubled until it is met,
       at most three times; inside `jit` and `vmap`, where they are fixed, they stay as given.
     - `shear`, `temperature`: law of the shear stress in the contact and its temperature [K], as in
@@ -202,13 +196,14 @@ def mean_field_friction(
     return reached(solution, rtol) if throw else solution
 
 
-def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanField:
+def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) -> MeanField:
     """Returns the mean field of a case of steady sliding.
 
     **Arguments:**
 
     - `case`: with a pressure and a velocity.
-    - `roughness`: `spectrum` of `mean_field_friction`; None for the surface of the case.
+    - `spectrum`: of `mean_field_friction`; None for the `surface` of the case: a spectrum, or a
+      surface, whose spectrum is averaged over directions.
     - `options`: arguments of `mean_field_friction`, also in place of those of the case.
 
     **Raises:** `ValueError` for a case with another law of contact than a hard wall.
@@ -220,8 +215,10 @@ def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanFiel
         "counterface",
     )  # fmt: skip
     given: dict[str, Any] = {name: getattr(case, name) for name in names} | options
-    rough = case.surface if roughness is None else roughness
-    return mean_field_friction(case.stack, rough, **given)
+    if spectrum is None:
+        rough = case.surface
+        spectrum = isotropic_spectrum(rough) if isinstance(rough, Surface) else rough
+    return mean_field_friction(case.stack, spectrum, **given)
 
 
 def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
@@ -237,38 +234,28 @@ def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
     stress = shear_stress(shear, velocity, temperature)
     # On input the value is unknown if the pressure is traced.
     load = unless_negative(jnp.where(pressure > 0, pressure, jnp.nan), stress)
-    if isinstance(spectrum, Surface):
-        for name, value in (("own_roughness", own_roughness), ("heating", heating)):
-            if value is not None:
-                raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
-        if not spectrum.periodic:
-            raise ValueError("`spectrum` is a `Surface` on a window; a periodic one is needed.")
-        return FieldInputs(stack, spectrum, None, load, velocity, ratio, counterface)
-    roughness = as_roughness(spectrum)
-    own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
+    check_type("spectrum", spectrum, SelfAffine, SpectrumTable)
+    check_type("own_roughness", own_roughness, SelfAffine, SpectrumTable, type(None))
     if heating is not None:
         if any(jnp.ndim(number) for number in vars(heating).values()):
             raise ValueError(
                 "`heating` has numbers for each layer; in the mean field both bodies are half "
                 "spaces: give one `conductivity`, `diffusivity` and `counterface_conductivity`."
             )
-        if counterface is not None and own is not None:
+        if counterface is not None and own_roughness is not None:
             raise ValueError(
                 "`heating` is refused with `own_roughness` and a `counterface`, which then "
                 "takes a part of the heat, which is not followed."
             )
         stack = stack.at(check_bulk(temperature))
-    return FieldInputs(stack, roughness, own, load, velocity, ratio, counterface)
+    return FieldInputs(stack, spectrum, own_roughness, load, velocity, ratio, counterface)
 
 
 def _field(field: FieldInputs, correction: Correction, nodes: Nodes, acting) -> MeanField:
     """The mean field, by so many nodes."""
     shear, temperature, heating = acting
-    if isinstance(field.roughness, Surface):
-        found, heated = _summed(field, correction, shear, temperature), None
-    else:
-        rules = _rules(field, correction, nodes)
-        found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
+    rules = _rules(field, correction, nodes)
+    found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
     q, x, friction, error, share, sheared = found
     load = field.pressure
     return MeanField(
@@ -293,31 +280,13 @@ def reached(solution: MeanField, rtol: float = RTOL) -> MeanField:
     return eqx.error_if(solution, failed, _NOT_REACHED)
 
 
-def _summed(field: FieldInputs, correction, shear, temperature):
-    """As `_integrated`, by the modes of a surface."""
-    surface, strain = field.roughness, None
-    if field.strain_per_slope is not None:
-        q, slope = slope_up_to(surface)
-        strain = q, field.strain_per_slope * slope
-
-    def kernel_of(stack: Stack, velocity):
-        own = strain if softens(stack) else None
-        return stack_kernel(stack, surface.grid, velocity, strain=own)
-
-    kernel = kernel_of(field.stack, field.velocity)
-    if field.counterface is not None:
-        kernel = kernel + kernel_of(field.counterface, 0.0)
-    q, x, friction, share = add_up(field, correction, kernel)
-    sheared = _sheared(field, shear, temperature, x)
-    return q, x, friction, 0 * friction[-1], share, sheared  # the error is NaN if that is
-
-
 def _rules(field: FieldInputs, correction: Correction, nodes: Nodes) -> Rules:
     for name, count in nodes._asdict().items():
         check_whole(name, count, 4)
-    if nodes.num_angles % 4:
-        raise ValueError(f"`num_angles={nodes.num_angles}` is refused: a multiple of 4 is needed.")
-    num_pieces = len(field.roughness.edges) - 1 + (0 if field.own is None else len(field.own.edges))
+    if nodes.num_angles % 2:
+        raise ValueError(f"`num_angles={nodes.num_angles}` must be even.")
+    num_pieces = len(edges_of(field.spectrum)) - 1
+    num_pieces += 0 if field.own is None else len(edges_of(field.own))
     per_piece = 4 * -(-nodes.num_wavenumbers // (4 * num_pieces))
     return Rules(correction, per_piece, nodes.num_angles)
 
@@ -327,7 +296,7 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
     # The lowest frequency is that of the longest wave at the last angle.
-    edges, speed = field.roughness.edges, direction_and_speed(field.velocity)[1]
+    edges, speed = edges_of(field.spectrum), direction_and_speed(field.velocity)[1]
     if is_concrete(speed) and np.asarray(speed) == 0:
         check_at_rest(field.stack)
     ends = speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]])
@@ -370,7 +339,6 @@ def _sheared(field: FieldInputs, shear, temperature, x):
     return area(x) * mean_in_contact(lambda sigma: stress(sigma * pressure), x) / pressure
 
 
-@check_types
 def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array, "n m"]:
     """Returns the probability density P(σ, ζ) [1/Pa] of the pressure in contact.
 

@@ -15,8 +15,8 @@ DOUBLINGS = 3  # of the nodes, at most
 class Nodes(NamedTuple):
     """Intervals of the quadrature in q and in angle, see `mean_field_friction`."""
 
-    num_wavenumbers: int = 64
-    num_angles: int = 16
+    num_wavenumbers: int = 80
+    num_angles: int = 20
 
 
 NODES = Nodes()

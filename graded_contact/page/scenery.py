@@ -22,7 +22,8 @@ from ..sliding.case import Case, Heating
 from ..sliding.shear import AbstractShear
 from ..surfaces.rescaling import rescale
 from ..surfaces.spectrum import SelfAffine
-from ..surfaces.statistics import radial_spectrum, statistics
+from ..surfaces.spectrum_table import SpectrumTable
+from ..surfaces.statistics import isotropic_spectrum, statistics
 from ..surfaces.surface import Surface
 from .document import Document, material_table
 
@@ -63,7 +64,7 @@ class Scenery(eqx.Module):
     law: AbstractLaw
     strain_per_slope: float | None
     direction: float = eqx.field(static=True)
-    spectrum: tuple[Array, Array] | None
+    spectrum: SpectrumTable | None
 
     def case(self, surface: Any = None) -> Case:
         """Returns the case of these numbers, on another surface than its own, or a spectrum."""
@@ -79,11 +80,10 @@ class Scenery(eqx.Module):
         """Returns what the mean field takes for the surface."""
         if isinstance(self.surface, RandomSurface) and self.surface.grid.ndim == 2:
             return self.surface.spectrum
-        surface = self.surface.build()
-        if surface.grid.ndim == 1:  # the spectrum of a profile is not that of a surface
-            return surface
-        assert self.spectrum is not None
-        return self.spectrum[0], self.spectrum[1] * jnp.var(surface.heights)
+        if self.spectrum is None:
+            raise ValueError("A profile has no mean field.")
+        square = jnp.var(self.surface.build().heights)
+        return eqx.tree_at(lambda s: s.values, self.spectrum, self.spectrum.values * square)
 
 
 def scenery_of(scene: Scene, surface: Surface) -> Scenery:
@@ -95,9 +95,8 @@ def scenery_of(scene: Scene, surface: Surface) -> Scenery:
     elif not isinstance(source, RandomSurface):
         source = ReadSurface(statistics(surface).rms_height, surface)
     if not isinstance(source, RandomSurface) and surface.grid.ndim == 2:
-        q, density = map(np.asarray, radial_spectrum(surface))
-        known, square = density > 0, jnp.var(surface.heights)
-        spectrum = number(q[known]), number(density[known]) / square
+        table = isotropic_spectrum(surface)
+        spectrum = SpectrumTable(table.q, table.values / jnp.var(surface.heights))
     return Scenery(
         pressure=number(scene.pressure[0]), velocity=number(scene.velocity[0]), stack=scene.stack,
         temperature=None if temperature is None else number(temperature), surface=source,

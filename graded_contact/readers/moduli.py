@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
+from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, short
 from ..core.files import Refusal
 from ..materials.measured import Measured, distinct, joined
 from .cells import TABLE_BYTES, Sheet, holds_data
@@ -35,7 +35,6 @@ from .units import DIMENSIONS, UNITS
 from .ways import ALL_WAYS
 
 
-@check_types
 def read_moduli(
     path: str | os.PathLike | Sequence[str | os.PathLike],
     *,
@@ -112,7 +111,6 @@ def read_moduli(
 _REACHED = 0.9  # of a strain reached before: amplitudes that are measured scatter
 
 
-@check_types
 def read_strain_sweep(
     path: str | os.PathLike,
     *,

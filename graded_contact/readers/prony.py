@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types
+from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
 from ..core.files import Refusal
 from ..materials.material import Prony
 from .cells import TABLE_BYTES
@@ -16,7 +16,6 @@ from .registry import READERS, File, find_readers, opening, read_as
 from .series import Doubt, Modes, material_of_series
 
 
-@check_types
 def read_prony(
     path: str | os.PathLike,
     *,

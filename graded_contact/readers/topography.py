@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..core.checks import Numbers, check_positive, check_types, short
+from ..core.checks import Numbers, check_positive, short
 from ..core.display import with_unit
 from ..core.files import Refusal
 from ..surfaces.preparation import Fill, Periodic, surface_from_heights
@@ -29,7 +29,6 @@ SAME_PROPORTIONS = 0.02  # between the proportions of edges that are meant to be
 GAP = 3  # steps of a line scan, beyond which the points between are missing
 
 
-@check_types
 def read_surface(
     path: str | os.PathLike,
     *,

@@ -21,7 +21,6 @@ from ..core.checks import (
     as_numbers,
     check_poisson,
     check_positive,
-    check_types,
     check_values,
     is_concrete,
     short,
@@ -35,7 +34,6 @@ from .recursion import compliance_of_layers, layers_of
 from .upwards import PLANE, base_face, in_plane
 
 
-@check_types
 def layered_compliance(
     q: Numbers,
     thickness: Numbers,
@@ -78,7 +76,6 @@ def layered_compliance(
     return compliance_of_layers(q, thickness, modulus, poisson, base)
 
 
-@check_types
 def surface_compliance(
     stack: Stack,
     q: Numbers,
@@ -105,7 +102,6 @@ def surface_compliance(
     return surface_compliance_unchecked(stack, q, omega, rtol)
 
 
-@check_types
 def effective_modulus(
     stack: Stack,
     q: Numbers,
@@ -139,7 +135,6 @@ class GradedCompliance(eqx.Module):
     error: Float[Array, "*w"]
 
 
-@check_types
 def graded_compliance(
     stack: Stack,
     q: Numbers,

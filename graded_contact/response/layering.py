@@ -30,7 +30,7 @@ from ..blocks.profile import moduli_at
 from ..blocks.shapes import breaks_of
 from ..blocks.stack import GradedLayer, Layer, Stack
 from ..blocks.tolerance import AbstractGradedSolver, as_tolerance, rounding
-from ..core.checks import Numbers, as_numbers, check_type, check_types, check_whole
+from ..core.checks import Numbers, as_numbers, check_type, check_whole
 from ..materials.material import AbstractMaterial
 from .column import Face, GradedPart, Rule, cast_like, stable_shape, visible
 
@@ -280,7 +280,6 @@ class _AtHeight(AbstractMaterial):
         return _AtHeight(self.profile.at(temperature), self.height)
 
 
-@check_types
 def sliced(stack: Stack, num_slices: int) -> Stack:
     """Returns the stack with every graded layer cut into equal layers of its middle moduli.
 

@@ -19,14 +19,13 @@ from jax import Array
 from jaxtyping import Complex
 
 from ..blocks.stack import Stack
-from ..core.checks import Numbers, check_types, is_concrete
+from ..core.checks import Numbers, is_concrete
 from ..core.compilation import compiled
 from .column import climb_through, column_of
 from .grading import as_waves, graded_tolerance, solve_graded
 from .upwards import FULL, base_face
 
 
-@check_types
 def surface_compliance_matrix(
     stack: Stack,
     qx: Numbers,

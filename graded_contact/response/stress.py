@@ -29,7 +29,6 @@ from ..core.checks import (
     as_numbers,
     as_scalar,
     check_shape,
-    check_types,
     check_values,
     is_concrete,
 )
@@ -56,7 +55,6 @@ class InteriorFields(NamedTuple):
     stress: Inexact[Array, "*w 3 3"]
 
 
-@check_types
 def interior_fields(
     stack: Stack,
     qx: Numbers,
@@ -98,7 +96,6 @@ def interior_fields(
     return _interior_fields(stack, qx, qy, omega, traction, depth, side, rtol)
 
 
-@check_types
 def stress_field(
     stack: Stack,
     grid: Grid,
@@ -143,7 +140,6 @@ def stress_field(
     return _stress_field(stack, grid, pressure, traction, depth, velocity, side, rtol)
 
 
-@check_types
 def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     """Returns the von Mises stress sqrt(3/2 s:s) [Pa] of real stresses, s their deviator.
 
@@ -166,7 +162,6 @@ def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared))) * size
 
 
-@check_types
 def largest_tension(stress: Numbers) -> Float[Array, "*w"]:
     """Returns the largest principal stress [Pa] of real stresses, positive in tension.
 

@@ -11,7 +11,7 @@ from ..materials.coverage import coverage
 from ..materials.material import Prony
 from ..mean_field.mean_field import mean_field_friction
 from ..sliding.numbers.checks import EXTRAPOLATED
-from ..surfaces.statistics import statistics
+from ..surfaces.statistics import isotropic_spectrum, statistics
 from ..surfaces.surface import Surface
 
 CONTACT_SHARE = 0.1  # share of the nominal area; at small loads twice p/(E* h') in Persson's theory
@@ -62,8 +62,9 @@ def proposed_load(
     first = np.floor(np.log10(low * np.min(spacing) / np.pi))
     last = np.ceil(np.log10(high * np.max(size) / (2 * np.pi)))
     decades = np.arange(first, last + 1)
+    spectrum = isotropic_spectrum(surface)
     fields = [
-        mean_field_friction(stack, surface, pressure=pressure, velocity=10.0**k, throw=False)
+        mean_field_friction(stack, spectrum, pressure=pressure, velocity=10.0**k, throw=False)
         for k in decades
     ]
     shares = np.array([field.extrapolated_friction for field in fields])

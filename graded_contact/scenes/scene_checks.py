@@ -9,7 +9,6 @@ from ..contacts.law import check_pressure
 from ..core.checks import (
     as_float,
     check_positive,
-    check_squares,
     check_tolerance,
     check_values,
     nearest,
@@ -39,7 +38,6 @@ def check_numbers(scene: Scene) -> None:
         else:
             check_values("approach", scene.approach, "an approach [m] must be finite")
         check_values("velocity", scene.velocity, "a velocity [m/s] must be finite")
-        check_squares("velocity", scene.velocity, "m/s")
         for value in extremes(scene.strain_per_slope):
             as_strain_per_slope(value, (scene.stack, scene.counterface))
     with within("[solver]"):

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike, PRNGKeyArray
 
-from ..core.checks import check_squares, check_values, check_whole, within
+from ..core.checks import check_values, check_whole, within
 from ..core.display import shown
 from ..core.memory import check_points
 from ..fields.grid import Grid
@@ -211,7 +211,6 @@ def surface_source(
             least = LEAST_RADIUS * float(np.max(grid.size))
             allowed = f"[m] must be at least {LEAST_RADIUS:g} of the window's length, {least:.2g} m"
             check_values("radius", sphere["radius"], f"a radius {allowed}", at_least=least)
-            check_squares("radius", sphere["radius"], "m")
         return Sphere(**sphere, grid=grid)
     spectrum, drawn = reader.arguments(place, entries, *keys)
     if kinds is OF_BLOCK:

@@ -18,7 +18,7 @@ from ..mean_field.mean_field import MeanField, mean_field_of
 from ..sliding.bodies import TwoBodies
 from ..studies.parameter_covariance import Errors
 from ..studies.uncertainty import Sensitivity, sensitivity
-from ..surfaces.statistics import radial_spectrum
+from ..surfaces.statistics import isotropic_spectrum
 from ..surfaces.surface import Surface
 from .scene import Scene
 from .scene_checks import refuse_tables
@@ -31,14 +31,14 @@ SLOWER = 0.01  # waves across the velocity excite lower frequencies than those a
 def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> MeanField | None:
     """Returns the mean field at one of a scene's points, also if it misses its tolerance.
 
-    None for a scene with a [law]: the mean field is that of a hard wall.
+    None for a profile and for a scene with a [law]: the mean field is that of a hard wall.
 
     **Arguments:**
 
     - `surface`: of the scene.
     - `index`: of the point, along the axes.
     """
-    if scene.law is not None:
+    if scene.law is not None or surface.grid.ndim == 1:
         return None
     point = {name: at[i] for (name, at), i in zip(scene.axes.items(), index, strict=True)}
     return _mean_field(scene, surface, point)
@@ -55,16 +55,14 @@ def _mean_field(
 
 
 def roughness_of(scene: Scene, surface: Surface) -> Any:
-    """Returns the roughness as the mean field takes it; a profile by its waves.
+    """Returns the roughness as the mean field takes it.
 
     **Raises:** `ValueError` for a scene with a [law], which the mean field does not have.
     """
     refuse_tables(scene, "The mean field", "law")
-    if surface.heights.ndim == 1:
-        return surface
     if isinstance(scene.surface, RandomSurface):
         return scene.surface.spectrum
-    return radial_spectrum(surface)
+    return isotropic_spectrum(surface)
 
 
 def mean_fields(scene: Scene, surface: Surface, bodies: TwoBodies) -> list[MeanField]:
@@ -112,7 +110,7 @@ def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sens
     """
     speeds = np.unique(np.abs(scene.velocity[scene.velocity != 0]))
     found = {}
-    for name, material, _ in scene.errors if surface.periodic else ():
+    for name, material, _ in scene.errors if surface.periodic and surface.grid.ndim == 2 else ():
         if not isinstance(material, Prony) or not places(scene.stack, material):
             continue
         for speed in np.unique(speeds[[0, len(speeds) // 2, -1]] if len(speeds) else speeds):

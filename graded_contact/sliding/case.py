@@ -213,7 +213,7 @@ class Case(eqx.Module):
                 f"`displacement` has shape {shape}; {' or '.join(map(str, allowed))} is needed, "
                 "one for each of the `times`."
             )
-        check_positive("times", times, "[s]", squares=False)
+        check_positive("times", times, "[s]")
         check_increasing("times", times)
         if is_concrete(self.displacement):
             known = np.asarray(self.displacement)  # inside of a program, too

@@ -29,7 +29,6 @@ from jaxtyping import Array, Float, ScalarLike
 from ..contacts import area
 from ..core.checks import (
     check_positive,
-    check_squares,
     check_type,
     check_values,
     is_concrete,
@@ -96,7 +95,6 @@ class ConstantShear(AbstractShear):
     def __check_init__(self):
         check_type("coupled", self.coupled, bool)
         check_values("stress", self.stress, "a shear stress [Pa] is zero or positive", at_least=0)
-        check_squares("stress", self.stress, "Pa")
 
     def __call__(self, pressure, speed, temperature):
         return self.stress
@@ -127,7 +125,6 @@ class PeakedShear(AbstractShear):
     def __check_init__(self):
         check_type("coupled", self.coupled, bool)
         check_values("peak", self.peak, "a shear stress [Pa] is zero or positive", at_least=0)
-        check_squares("peak", self.peak, "Pa")
         check_positive("velocity", self.velocity, "[m/s]")
         check_positive("steepness", self.steepness, "[1]")
         check_type("shift", self.shift, AbstractShift, type(None))

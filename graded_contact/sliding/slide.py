@@ -11,7 +11,7 @@ from jaxtyping import ScalarLike
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.solution import ContactSolution
-from ..core.checks import Numbers, check_types
+from ..core.checks import Numbers
 from ..surfaces.surface import Surface
 from .case import Case, Heating
 from .numerics import Numerics, numerics_of
@@ -22,7 +22,6 @@ from .solve.isothermal import solve_isothermal
 from .solve.transient import solve_transient
 
 
-@check_types
 def slide(
     stack: Stack,
     surface: Surface,
@@ -94,7 +93,6 @@ def slide(
     return cast(Sliding, slide_case(case, how, **known))
 
 
-@check_types
 def slide_cycle(
     stack: Stack,
     surface: Surface,
@@ -154,7 +152,6 @@ def slide_cycle(
     return cast(CyclicSliding, slide_case(case, how, **known))
 
 
-@check_types
 def slide_transient(
     stack: Stack,
     surface: Surface,

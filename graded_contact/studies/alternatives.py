@@ -9,12 +9,11 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from ..core.checks import as_float, check_types, check_values, check_whole
+from ..core.checks import as_float, check_values, check_whole
 from ..core.compilation import compiled
 from .search import Constraints, Design, Objective, minimise
 
 
-@check_types
 def snap_to_values(
     objective: Objective, design: Design, choices: dict[str, Sequence[float]], **arguments: Any
 ) -> Design:
@@ -48,7 +47,6 @@ def snap_to_values(
     return minimise(objective, bounds["lower"], bounds["upper"], start, **arguments)
 
 
-@check_types
 def pareto_front(
     objectives: Callable[[Any], Float[Array, "2"]], lower: Any, upper: Any, *,
     num_points: int = 7, constraints: Constraints | None = None, **arguments: Any,
@@ -97,7 +95,6 @@ def pareto_front(
     return sorted(front, key=lambda pair: float(pair[1][0]))
 
 
-@check_types
 def scatter(
     objective: Objective, parameters: Any, spread: Any, *, num_samples: int = 64, seed: int = 0
 ) -> Float[Array, " samples"]:

@@ -11,7 +11,7 @@ import numpy as np
 from jax import Array
 
 from ..blocks.stack import Stack, check_at_rest
-from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
+from ..core.checks import Numbers, as_float, check_positive, check_values, short
 from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import NO_FIELD, mean_field_of
 from ..mean_field.refinement import NODES, Nodes, solve_refined
@@ -33,7 +33,6 @@ TableMethod = Literal["contact", "mean_field"]
 _ENGINE = ("store", "workers", "client", "progress")  # arguments of `sweep`
 
 
-@check_types
 def friction_table(
     stack: Stack,
     roughness: Surface | Spectrum | tuple[Numbers, Numbers],

@@ -17,7 +17,7 @@ from jax.extend import core
 
 from ..contacts.solution import RESULTS
 from ..core.checks import nearest
-from ..core.compilation import options_for
+from ..core.compilation import options
 from ..sliding.result import with_observables
 from .dataset import FAILED, package_versions
 from .store import Point, fingerprint
@@ -209,7 +209,7 @@ def _as_a_whole(program: Program) -> Callable[..., list[jax.Array]]:
             del _COMPILED[next(iter(_COMPILED))]
         run = jax.jit(core.jaxpr_as_fun(core.ClosedJaxpr(open_jaxpr, [])))
         arguments = *program.closed.consts, *jax.tree.leaves(program.point)
-        _COMPILED[code] = run.lower(*arguments).compile(options_for(open_jaxpr))
+        _COMPILED[code] = run.lower(*arguments).compile(options(2))
     return partial(_COMPILED[code], *jax.device_put(program.closed.consts))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from ..core.checks import check_tolerance, check_types, check_whole
+from ..core.checks import check_tolerance, check_whole
 from ..core.display import shown
 from .evaluations import Box, Evaluation, Evaluations, Flat, box_of, first_in, numbers_in
 from .progress_line import shown_on_a_line
@@ -140,7 +140,6 @@ class Design(eqx.Module):
         return "\n".join(lines)
 
 
-@check_types
 def minimise(
     objective: Objective,
     lower: Any,

@@ -27,7 +27,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from ..core.checks import check_types, check_values, check_whole
+from ..core.checks import check_values, check_whole
 from .evaluations import Evaluation, Evaluations, Flat, box_of, first_in
 from .progress_line import shown_on_a_line
 from .search import MARGIN, Descent, Design, Tried, descend, designed
@@ -44,7 +44,6 @@ RandomObjective = Callable[[Any, PRNGKeyArray], Float[Array, ""]]
 RandomConstraints = Callable[[Any, PRNGKeyArray], Float[Array, "..."]]
 
 
-@check_types
 def minimise_expected(
     objective: RandomObjective,
     lower: Any,

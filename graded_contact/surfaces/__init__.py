@@ -6,11 +6,11 @@ from .random_surface import random_surface
 from .rescaling import resample, rescale
 from .spectrum import CutoffCurve, SelfAffine
 from .spectrum_table import SpectrumTable
-from .statistics import Statistics, radial_spectrum, statistics
+from .statistics import Statistics, isotropic_spectrum, radial_spectrum, statistics
 from .surface import Surface
 
 __all__ = [
     "CutoffCurve", "JoinedSpectrum", "ScanSpectrum", "SelfAffine", "SpectrumTable", "Statistics",
-    "Surface", "joined_spectrum", "radial_spectrum", "random_surface", "resample", "rescale",
-    "scan_spectrum", "statistics", "surface_from_heights",
+    "Surface", "isotropic_spectrum", "joined_spectrum", "radial_spectrum", "random_surface",
+    "resample", "rescale", "scan_spectrum", "statistics", "surface_from_heights",
 ]  # fmt: skip

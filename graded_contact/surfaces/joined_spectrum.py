@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..core.checks import check_positive, check_types, check_values, short
+from ..core.checks import check_positive, check_values, short
 from ..core.display import shown, with_unit
 from .rescaling import resample
 from .spectrum_table import SpectrumTable
@@ -102,7 +102,6 @@ class JoinedSpectrum(NamedTuple):
     mismatch: Float[np.ndarray, " scans"]
 
 
-@check_types
 def scan_spectrum(
     surface: Surface, name: str, *, longest: float | None = None, shortest: float | None = None
 ) -> ScanSpectrum:
@@ -188,7 +187,6 @@ def isotropic(q: np.ndarray, line: np.ndarray) -> np.ndarray:
     return np.exp(found)
 
 
-@check_types
 def joined_spectrum(scans: Sequence[Any]) -> JoinedSpectrum:
     """Returns the spectrum of a surface from the spectra of its scans.
 

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..core.checks import Numbers, check_types, check_whole
+from ..core.checks import Numbers, check_whole
 from ..core.display import with_unit
 from ..fields.grid import Grid
 from .holes import fill_holes, grown, region_note
@@ -34,7 +34,6 @@ FEWEST_MARKS = 3  # equal extreme heights that look like marks of missing points
 FAR = 10  # times the range of all other heights
 
 
-@check_types
 def surface_from_heights(
     heights: ArrayLike,
     size: Numbers,

@@ -11,7 +11,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import PRNGKeyArray
 
-from ..core.checks import check_types, check_values, is_concrete, short
+from ..core.checks import check_values, is_concrete, short
 from ..core.compilation import compiled
 from ..core.memory import SURFACE, check_memory
 from ..fields.devices import num_devices
@@ -34,7 +34,6 @@ CUT = " by `spectrum.between`"  # of a message; what else cuts a table says anot
 _EDGE = 1e-5
 
 
-@check_types
 def random_surface(
     spectrum: Spectrum,
     grid: Grid,

@@ -7,7 +7,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import ScalarLike
 
-from ..core.checks import check_positive, check_types, is_concrete
+from ..core.checks import check_positive, is_concrete
 from ..core.memory import SURFACE, check_memory
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
@@ -17,7 +17,6 @@ from .statistics import statistics
 from .surface import Surface, check_periodic
 
 
-@check_types
 def rescale(
     surface: Surface, *, rms_height: ScalarLike | None = None, rms_slope: ScalarLike | None = None
 ) -> Surface:
@@ -38,7 +37,6 @@ def rescale(
     return _changed(surface, "rescaled", note, heights, surface.grid, surface.measured)
 
 
-@check_types
 def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     """Returns the surface on another number of points of the same cell, by its Fourier modes.
 

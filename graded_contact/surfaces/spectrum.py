@@ -208,7 +208,7 @@ def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float
         raise ValueError(f"Exactly one of `rms_height` and `rms_slope` is needed, not {given}.")
     name = "rms_slope" if rms_height is None else "rms_height"
     value = as_scalar(rms_slope if rms_height is None else rms_height, name)
-    check_positive(name, value, _STATISTIC_UNITS[name], squares=False)
+    check_positive(name, value, _STATISTIC_UNITS[name])
     return name, value
 
 

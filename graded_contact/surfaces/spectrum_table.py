@@ -24,7 +24,7 @@ def check_table(**rows: Array) -> None:
     check_rows(2, **rows)
     (of_q, q), (of_values, values) = rows.items()
     check_positive(of_q, q, "[rad/m]")
-    check_positive(of_values, values, "[m⁴]", squares=False)
+    check_positive(of_values, values, "[m⁴]")
     check_increasing(of_q, q)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from ..core.checks import check_types, check_whole
+from ..core.checks import check_whole
 from ..core.compilation import compiled
 from ..core.derivative import largest
 from ..core.display import shown
@@ -24,7 +24,8 @@ from ..fields.grid import (
     to_spectrum,
     wavenumber,
 )
-from .surface import Surface
+from .spectrum_table import SpectrumTable
+from .surface import Surface, check_periodic
 
 
 @shown()
@@ -56,7 +57,6 @@ class Statistics(eqx.Module):
     kurtosis: Float[Array, ""]
 
 
-@check_types
 @compiled
 def statistics(surface: Surface) -> Statistics:
     """Returns the statistics of a surface, differentiable unless it is flat.
@@ -120,7 +120,6 @@ def _root(square: Array) -> Array:
     return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
 
 
-@check_types
 @compiled
 def radial_spectrum(
     surface: Surface, num_bins: int = 40
@@ -160,6 +159,24 @@ def radial_spectrum(
     q = fundamental * jnp.where(count > 0, total(weight * x) / filled, centre)
     density = (scale * jnp.prod(jnp.sqrt(grid.size / (2 * np.pi)))) ** 2 * total(power) / filled
     return q, jnp.where(count > 0, density, jnp.nan)
+
+
+def isotropic_spectrum(surface: Surface, num_bins: int = 40) -> SpectrumTable:
+    """Returns the spectrum of a periodic surface, averaged over directions, as a table.
+
+    **Arguments:**
+
+    - `surface`: of two dimensions, with concrete heights.
+    - `num_bins`: rings, equally spaced in the logarithm of q; those without modes are left out.
+
+    **Returns:** C(q) [m⁴], see `SpectrumTable`.
+    """
+    check_periodic(surface)
+    if surface.grid.ndim == 1:
+        raise ValueError("`surface` must have two dimensions: a profile has no isotropic C(q).")
+    q, density = map(np.asarray, radial_spectrum(surface, num_bins))
+    filled = density > 0  # not where it is NaN
+    return SpectrumTable(q[filled], density[filled], surface.history, surface.warnings)
 
 
 @compiled

@@ -25,6 +25,22 @@ def attraction(steepness):
     return gc.AdhesiveLJ(RANGE, steepness * STIFFEST / float(one.steepest_rise))
 
 
+def follow(kernel, heights, gaps, law, **how):
+    """The contacts along a path of mean gaps, each the start of the next."""
+
+    def advance(pressure, gap):
+        start = dict(start=pressure, mean_gap=gap)
+        contact = gc.solve_contact(kernel, heights, law=law, **start, **how)
+        return contact.pressure, contact
+
+    return jax.lax.scan(advance, np.zeros(len(heights)), gaps)[1]
+
+
+def area_of(law, path):
+    touching = law.contact_indicator(path.pressure, path.gap, 1.0) > 0
+    return np.mean(touching, axis=-1)
+
+
 GAPS = np.concatenate([np.linspace(0.016, 0.003, 26), np.linspace(0.0035, 0.024, 42)])
 
 
@@ -32,10 +48,8 @@ GAPS = np.concatenate([np.linspace(0.016, 0.003, 26), np.linspace(0.0035, 0.024,
 def test_path_follows_the_branches_of_a_dense_energy():
     """All but a few states next to a jump, where the two may fall to different sides."""
     law = attraction(0.3)
-    how = dict(mean_gap=GAPS, solver=gc.contacts.ResidualDynamics(), rtol=1e-8)
-    path = jax.jit(lambda law: gc.contacts.follow_contact(elastic_line(), LINE, law=law, **how))(
-        law
-    )
+    how = dict(solver=gc.contacts.ResidualDynamics(), rtol=1e-8)
+    path = jax.jit(lambda law: follow(elastic_line(), LINE, GAPS, law, **how))(law)
     line = AdhesiveLine(LINE, RANGE, float(law.work))
     state, states = GAPS[0] - line.heights, []
     for mean_gap in GAPS:
@@ -48,7 +62,7 @@ def test_path_follows_the_branches_of_a_dense_energy():
     # Drawn apart, the surfaces hold on where they had not yet snapped together.
     assert np.trapezoid(path.mean_pressure, GAPS) < 0
     touching = np.array([np.mean(gap < RANGE) for gap in states])
-    np.testing.assert_allclose(path.contact_area[same], touching[same])
+    np.testing.assert_allclose(area_of(law, path)[same], touching[same])
 
 
 @pytest.mark.slow
@@ -124,15 +138,16 @@ def test_wave_of_short_range_follows_johnson_kendall_roberts():
     @jax.jit
     def close(law, gaps):
         how = dict(solver=gc.contacts.ResidualDynamics(), rtol=1e-7)
-        return gc.contacts.follow_contact(kernel, wave, mean_gap=gaps, law=law, **how)
+        return follow(kernel, wave, gaps, law, **how)
 
     for strength in (0.1, 0.3):
         work = (strength * full) ** 2 / 2
         rise = float(gc.AdhesiveLJ(1.0, 1.0).steepest_rise)
         length = np.sqrt(rise * work / (0.3 * np.pi * n / 2))
         gaps = np.linspace(0.6, 0.1, 10) * amplitude + length
-        path = close(gc.AdhesiveLJ(length, work, 1.2), gaps)
-        half = np.pi * np.asarray(path.contact_area) / 2
+        law = gc.AdhesiveLJ(length, work, 1.2)
+        path = close(law, gaps)
+        half = np.pi * area_of(law, path) / 2
         expected = full * np.sin(half) ** 2 - np.sqrt(2 * work * np.tan(half))
         # An edge is known to a pixel: 1/64 of area is 0.02 of the pressure.
         np.testing.assert_allclose(path.mean_pressure, expected, atol=0.025 * full)
@@ -141,7 +156,7 @@ def test_wave_of_short_range_follows_johnson_kendall_roberts():
 
 
 @pytest.mark.parametrize("contrast", [pytest.param(0.0, marks=pytest.mark.slow), 3.0])
-def test_load_below_the_pull_off_ends_soon_and_above_it_is_held(contrast):
+def test_load_above_the_pull_off_is_held(contrast):
     """The pull-off is the lowest pressure along a path of gaps that open."""
     rubber = gc.Prony(0.75, [contrast * 0.75 + 1e-9], [0.05], 0.5)
     kernel = gc.stack_kernel(gc.Stack(base=gc.HalfSpace(rubber)), gc.Grid((N,), 1.0), 1.0)
@@ -149,15 +164,11 @@ def test_load_below_the_pull_off_ends_soon_and_above_it_is_held(contrast):
     length = 1e-3
     law = gc.contacts.ExponentialAdhesion(length, 0.15 * STIFFEST * length**2)
     gaps = np.linspace(0.006, 0.014, 33)
-    path = gc.contacts.follow_contact(kernel, wave, mean_gap=gaps, law=law)
+    path = follow(kernel, wave, gaps, law, throw=False)
     pull_off = np.min(path.mean_pressure[path.result == gc.contacts.RESULTS.successful])
     assert pull_off < 0
     for share in (0.5, 0.97):
         held = gc.solve_contact(kernel, wave, share * pull_off, law=law)
         assert np.any(law.contact_indicator(held.pressure, held.gap, 1.0) > 0)
-    for share in (1.05, 2.0):
-        lost = gc.solve_contact(kernel, wave, share * pull_off, law=law, throw=False)
-        assert lost.result == gc.contacts.RESULTS.pulled_off
-        assert lost.num_steps <= 800 and np.all(np.isnan(lost.pressure))
-    with pytest.raises(RuntimeError, match="No equilibrium: the load is below the pull-off"):
-        gc.solve_contact(kernel, wave, 1.05 * pull_off, law=law)
+    lost = gc.solve_contact(kernel, wave, 1.05 * pull_off, law=law, throw=False)
+    assert lost.result == gc.contacts.RESULTS.max_steps_reached

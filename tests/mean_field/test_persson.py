@@ -1,9 +1,9 @@
 from functools import partial
 
+import closed_forms
 import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
-import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +13,6 @@ from scipy.optimize import brentq
 from scipy.special import erf
 
 import graded_contact as gc
-from graded_contact import reference
 from graded_contact.mean_field.mean_field import (
     mean_field_friction,
     pressure_distribution,
@@ -26,13 +25,7 @@ SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=3.3 * Q0, q_
 RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
 BARE = gc.Stack(base=gc.HalfSpace(RUBBER))
 COATED = gc.Stack(layers=(gc.Layer(gc.Elastic(4e6, 0.4), 1e-4),), base=gc.HalfSpace(RUBBER))
-CORRECTIONS = ("none", "yang_persson", "wang_mueser", "xu")
-GRID = gc.Grid((64, 64), CELL)
-SURFACE = gc.random_surface(
-    gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=Q0, q_roll=3.3 * Q0, q_high=12 * Q0),
-    GRID,
-    jax.random.key(0),
-)
+CORRECTIONS = ("none", "yang_persson")
 
 mean_field = jax.jit(partial(mean_field_friction, throw=False), static_argnames=("correction",))
 
@@ -42,30 +35,21 @@ def elastic(modulus=1e7, poisson=0.5):
 
 
 def slowing(correction, area):
-    """S of the corrections that are given by it, as in V10 of the literature list."""
-    return {
-        "none": 1,
-        "yang_persson": 0.45 + 0.55 * area**2,
-        "wang_mueser": (5 - 2 * area**2 + 6 * area**4) / 9,
-    }[correction]
+    return 1 if correction == "none" else 0.45 + 0.55 * area**2
 
 
 # Contact area of elastic solids
 
 
 def corrected_area(correction, relative_pressure):
-    """The area at p/(E* h') from the corrections' own equations, by mpmath and SciPy."""
-    v = 1 / (4 * mp.mpf(relative_pressure) ** 2)
-    if correction == "xu":
-        implicit = lambda a: a - mp.erf(1 / mp.sqrt(2 * (0.42 + 0.58 * a) * v))  # noqa: E731
-        return mp.findroot(implicit, 0.5 if v < 5 else 1 / mp.sqrt(v))
+    """The area at p/(E* h') from the correction's own equation, by SciPy."""
 
     def elapsed(x):
         ends = np.append(0, float(x) * 2.0 ** np.arange(-12, 1))
         rate = lambda t: 1 / slowing(correction, erf(1 / np.sqrt(2 * t)))  # noqa: E731
         return sum(quad(rate, *ends[i : i + 2], epsabs=0, epsrel=1e-12)[0] for i in range(13))
 
-    v = float(v)
+    v = 1 / (4 * relative_pressure**2)
     x = brentq(lambda x: elapsed(x) / v - 1, 0.4 * v, 1.1 * v, xtol=1e-14 * v)
     return erf(1 / np.sqrt(2 * x))
 
@@ -77,7 +61,7 @@ def test_elastic_area_follows_the_closed_form_of_each_correction(correction, rel
     solution = mean_field(
         elastic(), SPECTRUM, pressure=pressure, velocity=1.0, correction=correction
     )
-    expected = reference.persson_contact_area(pressure, 1e7 / 0.75, 0.2)
+    expected = closed_forms.persson_contact_area(pressure, 1e7 / 0.75, 0.2)
     if correction != "none":
         expected = float(corrected_area(correction, relative_pressure))
     np.testing.assert_allclose(solution.contact_area, expected, rtol=1e-10)
@@ -87,10 +71,10 @@ def test_elastic_area_follows_the_closed_form_of_each_correction(correction, rel
 @pytest.mark.parametrize(
     ("relative_pressure", "expected"),
     [
-        (0.02, (0.0319, 0.0472, 0.0428, 0.0477)),
-        (0.1, (0.1585, 0.2169, 0.2117, 0.2137)),
-        (0.3, (0.4515, 0.5185, 0.5422, 0.5200)),
-        (1.0, (0.9545, 0.9558, 0.9570, 0.9572)),
+        (0.02, (0.0319, 0.0472)),
+        (0.1, (0.1585, 0.2169)),
+        (0.3, (0.4515, 0.5185)),
+        (1.0, (0.9545, 0.9558)),
     ],
 )
 def test_elastic_area_matches_the_published_programs(relative_pressure, expected):
@@ -133,8 +117,8 @@ def test_friction_matches_integration_of_the_differential_equations(stack, corre
     def compliance(q, omega):
         below = (rubber_modulus(omega), 0.49)
         if stack is BARE:
-            return reference.half_space_compliance(q, *below)
-        return reference.coated_half_space_compliance(q, 1e-4, 4e6, 0.4, *below)
+            return closed_forms.half_space_compliance(q, *below)
+        return closed_forms.coated_half_space_compliance(q, 1e-4, 4e6, 0.4, *below)
 
     area, friction = integrated(compliance, 3e5, 0.05, correction)
     solution = mean_field(stack, SPECTRUM, pressure=3e5, velocity=0.05, correction=correction)
@@ -142,42 +126,16 @@ def test_friction_matches_integration_of_the_differential_equations(stack, corre
     np.testing.assert_allclose(solution.friction, friction, rtol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("stack", "velocity"), [(BARE, 0.03), (COATED, [-0.02, 0.01])], ids=["bare", "coated"]
-)
-def test_complete_contact_has_the_friction_of_the_contact_solver(stack, velocity):
-    """Any surface, here an anisotropic one: the theory is exact where there is no gap."""
-    ridged = gc.Surface(SURFACE.heights + 2e-5 * jnp.sin(3 * 2 * jnp.pi * X), GRID)
-    solved = gc.slide(stack, ridged, pressure=1e8, velocity=velocity, rtol=1e-11)
+def test_complete_contact_has_the_friction_of_the_contact_solver():
+    """The theory is exact where there is no gap; the sum over modes misses its integral by 1 %."""
+    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=Q0, q_roll=9 * Q0, q_high=31 * Q0)
+    surface = gc.random_surface(spectrum, gc.Grid((64, 64), CELL), jax.random.key(0))
+    solved = gc.slide(BARE, surface, pressure=1e8, velocity=0.03)
     assert solved.contact_area == 1
-    solution = mean_field(stack, ridged, pressure=1e8, velocity=jnp.asarray(velocity))
-    np.testing.assert_allclose(solution.friction, solved.friction, rtol=1e-9)
+    solution = mean_field(BARE, spectrum, pressure=1e8, velocity=0.03)
+    np.testing.assert_allclose(solution.friction, solved.friction, rtol=0.01)
     np.testing.assert_allclose(solution.contact_area, 1, rtol=1e-15)
-    spread = jnp.std(solved.pressure) ** 2
-    np.testing.assert_allclose(solution.stress_variance[-1], spread, rtol=1e-9)
-
-
-X = jnp.arange(64)[:, None] / 64
-
-
-def test_single_wave_in_partial_contact_takes_the_share_of_the_mean_square_pressure():
-    wave = gc.Surface(1e-4 * jnp.cos(2 * jnp.pi * X) + jnp.zeros((64, 64)), GRID)
-    reduced = rubber_modulus(Q0 * 0.05) / (1 - 0.49**2)
-    solution = mean_field(BARE, wave, pressure=1e5, velocity=0.05, correction="none")
-    v = (1e-4 * Q0 * abs(reduced) / 2) ** 2 / 2 / 1e10
-    np.testing.assert_allclose(solution.contact_area, erf(1 / np.sqrt(2 * v)), rtol=1e-12)
-    share = quad(lambda x: erf(1 / np.sqrt(2 * x)), 0, v, epsabs=0, epsrel=1e-12)[0] / v
-    complete = 1e-8 * Q0**2 * reduced.imag / 4e5
-    np.testing.assert_allclose(solution.friction, complete * share, rtol=1e-10)
-
-
-def test_profile_slides_as_a_ridged_plane_does():
-    line = 1e-5 * jnp.cos(2 * jnp.pi * X[:, 0]) + 5e-6 * jnp.sin(10 * jnp.pi * X[:, 0])
-    profile = gc.Surface(line, gc.Grid((64,), CELL))
-    ridges = gc.Surface(jnp.broadcast_to(line[:, None], (64, 64)), GRID)
-    one, two = (mean_field(COATED, s, pressure=2e5, velocity=0.05) for s in (profile, ridges))
-    np.testing.assert_allclose(one.friction, two.friction, rtol=1e-12)
-    np.testing.assert_allclose(one.contact_area, two.contact_area, rtol=1e-12)
+    np.testing.assert_allclose(solution.stress_variance[-1], jnp.var(solved.pressure), rtol=0.01)
 
 
 # Limits and invariances
@@ -250,10 +208,11 @@ def test_pressure_distribution_has_the_mean_square_that_dissipates():
 # Spectra
 
 
-def test_pair_of_a_power_law_is_the_self_affine_spectrum():
+def test_table_of_a_power_law_is_the_self_affine_spectrum():
     q = jnp.stack([SPECTRUM.q_low, SPECTRUM.q_roll, SPECTRUM.q_high])
     one = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05)
-    two = mean_field(COATED, (q, SPECTRUM.density(q)), pressure=3e5, velocity=0.05)
+    table = gc.surfaces.SpectrumTable(q, SPECTRUM.density(q))
+    two = mean_field(COATED, table, pressure=3e5, velocity=0.05)
     np.testing.assert_allclose(two.against_cutoff.friction, one.against_cutoff.friction, rtol=1e-12)
     np.testing.assert_allclose(
         two.against_cutoff.contact_area, one.against_cutoff.contact_area, rtol=1e-12
@@ -282,31 +241,15 @@ coarse = jax.jit(partial(mean_field_friction, num_wavenumbers=4, num_angles=4, t
 COAT = gc.Layer(gc.Prony(3e6, [2e7], [1e-4], 0.45), 2e-4)
 
 
-def nodes_and_densities():
-    nodes = jnp.stack([SPECTRUM.q_low, SPECTRUM.q_roll, SPECTRUM.q_high])
-    return nodes, SPECTRUM.density(nodes)
-
-
-@pytest.mark.parametrize(
-    ("stack", "roughness", "as_spectrum"),
-    [
-        (gc.Stack(layers=(COAT,), base=gc.HalfSpace(RUBBER)), gc.SelfAffine(rms_height=1e-4,
-         hurst=0.7, q_low=Q0, q_roll=3.3 * Q0, q_high=90 * Q0), lambda spectrum: spectrum),
-        pytest.param(BARE, nodes_and_densities, lambda pair: pair,
-         marks=pytest.mark.slow),
-        (BARE, jnp.asarray(0.2),
-         lambda tilt: gc.Surface(SURFACE.heights * (1 + tilt * jnp.sin(2 * jnp.pi * X)), GRID)),
-    ],
-    ids=["spectrum", "pair of arrays", "surface"],
-)  # fmt: skip
-def test_gradient_by_every_leaf_matches_central_differences(stack, roughness, as_spectrum):
+def test_gradient_by_every_leaf_matches_central_differences():
     """Every leaf of stack and spectrum, pressure, and both components of the velocity."""
+    stack = gc.Stack(layers=(COAT,), base=gc.HalfSpace(RUBBER))
+    roughness = gc.SelfAffine(rms_height=1e-4, hurst=0.7, q_low=Q0, q_roll=3.3 * Q0, q_high=90 * Q0)
 
     def value(stack, roughness, pressure, velocity):
-        s = mean_field(stack, as_spectrum(roughness), pressure=pressure, velocity=velocity)
+        s = mean_field(stack, roughness, pressure=pressure, velocity=velocity)
         return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
 
-    roughness = roughness() if callable(roughness) else roughness
     arguments = (stack, roughness, jnp.asarray(2e5), jnp.array([0.04, 0.02]))
     for slope, difference in elasticities(value, arguments):
         assert abs(difference - slope) <= 1e-6 * abs(difference) + 1e-8

@@ -3,6 +3,7 @@
 from functools import partial
 from itertools import pairwise
 
+import closed_forms
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +12,6 @@ from oracles import gauss_over_angles, maxwell, persson
 from scipy.integrate import quad
 
 import graded_contact as gc
-from graded_contact import reference
 
 CELL = 0.01  # m
 Q0 = 2 * np.pi / CELL
@@ -183,18 +183,18 @@ OWN = gc.SelfAffine(rms_slope=0.1, hurst=0.6, q_low=5 * Q0, q_roll=9 * Q0, q_hig
 def test_area_of_an_elastic_block_is_that_of_the_sum_of_the_spectra(apart):
     """Overlapping bands, and bands that are apart."""
     q = jnp.geomspace(300 * Q0, 900 * Q0, 9)
-    own = (q, OWN.density(q / 30)) if apart else OWN
+    own = gc.surfaces.SpectrumTable(q, OWN.density(q / 30)) if apart else OWN
     elastic = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.5)))
     found = mean_field(
         elastic, ISOTROPIC, pressure=3e5, velocity=0.1, own_roughness=own, correction="none"
     )
     if apart:
-        y = np.linspace(np.log(own[0][0]), np.log(own[0][-1]), 4001)
-        density = np.exp(np.interp(y, np.log(own[0]), np.log(own[1])))
+        y = np.linspace(np.log(own.q[0]), np.log(own.q[-1]), 4001)
+        density = np.exp(np.interp(y, np.log(own.q), np.log(own.values)))
         square = np.trapezoid(2 * np.pi * np.exp(4 * y) * density, y)
     else:
         square = 0.1**2
-    expected = reference.persson_contact_area(3e5, 1e7 / 0.75, np.sqrt(0.2**2 + square))
+    expected = closed_forms.persson_contact_area(3e5, 1e7 / 0.75, np.sqrt(0.2**2 + square))
     np.testing.assert_allclose(found.contact_area, expected, rtol=2e-5)
     assert found.friction == 0
     assert found.error < 1e-4

@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from closed_forms import hertz_line, hertz_pressure, hertz_sphere
 
 import graded_contact as gc
 from graded_contact.fields.grid import wavevector
 from graded_contact.mean_field import mean_field_friction
-from graded_contact.reference import hertz_line, hertz_pressure, hertz_sphere
 from graded_contact.sliding import ConstantShear, Coulomb, Heating, contact_stress, slide_cycle
 from graded_contact.sliding.case import Case
 from graded_contact.sliding.numerics import Numerics

@@ -7,12 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from closed_forms import hertz_line, hertz_pressure, hertz_sphere
 from oracles import directional
 
 import graded_contact as gc
 from graded_contact.core.display import with_error
 from graded_contact.kernels import window
-from graded_contact.reference import hertz_line, hertz_pressure, hertz_sphere
 
 ELASTIC = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
 REDUCED = 1 / (1 - 0.3**2)
@@ -277,12 +277,15 @@ def test_soft_sphere_is_pulled_off_as_by_johnson_kendall_and_roberts():
     surface, law = sphere(64, size), gc.AdhesiveLJ(3.5e-3, work)
     kernel = gc.kernels.window_kernel(stack, surface.grid)
     depths = np.array([0.0, 0.004, 0.0, -0.004, -0.005, -0.006, -0.007, -0.008]) - law.range
-    path = gc.contacts.follow_contact(kernel, surface.heights, approach=depths, law=law, rtol=1e-5)
-    force = np.asarray(path.mean_pressure) * size**2 / (np.pi * work)
+    how, pressure, loads = dict(law=law, rtol=1e-5), None, []
+    for depth in depths:
+        found = gc.solve_contact(kernel, surface.heights, approach=depth, start=pressure, **how)
+        pressure = found.pressure
+        loads.append(found.mean_pressure)
+    force = np.asarray(loads) * size**2 / (np.pi * work)
     np.testing.assert_allclose(force.min(), -1.5, rtol=0.06)
     np.testing.assert_allclose(force[0], force[2], rtol=1e-4)
     assert 3 < force.argmin() < 7
-    np.testing.assert_array_equal(path.unloading, np.diff(depths, prepend=depths[0]) < 0)
 
 
 def rough_patch(n, ndim, cell):

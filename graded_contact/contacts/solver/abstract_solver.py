@@ -59,8 +59,6 @@ class SolverOutput(eqx.Module):
     - `ended`: whether the solver stopped by itself: at `rtol`, or where rounding hides the rest.
     - `num_steps`: on the finest grid.
     - `num_fft_pairs`: of all grids, coarse ones counted by their size.
-    - `parted`: whether it stopped because the surfaces moved apart without end, under a load that
-      the attraction does not hold.
     """
 
     pressure: Field
@@ -71,7 +69,6 @@ class SolverOutput(eqx.Module):
     ended: Bool[Array, ""]
     num_steps: Array
     num_fft_pairs: Scalar
-    parted: Bool[Array, ""] | bool = False
 
 
 class AbstractContactSolver(eqx.Module):

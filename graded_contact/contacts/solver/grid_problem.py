@@ -96,11 +96,6 @@ class GridProblem(eqx.Module):
         solid = self.solid_at().scaled
         return solid.filtered(solid.inverse, self.scaled_heights())
 
-    @property
-    def may_part(self) -> bool:
-        """Whether the surfaces may move apart without end: attracted, at a given load."""
-        return self.law.attracts and not self.free_mean
-
     def meet(self, state: "SolveState"):
         """The pressures of solid and law, x and y, and the gap at which the law has y."""
         x = state.shift + self.solid_at(state.factor).resolve(state.z)
@@ -124,7 +119,6 @@ class SolveState(NamedTuple):
     steps: Array  # of all epochs
     newton_pairs: Array
     pairs: Array  # FFT pairs so far, of all grids by their size
-    parted: Array  # whether the surfaces move apart without end
 
 
 def as_guess(grid: OneGrid, law, unit, pressure):

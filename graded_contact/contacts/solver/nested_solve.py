@@ -3,7 +3,7 @@
     for each grid, from the coarsest to the finest:
         start     the pressure of the coarser grid (or springs), a draft in single precision
         epochs    the splitting (`splitting.py`); after 50, 100, 200, ... steps a new penalty
-                  for the current contact area, or the end if the surfaces part (`pull_off.py`)
+                  for the current contact area
         Newton    semismooth Newton steps (`semismooth_newton.py`), if the splitting would need
                   more than as many steps again; then the splitting confirms the contact
 
@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...core.checks import check_type, check_whole, is_concrete
-from ...core.compilation import compiled
+from ...core.compilation import compiled, compiled_loop
 from ...fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from ..law import AbstractLaw, HardWall
 from .abstract_solver import (
@@ -44,7 +44,6 @@ from .grid_problem import (
     full_contact_or,
     start_of,
 )
-from .pull_off import RELEASED_FROM, let_part
 from .semismooth_newton import newton_round, takes_newton_steps
 from .splitting import check_relaxation, draft
 
@@ -151,7 +150,7 @@ def _coarser(operator, heights, loading: Loading, shapes):
     return coarse
 
 
-@compiled
+@compiled_loop
 def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     """The fields of a problem but its grid, which XLA would copy, and the state of its solve.
 
@@ -190,7 +189,6 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
         z=z, shift=problem.shift(one), factor=one,
         error=one * jnp.inf, converged=no, next=jnp.asarray(_EPOCH_NEXT), confirming=no,
         coat=0 * one, drafted=none, steps=none, newton_pairs=none, pairs=one * pairs,
-        parted=no,
     )  # fmt: skip
     splitting = problem.splitting(state, settings)
     z, drafted = draft(splitting, state.z, max_steps=settings.draft_steps)
@@ -215,29 +213,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
             next=jnp.where(more, _EPOCH_NEXT, _NOTHING),
             pairs=state.pairs + share * (last.num_steps + 1),
         )  # fmt: skip
-        if problem.may_part:
-            tried = more & (steps >= RELEASED_FROM) & jnp.all(problem.mean < 0)
-            state = jax.lax.cond(tried, let_go, lambda same: same, state)
-            more &= ~state.parted
         return jax.lax.cond(more, begin_again, lambda same: same, state)
-
-    def let_go(state: SolveState) -> SolveState:
-        """Lets the surfaces go from full contact, for as many steps as so far.
-
-        They part, or come near an equilibrium, where the splitting goes on if it is far from one.
-        """
-        first = jnp.ones_like(state.factor)
-        splitting = problem.splitting(
-            state._replace(factor=first, shift=problem.shift(first)), settings
-        )
-        last = let_part(splitting, problem.mean + problem.flattening(), state.steps)
-        near = last.settled & (state.error > jnp.sqrt(settings.rtol))
-        return state._replace(
-            z=jnp.where(near, last.z, state.z), factor=jnp.where(near, first, state.factor),
-            shift=jnp.where(near, splitting.shift, state.shift), parted=last.parted,
-            next=jnp.where(last.parted, _NOTHING, state.next),
-            pairs=state.pairs + share * last.num_steps,
-        )  # fmt: skip
 
     def begin_again(state: SolveState) -> SolveState:
         """The same pressures and gaps with the penalty for the current area in contact."""
@@ -259,7 +235,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
     return jax.lax.while_loop(lambda state: state.next == _EPOCH_NEXT, epoch, state)
 
 
-@compiled
+@compiled_loop
 def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) -> SolveState:
     """Iterates to the end, with Newton steps where the splitting is slow."""
 
@@ -304,5 +280,5 @@ def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
         pressure=pressure * unit, gap=gap * (length / factor), mismatch=(x - y) * unit,
         displacement=(solid_gap + without_mean) * length, error=state.error,
         ended=state.converged, num_steps=state.drafted + state.steps,
-        num_fft_pairs=state.pairs + 3, parted=state.parted,
+        num_fft_pairs=state.pairs + 3,
     )  # fmt: skip

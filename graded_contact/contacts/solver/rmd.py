@@ -11,8 +11,8 @@ the gap u of every point follows m ü = L - c u̇ by damped Verlet steps of leng
 
 one FFT pair a step. The law must be smooth. No rule for mass and damping is given; those here:
 
-- mass: m = (1 + |M|max k)/2 with k = max(-dσ/du, 0) at the point. With `uniform_mass`, and for laws
-  that attract (which would never come to rest), the largest of them for all points. With a
+- mass: m = (1 + |M|max k)/2 with k = max(-dσ/du, 0) at the point. For laws that attract, which
+  would never come to rest, the largest of them for all points. With a
   symmetric kernel all frequencies are then below √2, within the 2 that Verlet's method allows.
 - damping: critical for the slowest motion, c = 2 m ω with ω² the Rayleigh quotient of the last step
   (P. Underwood, Dynamic relaxation, in Computational Methods for Transient Analysis, 1983, 245).
@@ -30,7 +30,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from ...core.checks import check_type, check_whole, short
+from ...core.checks import check_whole, short
 from ..adhesion import AdhesiveLJ
 from ..law import RepulsiveLJ
 from ..operators.operator import Field, Scalar, root_mean_square
@@ -59,17 +59,13 @@ class ResidualDynamics(AbstractContactSolver):
     **Fields:**
 
     - `max_steps`: steps allowed before giving up.
-    - `uniform_mass`: whether all points have one mass for every law, as in plain molecular
-      dynamics; that takes many more steps.
     """
 
     max_steps: int = eqx.field(default=100_000, static=True)
-    uniform_mass: bool = eqx.field(default=False, static=True)
     finds_unstable: ClassVar[bool] = False
 
     def __check_init__(self):
         check_whole("max_steps", self.max_steps, 1)
-        check_type("uniform_mass", self.uniform_mass, bool)
 
     def solve(self, operator, heights, law, loading, *, rtol, start):
         """Returns the contact; `start` is a pressure [Pa] to begin from."""
@@ -86,7 +82,7 @@ class ResidualDynamics(AbstractContactSolver):
         loading = loading._make(None if a is None else a / size for a, size in given)
         problem = Inputs(operator.scaled(unit / length), heights / length, law, loading)
         gap = _first_gap(problem, None if start is None else start / unit)
-        last = run_steps(_Verlet(problem, law, rtol, self.uniform_mass), gap, self.max_steps)
+        last = run_steps(_Verlet(problem, law, rtol), gap, self.max_steps)
         gap = last.gap
         pressure = law.pressure_at(gap)
         residual, _ = _residual(problem, gap, pressure, _stiffness(law, gap))
@@ -115,7 +111,6 @@ class _Verlet(NamedTuple):
     problem: Inputs
     law: SmoothLaw
     rtol: Scalar
-    uniform_mass: bool
 
     def init(self, start):
         still = jnp.zeros_like(start)
@@ -127,7 +122,7 @@ class _Verlet(NamedTuple):
         residual, load_error = _residual(self.problem, u, pressure, stiffness)
         mass = _mass(stiffness)
         # Points of different mass would never come to rest under a law that attracts.
-        mass = jnp.max(mass) if self.uniform_mass or law.attracts else mass
+        mass = jnp.max(mass) if law.attracts else mass
         work, energy = jnp.sum(v * (state.residual - residual)), jnp.sum(mass * v * v)
         quotient = work / jnp.where(energy > 0, energy, 1)
         damping = 2 * jnp.sqrt(jnp.minimum(jnp.abs(quotient), 1))

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...blocks.stack import Stack, interface_depths
-from ...core.checks import Numbers, check_types
+from ...core.checks import Numbers
 from ...core.compilation import compiled
 from ...fields.frequency import wave_frequencies
 from ...fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
@@ -33,7 +33,6 @@ from ..result import Sliding
 from .heat_source import as_depths, heat_depths, heat_source, shear_heat
 
 
-@check_types
 def flash_temperature(
     sliding: Sliding,
     stack: Stack,

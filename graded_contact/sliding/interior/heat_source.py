@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 from ...blocks.bond import Bond
 from ...blocks.profile import Aged, Blend
 from ...blocks.stack import GradedLayer, HalfSpace, Layer, Stack, by_kind, interface_depths
-from ...core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
+from ...core.checks import Numbers, as_float, check_rows, check_values, check_whole
 from ...core.compilation import compiled
 from ...core.derivative import derivative_apart
 from ...fields.frequency import direction_and_speed, wave_frequencies
@@ -39,7 +39,6 @@ _NODES = 2  # of Gauss's rule in each interval of the depth
 _FIRST, _LAST = 0.05, 3.0  # ends of the first interval [spacings] and of the last one [cells]
 
 
-@check_types
 def heat_depths(
     stack: Stack, grid: Grid, num_intervals: int = 18
 ) -> tuple[Float[Array, " depths"], Float[Array, " depths"]]:
@@ -82,7 +81,6 @@ def gauss_within(
     return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
 
 
-@check_types
 def heat_source(
     sliding: Sliding,
     stack: Stack,

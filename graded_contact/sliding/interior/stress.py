@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...blocks.stack import Stack, interface_depths
-from ...core.checks import Numbers, as_float, check_types, is_concrete
+from ...core.checks import Numbers, as_float, is_concrete
 from ...core.compilation import compiled
 from ...core.derivative import derivative_apart, largest
 from ...core.display import shown
@@ -96,7 +96,6 @@ def _largest(field: Array, depths: Array, grid: Grid) -> LargestStress:
     return LargestStress(largest(field), jnp.stack([*place, depths[index[0]]]))
 
 
-@check_types
 def contact_stress(
     sliding: Sliding,
     stack: Stack,

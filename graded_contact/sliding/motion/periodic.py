@@ -15,7 +15,6 @@ from ...core.checks import (
     as_float,
     as_scalar,
     check_positive,
-    check_types,
     check_values,
     check_whole,
     is_concrete,
@@ -60,7 +59,6 @@ def _chosen(num_times: int | None, enough: int | None, grid: Grid | None) -> int
     return enough
 
 
-@check_types
 def sinusoidal(
     stroke: ScalarLike,
     frequency: ScalarLike,
@@ -93,7 +91,6 @@ def sinusoidal(
     return Motion(displacement, 1 / frequency)
 
 
-@check_types
 def start_stop(
     stroke: ScalarLike,
     moving: ScalarLike,
@@ -151,7 +148,6 @@ def _least_jerk(x):
     return x**3 * (10 - 15 * x + 6 * x**2)
 
 
-@check_types
 def steady(velocity: ScalarLike, grid: Grid, num_times: int | None = None) -> Motion:
     """Returns steady sliding along x over one cell, s = v t. It is what `slide` solves faster.
 
@@ -177,7 +173,6 @@ def steady(velocity: ScalarLike, grid: Grid, num_times: int | None = None) -> Mo
     return Motion(displacement, length / velocity)
 
 
-@check_types
 def recorded(
     times: Numbers,
     displacement: Numbers,

@@ -16,7 +16,6 @@ from ...core.checks import (
     check_increasing,
     check_positive,
     check_rows,
-    check_types,
     check_values,
     check_whole,
     is_concrete,
@@ -28,7 +27,6 @@ _STEPS = 128  # of a motion, where the grid is not known
 _A_DECADE = 10  # steps of a rest, whose error is then below 1e-3
 
 
-@check_types
 def dwell(
     duration: ScalarLike, num_times: int | None = None, first: ScalarLike | None = None
 ) -> Motion:
@@ -61,7 +59,6 @@ def dwell(
     return Motion(jnp.zeros_like(times), times=times)
 
 
-@check_types
 def ramp(
     velocity: ScalarLike, duration: ScalarLike, grid: Grid | None = None,
     num_times: int | None = None,
@@ -80,7 +77,6 @@ def ramp(
     return start(velocity, duration, velocity, grid, num_times)
 
 
-@check_types
 def start(
     velocity: ScalarLike, duration: ScalarLike, before: ScalarLike = 0.0,
     grid: Grid | None = None, num_times: int | None = None,
@@ -116,7 +112,6 @@ def start(
     return Motion(duration * moved, times=duration * part)
 
 
-@check_types
 def listed(times: Numbers, displacement: Numbers) -> Motion:
     """Returns the motion of given times and displacements, one for each step.
 
@@ -130,11 +125,10 @@ def listed(times: Numbers, displacement: Numbers) -> Motion:
     **Raises:** `ValueError` for a refused argument.
     """
     motion = _table(times, displacement, 1)
-    check_positive("times", motion.times, "[s]", squares=False)
+    check_positive("times", motion.times, "[s]")
     return motion
 
 
-@check_types
 def recorded_transient(times: Numbers, displacement: Numbers, grid: Grid) -> Motion:
     """Returns a measured motion that need not close, in steps that the grid resolves.
 

@@ -31,7 +31,6 @@ from ...core.checks import (
     check_positive,
     check_shape,
     check_type,
-    check_types,
     check_values,
 )
 from ...core.compilation import compiled
@@ -100,7 +99,6 @@ class Fluid:
         return as_float(conductance, "conductance") * per_area * across
 
 
-@check_types
 def gap_flow(gap: Numbers, grid: Grid, *, contact: Numbers | None = None) -> GapFlow:
     """Returns the conductance of a gap for a thin fluid, by Reynolds' equation.
 

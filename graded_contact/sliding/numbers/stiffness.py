@@ -28,7 +28,7 @@ from ...contacts.adjoint import LinearSolver, LinearSplitting, opening_by_load
 from ...contacts.area import contact_shares, edge_stiffness
 from ...contacts.operators.operator import Steady, first_mode
 from ...contacts.solver.abstract_solver import penalty_for
-from ...core.checks import as_scalar, check_positive, check_type, check_types
+from ...core.checks import as_scalar, check_positive, check_type
 from ...core.compilation import compiled
 from ...fields.grid import wavenumber
 from ..bodies import lags
@@ -45,7 +45,6 @@ _FROM_HALF, _SOFTER = 0.75, 1.25
 _LACKING = 8.0  # times the share of the squared slope in waves that half the grid lacks
 
 
-@check_types
 def contact_stiffness(
     sliding: AbstractSliding,
     *,
@@ -70,7 +69,6 @@ def contact_stiffness(
     return _stiffness(sliding, adjoint)
 
 
-@check_types
 def contact_stiffness_error(
     sliding: AbstractSliding,
     *,
@@ -99,7 +97,6 @@ def contact_stiffness_error(
     return missed * (_FROM_HALF * jnp.abs(own - other) + jnp.abs(own - softer))
 
 
-@check_types
 def contact_conductance(
     sliding: AbstractSliding,
     resistivity: ScalarLike,

@@ -18,7 +18,7 @@ from ...contacts.inputs import loading_of
 from ...contacts.law import check_one_law
 from ...contacts.operators.space_time import SpaceTime, at_rest, in_motion
 from ...contacts.solution import RESULTS
-from ...core.checks import check_squares, within
+from ...core.checks import within
 from ...core.compilation import compiled
 from ...core.derivative import derivative_apart
 from ...core.memory import CYCLE, CYCLE_COUNTERFACE, check_memory
@@ -43,7 +43,6 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
     check_periodic(surface)
     check_one_law(law)
     grid, num_times = surface.grid, len(case.displacement)
-    check_squares("heights", surface.heights, "m")
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
     fields = CYCLE if case.counterface is None else CYCLE + CYCLE_COUNTERFACE
     check_memory("displacement", "a cycle", fields, heights.shape, heights.dtype.itemsize)

@@ -18,7 +18,6 @@ from ...core.checks import (
     check_positive,
     check_rows,
     check_shape,
-    check_types,
     check_whole,
 )
 from ...core.compilation import compiled
@@ -34,7 +33,6 @@ from .isothermal import solve_posed
 from .steady import steady_problem
 
 
-@check_types
 def area_against_cutoff(
     stack: Stack,
     surface: Surface,
@@ -93,7 +91,6 @@ def area_against_cutoff(
     return CutoffCurve(cutoffs, *jnp.concatenate([first[None], rest]).T)
 
 
-@check_types
 def cumulative_friction(
     pressure: Float[Array, "*shape"],
     displacement: Float[Array, "*shape"],

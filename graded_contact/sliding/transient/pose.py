@@ -14,7 +14,7 @@ from ...contacts.law import check_one_law
 from ...contacts.operators.operator import Field
 from ...contacts.solution import ContactSolution
 from ...contacts.solver.nested_solve import DouglasRachford
-from ...core.checks import check_squares, is_concrete, within
+from ...core.checks import is_concrete, within
 from ...core.derivative import still
 from ...core.memory import check_memory
 from ...fields.grid import Grid
@@ -37,7 +37,6 @@ def transient_problem(case: Case) -> TransientProblem:
     """Returns the problem of a case with displacements at times."""
     surface, times = case.rough, case.times
     check_one_law(case.law)
-    check_squares("heights", surface.heights, "m")
     grid, count = surface.grid, len(times)
     path = None if surface.periodic else _path_of(case)
     stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)

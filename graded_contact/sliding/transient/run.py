@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
 from ...core.checks import is_concrete
-from ...core.compilation import compiled
+from ...core.compilation import compiled, compiled_loop
 from ...core.derivative import largest
 from ..formulas import lengths
 from ..numerics import Numerics
@@ -94,7 +94,7 @@ def _segments(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]):
     return advance.init(len(kept)), segment
 
 
-@compiled
+@compiled_loop
 def _run(
     problem: TransientProblem, how: Numerics, kept: tuple[int, ...]
 ) -> tuple[TransientState, dict[str, Array]]:
@@ -107,7 +107,7 @@ def _run(
     return state, _of_whole(problem, numbers)
 
 
-@compiled
+@compiled_loop
 def _before(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]):
     """The state before t = 0, and room for the numbers of all steps."""
     start, segment = _segments(problem, how, kept)
@@ -115,7 +115,7 @@ def _before(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]):
     return start, jax.tree.map(lambda a: jnp.zeros((count, *a.shape[1:]), a.dtype), like)
 
 
-@compiled
+@compiled_loop
 def _one_segment(problem: TransientProblem, how: Numerics, kept: tuple[int, ...], found, first):
     """The state and the numbers after a segment."""
     segment, (state, numbers) = _segments(problem, how, kept)[1], found

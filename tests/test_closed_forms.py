@@ -4,12 +4,11 @@ import math
 import runpy
 from pathlib import Path
 
+import closed_forms
 import mpmath as mp
 import numpy as np
 import pytest
 from scipy.integrate import quad
-
-from graded_contact import reference
 
 PAPER = Path(__file__).parents[1] / "examples" / "paper" / "coated_half_space.py"
 paper_coated_half_space = runpy.run_path(str(PAPER))["paper_coated_half_space_compliance"]
@@ -50,8 +49,8 @@ def state_space_compliance(q, thickness, modulus, poisson, base):
 def test_slabs_match_matrix_exponential(depth, modulus, poisson):
     """To the documented loss of digits, times ten."""
     q, thickness = 40.0, depth / 40.0
-    rigid = reference.slab_on_rigid_compliance(q, thickness, modulus, poisson)
-    free = reference.free_slab_compliance(q, thickness, modulus, poisson)
+    rigid = closed_forms.slab_on_rigid_compliance(q, thickness, modulus, poisson)
+    free = closed_forms.free_slab_compliance(q, thickness, modulus, poisson)
     lost = 1 / abs(1 - 2 * poisson + depth**2)
     for value, base, digits in ((rigid, "rigid", lost), (free, "free", 1 / depth**2)):
         expected = state_space_compliance(q, thickness, modulus, poisson, base)
@@ -62,7 +61,7 @@ def test_slabs_match_matrix_exponential(depth, modulus, poisson):
 @pytest.mark.parametrize("modulus, poisson", MATERIALS)
 def test_coated_half_space_matches_matrix_exponential(modulus, poisson, base):
     for depth in (0.01, 0.5, 3.0, 20.0):
-        value = reference.coated_half_space_compliance(4.0, depth / 4, modulus, poisson, *base)
+        value = closed_forms.coated_half_space_compliance(4.0, depth / 4, modulus, poisson, *base)
         expected = state_space_compliance(4.0, depth / 4, modulus, poisson, base)
         ratio = abs(modulus / base[0])
         tolerance = 20 * 2.2e-16 * max(ratio, 1 / ratio)
@@ -73,49 +72,45 @@ def test_paper_coated_half_space_is_right_only_where_poisson_ratios_are_constant
     q = np.array([0.1, 1.0, 4.0])
     args = (q, 1.0, 2 - 1j, 0.3)
     same = paper_coated_half_space(*args, 0.3, 5 + 1j, 0.45, 0.45)
-    exact = reference.coated_half_space_compliance(*args, 5 + 1j, 0.45)
+    exact = closed_forms.coated_half_space_compliance(*args, 5 + 1j, 0.45)
     np.testing.assert_allclose(same, exact, rtol=1e-12)
     # A glassy half space, ν 0.49 -> 0.3, comes out 14.6 times too soft (same solid as coating).
     soft = paper_coated_half_space(q, 1e-3, 1.0, 0.3, 0.49, 1.0, 0.3, 0.49)
-    np.testing.assert_allclose(soft / reference.half_space_compliance(q, 1.0, 0.3), 14.571, 1e-4)
+    np.testing.assert_allclose(soft / closed_forms.half_space_compliance(q, 1.0, 0.3), 14.571, 1e-4)
     with pytest.raises(ValueError, match=r"`poisson_at_rest=0\.5` is refused"):
         paper_coated_half_space(q, 1.0, 1.0, 0.3, 0.5, 1.0, 0.3, 0.49)
 
 
 def test_deep_layers_are_half_spaces_and_do_not_overflow():
     for depth in (50.0, 1e3, 1e8):
-        half = reference.half_space_compliance(2.0, 3 - 1j, 0.4)
+        half = closed_forms.half_space_compliance(2.0, 3 - 1j, 0.4)
         args = (2.0, depth / 2, 3 - 1j, 0.4)
         for value in (
-            reference.slab_on_rigid_compliance(*args),
-            reference.free_slab_compliance(*args),
-            reference.coated_half_space_compliance(*args, 1e-3, 0.1),
+            closed_forms.slab_on_rigid_compliance(*args),
+            closed_forms.free_slab_compliance(*args),
+            closed_forms.coated_half_space_compliance(*args, 1e-3, 0.1),
         ):
             np.testing.assert_allclose(value, half, rtol=1e-15)
 
 
-@pytest.mark.parametrize("name", ["q", "thickness"])
-def test_compliance_refuses_bad_lengths(name):
-    args = {"q": 1.0, "thickness": 1.0, "modulus": 1.0, "poisson": 0.3} | {name: [1.0, 0.0]}
-    for function in (reference.slab_on_rigid_compliance, reference.free_slab_compliance):
-        with pytest.raises(ValueError, match=rf"`{name}\[1\]=0`"):
-            function(**args)
-
-
 def test_hertz_sphere_closes_its_gap_and_carries_its_load():
     load, radius, modulus = 3.0, 0.02, 4e6
-    a, peak, approach = reference.hertz_sphere(load, radius, modulus)
-    total, _ = quad(lambda r: 2 * np.pi * r * reference.hertz_pressure(r, a, peak), 0, a)
+    a, peak, approach = closed_forms.hertz_sphere(load, radius, modulus)
+    total, _ = quad(lambda r: 2 * np.pi * r * closed_forms.hertz_pressure(r, a, peak), 0, a)
     np.testing.assert_allclose(total, load, rtol=1e-9)
     # Boussinesq: a ring of pressure p at distance s lowers the middle by 2 p ds/E*.
     centre, _ = quad(
-        lambda s: 2 * reference.hertz_pressure(s, a, peak) / modulus, 0, a, epsabs=0, epsrel=1e-10
+        lambda s: 2 * closed_forms.hertz_pressure(s, a, peak) / modulus,
+        0,
+        a,
+        epsabs=0,
+        epsrel=1e-10,
     )
     np.testing.assert_allclose(centre, approach, rtol=1e-9)
     edge, _ = quad(  # at the edge, along chords of length 2a cos φ
         lambda phi: quad(
             lambda s: 2 / (np.pi * modulus)
-            * reference.hertz_pressure(np.sqrt(a**2 + s**2 - 2 * a * s * np.cos(phi)), a, peak),
+            * closed_forms.hertz_pressure(np.sqrt(a**2 + s**2 - 2 * a * s * np.cos(phi)), a, peak),
             0, 2 * a * np.cos(phi), epsabs=0, epsrel=1e-7,
         )[0], 0, np.pi / 2, epsabs=0, epsrel=1e-7,
     )  # fmt: skip
@@ -124,10 +119,10 @@ def test_hertz_sphere_closes_its_gap_and_carries_its_load():
 
 def test_hertz_line_has_the_slope_of_its_cylinder():
     load, radius, modulus = 600.0, 0.05, 3e6
-    a, peak = reference.hertz_line(load, radius, modulus)
+    a, peak = closed_forms.hertz_line(load, radius, modulus)
 
     def pressure(s):
-        return reference.hertz_pressure(s, a, peak)
+        return closed_forms.hertz_pressure(s, a, peak)
 
     np.testing.assert_allclose(quad(pressure, -a, a)[0], load, rtol=1e-9)
     for x in (-0.6 * a, 0.3 * a):
@@ -141,23 +136,23 @@ def test_westergaard_pressure_carries_the_load_and_follows_the_wave(ratio):
     amplitude, wavelength, modulus = 1e-6, 1e-3, 2e6
     mean = ratio * np.pi * modulus * amplitude / wavelength
     args = (mean, amplitude, wavelength, modulus)
-    a = wavelength / 2 * reference.westergaard_area(*args)
+    a = wavelength / 2 * closed_forms.westergaard_area(*args)
     n = 4096
     x = a * np.cos((np.arange(n) + 0.5) * np.pi / n)  # Chebyshev points resolve the edges
     weight = np.sqrt(a**2 - x**2) * np.pi / n
-    pressure = reference.westergaard_pressure(x, *args)
+    pressure = closed_forms.westergaard_pressure(x, *args)
     np.testing.assert_allclose(np.sum(weight * pressure) / wavelength, mean, rtol=1e-5)
     # u'(x0) = -(2/(E* λ)) PV ∫ p cot(π (x0 - s)/λ) ds, made regular: ∫ cot over a period is 0
     period = (np.arange(n) + 0.5) * wavelength / n
     for x0 in (0.2 * a, -0.5 * a):
-        here = reference.westergaard_pressure(x0, *args)
+        here = closed_forms.westergaard_pressure(x0, *args)
         s = x0 + period
-        values = reference.westergaard_pressure(s, *args) - here
+        values = closed_forms.westergaard_pressure(s, *args) - here
         slope = 2 / modulus * np.mean(values / np.tan(np.pi * (s - x0) / wavelength))
         expected = -2 * np.pi * amplitude / wavelength * np.sin(2 * np.pi * x0 / wavelength)
         np.testing.assert_allclose(slope, expected, rtol=2e-3)
     if ratio < 1:
-        assert reference.westergaard_pressure(wavelength / 2, *args) == 0
+        assert closed_forms.westergaard_pressure(wavelength / 2, *args) == 0
 
 
 def test_double_sinusoid_limits_match_hertz_and_the_unpressurised_crack():
@@ -165,15 +160,15 @@ def test_double_sinusoid_limits_match_hertz_and_the_unpressurised_crack():
     full = np.sqrt(2) * np.pi * modulus * amplitude / wavelength
     k = 2 * np.pi / wavelength
     pressure = 1e-3 * full
-    light, _ = reference.double_sinusoid_area(pressure, amplitude, wavelength, modulus)
-    radius, _, _ = reference.hertz_sphere(
+    light, _ = closed_forms.double_sinusoid_area(pressure, amplitude, wavelength, modulus)
+    radius, _, _ = closed_forms.hertz_sphere(
         pressure * wavelength**2 / 2, 1 / (amplitude * k**2), modulus
     )
     np.testing.assert_allclose(light, 2 * np.pi * radius**2 / wavelength**2, rtol=1e-12)
     # A penny crack of radius b under the tension T(r) = (p* - p) - p* k² r²/2 has no stress
     # intensity, ∫ T r/sqrt(b² - r²) dr = 0, where b² = 3 (1 - p/p*)/k²; two cracks a cell.
     pressure = 0.98 * full
-    _, nearly = reference.double_sinusoid_area(pressure, amplitude, wavelength, modulus)
+    _, nearly = closed_forms.double_sinusoid_area(pressure, amplitude, wavelength, modulus)
     b = wavelength * np.sqrt((1 - nearly) / (2 * np.pi))
     intensity, _ = quad(
         lambda t: ((full - pressure) - full * (k * b * np.sin(t)) ** 2 / 2) * b * np.sin(t),
@@ -204,8 +199,8 @@ def test_full_contact_friction_matches_time_stepping():
     slope = -amplitude * q * np.sin(q * x)
     expected = -np.mean(pressures * slope) / mean
     modulus = e0 + e1 * 1j * omega * tau / (1 + 1j * omega * tau)
-    compliance = reference.half_space_compliance(q, modulus, 0.0)
-    friction = reference.full_contact_friction(amplitude, q, compliance, mean)
+    compliance = closed_forms.half_space_compliance(q, modulus, 0.0)
+    friction = closed_forms.full_contact_friction(amplitude, q, compliance, mean)
     assert friction > 0
     np.testing.assert_allclose(friction, expected, rtol=1e-9)
     closed = amplitude**2 * q**2 * modulus.imag / (4 * mean)
@@ -213,24 +208,19 @@ def test_full_contact_friction_matches_time_stepping():
     assert np.min(pressures) > 0
 
 
-def test_full_contact_friction_refuses_partial_contact():
-    with pytest.raises(ValueError, match="`pressure` is refused: the contact is not full; 4 times"):
-        reference.full_contact_friction(2.0, 1.0, 0.5, 1.0)
-
-
 def test_persson_area_has_its_limits_and_tabulated_values():
     load = np.array([0.02, 0.1, 0.3, 1.0])
-    area = reference.persson_contact_area(load * 2e6 * 0.1, 2e6, 0.1)
+    area = closed_forms.persson_contact_area(load * 2e6 * 0.1, 2e6, 0.1)
     np.testing.assert_allclose(area, [0.0319, 0.1585, 0.4515, 0.9545], atol=5e-5)
-    light = reference.persson_contact_area(1e-6, 1.0, 1.0)
+    light = closed_forms.persson_contact_area(1e-6, 1.0, 1.0)
     np.testing.assert_allclose(light, np.sqrt(8 / np.pi) * 1e-6, rtol=1e-9)
     assert area[1] == pytest.approx(float(mp.erf(mp.sqrt(2) / 10)), rel=1e-14)
 
 
 def gliding(ratio, speed):
     """The cylinder with F = R = E_r = 1 at τ v/a_r = speed; lengths come back over a_r."""
-    a, peak = reference.hertz_line(1.0, 1.0, 1.0)
-    contact = reference.viscoelastic_cylinder(1.0, 1.0, ratio, ratio - 1, 2.0, speed * a / 2)
+    a, peak = closed_forms.hertz_line(1.0, 1.0, 1.0)
+    contact = closed_forms.viscoelastic_cylinder(1.0, 1.0, ratio, ratio - 1, 2.0, speed * a / 2)
     return contact, float(a), float(peak)
 
 
@@ -246,7 +236,7 @@ def gliding(ratio, speed):
 def test_cylinder_matches_wang_and_knothe(time, peak, left, right, friction):
     """Two cylinders of 100 mm radius, G = 1143 MPa, ν = 0.4, as CONTACT's reference output."""
     modulus = 1143e6 / (1 - 0.4)
-    contact = reference.viscoelastic_cylinder(600e3, 0.05, modulus, 1.0, time, 1.0)
+    contact = closed_forms.viscoelastic_cylinder(600e3, 0.05, modulus, 1.0, time, 1.0)
     assert contact.peak_pressure / 1e6 == pytest.approx(peak, abs=6e-4)
     interval = np.array([-1, 1]) * contact.half_width + contact.offset
     np.testing.assert_allclose(interval * 1e3, [left, right], atol=6e-4)
@@ -303,10 +293,3 @@ def test_cylinder_limits_are_the_two_hertz_contacts():
     at_rest, a, peak = gliding(10, 0.0)
     assert (at_rest.half_width, at_rest.friction, at_rest.offset) == (a, 0, 0)
     assert at_rest.pressure(0.0) == peak
-
-
-@pytest.mark.parametrize("name", ["load", "radius", "glassy_modulus", "creep", "time", "velocity"])
-def test_cylinder_refuses_bad_numbers(name):
-    args = dict.fromkeys(["load", "radius", "glassy_modulus", "creep", "time", "velocity"], 1.0)
-    with pytest.raises(ValueError, match=f"`{name}=-1`"):
-        reference.viscoelastic_cylinder(**args | {name: -1.0})
