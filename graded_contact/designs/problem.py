@@ -17,7 +17,7 @@ from ..core.checks import Numbers, as_float
 from ..core.compilation import compiled
 from ..core.parameters import with_values
 from ..mean_field.mean_field import MeanField, reached
-from ..sliding.result import Found
+from ..sliding.result import CyclicSliding, Sliding
 from ..sliding.slide import slide_case
 from ..studies.search import Constraints, Objective
 from ..surfaces.surface import Surface
@@ -70,15 +70,21 @@ def contact_criteria(
     return criteria_in(study, stack, design_contact(study, stack, surface, velocity))
 
 
-def design_contact(study: DesignScene, stack: Stack, surface: Surface, velocity: Any) -> Found:
+def design_contact(
+    study: DesignScene, stack: Stack, surface: Surface, velocity: Any
+) -> Sliding | CyclicSliding:
     """Returns the contact of a stack at a velocity, or highest speed [m/s]."""
     scene = study.scene
     bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)
     case = bare.case({"pressure": scene.pressure[0], "velocity": velocity}, surface)
-    return cast(Found, slide_case(case, dataclasses.replace(scene.numerics, throw=True)))
+    return cast(
+        Sliding | CyclicSliding, slide_case(case, dataclasses.replace(scene.numerics, throw=True))
+    )
 
 
-def criteria_in(study: DesignScene, stack: Stack, found: Found) -> dict[str, Array]:
+def criteria_in(
+    study: DesignScene, stack: Stack, found: Sliding | CyclicSliding
+) -> dict[str, Array]:
     """Returns the criteria of a study from a contact of a stack; of "tension", also its depth,
     "tension_depth".
     """
