@@ -1,7 +1,7 @@
 """Numbers of results: attributes that are computed when they are read, and then kept.
 
     class Sliding(AbstractSliding):
-        friction = number(friction, r"\\mu", "1", "friction coefficient", column=("friction", FOUR))
+        friction = number(friction, r"\\mu", "1", "friction coefficient")
         friction_error = error_of(friction, {"solver": ..., "grid": ...})
 
 `s.friction` runs one program. `s.compute("friction", "contact_area")` computes both in one.
@@ -33,8 +33,6 @@ from .half_grid import grid_estimate
 from .problem import Problem
 from .shear import ShearStress
 
-FOUR = "#.4g"  # format of a column
-TOTAL = ("±", ".1e")  # head and format of the column of an error
 # What formulas take: a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
 Found = Any
 Formula = Callable[[Found], Any]
@@ -61,7 +59,6 @@ class number(property):
     - `over_time`: whether there is one number at each time.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
-    - `column`: head and format in the table of the command, if it has a column there.
     - `warns`: when it is warned of, if there is a limit.
     - `by_neighbours`: whether it needs the contacts on half the grid, see `errors/neighbours.py`.
     """
@@ -76,13 +73,12 @@ class number(property):
         over_time: bool = False,
         stored: bool = True,
         needs: Collection[str] = (),
-        column: tuple[str, str] | None = None,
         warns: Above | None = None,
         by_neighbours: bool = False,
     ):
         super().__init__(formula)
         self.formula, self.over_time, self.stored, self.needs = formula, over_time, stored, needs
-        self.column, self.warns, self.by_neighbours = column, warns, by_neighbours
+        self.warns, self.by_neighbours = warns, by_neighbours
         self.quantity = Quantity("", symbol, unit, meaning)
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -119,7 +115,6 @@ def error_of(
     parts: Mapping[str, Formula],
     *,
     over: Callable[[NumberOf], Any] | None = None,
-    column: tuple[str, str] | None = None,
     needs: Collection[str] = (),
 ) -> number:
     """Returns the estimated error of a number, the sum of its parts.
@@ -130,7 +125,6 @@ def error_of(
     - `parts`: formulas by their causes: "solver", "grid", "time", "memory", "kernel" (of a window)
       or "temperature". `error_parts` of a result returns them.
     - `over`: the relative error; above `WARN_ABOVE` there is a warning. None: there is none.
-    - `column`: of the error, see `number`.
     - `needs`: facts of the contacts that have the error, beside those that have the number.
     """
 
@@ -156,7 +150,6 @@ def error_of(
         over_time=own.over_time,
         stored=own.stored,
         needs=(*own.needs, *needs),
-        column=column,
         warns=warns,
         by_neighbours=True,
     )

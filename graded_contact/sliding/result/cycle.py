@@ -9,14 +9,9 @@ from ...blocks.heated_stack import HeatedContact
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import CYCLE
-from ..case import (
-    COUNTERFACE,
-    COUPLED,
-    HEATED,
-    SHEARED,
-)
+from .. import case as facts
 from ..errors import neighbours, parts
-from ..number import FOUR, TOTAL, AbstractSliding, error_of, number
+from ..number import AbstractSliding, error_of, number
 from ..numbers import area, checks, cycle
 from ..numbers import friction as of_friction
 from ..numbers import traction as tractions
@@ -46,39 +41,23 @@ class CyclicSliding(AbstractSliding):
     heated: HeatedContact | None = None
     kind: ClassVar[str] = CYCLE
 
-    friction = number(
-        of_friction.friction,
-        r"\mu",
-        "1",
-        "friction coefficient",
-        over_time=True,
-        column=("friction", FOUR),
-    )
+    friction = number(of_friction.friction, r"\mu", "1", "friction coefficient", over_time=True)
     mean_friction = number(
-        cycle.mean_friction,
-        r"\bar\mu",
-        "1",
-        "work of friction over load and path",
-        column=("friction\n(mean)", FOUR),
+        cycle.mean_friction, r"\bar\mu", "1", "work of friction over load and path"
     )
     mean_friction_error = error_of(
-        mean_friction, cycle.MEAN_ERRORS, over=parts.over_friction("mean_friction"), column=TOTAL
+        mean_friction, cycle.MEAN_ERRORS, over=parts.over_friction("mean_friction")
     )
     peak_friction = number(
-        cycle.peak_friction,
-        r"\mu_\mathrm{max}",
-        "1",
-        "largest friction coefficient of a cycle",
-        column=("friction\n(peak)", FOUR),
+        cycle.peak_friction, r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle"
     )
-    peak_friction_error = error_of(peak_friction, cycle.PEAK_ERRORS, column=TOTAL)
+    peak_friction_error = error_of(peak_friction, cycle.PEAK_ERRORS)
     mean_shear_friction = number(
         cycle.mean_shear_friction,
         r"\bar\mu_\mathrm{shear}",
         "1",
         "part of the mean friction from shear in the contact",
-        needs=[SHEARED],
-        column=("shear\n(mean)", FOUR),
+        needs=[facts.SHEARED],
     )
     geometric_friction = number(
         of_friction.geometric_friction,
@@ -99,18 +78,12 @@ class CyclicSliding(AbstractSliding):
         over_time=True,
         warns=checks.NEVER_LOADED,
     )
-    work = number(
-        cycle.work, "W", "J/m²", "work of friction in a cycle", column=("work\n[J/m²]", FOUR)
-    )
+    work = number(cycle.work, "W", "J/m²", "work of friction in a cycle")
     work_error = error_of(work, cycle.WORK_ERRORS)
     load_work = number(cycle.load_work, r"W_\sigma", "J/m²", "work of the load in a cycle")
     load_work_error = error_of(load_work, cycle.LOAD_WORK_ERRORS)
     dissipated_power = number(
-        cycle.dissipated_power,
-        "P",
-        "W/m²",
-        "mean power that the block dissipates",
-        column=("power\n[W/m²]", FOUR),
+        cycle.dissipated_power, "P", "W/m²", "mean power that the block dissipates"
     )
     dissipated_power_error = error_of(dissipated_power, cycle.POWER_ERRORS)
     counterface_power = number(
@@ -118,46 +91,31 @@ class CyclicSliding(AbstractSliding):
         r"P_\mathrm{c}",
         "W/m²",
         "mean power that the counterface dissipates",
-        needs=[COUNTERFACE],
-        column=("power of\ncounterface\n[W/m²]", FOUR),
+        needs=[facts.COUNTERFACE],
     )
     interface_power = number(
         tractions.interface_power,
         r"P_\mathrm{int}",
         "W/m²",
         "mean power that heats the interface",
-        needs=[COUPLED],
+        needs=[facts.COUPLED],
     )
     phase = number(
-        cycle.phase,
-        r"\delta",
-        "1",
-        "phase of the traction before the displacement, in radians",
-        column=("phase\n[rad]", ".3f"),
+        cycle.phase, r"\delta", "1", "phase of the traction before the displacement, in radians"
     )
     surface_rise = number(
         of_friction.surface_rise,
         r"\Delta T",
         "K",
         "temperature of the contact above the bulk",
-        needs=[HEATED],
-        column=("contact above\nbulk [K]", FOUR),
+        needs=[facts.HEATED],
         warns=checks.WARMS,
     )
-    contact_area = number(
-        area.contact_area,
-        "A/A_0",
-        "1",
-        "contact area fraction",
-        over_time=True,
-        column=("contact\narea", ".5f"),
-    )
+    contact_area = number(area.contact_area, "A/A_0", "1", "contact area fraction", over_time=True)
     contact_area_pixels = number(
         area.contact_area_pixels, "A/A_0", "1", "share of points in contact", over_time=True
     )
-    mean_gap = number(
-        area.mean_gap, r"\bar u", "m", "mean gap", over_time=True, column=("mean gap\n[m]", FOUR)
-    )
+    mean_gap = number(area.mean_gap, r"\bar u", "m", "mean gap", over_time=True)
     energy_imbalance = Sliding.energy_imbalance
     slope_in_contact = Sliding.slope_in_contact
     extrapolated_friction = Sliding.extrapolated_friction

@@ -9,19 +9,9 @@ from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import STEADY
 from ...fields.frequency import direction_and_speed
-from ..case import (
-    CONDUCTANCE,
-    COUPLED,
-    FLOW,
-    GIVEN_LOAD,
-    GROUND,
-    HEATED,
-    LOAD_FOLLOWS,
-    STIFFNESS,
-    WINDOW,
-)
+from .. import case as facts
 from ..errors import neighbours, parts
-from ..number import FOUR, TOTAL, AbstractSliding, error_of, number
+from ..number import AbstractSliding, error_of, number
 from ..numbers import area, checks, gap_flow, load, stiffness
 from ..numbers import friction as of_friction
 from ..numbers import traction as tractions
@@ -55,18 +45,11 @@ class Sliding(AbstractSliding):
     kind: ClassVar[str] = STEADY
 
     mean_pressure = number(
-        load.mean_pressure,
-        r"\bar\sigma",
-        "Pa",
-        "mean contact pressure",
-        needs=[LOAD_FOLLOWS],
-        column=("pressure\n[Pa]", FOUR),
+        load.mean_pressure, r"\bar\sigma", "Pa", "mean contact pressure", needs=[facts.LOAD_FOLLOWS]
     )
     mean_pressure_error = error_of(mean_pressure, load.PRESSURE_ERRORS)
-    approach = number(
-        load.approach, r"\delta", "m", "approach", needs=[GROUND], column=("approach\n[m]", FOUR)
-    )
-    approach_error = error_of(approach, load.APPROACH_ERRORS, needs=[GIVEN_LOAD])
+    approach = number(load.approach, r"\delta", "m", "approach", needs=[facts.GROUND])
+    approach_error = error_of(approach, load.APPROACH_ERRORS, needs=[facts.GIVEN_LOAD])
     moment = number(
         load.moment,
         "M",
@@ -74,30 +57,21 @@ class Sliding(AbstractSliding):
         "moment of the pressure about the middle of the window",
         stored=False,
     )
-    friction = number(
-        of_friction.friction,
-        r"\mu",
-        "1",
-        "friction coefficient",
-        column=("friction", FOUR),
-        warns=checks.APART,
-    )
+    friction = number(of_friction.friction, r"\mu", "1", "friction coefficient", warns=checks.APART)
     friction_error = error_of(
-        friction, of_friction.FRICTION_ERRORS, over=parts.over_friction("friction"), column=TOTAL
+        friction, of_friction.FRICTION_ERRORS, over=parts.over_friction("friction")
     )
     hysteresis_friction = number(
         of_friction.hysteresis_friction,
         r"\mu_\mathrm{hys}",
         "1",
         "friction from the slopes, without coupling the hysteresis",
-        column=("hysteresis", FOUR),
     )
     shear_friction = number(
         of_friction.shear_friction,
         r"\mu_\mathrm{shear}",
         "1",
         "friction coefficient of shear in the contact",
-        column=("shear", FOUR),
         warns=checks.NO_SHEAR,
     )
     block_friction = number(
@@ -105,16 +79,14 @@ class Sliding(AbstractSliding):
         r"\mu_\mathrm{block}",
         "1",
         "friction lost in the block",
-        needs=[COUPLED],
-        column=("lost in\nthe block", FOUR),
+        needs=[facts.COUPLED],
     )
     interface_friction = number(
         tractions.interface_friction,
         r"\mu_\mathrm{int}",
         "1",
         "friction that heats the interface",
-        needs=[COUPLED],
-        column=("heat of the\ninterface", FOUR),
+        needs=[facts.COUPLED],
     )
     geometric_friction = number(
         of_friction.geometric_friction,
@@ -128,14 +100,11 @@ class Sliding(AbstractSliding):
         r"\Delta T",
         "K",
         "temperature of the contact above the bulk",
-        needs=[HEATED],
-        column=("contact above\nbulk [K]", FOUR),
+        needs=[facts.HEATED],
     )
-    contact_area = number(
-        area.contact_area, "A/A_0", "1", "contact area fraction", column=("contact\narea", ".5f")
-    )
+    contact_area = number(area.contact_area, "A/A_0", "1", "contact area fraction")
     contact_area_error = error_of(
-        contact_area, area.AREA_ERRORS, over=parts.over_number("contact_area"), column=TOTAL
+        contact_area, area.AREA_ERRORS, over=parts.over_number("contact_area")
     )
     contact_area_pixels = number(
         area.contact_area_pixels, "A/A_0", "1", "share of points in contact"
@@ -147,51 +116,39 @@ class Sliding(AbstractSliding):
         "how far points are inside contact or outside",
         stored=False,
     )
-    mean_gap = number(area.mean_gap, r"\bar u", "m", "mean gap", column=("mean gap\n[m]", FOUR))
+    mean_gap = number(area.mean_gap, r"\bar u", "m", "mean gap")
     mean_gap_error = error_of(mean_gap, area.GAP_ERRORS)
     flow_along_x = number(
         gap_flow.flow_along_x,
         "K_x",
         "m³",
         "conductance of the gap for a fluid along x",
-        needs=[FLOW],
-        column=("flow along\nx [m³]", ".3e"),
+        needs=[facts.FLOW],
     )
-    flow_along_x_error = error_of(
-        flow_along_x, gap_flow.flow_errors(0, "solver", "grid"), column=TOTAL
-    )
+    flow_along_x_error = error_of(flow_along_x, gap_flow.flow_errors(0, "solver", "grid"))
     flow_along_y = number(
         gap_flow.flow_along_y,
         "K_y",
         "m³",
         "conductance of the gap for a fluid along y",
-        needs=[FLOW],
-        column=("flow along\ny [m³]", ".3e"),
+        needs=[facts.FLOW],
     )
-    flow_along_y_error = error_of(
-        flow_along_y, gap_flow.flow_errors(1, "solver", "grid"), column=TOTAL
-    )
+    flow_along_y_error = error_of(flow_along_y, gap_flow.flow_errors(1, "solver", "grid"))
     contact_stiffness = number(
-        stiffness.contact_stiffness,
-        "k",
-        "Pa/m",
-        "contact stiffness",
-        needs=[STIFFNESS],
-        column=("stiffness\n[Pa/m]", FOUR),
+        stiffness.contact_stiffness, "k", "Pa/m", "contact stiffness", needs=[facts.STIFFNESS]
     )
     contact_stiffness_error = error_of(
-        contact_stiffness, {"grid": stiffness.contact_stiffness_error}, column=TOTAL
+        contact_stiffness, {"grid": stiffness.contact_stiffness_error}
     )
     specific_conductance = number(
         stiffness.specific_conductance,
         r"G\varrho",
         "1/m",
         "contact conductance times the sum of both resistivities",
-        needs=[CONDUCTANCE],
-        column=("conductance\n× resistivity\n[1/m]", FOUR),
+        needs=[facts.CONDUCTANCE],
     )
     specific_conductance_error = error_of(
-        specific_conductance, {"grid": stiffness.specific_conductance_error}, column=TOTAL
+        specific_conductance, {"grid": stiffness.specific_conductance_error}
     )
     energy_imbalance = number(
         checks.energy_imbalance, "", "1", "relative difference of friction work and dissipation"
@@ -208,7 +165,6 @@ class Sliding(AbstractSliding):
         "",
         "1",
         "share of the hysteresis on filled or tapered points",
-        column=("on points not\nmeasured", ".1%"),
         warns=checks.NOT_MEASURED,
     )
     extrapolated_friction = number(
@@ -223,7 +179,7 @@ class Sliding(AbstractSliding):
         "",
         "1",
         "approach over the thickness of layers on a rigid base",
-        needs=[WINDOW],
+        needs=[facts.WINDOW],
         warns=checks.COMPRESSED,
     )
     rim_load = number(
@@ -231,19 +187,11 @@ class Sliding(AbstractSliding):
         "",
         "1",
         "share of the load on the rim of the window",
-        needs=[WINDOW],
+        needs=[facts.WINDOW],
         warns=checks.ON_THE_RIM,
     )
-    error = number(
-        checks.error,
-        "",
-        "1",
-        "estimated relative error of the contact pressure",
-        column=("error of\npressure", ".1e"),
-    )
-    num_fft_pairs = number(
-        checks.num_fft_pairs, "", "1", "FFT pairs of the solve", column=("FFT\npairs", ".0f")
-    )
+    error = number(checks.error, "", "1", "estimated relative error of the contact pressure")
+    num_fft_pairs = number(checks.num_fft_pairs, "", "1", "FFT pairs of the solve")
 
     def neighbours(self) -> neighbours.Neighbours:
         return neighbours.neighbours_of(self)

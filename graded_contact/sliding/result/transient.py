@@ -10,11 +10,9 @@ from ...blocks.heated_stack import HeatedContact
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import NUMBERS, TRANSIENT, in_brackets
-from ..case import (
-    SHEARED,
-)
+from .. import case as facts
 from ..errors import neighbours, parts
-from ..number import FOUR, TOTAL, AbstractSliding, error_of, number
+from ..number import AbstractSliding, error_of, number
 from ..numbers import checks, gap_flow
 from ..numbers import friction as of_friction
 from ..problem import TransientProblem
@@ -53,14 +51,13 @@ class TransientSliding(AbstractSliding):
     kind: ClassVar[str] = TRANSIENT
 
     friction = CyclicSliding.friction
-    friction_error = error_of(friction, of_steps.FRICTION_ERRORS, column=TOTAL)
+    friction_error = error_of(friction, of_steps.FRICTION_ERRORS)
     shear_friction = number(
         of_friction.shear_friction,
         r"\mu_\mathrm{shear}",
         "1",
         "friction coefficient of shear in the contact",
         over_time=True,
-        column=("shear", FOUR),
         warns=checks.NO_SHEAR,
     )
     mean_friction = CyclicSliding.mean_friction
@@ -68,14 +65,7 @@ class TransientSliding(AbstractSliding):
     peak_friction = CyclicSliding.peak_friction
     peak_friction_error = error_of(peak_friction, of_steps.PEAK_ERRORS)
     traction, load = CyclicSliding.traction, CyclicSliding.load
-    work_done = number(
-        transient.work_done,
-        "W",
-        "J/m²",
-        "work of friction so far",
-        over_time=True,
-        column=("work\n[J/m²]", FOUR),
-    )
+    work_done = number(transient.work_done, "W", "J/m²", "work of friction so far", over_time=True)
     work_done_error = error_of(work_done, of_steps.WORK_ERRORS)
     load_work_done = number(
         transient.load_work_done, r"W_\sigma", "J/m²", "work of the load so far", over_time=True
@@ -87,21 +77,21 @@ class TransientSliding(AbstractSliding):
         "J/m²",
         "work of shear in the contact so far",
         over_time=True,
-        needs=[SHEARED],
+        needs=[facts.SHEARED],
     )
     contact_area = CyclicSliding.contact_area
     contact_area_error = error_of(
-        contact_area, of_steps.AREA_ERRORS, over=parts.over_number("contact_area"), column=TOTAL
+        contact_area, of_steps.AREA_ERRORS, over=parts.over_number("contact_area")
     )
     contact_area_pixels = CyclicSliding.contact_area_pixels
     mean_gap = CyclicSliding.mean_gap
     mean_gap_error = error_of(mean_gap, of_steps.GAP_ERRORS)
     flow_along_x, flow_along_y = Sliding.flow_along_x, Sliding.flow_along_y
     flow_along_x_error = error_of(
-        flow_along_x, gap_flow.flow_errors(0, "solver", "grid", "time", "memory"), column=TOTAL
+        flow_along_x, gap_flow.flow_errors(0, "solver", "grid", "time", "memory")
     )
     flow_along_y_error = error_of(
-        flow_along_y, gap_flow.flow_errors(1, "solver", "grid", "time", "memory"), column=TOTAL
+        flow_along_y, gap_flow.flow_errors(1, "solver", "grid", "time", "memory")
     )
     slope_in_contact = Sliding.slope_in_contact
     extrapolated_times = number(
