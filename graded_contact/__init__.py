@@ -1,11 +1,11 @@
 """Rough contact and friction of layered and graded viscoelastic solids, differentiable, in JAX.
 
-Data flows one way: materials -> blocks -> contacts -> sliding -> studies -> scenes -> designs. The
-main job is `slide`. SI units everywhere; `docs/theory.md` and module docstrings state conventions.
+Data flows one way: materials -> blocks -> contacts -> sliding -> studies -> scenes. The main job
+is `slide`. SI units everywhere; `docs/theory.md` and module docstrings state conventions.
 
 The names below are those that a script starts with. All others are in the rooms: `materials`,
 `blocks`, `response`, `kernels`, `surfaces`, `contacts`, `sliding`, `mean_field`, `fitting`,
-`readers`, `studies`, `scenes`, `designs`, `exports`, `plot` and `page`. Each name of a room is
+`readers`, `studies`, `scenes`, `exports`, `plot` and `page`. Each name of a room is
 also found here: `gc.read_errors` is `gc.studies.read_errors`.
 """
 
@@ -38,11 +38,10 @@ from .sliding import Case, Sliding, slide, slide_cycle, slide_transient
 from .surfaces import SelfAffine, Surface, random_surface
 
 if TYPE_CHECKING:
-    from . import designs, exports, fitting, page, plot, readers, scenes, studies
+    from . import exports, fitting, page, plot, readers, scenes, studies
     from .fitting import fit_prony, master_curve
-    from .page import explore
     from .readers import read_moduli, read_surface
-    from .scenes import plan, read_results, read_scene
+    from .scenes import read_results, read_scene, run_scene
     from .studies import minimise, sweep
 
 __version__ = "1.0.0rc1"
@@ -55,14 +54,14 @@ __all__ = [  # noqa: RUF022 (in the order in which data flow; the rooms last)
     "slide", "slide_cycle", "slide_transient", "Sliding", "Case", "mean_field_friction",
     "read_moduli", "fit_prony", "master_curve",
     "sweep", "minimise", "with_values", "jit",
-    "read_scene", "plan", "read_results", "explore",
+    "read_scene", "run_scene", "read_results",
     "materials", "blocks", "response", "kernels", "surfaces", "contacts", "sliding", "mean_field",
-    "fitting", "readers", "studies", "scenes", "designs", "exports", "plot", "page", "fields",
+    "fitting", "readers", "studies", "scenes", "exports", "plot", "page", "fields",
     "core",
 ]  # fmt: skip
 ROOMS = (
     "materials", "blocks", "response", "kernels", "surfaces", "contacts", "sliding", "mean_field",
-    "fitting", "readers", "studies", "scenes", "designs", "exports", "plot", "page", "fields",
+    "fitting", "readers", "studies", "scenes", "exports", "plot", "page", "fields",
     "core",
 )  # fmt: skip
 _MOVED = {"motion": "sliding", "design": "studies", "surface": "surfaces"}  # since 1.0.0rc1

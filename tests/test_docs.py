@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import graded_contact as gc
-from graded_contact.scenes.scene_file import parse_scene
+from graded_contact.scenes import parse_scene
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -72,7 +72,7 @@ def test_whole_scenes_of_a_page_are_read(page):
     text = page.read_text(encoding="utf-8")
     for scene in re.findall(r"^```toml\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL):
         if "[surface]" in scene and "[base]" in scene and "path" not in scene:
-            parse_scene(scene).surface.build()
+            parse_scene(scene)
 
 
 @pytest.fixture

@@ -28,7 +28,6 @@ load = {pressure = 2e5, velocity = 0.01}
 
 def test_the_module_is_the_command(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["graded-contact", "--version"])
-    monkeypatch.setattr("graded_contact.cli.spell_missing_characters", lambda: None)
     with pytest.raises(SystemExit) as end:
         runpy.run_module("graded_contact", run_name="__main__")
     assert end.value.code == 0 and capsys.readouterr().out.startswith("graded-contact ")

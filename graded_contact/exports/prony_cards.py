@@ -24,10 +24,18 @@ from ..core.escaping import in_comment
 from ..materials.coverage import MeasuredRange
 from ..materials.material import AbstractMaterial, Prony
 from ..materials.shift import WLF, AbstractShift
-from ..scenes.toml import entry_text
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-7  # of E_eq in E_inf, to keep it to about 1e-6
+
+
+def entry_text(value: Any) -> str:
+    """Returns the text of a number, list or inline table in TOML."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {entry_text(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(entry_text, value)) + "]"
+    return f'"{value}"' if isinstance(value, str) else str(value).lower()
 
 
 def export_prony(material: AbstractMaterial, format: str, *, name: str = "material") -> str:

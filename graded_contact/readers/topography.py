@@ -15,9 +15,7 @@ import numpy as np
 from ..core.checks import Numbers, check_positive, short
 from ..core.display import with_unit
 from ..core.files import Refusal
-from ..surfaces.preparation import Fill, Periodic, surface_from_heights
-from ..surfaces.reading_steps import ReadingStep, step
-from ..surfaces.scan_lines import AlongAxis
+from ..surfaces.preparation import Periodic, surface_from_heights
 from ..surfaces.surface import Surface
 from .decisions import Log, settled
 from .length_headings import same_unit
@@ -36,10 +34,6 @@ def read_surface(
     shape: int | tuple[int, ...] | None = None,
     size: Numbers | None = None,
     unit: str | None = None,
-    region: Numbers | None = None,
-    fill: Fill | None = "low",
-    rim: int = 0,
-    level_lines: AlongAxis | None = None,
     channel: str | int | None = None,
     columns: dict[Literal["x", "y", "z"], str | int] | None = None,
 ) -> Surface:
@@ -61,7 +55,7 @@ def read_surface(
     **Arguments:**
 
     - `path`: the file.
-    - `periodic`, `shape`, `region`, `fill`, `rim`, `level_lines`: see `surface_from_heights`.
+    - `periodic`, `shape`: see `surface_from_heights`.
     - `size`: edge lengths [m], for a file that does not state them or their unit. It overrides
       those of an `.npz`; other files that state them refuse it. One number means a square.
     - `unit`: length unit of those numbers of the file whose unit it does not state ("um", "nm",
@@ -71,7 +65,7 @@ def read_surface(
     - `columns`: of a table or a sheet, which column is x, z and, for a grid, y: by name or by
       number from 1, such as `{"x": "Distance", "z": 3}`. Needed where the names do not tell.
 
-    **Returns:** the surface, with its history, and what had to be assumed (`Surface.assumed`).
+    **Returns:** the surface, with its history.
 
     **Raises:** `FileNotFoundError` for a missing file, `ImportError` without the extra,
     `ValueError` for an unreadable or damaged file, naming the arguments that would help.
@@ -86,14 +80,14 @@ def read_surface(
     heights = factor * scan.heights
     points = " x ".join(map(str, heights.shape))
     lengths = " x ".join(with_unit(float(edge), "m") for edge in known)
-    log, steps = scan.log, []
+    log = scan.log
     log.begin(f"Read {points} points of {lengths} from {scan.source} of {path.name}.")
     if scan.positions is not None:
         # The period of a line is its span and one mean step.
         count = len(scan.positions)
         period = float(np.ptp(scan.positions)) * count / (count - 1)
         positions = scan.positions * (known[0] / period)
-        heights, known = _at_equal_steps(positions, heights, log, steps)
+        heights, known = _at_equal_steps(positions, heights, log)
     elif heights.ndim == 2 and min(heights.shape) > 0:
         pixel = known / np.array(heights.shape)
         if np.max(pixel) > 1.05 * np.min(pixel):
@@ -101,9 +95,8 @@ def read_surface(
             log.note(f"{pixels}: if the file was cut short, its heights are stretched.")
     try:
         return surface_from_heights(
-            heights, known, periodic=periodic, shape=shape, region=region, fill=fill, rim=rim,
-            level_lines=level_lines, history=tuple(log.history), steps=tuple(steps),
-            assumed=tuple(log.assumed),
+            heights, known, periodic=periodic, shape=shape,
+            history=(*log.history, *log.assumed),
         )  # fmt: skip
     except ValueError as error:
         raise ValueError(f"`path={path}`: {error}") from error
@@ -205,14 +198,8 @@ def _edges_of_size(edges: np.ndarray, size: Any) -> np.ndarray:
     return units * edges
 
 
-def _at_equal_steps(positions, heights, log: Log, steps: list[ReadingStep]) -> tuple:
+def _at_equal_steps(positions, heights, log: Log) -> tuple:
     """A line scan at equal steps, NaN in its gaps, and its length [m]."""
-    # The roughness as read, each slope counted by its length.
-    apart = np.diff(positions)
-    squares = (np.diff(heights) / apart) ** 2 * apart
-    known = np.isfinite(squares)
-    slope = np.sqrt(np.sum(squares[known]) / max(float(np.sum(apart[known])), 1e-300))
-    steps.append(step("read", heights, [1.0])._replace(rms_slope=float(slope)))
     known = np.isfinite(heights)
     positions, heights = positions[known], heights[known]
     if len(positions) < 4:

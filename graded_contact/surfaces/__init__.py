@@ -1,6 +1,5 @@
 """Spectra, random surfaces, statistics, and the preparation of measured heights."""
 
-from .joined_spectrum import JoinedSpectrum, ScanSpectrum, joined_spectrum, scan_spectrum
 from .preparation import surface_from_heights
 from .random_surface import random_surface
 from .rescaling import resample, rescale
@@ -10,7 +9,7 @@ from .statistics import Statistics, isotropic_spectrum, radial_spectrum, statist
 from .surface import Surface
 
 __all__ = [
-    "CutoffCurve", "JoinedSpectrum", "ScanSpectrum", "SelfAffine", "SpectrumTable", "Statistics",
-    "Surface", "isotropic_spectrum", "joined_spectrum", "radial_spectrum", "random_surface",
-    "resample", "rescale", "scan_spectrum", "statistics", "surface_from_heights",
+    "CutoffCurve", "SelfAffine", "SpectrumTable", "Statistics", "Surface", "isotropic_spectrum",
+    "radial_spectrum", "random_surface", "resample", "rescale", "statistics",
+    "surface_from_heights",
 ]  # fmt: skip

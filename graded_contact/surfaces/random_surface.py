@@ -28,8 +28,6 @@ from .spectrum import narrowing, relative_density, rms_height_of
 from .spectrum_table import Spectrum, SpectrumTable
 from .surface import Surface
 
-CUT = " by `spectrum.between`"  # of a message; what else cuts a table says another word
-
 # Modes as near as this to an edge of a band are on it: sizes in float32, and π with six digits.
 _EDGE = 1e-5
 
@@ -68,7 +66,7 @@ def random_surface(
     heights = _synthesise(spectrum, grid, key, amplitudes == "gaussian")
     if not isinstance(spectrum, SpectrumTable):
         return Surface(heights, grid)
-    return Surface(heights, grid, spectrum.history, assumed=spectrum.warnings)
+    return Surface(heights, grid, spectrum.history, warnings=spectrum.warnings)
 
 
 def _check_band(spectrum: Spectrum, grid: Grid) -> None:
@@ -84,7 +82,7 @@ def _check_band(spectrum: Spectrum, grid: Grid) -> None:
     nyquist = np.pi * np.min(np.array(grid.shape) / size)
     fundamental = 2 * np.pi / np.max(size)
     allowed = f"the grid's Nyquist wavenumber is {nyquist:g} rad/m. Use more points, at least "
-    allowed += f"{q_high / nyquist:.3g} times as many, or lower `q_high`" + CUT * table
+    allowed += f"{q_high / nyquist:.3g} times as many, or a lower `q_high`"
     check_values("q_high", q_high, allowed, at_most=nyquist * (1 + rounding))
     allowed = f"the smallest wavenumber of the cell is 2π/L = {fundamental:g} rad/m"
     check_values("q_low", q_low, allowed, at_least=fundamental * (1 - rounding))

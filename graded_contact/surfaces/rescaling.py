@@ -7,11 +7,10 @@ import numpy as np
 from jax import Array
 from jaxtyping import ScalarLike
 
-from ..core.checks import check_positive, is_concrete
+from ..core.checks import check_positive
 from ..core.memory import SURFACE, check_memory
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
-from .reading_steps import step
 from .spectrum import check_square, one_of_height_and_slope
 from .statistics import statistics
 from .surface import Surface, check_periodic
@@ -34,7 +33,7 @@ def rescale(
     actual = getattr(statistics(surface), name)
     check_positive(f"statistics(surface).{name}", actual, "(a flat surface cannot be rescaled)")
     heights, note = surface.heights * (target / actual), f"Multiplied to prescribe the {name}."
-    return _changed(surface, "rescaled", note, heights, surface.grid, surface.measured)
+    return _changed(surface, note, heights, surface.grid, surface.measured)
 
 
 def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
@@ -64,7 +63,7 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     measured = None if surface.measured is None else surface.measured[nearest]
     note = f"Resampled from {old} to {grid.shape} points by Fourier modes."
     heights = _resampled(surface.heights, grid.shape)
-    return _changed(surface, "resampled", note, heights, grid, measured)
+    return _changed(surface, note, heights, grid, measured)
 
 
 @partial(jax.jit, static_argnums=1)
@@ -73,10 +72,7 @@ def _resampled(heights: Array, shape: tuple[int, ...]) -> Array:
     return to_field(modes, shape) * (np.prod(shape) / heights.size)
 
 
-def _changed(surface: Surface, name: str, note: str, heights, grid: Grid, measured) -> Surface:
-    """The surface after a step, which its history and its steps (if recorded) get too."""
-    steps = surface.steps
-    if steps and is_concrete(heights):
-        steps = (*steps, step(name, heights, grid.spacing))
-    history, kept = (*surface.history, note), (surface.periodic, surface.assumed)
-    return Surface(heights, grid, history, measured, steps, *kept)
+def _changed(surface: Surface, note: str, heights, grid: Grid, measured) -> Surface:
+    """The surface with other heights, and a sentence in its history."""
+    history = (*surface.history, note)
+    return Surface(heights, grid, history, measured, surface.periodic, surface.warnings)

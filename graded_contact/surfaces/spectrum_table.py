@@ -17,6 +17,7 @@ from ..core.display import shown
 from .spectrum import SelfAffine, power_integral
 
 ROUNDED = 1e-5  # relative: ends of a range as messages print them, with 6 digits
+_CORRECTIONS = 3  # of C from a line: more blow up noise, fewer miss a roll-off
 
 
 def check_table(**rows: Array) -> None:
@@ -39,8 +40,7 @@ class SpectrumTable(eqx.Module):
     - `q`: wavenumbers [rad/m], increasing, shape `(points,)`.
     - `values`: C at these [m⁴], shape `(points,)`.
     - `history`: where the spectrum comes from, one sentence each. Static.
-    - `warnings`: what makes it doubtful, one sentence each: warnings of a surface drawn from it.
-      Static.
+    - `warnings`: sentences on what makes it doubtful, for surfaces drawn from it. Static.
     """
 
     q: Float[Array, " points"]
@@ -58,6 +58,22 @@ class SpectrumTable(eqx.Module):
         self.q, self.values = as_float(q, "q"), as_float(values, "values")
         check_table(q=self.q, values=self.values)
         self.history, self.warnings = history, warnings
+
+    @classmethod
+    def from_line(cls, q: Numbers, line: Numbers, **said: tuple[str, ...]) -> "SpectrumTable":
+        """Returns the spectrum of an isotropic surface from that of lines on it.
+
+        Such is the spectrum of several scans that SurfaceTopography's containers join, over 2π.
+
+        **Arguments:**
+
+        - `q`: wavenumbers [rad/m], increasing, shape `(points,)`.
+        - `line`: C of a line [m³], two-sided: <h²> is its integral over positive and negative q.
+        - `said`: `history` and `warnings`.
+        """
+        rows = {"q": as_float(q, "q"), "line": as_float(line, "line")}
+        check_table(**rows)
+        return cls(q, _isotropic(*map(np.asarray, rows.values())), **said)
 
     @property
     def q_low(self) -> Float[Array, ""]:
@@ -113,6 +129,31 @@ class SpectrumTable(eqx.Module):
         q = np.concatenate([ends[:1].clip(least), inner, ends[1:].clip(max=most)])
         q = jnp.asarray(q, self.q.dtype)
         return SpectrumTable(q, self.density(q), self.history, self.warnings)
+
+
+def _isotropic(q: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """C of an isotropic surface [m⁴] from the spectrum of a line on it [m³].
+
+    By corrections of C with the ratio of the line's spectrum to the one that C implies, smoothed
+    over neighbours: short ripples in q are noise of a single line. Where C falls as a power law the
+    error is 2 %. Below a roll-off, lines tell little: C may be 1.6 times too large there.
+    """
+    u = np.linspace(0, 12, 600)  # k = q cosh u
+    weight = np.cosh(u) * (u[1] - u[0])
+    weight[0] /= 2
+    x, target = np.log(q), np.log(line)
+    log_k = x[:, None] + np.log(np.cosh(u))
+    far = x >= x[-1] - np.log(10) / 2
+    near = np.array([1, 2, 3, 2, 1])
+    share = np.convolve(np.ones(len(x)), near, "same")
+    found = target - x - np.log(np.pi)
+    for _ in range(_CORRECTIONS):
+        # Waves beyond the last one follow a power law, from 1/q² to q⁻⁶.
+        slope = np.clip(np.polyfit(x[far], found[far], 1)[0], -6, -2) if np.sum(far) > 1 else -4
+        density = np.exp(np.interp(log_k, x, found) + slope * np.maximum(log_k - x[-1], 0))
+        ratio = target - x - np.log(2 * density @ weight)
+        found = found + np.convolve(ratio, near, "same") / share
+    return np.exp(found)
 
 
 Spectrum = SelfAffine | SpectrumTable

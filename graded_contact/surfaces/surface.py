@@ -1,7 +1,6 @@
 """Rough surfaces: heights h [m] that point into the solid, on a grid."""
 
 import equinox as eqx
-import numpy as np
 from jax import Array
 from jaxtyping import Float
 
@@ -9,7 +8,6 @@ from ..core.checks import Numbers, as_float, check_shape, check_type, check_valu
 from ..core.display import shown
 from ..fields.devices import spread
 from ..fields.grid import Grid
-from .reading_steps import ReadingStep, warnings_of_steps
 
 
 @shown("grid", "heights", "periodic", "measured", "history", "warnings", units=False)
@@ -22,12 +20,10 @@ class Surface(eqx.Module):
     - `grid`: the periodic cell, or the window.
     - `history`: the changes of the heights, one sentence each. Static.
     - `measured`: how much of each height was measured [1], shape `grid.shape`: 1 as measured, 0
-      invented to fill a hole, the factor of the window where tapered; None: all alike.
-    - `steps`: the roughness after every step of reading. Static.
+      invented to fill a hole; None: all alike.
     - `periodic`: whether the surface repeats. If not, as an indenter or the edge of a block, the
       block's surface around the window is free of load. Static.
-    - `assumed`: what the reading assumed and changes numbers, one sentence each: the first
-      warnings. Static.
+    - `warnings`: about contact on this surface, one sentence each. Static.
     """
 
     heights: Float[Array, "*shape"]
@@ -35,9 +31,8 @@ class Surface(eqx.Module):
     history: tuple[str, ...] = eqx.field(static=True)
     # Not Boolean: `jax.grad` by a surface needs numbers in every leaf.
     measured: Float[Array, "*shape"] | None
-    steps: tuple[ReadingStep, ...] = eqx.field(static=True)
     periodic: bool = eqx.field(static=True)
-    assumed: tuple[str, ...] = eqx.field(static=True)
+    warnings: tuple[str, ...] = eqx.field(static=True)
 
     def __init__(
         self,
@@ -45,28 +40,21 @@ class Surface(eqx.Module):
         grid: Grid,
         history: tuple[str, ...] = (),
         measured: Numbers | None = None,
-        steps: tuple[ReadingStep, ...] = (),
         periodic: bool = True,
-        assumed: tuple[str, ...] = (),
+        warnings: tuple[str, ...] = (),
     ):
         check_type("grid", grid, Grid)
         check_type("periodic", periodic, bool)
         check_type("history", history, tuple)
-        check_type("assumed", assumed, tuple)
-        self.grid, self.history, self.steps, self.periodic = grid, history, steps, periodic
-        self.assumed = assumed
+        check_type("warnings", warnings, tuple)
+        self.grid, self.history, self.periodic = grid, history, periodic
+        self.warnings = warnings
         self.heights = _on_grid("heights", heights, grid)
         check_values("heights", self.heights, "heights must be finite numbers [m]")
         self.measured = None if measured is None else _on_grid("measured", measured, grid)
         if self.measured is not None:
             reason = "a share lies between 0 and 1"
             check_values("measured", self.measured, reason, at_least=0, at_most=1)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings about contact on this surface, one sentence each."""
-        of_steps = warnings_of_steps(self.steps, np.asarray(self.grid.size).tolist())
-        return (*self.assumed, *of_steps)
 
 
 def check_periodic(surface: Surface) -> None:

@@ -10,7 +10,7 @@ from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.exports.prony_cards import export_prony
-from graded_contact.scenes.scene_file import parse_scene
+from graded_contact.scenes import parse_scene
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)
 TABLE = gc.materials.TabulatedShift(
@@ -99,7 +99,7 @@ def test_a_toml_table_makes_the_same_material_in_a_scene(shift):
     material = gc.Prony(1e6 / 3, [2e9 / 3, 1e7 / 7], [1e-22 / 3, 1 / 3], 1 / 3, shift, RANGE)
     snippet = export_prony(material, "toml", name="my-rubber_2")
     scene = BARE.replace('material = "tread"', 'material = "my-rubber_2"')
-    found = parse_scene(scene + snippet).stack.base.material
+    found = parse_scene(scene + snippet).bodies.stack.base.material
     for field in ("equilibrium", "strengths", "times", "poisson"):
         assert np.array_equal(getattr(found, field), getattr(material, field))
     for field in ("omega", "temperature"):

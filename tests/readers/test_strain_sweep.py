@@ -4,12 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.materials import StrainSoftening
 from graded_contact.readers import read_strain_sweep
-from graded_contact.scenes.scene_file import parse_scene
 
 STRAIN = np.array([1e-3, 1e-2, 0.1])
 STORAGE, LOSS = np.array([2e6, 1.8e6, 9e5]), np.array([2e5, 3e5, 1.5e5])
@@ -45,19 +43,6 @@ FILES = {
         ",",
     ),
 }  # fmt: skip
-
-
-def test_a_scene_names_the_file(tmp_path):
-    (tmp_path / "payne.csv").write_text(FILES["percent"])
-    text = BARE.replace('material = "tread"', 'material = "soft"') + (
-        '[materials.soft]\nkind = "strain_sweep"\nmaterial = "tread"\npath = "payne.csv"\n'
-        "amplitude = 0.01\n"
-    )
-    scene = parse_scene(text, folder=tmp_path)
-    soft = scene.stack.base.material
-    found, linear = soft.modulus(1e3), soft.material.modulus(1e3)
-    np.testing.assert_allclose(found, 0.9 * linear.real + 1.5j * linear.imag, rtol=1e-8)
-    assert any("strain in %" in note for note in scene.notes)
 
 
 def test_a_measured_sweep():

@@ -1,11 +1,9 @@
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from graded_contact import read_surface, surface_from_heights
-from graded_contact.surfaces.reading_steps import step
+from graded_contact import read_surface
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "surfaces"
 ROAD = {"size": (5.0, 3.08), "unit": "m"}
@@ -64,74 +62,6 @@ def test_mirrored_files_have_the_tabulated_statistics(name, shape, size, height,
 
 
 # Invented files and arrays
-
-
-def test_the_window_falls_to_zero_and_keeps_the_rms_height():
-    values = _rough(shape := (50, 64))
-    surface = surface_from_heights(values, 1.0, periodic="window")
-    level, heights = _levelled(values), np.asarray(surface.heights)
-    np.testing.assert_allclose(np.std(heights), np.std(level), rtol=1e-12)
-    inner = tuple(slice(n // 10 + 1, n - n // 10 - 1) for n in shape)
-    a, b = (v[inner] - np.mean(v[inner]) for v in (heights, level))
-    factor = np.vdot(a, b) / np.vdot(b, b)
-    np.testing.assert_allclose(a, factor * b, atol=1e-12 * np.std(a))
-    assert f"by {factor:.4g} to keep" in surface.history[-1]
-    edge = np.take(heights, 0, 0) - np.take(heights, -1, 0)
-    assert np.max(np.abs(edge)) < 0.2 * np.std(heights)
-
-
-@pytest.mark.parametrize("shape", [(60,), (50, 64)])
-def test_joined_edges_meet_and_keep_slope_and_interior(shape):
-    """The joint solves Laplace's equation off the edges, checked on the five-point stencil."""
-    values = _rough(shape)
-    size = np.array([1.0, 0.4])[: len(shape)]
-    surface = surface_from_heights(values, size)
-    level, heights = _levelled(values), np.asarray(surface.heights)
-    spacing = size / shape
-    slopes = [step("", h, spacing).rms_slope for h in (heights, level)]
-    np.testing.assert_allclose(*slopes, rtol=1e-12)
-    # A factor that rounds to 1 is not told.
-    told = re.search(r"multiplied the heights by (\S+) to", surface.history[-1])
-    factor = float(told.group(1)) if told else 1.0
-    assert told is None or told.group(1) != "1"
-    joint = level - heights / factor
-    inner = (slice(1, -1),) * len(shape)
-    bent = [np.diff(joint, 2, axis) / d**2 for axis, d in enumerate(spacing)]
-    bent = sum(np.moveaxis(b, a, 0)[(..., *inner[1:])] if a == 0 else b[1:-1]
-               for a, b in enumerate(bent))  # fmt: skip
-    scale = np.max(np.abs(np.diff(level, 2, 0))) / np.min(spacing) ** 2
-    np.testing.assert_allclose(bent, 0, atol=1e-3 * scale)  # the factor is printed to 4 digits
-    for axis in range(len(shape)):
-        seam = np.take(heights, 0, axis) - np.take(heights, -1, axis)
-        inside = np.diff(heights, axis=axis)
-        assert np.sqrt(np.mean(seam**2)) < 2 * np.sqrt(np.mean(inside**2))
-    assert surface.steps[-1].name == "joined" and surface.measured is None
-
-
-def test_a_periodic_surface_is_unchanged_even_if_a_plane_fits_it_and_a_tilt_refused():
-    x = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-    values = np.sin(x)[:, None] + 0.3 * np.cos(3 * x)[None, :] + 5.0
-    surface = surface_from_heights(values, 1.0, periodic=None)
-    np.testing.assert_allclose(surface.heights, values - 5.0, atol=1e-14)
-    assert surface.history == ("Taken as periodic.",)
-    with pytest.raises(ValueError, match=r"Along y the heights jump by"):
-        surface_from_heights(values + 2 * x, 1.0, periodic=None)
-
-
-def test_holes_are_filled_harmonically():
-    """x² - y² solves Laplace's equation, on the lattice too."""
-    x, y = np.meshgrid(np.arange(16.0), np.arange(20.0), indexing="ij")
-    values = x**2 - y**2
-    hole = (abs(x - 8) < 3) & (abs(y - 9) < 4)
-    holed = np.ma.array(values, mask=hole)
-    surface = surface_from_heights(holed, [16.0, 20.0], periodic="mirror", fill="harmonic")
-    filled = np.asarray(surface.heights)[:16, :20] - values
-    plane = _levelled(filled)
-    np.testing.assert_allclose(plane, 0, atol=1e-9)
-    assert f"Filled {hole.sum()} missing points" in surface.history[2]
-    np.testing.assert_array_equal(np.asarray(surface.measured)[:16, :20], ~hole)
-    with pytest.raises(ValueError, match="pass `fill='low'`"):
-        surface_from_heights(holed, [16.0, 20.0], fill=None)
 
 
 # Text
@@ -245,7 +175,7 @@ def test_roads_are_read_in_every_form(tmp_path, form):
     heights = np.round(1e7 * 1e4 * _rough((9, 11))) / 1e7
     heights[2, 0] = heights[5, 10] = np.nan
     (tmp_path / "a.crg").write_bytes(_road(form, heights, "LONG_SECTION_V_INCREMENT = 0.25\n"))
-    surface = read_surface(tmp_path / "a.crg", periodic="mirror", fill="harmonic")
+    surface = read_surface(tmp_path / "a.crg", periodic="mirror")
     np.testing.assert_allclose(surface.grid.size, [9.0, 5.5])
     measured = np.isfinite(heights)
     np.testing.assert_array_equal(surface.measured[:9, :11], measured)

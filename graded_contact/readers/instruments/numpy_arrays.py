@@ -6,7 +6,7 @@ import re
 import numpy as np
 
 from ...core.files import Refusal
-from ...surfaces.reading_steps import USUAL, step
+from ...surfaces.holes import rms_slope
 from ..registry import File, reader
 from ..scan import Scan, channel_of, check_count
 from ..units import length_unit, metres
@@ -79,11 +79,11 @@ def _lateral_unit(name: str, scan: Scan, size: np.ndarray, unit: str | None) -> 
     """The unit of a size: metres, or that of the heights if only this gives a usual rms slope."""
     if unit is None or (factor := metres(unit)) is None:
         return unit
-    low, high, _ = USUAL["rms slope"]
+    low, high = 5e-4, 3.0  # usual rms slopes
     usual = []
     for lateral in dict.fromkeys((unit, "m")):
         spacing = (metres(lateral) or 1.0) * size / np.array(scan.heights.shape)
-        if low < step("", factor * scan.heights, spacing).rms_slope < high:
+        if low < rms_slope(factor * scan.heights, spacing) < high:
             usual.append(lateral)
     if len(usual) != 1 and factor != 1:
         raise Refusal(f"its {name!r} may be in 'm' or in {unit!r}; pass `size` [m]")

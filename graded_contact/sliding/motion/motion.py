@@ -52,6 +52,11 @@ class Motion(eqx.Module):
             raise ValueError("`period` or `times` is needed, not both.")
 
     @property
+    def repeats(self) -> bool:
+        """Whether it has a period."""
+        return self.period is not None
+
+    @property
     def num_times(self) -> int:
         """How many times it has."""
         return len(self.displacement)
