@@ -56,7 +56,7 @@ def relative_error(values, exact):
 def compliance(base, q, d, e, nu, base_e, base_nu):
     """The package's M_zz of one stack."""
     below = (base_e, base_nu) if base == "half space" else BASES[base]
-    return gc.layered_compliance(q, d, e, nu, below)
+    return gc.response.layered_compliance(q, d, e, nu, below)
 
 
 @partial(jax.jit, static_argnums=0)

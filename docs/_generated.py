@@ -36,8 +36,8 @@ TITLES = {
     "materials": "Materials", "blocks": "Blocks", "response": "Response of blocks",
     "kernels": "Kernels", "surfaces": "Surfaces",
     "contacts": "Contact", "sliding": "Sliding", "mean_field": "Mean field", "fitting": "Fits",
-    "readers": "Measured files", "studies": "Many solves", "scenes": "Scenes",
-    "exports": "Cards for other programs", "plot": "Figures", "page": "The page",
+    "readers": "Measured files", "studies": "Many solves", "design": "Design", "scenes": "Scenes",
+    "plot": "Figures", "page": "The page",
     "fields": "The cell", "core": "Parameters and programs",
     "blocks.shapes": "Shapes of graded layers",
 }  # fmt: skip

@@ -50,7 +50,8 @@ def test_every_name_is_there_and_files_and_figures_cost_nothing_until_used():
         gc.plots  # noqa: B018
 
 
-ROOMS = [getattr(gc, name) for name in gc.ROOMS if name != "plot"]
+NAMES = [getattr(gc, name) for name in gc.__all__ if name not in ("plot", "shapes")]
+ROOMS = [room for room in NAMES if inspect.ismodule(room)]
 NAMED = [
     *((gc, name) for name in gc.__all__),
     *((room, name) for room in ROOMS for name in getattr(room, "__all__", ())),

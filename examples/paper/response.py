@@ -204,8 +204,8 @@ def three_theories(ratio, depth, rubbery, glassy):
         q, thickness, *coat, coat[1], base, poisson, rubbery
     )
     layer = ([thickness], [coat[0]], [coat[1]])
-    ours = gc.layered_compliance(q, *layer, (base, poisson))
-    constant = gc.layered_compliance(q, *layer, (base, rubbery))
+    ours = gc.response.layered_compliance(q, *layer, (base, poisson))
+    constant = gc.response.layered_compliance(q, *layer, (base, rubbery))
     return [np.asarray(m) * q * coat[0] / (1 - coat[1] ** 2) / 2 for m in (theirs, ours, constant)]
 
 
@@ -269,7 +269,7 @@ def graded(shape, top, counts, *, log):
     for count, colour, marker in zip(counts, COLOURS, "osv", strict=False):
         middles = 1 - (np.arange(count) + 0.5) / count  # surface first
         moduli, _ = profile(middles, np.zeros(()))
-        value = gc.layered_compliance(
+        value = gc.response.layered_compliance(
             q, np.full(count, depth / count), moduli, np.full(count, INCOMPRESSIBLE),
             (bulk.young, INCOMPRESSIBLE),
         )  # fmt: skip

@@ -91,7 +91,7 @@ FIELDS = _table([
 # Numbers of materials, layers, laws, spectra and grids, by the last part of their path. A name that
 # means another quantity in one class is listed with that class.
 PARAMETERS = _table([
-    ("modulus", "E", "Pa", "Young's modulus", Usual("modulus", "MPa", _within(50.0))),
+    ("young", "E", "Pa", "Young's modulus", Usual("modulus", "MPa", _within(50.0))),
     ("poisson", r"\nu", "1", "Poisson's ratio",
      Usual("Poisson's ratio", "1", _between(0.0, 0.5), step=0.01)),
     ("equilibrium", r"E_\infty", "Pa", "long-time modulus",

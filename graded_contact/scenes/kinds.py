@@ -99,7 +99,7 @@ def measured(
 
 def read_transient(path: os.PathLike, grid: Grid) -> Motion:
     """Returns the motion of a table "time [s], displacement [m]" that need not close."""
-    times, displacement = read_over_time(path, "displacements")[:2]
+    times, displacement = read_over_time(path, "displacements")
     return recorded_transient(times, displacement, grid)
 
 

@@ -93,7 +93,7 @@ def load_over_time(
             raise ValueError("a load over time needs a [motion].")
         if path is not None:
             path = builder.entry("load", "pressure_path", path)
-            times, pressures = read_over_time(path, "pressures")[:2]
+            times, pressures = read_over_time(path, "pressures")
             check_positive("pressure", pressures, "[Pa]")
             highest = float(np.max(pressures))
             return LoadOverTime(as_float(times - times[0]), as_float(pressures / highest)), highest

@@ -1,6 +1,5 @@
 """Many solves: sweeps, searches, uncertainty, tables of friction."""
 
-from ..core.deprecation import old_names
 from .alternatives import pareto_front, scatter, snap_to_values
 from .friction_tables import friction_table
 from .parameter_covariance import read_errors
@@ -13,5 +12,3 @@ __all__ = [
     "Descent", "Design", "friction_table", "minimise", "minimise_expected", "pareto_front",
     "propagate", "read_errors", "scatter", "sensitivity", "snap_to_values", "sweep",
 ]  # fmt: skip
-
-__getattr__ = old_names(__name__)

@@ -21,7 +21,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from ..core.escaping import in_csv
-from ..core.files import LARGEST_FILE, Refusal, check_hdf5, is_open_for_writing, read_file
+from ..core.files import is_open_for_writing, read_file
 from ..core.memory import available_memory
 from ..core.quantities import in_brackets, quantity_of
 
@@ -87,7 +87,7 @@ def write_sealed(path: str | os.PathLike, content: bytes) -> None:
     write_whole(path, _header(content) + content)
 
 
-def read_sealed(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes:
+def read_sealed(path: str | os.PathLike, at_most: float | None = None) -> bytes:
     """Returns the content that `write_sealed` wrote to a file of `at_most` bytes.
 
     **Raises:** `FileNotFoundError`; `ValueError` if the file differs from what was written.
@@ -148,10 +148,7 @@ def read_dataset(path: str | os.PathLike) -> "Dataset":
         with warnings.catch_warnings():
             warnings.simplefilter("error", UserWarning)
             warnings.simplefilter("error", RuntimeWarning)
-            check_hdf5(content, most)
             return xarray.load_dataset(io.BytesIO(content), engine="h5netcdf")
-    except Refusal as error:
-        raise ValueError(f"`path={path}` is refused: {error}.") from error
     except Exception as error:  # of many kinds, of HDF5 that something else wrote
         raise ValueError(f"`path={path}` does not contain a dataset: {error}.") from error
 

@@ -29,7 +29,7 @@ def evaluate(case):
     thickness = np.array([float(layer["d"]) for layer in layers])
     modulus = np.array([complex_of(layer["E"]) for layer in layers])
     poisson = real_if_real([complex_of(layer["nu"]) for layer in layers])
-    return complex(gc.layered_compliance(q, thickness, modulus, poisson, base))
+    return complex(gc.response.layered_compliance(q, thickness, modulus, poisson, base))
 
 
 def test_stored_cases_are_met_to_1e_14():
@@ -47,10 +47,10 @@ def test_properties_may_vary_with_frequency_or_not():
     """Moduli of shape (n,) and (n, *w) mean the same where they are the same."""
     q, d = np.geomspace(1e2, 1e5, 7), np.full(6, 1e-4)
     e, nu = np.linspace(1e6, 2e6, 6) + 1e5j, np.linspace(0.2, 0.5, 6)
-    plain = gc.layered_compliance(q, d, e, nu, (1e7, 0.3))
+    plain = gc.response.layered_compliance(q, d, e, nu, (1e7, 0.3))
     wide_e, wide_nu = (np.broadcast_to(x[:, None], (6, 7)) for x in (e, nu))
     for moduli in ((wide_e, nu), (e, wide_nu)):
-        found = gc.layered_compliance(q, d, *moduli, (1e7, 0.3))
+        found = gc.response.layered_compliance(q, d, *moduli, (1e7, 0.3))
         np.testing.assert_allclose(found, plain, rtol=4e-15)
 
 
@@ -116,7 +116,7 @@ def test_soft_films_under_a_free_plate_do_not_spoil_its_derivatives():
     thickness, modulus = [1.2e-2, 5.2e-11, 2.5e-11], [6e8, 3.9e3, 0.4]
     arguments = (1.0, *map(np.array, (thickness, modulus, [0.5, 0.438, 0.5])))
     by_q, by_d, by_e, _ = jax.grad(
-        lambda *p: gc.layered_compliance(*p, gc.Free()), argnums=(0, 1, 2, 3)
+        lambda *p: gc.response.layered_compliance(*p, gc.Free()), argnums=(0, 1, 2, 3)
     )(*arguments)
     assert abs(by_q / -0.0347227222222195 - 1) < 1e-14
     expected = [-2.1701597217648527, -1.3090948810619722e-05, -1.4467731849778193e-09]

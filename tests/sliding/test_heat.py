@@ -33,7 +33,7 @@ CLAMPED = gc.Stack(
     layers=(gc.Layer(gc.Elastic(6e6, 0.3), 1e-4), gc.Layer(RUBBER, 1e-3)), base=gc.Rigid()
 )
 AGED = gc.Stack(
-    layers=(gc.GradedLayer(gc.Aged(RUBBER, 1.0, 5.0), 5e-4),), base=gc.HalfSpace(RUBBER)
+    layers=(gc.GradedLayer(gc.blocks.Aged(RUBBER, 1.0, 5.0), 5e-4),), base=gc.HalfSpace(RUBBER)
 )
 RUBBER_HEAT = Heating(0.25, 1.1e-7)
 HOW = {"pressure": 4e5, "velocity": 0.5, "rtol": 1e-9}

@@ -21,7 +21,7 @@ def test_any_number_of_a_stack_may_have_a_spread():
     """Against the scatter over stacks drawn at random."""
     rubber = gc.Layer(gc.Elastic(2e6, 0.45), 50e-6)
     stack = gc.Stack(layers=[rubber], base=gc.HalfSpace(gc.Elastic(1e7, 0.3)))
-    deviations = {"layers[0].thickness": 1e-6, "layers[0].material.modulus": 4e4}
+    deviations = {"layers[0].thickness": 1e-6, "layers[0].material.young": 4e4}
     deviations["base.material.poisson"] = 0.01
     q = jnp.array([1e4, 3e4, 1e5])
     compliance = lambda stack: gc.surface_compliance(stack, q, 0.0).real  # noqa: E731
