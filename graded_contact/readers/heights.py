@@ -5,6 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 
+ROUNDED = 0.02  # of a step: how far equally spaced positions may be rounded
+
+
 class Heights(NamedTuple):
     """The heights in a file, in its own units; None for what the file does not state.
 
@@ -32,10 +35,11 @@ def from_lines(lines: np.ndarray) -> np.ndarray:
 
 def step_of(values: np.ndarray, name: str) -> float:
     """Returns the step of ascending numbers; raises `ValueError` unless they are equally spaced."""
-    apart = np.diff(values)
-    if len(values) < 4 or not np.max(np.abs(apart - np.mean(apart))) <= 2e-3 * np.mean(apart):
+    even = np.linspace(values[0], values[-1], len(values))
+    step = (values[-1] - values[0]) / (len(values) - 1) if len(values) > 3 else np.nan
+    if not np.max(np.abs(values - even)) <= ROUNDED * step:
         raise ValueError(
             f"its {len(values)} values of {name} are not equally spaced: interpolate the heights, "
             "for instance by `numpy.interp`, and pass them to `surface_from_heights`"
         )
-    return float((values[-1] - values[0]) / (len(values) - 1))
+    return float(step)

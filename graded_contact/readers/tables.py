@@ -36,6 +36,7 @@ TABLE_BYTES = 200_000_000
 _SHOWN, _WIDEST = 3, 110  # lines of a table in a message, and characters of each
 _WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 _EMPTY = ("", "-", "nan", "n/a", "na")
+_NUMBER = re.compile(r"[-+.]?\d[-+\d.,'e]*", re.IGNORECASE)  # of any mark
 _COMMA = re.compile(r"(?:^|[\t; ])[-+]?\d+,\d+(?:$|[\t; e])")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}\.\d{3}")
 _FLAGS = {"columns": "column", "units": "unit"}  # of the command
@@ -305,13 +306,13 @@ def _rows_of_book(source: Source, content: bytes, layout: Layout) -> dict[int, l
 
 
 def _popped_words(rows: dict[int, list[str]]) -> list[str]:
-    """Takes the first row, if none of its cells begins as a number."""
+    """Takes the first row, if none of its cells is a number."""
     first = next(iter(rows), None)
     return rows.pop(first) if first is not None and _are_words(rows[first]) else []
 
 
 def _are_words(cells: Sequence[str]) -> bool:
-    return not any(re.match(r"[-+.]?\d", cell) and not parse_unit(cell) for cell in cells)
+    return not any(_NUMBER.fullmatch(cell) and not parse_unit(cell) for cell in cells)
 
 
 def _column(place: int, name: str, unit_below: str) -> Column:
