@@ -32,7 +32,7 @@ size = 8e-3
 kind = "tyre_tread"
 [materials.skin]
 kind = "elastic"
-young = 6.5e6
+modulus = 6.5e6
 poisson = 0.49
 [base]
 kind = "half_space"

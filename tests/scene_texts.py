@@ -21,7 +21,7 @@ size = 1e-3
 kind = "tyre_tread"
 [materials.coat]
 kind = "elastic"
-young = 2e7
+modulus = 2e7
 poisson = 0.4
 [[layers]]
 material = "coat"
@@ -52,7 +52,7 @@ PLAIN = "[solver]\nnewton = false\n"
 
 BARE = changed(
     "[surface]", f"{PLAIN}[surface]", "seed = 3\n", "",
-    '[materials.coat]\nkind = "elastic"\nyoung = 2e7\npoisson = 0.4\n', "",
+    '[materials.coat]\nkind = "elastic"\nmodulus = 2e7\npoisson = 0.4\n', "",
     '[[layers]]\nmaterial = "coat"\nthickness = 2e-5\n', "", "[2e5, 4e5]", "2e5",
     "[solver]\nrtol = 1e-6\n", "",
 )  # fmt: skip
@@ -116,7 +116,7 @@ def write(folder, text):
 
 
 def tabulated() -> str:
-    return changed('kind = "elastic"\nyoung = 2e7', 'kind = "tabulated"\npath = "table.csv"')
+    return changed('kind = "elastic"\nmodulus = 2e7', 'kind = "tabulated"\npath = "table.csv"')
 
 
 # What stands in a damaged file where a number was.

@@ -1,60 +1,84 @@
-"""The job `fit`: measured moduli as the material of a scene."""
+"""The job `fit`: measured moduli as a material of a scene."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from ..exports.prony_cards import export_prony
-from ..fitting import fit_prony, master_curve
+from ..fitting.cards import toml_table
+from ..fitting.master import master_curve
+from ..fitting.prony import fit_prony
 from ..plot import plot_fit, plot_master_curve
-from ..readers import read_moduli
-from .run import refusing
+from ..readers import NotPlain, read_moduli
+from .run import Output, refusing
 
-Pairs = Annotated[list[str] | None, typer.Option(metavar="QUANTITY=...", help="May be repeated.")]
+Pairs = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="May be repeated.")]
 
 
 def fit(
     moduli_files: Annotated[list[Path], typer.Argument(metavar="FILE...")],
-    output: Annotated[Path | None, typer.Option("--output", "-o")] = None,
-    terms: Annotated[int | None, typer.Option(help="Number of terms (default: by BIC).")] = None,
+    output: Output = None,
+    terms: Annotated[int | None, typer.Option(help="Number (default: lowest BIC).")] = None,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio.")] = 0.5,
     law: Annotated[Literal["wlf", "arrhenius"], typer.Option(help="Shift of isotherms.")] = "wlf",
+    kind: Annotated[
+        Literal["frequency", "relaxation", "creep"] | None,
+        typer.Option(help="Refuse files of another kind."),
+    ] = None,
     deformation: Annotated[
-        Literal["tension", "shear"] | None, typer.Option(help="Of the measurement.")
+        Literal["tension", "shear"] | None, typer.Option(help="Where the files do not say it.")
     ] = None,
     temperature: Annotated[
-        list[float] | None, typer.Option(help="Of each file [K]; may be repeated.")
+        list[float] | None, typer.Option(help="Of all files, or of each [K].")
     ] = None,
     unit: Pairs = None,
     column: Pairs = None,
+    layout: Pairs = None,
 ) -> None:
-    """Fits a Prony series to measured moduli: a table for a scene, and a figure."""
-    given = {"deformation": deformation, "temperature": temperature or None}
+    """Fits a Prony series to files of a rheometer or DMA: a table for a scene, and a figure.
+
+    Several temperatures are shifted into a master curve. `--unit`, `--column` and `--layout` are
+    the arguments of `read_moduli`, such as `--unit modulus=MPa`.
+    """
+    kelvin = temperature[0] if temperature and len(temperature) == 1 else temperature
     with refusing():
-        measured = read_moduli(
-            moduli_files, poisson=poisson, units=_pairs(unit), columns=_pairs(column), **given
-        )
+        try:
+            measured = read_moduli(
+                moduli_files,
+                columns=pairs("column", column),
+                units=pairs("unit", unit),
+                layout=pairs("layout", layout),
+                deformation=deformation,
+                poisson=poisson,
+                temperature=kelvin,
+            )
+        except NotPlain as error:
+            raise ValueError(error.with_remedy(error.flags)) from error
+        if kind not in (None, measured.kind):
+            raise ValueError(f"`kind` is {kind}, but the files are of kind {measured.kind}.")
         isotherms = measured.isotherms()
-        found: Any
         if len(isotherms) == 1:
-            kind = measured.kind
             x, values = measured.abscissa, measured.values
-            found = fit_prony(x, values, kind=kind, terms=terms, poisson=poisson)
-            material, figure = found.material, plot_fit(found)
+            found = fit_prony(x, values, kind=measured.kind, terms=terms, poisson=poisson)
+            figure = plot_fit(found)
         else:
             found = master_curve(isotherms, law=law, terms=terms, poisson=poisson)
-            material, figure = found.exported(), plot_master_curve(found)
+            figure = plot_master_curve(found)
         name = moduli_files[0].stem
+        table = toml_table(found.material, name)
         folder = output or Path(f"{name}-fit")
         folder.mkdir(parents=True, exist_ok=True)
-        table = export_prony(material, "toml", name=name)
         (folder / f"{name}.toml").write_text(table, "utf-8")
         figure.savefig(folder / f"{name}.png")
-    print(*measured.history, found.report(), table, f"wrote {folder}", sep="\n")
+    typer.echo("\n".join([*measured.history, found.report(), "", table, f"wrote {folder}"]))
 
 
-def _pairs(texts: list[str] | None) -> dict[str, str | int] | None:
-    """The keys and values of an option that is given as KEY=VALUE."""
-    found = (text.partition("=") for text in texts or ())
-    return {key: int(at) if at.isdecimal() else at for key, _, at in found} or None
+def pairs(option: str, texts: list[str] | None) -> dict[str, str | int] | None:
+    """Returns the names and values of an option that is given as NAME=VALUE."""
+    found: dict[str, str | int] = {}
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise ValueError(f"`--{option} {text}` must be NAME=VALUE.")
+        found[name] = int(value) if value.isdecimal() else value
+    return found or None

@@ -63,7 +63,7 @@ class AbstractMaterial(eqx.Module):
 
 def material_called(name: str) -> Callable[[Any], AbstractMaterial]:
     """Returns the converter of a field that holds a material."""
-    return instance(name, AbstractMaterial, "a material, such as `Elastic(young, poisson)`")
+    return instance(name, AbstractMaterial, "a material, such as `Elastic(modulus, poisson)`")
 
 
 class Elastic(AbstractMaterial):
@@ -71,15 +71,20 @@ class Elastic(AbstractMaterial):
 
     **Fields:**
 
-    - `young`: Young's modulus E [Pa].
+    - `young`: Young's modulus E [Pa], the constructor's `modulus`, and so in paths; `modulus` of a
+      material is its method.
     - `poisson`: Poisson's ratio ν [1], -1 < ν <= 1/2.
     """
 
-    young: Float[Array, ""] = eqx.field(converter=scalar("young"))
-    poisson: Float[Array, ""] = eqx.field(converter=scalar("poisson"), default=0.5)
+    young: Float[Array, ""] = eqx.field(metadata={"argument": "modulus"})
+    poisson: Float[Array, ""]
+
+    def __init__(self, modulus: ScalarLike, poisson: ScalarLike = 0.5):
+        self.young = as_scalar(modulus, "modulus")
+        self.poisson = as_scalar(poisson, "poisson")
 
     def __check_init__(self):
-        check_positive("young", self.young, "[Pa]")
+        check_positive("modulus", self.young, "[Pa]")
         check_poisson("poisson", self.poisson)
 
     def modulus(self, omega: Numbers) -> Float[Array, "*w"]:

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-
 ROUNDED = 0.02  # of a step: how far equally spaced positions may be rounded
 
 

@@ -11,7 +11,7 @@ from scene_texts import BARE
 from scipy.optimize import least_squares
 
 from graded_contact import master_curve
-from graded_contact.exports.prony_cards import export_prony
+from graded_contact.fitting.cards import toml_table
 from graded_contact.fitting.shifting import with_found
 from graded_contact.materials.shift import WLF, Arrhenius, TabulatedShift
 from graded_contact.scenes import parse_scene
@@ -199,7 +199,7 @@ def misfit(material, curves, kind="frequency"):
 
 def read_back(found):
     """The material that a scene makes of an exported one."""
-    text = export_prony(found.exported(), "toml", name="found")
+    text = toml_table(found.exported(), "found")
     scene = BARE.replace('material = "tread"', 'material = "found"')
     return parse_scene(scene + text).bodies.stack.base.material
 

@@ -146,7 +146,7 @@ def test_an_example_is_read_with_its_data(path):
 
 
 LAYER = 'material = "coat"\nthickness = 2e-5'
-COAT_LINES = 'kind = "elastic"\nyoung = 2e7\npoisson = 0.4'
+COAT_LINES = 'kind = "elastic"\nmodulus = 2e7\npoisson = 0.4'
 GRADED = 'bottom = "tread"\ntop = "coat"\nshape = "sinusoidal"\nthickness = 2e-5'
 
 
@@ -327,8 +327,8 @@ REFUSED = [
     ((LAYER, GRADED + '\nmaterial = "coat"'), "[layers[0]]", "material"),
     (("[[layers]]", "[layers]"), "[layers]", "layers"),
     (('kind = "elastic"', 'kind = "elastik"'), "[materials.coat]", "elastic"),
-    (("young = 2e7", 'young = "2e7"'), "[materials.coat]", "young"),
-    (("young = 2e7", "young = true"), "[materials.coat]", "young"),
+    (("modulus = 2e7", 'modulus = "2e7"'), "[materials.coat]", "modulus"),
+    (("modulus = 2e7", "modulus = true"), "[materials.coat]", "modulus"),
     (("poisson = 0.4", "poisson = 0.7"), "[materials.coat]", "poisson"),
     (("hurst =", "hust ="), "[surface]", "hust"),
     (("hurst = 0.8", ""), "[surface]", "hurst"),
