@@ -53,7 +53,7 @@ def fit(
                 temperature=kelvin,
             )
         except NotPlain as error:
-            raise ValueError(error.with_remedy(error.flags)) from error
+            raise ValueError(error.with_remedy(f"Options to add: {error.flags}")) from error
         if kind not in (None, measured.kind):
             raise ValueError(f"`kind` is {kind}, but the files are of kind {measured.kind}.")
         isotherms = measured.isotherms()
@@ -80,5 +80,5 @@ def pairs(option: str, texts: list[str] | None) -> dict[str, str | int] | None:
         name, equals, value = text.partition("=")
         if not equals:
             raise ValueError(f"`--{option} {text}` must be NAME=VALUE.")
-        found[name] = int(value) if value.isdecimal() else value
+        found[name] = int(value) if value.isdecimal() else value.replace("\\t", "\t")
     return found or None

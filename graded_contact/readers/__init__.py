@@ -3,7 +3,7 @@
 from .friction import MeasuredFriction, read_friction
 from .moduli import read_moduli, read_strain_sweep
 from .prony import read_prony
-from .tables import NotPlain
+from .source import NotPlain
 from .topography import read_surface
 
 __all__ = [

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ..core.files import read_file
+from ..core.files import check_fits, read_file
 from .heights import Heights
-from .tables import Source
+from .source import Source
 
 
 def read_array(source: Source) -> Heights:
@@ -22,6 +22,7 @@ def read_array(source: Source) -> Heights:
     names = list(loaded.files)
     plain = "heights" in names and "channel" not in source.options
     name = "heights" if plain else _chosen(source, names)
+    check_fits(source.path, loaded.zip.getinfo(f"{name}.npy").file_size)
     heights = _numbers(loaded[name])
     if not plain:
         return Heights(heights, f"array {name!r}")
@@ -48,6 +49,7 @@ def read_hdf5(source: Source) -> Heights:
     with h5py.File(source.path) as tree:
         tree.visititems(visit)
         name = _chosen(source, names)
+        check_fits(source.path, 8 * tree[name].size)
         return Heights(_numbers(np.asarray(tree[name])), f"dataset {name!r}")
 
 

@@ -10,7 +10,8 @@ from jaxtyping import Float
 from ..core.checks import check_positive
 from ..core.display import shown
 from .columns import Quantity, understood
-from .tables import Layout, read_table, source_of
+from .source import Layout, source_of
+from .tables import read_table
 
 _QUANTITIES = {
     "velocity": Quantity("velocity", r"v|velocity|speed|slidingvelocity|slidingspeed"),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .heights import Heights, from_lines
-from .tables import Source
+from .source import Source
 from .units import metres
 
 
@@ -19,7 +19,7 @@ class Unknown(ValueError):
         super().__init__(
             f"no format of SurfaceTopography ({told}). Unpack a zip. Export other files as text "
             "whose first line is `x [mm], y [mm], z [um]`, or call "
-            "`surface_from_heights(heights, size)`"
+            "`surfaces.surface_from_heights(heights, size)`"
         )
 
 
@@ -50,7 +50,7 @@ def read_instrument(source: Source, content: bytes) -> Heights:
     if not topography.is_uniform:
         raise ValueError(
             "it is not equally spaced: interpolate its heights (`to_uniform` of "
-            "SurfaceTopography), and call `surface_from_heights(heights, size)`"
+            "SurfaceTopography), and call `surfaces.surface_from_heights(heights, size)`"
         )
     heights = np.ma.filled(np.ma.asarray(topography.heights(), float), np.nan)
     if heights.ndim == 2:

@@ -73,7 +73,6 @@ def number_in(cell: str) -> float | None:
 def likely_marks(lines: Mapping[int, str]) -> tuple[str, str]:
     """Returns the separator and the decimal mark with which most lines hold numbers."""
     marks = [(mark, decimal) for mark in SEPARATORS for decimal in ".,"[: 1 + (mark != ",")]]
-
     first = list(itertools.islice(lines.values(), 200))
 
     def total(marks: tuple[str, str]) -> int:
@@ -126,7 +125,7 @@ def _section(lines, rows, above: Sequence[int], run: Sequence[int], spaced: bool
         if len(row) != len(rows[run[0]]) or numbers_in(row) or len(head) == 2:
             break
         head.append(number)
-        if not is_units(row):
+        if not _is_units(row):
             break
     named = bool(head) and any(re.search(r"[^\W\d_]", cell) for cell in rows[head[-1]])
     titles = above[: -len(head)] if named else above
@@ -148,8 +147,8 @@ def _numbered(sections: list[Section]) -> list[Section]:
     return found
 
 
-def is_units(cells: Sequence[str]) -> bool:
-    """Returns whether most cells of a line are units."""
+def _is_units(cells: Sequence[str]) -> bool:
+    """Whether most cells of a line are units."""
     filled = [cell.strip("[]() ") for cell in cells if cell]
     return 2 * sum(parse_unit(cell) is not None for cell in filled) >= max(len(filled), 1)
 

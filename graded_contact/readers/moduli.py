@@ -13,7 +13,8 @@ from jaxtyping import Float
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
 from ..materials.measured import Measured, grouped, joined
 from .columns import Quantity, Understood, understood
-from .tables import Layout, Table, read_table, source_of
+from .source import Layout, source_of
+from .tables import Table, read_table
 
 HUGE = 1e30  # in SI units; instruments write 9.9e37 where they measured nothing
 _REPEATED = 0.1  # part of the lines that may repeat a frequency without being an isotherm

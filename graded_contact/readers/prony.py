@@ -8,7 +8,8 @@ import numpy as np
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
 from ..materials.material import Prony
 from .columns import Quantity, understood
-from .tables import Layout, Table, read_table, source_of
+from .source import Layout, source_of
+from .tables import Table, read_table
 
 _SERIES = {
     "time": Quantity("time", r"(tau|τ|t)[ijk]?|(relaxation|rel)times?"),

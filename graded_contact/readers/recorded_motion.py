@@ -9,7 +9,8 @@ from ..fields.grid import Grid
 from ..sliding.motion.motion import Motion
 from ..sliding.motion.periodic import recorded
 from .columns import Quantity, understood
-from .tables import NotPlain, read_table, source_of
+from .source import NotPlain, source_of
+from .tables import read_table
 
 _QUANTITIES = {
     "time": Quantity("time", r"t|times?"),
@@ -48,6 +49,6 @@ def read_over_time(
     try:
         found = understood(read_table(source_of(path, "")), _QUANTITIES, [("time", what)])
     except NotPlain as error:
-        remedy = f"the first line must be such as {_HEADS[what]!r}"
+        remedy = f"Its first line must be such as: {_HEADS[what]}"
         raise ValueError(error.with_remedy(remedy)) from None
     return found.numbers["time"], found.numbers[what]

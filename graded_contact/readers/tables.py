@@ -5,13 +5,9 @@ error shows its lines and the call to write. What looks likely stands in that ca
 numbers.
 """
 
-import contextlib
 import io
-import os
 import re
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,103 +26,18 @@ from .layouts import (
     sections_of,
     text_lines,
 )
+from .source import Layout, NotPlain, Source, damage_named
 from .units import OFFSETS, UNITS, parse_unit, split_heading
 
 TABLE_BYTES = 200_000_000
-_SHOWN, _WIDEST = 3, 110  # lines of a table in a message, and characters of each
+_SHOWN = 3  # lines of a table in a message
 _WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 _EMPTY = ("", "-", "nan", "n/a", "na")
 _NUMBER = re.compile(r"[-+.]?\d[-+\d.,'e]*", re.IGNORECASE)  # of any mark
 _COMMA = re.compile(r"(?:^|[\t; ])[-+]?\d+,\d+(?:$|[\t; e])")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}\.\d{3}")
-_FLAGS = {"columns": "column", "units": "unit"}  # of the command
 
-Layout = Mapping[str, Any]
 LAYOUT = ("header", "end", "section", "sheet", "separator", "decimal")
-
-
-class Source(NamedTuple):
-    """A file, the function that reads it, and the options that were given."""
-
-    path: Path
-    reader: str
-    options: Mapping[str, Any]
-
-    def not_plain(
-        self, reasons: Sequence[str], lines: Sequence[str] = (), **options: Any
-    ) -> "NotPlain":
-        """Returns the error whose call has these options beside those that were given."""
-        merged = dict(self.options)
-        for name, value in options.items():
-            old = merged.get(name)
-            merged[name] = {**old, **value} if isinstance(old, Mapping) else value
-        merged = {name: each for name, each in merged.items() if each}
-        known = merged if merged != self.options else {}  # else something is to be left out
-        return NotPlain(self.path, self.reader, reasons, known, lines)
-
-
-def source_of(path: str | os.PathLike, reader: str, **options: Any) -> Source:
-    """Returns a file with the options that are not None."""
-    return Source(Path(path), reader, {k: v for k, v in options.items() if v is not None})
-
-
-class NotPlain(ValueError):
-    """A file that needs options: "..." stands for what only its owner knows.
-
-    **Fields:**
-
-    - `path`, `reader`: the file, and the name of the function that reads it.
-    - `reasons`: what is not clear.
-    - `options`: of the call that would read it.
-    - `lines`: of the file, with their numbers.
-    """
-
-    def __init__(
-        self,
-        path: Path,
-        reader: str,
-        reasons: Sequence[str],
-        options: Mapping[str, Any],
-        lines: Sequence[str] = (),
-    ):
-        self.path, self.reader, self.reasons = path, reader, reasons
-        self.options, self.lines = options, lines
-        call = "".join(f", {name}={value!r}" for name, value in options.items())
-        super().__init__(self.with_remedy(f"{reader}({path.name!r}{call})" if call else ""))
-
-    @property
-    def flags(self) -> str:
-        """The options as the command takes them, such as "--unit modulus=..."."""
-        words = []
-        for name, value in self.options.items():
-            parts = value.items() if isinstance(value, Mapping) else [("", value)]
-            pairs = [f"{key}={each}" if key else str(each) for key, each in parts]
-            words += [f"--{_FLAGS.get(name, name)} {_quoted(pair)}" for pair in pairs]
-        return " ".join(words)
-
-    def with_remedy(self, remedy: str) -> str:
-        """Returns the message with another call."""
-        shown = "".join(f"\n    {line[:_WIDEST]}" for line in self.lines)
-        told = f"\nTo read it, complete: {remedy}" if remedy else ""
-        return f"`path={self.path}`: {'; '.join(self.reasons)}.{shown}{told}"
-
-
-def _quoted(text: str) -> str:
-    """A word of a command line."""
-    return text if re.fullmatch(r"[\w.=/+-]+", text) else '"' + text.replace("\t", "\\t") + '"'
-
-
-@contextlib.contextmanager
-def damage_named(path: Path) -> Iterator[None]:
-    """Raises `ValueError` that names the file for the many errors of libraries in a damaged one."""
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            yield
-    except (NotPlain, ImportError, FileNotFoundError, MemoryError):
-        raise
-    except Exception as error:
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise ValueError(f"`path={path}` cannot be read: {reason}.") from error
 
 
 class Column(NamedTuple):

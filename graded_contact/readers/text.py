@@ -5,7 +5,8 @@ import numpy as np
 from .columns import Quantity, quantity_of, understood
 from .heights import Heights, from_lines, step_of
 from .layouts import number_in, text_lines
-from .tables import NotPlain, Source, Table, read_table
+from .source import NotPlain, Source
+from .tables import Table, read_table
 
 _POINTS = {
     "x": Quantity("length", r"x|xposition|position|distance"),
@@ -72,7 +73,7 @@ def _check_no_axis(table: Table, lines: np.ndarray) -> None:
         step = abs(even[1] - even[0])
         if step > 0 and np.max(np.abs(edge - even)) <= _AXIS * step:
             reason = "its first line or column rises in equal steps, as positions do"
-            remedy = "read it by `numpy.loadtxt`, and call `surface_from_heights(heights, size)`"
+            remedy = "take `numpy.loadtxt`, then `surfaces.surface_from_heights(heights, size)`"
             raise table.source.not_plain([f"{reason}: {remedy}"])
 
 

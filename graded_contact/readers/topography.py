@@ -12,19 +12,18 @@ import numpy as np
 
 from ..core.checks import Numbers, check_positive
 from ..core.display import with_unit
-from ..core.files import read_file
+from ..core.files import is_hdf5, read_file
 from ..surfaces.preparation import Periodic, surface_from_heights
 from ..surfaces.surface import Surface
 from .arrays import read_array, read_hdf5
 from .heights import Heights
 from .instruments import Unknown, read_instrument
 from .opencrg import is_road, read_road
-from .tables import Layout, Source, damage_named, source_of
+from .source import Layout, Source, damage_named, source_of
 from .text import read_matrix, read_points, words_above
 from .units import metres
 
 MISSING = 0.99e37  # in any unit: instruments mark missing points by 1e37 and more
-_HDF5 = b"\x89HDF\r\n\x1a\n"
 _INSTRUMENTS = (".datx", ".nc")  # files of HDF5 that state unit and size
 
 
@@ -73,7 +72,7 @@ def read_surface(
         path,
         "read_surface",
         unit=unit,
-        size=size,
+        size=None if size is None else np.asarray(size, float).tolist(),
         columns=columns,
         missing=missing,
         channel=channel,
@@ -85,32 +84,22 @@ def read_surface(
     marked = np.abs(found.heights) >= MISSING
     if missing is not None:
         marked |= found.heights == missing
-    points = " x ".join(map(str, heights.shape))
-    lengths = " x ".join(with_unit(float(edge), "m") for edge in edges)
-    note = f"Read {points} points of {lengths} from {found.source} of {source.path.name}."
-    notes = [note, *found.notes, *_oblong(edges / np.array(heights.shape))]
-    if np.any(marked):
-        notes.append(f"{np.sum(marked)} heights are marks of missing points.")
+    heights = np.where(marked, np.nan, heights)
+    history = _history(source, found, edges, int(np.sum(marked)))
     try:
-        return surface_from_heights(
-            np.where(marked, np.nan, heights),
-            edges,
-            periodic=periodic,
-            shape=shape,
-            history=tuple(notes),
-        )
+        return surface_from_heights(heights, edges, periodic=periodic, shape=shape, history=history)
     except ValueError as error:
         raise ValueError(f"`path={source.path}`: {error}") from error
 
 
 def _heights_in(source: Source, unit: str | None) -> tuple[Heights, str | None]:
     """The heights in a file, by its content, and the unit that is left to use."""
-    content = read_file(source.path)
     suffix = source.path.suffix.lower()
     if suffix in (".npy", ".npz"):
         return read_array(source), unit
-    if content.startswith(_HDF5) and suffix not in _INSTRUMENTS:
+    if is_hdf5(source.path) and suffix not in _INSTRUMENTS:
         return read_hdf5(source), unit
+    content = read_file(source.path)
     if is_road(content):
         return read_road(content), unit
     if b"\0" in content and not content.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -164,9 +153,16 @@ def _metres_per(unit: str) -> float:
     return factor
 
 
-def _oblong(pixel: np.ndarray) -> list[str]:
-    """A sentence on pixels that are not square."""
-    if np.max(pixel) <= 1.05 * np.min(pixel):
-        return []
-    told = " x ".join(f"{step:.3g} m" for step in pixel)
-    return [f"Its pixels of {told} are not square: is the file cut short?"]
+def _history(source: Source, found: Heights, edges: np.ndarray, marks: int) -> tuple[str, ...]:
+    """How the heights were read, one sentence each."""
+    points = " x ".join(map(str, found.heights.shape))
+    lengths = " x ".join(with_unit(float(edge), "m") for edge in edges)
+    read = f"Read {points} points of {lengths} from {found.source} of {source.path.name}."
+    notes = [read, *found.notes]
+    pixel = edges / np.array(found.heights.shape)
+    if np.max(pixel) > 1.05 * np.min(pixel):
+        told = " x ".join(f"{step:.3g} m" for step in pixel)
+        notes.append(f"Its pixels of {told} are not square: is the file cut short?")
+    if marks:
+        notes.append(f"{marks} heights are marks of missing points.")
+    return tuple(notes)

@@ -137,7 +137,7 @@ def test_the_message_has_the_call(tmp_path):
     np.savez(tmp_path / "a.npz", first=HEIGHTS, second=HEIGHTS)
     with pytest.raises(NotPlain) as error:
         read_surface(tmp_path / "a.npz", size=SIZE)
-    assert error.value.options == {"size": SIZE, "channel": "..."}
+    assert error.value.options == {"size": list(SIZE), "channel": "..."}
     with pytest.raises(NotPlain) as error:
         read_surface(tmp_path / "a.npz", channel="first")
     assert error.value.options == {"channel": "first", "unit": "...", "size": "..."}
@@ -170,6 +170,10 @@ def test_hdf5_by_the_name_of_the_dataset(tmp_path):
     with pytest.raises(NotPlain, match=r"\['image', 'more/mask'\]"):
         read_surface(tmp_path / "a.topostats")
     check(tmp_path / "a.topostats", channel="image", **BOTH)
+    with h5py.File(tmp_path / "a.h5", "w") as file:  # of a few bytes
+        file.create_dataset("z", shape=(10**6, 10**6), dtype="f4", chunks=(64, 64))
+    with pytest.raises(ValueError, match="GB"):
+        read_surface(tmp_path / "a.h5", **BOTH)
 
 
 ROAD = """$CT
