@@ -20,7 +20,6 @@ from ...core.checks import (
     is_concrete,
 )
 from ...core.compilation import compiled
-from ...core.memory import CYCLE, check_memory
 from ...fields.grid import Grid
 from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, step_of
 
@@ -54,8 +53,6 @@ def _chosen(num_times: int | None, enough: int | None, grid: Grid | None) -> int
             "`num_times=None` is refused inside of a program (`jit`, `vmap`, `grad`), where the "
             "motion is not known. Give a number."
         )
-    shape = () if grid is None else grid.shape
-    check_memory("num_times", "a resolved cycle", CYCLE, (enough, *shape))
     return enough
 
 
