@@ -132,7 +132,7 @@ def error_of(
         known = (cause for cause in parts if {*NEEDED.get(cause, ())} <= found.facts)
         return {cause: parts[cause](found) for cause in known}
 
-    _, symbol, unit, meaning, _ = own.quantity
+    symbol, unit, meaning = own.quantity[1:4]
     errors.__doc__ = f"Estimated error of the {meaning} [{unit}]: the sum of its parts."
     warns = None
     if over is not None:
