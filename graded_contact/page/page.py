@@ -264,7 +264,7 @@ class Page(pn.viewable.Viewer):
             float(np.ravel(at)[-1])
             for at in self.contact.compute(*(f"{name}_error" for name in self._known))
         ]
-        warnings = self.contact.caveats
+        warnings = self.contact.warnings
 
         def show() -> None:
             pairs = zip(self._known.items(), errors, strict=True)
