@@ -153,11 +153,11 @@ class MasterCurve(AbstractFit):
             header=["T [K]", "log10 a_T", "+-", "b_T", "+-"],
             formatters=[f"{{:.{digits}f}}".format for digits in (2, 3, 3, 4, 4)],
         )
-        doubts = [f"Warning: {sentence}" for sentence in self.caveats()]
+        doubts = [f"Warning: {sentence}" for sentence in self.warnings()]
         lines = [*_law_words(self), "", table, *_step_words(self), *doubts, "", self.fit.report()]
         return "\n".join(lines)
 
-    def caveats(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """Returns sentences on shifts that the overlap of neighbours does not determine."""
         series, theta = self._problem()
         kelvin = np.asarray(self.temperatures)

@@ -138,7 +138,7 @@ def test_exact_glassy_isotherms_end_in_no_false_minimum(law):
     """Where neighbours overlap less, branches of their own explain the coldest curve nearly."""
     found = master_curve(of_solid(FAHRENHEIT), law=law)
     np.testing.assert_allclose(found.log10_shifts[0], 4.78599, atol=2e-4)
-    assert np.all(far_off(found) < 2) and not found.caveats()
+    assert np.all(far_off(found) < 2) and not found.warnings()
     assert found.fit.errors().total < 1e-4
 
 
@@ -158,7 +158,7 @@ def test_curves_that_do_not_overlap_are_named_and_their_errors_contain_the_truth
     assert np.all(far_off(found) < 2)
     along, _ = found.shift_deviations()
     assert along[0] > 0.3 > 10 * along[3]
-    (said,) = found.caveats()
+    (said,) = found.warnings()
     assert said.startswith("The shifted curves of 263.15 and 283.15 K do not overlap: only the law")
     assert f"Warning: {said}" in found.report()
 
@@ -172,9 +172,9 @@ def test_other_shifts_that_are_as_likely_lie_within_the_errors_and_are_named(cur
     before, after = (np.asarray(found.shift_deviations()[0]) for found in (curve, doubtful))
     np.testing.assert_allclose(after[0], np.hypot(before[0], 0.5), rtol=1e-2)
     np.testing.assert_allclose(after[1:], before[1:], rtol=1e-2)
-    (said,) = doubtful.caveats()
+    (said,) = doubtful.warnings()
     assert said.startswith("Other shifts, by up to 0.5 decades, explain the isotherms of 268.00 K")
-    assert not curve.caveats()
+    assert not curve.warnings()
 
 
 # Handing on -------------------------------------------------------------------------------------
