@@ -14,7 +14,6 @@ from ..core.escaping import in_comment
 from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_prony
-from ..fitting.wild import wild_values, without
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..plot import plot_fit, plot_master_curve
@@ -34,10 +33,6 @@ if TYPE_CHECKING:
 
 # Cards of the material: endings of their files and comments in them, by format.
 CARDS = {"toml": (".toml", "#"), "abaqus": (".inp", "**"), "ansys": (".mac", "!")}
-WILD = (
-    "Warning: no smooth positive spectrum explains the values below, which the fit uses. "
-    "Correct them, or leave out their rows with --robust."
-)
 
 
 def fit(
@@ -52,7 +47,6 @@ def fit(
     law: moduli_options.Law = "wlf",
     equilibrium: moduli_options.Equilibrium = None,
     glassy: moduli_options.Glassy = None,
-    robust: moduli_options.Robust = False,
     unit: moduli_options.UnitTexts = None,
     column: moduli_options.ColumnTexts = None,
 ) -> None:
@@ -69,7 +63,7 @@ def fit(
         folder = output or f"{moduli_files[0].stem}-fit"
         stem = checked_place(folder, material_name(moduli_files[0]))
         found, _ = fitted_files(
-            moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, robust=robust,
+            moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, 
             terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,
         )  # fmt: skip
         write_fit(stem, found, tuple(CARDS))
@@ -112,20 +106,6 @@ def print_history(history: Sequence[str], assumed: Sequence[str]) -> None:
     print_caveats(map(moduli_options.in_options, assumed))
 
 
-def looked_through(measured: Measured, robust: bool) -> Measured:
-    """Returns the data, if `robust` without the rows of wild values; prints these values."""
-    wild = wild_values(measured)
-    if wild and robust:
-        typer.echo("Left out, because no smooth positive spectrum explains their values:")
-    elif wild:
-        typer.secho(WILD, fg="yellow", err=True)
-    elif robust:
-        typer.echo("--robust leaves out no row: a smooth positive spectrum explains them all.")
-    for value in wild:
-        typer.echo(str(value), err=not robust)
-    return without(measured, wild) if robust else measured
-
-
 def material_name(path: Path) -> str:
     """A name for the material of a file, as scenes and other programs take it."""
     name = re.sub(r"\W", "_", path.stem)
@@ -147,7 +127,7 @@ class MaterialFit(NamedTuple):
 
 
 def fitted_files(
-    moduli_files: Sequence[Path], column, unit, temperature, kind, *, sheet, step, robust: bool,
+    moduli_files: Sequence[Path], column, unit, temperature, kind, *, sheet, step,
     glassy: float | None, poisson: float | None, equilibrium: float | None, **arguments: Any,
 ) -> tuple[MaterialFit, list[float]]:  # fmt: skip
     """Returns the fit to moduli, or the Prony series in a file, and the temperatures [K] if known.
@@ -178,9 +158,7 @@ def fitted_files(
         return MaterialFit(series, None, report, {}, tuple(log.assumed)), []
     if glassy is not None:
         raise ValueError("`glassy` is refused: it is for the ratios of a Prony series.")
-    found = fitted(
-        looked_through(measured, robust), poisson=ratio, equilibrium=equilibrium, **arguments
-    )
+    found = fitted(measured, poisson=ratio, equilibrium=equilibrium, **arguments)
     caveats = "".join(
         f"\nWarning: {moduli_options.in_options(sentence)}" for sentence in measured.assumed
     )
@@ -214,7 +192,7 @@ def fitted(measured: Measured, law: str, **arguments: Any) -> MaterialFit:
     figures = {"": plot_master_curve(curve)}
     material = curve.exported()
     errors = errors_of_fit(curve, material)
-    return MaterialFit(material, errors, curve.report(), figures, curve.caveats())
+    return MaterialFit(material, errors, curve.report(), figures, curve.warnings())
 
 
 def write_fit(stem: Path, found: MaterialFit, cards: Sequence[str]) -> None:

@@ -67,9 +67,6 @@ Equilibrium = Annotated[float | None, Option(
 Glassy = Annotated[float | None, Option(
     metavar="PASCAL", help="Instantaneous modulus E_0, of which a Prony series has ratios g_i."
 )]  # fmt: skip
-Robust = Annotated[bool, Option(
-    "--robust", help="Leave out rows that no smooth positive spectrum explains."
-)]  # fmt: skip
 
 
 def law_arguments(text: str) -> dict[str, Any]:

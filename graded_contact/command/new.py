@@ -60,7 +60,6 @@ def new(
     law: moduli_options.Law = "wlf",
     equilibrium: moduli_options.Equilibrium = None,
     glassy: moduli_options.Glassy = None,
-    robust: moduli_options.Robust = False,
     unit: moduli_options.UnitTexts = None,
     column: moduli_options.ColumnTexts = None,
     replace: Replace = False,
@@ -78,7 +77,7 @@ def new(
             raise ValueError(f"{scene} exists: give another --output, or --replace.")
         surface, read = _finer(surface_file, size=size, unit=height_unit, periodic=periodic)
         found, measured = fit.fitted_files(
-            moduli_files, column, unit, temperature, kind, sheet=sheet, step=step, robust=robust,
+            moduli_files, column, unit, temperature, kind, sheet=sheet, step=step,
             terms=terms, poisson=poisson, equilibrium=equilibrium, glassy=glassy, **shifts,
         )  # fmt: skip
         _check_temperatures(found.material, temperatures or [])
