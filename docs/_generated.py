@@ -9,7 +9,7 @@ import inspect
 import pprint
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,20 +20,13 @@ from numpy.typing import ArrayLike
 from typer.testing import CliRunner
 
 import graded_contact as gc
-from graded_contact.blocks.bond import AbstractBond, Bond, Film
 from graded_contact.blocks.profile import Blend
-from graded_contact.blocks.stack import HalfSpace, Layer, Stack
-from graded_contact.cli import app
+from graded_contact.blocks.stack import Layer
+from graded_contact.command.app import app
 from graded_contact.contacts.solver.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
-from graded_contact.designs.limits import CRITERIA, LIMIT_KEYS, Limits, Stiffness
-from graded_contact.designs.objectives import OBJECTIVE, flat_loss_tangent, near_goal
-from graded_contact.designs.table import DesignScene
 from graded_contact.fields.grid import Grid
-from graded_contact.materials.material import AbstractMaterial
-from graded_contact.scenes import block, once, scene, scene_file, surface_source
-from graded_contact.scenes.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
-from graded_contact.scenes.toml import entry_text
+from graded_contact.scenes import kinds, scene
 from graded_contact.sliding.case import Heating
 from graded_contact.sliding.numbers.gap_flow import Fluid
 
@@ -43,86 +36,34 @@ TITLES = {
     "materials": "Materials", "blocks": "Blocks", "response": "Response of blocks",
     "kernels": "Kernels", "surfaces": "Surfaces",
     "contacts": "Contact", "sliding": "Sliding", "mean_field": "Mean field", "fitting": "Fits",
-    "readers": "Measured files", "studies": "Many solves", "scenes": "Scenes", "designs": "Designs",
-    "exports": "Cards for other programs", "plot": "Figures", "page": "The page",
+    "readers": "Measured files", "studies": "Many solves", "design": "Design", "scenes": "Scenes",
+    "plot": "Figures", "page": "The page",
     "fields": "The cell", "core": "Parameters and programs",
     "blocks.shapes": "Shapes of graded layers",
 }  # fmt: skip
 
-# Keys and tables that have a kind, in the order of `block.KIND_MAKERS`.
-SHORT = ("shift", "shape", "graded_solver", "[law]", "[shear]", "[motion]", "[motion], once = true")
-# Keys of scenes, by table and by what takes them.
-TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
-    "The scene": {scene_file.SceneTables: keys_of(scene_file.SceneTables)},
-    **{f'[surface], kind = "{kind}"': takers for kind, takers in surface_source.SURFACES.items()},
-    "[[surface.scans]]": surface_source.SCAN,
+# What takes the keys of each table of a scene.
+TABLES: dict[str, Callable] = {
+    "[grid]": Grid,
+    **{f'[surface], kind = "{kind}"': make for kind, make in kinds.SURFACES.items()},
+    **{f'[materials.NAME], kind = "{kind}"': make for kind, make in kinds.MATERIALS.items()},
+    "[[layers]]": Layer,
+    "[[layers]] with `top` and `bottom`": Blend,
+    **{f'[base], kind = "{kind}"': make for kind, make in kinds.BASES.items()},
+    **{f'[motion], kind = "{kind}"': make for kind, make in kinds.CYCLES.items()},
+    **{f'[[motion]], kind = "{kind}"': make for kind, make in kinds.TRANSIENTS.items()},
+    **{f'[law], kind = "{kind}"': make for kind, make in kinds.CONTACT_LAWS.items()},
+    **{f'[shear], kind = "{kind}"': make for kind, make in kinds.SHEAR_LAWS.items()},
     **{
-        f'[block_surface], kind = "{kind}"': takers
-        for kind, takers in surface_source.OF_BLOCK.items()
-        if kind != "file"
+        f'{key}, kind = "{kind}"': make
+        for key, nested in kinds.NESTED.items()
+        for kind, make in nested.items()
     },
-    "[grid]": {Grid: keys_of(Grid)},
-    "[materials.NAME], any kind": {gc.studies.read_errors: (block.ERRORS, block.ASSUMED)},
-    **{
-        f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
-        for kind, make in {
-            **block.MATERIALS,
-            "tabulated": block.Block.tabulated,
-            "strain_sweep": block.Block.strain_sweep,
-        }.items()
-    },
-    "[[layers]]": {Layer: keys_of(Layer), Blend: keys_of(Blend)},
-    "`bond` of [[layers]]": {Bond: keys_of(Bond), Film: keys_of(Film)},
-    '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
-        HalfSpace: keys_of(HalfSpace)
-    },
-    "[counterface]": {scene_file.CounterfaceTables: keys_of(scene_file.CounterfaceTables)},
-    "[load]": {scene.Scene: scene_file.KEYS["[load]"]},
-    "[motion], any kind": {once.motion_of: (once.ONCE, once.THEN)},
-    "[heating]": {Heating: keys_of(Heating)},
-    "[fluid]": {Fluid: keys_of(Fluid)},
-    "[observe]": {scene.Observe: keys_of(scene.Observe)},
-    "[solver]": {
-        scene.Scene: scene_file.KEYS["[solver]"][:1],
-        Stack: scene_file.KEYS["[solver]"][1:],
-        DouglasRachford: keys_of(DouglasRachford),
-    },
-    "[output]": {scene.Scene: scene_file.KEYS["[output]"]},
-    **{
-        f'{place}, kind = "{kind}"': {make: keys_of(make, "grid")}
-        for place, kinds in zip(SHORT, block.KIND_MAKERS.values(), strict=True)
-        for kind, make in kinds.items()
-    },
-    '[motion], once = true, kind = "recorded"': {
-        block.Block.recorded_transient: keys_of(block.Block.recorded_transient, "grid")
-    },
-    "[design]": {
-        DesignScene: (OBJECTIVE, *keys_of(DesignScene, "scene", "spectrum", "objective", "limits")),
-        Limits: keys_of(Limits),
-    },
-    '[design], objective = "friction"': {near_goal: keys_of(near_goal, "name", "scene")},
-    '[design], objective = "flat_loss_tangent"': {
-        flat_loss_tangent: keys_of(flat_loss_tangent, "name", "scene")
-    },
-    "[design.limits]": {Limits: tuple(Key(name, float, None) for name in LIMIT_KEYS)},
-    "[design.stiffness]": {Stiffness: keys_of(Stiffness)},
-}
-WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", dict: "tables"}
-# Of keys that become fields of another name.
-MEANINGS = {
-    "modulus": "Young's modulus [Pa].",
-    "rms_height": "rms height [m], instead of `rms_slope`.",
-    "rms_slope": "rms slope [1], instead of `rms_height`.",
-    "q_low": "lowest wavenumber [rad/m]; by default 2π over the longest edge of the grid.",
-    "errors": "file NAME-errors.csv of `graded-contact fit`: friction then has its standard error.",
-    "assumed": "what its numbers rest on and nobody stated; each is a caveat of the results.",
-}
-MEANINGS |= {
-    "once": "true for what happens once; nothing touches before t = 0.",
-    "then": "motions that follow with `once = true`, each a table [[motion.then]] with a `kind`.",
-}
-MEANINGS |= {
-    key: f"{CRITERIA[name].words} [{CRITERIA[name].unit}]." for key, (name, _) in LIMIT_KEYS.items()
+    "[heating]": Heating,
+    "[fluid]": Fluid,
+    "[observe]": scene.Observe,
+    "[solver] (and `rtol`)": DouglasRachford,
+    "[output]": scene.Output,
 }
 LONG = 30  # rows that are shown only when asked for
 
@@ -291,7 +232,7 @@ def commands_page() -> str:
 
 
 def keys_page() -> str:
-    """Returns the keys of scenes, those that their reader takes, table by table."""
+    """Returns the keys of scenes, table by table: the parameters of what a table makes."""
     about = inspect.cleandoc(scene.__doc__ or "").partition("\n\n")[2]
     made = (
         "`python docs/_generated.py` makes this page from the code. [Describe your own scene]"
@@ -299,66 +240,36 @@ def keys_page() -> str:
         "key without a default."
     )
     parts = ["# The keys of a scene", about, made]
-    for title, takers in TABLES.items():
-        rows = [key_row(key, make) for make, keys in takers.items() for key in keys]
+    for title, make in TABLES.items():
+        given = [
+            each for each in inspect.signature(make).parameters.values() if each.name != "grid"
+        ]
+        rows = [[f"`{each.name}`", meaning_of(each.name, make), default_of(each)] for each in given]
         if rows:
-            head = [["key", "meaning", "type", "default", "unit"], 5 * ["---"]]
+            head = [["key", "meaning", "default"], 3 * ["---"]]
             lines = ["| " + " | ".join(row) + " |" for row in head + rows]
             heading = re.sub(r'kind = "\w+"', r"`\g<0>`", title)
             parts += [f"## {heading}", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
 
 
-def key_row(key: Key, make: Callable) -> list[str]:
-    """Returns key, meaning, type, default and unit, from signature and docstring."""
-    meaning = MEANINGS.get(key.name) or meaning_of(key.name, make)
-    units = r"(?:1|Pa(?: s)?|rad|m²?|s|K|J|Hz)(?:/\w+)?|W/\(m K\)"
-    unit = re.search(rf"(?<![\w\[])\[({units})\]", meaning)
-    cells = [f"`{key.name}`", meaning, words(key), default_text(key), unit[1] if unit else ""]
-    return [cell.replace("|", "\\|") for cell in cells]
-
-
 def meaning_of(name: str, make: Any) -> str:
     """Returns what the docstring of a function or class says of an argument."""
     pattern = r"^ *- (`[^:]*`[^:]*): (.*?)(?=^ *- `|^ *$|\Z)"
-    entries = re.findall(pattern, make.__doc__ or "", re.MULTILINE | re.DOTALL)
-    found = next(" ".join(text.split()) for names, text in entries if f"`{name}`" in names)
-    if elsewhere := re.fullmatch(r"(?:see|as in) `(\w+)`\.", found):
-        return meaning_of(name, getattr(gc, elsewhere[1]))
-    if found == "as the fields of the class.":
-        return meaning_of(name, make.__self__)
-    return found.removesuffix(" Static.")
+    text = make.__doc__ or ""
+    for other in re.findall(r"`(read_moduli|read_surface|SelfAffine|random_surface)`", text):
+        text += "\n\n" + (getattr(gc, other).__doc__ or "")
+    entries = re.findall(pattern, text, re.MULTILINE | re.DOTALL)
+    found = [" ".join(words.split()) for names, words in entries if f"`{name}`" in names]
+    return found[0].removesuffix(" Static.").replace("|", "\\|") if found else ""
 
 
-def words(key: Key) -> str:
-    """Returns what the value of a key may be."""
-    parts = parts_of(key.annotation)
-    if choices := [f'"{part}"' for part in parts if isinstance(part, str)]:
-        return " or ".join(choices)
-    for part in parts:
-        if isinstance(part, Spacing):
-            return f"number, list, or {{from, to, points}}, {part.words}"
-        if part is AbstractMaterial:
-            return "NAME of a material"
-        if part is AbstractBond:
-            return "table, see below"
-        if part in block.KIND_MAKERS:
-            return "table with a `kind`"
-    found = " or ".join(WORDS[kind] for kind in classes_of(parts)) or "table"
-    rows = any(getattr(part, "dims", ()) for part in parts) or list[float] in parts
-    if rows or any(part in parts for part in (Sequence[Any], tuple[int, ...], list[str])):
-        return f"{found}, or a list of them"
-    return found
-
-
-def default_text(key: Key) -> str:
+def default_of(parameter: inspect.Parameter) -> str:
     """Returns the value of a key that is missing."""
-    if key.default is REQUIRED:
+    if parameter.default is parameter.empty:
         return "required"
-    names = {make: kind for kinds in block.KIND_MAKERS.values() for kind, make in kinds.items()}
-    if type(key.default) in names:
-        return f'"{names[type(key.default)]}"'
-    return entry_text(key.default) if isinstance(key.default, int | float | str) else ""
+    value = parameter.default
+    return f"{value}" if isinstance(value, bool | int | float | str) else ""
 
 
 def last_run(path: Path) -> list[dict[str, str]]:

@@ -9,7 +9,7 @@ import numpy as np
 import xarray
 
 import graded_contact as gc
-from graded_contact.scenes.scene_file import parse_scene
+from graded_contact.scenes import parse_scene
 
 jax.config.update("jax_enable_x64", True)
 FOLDER = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "figures")
@@ -105,7 +105,7 @@ def of_materials():
 
 def of_studies():
     texts = (SCENE, SCENE.replace("[base]", COAT + "[base]"))
-    results = [gc.plan(parse_scene(text)).run() for text in texts]
+    results = [gc.run_scene(parse_scene(text)) for text in texts]
     both = xarray.concat(results, "block", join="override", combine_attrs="drop")
     both = both.assign_coords(block=["bare", "100 µm coat"])
     save("compare", gc.plot.plot_sweep(both))

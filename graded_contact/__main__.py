@@ -1,5 +1,5 @@
 """`python -m graded_contact` is the command `graded-contact`."""
 
-from .cli import run_command
+from .command.app import run_command
 
 run_command()

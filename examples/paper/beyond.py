@@ -25,6 +25,7 @@ friction from the fewest waves to twice as many.
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -45,6 +46,7 @@ from system import (
     read,
     relaxed,
     save,
+    solved_points,
     spectrum,
     surface,
     tread,
@@ -52,7 +54,6 @@ from system import (
 
 import graded_contact as gc
 from graded_contact.response.layering import sliced
-from graded_contact.studies.store import Store
 
 LABELS = {
     "friction": r"micro-rolling friction $\mu_r$ [1]",
@@ -60,14 +61,9 @@ LABELS = {
 }
 
 
-def solved(given, name: str, solve: Callable[[Store], xarray.Dataset]) -> xarray.Dataset:
+def solved(given, name: str, solve: Callable[[Path], xarray.Dataset]) -> xarray.Dataset:
     """The table of an earlier run, or `solve` with a folder that keeps finished points."""
-
-    def with_store():
-        with Store(given.output / f"{name}.points") as store:
-            return solve(store)
-
-    found = kept(given, name, with_store)
+    found = kept(given, name, lambda: solve(given.output / f"{name}.points"))
     print(f"{found.message.size} contacts, {num_failed(found)} failed")
     return found
 
@@ -103,7 +99,7 @@ def master_curve(given, size):
         stack = coated(rubber.at(point["temperature"]), point["thickness"])
         return slid(stack, rough, load, point["velocity"], 1e-3)
 
-    table = solved(given, "master_curve", lambda store: gc.sweep(rub, points, store=store))
+    table = solved(given, "master_curve", lambda store: solved_points(rub, points, store))
     found = {name: values.values for name, values in table.variables.items()}
     at = found["velocity"] * np.interp(found["temperature"], TEMPERATURES, factors)
     figure, panes = panels(2)
@@ -305,11 +301,19 @@ def searched(given, size):
 
     rows = [row(bare, softest=0.0, **dict.fromkeys(LOWER, 0.0))]
     for softest in SOFTEST:
-        front = gc.studies.pareto_front(
-            objectives, LOWER | {"modulus": softest}, UPPER,
-            num_points=3 if given.small else 9, num_starts=2 if given.small else 6, rtol=1e-6,
-        )  # fmt: skip
-        for design, _ in front:
+        lower, count = LOWER | {"modulus": softest}, 3 if given.small else 9
+        options = {"num_starts": 2 if given.small else 6, "rtol": 1e-6}
+        ends = [
+            gc.minimise(lambda p, i=i: objectives(p)[i], lower, UPPER, **options) for i in (0, 1)
+        ]
+        levels = np.geomspace(ends[1].value, objectives(ends[0].parameters)[1], count)[1:-1]
+        front = [ends[1], ends[0]]
+        for level in levels:  # the least change of friction with at most this loss of area
+            limit = lambda p, level=level: 1 - objectives(p)[1] / level  # noqa: E731
+            front.append(
+                gc.minimise(lambda p: objectives(p)[0], lower, UPPER, constraints=limit, **options)
+            )
+        for design in sorted(front, key=lambda one: objectives(one.parameters)[1]):
             p = design.parameters
             rows.append(row(block(p, unit), softest=softest, **p))
     columns = {name: ("point", [one[name] for one in rows]) for name in rows[0]}

@@ -10,7 +10,6 @@ it takes hours and 10 GB (N = 8192), see docs/paper.md.
 """
 
 import argparse
-import contextlib
 import time
 from itertools import product
 from pathlib import Path
@@ -20,8 +19,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from system import (
     CLOSE_UP,
     FULL,
@@ -39,12 +36,12 @@ from system import (
     options,
     relaxed,
     results,
+    solved_points,
     surface,
     tread,
 )
 
 import graded_contact as gc
-from graded_contact.studies.store import Store
 
 RTOL = 1e-2  # of the pressure; against 1e-3 friction changes by 5e-5, smooth area by 4e-5
 STORE = "contacts.points"
@@ -130,8 +127,7 @@ def solve(size: Size, folder: Path, cutoffs: tuple[int, ...]) -> xarray.Dataset:
         ]
         start = time.perf_counter()
         name = f"rubber {part.rubber}, roughness {part.roughness}, q1/q0 = {cutoff}"
-        with bar(name) as advance, Store(folder) as store:
-            table = gc.sweep(contact(part, cutoff, size), points, store=store, progress=advance)
+        table = solved_points(contact(part, cutoff, size), points, folder)
         seconds = time.perf_counter() - start
         print(f"{name}: {len(points)} points, {seconds:.0f} s, {num_failed(table)} failed")
         _, depth, ratio = np.array(part.points).T
@@ -170,17 +166,6 @@ def draw_spread(pane, rows: xarray.Dataset, along: str, of: str, colour, label: 
     mean = each.mean()
     pane.semilogx(mean[along], mean, "o-", markersize=3, color=colour, label=label)
     pane.fill_between(mean[along], each.min(), each.max(), color=colour, alpha=0.25, linewidth=0)
-
-
-@contextlib.contextmanager
-def bar(name: str):
-    """A progress bar on the error stream, with the time left."""
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        task = progress.add_task(name, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
 def main() -> None:

@@ -13,6 +13,7 @@ Run from the root of the repository: `python examples/paper/response.py`.
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from coated_half_space import paper_coated_half_space_compliance
@@ -21,6 +22,7 @@ from matplotlib.lines import Line2D
 from system import DOCS, STYLE, ordered, panels, save
 
 import graded_contact as gc
+from graded_contact.materials.material import AbstractMaterial
 from graded_contact.plot import COLOURS
 
 sys.path.append(str(Path(__file__).parents[2] / "tests"))
@@ -39,6 +41,22 @@ def rubber(time, reduced=RELAXED):
     relaxed = reduced * (1 - INCOMPRESSIBLE**2)
     missing = (1 - 1 / CONTRAST) / relaxed
     return gc.Prony.from_creep(CONTRAST * relaxed, [missing], [time], INCOMPRESSIBLE)
+
+
+class Given(AbstractMaterial):
+    """Given moduli at the frequencies at which they are asked for."""
+
+    young: Any
+    poisson: Any
+
+    def modulus(self, omega):
+        return self.young
+
+    def poisson_ratio(self, omega):
+        return self.poisson
+
+    def at(self, temperature):
+        return self
 
 
 def elastic(reduced):
@@ -203,9 +221,11 @@ def three_theories(ratio, depth, rubbery, glassy):
     theirs = paper_coated_half_space_compliance(
         q, thickness, *coat, coat[1], base, poisson, rubbery
     )
-    layer = ([thickness], [coat[0]], [coat[1]])
-    ours = gc.layered_compliance(q, *layer, (base, poisson))
-    constant = gc.layered_compliance(q, *layer, (base, rubbery))
+    layers = (gc.Layer(gc.Elastic(*coat), thickness),)
+    stacks = (
+        gc.Stack(layers=layers, base=gc.HalfSpace(Given(base, nu))) for nu in (poisson, rubbery)
+    )
+    ours, constant = (gc.surface_compliance(stack, q, omega) for stack in stacks)
     return [np.asarray(m) * q * coat[0] / (1 - coat[1] ** 2) / 2 for m in (theirs, ours, constant)]
 
 
@@ -261,18 +281,16 @@ def graded(shape, top, counts, *, log):
     q = qd / depth
     profile = gc.Blend(bulk, elastic(top * RELAXED), shape)
     stack = gc.Stack(layers=(gc.GradedLayer(profile, depth),), base=gc.HalfSpace(bulk))
-    found = gc.response.graded_compliance(stack, q, 0.0)
-    exact = np.asarray(found.value) * q * RELAXED / 2
+    value, error = gc.surface_compliance(stack, q, 0.0, error=True)
+    exact = np.asarray(value) * q * RELAXED / 2
     figure, (left, right) = panels(2)
     left.semilogx(qd, exact, color="black", label="continuous")
-    lines = [f"estimated error of the continuous layer: {np.max(found.error):.0e} at most"]
+    lines = [f"estimated error of the continuous layer: {np.max(error):.0e} at most"]
     for count, colour, marker in zip(counts, COLOURS, "osv", strict=False):
         middles = 1 - (np.arange(count) + 0.5) / count  # surface first
         moduli, _ = profile(middles, np.zeros(()))
-        value = gc.layered_compliance(
-            q, np.full(count, depth / count), moduli, np.full(count, INCOMPRESSIBLE),
-            (bulk.young, INCOMPRESSIBLE),
-        )  # fmt: skip
+        layers = [gc.Layer(gc.Elastic(e, INCOMPRESSIBLE), depth / count) for e in moduli]
+        value = gc.surface_compliance(gc.Stack(layers=layers, base=gc.HalfSpace(bulk)), q, 0.0)
         value = np.asarray(value) * q * RELAXED / 2
         error = np.abs(value / exact - 1)
         label = f"{count} layer{'s' if count > 1 else ''}"

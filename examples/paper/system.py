@@ -32,7 +32,6 @@ from PIL.PngImagePlugin import PngInfo
 
 import graded_contact as gc
 from graded_contact.plot.style import ordered as ordered
-from graded_contact.studies.dataset import write_whole
 
 jax.config.update("jax_enable_x64", True)
 
@@ -139,6 +138,17 @@ def surface(cutoff: int, size: Size, roughness: dict[str, float] = SLOPES, seed=
 # Results ------------------------------------------------------------------------------------
 
 
+def solved_points(function, points: list[dict], folder: Path) -> xarray.Dataset:
+    """The results of a function of a point at each of a list; finished ones stay in a folder."""
+    columns = {name: np.array([point[name] for point in points]) for name in points[0]}
+
+    def at(where):
+        return function({n: jnp.asarray(at)[where["point"]] for n, at in columns.items()})
+
+    table = gc.sweep(at, {"point": np.arange(len(points))}, store=folder, progress=True)
+    return table.assign_coords({name: ("point", at) for name, at in columns.items()})
+
+
 def kept(
     given: argparse.Namespace, name: str, solve: Callable[[], xarray.Dataset]
 ) -> xarray.Dataset:
@@ -150,7 +160,9 @@ def kept(
     if name not in tables or given.again:
         tables[name] = solve()
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, bytes(xarray.DataTree.from_dict(tables).to_netcdf(engine="h5netcdf")))
+        partial = path.with_suffix(".partial")
+        partial.write_bytes(xarray.DataTree.from_dict(tables).to_netcdf(engine="h5netcdf"))
+        partial.replace(path)
         print(f"wrote {name} into {path}")
     return tables[name]
 

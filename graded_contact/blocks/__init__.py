@@ -4,13 +4,23 @@
 """
 
 from . import shapes
-from .bond import AbstractBond, Bond, Film
-from .profile import AbstractProfile, Aged, Blend, Mixture
+from .interfaces import smooth_layer, spring_layer
+from .profile import AbstractProfile, Blend
 from .stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, interface_depths
 from .tolerance import AbstractGradedSolver
 
 __all__ = [
-    "AbstractBond", "AbstractGradedSolver", "AbstractProfile", "Aged", "Blend", "Bond", "Film",
-    "Free", "GradedLayer", "HalfSpace", "Layer", "Mixture", "Rigid", "Stack",
-    "interface_depths", "shapes",
-]  # fmt: skip
+    "AbstractGradedSolver",
+    "AbstractProfile",
+    "Blend",
+    "Free",
+    "GradedLayer",
+    "HalfSpace",
+    "Layer",
+    "Rigid",
+    "Stack",
+    "interface_depths",
+    "shapes",
+    "smooth_layer",
+    "spring_layer",
+]

@@ -88,10 +88,7 @@ def heated(stack: Stack, temperature: Array, rises: Array, edges: Array) -> Stac
         bottom = top + layer.thickness
         thin = cut(layer.material, bottom)
         rest = bottom - jnp.maximum(top, edges[-1]) if thin else layer.thickness
-        cell = jnp.searchsorted(edges, bottom) - 1
-        warmer = jnp.where(bottom < edges[-1], rises[jnp.clip(cell, 0, len(rises) - 1)], 0)
-        bond = None if layer.bond is None else layer.bond.at(temperature + warmer)
-        layers += [*thin, Layer(layer.material.at(temperature), jnp.maximum(rest, 0), bond)]
+        layers += [*thin, Layer(layer.material.at(temperature), jnp.maximum(rest, 0))]
         top = bottom
     base = stack.base
     if isinstance(base, HalfSpace):

@@ -12,17 +12,16 @@ import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import (
+    as_scalar,
     check_type,
-    instance,
+    check_values,
     is_concrete,
-    optional,
     short,
     within,
 )
 from ..core.display import shown
 from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
-from .bond import AbstractBond, Film, as_thickness, is_smooth
 from .tolerance import AbstractGradedSolver
 
 LIQUID = (
@@ -33,8 +32,10 @@ LIQUID = (
 )
 
 
-_as_thickness = as_thickness("no layer")
-_as_bond = optional(instance("bond", AbstractBond, "a bond, such as `Bond(normal, shear)`"))
+def _as_thickness(value: Any) -> Float[Array, ""]:
+    value = as_scalar(value, "thickness")
+    check_values("thickness", value, "a thickness [m] is zero (no layer) or positive", at_least=0)
+    return value
 
 
 def _as_profile(profile: Any) -> Any:
@@ -70,12 +71,10 @@ class Layer(eqx.Module):
 
     - `material`: the material of the layer.
     - `thickness`: d [m]. Zero means no layer.
-    - `bond`: `Bond` or `Film` that joins its lower side to what lies below; None for a perfect one.
     """
 
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
     thickness: Float[Array, ""] = eqx.field(converter=_as_thickness)
-    bond: AbstractBond | None = eqx.field(converter=_as_bond, default=None)
 
 
 @shown(units=False, unset=False)
@@ -85,17 +84,15 @@ class GradedLayer(eqx.Module):
     **Fields:**
 
     - `profile`: called as profile(s, omega) with heights s [1], 0 at the layer's bottom and 1 at
-      its top, and ω [rad/s]; returns (E [Pa], ν [1]). One of `Blend`, `Mixture`, `Aged`, or any
-      module or function as described in `blocks/profile.py`. Only a module has parameters
+      its top, and ω [rad/s]; returns (E [Pa], ν [1]). `Blend`, or any module or function
+      as described in `blocks/profile.py`. Only a module has parameters
       that can be differentiated; each new function is compiled anew. Functions inside a module,
       such as the activation functions of a network, are fixed.
     - `thickness`: d [m]. Zero means no layer.
-    - `bond`: as of a `Layer`.
     """
 
     profile: Any = eqx.field(converter=_as_profile)
     thickness: Float[Array, ""] = eqx.field(converter=_as_thickness)
-    bond: AbstractBond | None = eqx.field(converter=_as_bond, default=None)
 
 
 @shown(units=False)
@@ -112,7 +109,7 @@ class HalfSpace(eqx.Module):
 
 @shown(units=False)
 class Rigid(eqx.Module):
-    """A rigid base, to which the lowest layer is joined by its bond."""
+    """A rigid base, to which the lowest layer is bonded."""
 
 
 @shown(units=False)
@@ -140,7 +137,7 @@ def _as_base(base: Any) -> HalfSpace | Rigid | Free:
 
 @shown(units=False)
 class Stack(eqx.Module):
-    """A block: layers on a base, each joined to what lies below it by its bond.
+    """A block: layers on a base, each bonded to what lies below it.
 
     **Fields:**
 
@@ -163,19 +160,6 @@ class Stack(eqx.Module):
                 f"`layers` is empty on a {type(self.base).__name__} base: there is nothing to "
                 "deform. Give at least one layer, or a `HalfSpace` as `base`."
             )
-        if isinstance(self.base, Free) and self.layers[-1].bond is not None:
-            raise ValueError(
-                f"`layers[{len(self.layers) - 1}].bond` is below the lowest layer on a Free base: "
-                "there is nothing to join. Leave it out, or give another `base`."
-            )
-        top = self.layers[0] if self.layers else None
-        if top and is_smooth(top.bond) and is_concrete(top.thickness) and float(top.thickness) == 0:
-            raise ValueError(
-                "`layers[0]` has no thickness and a bond with `shear=0`: no traction along the "
-                "surface has anything to act on. Remove the layer."
-            )
-        if self.graded_solver is not None:
-            self.graded_solver.check(self)
 
     def at(self, temperature: ScalarLike) -> "Stack":
         """Returns the stack with every material at another temperature [K].
@@ -185,8 +169,6 @@ class Stack(eqx.Module):
         parts = []
         for place, part in _parts(self).items():
             with within(f"`{place}`:"):
-                if isinstance(part, Layer | GradedLayer) and part.bond is not None:
-                    part = dataclasses.replace(part, bond=part.bond.at(temperature))
                 if isinstance(part, Layer | HalfSpace):
                     part = dataclasses.replace(part, material=part.material.at(temperature))
                 elif isinstance(part, GradedLayer):
@@ -225,21 +207,6 @@ def check_at_rest(stack: Stack) -> None:
 def is_graded(stack: Stack) -> bool:
     """Returns whether a stack has a graded layer."""
     return any(isinstance(layer, GradedLayer) for layer in stack.layers)
-
-
-def is_bonded(stack: Stack) -> bool:
-    """Returns whether a layer of a stack has a bond of its own."""
-    return any(layer.bond is not None for layer in stack.layers)
-
-
-def films_of(stack: Stack) -> tuple[Float[Array, " films"], Float[Array, " films"]] | None:
-    """Returns depths and thicknesses of the films below layers [m], or None without films."""
-    below = zip(accumulate(layer.thickness for layer in stack.layers), stack.layers, strict=True)
-    films = [(z, one.bond.thickness) for z, one in below if isinstance(one.bond, Film)]
-    if not films:
-        return None
-    depths, thicknesses = map(jnp.stack, zip(*films, strict=True))
-    return depths, thicknesses
 
 
 def materials_of(stack: Stack) -> list[AbstractMaterial]:

@@ -31,9 +31,6 @@ class AbstractGradedSolver(eqx.Module):
 
     rtol: eqx.AbstractVar[float | None]
 
-    def check(self, stack: Any) -> None:
-        """Raises `ValueError` for a stack that it cannot pass; none by default."""
-
     @abc.abstractmethod
     def solve(
         self, climb: Callable, measure: Callable, stack: Any, q: Array, omega: Array, rtol: float

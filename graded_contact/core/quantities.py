@@ -111,8 +111,6 @@ PARAMETERS = _table([
     ("StrainSoftening.loss", "g", "1", "factor of the loss modulus"),
     ("StrainSoftening.amplitude", r"\varepsilon", "1", "strain amplitude of the modulus"),
     ("thickness", "d", "m", "layer thickness", Usual("thickness", "µm", _within(50.0))),
-    ("Bond.normal", "k_n", "Pa/m", "normal stiffness of the bond"),
-    ("Bond.shear", "k_s", "Pa/m", "shear stiffness of the bond"),
     ("reference", "T_0", "K", "reference temperature"),
     ("c1", "c_1", "1", "first constant of the WLF law"),
     ("c2", "c_2", "K", "second constant of the WLF law"),
@@ -128,8 +126,6 @@ PARAMETERS = _table([
     ("Sinusoidal.amplitude", "", "1", "amplitude of the wave"),
     ("Table.heights", "s", "1", "heights of the table"),
     ("Table.values", r"\phi", "1", "values of the table"),
-    ("Aged.bottom", "", "1", "factor of the times at the bottom"),
-    ("Aged.top", "", "1", "factor of the times at the top"),
     ("fraction", r"\phi", "1", "volume fraction of the filler"),
     ("hurst", "H", "1", "Hurst exponent",
      Usual("Hurst exponent", "1", _between(0.3, 1.0), step=0.01)),
@@ -359,7 +355,7 @@ _ALL = PARAMETERS | OF_RESULTS | FIELDS
 
 def quantity_of(name: str, owner: str = "") -> Quantity | None:
     """Returns the entry of a field of the class `owner`, or of the last part of a path, or None."""
-    # "layers[0].thickness" and "times[2]" are a thickness and a time; "bond.shear" is of a bond.
+    # "layers[0].thickness" and "times[2]" are a thickness and a time.
     *_, parent, last = ("", *(word.partition("[")[0] for word in name.split(".")))
     owner = owner or parent.capitalize()
     found = _ALL.get(f"{owner}.{last}") or AXES.get(last)

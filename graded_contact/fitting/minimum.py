@@ -7,11 +7,11 @@ hundredfold.
 """
 
 from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 import scipy
-from threadpoolctl import ThreadpoolController
+
+from ..core.compilation import lapack
 
 NEAR_BOUND = 0.05  # the trust region ends inside of its bounds: all unknowns are logarithms
 STEP = 1e-5  # of an unknown, for differences of the gradient
@@ -38,7 +38,7 @@ def least_squares(
         return start, float(np.sum(residuals(start) ** 2)) / 2
     room = 1e-9 * np.maximum(1, np.abs(start))
     start = np.clip(start, lower + room, upper - room)
-    with _blas().limit(limits=1, user_api="blas"):
+    with lapack().limit(limits=1):
         found = scipy.optimize.least_squares(
             residuals,
             start,
@@ -55,11 +55,6 @@ def least_squares(
             point = _last_digits(residuals, jacobian, point, lower, upper)
             cost = _cost(residuals, point)
     return point, cost
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController()
 
 
 def _cost(residuals, point):

@@ -1,6 +1,6 @@
 """Kernels: the response of a block at every wavevector of a grid."""
 
-from .steady import kernel_table, stack_kernel
+from .steady import stack_kernel
 from .window import window_kernel
 
-__all__ = ["kernel_table", "stack_kernel", "window_kernel"]
+__all__ = ["stack_kernel", "window_kernel"]

@@ -28,14 +28,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..blocks.bond import AbstractBond
 from ..blocks.stack import GradedLayer, Stack, moduli_of
 from ..core.checks import is_concrete
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
-from ..response.compliance import compliance_of
+from ..response.compliance import compliance_or_nan, compliance_parts
 from ..response.grading import check_profiles, graded_tolerance
-from ..response.matrix import compliance_parts
+from .table import barycentric
 
 NODES, _NODES_OF_STEP = 32, 14
 LONGEST = 1e8  # longest time over shortest; the error is 5e-3 there
@@ -93,15 +92,8 @@ class Creep(eqx.Module):
 
     def shares(self, q: Float[Array, " points"]) -> Float[Array, "waves points"]:
         """Returns what a table is multiplied with: its response at wavenumbers [m/Pa, rad/m]."""
-        # The barycentric formula; a place at a node has its value.
-        angle = np.pi * (np.arange(_WAVES) + 0.5) / _WAVES
-        weight = ((1 - 2 * (np.arange(_WAVES) % 2)) * np.sin(angle))[:, None]
         low, high = self.log_q
-        place = (2 * jnp.log(q) - low - high) / (high - low)
-        distance = place - jnp.cos(angle).astype(place.dtype)[:, None]
-        share = weight / jnp.where(distance == 0, 1, distance)
-        share = jnp.where(jnp.any(distance == 0, axis=0), distance == 0, share)
-        share = share / jnp.sum(share, axis=0)
+        share = barycentric((2 * jnp.log(q) - low - high) / (high - low), _WAVES).T
         return share * (jnp.exp(jnp.log(self.longest) @ share) / q)
 
 
@@ -122,14 +114,11 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
     if not all(map(is_concrete, jax.tree.leaves((stack, steps)))):
         return
     omega = -1j * contour(jnp.min(steps), jnp.sum(steps), 8).nodes
-    bonds = [layer.bond for layer in stack.layers if layer.bond is not None]
-    for part in (*stack.layers, stack.base, *bonds):
+    for part in (*stack.layers, stack.base):
         name, own = "material", getattr(part, "material", None)
         if isinstance(part, GradedLayer):
             name, own = "profile", part.profile
             law = lambda w, p=own: p(jnp.asarray(0.5, steps.dtype), w)  # noqa: E731
-        elif isinstance(part, AbstractBond):
-            name, own, law = ("bond", part, part.gives) if own is None else (name, own, part.gives)
         elif own is not None:
             law = lambda w, m=own: moduli_of(m, w)  # noqa: E731
         else:
@@ -161,8 +150,8 @@ def _creep(stack: Stack, ends: Array, steps: Array, rtol: float, coupled: bool) 
         """|q| M along z of a pressure, and if `coupled` of a traction, but for i q·e/|q|."""
         wave, omega = jnp.broadcast_arrays(q[None, :], -1j * s[:, None])
         if not coupled:
-            return q * compliance_of(stack, wave, omega, rtol, throw=False)[None] + 0j
-        (_, c12, c22, *_), _ = compliance_parts(stack, wave, omega, rtol, False)
+            return q * compliance_or_nan(stack, wave, omega, rtol)[None] + 0j
+        (_, c12, c22, *_), _ = compliance_parts(stack, wave, omega, rtol, throw=False)
         return q * jnp.stack([c22 + 0j, c12 + 0j])
 
     def of_step(step):

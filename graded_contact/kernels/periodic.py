@@ -2,11 +2,10 @@
 
 M_zz depends on |q| and ω, and M(q, -ω) is the conjugate of M(q, ω): so it is computed on the
 quadrant of positive components of q and for ω >= 0 only. That of graded and long stacks is
-interpolated from a table over log |q| and log ω (`kernel_interpolation.py`).
+interpolated from a table over log |q| and log ω (`table`).
 """
 
 from collections.abc import Callable
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -17,10 +16,10 @@ from ..blocks.stack import Stack, check_at_rest
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid
-from ..response.compliance import compliance_of, log_compliance
+from ..response.compliance import compliance_or_nan
 from ..response.grading import check_profiles, graded_tolerance
 from .steady import is_dear
-from .table import tabulate
+from .table import log_compliance, tabulate
 
 _BLOCK = 16  # frequencies that are computed at once
 
@@ -110,7 +109,7 @@ def _at_frequencies(response, num_times: int, period):
 
 def _direct(stack, q, num_times: int, period, rtol):
     def response(omega):
-        return compliance_of(stack, q, omega, rtol, throw=False)
+        return compliance_or_nan(stack, q, omega, rtol)
 
     found = _at_frequencies(response, num_times, period)
     return found, jnp.where(jnp.all(jnp.isfinite(found)), 0.0, jnp.nan)
@@ -123,12 +122,11 @@ def _interpolated(stack, q, num_times: int, period, rtol):
     power = jnp.log(highest / lowest) / np.log(top)
     omega = 2 * np.pi / period
 
-    def logarithm(kq, kt, attempt=False):
+    def logarithm(kq, kt):
         wave = lowest * jnp.maximum(kq, 1) ** power
-        return log_compliance(stack, wave, omega * kt, rtol, attempt)
+        return log_compliance(stack, wave, omega * kt, rtol)
 
-    most = (top, num_times // 2)
-    table = tabulate(logarithm, partial(logarithm, attempt=True), most, rtol, q.dtype)
+    table = tabulate(logarithm, (top, num_times // 2), q.dtype)
     places = (q / lowest) ** (1 / power)
     rows = table.along_x(places, table.along_y(np.arange(num_times // 2 + 1)))
     return jnp.exp(rows.T) / q, table.error

@@ -38,9 +38,9 @@ from ..fields.devices import num_devices, required, spread, whole_along
 from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero_mode
 from ..materials.softening import at_strain, softens
-from ..response.compliance import compliance_of, log_compliance
+from ..response.compliance import compliance_or_nan
 from ..response.grading import checked_velocity, graded_tolerance
-from .table import KernelTable, tabulate
+from .table import log_compliance, tabulate
 
 _BLOCK_ROWS = 16
 # With so few layers, or points of the grid, direct evaluation is faster than a table.
@@ -49,8 +49,7 @@ _FEW_LAYERS, _FEW_POINTS = 6, 192**2
 
 _NOT_REACHED = (
     "The tolerance was not reached in a kernel: the profile of a graded layer varies too sharply. "
-    "Put boundaries at its jumps, list its kinks in `breaks`, pass a larger `rtol`, or call "
-    "`stack_kernel` outside `jit`, `vmap` and derivatives, where it can evaluate all waves."
+    "Put boundaries at its jumps, list its kinks in `breaks`, or pass a larger `rtol`."
 )
 
 
@@ -66,8 +65,7 @@ def stack_kernel(
 
     Up to six homogeneous layers are evaluated at every wavevector, to rounding. Longer stacks
     and graded layers are interpolated from a table on grids of some size if the velocity is
-    along x; `kernel_table` shows its cost and error. A table that misses `rtol` is replaced by
-    direct evaluation; under `jit`, where that cannot be decided, it is an error.
+    along x. A table that misses `rtol` is replaced by direct evaluation.
 
     **Arguments:**
 
@@ -86,18 +84,16 @@ def stack_kernel(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
     how = dict(rtol=rtol, strain=strain)
-    kernel, reached = attempted_kernel(stack, grid, velocity, choosing=False, **how)
+    kernel, reached = attempted_kernel(stack, grid, velocity, **how)
     return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
 
 
 def attempted_kernel(
-    stack: Stack, grid: Grid, velocity, *, rtol=None, strain=None, choosing=True
+    stack: Stack, grid: Grid, velocity, *, rtol=None, strain=None
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""] | bool]:
     """Returns the kernel, and whether it reached its tolerance; does not raise.
 
-    Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed. If
-    `choosing`, a table that misses it gives way to direct evaluation under `jit`, too: both are
-    compiled.
+    Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed.
     """
     velocity = checked_velocity(stack, grid, velocity)
     rtol = graded_tolerance(stack, rtol, grid.size)
@@ -113,45 +109,17 @@ def attempted_kernel(
 
     def direct():
         kernel = _direct_kernel(stack, grid, velocity, rtol, strain)
-        return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else True
+        return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
 
     if strain is None and not oblique and grid.ndim == 2 and is_dear(stack, math.prod(grid.shape)):
         kernel, error = _interpolated_kernel(stack, grid, velocity, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.
         table, missed = (kernel, error <= rtol), error > rtol
-        if choosing and not is_concrete(error):
+        if not is_concrete(missed):
             return jax.lax.cond(missed, direct, lambda: table)
-        if not is_concrete(error) or not missed:
+        if not missed:
             return table
     return direct()
-
-
-def kernel_table(
-    stack: Stack,
-    grid: Grid,
-    velocity: Numbers = 0.0,
-    *,
-    rtol: float | None = None,
-) -> KernelTable:
-    """Returns the table of log(q M_zz) from which `stack_kernel` interpolates.
-
-    `.num_evaluations` counts the wavevectors at which the stack was solved and `.error` is the
-    estimated relative error of the kernel. Arguments as in `stack_kernel`; the grid must have
-    two dimensions and the velocity be along x.
-
-    **Arguments:**
-
-    - `stack`, `grid`, `velocity`, `rtol`: as in `stack_kernel`.
-
-    **Returns:** the table, with its cost and error.
-
-    **Raises:** `ValueError` for a refused argument.
-    """
-    velocity = checked_velocity(stack, grid, velocity)
-    rtol = graded_tolerance(stack, rtol, grid.size)
-    if grid.ndim == 1 or velocity.ndim == 1:
-        raise ValueError("A table needs a `grid` of two dimensions and sliding along x.")
-    return _kernel_table(stack, grid, velocity, rtol)
 
 
 def is_dear(stack: Stack, num_points: int) -> bool:
@@ -164,7 +132,7 @@ def is_dear(stack: Stack, num_points: int) -> bool:
 @compiled
 def _direct_kernel(stack, grid, velocity, rtol, strain):
     def response(block, q, omega):
-        return [compliance_of(block, q, omega, rtol, throw=False)]
+        return [compliance_or_nan(block, q, omega, rtol)]
 
     return of_waves(response, stack, grid, velocity, strain)[0]
 
@@ -216,13 +184,12 @@ def _interpolated_kernel(stack, grid, velocity, rtol):
 def _kernel_table(stack, grid, velocity, rtol):
     lowest = 2 * np.pi / grid.size
 
-    def logarithm(kx, ky, attempt=False):
+    def logarithm(kx, ky):
         qx, qy = kx * lowest[0], ky * lowest[1]
         q, omega = _magnitude(qx, qy), sliding_frequency(qx, qy, velocity)
-        return log_compliance(stack, q, omega, rtol, attempt)
+        return log_compliance(stack, q, omega, rtol)
 
-    highest = (grid.shape[0] // 2, grid.shape[1] // 2)
-    return tabulate(logarithm, partial(logarithm, attempt=True), highest, rtol, grid.size.dtype)
+    return tabulate(logarithm, (grid.shape[0] // 2, grid.shape[1] // 2), grid.size.dtype)
 
 
 def _mirrored(rows_of, grid):

@@ -1,7 +1,7 @@
 """The response of a stack to tangential traction in the direction of sliding, on a half spectrum.
 
 A traction T along the unit vector e moves the surface by M_ze T along z and by M_ee T along e. The
-pressure moves it along e by M_ez = -M_ze. With c11, c12 and c_T of `matrix` and a = q·e/|q|
+pressure moves it along e by M_ez = -M_ze. With c11, c12 and c_T of `compliance` and a = q·e/|q|
 
     M_ze = i c12 a,      M_ee = c11 a² + c_T (1 - a²).
 
@@ -18,8 +18,8 @@ from ..blocks.stack import Stack, check_at_rest, is_graded
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, Waves, nyquist_lines, wavenumber, wavevector, zero_mode
+from ..response.compliance import compliance_parts
 from ..response.grading import check_profiles, graded_tolerance
-from ..response.matrix import compliance_parts
 from .periodic import of_period, period_frequencies
 from .steady import of_waves
 
@@ -60,7 +60,7 @@ def _good(stack: Stack, parts) -> Array:
 
 
 def _response(rtol, block, q, omega):
-    (c11, c12, _, c_t, _), error = compliance_parts(block, q, omega, rtol, False)
+    (c11, c12, _, c_t), error = compliance_parts(block, q, omega, rtol, throw=False)
     shape = jnp.broadcast_shapes(q.shape, omega.shape)
     bad = error > rtol if is_graded(block) else jnp.asarray(False)
     return [jnp.broadcast_to(jnp.where(bad, jnp.nan, part), shape) for part in (c11, c12, c_t)]

@@ -1,6 +1,5 @@
 """Laws of moduli E(ω) and ν(ω), with temperature and strain; the range that was measured."""
 
-from ..core.deprecation import old_names
 from .coverage import MeasuredRange, coverage
 from .library import tyre_tread
 from .material import AbstractMaterial, BulkShear, Elastic, Prony
@@ -14,5 +13,3 @@ __all__ = [
     "MeasuredRange", "Prony", "StrainSoftening", "Tabulated", "TabulatedShift", "at_strain",
     "coverage", "tyre_tread",
 ]  # fmt: skip
-
-__getattr__ = old_names(__name__)

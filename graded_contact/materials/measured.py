@@ -12,7 +12,7 @@ from ..core.display import shown
 ISOTHERM_GAP = 1.0  # K from one isotherm to the next; instruments vary by a few tenths
 
 
-@shown("kind", "deformation", "abscissa", "values", "temperature", "history", "assumed")
+@shown("kind", "deformation", "abscissa", "values", "temperature", "history")
 @dataclasses.dataclass(frozen=True, eq=False)
 class Measured:
     """Measured moduli or compliances, sorted by isotherm, then by frequency or time.
@@ -28,7 +28,6 @@ class Measured:
     - `lines`: the line of each point in the file, shape `(points,)`.
     - `path`: the file.
     - `history`: how the file was read, one sentence for each step.
-    - `assumed`: those of them that neither the file nor the user states, and that change a number.
     """
 
     kind: str
@@ -40,7 +39,6 @@ class Measured:
     lines: Int[np.ndarray, " points"]
     path: Path
     history: tuple[str, ...]
-    assumed: tuple[str, ...] = ()
 
     def isotherms(self) -> tuple["Measured", ...]:
         """Returns the isotherms, from the coldest to the hottest."""
@@ -116,18 +114,7 @@ def joined(parts: Sequence[Measured]) -> Measured:
         **{name: all_of(name)[order] for name in ("abscissa", "values", "temperature", "lines")},
         isotherm=isotherm[order],
         history=(*(sentence for part in parts for sentence in part.history), note),
-        assumed=tuple(dict.fromkeys(sentence for part in parts for sentence in part.assumed)),
     )
-
-
-def distinct(parts: Sequence[Measured]) -> bool:
-    """Whether no two parts hold isotherms of one temperature."""
-    if any(part.temperature is None for part in parts):
-        return False
-    owner = np.repeat(np.arange(len(parts)), [np.max(part.isotherm) + 1 for part in parts])
-    _, group = _curves(parts)
-    # Each group then belongs to one part: there are no more pairs than groups.
-    return len(set(zip(group.tolist(), owner.tolist(), strict=True))) == len(set(group))
 
 
 def _curves(parts: Sequence[Measured]) -> tuple[list[Measured], np.ndarray]:

@@ -1,5 +1,1 @@
-"""The page: a scene with sliders, in the browser or in a notebook."""
-
-from .serving import explore
-
-__all__ = ["explore"]
+"""A scene as a page of sliders in the browser."""

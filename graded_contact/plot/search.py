@@ -10,7 +10,7 @@ from .style import COLOURS, PAGE, few_powers_of_ten, finished, panels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..studies.search import Design
+    from ..design.search import Design
 
 
 @finished
@@ -27,21 +27,21 @@ def plot_search(design: "Design", *, axes: Any = None) -> "Figure":
     """
     from matplotlib.ticker import MaxNLocator
 
-    best, history = design.best, design.best.history
-    constrained = history.margins.size > 0
+    best = design.best
+    constrained = best.margins.size > 0
     shown = panels(axes, "abc" if constrained else "ab", (PAGE, 2.9))
     value, *limits, parameters = shown
     for run in design.runs:
         style = {"color": COLOURS[0], "zorder": 3} if run is best else {"color": "0.7"}
-        value.plot(np.arange(1, 1 + len(run.history.values)), run.history.values, ".-", **style)
-    tried = np.concatenate([run.history.values for run in design.runs])
+        value.plot(np.arange(1, 1 + len(run.values)), run.values, ".-", **style)
+    tried = np.concatenate([run.values for run in design.runs])
     # A logarithmic axis needs positive values, and is worth it from two decades on.
     if 0 < 100 * np.min(tried) < np.max(tried):
         value.set_yscale("log")
     value.set_ylabel("objective")
-    evaluation = np.arange(1, 1 + len(history.values))
+    evaluation = np.arange(1, 1 + len(best.values))
     for panel in limits:
-        for name, margins in zip(design.constraints, history.margins.T, strict=True):
+        for name, margins in zip(_names(design.constraints), best.margins.T, strict=True):
             panel.plot(evaluation, margins, ".-", label=f"(b) {name}")
         ends = panel.get_ylim()
         # Grey is not allowed.
@@ -49,7 +49,7 @@ def plot_search(design: "Design", *, axes: Any = None) -> "Figure":
         panel.set_ylim(ends)
         panel.set_ylabel("constraint (0 or more allowed)")
     # Relative to the result, because parameters have unlike units and sizes.
-    ratios = history.parameters / np.array(best.parameters)
+    ratios = best.parameters / best.parameters[best.best]
     for name, ratio in zip(_names(design.parameters), ratios.T, strict=True):
         parameters.plot(evaluation, ratio, ".-", label=f"({'c' if constrained else 'b'}) {name}")
     parameters.set_ylabel("parameter / result")

@@ -1,11 +1,17 @@
-"""Measured files as objects: moduli, Prony series and topographies."""
+"""Measured files as objects. Nothing is guessed: what a file does not state, the caller gives."""
 
-from .measured_friction import MeasuredFriction, read_friction
+from .friction import MeasuredFriction, read_friction
 from .moduli import read_moduli, read_strain_sweep
 from .prony import read_prony
+from .source import NotPlain
 from .topography import read_surface
 
 __all__ = [
-    "MeasuredFriction", "read_friction", "read_moduli", "read_prony", "read_strain_sweep",
+    "MeasuredFriction",
+    "NotPlain",
+    "read_friction",
+    "read_moduli",
+    "read_prony",
+    "read_strain_sweep",
     "read_surface",
-]  # fmt: skip
+]

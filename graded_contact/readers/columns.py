@@ -1,284 +1,233 @@
-"""Which column of a table of measurements is which quantity, in which unit."""
+"""Which column of a table is which quantity, in which unit; one error for all that is missing."""
 
-import operator
+import dataclasses
 import re
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..core.display import short
-from .decisions import Log, Options, settled
-from .other_tables import check_others
-from .tables import DataColumn, DataTable, credible, value_above
-from .units import DIMENSIONS, PER_SECOND, UNITS, Heading
-from .ways import ALL_WAYS, AT_LOAD, Way, way_of, ways_of_kind
+from .tables import Column, Table
+from .units import UNITS
 
-_WITH_TANGENT = ("storage loss", "storage_compliance loss_compliance")  # whose ratio is tan delta
-# In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
-_STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formation|dehnung)")
-_NO_AMPLITUDE = re.compile(r"(?i)\bcmd\b|command|ratio|constant")  # as TRIOS has beside the strain
-ALIKE = 0.02  # columns whose values differ by less are the same
-SAME_FREQUENCY = 1e-3  # relative, between frequencies that are meant to be equal
+_DEFORMATIONS = {"E": "tension", "D": "tension", "G": "shear", "J": "shear"}
+_WORDS = {"shear": "shear", "tens": "tension", "young": "tension"}
 
 
-_HZ_ASSUMED = "assumed by its name; if it is not, pass `units={'frequency': 'rad/s'}`"
+class Quantity(NamedTuple):
+    """A quantity of a table.
 
+    **Fields:**
 
-class Unclear(ValueError):
-    """A sweep is there, but some of its columns must be chosen, or need a unit."""
-
-
-class MeasuredTable(NamedTuple):
-    """A table whose columns are understood.
-
-    - `way`: of `ALL_WAYS` or `SWEEPS`.
-    - `columns`: those needed, by quantity.
-    - `check`: the column of tan delta, if the moduli do without it.
-    - `load`: the constant stress of a creep test [Pa], or strain of a relaxation test [1], if no
-      column holds it.
-    - `table`: the names, and the lines above.
-    - `points`: a frame with the line, curve, step, cells and, if the row does not fit the columns,
-      number of cells of each point; and in SI units its numbers, by quantity and as "check".
-    - `unused`: names of the other columns.
-    - `options`: of the user, completed by the format.
+    - `dimension`: in `UNITS`.
+    - `names`: a pattern. Names are compared without spaces, dots and underscores, exactly and then
+      in small letters.
+    - `unit`: if none is stated or given; None asks for one.
     """
 
-    way: Way
-    columns: dict[str, DataColumn]
-    check: DataColumn | None
-    load: float | None
-    table: DataTable
-    points: Any
-    unused: list[str]
-    options: Options
-
-    @property
-    def log(self) -> Log:
-        return self.table.log
-
-    @property
-    def num_rows(self) -> int:
-        return len(self.points) // self.table.blocks
-
-    @property
-    def kind(self) -> str:
-        return self.way.kind
-
-    @property
-    def abscissa(self) -> str:
-        """The quantity that was swept."""
-        return self.way.names[0]
+    dimension: str
+    names: str
+    unit: str | None = None
 
 
-def measured_table(table: DataTable, options: Options) -> MeasuredTable:
-    """Returns which column of a table is which quantity.
+class Understood(NamedTuple):
+    """A table whose columns are known.
 
-    Raises `ValueError` that names the line, and all arguments that would help.
+    **Fields:**
+
+    - `table`: as read.
+    - `way`: the quantities that are used.
+    - `columns`, `units`: of each quantity.
+    - `numbers`: of each quantity in SI units, NaN for empty cells.
+    - `deformation`: "tension" or "shear", None for other tables.
+    - `told`: how the columns were understood.
     """
-    if all(map(table.misfit, table.rows)):
-        first = f"line {table.rows[0].line} has {table.misfit(table.rows[0])} entries"
-        raise ValueError(f"{first}, unlike {table.place} with {table.listed()}")
-    stated = {heading.quantity for heading in table.headings}
-    if not any(set(way.names) <= stated for way in ALL_WAYS):
-        check_others(table, options.columns.values())
-    width, numbers = len(table.names), [n for n in options.columns.values() if isinstance(n, int)]
-    if table.blocks > 1 and max(numbers, default=0) > width:  # one of the curves side by side
-        names, units = table.names * table.blocks, table.units * table.blocks
-        table = table._replace(names=names, units=units, blocks=1)
-    places = _candidates(table, options)
-    if options.temperature is not None:
-        places.pop("temperature", None)
-    above = [row for segment in {row.segment for row in table.rows} for row in table.above[segment]]
-    stress = None if options.kind == "relaxation" else value_above(above, "stress")
-    load = stress if options.load is None else options.load
-    way = way_of(table, places, load is not None, options)
-    beside = {"frequency" if way.kind == "strain" else "temperature"} & set(places)
-    needed = {name: places[name] for name in (*way.names, *beside)}
-    if len(times := needed.get("time", ())) > 1:
-        needed["time"] = [i for i in times if table.headings[i].step] or times
-    found = {name: _unrepeated(table, name, needed[name], options) for name in needed}
-    columns = {name: each[0] for name, each in found.items() if each[0] is not None}
-    lacking = []
-    several = {name: needed[name] for name, each in found.items() if len(each) > 1}
-    for name, where in several.items():
-        lacking.append(f"{' and '.join(map(table.label, where))} may be the {name}")
-    if several:
-        lacking.append(_how_to_choose(table, several))
-    lacking += [
-        _unit_needed(table, name, needed[name][0]) for name in needed if name not in columns
-    ]
-    used = {column.place for column in columns.values()}
-    others = [name for i, name in enumerate(table.names) if name and i not in used]
-    if lacking:
-        abscissa = DataColumn(way.names[0], needed[way.names[0]][0])
-        swept = len(np.unique(credible(abscissa.numbers(table.rows)))) > 1
-        raise (Unclear if swept else ValueError)(f"{table.place}: {'; '.join(lacking)}")
-    _check_reciprocal(columns, options)
-    for name, column in columns.items():
-        (table.log.assume if column.source == _HZ_ASSUMED else table.log.note)(column.sentence)
-        if len(needed[name]) > len(found[name]):
-            alike = " and ".join(map(table.label, needed[name]))
-            table.log.note(f"{alike} are the same; the first is used.")
-    tangents = places.get("tan_delta", []) if way.quantities in _WITH_TANGENT else []
-    check = _column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None
-    points = _points_frame(table, columns | ({"check": check} if check else {}))
-    load = load if way in AT_LOAD else None
-    return MeasuredTable(way, columns, check, load, table, points, others, options)
+
+    table: Table
+    way: tuple[str, ...]
+    columns: dict[str, Column]
+    units: dict[str, str]
+    numbers: dict[str, np.ndarray]
+    deformation: str | None
+    told: str
 
 
-def _points_frame(table: DataTable, columns: dict[str, DataColumn]) -> Any:
-    """The frame of `MeasuredTable`: a point for each row of each block."""
-    import pandas as pd
+def understood(
+    table: Table,
+    quantities: Mapping[str, Quantity],
+    ways: Sequence[tuple[str, ...]],
+    *,
+    also: Sequence[str] = (),
+    deformation: str | None = None,
+    deformed: bool = True,
+) -> Understood:
+    """Returns the numbers of the first way whose quantities the table has.
 
-    width, blocks = len(table.names), range(table.blocks)
-    pairs = [(row, block) for row in table.rows for block in blocks]
-    entries = {row.line: table.misfit(row) for row in table.rows}
-    cells = [
-        (row.cells[block * width : (block + 1) * width] + [""] * width)[:width]
-        for row, block in pairs
-    ]
-    points: dict[str, Any] = {
-        "line": [row.line for row, _ in pairs],
-        "curve": [row.segment * len(blocks) + block for row, block in pairs],
-        "step": [row.step for row, _ in pairs],
-        "entries": [entries[row.line] for row, _ in pairs],
-        "cells": cells,
+    **Arguments:**
+
+    - `table`: with the options `columns` and `units` of its source: the name, or the number from 1,
+      of the column of a quantity, and the unit of a dimension, where the file states none.
+    - `quantities`: that a table may hold.
+    - `ways`: quantities that are enough, the best first.
+    - `also`: quantities that are read if they are there.
+    - `deformation`: "tension" or "shear"; asked for if moduli are `deformed` and no name says it.
+
+    **Raises:** `NotPlain`, with all that is missing.
+    """
+    search = _Search(table, quantities)
+    way, found = search.columns_of(ways, also)
+    units = search.units_of(found)
+    whose = search.deformation_of(way, found, deformation) if deformed else None
+    if logarithms := [c.label for c in found.values() if re.match(r"(?i)log|ln\b", c.name)]:
+        search.reasons.append(f"{' and '.join(logarithms)} hold logarithms: write the numbers")
+    if search.reasons:
+        raise table.not_plain(search.reasons, **search.options)
+    numbers = {
+        name: table.numbers(column, quantities[name].dimension, units[name])
+        for name, column in found.items()
     }
-    for name, column in columns.items():
-        points[name] = column.si(each[column.place] for each in cells)
-    return pd.DataFrame(points)
+    parts = [f"{column.label} is the {name} in {units[name]}" for name, column in found.items()]
+    used = {column.place for column in found.values()}
+    unused = [column.name for column in table.columns if column.place not in used and column.name]
+    left = f" Not used: {', '.join(unused)}." if unused else ""
+    first, last = table.lines[[0, -1]]
+    read = f"Read lines {first} to {last} of {table.source.path.name}: {'; '.join(parts)}.{left}"
+    return Understood(table, way, found, units, numbers, whose, read)
 
 
-def _unit_needed(table: DataTable, name: str, place: int) -> str:
-    """How to give the unit of a column, or why the column is not what it was taken for."""
-    dimension, unit = _dimension(table, name, place), table.unit(place) or table.units[place]
-    stated = f"{unit!r} as unit" if unit else "no known unit"
-    start = f"{table.label(place)}, the {name}, has {stated}"
-    if _of_another_kind(unit, dimension):
-        return f"{start}, which is none of a {dimension}: choose another column by `columns`"
-    first, *rest = UNITS[dimension]
-    return (
-        f"{start}; pass for instance `units={ {dimension: first} }`; others are {', '.join(rest)}"
+@dataclasses.dataclass
+class _Search:
+    """What is not clear of a table, and the options that would make it clear."""
+
+    table: Table
+    quantities: Mapping[str, Quantity]
+    reasons: list[str] = dataclasses.field(default_factory=list)
+    options: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+    def columns_of(
+        self, ways: Sequence[tuple[str, ...]], also: Sequence[str]
+    ) -> tuple[tuple[str, ...], dict[str, Column]]:
+        """The way that is used, and the column of each quantity."""
+        given = self.table.source.options.get("columns", {})
+        places = self._places(given)
+        asked = set(given) - set(also)
+        # Of ways for which as much is missing, the first.
+        way = min(ways, key=lambda names: (len(asked - set(names)), len(set(names) - set(places))))
+        if left := sorted(asked - set(way)):
+            self.reasons.append(f"`columns` names {left} beside {list(way)}: leave them out")
+        missing = [name for name in way if name not in places]
+        if missing:
+            known = ", ".join(places) or "none of them"
+            needed = "; or ".join(", ".join(names) for names in ways)
+            self.reasons.append(f"its names say {known}; needed are {needed}")
+        found = {}
+        for name in [*way, *also]:
+            if len(places.get(name, ())) > 1:
+                labels = " and ".join(column.label for column in places[name][:3])
+                self.reasons.append(f"{labels} may be the {name}")
+                missing.append(name)
+            elif name in places:
+                found[name] = places[name][0]
+        if missing and not asked and not set(places) & set(way):
+            self.options["columns"] = {"...": "..."}
+        elif missing:
+            self.options["columns"] = dict.fromkeys(missing, "...")
+        return way, found
+
+    def _places(self, given: Mapping[str, str | int]) -> dict[str, list[Column]]:
+        """The columns that may be each quantity: those that are given, others by their names."""
+        places: dict[str, list[Column]] = {}
+        for name, column in given.items():
+            if name not in self.quantities:
+                raise ValueError(f"`columns` names {name!r}: use one of {list(self.quantities)}.")
+            places[name] = [c for c in self.table.columns if column in (c.name, c.place + 1)]
+            if len(places[name]) != 1:
+                listed = [c.name or c.place + 1 for c in self.table.columns]
+                many = len(places[name]) or "no"
+                reason = f"{many} columns are {column!r}; there are {listed}"
+                raise self.table.not_plain([reason], columns={name: "..."})
+        taken = {column.place for columns in places.values() for column in columns}
+        for column in self.table.columns:
+            name = quantity_of(column.name, self.quantities)
+            if name is not None and name not in given and column.place not in taken:
+                places.setdefault(name, []).append(column)
+        return places
+
+    def units_of(self, found: Mapping[str, Column]) -> dict[str, str]:
+        """The unit of each column; a given one counts where the file states none that is known."""
+        given = self.table.source.options.get("units", {})
+        self._check_units(given, found)
+        units, lacking = {}, {}
+        for name, column in found.items():
+            dimension, _, usual = self.quantities[name]
+            stated = column.unit if column.unit in UNITS[dimension] else None
+            if not stated and any(column.unit in UNITS[other] for other in UNITS):
+                self.reasons.append(f"{column.label}, the {name}, is in {column.unit}")
+            if stated and given.get(dimension, stated) != stated:
+                self.reasons.append(
+                    f"{column.label} is in {stated}, as the file says: leave out "
+                    f"`units={ {dimension: given[dimension]} }`, or correct the file"
+                )
+            unit = stated or given.get(dimension) or usual
+            if unit is None:
+                lacking[dimension] = "..."
+            else:
+                units[name] = unit
+        if lacking:
+            self.reasons += [f"no unit of the {dimension} is stated" for dimension in lacking]
+            self.options["units"] = lacking
+        return units
+
+    def _check_units(self, given: Mapping[str, str], found: Mapping[str, Column]) -> None:
+        used = {self.quantities[name].dimension for name in found}
+        known = {quantity.dimension for quantity in self.quantities.values()}
+        for dimension, unit in given.items():
+            if dimension not in known or unit not in UNITS[dimension]:
+                allowed = list(UNITS[dimension]) if dimension in known else sorted(known)
+                raise ValueError(f"`units={ {dimension: unit} }` must have one of {allowed}.")
+            if dimension not in used and not self.reasons:
+                self.reasons.append(f"no column needs the unit of the {dimension}: leave it out")
+
+    def deformation_of(
+        self, way: tuple[str, ...], found: Mapping[str, Column], given: str | None
+    ) -> str | None:
+        """Tension or shear of moduli, by the names of the columns or as it is given."""
+        if given not in (None, "tension", "shear"):
+            raise ValueError(f"`deformation` must be 'tension' or 'shear', not {given!r}.")
+        if not {self.quantities[name].dimension for name in way} & {"modulus", "compliance"}:
+            return given
+        stated = {kind for column in found.values() if (kind := deformation_in(column.name))}
+        if not stated and given is None:
+            self.reasons.append("no name says tension (E, D) or shear (G, J)")
+            self.options["deformation"] = "..."
+        if len(stated | {given} - {None}) > 1:
+            said = " and ".join(sorted(stated))
+            self.reasons.append(f"its names say {said}" + f", not {given}" * bool(given))
+        return next(iter(stated), given)
+
+
+def quantity_of(name: str, quantities: Mapping[str, Quantity]) -> str | None:
+    """Returns the quantity that a heading names, None for another one."""
+    bare = _bare(name)
+    found = (
+        quantity
+        for text in (bare, bare.lower())
+        for quantity, (_, names, _) in quantities.items()
+        if re.fullmatch(names, text)
     )
+    return next(found, None)
 
 
-def _dimension(table: DataTable, quantity: str, place: int) -> str:
-    """The dimension of the numbers in a column."""
-    return "time" if table.headings[place].period else DIMENSIONS[quantity]
+def _bare(name: str) -> str:
+    """A name without spaces, dots and underscores, and with primes in one spelling."""
+    name = re.sub(r"''|´´|′′|’’|[\"″”]", "''", name)
+    return re.sub(r"[\s_.]", "", re.sub(r"[′’´`]", "'", name))
 
 
-def _of_another_kind(unit: str | None, dimension: str) -> bool:
-    """Whether a unit is known, but not one of a dimension."""
-    return unit not in UNITS[dimension] and any(unit in units for units in UNITS.values())
-
-
-def _check_reciprocal(columns: dict[str, DataColumn], options: Options) -> None:
-    """Refuses units of a modulus for compliances, and of a compliance for moduli."""
-    for given, other in (("modulus", "compliance"), ("compliance", "modulus")):
-        used = {column.dimension: column for column in columns.values()}
-        if given in options.units and other in used and given not in used:
-            option = f"`units={ {given: options.units[given]} }`"
-            settled(used[other].label, used[other].unit, options.units[given], option=option,
-                    alike=lambda stated, unit: False)  # fmt: skip
-
-
-def _how_to_choose(table: DataTable, several: dict[str, list[int]]) -> str:
-    """How to choose between columns that may be the same quantity."""
-    first = {name: where[0] + 1 for name, where in several.items()}
-    kinds = {table.headings[place].deformation for where in several.values() for place in where}
-    by = " or by `deformation`" * (len(kinds) > 1)
-    last = table.blocks * len(table.names)
-    curves = f"; numbers up to {last} choose one of {table.blocks} curves" * (table.blocks > 1)
-    return f"choose, for instance by `columns={first}`{by}{curves}"
-
-
-def _candidates(table: DataTable, options: Options) -> dict[str, list[int]]:
-    """The columns that may be each quantity, by the options or by the headings."""
-    places: dict[str, list[int]] = {}
-    for i, heading in enumerate(table.headings):
-        if heading.quantity is not None:
-            places.setdefault(heading.quantity, []).append(i)
-    if options.deformation is not None:
-        for quantity, each in places.items():
-            named = [i for i in each if table.headings[i].deformation == options.deformation]
-            places[quantity] = named or each
-    if options.kind == "strain" and "strain" not in places:
-        named = [i for i, name in enumerate(table.names) if _STRAIN.search(name)]
-        measured = [i for i in named if not _NO_AMPLITUDE.search(table.names[i])]
-        places |= {"strain": measured or named} if named else {}
-    if not places and not options.columns and options.kind is not None:
-        names = ways_of_kind(options.kind)[0].names
-        if len(table.names) == len(names):
-            places = {quantity: [i] for i, quantity in enumerate(names)}
-    for quantity, name in options.columns.items():
-        found = [i for i, other in enumerate(table.names) if other == name or i + 1 == name]
-        if len(found) != 1:
-            same = f"{len(found) or 'no'} columns have that name or number"
-            reason = f"`columns` names {short(name)}, but {same}; there are {table.listed()}"
-            raise ValueError(f"{table.place}: {reason}")
-        settled(table.label(found[0]), _stated_role(table, found[0]), quantity,
-                option=f"`columns={ {quantity: name} }`", alike=_alike)  # fmt: skip
-        places[quantity] = found
-    return places
-
-
-def _stated_role(table: DataTable, place: int) -> str | None:
-    """The quantity that a name states; a letter alone does not: T may be a torque."""
-    name, quantity = table.names[place], table.headings[place].quantity
-    return quantity if len(re.split(r"[\s\[(/,]", name.strip())[0]) > 1 else None
-
-
-def _alike(stated: str, given: str) -> bool:
-    """Whether a column of one quantity may be that of the other, as their units say."""
-    return UNITS[DIMENSIONS[stated]] == UNITS[DIMENSIONS[given]]
-
-
-def _unrepeated(table: DataTable, quantity: str, places: list[int], options: Options) -> list:
-    """The columns of a quantity, without those that repeat the first one."""
-    columns = [_column(table, quantity, place, options) for place in places]
-    known = [column for column in columns if column]
-    if len(known) < max(2, len(columns)) or len({column.deformation for column in known}) > 1:
-        return columns
-    first, *others = (column.numbers(table.rows) for column in known)
-    for other in others:
-        both = np.isfinite(first) & np.isfinite(other) & (first != 0)
-        if not np.any(both) or np.max(np.abs(other[both] / first[both] - 1)) > ALIKE:
-            return columns
-    return columns[:1]
-
-
-def _column(table: DataTable, quantity: str, place: int, options: Options) -> DataColumn | None:
-    """The column of a quantity; None if its unit is not known."""
-    heading, label = table.headings[place], table.label(place)
-    dimension = _dimension(table, quantity, place)
-    stated, given = table.unit(place), options.units.get(dimension)
-    if given is None:
-        unit, source = _unit_in_file(heading, stated or table.units[place], dimension, quantity)
-    else:
-        unit, source = settled(
-            label, stated, given, option=f"`units={ {dimension: given} }`",
-            alike=lambda stated, given: not _of_another_kind(stated, dimension),
-        ), options.source  # fmt: skip
-    if unit is None:
-        return None
-    deformation = settled(
-        label, heading.deformation, options.deformation,
-        option=f"`deformation={options.deformation!r}`", alike=operator.eq,
-    )  # fmt: skip
-    return DataColumn(
-        quantity, place, label, unit, source, deformation, heading.base, heading.period
-    )
-
-
-def _unit_in_file(
-    heading: Heading, unit: str | None, dimension: str, quantity: str
-) -> tuple[str | None, str]:
-    """The unit that a file gives a column, and where it comes from; None if it has to be asked."""
-    if unit in UNITS[dimension]:
-        return unit, "as in the file"
-    if dimension == "ratio":
-        return "1", "as usual"
-    # A cell below the name that is no unit, such as "mPa", may still be meant as one.
-    if dimension == "frequency" and unit in ("", None, PER_SECOND) and heading.quantity == quantity:
-        return ("rad/s", "by its name") if heading.angular else ("Hz", _HZ_ASSUMED)
-    return None, ""
+def deformation_in(name: str) -> str | None:
+    """Returns "tension" for a name with E or D, "shear" for one with G or J, else None."""
+    bare = _bare(name)
+    if word := next((w for w in _WORDS if bare.lower().startswith(w)), None):
+        return _WORDS[word]
+    found = re.match(r"\|?([EGDJ])(?=['*(|]|stor|loss|abs|relax|[ijk]?$)", bare)
+    return _DEFORMATIONS[found[1]] if found else None

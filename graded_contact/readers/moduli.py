@@ -1,114 +1,108 @@
-"""Measured moduli and compliances from files of rheometers, DMAs and spreadsheets.
+"""Measured moduli and compliances from tables.
 
-Columns, units and temperatures that the file names are used; an error lists what is missing. Two
-things are assumed, with a caveat: a frequency that is not called angular is in Hz without a unit,
-and a modulus is Young's if nothing in the file says tension or shear. `Measured.history` records,
-in sentences, what was understood, `Measured.assumed` what was assumed.
-
-    a file ──> Sheet (rows of cells) ──> DataTable (names, rows with their segment and step)
-           ──> MeasuredTable (a frame of points in SI units, and what they are) ──> Measured
+a file ──> Table (names, units, cells) ──> the column of each quantity ──> Measured
 """
 
-import dataclasses
-import logging
 import os
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, short
-from ..core.files import Refusal
-from ..materials.measured import Measured, distinct, joined
-from .cells import TABLE_BYTES, Sheet, holds_data
-from .columns import MeasuredTable, Unclear
-from .decisions import Options
-from .modes import modes_on
-from .points import measured_points, one_each
-from .prony import written_series
-from .registry import opening, read_as
-from .series import SERIES
-from .steps import rank, understand
-from .units import DIMENSIONS, UNITS
-from .ways import ALL_WAYS
+from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
+from ..materials.measured import Measured, grouped, joined
+from .columns import Quantity, Understood, understood
+from .source import Layout, source_of
+from .tables import Table, read_table
+
+HUGE = 1e30  # in SI units; instruments write 9.9e37 where they measured nothing
+_REPEATED = 0.1  # part of the lines that may repeat a frequency without being an isotherm
+_RISE = 1.1  # of a relaxation modulus over time, by noise
+_OF_E = r"(shear|tensile|young's)?"
+QUANTITIES = {
+    "frequency": Quantity("frequency", r"f|w|ω|omega|freq(uency)?|ang(ular)?freq(uency)?"),
+    "time": Quantity("time", r"t|time"),
+    "temperature": Quantity("temperature", r"T|temp(erature)?"),
+    "storage": Quantity("modulus", rf"[EG]('|stor(age)?)|{_OF_E}storage(modulus)?"),
+    "loss": Quantity("modulus", rf"[EG](''|loss)|{_OF_E}loss(modulus)?"),
+    "magnitude": Quantity("modulus", rf"\|?[EG]\*\|?|{_OF_E}complexmodulus"),
+    "tan_delta": Quantity("ratio", r"tan\(?(delta|δ|d)\)?|lossfactor", "1"),
+    "phase": Quantity("angle", r"phase(angle)?|delta|δ"),
+    "modulus": Quantity("modulus", rf"[EG](\(t\)|relax(ation)?)?|{_OF_E}(relax(ation)?)?modulus"),
+    "storage_compliance": Quantity("compliance", r"[DJ]'|storagecompliance"),
+    "loss_compliance": Quantity("compliance", r"[DJ]''|losscompliance"),
+    "compliance": Quantity("compliance", r"[DJ](\(t\))?|(creep)?compliance"),
+    "strain": Quantity("ratio", r"strain|strainamplitude|strain(dyn)?|γ|ε|oscillationstrain"),
+}
+# The complex modulus by the quantities that are measured, the most direct first.
+_COMPLEX: dict[tuple[str, ...], Callable[..., Any]] = {
+    ("storage", "loss"): lambda storage, loss: storage + 1j * loss,
+    ("storage", "tan_delta"): lambda storage, tangent: storage * (1 + 1j * tangent),
+    ("magnitude", "tan_delta"): lambda size, tangent: size * np.exp(1j * np.arctan(tangent)),
+    ("magnitude", "phase"): lambda size, phase: size * np.exp(1j * phase),
+    ("storage_compliance", "loss_compliance"): lambda real, loss: 1 / (real - 1j * loss),
+}
+# By the quantities of a table, the kind of measurement and the values.
+_WAYS: dict[tuple[str, ...], tuple[str, Callable[..., Any]]] = {
+    **{("frequency", *names): ("frequency", value) for names, value in _COMPLEX.items()},
+    ("time", "modulus"): ("relaxation", lambda modulus: modulus),
+    ("time", "compliance"): ("creep", lambda compliance: compliance),
+}
+_SWEEPS = {("strain", *names): ("strain", value) for names, value in _COMPLEX.items()}
 
 
 def read_moduli(
     path: str | os.PathLike | Sequence[str | os.PathLike],
     *,
-    kind: str | None = None,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     deformation: str | None = None,
     poisson: Numbers | None = None,
     temperature: Numbers | None = None,
-    sheet: str | None = None,
-    step: str | int | Sequence[str | int] | None = None,
+    layout: Layout | None = None,
 ) -> Measured:
-    """Returns the moduli or compliances in a file, or in several files of one material.
+    """Returns the moduli or compliances in a table, or in several tables of one material.
 
-    Files: text with commas, semicolons, tabs or spaces, with decimal points or commas; Excel
-    workbooks (the extra `io`); the JSON of TRIOS; RepTate's `.tts`, `.osc`, `.gt` and `.creep`.
-    Columns have a line of names, such as "f, E', tan delta", "Storage modulus [MPa]", "log10 G'",
-    "J'' [1/MPa]", "Period [s]" or "G_loss_pa", and may have a line of units below it. Several
-    isotherms may be in one table with a column of temperature (steps above 1 K), below one another
-    with "25 °C" above each, side by side with "25 °C" above their columns, or on several sheets.
-    Creep and relaxation may be columns of stress and strain; a constant stress may be in a line
-    above the table ("stress: 2 kPa"). Rows may be in any order. A row that cannot be used is left
-    out and reported. An argument fills what the file leaves open, and corrects a unit by one of its
-    kind; it never overrides what the file states of another kind.
+    A plain table needs no options: its first line has names and units, such as
+    "f [Hz], E' [MPa], E'' [MPa], T [°C]", or the units stand in the line below. Rows with an empty
+    cell, or a number that is not positive, are left out, and the history lists them. Isotherms are
+    in one table with a column of temperature (steps above 1 K), or one in each of several files or
+    sections. Where something is missing, the error shows the first lines and the call to complete.
 
     **Arguments:**
 
-    - `path`: the file, or a list of files: each holds isotherms, or all parts of one.
-    - `kind`: "frequency", "relaxation" or "creep"; for a file without names it also sets the order
-      of the columns: frequency, storage, loss; time, modulus; time, compliance.
-    - `columns`: which column, by name or by number from 1, is the "frequency", "time",
-      "temperature", "storage", "loss", "magnitude", "tan_delta", "phase", "storage_compliance",
-      "loss_compliance", "compliance_magnitude", "modulus" (relaxation), "compliance" (creep),
-      "stress" or "strain".
-    - `units`: of "frequency", "time", "modulus", "compliance", "temperature", "angle", "ratio",
-      "stress", "strain", such as "MPa".
-    - `deformation`: "tension" (E) or "shear" (G).
+    - `path`: the file, text or Excel, or a list of files.
+    - `columns`: which column, by name or number from 1, is the "frequency", "time", "temperature",
+      "storage", "loss", "magnitude", "tan_delta", "phase", "modulus" (relaxation), "compliance"
+      (creep), "storage_compliance" or "loss_compliance".
+    - `units`: of "frequency", "time", "temperature", "modulus", "compliance", "ratio" or "angle",
+      where the file states none, such as {"modulus": "MPa"}.
+    - `deformation`: "tension" (E, D) or "shear" (G, J), where the names do not say it.
     - `poisson`: Poisson's ratio ν, to convert shear to tension by E = 2(1 + ν)G.
-    - `temperature`: [K], of the whole file or of each of its curves; of each of several files.
-    - `sheet`: of a workbook.
-    - `step`: of a test of several steps: numbers from 1, or titles or parts of them. By default
-      steps at one frequency are left out if others sweep the frequency.
+    - `temperature`: [K] of all tables, or of each, if they have no column of it.
+    - `layout`: of a table that is not plain: {"header": 9} for the number of the line of names,
+      "end" for that of the last line, "separator", "decimal" (","), "sheet" of a workbook, and
+      "section" of a rheometer's text, one name or a list.
 
-    **Returns:** isotherms, with a history of the reading and what was assumed, see `Measured`.
+    **Returns:** isotherms, with a history of the reading, see `Measured`.
 
-    **Raises:** `FileNotFoundError` for a missing file; `ValueError` for a file that is not
-    understood, naming the line and the arguments that would help, and for a table of other numbers,
-    such as a Prony series, by its name.
+    **Raises:** `FileNotFoundError`; `ValueError` for a table that needs options.
     """
-    paths = [path] if isinstance(path, str | os.PathLike) else path
-    named = isinstance(paths, list | tuple) and len(paths) > 0
-    if not named or not all(isinstance(each, str | os.PathLike) for each in paths):
-        raise ValueError(f"`path={path!r}` must be the name of a file, or a list of them.")
+    paths = [path] if isinstance(path, str | os.PathLike) else list(path)
     if poisson is not None:
-        poisson = float(as_scalar(poisson, "poisson"))
-        check_poisson("poisson", poisson)
-    if temperature is not None:
-        try:
-            temperature = np.asarray(temperature, float)
-        except (TypeError, ValueError):
-            words = f"`temperature={short(temperature)}` is refused: numbers [K] are needed."
-            raise ValueError(words) from None
-        check_positive("temperature", temperature, "[K]")
-    options = _checked_options(columns, units, sheet, step, kind, deformation)
-    options = dataclasses.replace(options, poisson=poisson)
-    each = [temperature] if len(paths) == 1 else one_each(temperature, len(paths), "files")
+        check_poisson("poisson", as_scalar(poisson, "poisson"))
+    layouts = _layouts(layout)
+    tables = [
+        read_table(source_of(each, "read_moduli", columns=columns, units=units, layout=one))
+        for each in paths
+        for one in layouts
+    ]
     parts = [
-        _moduli_in(Path(file), dataclasses.replace(options, temperature=kelvin))
-        for file, kelvin in zip(paths, each, strict=True)
+        _measured(_understood(table, deformation, kelvin), poisson, kelvin)
+        for table, kelvin in zip(tables, _kelvins(temperature, len(tables)), strict=True)
     ]
     return parts[0] if len(parts) == 1 else joined(parts)
-
-
-_REACHED = 0.9  # of a strain reached before: amplitudes that are measured scatter
 
 
 def read_strain_sweep(
@@ -116,140 +110,109 @@ def read_strain_sweep(
     *,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
-    sheet: str | None = None,
-    step: str | int | Sequence[str | int] | None = None,
+    layout: Layout | None = None,
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Returns strain amplitudes ε [1] and the factors f of E' and g of E'' [1] in a strain sweep.
 
     They are what `materials.StrainSoftening` takes: `StrainSoftening(rubber, *read_strain_sweep(
     "sweep.csv"))`. The factors are relative to the smallest strain. Strains are those of the file:
-    a peak-to-peak amplitude is to be halved (by `StrainSoftening(rubber, strain / 2, f, g)`).
+    halve a peak-to-peak amplitude.
 
     **Arguments:** as in `read_moduli`; columns of strain (% or 1), moduli in tension or shear.
 
-    **Returns:** ε, f and g, in order of ε. The log (`graded_contact`, level INFO) has the history
-    of the reading, with the rows that were left out.
-
-    **Raises:** as `read_moduli`; also for several curves, for a sweep up and down, and for a
-    varying frequency.
+    **Returns:** ε, f and g, in order of ε.
     """
-    sweep = strain_sweep(path, columns, units, sheet, step)
-    for sentence in sweep.history:
-        logging.getLogger("graded_contact").info(sentence)
+    sweep = strain_sweep(path, columns=columns, units=units, layout=layout)
     parts = np.real(sweep.values), np.imag(sweep.values)
     return sweep.abscissa, *(part / part[0] for part in parts)
 
 
-def strain_sweep(path, columns, units, sheet, step) -> Measured:
+def strain_sweep(path: str | os.PathLike, **options: Any) -> Measured:
     """Returns the moduli over the strain amplitude [1], arguments as in `read_strain_sweep`."""
-    options = dataclasses.replace(_checked_options(columns, units, sheet, step), kind="strain")
-    sweep = _moduli_in(Path(path), options)
-    strains = sweep.abscissa[np.argsort(sweep.lines)]
-    strains = strains if strains[0] < strains[-1] else strains[::-1]
-    back = np.any(strains < _REACHED * np.maximum.accumulate(strains))
-    if back or len(np.unique(strains)) < len(strains) or np.max(sweep.isotherm) > 0:
-        reason = (
-            "its strains go up and down: choose one curve by `step`, or write one file for each"
-        )
-        raise ValueError(f"`path={path}`: {reason}.")
+    table = read_table(source_of(path, "read_strain_sweep", **options))
+    sweep = _measured(understood(table, QUANTITIES, list(_SWEEPS), deformed=False), None, None)
+    if np.any(np.diff(np.sign(np.diff(sweep.abscissa[np.argsort(sweep.lines)])))):
+        raise table.not_plain(["its strains go up and down: it is not one sweep"])
     return sweep
 
 
-def _checked_options(columns, units, sheet, step, kind=None, deformation=None) -> Options:
-    """The arguments of `read_moduli`, checked."""
-    columns, units = columns or {}, units or {}
-    checks: list[tuple[str, Any, Any, Any]] = [  # name, value, the part to check, what is allowed
-        ("kind", kind, kind, tuple(dict.fromkeys(way.kind for way in ALL_WAYS))),
-        ("deformation", deformation, deformation, ("tension", "shear")),
-        *(("columns", {key: name}, key, DIMENSIONS) for key, name in columns.items()),
-        *(("units", {key: unit}, key, UNITS) for key, unit in units.items()),
-        *(("units", {key: unit}, unit, UNITS.get(key, ())) for key, unit in units.items()),
-    ]
-    for name, value, given, allowed in checks:
-        if given is not None and (not isinstance(given, str) or given not in allowed):
-            raise ValueError(f"`{name}={short(value)}` is refused: use one of {list(allowed)}.")
-    steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
-    if not all(isinstance(each, str | int) for each in steps):
-        raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
-    source = "as given in `units`" if units else ""
-    return Options(kind, columns, units, deformation, sheet=sheet, step=tuple(steps), source=source)
+def _layouts(layout: Layout | None) -> list[Layout | None]:
+    """The layout of each table of a file: a list of sections has several."""
+    sections = (layout or {}).get("section")
+    if not isinstance(sections, list | tuple):
+        return [layout]
+    return [{**(layout or {}), "section": section} for section in sections]
 
 
-def _moduli_in(path: Path, options: Options) -> Measured:
-    """The measurements in one file."""
-    with opening(path, TABLE_BYTES) as file:
-        if written_series(file) is not None:
-            raise Refusal(SERIES)
-        sheets: list[Sheet] = read_as(file, "moduli")
-    try:
-        lines = [row.text for sheet in sheets for row in sheet.rows if not holds_data(row)]
-        names = [sheet.name for sheet in sheets]
-        if options.sheet is not None:
-            if options.sheet not in names:
-                raise ValueError(f"there is no `sheet={options.sheet!r}`, only {names}")
-            sheets = [sheets[names.index(options.sheet)]]
-        understood = _sheets_understood(sheets, options)
-        if len(understood) > 1:  # otherwise there may be one temperature for each curve
-            kelvins = one_each(options.temperature, len(understood), "sheets")
-            each = [dataclasses.replace(options, temperature=kelvin) for kelvin in kelvins]
-            pairs = zip(understood, each, strict=True)
-            understood = [(sheet, table._replace(options=own)) for (sheet, table), own in pairs]
-        parts = []
-        for sheet, measured in understood:
-            rows = f"Read {measured.num_rows} rows of {path.name}, {sheet.layout}."
-            measured.log.begin(rows)
-            parts.append(measured_points(path, measured, lines))
-        names = [sheet.name for sheet, _ in understood]
-        if len(parts) > 1 and not distinct(parts):
-            same = "have similar tables at one temperature"
-            raise ValueError(f"the sheets {names} {same}; pass `sheet`")
-    except ValueError as error:
-        raise ValueError(f"`path={path}`: {str(error).rstrip('.')}.") from None
-    whole = joined(parts) if len(parts) > 1 else parts[0]
-    left = ", ".join(repr(sheet.name) for sheet in sheets if sheet.name not in names)
-    notes = [f"Left out the sheets {left}."] * bool(left)
-    return dataclasses.replace(whole, history=(*whole.history, *notes))
+def _kelvins(temperature: Numbers | None, count: int) -> list[float | None]:
+    """The temperature of each table [K]."""
+    if temperature is None:
+        return [None] * count
+    kelvins = np.asarray(temperature, float)
+    check_positive("temperature", kelvins, "[K]")
+    if kelvins.shape not in ((), (count,)):
+        raise ValueError(f"`temperature` must have one number, or {count}, one for each table.")
+    return np.broadcast_to(kelvins, count).tolist()
 
 
-def _sheets_understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, MeasuredTable]]:
-    """The sheet that ranks first of those understood, and those of the same columns, in order."""
-    found, refusals = [], {}
-    for sheet in sheets:
-        try:
-            found.append((sheet, _moduli_on(sheet, options)))
-        except ValueError as error:
-            refusals[sheet.name] = error
-    swept = [name for name, error in refusals.items() if isinstance(error, Unclear)]
-    if not found and swept and len(sheets) > 1:
-        names = " or ".join(f"`sheet={name!r}`" for name in swept)
-        raise ValueError(f"pass {names}, which holds a sweep; {refusals[swept[0]]}")
-    if not found:
-        words = (f"sheet {name!r}: " * bool(name) + str(refusals[name]) for name in refusals)
-        raise ValueError("; ".join(words))
-
-    def key(measured: MeasuredTable) -> tuple:
-        table, (sweep, _) = measured.table, rank(measured)
-        return measured.kind, measured.columns, table.blocks, len(table.names), sweep
-
-    _, first = max(found, key=lambda pair: rank(pair[1]))
-    return [pair for pair in found if key(pair[1]) == key(first)]
+def _understood(table: Table, deformation: str | None, kelvin: float | None) -> Understood:
+    also = ["temperature"]
+    found = understood(table, QUANTITIES, list(_WAYS), also=also, deformation=deformation)
+    if kelvin is not None and "temperature" in found.numbers:
+        raise table.not_plain(["it has a column of temperature: leave out `temperature`"])
+    return found
 
 
-def _moduli_on(sheet: Sheet, options: Options) -> MeasuredTable:
-    """The moduli on a sheet; raises `ValueError` for a Prony series, by its name."""
-    if sheet.fixed.columns and not options.columns:  # others may follow, without a name
-        sheet = sheet.numbers_only(len(sheet.fixed.columns))
-    options = options.completed(sheet.fixed)
-    measured, refusal = None, ValueError()
-    try:
-        measured = understand(sheet, options)
-    except ValueError as error:
-        refusal = error
-    # A table that may be either is what the user says by `columns`.
-    doubtful = "moduli" if options.columns else "refused"
-    other = measured is None or measured.kind in ("relaxation", "creep")
-    if other and modes_on(sheet, doubtful) is not None:
-        raise ValueError(SERIES)
-    if measured is None:
-        raise refusal
+def _measured(found: Understood, poisson: Numbers | None, kelvin: float | None) -> Measured:
+    """The moduli of a table; lines without positive numbers are left out."""
+    table, way = found.table, found.way
+    good = np.all([(each > 0) & (each < HUGE) for each in found.numbers.values()], axis=0)
+    if np.sum(good) < 2:
+        raise table.not_plain([f"no lines have positive numbers of {', '.join(way)}"])
+    history = [found.told]
+    if not np.all(good):
+        lines = ", ".join(map(str, table.lines[~good]))
+        history.append(f"Left out lines without positive numbers: {lines}.")
+    numbers = {name: each[good] for name, each in found.numbers.items()}
+    kind, value = {**_WAYS, **_SWEEPS}[way]
+    abscissa, values = numbers[way[0]], value(*(numbers[name] for name in way[1:]))
+    deformation = found.deformation or "tension"
+    if deformation == "shear" and poisson is not None:
+        factor = 2 * (1 + float(as_scalar(poisson, "poisson")))
+        values = values / factor if kind == "creep" else factor * values
+        history.append(f"Converted from shear to tension by `poisson`: E = {factor:.6g} G.")
+        deformation = "tension"
+    temperature = numbers.get("temperature")
+    if kelvin is not None:
+        temperature = np.full(len(values), kelvin)
+    isotherm = np.zeros(len(values), int) if temperature is None else grouped(temperature)
+    order = np.lexsort((abscissa, isotherm))
+    measured = Measured(
+        kind=kind,
+        deformation=deformation,
+        abscissa=abscissa[order],
+        values=values[order],
+        temperature=None if temperature is None else temperature[order],
+        isotherm=isotherm[order],
+        lines=table.lines[good][order],
+        path=table.source.path,
+        history=tuple(history),
+    )
+    _check_sweep(table, way[0], measured)
     return measured
+
+
+def _check_sweep(table: Table, name: str, measured: Measured) -> None:
+    """Refuses numbers at one frequency, isotherms without temperatures, and E(t) that rises."""
+    first = measured.isotherms()[0]
+    ends = np.abs(first.values[[0, -1] if first.kind == "relaxation" else [-1, 0]])
+    if first.kind in ("relaxation", "creep") and ends[1] > _RISE * ends[0]:
+        wrong = "rise" if first.kind == "relaxation" else "fall"
+        raise table.not_plain([f"its values {wrong} over time: they are no {first.kind}"])
+    if np.ptp(measured.abscissa) == 0:
+        hint = " (`read_strain_sweep` reads a sweep of strain)" * (name == "frequency")
+        raise table.not_plain([f"the {name} is the same in every line: it is no sweep{hint}"])
+    repeated = (np.diff(measured.abscissa) == 0) & (np.diff(measured.isotherm) == 0)
+    if measured.temperature is None and np.sum(repeated) > _REPEATED * len(measured.abscissa):
+        reason = f"{np.sum(repeated)} lines repeat the {name} of others, as isotherms do"
+        raise table.not_plain([reason], columns={"temperature": "..."})

@@ -1,107 +1,100 @@
-"""Prony series from files: tables of modes, decks of Abaqus and Ansys, tables of a scene."""
+"""Prony series from tables of relaxation times and moduli or ratios."""
 
-import logging
 import os
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
-from ..core.files import Refusal
 from ..materials.material import Prony
-from .cells import TABLE_BYTES
-from .decisions import Log, Options
-from .modes import modes_on
-from .registry import READERS, File, find_readers, opening, read_as
-from .series import Doubt, Modes, material_of_series
+from .columns import Quantity, understood
+from .source import Layout, source_of
+from .tables import Table, read_table
+
+_SERIES = {
+    "time": Quantity("time", r"(tau|τ|t)[ijk]?|(relaxation|rel)times?"),
+    "modulus": Quantity("modulus", r"[EG][ijk]?|modulus|(mode|branch)modulus|strengths?"),
+    "ratio": Quantity("ratio", r"[ge][ijk]|ratio|weights?|(rel|relative)mod(ulus)?", "1"),
+}
+_WAYS = [("time", "modulus"), ("time", "ratio")]
+_ROUNDED = 1e-3  # how far rounded ratios may add up to more than 1
 
 
 def read_prony(
     path: str | os.PathLike,
     *,
+    columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     glassy: Numbers | None = None,
     equilibrium: Numbers | None = None,
     deformation: str | None = None,
-    poisson: Numbers | None = None,
-    sheet: str | None = None,
+    poisson: Numbers = 0.5,
+    layout: Layout | None = None,
 ) -> Prony:
-    """Returns the material of a Prony series in a file.
+    """Returns the material of a Prony series in a table.
 
-    Files: tables of relaxation times and moduli (τ_i, E_i or G_i) or ratios (g_i, α_i), as RepTate,
-    pyvisco, IRIS and spreadsheets have them, a time "inf" for the equilibrium; decks of Abaqus
-    (*ELASTIC or *HYPERELASTIC, *VISCOELASTIC with TIME=PRONY, *TRS) and of Ansys (MP, TB,PRONY,
-    TB,SHIFT); the cards of `export_prony`. The log (`graded_contact`) has the history of the
-    reading, with what was assumed as warnings.
+    A plain table begins with "tau [s], E_i [MPa]", or with "tau [s], g_i" for ratios of the
+    instantaneous modulus. A line with the time "inf" has the equilibrium.
 
     **Arguments:**
 
-    - `path`: the file.
-    - `units`: of "modulus" and "time", if the file states none, such as "MPa".
-    - `glassy`: instantaneous modulus E_0 [Pa] of ratios, or `equilibrium`, if the file has neither.
-    - `equilibrium`: long-time modulus E_eq [Pa] of a table of moduli or ratios; 0 for a liquid.
-    - `deformation`: "tension" (E) or "shear" (G) of the moduli in the file.
-    - `poisson`: Poisson's ratio ν; None for that of the file, or else 0.5. Moduli in shear become
-      Young's moduli by E = 2(1 + ν)G.
-    - `sheet`: of a workbook; the material of a deck or of a scene.
+    - `path`: the file, text or Excel.
+    - `columns`: which column, by name or number from 1, is the "time", "modulus" or "ratio".
+    - `units`: of "time" and "modulus", where the file states none.
+    - `glassy` or `equilibrium`: the instantaneous modulus E_0 or the long-time modulus E_eq [Pa]
+      (0 for a liquid), in tension or shear as the moduli of the table; not for a table with a line
+      of the equilibrium.
+    - `deformation`: "tension" (E) or "shear" (G), where the names do not say it. Ratios need none.
+    - `poisson`: Poisson's ratio ν; moduli in shear become E = 2(1 + ν)G.
+    - `layout`: of a table that is not plain, as in `read_moduli`.
 
     **Returns:** the material.
 
-    **Raises:** `FileNotFoundError`; `ValueError` for another file, or for a series that lacks a
-    unit, a modulus or its deformation, with the argument that gives it.
+    **Raises:** `FileNotFoundError`; `ValueError` for a table that needs options.
     """
-    numbers = {"glassy": glassy, "equilibrium": equilibrium, "poisson": poisson}
-    given: dict[str, Any] = {
-        name: None if x is None else float(as_scalar(x, name)) for name, x in numbers.items()
-    }
-    options = Options(units=units or {}, deformation=deformation, sheet=sheet, **given)
-    found = prony_in(path, options, "series")
-    if found is None:
-        raise ValueError(
-            f"`path={path}` is refused: it holds no Prony series, a table of relaxation times τ_i "
-            "and moduli E_i (G_i) or ratios g_i, or a deck of Abaqus or Ansys."
-        )
-    material, log = found
-    logger = logging.getLogger("graded_contact")
-    for sentence in log.history:
-        logger.log(logging.WARNING if sentence in log.assumed else logging.INFO, sentence)
-    return material
+    check_poisson("poisson", as_scalar(poisson, "poisson"))
+    table = read_table(source_of(path, "read_prony", columns=columns, units=units, layout=layout))
+    found = understood(table, _SERIES, _WAYS, deformation=deformation)
+    times, parts = found.numbers["time"], found.numbers[found.way[1]]
+    if np.any(~(times > 0)) or np.any(~(parts >= 0)):
+        raise table.not_plain(["times must be positive, and moduli or ratios not negative"])
+    last = np.isinf(times)
+    ends = {"glassy": glassy, "equilibrium": equilibrium}
+    known = {name: float(as_scalar(each, name)) for name, each in ends.items() if each is not None}
+    if found.way[1] == "ratio":
+        rest, parts = _of_ratios(table, parts[~last], known)
+    else:
+        stated = {"inf": float(np.sum(parts[last]))} if np.any(last) else {}
+        rest, parts = _of_moduli(table, parts[~last], known | stated)
+    factor = 2 * (1 + float(as_scalar(poisson, "poisson"))) if found.deformation == "shear" else 1.0
+    used = parts > 0
+    return Prony(factor * rest, factor * parts[used], times[~last][used], poisson)
 
 
-def prony_in(
-    path: str | os.PathLike, options: Options, doubtful: Doubt
-) -> tuple[Prony, Log] | None:
-    """Returns the Prony series in a file with the log of the reading, None for another file.
-
-    `doubtful` says what a table is that may hold E(t) as well.
-    """
-    if options.glassy is not None:
-        check_positive("glassy", options.glassy, "[Pa]")
-    if options.poisson is not None:
-        check_poisson("poisson", options.poisson)
-    with opening(path, TABLE_BYTES) as file:
-        series = written_series(file)
-        if series is None:
-            found = {each.name: modes_on(each, doubtful) for each in read_as(file, "moduli")}
-            series = {name: each for name, each in found.items() if each is not None}
-            if not series or (options.sheet is not None and options.sheet not in series):
-                return None
-        name = options.sheet
-        if name is None and len(series) == 1:
-            name = next(iter(series))
-        if name is None or name not in series:
-            known = f"it holds Prony series named {list(series)}"
-            raise Refusal(f"{known}: pass one of them as `sheet`")
-        log = series[name].log
-        log.begin(f"{Path(path).name} holds a Prony series: {series[name].layout}.")
-        try:
-            return material_of_series(series[name], options), log
-        except ValueError as error:
-            raise Refusal(str(error)) from None
+def _of_ratios(
+    table: Table, ratios: np.ndarray, known: Mapping[str, float]
+) -> tuple[float, np.ndarray]:
+    """The long-time modulus, and the moduli of ratios of the instantaneous one."""
+    total = float(np.sum(ratios))
+    if len(known) != 1:
+        reason = "its ratios need `glassy`, the instantaneous modulus, or `equilibrium`"
+        raise table.not_plain([reason], **({} if known else {"glassy": "..."}))
+    if total > 1 + _ROUNDED or ("equilibrium" in known and total >= 1):
+        raise table.not_plain([f"its ratios add up to {total:.6g}"])
+    whole = known["glassy"] if "glassy" in known else known["equilibrium"] / (1 - total)
+    check_positive("glassy", whole, "[Pa]")
+    return whole * max(0.0, 1 - total), whole * ratios
 
 
-def written_series(file: File) -> dict[str, Modes] | None:
-    """Returns the Prony series in a deck or a scene by the names of their materials, else None."""
-    find_readers()
-    known = any(each.knows(file) for each in READERS["prony"])
-    return read_as(file, "prony") if known else None
+def _of_moduli(
+    table: Table, moduli: np.ndarray, known: Mapping[str, float]
+) -> tuple[float, np.ndarray]:
+    """The long-time modulus, and the moduli of the branches."""
+    if len(known) != 1:
+        reason = "one is needed of `equilibrium`, `glassy` and a line with the time inf"
+        raise table.not_plain([reason], **({} if known else {"equilibrium": "..."}))
+    total = float(np.sum(moduli))
+    ((name, value),) = known.items()
+    if name == "glassy" and value < total:
+        raise ValueError(f"`glassy` must be at least {total:.6g} Pa, the sum of the moduli.")
+    return value - total if name == "glassy" else value, moduli

@@ -1,287 +1,244 @@
-"""Tables of numbers among the rows of a sheet, and the lines above them.
+"""Tables of numbers: a line of names with units, and numbers below it.
 
-The names of the columns are in a row above a table. Tables with the same names are one table in
-segments, such as the steps of a test. A table may also repeat its columns side by side, one block
-for each curve.
+A plain table needs no option. A table in another layout, or with other names, is refused, and the
+error shows its lines and the call to write. What looks likely stands in that call, never in the
+numbers.
 """
 
-import itertools
+import io
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .cells import Row, Sheet, holds_data, holds_number, is_missing, stripped
-from .decisions import Log
-from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse_unit
-
-HUGE = 1e100  # in SI units; of shifted frequencies and times
-MOST_COLUMNS = 1000  # of a table; a hundred curves side by side have a few hundred
-
-
-def is_credible(values: np.ndarray) -> np.ndarray:
-    """Whether a measurement can have these values, so that their ratios are finite."""
-    return (values > 1 / HUGE) & (values < HUGE)
-
-
-def credible(values: np.ndarray) -> np.ndarray:
-    """Returns the values that a measurement can have."""
-    return values[is_credible(values)]
-
-
-class DataColumn(NamedTuple):
-    """A column of a table.
-
-    - `quantity`: a key of `units.DIMENSIONS`.
-    - `place`: counted from 0, within a block.
-    - `label`: its number and name, for messages.
-    - `unit`: one of `UNITS` of its dimension; empty if any unit does.
-    - `source`: where the unit comes from.
-    - `deformation`: "tension", "shear" or None, by its name.
-    - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
-    - `period`: whether it holds the periods T of frequencies, ω = 2π/T.
-    """
-
-    quantity: str
-    place: int
-    label: str = ""
-    unit: str = ""
-    source: str = ""
-    deformation: str | None = None
-    base: str | None = None
-    period: bool = False
-
-    @property
-    def dimension(self) -> str:
-        """The dimension of the numbers in the file."""
-        return "time" if self.period else DIMENSIONS[self.quantity]
-
-    @property
-    def sentence(self) -> str:
-        """How the column is understood."""
-        of = {None: "", "10": "decimal logarithm of ", "e": "natural logarithm of "}[self.base]
-        named = "period (ω = 2π/T)" if self.period else self.quantity.replace("_", " ")
-        start = f"{self.label[0].upper()}{self.label[1:]}: {of}{named} in {self.unit}"
-        factor = UNITS[self.dimension][self.unit]
-        times = factor != 1 and self.dimension != "temperature"  # whose zero moves too
-        si = f"; times {factor:.6g} in {SI[self.dimension]}"
-        return f"{start}, {self.source}" + times * si + "."
-
-    def si(self, cells: Iterable[str]) -> np.ndarray:
-        """Returns numbers in SI units; NaN for words, infinity for what is too large."""
-        values = np.array([float(cell) if holds_number(cell) else np.nan for cell in cells])
-        with np.errstate(over="ignore", divide="ignore"):
-            if self.base is not None:
-                values = np.exp(values * (np.log(10) if self.base == "10" else 1))
-            values = UNITS[self.dimension].get(self.unit, 1.0) * values
-            return 2 * np.pi / values if self.period else values + OFFSETS.get(self.unit, 0.0)
-
-    def numbers(self, rows: Iterable[Row]) -> np.ndarray:
-        """Returns the numbers of the first block in SI units, NaN where there is none."""
-        return self.si("".join(row.cells[self.place : self.place + 1]) for row in rows)
-
-
-class DataTable(NamedTuple):
-    """Names and units of the columns of one block, and the rows of all segments below them.
-
-    - `place`: the line of its names, for messages.
-    - `blocks`: how often the columns are repeated side by side.
-    - `spaced`: whether spaces separate the cells, so that none can be empty.
-    - `above`: the rows above each segment.
-    - `rows`: those of numbers; `words` are the others.
-    - `log`: of the reading of this table.
-    - `kelvins`: the temperature of each block [K], if its columns state it.
-    """
-
-    place: str
-    names: list[str]
-    units: list[str]
-    blocks: int
-    spaced: bool
-    above: list[list[Row]]
-    rows: list[Row]
-    words: list[Row]
-    log: Log
-    kelvins: Sequence[float] | None = None
-
-    @property
-    def headings(self) -> list[Heading]:
-        return list(map(parse_heading, self.names))
-
-    def misfit(self, row: Row) -> int:
-        """Returns the number of entries of a row if these cannot be assigned to columns, else 0."""
-        entries, width = len(stripped(row.cells)), self.blocks * len(self.names)
-        # Where spaces separate, a missing entry would move those after it.
-        return entries if entries > width or (self.spaced and entries < width) else 0
-
-    def label(self, place: int) -> str:
-        name = self.names[place]
-        return f"column {place + 1}" + (f" ({name})" if name else "")
-
-    def unit(self, place: int) -> str | None:
-        """Returns the unit in a column's heading or below it, as `parse_unit`."""
-        return parse_heading(self.names[place]).unit or parse_unit(self.units[place])
-
-    def listed(self) -> str:
-        """Returns the names of the columns, for messages."""
-        if any(self.names):
-            return "the columns " + ", ".join(map(repr, self.names))
-        return f"{len(self.names)} columns without names"
-
-
-def find_tables(sheet: Sheet, named: Iterable[str]) -> list[DataTable]:
-    """Returns the tables of numbers; `named` are names of columns that are known."""
-    rows = sheet.rows
-    if not any(map(holds_data, rows)):
-        return []
-    if (width := max(len(row.cells) for row in rows)) > MOST_COLUMNS:
-        raise ValueError(f"it has {width} columns; at most {MOST_COLUMNS} are read")
-    # Universal Analysis writes names below one another, "Sig1 Time (min)", "Sig2 ...": as one row.
-    signals = [row for row in rows if re.fullmatch(r"Sig\d+", row.cells[0])]
-    if len(signals) > 1:
-        names = Row(signals[-1].line, [" ".join(row.cells[1:]) for row in signals])
-        last_of = {id(row) for row in signals[:-1]}
-        rows = [names if row is signals[-1] else row for row in rows if id(row) not in last_of]
-    starts = _starts(rows, set(named))
-    if not starts:
-        data = list(filter(holds_data, rows))
-        empty = [""] * max((len(row.cells) for row in data), default=0)
-        above = list(itertools.takewhile(lambda row: not holds_data(row), rows))
-        return [
-            DataTable("no line of names", empty, empty, 1, sheet.spaced, [above], data, [], Log())
-        ]
-    tables: dict[tuple[str, ...], DataTable] = {}
-    last = 0  # behind the numbers above
-    for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
-        below = rows[start + 1 : end]
-        has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
-        units = below.pop(0).cells if has_units else []
-        above = rows[max(last, start - 1) : start]
-        table = _headed(_with_near_names(rows[start], above, below), units, sheet.spaced)
-        key = tuple(table.names)
-        if key in tables and has_units and tables[key].units != table.units:
-            key = (*table.names, *table.units)
-        table = tables.setdefault(key, table)
-        data = [row for row in below if holds_data(row) and not _COUNTERFACE.match(row.cells[0])]
-        if data:
-            lines = {row.line for row in data}
-            for row in below:
-                kept = table.rows if row.line in lines else table.words
-                kept.append(row._replace(segment=len(table.above)))
-            table.above.append(rows[last:start])
-            last = rows.index(data[-1], start) + 1
-    return [table for table in tables.values() if table.rows]
-
-
-def _with_near_names(names: Row, above: Sequence[Row], below: Sequence[Row]) -> Row:
-    """A row of names whose empty cells have their name in the row above or below."""
-    cells = list(names.cells)
-    near = [below[0].cells] if below and not holds_data(below[0]) else []
-    near += [above[-1].cells] if above else []
-    for i, cell in enumerate(cells):
-        others = [row[i] for row in near if i < len(row) and not cell]
-        # A temperature in the row above is that of the columns beside it.
-        stated = (
-            name for name in others if parse_heading(name).quantity not in (None, "temperature")
-        )
-        cells[i] = next(stated, cell)
-    return names._replace(cells=cells)
-
-
-def _headed(row: Row, units: list[str], spaced: bool) -> DataTable:
-    """A table without rows yet, whose names may repeat: each repetition is a block."""
-    names = stripped(row.cells)
-    below = (units + [""] * len(names))[: len(names)]
-    columns = list(zip(names, below, strict=True))
-    for width in _periods(columns):
-        blocks, rest = divmod(len(names), width)
-        if width > 1 and not (rest and any(map(any, columns[rest:width]))):
-            blocks += rest > 0  # an empty column between blocks
-            names, below = names[:width], below[:width]
-            break
-    else:
-        blocks = 1
-    return DataTable(f"line {row.line}", names, below, blocks, spaced, [], [], [], Log())
-
-
-def _periods(columns: Sequence[tuple[str, str]]) -> Iterator[int]:
-    """Yields the numbers of columns after which these repeat, rising, in linear time.
-
-    The longest start of the list that is its end, too, follows from those of its starts (Knuth,
-    Morris and Pratt).
-    """
-    borders = [0] * len(columns)
-    for i in range(1, len(columns)):
-        length = borders[i - 1]
-        while length and columns[i] != columns[length]:
-            length = borders[length - 1]
-        borders[i] = length + (columns[i] == columns[length])
-    length = len(columns)
-    while length and (length := borders[length - 1]):
-        yield len(columns) - length
-
-
-def _starts(rows: list[Row], named: set[str]) -> list[int]:
-    """The rows of names: those that name two quantities."""
-    words = [i for i, row in enumerate(rows) if not holds_data(row)]
-
-    def num_names(row: Row) -> int:
-        quantities = {parse_heading(cell).quantity for cell in row.cells} - {None}
-        return len(quantities) + len(named & set(row.cells))
-
-    if starts := [i for i in words if num_names(rows[i]) >= 2]:
-        return starts
-    # Otherwise the last row of words before the numbers that is not one of units.
-    first = next((i for i, row in enumerate(rows) if holds_data(row)), 0)
-    above = [i for i in words if i < first and len(rows[i].cells) > 1]
-    return [i for i in above if not all(is_missing(c) or parse_unit(c) for c in rows[i].cells)][-1:]
-
-
-# The lines above a table: its title, the temperature, the constant stress of a creep test, the
-# geometry. A value counts only with its unit, and only if no line gives another value.
-_VALUE = r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)"
-_VALUES = {
-    # Not "10 °C/min", and not the end of a word or of another number.
-    "temperature": rf"(?<![\w.,]){_VALUE}\s*(?:°|º|deg\.?)?\s*([CK])\b(?!\s*(?:/|\^|min|per))",
-    "stress": rf"(?i)\b(?:schub)?(?:stress|spannung)\b[^\w+-]*{_VALUE}\s*([a-z][a-z0-9/^²]*)",
-}
-_TEST = re.compile(
-    r"(?i)sweep|ramp|hold|relax|creep|soak|step|test|balayage|rampe|fluage|paliers?|essai|kriech|versuch"
+from ..core.files import read_file
+from .layouts import (
+    SEPARATORS,
+    SPACES,
+    Section,
+    cells_of,
+    likely_layout,
+    likely_marks,
+    number_in,
+    numbers_in,
+    pointed,
+    sections_of,
+    text_lines,
 )
-# RheoCompass counts the points above the numbers: "Interval and data points: 1 29".
-_COUNTERFACE = re.compile(r"(?i)(?:interval|abschnitt).*:")
-# Settings of an instrument that are no temperature of a test.
-_SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibration|span|range")
+from .source import Layout, NotPlain, Source, damage_named
+from .units import OFFSETS, UNITS, parse_unit, split_heading
+
+TABLE_BYTES = 200_000_000
+_SHOWN = 3  # lines of a table in a message
+_WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
+_EMPTY = ("", "-", "nan", "n/a", "na")
+_NUMBER = re.compile(r"[-+.]?\d[-+\d.,'e]*", re.IGNORECASE)  # of any mark
+_COMMA = re.compile(r"(?:^|[\t; ])[-+]?\d+,\d+(?:$|[\t; e])")
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}\.\d{3}")
+
+LAYOUT = ("header", "end", "section", "sheet", "separator", "decimal")
 
 
-def title_above(rows: Sequence[Row]) -> str:
-    """Returns the title of the next step, such as "Frequency sweep - 2", or an empty text."""
-    titles = [
-        row for row in rows if _TEST.search(row.text) and not _COUNTERFACE.match(row.cells[0])
-    ]
-    pairs = itertools.pairwise(rows)
-    titles += [row for mark, row in pairs if mark.cells[0].casefold() == "[step]"]  # TRIOS
-    return next((cell for cell in reversed(titles[-1].cells) if cell), "")[:60] if titles else ""
+class Column(NamedTuple):
+    """A column: its place from 0, its name (may be empty), and its unit, None if there is none."""
+
+    place: int
+    name: str
+    unit: str | None
+
+    @property
+    def label(self) -> str:
+        """Its number and name, for messages."""
+        return f"column {self.place + 1}" + f" ({self.name})" * bool(self.name)
 
 
-def value_above(rows: Sequence[Row], quantity: str) -> float | None:
-    """Returns the only "temperature" [K] or "stress" [Pa] that the rows name, such as "25 °C"."""
-    units, found = UNITS[quantity], set()
-    for row in rows:
-        given = settings_in(row)
-        if quantity == "temperature" and "chem" in given and holds_number(given.get("T", "")):
-            found.add(float(given["T"]) + OFFSETS["C"])  # as RepTate's files begin
-        for number, word in re.findall(_VALUES[quantity], row.text):
-            unit = parse_unit(word)
-            if unit in units and not _SETTING.search(row.cells[0]):
-                found.add(float(number.replace(",", ".")) * units[unit] + OFFSETS.get(unit, 0.0))
-    return found.pop() if len(found) == 1 else None
+class Table(NamedTuple):
+    """A table as it was read.
+
+    **Fields:**
+
+    - `source`: the file with its options.
+    - `columns`: with names and units.
+    - `rows`: cells, by the number of their line in the file.
+    """
+
+    source: Source
+    columns: list[Column]
+    rows: dict[int, list[str]]
+
+    @property
+    def lines(self) -> np.ndarray:
+        """The numbers of the lines in the file."""
+        return np.array(list(self.rows))
+
+    def not_plain(self, reasons: Sequence[str], **options: Any) -> NotPlain:
+        """Returns the error that shows the names and the first lines."""
+        heads = [f"{c.name} [{c.unit}]" if c.unit else c.name for c in self.columns]
+        shown = [f"names: {' | '.join(heads)}"] * any(heads)
+        first = list(self.rows.items())[:_SHOWN]
+        shown += [f"line {number}: {' | '.join(row)}" for number, row in first]
+        return self.source.not_plain(reasons, shown, **options)
+
+    def numbers(self, column: Column, dimension: str, unit: str) -> np.ndarray:
+        """Returns the numbers of a column in SI units, NaN for empty cells."""
+        cells = [row[column.place] for row in self.rows.values()]
+        values = [number_in(cell) for cell in cells]
+        for line, cell, value in zip(self.rows, cells, values, strict=True):
+            # "05" stands behind a decimal comma that separates cells.
+            if re.match(r"[-+]?0\d", cell) or (value is None and cell.lower() not in _EMPTY):
+                comma = {"decimal": ","} if re.fullmatch(r"[-+]?\d+,\d+", cell) else {}
+                reason = f"line {line}, {column.label}: {cell[:40]!r} is no number"
+                raise self.source.not_plain([reason], layout=comma)
+        self._check_points(column, cells)
+        numbers = np.array([np.nan if value is None else value for value in values], float)
+        return UNITS[dimension][unit] * numbers + OFFSETS.get(unit, 0.0)
+
+    def _check_points(self, column: Column, cells: list[str]) -> None:
+        """Refuses 250 beside 3.250, which may be 3250."""
+        pointed = [cell for cell in cells if "." in cell]
+        thousands = [cell for cell in pointed if _THOUSANDS.fullmatch(cell)]
+        if "decimal" in self.source.options.get("layout", {}) or len(pointed) == len(cells):
+            return
+        if thousands == pointed and any(cell.endswith("0") for cell in thousands):
+            reason = f"{column.label}: the point of {thousands[0]} may stand between thousands"
+            raise self.not_plain([reason], layout={"decimal": "..."})
 
 
-def settings_in(row: Row) -> dict[str, str]:
-    """Returns the parameters of a line such as "T=-35; Mw = 634.5;", as RepTate's files begin."""
-    entries = [entry.split("=", 1) for entry in row.text.split(";") if entry.strip()]
-    if not all(len(entry) == 2 for entry in entries):
-        return {}
-    return {name.strip(): value.strip() for name, value in entries}
+def read_table(source: Source) -> Table:
+    """Returns the table of a text or a workbook.
+
+    The option `layout` of the source has:
+
+    - "header": number of the line of names, from 1. By default the first line that is not empty; a
+      line of numbers has no names, and the comment ("#") above it is used if it fits. A line of
+      units may stand below.
+    - "end": number of the last line of numbers.
+    - "section": name of a table in a text with several.
+    - "sheet": of a workbook with several.
+    - "separator": between cells; by default a tab, semicolon or comma if the last line has one,
+      else spaces.
+    - "decimal": the decimal mark, by default a point.
+    """
+    layout = source.options.get("layout", {})
+    if unknown := sorted(set(layout) - set(LAYOUT)):
+        raise ValueError(f"`layout` has {unknown}: use {list(LAYOUT)}.")
+    content = read_file(source.path, TABLE_BYTES)
+    header, lines, named = layout.get("header", 0), {}, []
+    if content.startswith(_WORKBOOKS):
+        rows = _rows_of_book(source, content, layout)
+    else:
+        header, lines = _chosen_lines(source, text_lines(content), layout)
+        separator = _separator(lines, layout)
+        rows = _rows_of_text(source, lines, header, separator)
+        named = _comment_above(lines, rows, separator)
+    names = rows.pop(header, []) if header else _popped_words(rows) or named
+    if names and all(number_in(cell) is not None for cell in names):
+        raise source.not_plain([f"line {header} has numbers, no names"])
+    units = _popped_words(rows)
+    width = len(next(reversed(rows.values()), []))
+    odd = [f"line {n} has {len(row)} cells" for n, row in rows.items() if len(row) != width]
+    if odd or len(rows) < 2:
+        raise _uneven(source, [*odd[:1], f"its last line has {width}"], lines)
+    names = names if len(names) == width else [""] * width
+    units = units if len(units) == width else [""] * width
+    return Table(source, [_column(i, names[i], units[i]) for i in range(width)], rows)
+
+
+def _chosen_lines(source: Source, lines: dict[int, str], layout: Layout) -> tuple[int, dict]:
+    """The number of the line of names, 0 if it is the first, and the lines from there."""
+    header, last = layout.get("header", 0), layout.get("end", np.inf)
+    if "section" in layout:
+        section = _section_named(source, lines, layout)
+        header, last = section.header, section.last
+    return header, {number: line for number, line in lines.items() if header <= number <= last}
+
+
+def _section_named(source: Source, lines: dict[int, str], layout: Layout) -> Section:
+    """The section of a text; refused if several have its name, or its numbers are interrupted."""
+    separator = layout.get("separator") or likely_marks(lines)[0]
+    found = sections_of(lines, separator, layout.get("decimal", "."))
+    places = [i for i, section in enumerate(found) if section.name == layout["section"]]
+    if len(places) != 1:
+        names = list(dict.fromkeys(section.name for section in found if section.name))
+        reason = f"{len(places) or 'no'} sections are {layout['section']!r}; it has {names}"
+        raise source.not_plain([reason], layout={"section": "..."})
+    section, following = found[places[0]], found[places[0] + 1 :]
+    before = found[places[0] - 1].last if places[0] else 0
+    after = following[0].header if following else np.inf
+    outside = {n: line for n, line in lines.items() if before < n < after}
+    outside = {n: line for n, line in outside.items() if not section.header <= n <= section.last}
+    rows = [cells_of(line, separator, layout.get("decimal")) for line in outside.values()]
+    cut = any(len(row) == section.width and numbers_in(row) > 1 for row in rows)
+    if cut or (following and not (following[0].name or following[0].named)):
+        shown = [f"line {n}: {line}" for n, line in lines.items() if n >= section.header]
+        raise source.not_plain([f"its section {section.name!r} is interrupted"], shown[:9])
+    return section
+
+
+def _separator(lines: Mapping[int, str], layout: Layout) -> str:
+    lowest = next(reversed(lines.values()), "")
+    return layout.get("separator") or next((m for m in SEPARATORS if m in lowest), SPACES)
+
+
+def _rows_of_text(source: Source, lines: Mapping[int, str], header: int, separator: str) -> dict:
+    """The cells of the lines that are no comments."""
+    decimal = source.options.get("layout", {}).get("decimal")
+    lines = {n: line for n, line in lines.items() if not line.startswith("#") or n == header}
+    if decimal is None and separator != "," and any(map(_COMMA.search, lines.values())):
+        raise _uneven(source, ["it has commas in its numbers"], lines)
+    return {n: cells_of(line.lstrip("# "), separator, decimal) for n, line in lines.items()}
+
+
+def _comment_above(lines: Mapping[int, str], rows: Mapping, separator: str) -> list[str]:
+    """The cells of the comment above the first row, if there are as many words."""
+    first = next(iter(rows), 0)
+    above = [line for number, line in lines.items() if number < first]
+    cells = cells_of(above[-1].lstrip("# "), separator) if above else []
+    return cells if cells and len(cells) == len(rows[first]) and _are_words(cells) else []
+
+
+def _rows_of_book(source: Source, content: bytes, layout: Layout) -> dict[int, list[str]]:
+    import pandas as pd
+
+    sheet, decimal = layout.get("sheet"), layout.get("decimal")
+    with damage_named(source.path), pd.ExcelFile(io.BytesIO(content)) as book:
+        names = list(map(str, book.sheet_names))
+        if sheet not in names and (sheet is not None or len(names) > 1):
+            raise source.not_plain([f"its sheets are {names}: choose one"], layout={"sheet": "..."})
+        frame = book.parse(sheet or names[0], header=None, dtype=str).fillna("")
+    lines = ([cell.strip() for cell in row] for row in frame.values.tolist())
+    first, last = layout.get("header", 1), layout.get("end", np.inf)
+    return {
+        n: pointed(row, decimal)
+        for n, row in enumerate(lines, start=1)
+        if any(row) and first <= n <= last
+    }
+
+
+def _popped_words(rows: dict[int, list[str]]) -> list[str]:
+    """Takes the first row, if none of its cells is a number."""
+    first = next(iter(rows), None)
+    return rows.pop(first) if first is not None and _are_words(rows[first]) else []
+
+
+def _are_words(cells: Sequence[str]) -> bool:
+    return not any(_NUMBER.fullmatch(cell) and not parse_unit(cell) for cell in cells)
+
+
+def _column(place: int, name: str, unit_below: str) -> Column:
+    bare, unit = split_heading(name)
+    if below := unit_below.strip("[]() "):
+        bare, unit = name, parse_unit(below) or below
+    return Column(place, bare.strip(), unit)
+
+
+def _uneven(source: Source, reasons: Sequence[str], lines: Mapping[int, str]) -> NotPlain:
+    """The error of a text whose lines differ, with those where its table seems to begin."""
+    likely = likely_layout(lines)
+    if "section" in likely:
+        sections = sections_of(lines, *likely_marks(lines))
+        reasons = [*reasons, f"its sections are {[s.name for s in sections if s.name]}"]
+    first = likely.get("header", 0) - 1
+    shown = [f"line {number}: {line}" for number, line in lines.items() if number >= first]
+    return source.not_plain(reasons, shown[: _SHOWN + 1], layout=likely)

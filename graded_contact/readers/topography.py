@@ -1,219 +1,168 @@
-"""Measured surfaces from files; `preparation` then treats the heights.
+"""Measured surfaces from files; `surfaces.preparation` then treats the heights.
 
-Instruments' files are read by SurfaceTopography (the extra `io`,
-https://github.com/ContactEngineering), which knows some fifty formats of profilometers and
-microscopes; plain text, OpenCRG roads and NumPy's files by the other modules of this folder.
+Files of instruments are read by SurfaceTopography (the extra `io`), which knows 42 formats of
+profilometers and microscopes; text, arrays and OpenCRG roads are read here. What a file does not
+state, unit and size, the caller gives.
 """
 
+import contextlib
 import os
-import warnings
-from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 
-from ..core.checks import Numbers, check_positive, short
+from ..core.checks import Numbers, check_positive
 from ..core.display import with_unit
-from ..core.files import Refusal
+from ..core.files import is_hdf5, read_file
 from ..surfaces.preparation import Periodic, surface_from_heights
 from ..surfaces.surface import Surface
-from .decisions import Log, settled
-from .length_headings import same_unit
-from .registry import opening, read_as
-from .scan import Scan
+from .arrays import read_array, read_hdf5
+from .heights import Heights
+from .instruments import Unknown, read_instrument
+from .opencrg import is_road, read_road
+from .source import Layout, Source, damage_named, source_of
+from .text import read_matrix, read_points, words_above
 from .units import metres
 
-SAME_PROPORTIONS = 0.02  # between the proportions of edges that are meant to be equal
-GAP = 3  # steps of a line scan, beyond which the points between are missing
+MISSING = 0.99e37  # in any unit: instruments mark missing points by 1e37 and more
+_INSTRUMENTS = (".datx", ".nc")  # files of HDF5 that state unit and size
 
 
 def read_surface(
     path: str | os.PathLike,
     *,
+    unit: str | None = None,
+    size: Numbers | None = None,
+    columns: dict[str, str | int] | None = None,
+    missing: float | None = None,
+    channel: str | int | None = None,
+    layout: Layout | None = None,
     periodic: Periodic | None = "harmonic",
     shape: int | tuple[int, ...] | None = None,
-    size: Numbers | None = None,
-    unit: str | None = None,
-    channel: str | int | None = None,
-    columns: dict[Literal["x", "y", "z"], str | int] | None = None,
 ) -> Surface:
     """Returns a measured surface, or a profile from a line scan, made periodic.
 
-    Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, grids of ESRI
-    and Surfer, HDF5, NumPy's `.npy` and `.npz`, and text: a matrix of heights, columns x z or x y
-    z; also zips of these, and those of contact.engineering. The content decides which format it is.
-    Whole numbers 0, 1, 2, ... beside heights count points unless a unit stands with them. A line
-    scan that is not equally spaced is interpolated linearly to its median step; points x y z that
-    are scattered by at most 5 % of a step are taken on their grid. Heights of 1e37 and more, in any
-    unit, are missing points; equal ones far from all others count, with a caveat.
+    No options are needed for files of instruments that state unit and size, points
+    "x [mm], y [mm], z [um]" on a grid and profiles "x [mm], z [um]" whose first line says so, and
+    OpenCRG roads. Arrays (`.npy`, `.npz`, HDF5) and a text of heights alone need `unit` and `size`.
 
-    x runs to the right and y upwards in the picture that the microscope shows, and in figures. The
-    first line of a file is the top of the picture, also in text. Points x y z, axes in the first
-    row and column, Surfer's grids, and roads (y to the left) have y of their own; arrays of NumPy
-    and HDF5 are `[x, y]`, as `Surface.heights`.
+    x runs to the right and y upwards in the picture that the microscope shows: the first line of a
+    text is its top. Points have x and y of their own, and so have roads (y to the left); arrays are
+    `[x, y]`, as `Surface.heights`. Heights of 1e37 and more, in any unit, are missing points.
 
     **Arguments:**
 
     - `path`: the file.
+    - `unit`: of the heights, and of x and y ("um", "nm", "mil"), if the file states none.
+    - `size`: edge lengths [m], if the file states none. One number means a square.
+    - `columns`: which column of a text, by name or number from 1, is x, z and, for a grid, y.
+    - `missing`: the number that marks missing points, such as -9999.
+    - `channel`: name or number of the channel of an instrument, the array or the dataset.
+    - `layout`: of a text that is not plain, as in `read_moduli`; "header" is the last line above a
+      matrix of heights.
     - `periodic`, `shape`: see `surface_from_heights`.
-    - `size`: edge lengths [m], for a file that does not state them or their unit. It overrides
-      those of an `.npz`; other files that state them refuse it. One number means a square.
-    - `unit`: length unit of those numbers of the file whose unit it does not state ("um", "nm",
-      "mil", ...); of an `.npz` it overrides the stated one.
-    - `channel`: name or index of the channel, or of the measurement in a container; None takes
-      the file's default height channel, of JPK's files the measured heights on the way forth.
-    - `columns`: of a table or a sheet, which column is x, z and, for a grid, y: by name or by
-      number from 1, such as `{"x": "Distance", "z": 3}`. Needed where the names do not tell.
 
     **Returns:** the surface, with its history.
 
-    **Raises:** `FileNotFoundError` for a missing file, `ImportError` without the extra,
-    `ValueError` for an unreadable or damaged file, naming the arguments that would help.
+    **Raises:** `FileNotFoundError`; `ImportError` without the extra; `ValueError` for a damaged
+    file, or one that needs options.
     """
     if size is not None:
         check_positive("size", np.asarray(size), "[m]")
-    path = Path(path)
-    if columns is not None:
-        _check_columns(columns)
-    options = {"channel": channel, "size": size, "unit": unit, "columns": columns}
-    scan, factor, known = _scan_in(path, options, periodic)
-    heights = factor * scan.heights
-    points = " x ".join(map(str, heights.shape))
-    lengths = " x ".join(with_unit(float(edge), "m") for edge in known)
-    log = scan.log
-    log.begin(f"Read {points} points of {lengths} from {scan.source} of {path.name}.")
-    if scan.positions is not None:
-        # The period of a line is its span and one mean step.
-        count = len(scan.positions)
-        period = float(np.ptp(scan.positions)) * count / (count - 1)
-        positions = scan.positions * (known[0] / period)
-        heights, known = _at_equal_steps(positions, heights, log)
-    elif heights.ndim == 2 and min(heights.shape) > 0:
-        pixel = known / np.array(heights.shape)
-        if np.max(pixel) > 1.05 * np.min(pixel):
-            pixels = f"Its pixels of {pixel[0]:.3g} m by {pixel[-1]:.3g} m are not square"
-            log.note(f"{pixels}: if the file was cut short, its heights are stretched.")
+    source = source_of(
+        path,
+        "read_surface",
+        unit=unit,
+        size=None if size is None else np.asarray(size, float).tolist(),
+        columns=columns,
+        missing=missing,
+        channel=channel,
+        layout=layout,
+    )
+    with damage_named(source.path):
+        found, unit = _heights_in(source, unit)
+        heights, edges = _in_metres(source, found, unit)
+    marked = np.abs(found.heights) >= MISSING
+    if missing is not None:
+        marked |= found.heights == missing
+    heights = np.where(marked, np.nan, heights)
+    history = _history(source, found, edges, int(np.sum(marked)))
     try:
-        return surface_from_heights(
-            heights, known, periodic=periodic, shape=shape,
-            history=(*log.history, *log.assumed),
-        )  # fmt: skip
+        return surface_from_heights(heights, edges, periodic=periodic, shape=shape, history=history)
     except ValueError as error:
-        raise ValueError(f"`path={path}`: {error}") from error
+        raise ValueError(f"`path={source.path}`: {error}") from error
 
 
-def _check_columns(columns: Any) -> None:
-    """Refuses columns that are none of a profile, a grid or a line of heights."""
-    kinds = ({"z"}, {"x", "z"}, {"x", "y", "z"})
-    if not isinstance(columns, dict) or set(columns) not in kinds:
-        raise ValueError(f"`columns={short(columns)}` must name x and z, or x, y and z.")
-    if not all(isinstance(each, str | int) and each != 0 for each in columns.values()):
-        raise ValueError(f"`columns={short(columns)}` must be names, or numbers from 1.")
+def _heights_in(source: Source, unit: str | None) -> tuple[Heights, str | None]:
+    """The heights in a file, by its content, and the unit that is left to use."""
+    suffix = source.path.suffix.lower()
+    if suffix in (".npy", ".npz"):
+        return read_array(source), unit
+    if is_hdf5(source.path) and suffix not in _INSTRUMENTS:
+        return read_hdf5(source), unit
+    content = read_file(source.path)
+    if is_road(content):
+        return read_road(content), unit
+    if b"\0" in content and not content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return read_instrument(source, content), unit
+    if (points := read_points(source)) is not None:
+        return points, None
+    return _heights_in_text(source, content), unit
 
 
-def _scan_in(path: Path, options: dict[str, Any], periodic) -> tuple[Scan, float, Any]:
-    """The heights in a file, metres per unit, and edge lengths [m]."""
-    with opening(path, **options) as file, warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        scan = read_as(file, "heights").without_marks()
-        if file.columns and not scan.named:
-            raise Refusal("it is no table of columns; leave out `columns`")
-        if (ndim := scan.heights.ndim) not in (1, 2):
-            shape = f"{scan.source} has {ndim} axes, its shape is {scan.heights.shape}"
-            raise Refusal(f"{shape}: heights have one axis or two")
-        factor, edges = _metres_and_edges(scan, options["size"], options["unit"])
-        if scan.periodic and periodic is not None:
-            raise Refusal("it declares itself periodic; pass `periodic=None`")
-    kinds = UserWarning | RuntimeWarning
-    for entry in caught:
-        if issubclass(entry.category, kinds):
-            scan.log.note(f"The reader warned: {entry.message}")
-    unit = options["unit"]
-    if unit is not None and scan.unit is not None and _numbers_without_unit(scan, options["size"]):
-        stated = f"as the file states the heights in {scan.unit!r}"
-        scan.log.note(f"`unit={unit!r}` counts for its edges alone, {stated}.")
-    return scan, factor, edges
+def _heights_in_text(source: Source, content: bytes) -> Heights:
+    """A matrix of numbers, or heights below words that state unit and size.
+
+    Other words are refused, as they may state a unit, unless `layout` has the last line of them.
+    """
+    above = words_above(content)
+    if not above or "layout" in source.options:
+        return read_matrix(source)
+    with contextlib.suppress(Unknown, ImportError):
+        heights = read_instrument(source, content)
+        if heights.unit is not None and heights.size is not None:
+            return heights
+    shown = [f"line {number}: {line}" for number, line in above.items()]
+    lacking = {name: "..." for name in ("unit", "size") if name not in source.options}
+    reason = "words stand above its numbers, and state no unit and size that are known"
+    raise source.not_plain([reason], shown[-6:], layout={"header": max(above)}, **lacking)
 
 
-def _numbers_without_unit(scan: Scan, size: Any) -> list[str]:
-    """The numbers that count and whose unit the file does not state, in words."""
-    found = ["the heights"] * (scan.unit is None)
-    if scan.size is not None and scan.lateral_unit is None and size is None:
-        found.append(f"the edges {' x '.join(f'{edge:.6g}' for edge in scan.size)}")
-    return found
-
-
-def _metres_and_edges(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
-    """Metres per unit of the heights, and the edge lengths [m]; refuses a file without these."""
-    stated = (scan.unit,) if scan.size is None else (scan.unit, scan.lateral_unit)
-    for name in filter(None, stated):
-        _metres_per_unit(name, f"{scan.source} in {name!r}")
-    option = f"`unit={unit!r}`"
-    given = np.nan if unit is None else _metres_per_unit(unit, option)
-    fills = _numbers_without_unit(scan, size)  # then it is no unit of what is stated
-    lacking, wanted = [], []
-    if fills and unit is None:
-        lacking.append(f"the unit of {' and of '.join(fills)}")
-        edges = f"`size` [m], or the `unit` of these edges; the heights are in {scan.unit!r}"
-        wanted.append(edges if scan.unit else "`unit`, for instance 'um'")
-    if scan.size is None and size is None:
-        lacking.append("the edge lengths")
-        wanted.append("`size` [m]")
+def _in_metres(source: Source, found: Heights, unit: str | None) -> tuple[np.ndarray, np.ndarray]:
+    """The heights [m] and the edge lengths [m]; refuses a file without these."""
+    size = source.options.get("size")
+    units = [found.unit] if found.size is None else [found.unit, found.lateral_unit]
+    lacking = {"unit": "..."} if unit is None and None in units else {}
+    lacking |= {"size": "..."} if size is None and found.size is None else {}
     if lacking:
-        missing, options = " and ".join(lacking), ", and ".join(wanted)
-        raise Refusal(f"it does not state {missing} of {scan.source}; pass {options}")
-    own = settled("a height", scan.unit, None if fills else unit, option=option, alike=same_unit)
-    factor = given if own is None else _metres_per_unit(own, option)
-    if scan.size is None:
-        num_axes, edges = scan.heights.ndim, np.array(size, float)
-        if edges.shape not in ((), (num_axes,)):
-            raise Refusal(f"`size` has shape {edges.shape}, it needs {num_axes} lengths")
-        return factor, np.broadcast_to(edges, (num_axes,))
-    if size is not None and scan.lateral_unit is None:
-        return factor, _edges_of_size(scan.size, size)
-    lateral = given if scan.lateral_unit is None else _metres_per_unit(scan.lateral_unit, option)
-    known = lateral * scan.size
-    if size is not None:
-        raise Refusal(f"it states its size, {known} m; leave out `size`")
-    if not (np.all(np.isfinite(known)) and np.all(known > 0)):
-        raise Refusal(f"its size of {known} m is no length")
-    return factor, known
+        points = " x ".join(map(str, found.heights.shape))
+        reason = f"{found.source} of {points} points does not state its {' and its '.join(lacking)}"
+        raise source.not_plain([reason], **lacking)
+    if unit is not None and None not in units:
+        raise ValueError(f"it states its unit, {found.unit}: leave out `unit`")
+    if size is not None and found.size is not None:
+        raise ValueError(f"it states its size, {found.size}: leave out `size`")
+    factor, *lateral = [_metres_per(each or str(unit)) for each in units]
+    if found.size is None:
+        return factor * found.heights, np.broadcast_to(np.asarray(size, float), found.heights.ndim)
+    return factor * found.heights, lateral[0] * np.asarray(found.size)
 
 
-def _metres_per_unit(unit: str, named: str) -> float:
-    """Metres per unit; refuses what is no unit of length."""
-    factor = metres(unit)
-    if factor is None:
-        raise Refusal(f"{named} is not a length, such as 'm', 'um' or 'nm'")
+def _metres_per(unit: str) -> float:
+    if (factor := metres(unit)) is None:
+        raise ValueError(f"{unit!r} is no unit of length, such as 'um' or 'nm'")
     return factor
 
 
-def _edges_of_size(edges: np.ndarray, size: Any) -> np.ndarray:
-    """The given size [m] of a file that states its edges in an unknown unit."""
-    if np.shape(size) not in ((), edges.shape):
-        raise Refusal(f"`size` has shape {np.shape(size)}, it needs {len(edges)} lengths")
-    units = np.asarray(size, float) / edges
-    if not np.ptp(units) <= SAME_PROPORTIONS * np.max(np.abs(units)):
-        raise Refusal(f"its edges are as {edges.tolist()}, and those of `size={size}` are not")
-    return units * edges
-
-
-def _at_equal_steps(positions, heights, log: Log) -> tuple:
-    """A line scan at equal steps, NaN in its gaps, and its length [m]."""
-    known = np.isfinite(heights)
-    positions, heights = positions[known], heights[known]
-    if len(positions) < 4:
-        raise ValueError(f"`heights` has {len(positions)} measured points; at least 4 are needed.")
-    apart = np.diff(positions)
-    typical = float(np.median(apart))
-    if not np.ptp(positions) <= 100 * len(positions) * typical:
-        raise ValueError("`heights` are spaced too unequally: cut the scan into parts.")
-    num = int(np.ptp(positions) / typical) + 1
-    even = positions[0] + typical * np.arange(num)
-    values = np.interp(even, positions, heights)
-    values[(apart > GAP * typical)[np.clip(np.searchsorted(positions, even) - 1, 0, None)]] = np.nan
-    ends = f"{np.min(apart):.3g} to {np.max(apart):.3g} m apart"
-    new = f"interpolated linearly to {num} points {typical:.4g} m apart"
-    lost = f"{np.sum(np.isnan(values))} in gaps of more than {GAP} steps count as missing"
-    log.note(f"Its points, {ends}, are not equally spaced: {new}; {lost}.")
-    return values, np.array([typical * num])
+def _history(source: Source, found: Heights, edges: np.ndarray, marks: int) -> tuple[str, ...]:
+    """How the heights were read, one sentence each."""
+    points = " x ".join(map(str, found.heights.shape))
+    lengths = " x ".join(with_unit(float(edge), "m") for edge in edges)
+    read = f"Read {points} points of {lengths} from {found.source} of {source.path.name}."
+    notes = [read, *found.notes]
+    pixel = edges / np.array(found.heights.shape)
+    if np.max(pixel) > 1.05 * np.min(pixel):
+        told = " x ".join(f"{step:.3g} m" for step in pixel)
+        notes.append(f"Its pixels of {told} are not square: is the file cut short?")
+    if marks:
+        notes.append(f"{marks} heights are marks of missing points.")
+    return tuple(notes)

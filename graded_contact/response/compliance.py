@@ -1,79 +1,36 @@
-"""The surface compliance M_zz(q, ω) of a stack: normal displacement per pressure, in Fourier space.
+"""The surface compliance of a stack, in Fourier space: M_zz(q, ω), and the full 3×3 matrix C.
 
-Displacement into the solid per pressure in compression, for fields exp(i(q·x + ωt)); passive
-solids have Im M_zz <= 0 for ω > 0, and M_zz(-ω) = conj M_zz(ω). Frequency enters through the
-complex moduli alone (correspondence principle: R. M. Christensen, Theory of Viscoelasticity,
-Academic Press 1982), so that a Poisson's ratio which varies with frequency is one more complex
-modulus. (The paper's p₀ formulas differ there; `docs/theory/response.md` shows why they violate
-equilibrium.)
+M_zz is the normal displacement into the solid per pressure in compression, for fields
+exp(i(q·x + ωt)). Passive solids have Im M_zz <= 0 for ω > 0, and M_zz(-ω) = conj M_zz(ω). Frequency
+enters through the complex moduli alone (correspondence principle: R. M. Christensen, Theory of
+Viscoelasticity, Academic Press 1982), so that a Poisson's ratio which varies with frequency is one
+more complex modulus. (The paper's p₀ formulas differ there; `docs/theory/response.md` shows why
+they violate equilibrium.)
+
+Axes of C are those of the package: x and y in the surface, z into the solid. Tractions and
+displacements are both counted along these axes. The traction is the force per area that acts on the
+solid, so that its z component is the pressure in compression, and u = C t:
+
+    C = c11 e_L e_Lᵀ + c_T e_T e_Tᵀ - i c12 (e_L e_zᵀ - e_z e_Lᵀ) + c22 e_z e_zᵀ,
+
+with e_L = q/|q| and e_T = (-q_y, q_x)/|q|. On a half space, in units of 2(1 - ν²)/(E q):
+c11 = c22 = 1, c12 = -(1 - 2ν)/(2 - 2ν), c_T = 1/(1 - ν). A frame with z out of the body, as in
+`slab`, has both third components reversed: C' = D C D with D = diag(1, 1, -1), which is also
+C(-q). Both are reciprocal, C(q)ᵀ = C(-q); for ω > 0 a passive stack has (C - Cᴴ)/2i <= 0.
 """
 
-import dataclasses
+import functools
+from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Inexact
 
-from ..blocks.stack import Free, HalfSpace, Rigid, Stack, is_bonded, is_graded, moduli_of
-from ..core.checks import (
-    Numbers,
-    as_float,
-    as_numbers,
-    check_poisson,
-    check_positive,
-    check_values,
-    is_concrete,
-    short,
-)
+from ..blocks.stack import Stack
+from ..core.checks import Numbers, as_float, check_positive, is_concrete
 from ..core.compilation import compiled
-from ..core.display import shown
 from .column import climb_through, column_of
 from .grading import as_waves, graded_tolerance, solve_graded
-from .layering import Layering
-from .recursion import compliance_of_layers, layers_of
-from .upwards import PLANE, base_face, in_plane
-
-
-def layered_compliance(
-    q: Numbers,
-    thickness: Numbers,
-    modulus: Numbers,
-    poisson: Numbers,
-    base: Rigid | Free | tuple[Numbers, Numbers],
-) -> Inexact[Array, "*w"]:
-    """Returns M_zz [m/Pa] of layers given by their moduli at one frequency per entry of `q`.
-
-    **Arguments:**
-
-    - `q`: wavenumbers [rad/m], shape `(*w)`, positive.
-    - `thickness`: d [m], shape `(n,)`, surface first; `n = 0` is allowed on a half space.
-    - `modulus`: Young's moduli E(ω) [Pa], real or complex, shape `(n,)` or `(n, *w)`.
-    - `poisson`: Poisson's ratios [1], real or complex, shape `(n,)` or `(n, *w)`.
-    - `base`: `Rigid()`, `Free()`, or the half space's `(modulus, poisson)`.
-
-    **Returns:** M_zz, shape `(*w)`, real if all moduli are.
-    """
-    q, thickness = as_float(q, "q"), as_float(thickness, "thickness")
-    modulus, poisson = as_numbers(modulus, "modulus"), as_numbers(poisson, "poisson")
-    check_positive("q", q, "[rad/m]")
-    if thickness.ndim != 1:
-        raise ValueError(f"`thickness` has shape {thickness.shape}; one axis, layers, is needed.")
-    check_values("thickness", thickness, "a thickness [m] is zero or positive", at_least=0)
-    for name, value in (("modulus", modulus), ("poisson", poisson)):
-        if value.ndim < 1 or value.shape[0] != len(thickness):
-            raise ValueError(
-                f"`{name}` has shape {value.shape}; its first axis must hold the "
-                f"{len(thickness)} layers of `thickness`."
-            )
-    if not isinstance(base, Rigid | Free):
-        if not (isinstance(base, tuple) and len(base) == 2):
-            raise ValueError(f"`base={short(base)}` must be Rigid(), Free() or (modulus, poisson).")
-        base = as_numbers(base[0], "base[0]"), as_numbers(base[1], "base[1]")
-        _check_moduli("base[0]", base[0], "base[1]", base[1])
-    elif len(thickness) == 0:
-        raise ValueError(f"`thickness` is empty on {short(base)}: there is nothing to deform.")
-    _check_moduli("modulus", modulus, "poisson", poisson)
-    return compliance_of_layers(q, thickness, modulus, poisson, base)
+from .upwards import FULL, PLANE, base_face, in_plane
 
 
 def surface_compliance(
@@ -82,7 +39,8 @@ def surface_compliance(
     omega: Numbers,
     *,
     rtol: float | None = None,
-) -> Inexact[Array, "*w"]:
+    error: bool = False,
+) -> Any:
     """Returns the surface compliance M_zz [m/Pa] of a stack.
 
     **Arguments:**
@@ -92,14 +50,19 @@ def surface_compliance(
     - `omega`: angular frequencies ω [rad/s], of either sign; a complex ω = -is stands for fields
       exp(st), see `AbstractMaterial`.
     - `rtol`: relative tolerance in graded layers; by default that of the stack. If it is not
-      reached, an error is raised; `graded_compliance` returns the estimate. Stacks of
-      homogeneous layers are exact, and ignore it.
+      reached, an error is raised. Stacks of homogeneous layers are exact, and ignore it.
+    - `error`: whether to return `(M_zz, error)` with the estimated relative error [1], infinite
+      where M_zz is NaN. Then a tolerance that is not reached raises nothing.
 
     **Returns:** M_zz, of the shape to which `q` and `omega` broadcast; complex unless every
     material is elastic.
     """
-    q, omega, rtol = _checked(stack, q, omega, rtol)
-    return surface_compliance_unchecked(stack, q, omega, rtol)
+    q = as_float(q, "q")
+    check_positive("q", q, "[rad/m]")
+    q, omega = as_waves(stack, q=q, omega=omega)
+    rtol = graded_tolerance(stack, rtol, q)
+    found = _compliance(stack, q, omega, rtol, not error)
+    return found if error else found[0]
 
 
 def effective_modulus(
@@ -121,51 +84,52 @@ def effective_modulus(
     return 2 / (as_float(q, "q") * found)
 
 
-@shown()
-class GradedCompliance(eqx.Module):
-    """A surface compliance with its estimated error.
-
-    **Fields:**
-
-    - `value`: M_zz [m/Pa], shape `(*w)`.
-    - `error`: estimated relative error of `value` [1], shape `(*w)`; infinite where that is NaN.
-    """
-
-    value: Inexact[Array, "*w"]
-    error: Float[Array, "*w"]
-
-
-def graded_compliance(
+def surface_compliance_matrix(
     stack: Stack,
-    q: Numbers,
+    qx: Numbers,
+    qy: Numbers,
     omega: Numbers,
     *,
     rtol: float | None = None,
-    throw: bool = True,
-) -> GradedCompliance:
-    """Returns M_zz of a stack with graded layers, and an estimate of its error.
+    error: bool = False,
+) -> Any:
+    """Returns the compliance C [m/Pa] from surface tractions to surface displacements.
+
+    Both vectors are along (x, y, z) with z into the solid, the tractions being those acting on
+    the solid: C[..., 2, 2] is M_zz.
 
     **Arguments:**
 
-    - `stack`, `q`, `omega`, `rtol`: as in `surface_compliance`.
-    - `throw`: whether a tolerance that is not reached is an error.
+    - `stack`: the block.
+    - `qx`, `qy`: wavevector [rad/m], not both zero.
+    - `omega`: angular frequencies ω [rad/s], of either sign.
+    - `rtol`: relative tolerance in graded layers, of c11, c22 and c_T each and of c12 over their
+      geometric mean; by default that of the stack. If it is not reached, an error is raised.
+    - `error`: as in `surface_compliance`.
 
-    **Returns:** a `GradedCompliance` of the shape to which `q` and `omega` broadcast.
+    **Returns:** C, of the shape to which `qx`, `qy` and `omega` broadcast and two axes of 3.
     """
-    if not is_graded(stack):
-        raise ValueError("`stack` has no `GradedLayer`: use `surface_compliance`.")
-    q, omega, rtol = _checked(stack, q, omega, rtol)
-    return _graded(stack, q, omega, rtol, throw)
+    qx, qy, omega = wavevectors(stack, qx, qy, omega)
+    rtol = graded_tolerance(stack, rtol, qx)
+    found = _matrix(stack, qx, qy, omega, rtol, not error)
+    return found if error else found[0]
 
 
-def _checked(stack, q, omega, rtol):
-    q = as_float(q, "q")
-    check_positive("q", q, "[rad/m]")
-    return *as_waves(stack, q=q, omega=omega), graded_tolerance(stack, rtol, q)
+def wavevectors(stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers) -> tuple[Array, ...]:
+    """Returns the arguments as arrays of equal rank, checked."""
+    qx, qy, omega = as_waves(stack, qx=qx, qy=qy, omega=omega)
+    if is_concrete(qx) and is_concrete(qy) and bool(jnp.any((qx == 0) & (qy == 0))):
+        raise ValueError("`qx=0` with `qy=0` is refused: at q = 0 there is no compliance.")
+    return qx, qy, omega
 
 
-def _climb(stack, q, omega):
-    """The recursion to M_zz, given what adds a graded layer."""
+def compliance_of(
+    stack: Stack, q: Array, omega: Array, rtol: float, throw: bool
+) -> tuple[Array, Array]:
+    """Returns M_zz [m/Pa] and its relative error, at `q` and `omega` of equal rank, unchecked.
+
+    With `throw` a tolerance that is missed raises.
+    """
     column = column_of(stack, q, omega)
     base = in_plane(base_face(column, jnp.zeros_like(q)))
 
@@ -173,62 +137,60 @@ def _climb(stack, q, omega):
         top = climb_through(column, base, PLANE, add_graded)
         return (top.state.c.c22 / top.state.n * (2 / column.unit) / (top.reduced * q),)
 
-    return climb
-
-
-@compiled
-def _graded(stack, q, omega, rtol, throw):
-    climb = _climb(stack, q, omega)
-
     def relative(differences, values):
         return jnp.abs(differences[0]) / jnp.abs(values[0])
 
     (value,), error = solve_graded(climb, relative, stack, q, omega, rtol, throw)
-    return GradedCompliance(value, error)
-
-
-def compliance_of(stack, q, omega, rtol, *, attempt=False, throw=True) -> Array:
-    """Returns M_zz [m/Pa] of a stack at `q` and `omega` of equal rank, unchecked.
-
-    An `attempt` at a graded stack is quick, and returns its result for any error. Without
-    `throw` a tolerance that is not reached leaves NaN.
-    """
-    if is_graded(stack):
-        if attempt:
-            stack = dataclasses.replace(stack, graded_solver=Layering(retry=False))
-        found = _graded(stack, q, omega, rtol, throw and not attempt)
-        if attempt or throw:
-            # An attempt only counts coefficients: errors show in the table made after it.
-            return found.value
-        return jnp.where(found.error <= rtol, found.value, jnp.nan)
-    if is_bonded(stack):
-        (compliance,) = _climb(stack, q, omega)(None)
-    else:
-        base = stack.base
-        if isinstance(base, HalfSpace):
-            base = moduli_of(base.material, omega)
-        compliance = compliance_of_layers(q, *layers_of(stack, omega), base)
     # Of elastic layers it has the shape of q alone.
-    return jnp.broadcast_to(compliance, jnp.broadcast_shapes(q.shape, omega.shape))
+    return jnp.broadcast_to(value, jnp.broadcast_shapes(q.shape, omega.shape)), error
 
 
-surface_compliance_unchecked = compiled(compliance_of)
+_compliance = compiled(compliance_of)
 
 
-def log_compliance(stack, q, omega, rtol, attempt) -> Array:
-    """Returns log(q M_zz) for a table with the tolerance `rtol`."""
-    # The nodes are solved more closely than they are interpolated.
-    closer = max(rtol / 4, 400 * float(jnp.finfo(q.dtype).eps))
-    found = compliance_of(stack, q, omega, closer, attempt=attempt, throw=False)
-    return jnp.log(found * q)
+def surface_compliance_unchecked(stack: Stack, q: Array, omega: Array, rtol: float) -> Array:
+    """Returns `surface_compliance` at `q` and `omega` of equal rank, unchecked."""
+    return _compliance(stack, q, omega, rtol, True)[0]
 
 
-def _check_moduli(modulus_name: str, modulus: Array, poisson_name: str, poisson: Array) -> None:
-    check_values(modulus_name, modulus, "a modulus [Pa] must be finite")
-    # Moduli may be complex, of any sign of their parts; 0 alone has no compliance.
-    if is_concrete(modulus) and bool(jnp.any(modulus == 0)):
-        raise ValueError(f"`{modulus_name}` contains 0: a modulus [Pa] must not be 0.")
-    if jnp.iscomplexobj(poisson):
-        check_values(poisson_name, poisson, "Poisson's ratio must be finite")
-    else:
-        check_poisson(poisson_name, poisson)
+def compliance_or_nan(stack: Stack, q: Array, omega: Array, rtol: float) -> Array:
+    """Returns M_zz [m/Pa] at `q` and `omega` of equal rank, NaN where the tolerance is missed."""
+    value, error = compliance_of(stack, q, omega, rtol, throw=False)
+    return jnp.where(error <= rtol, value, jnp.nan)
+
+
+def compliance_parts(
+    stack: Stack, q: Array, omega: Array, rtol: float, throw: bool
+) -> tuple[tuple[Array, ...], Array]:
+    """Returns c11, c12, c22 and c_T [m/Pa] and their relative error, as `compliance_of`."""
+    column = column_of(stack, q, omega)
+    base = base_face(column, jnp.zeros_like(q))
+
+    def climb(add_graded):
+        top = climb_through(column, base, FULL, add_graded)
+        n, c, n_t, c_t = top.state
+        unit = (2 / column.unit) / q
+        plane, antiplane = unit / (top.reduced * n), unit / (top.shear * n_t)
+        return (*(plane * part for part in c[:3]), antiplane * c_t)
+
+    def measure(differences, values):
+        # c12 may vanish where c11 and c22 do not: its error is over their mean.
+        along, normal, across = (jnp.sqrt(jnp.abs(values[i])) for i in (0, 2, 3))
+        sizes = (along * along, along * normal, normal * normal, across * across)
+        errors = [jnp.abs(d) / size for d, size in zip(differences, sizes, strict=True)]
+        return functools.reduce(jnp.maximum, errors)
+
+    return solve_graded(climb, measure, stack, q, omega, rtol, throw)
+
+
+@compiled
+def _matrix(stack, qx, qy, omega, rtol, throw):
+    q = jnp.hypot(qx, qy)
+    (c11, c12, c22, c_t), error = compliance_parts(stack, q, omega, rtol, throw)
+    a, b = qx / q, qy / q
+    # In the precision of the values: a Python number could raise it.
+    i = jnp.asarray(1j, jnp.result_type(c11, jnp.complex64))
+    xy, xz, yz = (c11 - c_t) * a * b, -i * c12 * a, -i * c12 * b
+    xx, yy = c11 * a * a + c_t * b * b, c11 * b * b + c_t * a * a
+    entries = jnp.broadcast_arrays(xx, xy, xz, xy, yy, yz, -xz, -yz, c22)
+    return jnp.stack(entries, -1).astype(i.dtype).reshape(*c11.shape, 3, 3), error

@@ -9,12 +9,11 @@ layers.
 """
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..blocks.bond import Give
 from ..blocks.stack import (
     Free,
     GradedLayer,
@@ -26,7 +25,6 @@ from ..blocks.stack import (
 )
 from .column import (
     AddGraded,
-    Carried,
     Column,
     Face,
     Rule,
@@ -35,12 +33,19 @@ from .column import (
     column_of,
     face_in,
     in_rows,
-    scaled,
 )
 from .slab import Compliance, Slab, factors, in_units, lower_face, release, stack_on
 from .upwards import FULL, base_face
 
 Side = Literal["above", "below"]
+
+
+class Above(NamedTuple):
+    """Stiffness of the part above a cut, in plane and antiplane, and the force (t, s, T)."""
+
+    plane: Compliance
+    antiplane: Array
+    traction: tuple[Array, ...]
 
 
 def depth_climb(
@@ -65,17 +70,16 @@ def depth_climb(
         for i, layer in enumerate(stack.layers)
         if isinstance(layer, GradedLayer)
     }
-    passed = in_rows(range(len(stack.layers)), depth) < place  # whose bonds lie above the cut
     zero = jnp.zeros(jnp.broadcast_shapes(q.shape, depth.shape), q.dtype)
     one, nothing = jnp.ones_like(zero), Compliance(zero, zero, zero, zero)
     # Nothing lies above the surface: no stiffness, and the traction as it is.
-    surface = Face(Carried(nothing, zero, traction), one, one)
+    surface = Face(Above(nothing, zero, traction), one, one)
 
     def climb(add_graded):
         start = base_face(column, zero)
-        lower = climb_through(column, start, FULL, add_graded, below, heights, ~passed)
+        lower = climb_through(column, start, FULL, add_graded, below, heights)
         whole = _with_base(column)
-        upper = climb_through(whole, surface, _ABOVE, add_graded, above, heights, passed)
+        upper = climb_through(whole, surface, _ABOVE, add_graded, above, heights)
         return _joined(upper, lower)
 
     return climb, _material(column, heights, place), column.unit
@@ -89,12 +93,14 @@ def _cut(stack, depth, side):
     thickness = in_rows([layer.thickness for layer in stack.layers], depth)
     tops = in_rows(jnp.append(0, interface_depths(stack)), depth)
     passed = depth >= tops if side == "below" else depth > tops
-    # All of a layer that ends above: a difference of depths would be rounded.
-    above = jnp.where(depth >= tops[1:], thickness, jnp.clip(depth - tops[:-1], 0, thickness))
-    rest = jnp.maximum(depth - tops[-1:], 0)
     # A rigid base is no place: at its face the depth is in the layer above.
     last = len(stack.layers) - (not isinstance(stack.base, HalfSpace))
-    return jnp.concatenate([above, rest]), jnp.clip(jnp.sum(passed, axis=0) - 1, 0, last)
+    place = jnp.clip(jnp.sum(passed, axis=0) - 1, 0, last)
+    # All of a layer that ends above: a difference of depths would be rounded.
+    above = jnp.where(depth >= tops[1:], thickness, jnp.clip(depth - tops[:-1], 0, thickness))
+    # A layer may be so thin that it begins and ends at this depth.
+    above = jnp.where(in_rows(range(len(stack.layers)), depth) > place, 0, above)
+    return jnp.concatenate([above, jnp.maximum(depth - tops[-1:], 0)]), place
 
 
 def _with_base(column: Column) -> Column:
@@ -103,7 +109,7 @@ def _with_base(column: Column) -> Column:
         return column
     runs, (reduced, e) = column.runs, (part[None] for part in column.base)
     last = runs[-1] if runs else None
-    if not isinstance(last, Run) or last.bond is not None:
+    if not isinstance(last, Run):
         base = Run(slice(-1, None), in_rows([0], column.q), reduced, e)
         return column._replace(runs=(*runs, base))
     # One scan for all.
@@ -128,8 +134,8 @@ def _material(column, heights, place):
 def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     """The state of a slab's lower face from that of its upper face."""
     lower, s = face_in(None, reduced, e), factors(x, e)
-    g, g_t, (t, n, across) = _carried(face, reduced)
-    g_t = g_t * reduced / lower.shear
+    g, g_t, (t, n, across) = face.state
+    g, g_t = in_units(g, face.reduced / reduced), g_t * face.shear / lower.shear
     # Upside down, compliances and stiffnesses change places.
     turned = Slab(s.g, s.q, s.p11, s.p21, s.p12, s.p22)
     t, n = release(s.q, g, (t, n), 1, 1 / lower_face(g, turned)[1])
@@ -142,48 +148,15 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
         2 * decay / (1 + decay * decay) * across * inverse_t,
     )
     stiffness = stack_on(g, turned, jnp.ones_like(x))
-    return lower._replace(state=Carried(stiffness, (tanh + g_t) * inverse_t, traction))
+    return lower._replace(state=Above(stiffness, (tanh + g_t) * inverse_t, traction))
 
 
-def _carried(face: Face, reference: Array, _: Any = None) -> Carried:
-    plane, antiplane, traction = face.state
-    plane = in_units(plane, face.reduced / reference)
-    return Carried(plane, antiplane * face.shear / reference, traction)
-
-
-def _face(carried: Carried, reference: Array, _: Any, e: Array) -> Face:
-    face = face_in(carried, reference, e)
-    antiplane = carried.antiplane * reference / face.shear
-    return face._replace(state=carried._replace(antiplane=antiplane))
-
-
-def _join(face: Face, give: Give) -> Face:
-    """The state below a bond, (1 + G A)⁻¹ of both stiffness and force; A = diag(1/k_s, 1/k_n)."""
-    (g, g_t, (t, n, across)), bond = face.state, scaled(give, face.reduced)
-    (firm_n, give_n, firm_s, give_s), (g11, g12, g22, det) = bond, g
-    along, normal = firm_s + give_s * g11, firm_n + give_n * g22
-    inverse = 1 / (firm_s * normal + give_s * (firm_n * g11 + give_n * det))
-    plane = Compliance(
-        firm_s * (firm_n * g11 + give_n * det) * inverse,
-        firm_s * firm_n * g12 * inverse,
-        firm_n * (firm_s * g22 + give_s * det) * inverse,
-        firm_s * firm_n * det * inverse,
-    )
-    held = firm_s / (firm_s + give_s * face.shear / face.reduced * g_t)
-    traction = (
-        firm_s * (normal * t - give_n * g12 * n) * inverse,
-        firm_n * (along * n - give_s * g12 * t) * inverse,
-        held * across,
-    )
-    return face._replace(state=Carried(plane, held * g_t, traction))
-
-
-_ABOVE = Rule(_add, _join, None, _carried, _face)
+_ABOVE = Rule(_add, None)
 
 
 def _joined(face: Face, below: Face) -> tuple[Array, ...]:
     """Returns the tractions t, s, σ_T [Pa] and U, w, w_T [Pa, in units of 2/q] at the cut."""
-    (g, g_t, (t, n, across)), (one, c, one_t, c_t, _) = face.state, below.state
+    (g, g_t, (t, n, across)), (one, c, one_t, c_t) = face.state, below.state
     g, g_t = in_units(g, face.reduced / below.reduced), face.shear / below.shear * g_t
     (c11, c12, c22, det) = c
     inverse = 1 / (one + g.c11 * c11 + 2 * g.c12 * c12 + g.c22 * c22 + g.det * det)

@@ -29,15 +29,12 @@ from .layering import Layering
 _NOT_REACHED = (
     "The tolerance was not reached in a graded layer: its profile varies too sharply. Put "
     "boundaries between layers at its jumps and list its kinks in `breaks`, pass a larger "
-    "`rtol`, or read `graded_compliance(..., throw=False).error`."
+    "`rtol`, or read `surface_compliance(..., error=True)`."
 )
 
 
 def check_profiles(stack: Stack, omega: Inexact[Array, "..."]) -> None:
-    """Raises `ValueError` for frequencies that a table refuses, or a profile that is not usable.
-
-    Of a profile it names the layer and the height.
-    """
+    """Raises `ValueError` for a profile that is not usable, naming the layer and the height."""
     for i, layer in enumerate(stack.layers):
         if isinstance(layer, GradedLayer):
             check_profile(f"layers[{i}].profile", layer.profile, omega)
@@ -97,7 +94,7 @@ def graded_tolerance(stack: Stack, rtol: float | None, like: Array) -> float:
     return float(rtol)
 
 
-def solve_graded(climb, measure, stack, q, omega, rtol, throw=True):
+def solve_graded(climb, measure, stack, q, omega, rtol, throw):
     """Returns values and error of a recursion through a stack, by the solver of its graded layers.
 
     With `throw` a larger error than `rtol` raises.

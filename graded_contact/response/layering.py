@@ -10,7 +10,8 @@ The mesh has few cells where the profile hardly changes, and few at depth. A sur
 wavenumber q hardly depends on the block below a few 1/q. Therefore the recursion through a thick
 layer starts at a depth that the wave can still see (`column.visible`), with the half space that has
 the moduli there. Above, the density of cells follows the changes of ln E and ν and the decay
-lengths of the wave, and decreases with depth.
+lengths of the wave, and decreases with depth. Beside a steep step the cells grow from its width in
+proportion to their distance: no tail of it hides in the last sublayer of a wide cell.
 
 Cells are needed for every q at once: the mesh is made for a few q, and the heights of its nodes, as
 fractions of the visible depth, are interpolated in log q. The result does not depend on the mesh,
@@ -30,7 +31,7 @@ from ..blocks.profile import moduli_at
 from ..blocks.shapes import breaks_of
 from ..blocks.stack import GradedLayer, Layer, Stack
 from ..blocks.tolerance import AbstractGradedSolver, as_tolerance, rounding
-from ..core.checks import Numbers, as_numbers, check_type, check_whole
+from ..core.checks import Numbers, as_numbers, check_whole
 from ..materials.material import AbstractMaterial
 from .column import Face, GradedPart, Rule, cast_like, stable_shape, visible
 
@@ -46,6 +47,8 @@ _LAST = np.cumsum(_REFINEMENT) - 1  # the last sublayer of each refinement
 _SPLIT = 5
 # The mesh is made for so many wavenumbers and frequencies, from the profile at so many heights.
 _WAVENUMBERS, _FREQUENCIES, _POINTS, _REFINEMENTS = 48, 12, 128, 4
+# How fast cells grow beside a steep step: less makes them wider, more leaves few of them in it.
+_GROWTH = 1.0
 # Below it the mesh no longer depends on q d.
 _SMALLEST = 1e-3
 
@@ -65,34 +68,27 @@ class Mesh(NamedTuple):
 class Layering(AbstractGradedSolver):
     """Homogeneous layers at middle heights, extrapolated.
 
-    If the error estimate exceeds the tolerance anywhere, everything is done again on a mesh of
-    five times as many cells.
-
     **Fields:**
 
-    - `num_cells`: cells of the mesh of each graded layer, 24 layers of work each; by default
-      chosen for the tolerance. Static.
-    - `retry`: whether to try the finer mesh. Static.
+    - `num_cells`: cells of the mesh of each graded layer, 24 layers of work each. By default as
+      many as the tolerance needs mostly, and five times as many if the error exceeds it. Static.
     - `rtol`: relative tolerance; by default 1e-9, in float32 1e-4. Static.
     """
 
     num_cells: int | None = eqx.field(static=True, default=None)
-    retry: bool = eqx.field(static=True, default=True)
     rtol: float | None = eqx.field(static=True, default=None, converter=as_tolerance)
 
     def __check_init__(self):
         if self.num_cells is not None:
             check_whole("num_cells", self.num_cells, 1)
-        check_type("retry", self.retry, bool)
 
     def solve(self, climb, measure, stack, q, omega, rtol):
         num_cells = self.num_cells
         if num_cells is None:
             # The error goes as the number of cells to the power -12, estimates as -11.
             num_cells = int(np.ceil(12 * (1e-9 / rtol) ** (1 / 11)))
-        split = _SPLIT if self.retry else 1
         meshes = {
-            i: build_mesh(layer.profile, q * layer.thickness, omega, num_cells, split)
+            i: build_mesh(layer.profile, q * layer.thickness, omega, num_cells, _SPLIT)
             for i, layer in enumerate(stack.layers)
             if isinstance(layer, GradedLayer)
         }
@@ -103,10 +99,9 @@ class Layering(AbstractGradedSolver):
 
             return _extrapolated(climb(add), measure, rounding(q))
 
-        # Without the cuts that `split` made.
-        coarse = {i: mesh._replace(nodes=mesh.nodes[:, ::split]) for i, mesh in meshes.items()}
+        coarse = {i: mesh._replace(nodes=mesh.nodes[:, ::_SPLIT]) for i, mesh in meshes.items()}
         found = extrapolated(coarse)
-        if not self.retry:
+        if self.num_cells is not None:
             return found
         # A derivative recomputes the finer one rather than store it.
         finer = jax.checkpoint(extrapolated)
@@ -240,13 +235,16 @@ def _mass(profile, x, s, omega):
     """What each interval of heights weighs: changes of ln E and ν, decay lengths, a little."""
     modulus, poisson = moduli_at(profile, s[:, None], omega)
     modulus, poisson = (jnp.broadcast_to(a, (s.size, omega.size)) for a in (modulus, poisson))
-    step = jnp.diff(s)
+    step, tiny = jnp.diff(s), jnp.finfo(s.dtype).tiny
     change = jnp.abs(jnp.log(modulus[1:] / modulus[:-1])) + 4 * jnp.abs(jnp.diff(poisson, axis=0))
     change = jnp.max(change, axis=1)
-    depth = 1 - (s[1:] + s[:-1]) / 2
+    middle = (s[1:] + s[:-1]) / 2
+    depth = 1 - middle
+    # A change of ln E over a length l weighs at a distance r as over l + r.
+    length = step / jnp.maximum(change, tiny)
+    change = step / jnp.min(length + _GROWTH * jnp.abs(middle[:, None] - middle), axis=1)
     # Decay rates and weights measured on the reference cases; they only shape the mesh.
     seen = jnp.exp(-0.2 * x * depth)
-    tiny = jnp.finfo(s.dtype).tiny
     return (jnp.sqrt(change**2 + step**2) + 1.5 * x * step) * seen + step + tiny
 
 
@@ -303,5 +301,4 @@ def sliced(stack: Stack, num_slices: int) -> Stack:
             continue
         heights, thickness = 1 - (jnp.arange(num_slices) + 0.5) / num_slices, layer.thickness
         layers += [Layer(_AtHeight(layer.profile, s), thickness / num_slices) for s in heights]
-        layers[-1] = dataclasses.replace(layers[-1], bond=layer.bond)
     return dataclasses.replace(stack, layers=layers)

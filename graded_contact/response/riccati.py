@@ -10,14 +10,8 @@ With κ = ν/(1 - ν), c in units of 2/(E_ref q), ζ = q z upwards, R = 2 E_r/E_
 
 (no derivative of a modulus appears; ν may vary). For waves whose c is large at the start, such as
 on a free base or a smooth interface, the inverse of c is integrated. Upwards the effect of the
-start decays as e^-2ζ; downwards it would grow. The integration starts where the wave has decayed
-(`column.visible`), so the equation is not stiff. Two quantities are integrated downwards, along
-y = -ζ: the stiffness G of the part above, which with the other sign of g12 obeys the equation of
-the inverse, and the traction v = (t, s) on a clamped face
-
-    t' = κ s - B1 g11 t - B2 g12 s     s' = -t - B1 g12 t - B2 g22 s     T' = -B1 g_T T,
-
-of which the decay e^-y is taken out.
+start decays as e^-2ζ. The integration starts where the wave has decayed
+(`column.visible`), so the equation is not stiff.
 """
 
 from collections.abc import Callable
@@ -27,62 +21,26 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.flatten_util import ravel_pytree
+from jaxtyping import Array
 
-from ..blocks.bond import is_smooth
 from ..blocks.profile import moduli_at
 from ..blocks.shapes import breaks_of
-from ..blocks.stack import GradedLayer, Rigid
 from ..blocks.tolerance import AbstractGradedSolver, as_tolerance, rounding
 from ..core.checks import check_type
-from .column import Carried
+from .column import Face, face_in
 from .layering import add_layered, build_mesh
-from .slab import Compliance
-
-
-class Equation(NamedTuple):
-    """Of the compliance or its inverse, or downwards of a stiffness; the tolerance of a step."""
-
-    down: bool
-    step: float
-
-    def rates(self, numbers, modulus, poisson, reference, inverse):
-        """Returns the rates of change per unit of ζ, or downwards of y."""
-        (c11, c12, c22, det), antiplane, traction = numbers
-        kappa, b1 = poisson / (1 - poisson), reference * (1 + poisson) / modulus
-        b2 = b1 * (1 - 2 * poisson) / (2 * (1 - poisson))
-        r = 2 * modulus / (reference * (1 - poisson**2))
-        if traction is not None:
-            t, s, across = traction
-            traction = (
-                t + kappa * s - b1 * c11 * t - b2 * c12 * s,
-                s - t - b1 * c12 * t - b2 * c22 * s,
-                across - b1 * antiplane * across,
-            )
-        sign = -1 if self.down else 1
-        c12 = sign * c12
-        stiffness = (
-            r - 2 * kappa * c12 - b1 * c11 * c11 - b2 * c12 * c12,
-            sign * (c11 - kappa * c22 - b1 * c11 * c12 - b2 * c12 * c22),
-            2 * c12 - b1 * c12 * c12 - b2 * c22 * c22,
-            r * c22 - (b1 * c11 + b2 * c22) * det,
-        )
-        compliance = (
-            b1 - 2 * c12 - r * c11 * c11,
-            kappa * c11 - c22 - r * c11 * c12,
-            b2 + 2 * kappa * c12 - r * c12 * c12,
-            b1 * c22 + b2 * c11 - r * c11 * det,
-        )
-        either = partial(jnp.where, True if self.down else inverse > 0)
-        plane = Compliance(*map(either, stiffness, compliance))
-        if antiplane is not None:
-            soft = either(1 / b1, b1)
-            antiplane = soft - antiplane * antiplane / soft
-        return Carried(plane, antiplane, traction)
-
+from .slab import Compliance, in_units
+from .upwards import Below
 
 _MAX_STEPS = 4096
+
+
+class Numbers(NamedTuple):
+    """What is integrated: a symmetric matrix with its determinant, in plane, and antiplane."""
+
+    plane: Compliance
+    antiplane: Any = None
 
 
 class Riccati(AbstractGradedSolver):
@@ -90,8 +48,8 @@ class Riccati(AbstractGradedSolver):
 
     The tolerance of a step is `rtol`/30; a second integration with a tolerance ten times larger
     estimates the error. `benchmarks/bench_grading.py` compares it with `Layering`: `Riccati` is
-    slower for an equal error. The two methods share only a rough solution for the sizes. Between a
-    graded layer and a rigid base a bond may not be smooth and stiff along the normal.
+    slower for an equal error. The two methods share only a rough solution for the sizes. Fields
+    at a depth are by `Layering` for any solver.
 
     **Fields:**
 
@@ -124,24 +82,9 @@ class Riccati(AbstractGradedSolver):
                 "atol=...) and return a diffrax controller, as `diffrax.PIDController` itself is."
             )
 
-    def check(self, stack):
-        if not stack.layers or not isinstance(stack.base, Rigid):
-            return
-        lowest = stack.layers[-1]
-        slides = is_smooth(lowest.bond) and bool(np.any(np.isinf(lowest.bond.normal)))
-        if isinstance(lowest, GradedLayer) and slides:
-            raise ValueError(
-                f"`layers[{len(stack.layers) - 1}].bond` has `shear=0` and `normal=inf` between a "
-                "graded layer and a rigid base, where the compliance that `Riccati` integrates and "
-                "its inverse are infinite. Use `graded_solver=Layering()`."
-            )
-
     def solve(self, climb, measure, stack, q, omega, rtol):
         def found(step):
-            def add(part, face, rule):
-                return self._add(part, face, rule, Equation(rule.down, step))
-
-            return climb(add)
+            return climb(partial(self._add, step=step))
 
         # The tolerance is that of a step; errors of steps add up.
         step = rtol / 30
@@ -152,57 +95,48 @@ class Riccati(AbstractGradedSolver):
         # The step is added because both may happen to take the same steps.
         return values, error + rounding(q) + step
 
-    def _add(self, part, face, rule, equation):
+    def _add(self, part, face, rule, step):
         """The other face of a graded layer."""
         import diffrax  # costs a quarter of a second that other scenes need not pay
 
         x = part.x
-        end_height = jnp.ones_like(x) if part.height is None else part.height
         mesh = build_mesh(part.profile, x, part.omega, num_cells=4)
         rough = add_layered(part, face, mesh, rule)
         rough = jax.lax.stop_gradient(jax.tree.map(lambda leaf: leaf[-1], rough))
-        end = part.moduli(end_height)
-        reference = jax.lax.stop_gradient(jnp.abs(end[0]))
+        reduced, e = part.moduli(jnp.ones_like(x))
+        reference = jax.lax.stop_gradient(jnp.abs(reduced))
         # A wave takes what is not large at its start.
-        inverse = jnp.zeros_like(x)
-        if not rule.down:
-            softer = face.state.c.det * (reference / face.reduced) ** 2
-            inverse = jnp.where(jnp.abs(softer) > jnp.abs(face.state.n), 1.0, 0.0).astype(x.dtype)
-        scale = rule.numbers(rough, reference, inverse)
-        start = rule.numbers(face, reference, inverse)
-        if not rule.down:
-            entry = rule.half_space(*part.moduli(1 - part.seen))
-            entry = rule.numbers(entry, reference, inverse)
-            start = jax.tree.map(lambda a, b: jnp.where(part.seen < 1, a, b), entry, start)
-        sizes, stiffness = _sizes(scale, start), reference * part.unit
-        waves = x, part.omega, part.seen, end_height, stiffness, start, sizes, inverse
-        shape = jnp.broadcast_shapes(*(leaf.shape for leaf in jax.tree.leaves((waves, end))))
+        softer = face.state.c.det * (reference / face.reduced) ** 2
+        inverse = jnp.where(jnp.abs(softer) > jnp.abs(face.state.n), 1.0, 0.0).astype(x.dtype)
+        scale = _numbers(rough, reference, inverse)
+        entry = _numbers(rule.half_space(*part.moduli(1 - part.seen)), reference, inverse)
+        start = _numbers(face, reference, inverse)
+        start = jax.tree.map(lambda a, b: jnp.where(part.seen < 1, a, b), entry, start)
+        sizes, stiffness = _sizes(scale), reference * part.unit
+        waves = x, part.omega, part.seen, stiffness, start, sizes, inverse
+        shape = jnp.broadcast_shapes(*(leaf.shape for leaf in jax.tree.leaves((waves, e))))
         waves = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, shape).ravel(), waves)
 
         def solve(adjoint, given):
             profile, waves = given
-            return jax.vmap(lambda wave: self._solve_one(profile, wave, equation, adjoint))(waves)
+            return jax.vmap(lambda wave: self._solve_one(profile, wave, step, adjoint))(waves)
 
         forward = partial(solve, diffrax.ForwardMode())
         backward = partial(solve, self.adjoint or diffrax.RecursiveCheckpointAdjoint())
         top = _in_both_modes(forward, backward, (part.profile, waves))
         top = jax.tree.map(lambda leaf: leaf.reshape(shape), top)
         reference, inverse = (jnp.broadcast_to(part, shape) for part in (reference, inverse))
-        return rule.face(top, reference, inverse, end[1])
+        return _face_of(top, reference, inverse, e)
 
-    def _solve_one(self, profile, wave, equation, adjoint):
+    def _solve_one(self, profile, wave, step, adjoint):
         """The numbers of one wave at the end; NaN where the steps did not suffice.
 
-        A wave has x = q d, ω, the fraction of the layer that is seen, the height of its cut, E_ref
-        [Pa], the numbers at the start and their sizes, and 1 if they are inverse.
+        A wave has x = q d, ω, the fraction of the layer that is seen, E_ref [Pa], the numbers at
+        the start and their sizes, and 1 if they are inverse.
         """
         import diffrax
 
-        down, step = equation.down, equation.step
-        x, omega, seen, height, reference, start, size, inverse = wave
-        # Heights run from `height - length` upwards, or from the top to `height` downwards.
-        length = 1 - height if down else height - (1 - seen)
-        highest = 1 if down else height
+        x, omega, seen, reference, start, size, inverse = wave
         leaves, treedef = jax.tree.flatten(start)
         size, is_complex = jnp.stack(jax.tree.leaves(size)), any(map(jnp.iscomplexobj, leaves))
 
@@ -215,16 +149,15 @@ class Riccati(AbstractGradedSolver):
             return jax.tree.unflatten(treedef, list(y))
 
         def slope(place, y, _):
-            s = highest - length * (place if down else 1 - place)
-            rates = equation.rates(join(y), *moduli_at(profile, s, omega), reference, inverse)
-            return split(rates) * (x * length)
+            s = 1 - seen * (1 - place)
+            found = _rates(join(y), *moduli_at(profile, s, omega), reference, inverse)
+            return split(found) * (x * seen)
 
         controller = (self.controller or diffrax.PIDController)(rtol=step, atol=1e-4 * step)
         breaks = breaks_of(profile)
         # A step across a kink would lose the order of the method.
         if len(breaks):
-            places = (highest - breaks) / jnp.where(length > 0, length, 1)
-            places = jax.lax.stop_gradient(places if down else 1 - places)
+            places = jax.lax.stop_gradient(1 - (1 - breaks) / seen)
             controller = diffrax.ClipStepSizeController(controller, jump_ts=places)
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(slope),  # pyright: ignore[reportArgumentType]
@@ -240,12 +173,57 @@ class Riccati(AbstractGradedSolver):
         )
         assert solution.ys is not None
         ended = solution.result == diffrax.RESULTS.successful
-        numbers = join(jnp.where(ended, solution.ys[-1], jnp.nan))
-        if not down:
-            return numbers
-        # Put back what the rates leave out.
-        decay = jnp.exp(-x * length)
-        return numbers._replace(traction=tuple(decay * part for part in numbers.traction))
+        return join(jnp.where(ended, solution.ys[-1], jnp.nan))
+
+
+def _numbers(face: Face, reference: Array, inverse: Array) -> Numbers:
+    """The numbers of a face in units of E_ref, of its inverse compliance where `inverse`."""
+    n, (c11, c12, c22, det), n_t, c_t = face.state
+    stiff, stiff_t = reference / face.reduced, reference / face.shear
+    either = partial(jnp.where, inverse > 0)
+    n, c = either(det, n), (either(c22, c11), either(-c12, c12), either(c11, c22), either(n, det))
+    plane = in_units(Compliance(*(part / n for part in c)), either(1 / stiff, stiff))
+    if n_t is None:
+        return Numbers(plane)
+    return Numbers(plane, either(c_t, n_t) ** -1 * either(n_t / stiff_t, c_t * stiff_t))
+
+
+def _face_of(numbers: Numbers, reference: Array, inverse: Array, e: Array) -> Face:
+    """The face of such numbers, in units of a material of E_ref."""
+    (c11, c12, c22, det), antiplane = numbers
+    one, shear = jnp.ones_like(det), (1 + e) / 2  # 2 μ over E_r
+    either = partial(jnp.where, inverse > 0)
+    n = either(det, one)
+    c = Compliance(either(c22, c11), either(-c12, c12), either(c11, c22), either(one, det))
+    if antiplane is None:
+        return face_in(Below(n, c), reference, e)
+    n_t, c_t = either(antiplane / shear, one), either(one, antiplane * shear)
+    return face_in(Below(n, c, n_t, c_t), reference, e)
+
+
+def _rates(numbers, modulus, poisson, reference, inverse):
+    """Returns the rates of change per unit of ζ, of the compliance or its inverse."""
+    (c11, c12, c22, det), antiplane = numbers
+    kappa, b1 = poisson / (1 - poisson), reference * (1 + poisson) / modulus
+    b2 = b1 * (1 - 2 * poisson) / (2 * (1 - poisson))
+    r = 2 * modulus / (reference * (1 - poisson**2))
+    stiffness = (
+        r - 2 * kappa * c12 - b1 * c11 * c11 - b2 * c12 * c12,
+        c11 - kappa * c22 - b1 * c11 * c12 - b2 * c12 * c22,
+        2 * c12 - b1 * c12 * c12 - b2 * c22 * c22,
+        r * c22 - (b1 * c11 + b2 * c22) * det,
+    )
+    compliance = (
+        b1 - 2 * c12 - r * c11 * c11,
+        kappa * c11 - c22 - r * c11 * c12,
+        b2 + 2 * kappa * c12 - r * c12 * c12,
+        b1 * c22 + b2 * c11 - r * c11 * det,
+    )
+    either = partial(jnp.where, inverse > 0)
+    if antiplane is not None:
+        soft = either(1 / b1, b1)
+        antiplane = soft - antiplane * antiplane / soft
+    return Numbers(Compliance(*map(either, stiffness, compliance)), antiplane)
 
 
 def _in_both_modes(forward, backward, given):
@@ -282,16 +260,13 @@ def _in_both_modes(forward, backward, given):
     return value(given)
 
 
-def _sizes(rough, start):
+def _sizes(rough):
     """What tolerances are relative to: sizes of a rough result, never nothing."""
 
     def plane(c):
         mean = jnp.sqrt(jnp.abs(c.c11)) * jnp.sqrt(jnp.abs(c.c22))
         return Compliance(*map(jnp.abs, c))._replace(c12=jnp.abs(c.c12) + 1e-6 * mean)
 
-    size = Carried(plane(rough.plane), *jax.tree.map(jnp.abs, rough[1:]))
-    if start.traction is not None:
-        t, s, across = map(jnp.abs, start.traction)
-        size = size._replace(traction=(t + s, t + s, across))
+    size = Numbers(plane(rough.plane), *jax.tree.map(jnp.abs, rough[1:]))
     size = jax.tree.map(lambda z: jnp.where(z > 0, z, 1), size)
     return jax.lax.stop_gradient(size)

@@ -28,8 +28,6 @@ from jaxtyping import Array, Float, Inexact
 
 # 2 (sinh x - x) = x³ Σ_k 2 x^2k/(2k+3)!; 13 terms reach rounding at x = 2.
 _PSI_SERIES = [2.0 / float(np.prod(np.arange(1.0, 2 * k + 4))) for k in range(13)]
-# x (cosh x - 1) - 3 (sinh x - x) = x⁵ Σ_k (2k+2) x^2k/(2k+5)!, also 13 terms.
-_CHI_SERIES = [(2 * k + 2) / float(np.prod(np.arange(1.0, 2 * k + 6))) for k in range(13)]
 # e^-350 squared underflows to nothing in float64; larger q d would only make inf × 0.
 DEEP = 350.0
 
@@ -107,34 +105,15 @@ def in_units(c: Compliance, ratio: Inexact[Array, "..."]) -> Compliance:
     return Compliance(c11, c12, c22, times(ratio * ratio, c.det))
 
 
-def rigid(like: Inexact[Array, "..."]) -> Compliance:
-    """Returns the compliance of a rigid base, zero, of the shape and dtype of `like`."""
-    return Compliance(*(jnp.zeros_like(like) for _ in Compliance._fields))
-
-
 def half_space(e: Inexact[Array, "..."]) -> Compliance:
     """Returns the compliance of a half space; `e` = 1 - 2ν."""
     one = jnp.ones_like(e)
     return Compliance(one, -e / (1 + e), one, (1 + 2 * e) / (1 + e) ** 2)
 
 
-def free(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Compliance:
-    """Returns the compliance of a slab whose lower face carries no traction."""
+def factors(x: Array, e: Array) -> Slab:
+    """Returns the factors of a slab of x = q d [1] and `e` = 1 - 2ν; real for real `e`."""
     t = _terms(x, e)
-    return Compliance(
-        t.f1 / t.f2,
-        -(t.x2 + e * t.s2) / ((1 + e) * t.f2),
-        (t.sc + t.x1) / t.f2,
-        t.delta / ((1 + e) ** 2 * t.f2),
-    )
-
-
-def factors(x: Array, e: Array, functions: Hyperbolic | None = None) -> Slab:
-    """Returns the factors of a slab of x = q d [1] and `e` = 1 - 2ν; real for real `e`.
-
-    `functions` are `hyperbolic(x)` if they are at hand.
-    """
-    t = _terms(x, e, functions)
     x, e1, e2, om = t.x, t.e1, t.e2, t.om
     b = 1 + e
     inverse = reciprocal(t.delta)
@@ -163,29 +142,6 @@ def factors(x: Array, e: Array, functions: Hyperbolic | None = None) -> Slab:
     )
 
 
-def split_of(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> tuple[Array, Array, Array]:
-    """Returns differences of what is alike in a thin slab, in plane and antiplane (see `below`).
-
-    They are (1 - ν) q11 - tanh x; (1 - ν) tanh x c11 det G - det G, c11 of the free slab; p11 - 1.
-    """
-    t = _terms(x, e)
-    x, e1, e2, om, psi, b = t.x, t.e1, t.e2, t.om, t.psi, 1 + e
-    inverse, rise = reciprocal(t.delta), (om / (1 + e1)) ** 2
-    # 2 e^-x [x (cosh x - 1) - 3 (sinh x - x)]
-    thin = x < 2
-    rest = 2 * e1 * x * _series(_CHI_SERIES, 2, jnp.where(thin, x, 1) ** 2)
-    rest = jnp.where(thin, rest, x * rise - 3 * psi)
-    clamped = 2 * b * e2 * (rest + 2 * psi) - (1 + 2 * e) * (1 - e) / 2 * om * t.s2 - t.x2 * om
-    free = e * om * t.f1 + 4 * e2 * x * rest - psi * (2 * e1 * (x * rise + psi) + om * rise)
-    even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
-    inverse_sum = 1 / (1 + e2)
-    return (
-        clamped * inverse * inverse_sum,
-        b * b / 2 * free * inverse * inverse_sum,
-        (even - 2 * b * e1 * x * om) * inverse,
-    )
-
-
 def stack_on(below: Compliance, slab: Slab, ratio: Inexact[Array, "..."]) -> Compliance:
     """Returns the compliance of a slab's upper face, with `below` bonded to its lower face.
 
@@ -197,32 +153,6 @@ def stack_on(below: Compliance, slab: Slab, ratio: Inexact[Array, "..."]) -> Com
     up = upwards(c, [part * inverse for part in h], slab)
     q = slab.q
     return Compliance(q.c11 + up.c11, q.c12 + up.c12, q.c22 + up.c22, (q.det + up.det) * inverse)
-
-
-def push_down(
-    traction: tuple[Array, Array], slab: Slab, below: Compliance | None = None, ratio: Any = 1
-) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Returns displacement and traction of a slab's lower face, given the upper face's traction.
-
-    `below` and `ratio` as in `stack_on`, None for a free face; the displacement is in units of
-    2/(E_r q) of the slab per unit of traction.
-    """
-    t, n = traction
-    # What the traction exerts on a clamped lower face, Pᵀ (t, s).
-    force = times(slab.p11, t) + times(slab.p21, n), times(slab.p12, t) + times(slab.p22, n)
-    t, n = force
-    if below is None:
-        g, inverse = slab.g, reciprocal(slab.g.det)
-        u, w = times(g.c22, t) - times(g.c12, n), times(g.c11, n) - times(g.c12, t)
-        return (u * inverse, w * inverse), (jnp.zeros_like(u), jnp.zeros_like(w))
-    c = in_units(below, ratio)
-    h, m = lower_face(c, slab)
-    inverse = reciprocal(m)
-    h11, h12, h22 = (part * inverse for part in h)
-    displacement = h11 * t + h12 * n, h12 * t + h22 * n
-    # Not the force less G times the displacement: of a soft film below it would be the difference
-    # of its like.
-    return displacement, release(c, slab.g, force, 1, inverse)
 
 
 def release(c: Compliance, g: Compliance, force, one, inverse) -> tuple[Array, Array]:
@@ -280,9 +210,9 @@ def reciprocal(value):
 _Terms = namedtuple("_Terms", "x e1 e2 om psi s2 sc x1 x2 f1 f2 delta")
 
 
-def _terms(x, e, functions=None) -> _Terms:
+def _terms(x, e) -> _Terms:
     x = jnp.minimum(x, DEEP)
-    e1, om, psi = hyperbolic(x) if functions is None else functions
+    e1, om, psi = hyperbolic(x)
     e2 = e1 * e1
     s2 = om * om
     x2 = 4 * x * x * e2

@@ -1,6 +1,6 @@
 """Displacement and stress inside a stack under a wave of surface traction.
 
-Axes, signs and the traction are those of `matrix`: z and displacement into the solid, fields
+Axes, signs and the traction are those of `compliance`: z and displacement into the solid, fields
 exp(i(q·x + ωt)), the traction acting on the solid at its surface. Stress is positive in tension,
 so that under a pressure p the surface has σ_zz = -p, and under a traction T it has σ_iz = -T_i.
 
@@ -13,11 +13,11 @@ plane of q (L) and across it (T)
 with E_r = E/(1 - ν²), which hold at ν = 1/2.
 """
 
+import dataclasses
 import functools
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
@@ -36,9 +36,10 @@ from ..core.compilation import compiled
 from ..core.display import shown
 from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, to_field, to_spectrum, wavevector
+from .compliance import wavevectors
 from .downwards import Side, depth_climb
 from .grading import checked_velocity, graded_tolerance, solve_graded
-from .matrix import wavevectors
+from .layering import Layering
 
 
 @shown()
@@ -80,8 +81,8 @@ def interior_fields(
       exact values of `interface_depths`.
     - `rtol`: tolerance in graded layers, of stresses relative to the traction at the surface, and
       of displacements as the stresses that they cause; by default that of the stack. If it is
-      not reached, an error is raised. Fields that have decayed below `rtol` have no correct digits
-      with `Layering`; the tolerance of `Riccati` is relative to the decayed field.
+      not reached, an error is raised. Fields that have decayed below `rtol` have no correct
+      digits. Fields in graded layers are by `Layering`, whatever the solver of the stack is.
 
     **Returns:** complex amplitudes, `(*w)` being the shape to which all arguments broadcast.
     Derivatives with respect to depth and thicknesses at an interface are means of both sides.
@@ -150,38 +151,14 @@ def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     **Returns:** von Mises stress [Pa], shape `(...)`.
     """
     stress = as_float(stress, "stress")
-    _check_stress(stress)
-    mean = jnp.trace(stress, axis1=-2, axis2=-1) / 3
-    deviator = stress - mean[..., None, None] * jnp.eye(3, dtype=stress.dtype)
-    # Squares of stresses in pascals may leave the range of float32.
-    size = jax.lax.stop_gradient(jnp.max(jnp.abs(deviator)))
-    size = jnp.where(size > 0, size, 1)
-    squared = 1.5 * jnp.sum((deviator / size) ** 2, axis=(-2, -1))
-    # The root has no derivative at 0.
-    none = squared == 0
-    return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared))) * size
-
-
-def largest_tension(stress: Numbers) -> Float[Array, "*w"]:
-    """Returns the largest principal stress [Pa] of real stresses, positive in tension.
-
-    **Arguments:**
-
-    - `stress`: σ [Pa], real and symmetric, shape `(..., 3, 3)`.
-
-    **Returns:** largest principal stress [Pa], shape `(...)`. Where two are equal, the derivative
-    is that of one of them.
-    """
-    stress = as_float(stress, "stress")
-    _check_stress(stress)
-    # A first-order change of an eigenvalue keeps its vector.
-    axis = jnp.linalg.eigh(jax.lax.stop_gradient(stress))[1][..., -1]
-    return jnp.einsum("...i,...ij,...j->...", axis, stress, axis)
-
-
-def _check_stress(stress: Array) -> None:
     if stress.shape[-2:] != (3, 3):
         raise ValueError(f"`stress` has shape {stress.shape}; the last two axes must be (3, 3).")
+    mean = jnp.trace(stress, axis1=-2, axis2=-1) / 3
+    deviator = stress - mean[..., None, None] * jnp.eye(3, dtype=stress.dtype)
+    squared = 1.5 * jnp.sum(deviator**2, axis=(-2, -1))
+    # The root has no derivative at 0.
+    none = squared == 0
+    return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared)))
 
 
 def _inside(stack: Stack, depth: Array) -> Array:
@@ -225,7 +202,9 @@ def _fields(stack, qx, qy, omega, traction, depth, side, rtol):
         known = [jnp.where(a > 0, a, 1) for a in map(jnp.maximum, least, sizes(*values))]
         return jnp.maximum(*map(jnp.divide, sizes(*differences), known))
 
-    (t, s, shear, u, w, v), _ = solve_graded(climb, measure, stack, q, omega, rtol)
+    if not isinstance(stack.graded_solver, Layering):
+        stack = dataclasses.replace(stack, graded_solver=Layering())
+    (t, s, shear, u, w, v), _ = solve_graded(climb, measure, stack, q, omega, rtol, throw=True)
     # Hooke's law with E_r q u_L/2 and μ q u_T of the material at the depth.
     along, across = reduced * u, reduced * (1 - poisson) * v
     lateral = poisson / (1 - poisson)

@@ -1,8 +1,6 @@
 """A scene from its file to its results."""
 
-from .plan import Plan, plan
-from .results import read_results
-from .scene import Scene
-from .scene_file import read_scene
+from .run import read_results, run_scene
+from .scene import Scene, parse_scene, read_scene
 
-__all__ = ["Plan", "Scene", "plan", "read_results", "read_scene"]
+__all__ = ["Scene", "parse_scene", "read_results", "read_scene", "run_scene"]

@@ -1,64 +1,73 @@
-"""Scenes: a block, a surface, loads and velocities, as a TOML file describes them.
+"""A scene: a case with axes, as a TOML file describes it.
 
-The keys of a scene are the names of arguments of this package, in SI units, angles in radians; a
-`kind` names what takes them. Paths are relative to the scene file, or begin with `~`.
+    read_scene  ──>  Scene  ──case(point)──>  Case  ──sweep──>  xarray.Dataset
+
+Keys are the names of arguments of this package, in SI units, angles in radians; a `kind` names what
+takes them. Paths are relative to the scene file, or begin with `~`.
 """
 
 import dataclasses
-import itertools
-import math
-from collections.abc import Iterator, Mapping
+import os
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..blocks.stack import Stack
-from ..contacts.law import AbstractLaw, HardWall
-from ..contacts.solve import RTOL
-from ..contacts.solver.nested_solve import DouglasRachford
-from ..core.checks import within
-from ..core.display import shown, with_time
+from ..blocks import Stack
+from ..contacts import DouglasRachford, HardWall
+from ..core.checks import as_float, check_tolerance, check_type, check_whole, within
+from ..core.display import shown
 from ..core.parameters import with_values
-from ..core.quantities import CYCLE, STEADY, TRANSIENT
 from ..fields.frequency import velocity_along
-from ..materials.material import AbstractMaterial
+from ..fields.grid import Grid
+from ..sliding import Case, Fluid, Heating, Motion, Numerics, SingleMotion
 from ..sliding.bodies import TwoBodies, in_both
-from ..sliding.case import Case, Heating
-from ..sliding.facts import FLOW
-from ..sliding.interior.heat_source import as_depths
-from ..sliding.interior.stress import STRESSES
-from ..sliding.motion.periodic import Motion
-from ..sliding.motion.transient import SingleMotion
-from ..sliding.numbers.gap_flow import Fluid
-from ..sliding.numerics import Numerics
-from ..sliding.shear import AbstractShear
-from ..studies.parameter_covariance import Errors
-from ..surfaces.surface import Surface
-from .described import in_words
-from .schema import LINEAR, LOGARITHMIC
-from .surface_source import RandomSurface, Sphere, SurfaceFile
-from .toml import parse_toml
+from ..surfaces import Surface
+from .builder import Builder, check_table, in_table, kind_of, tables_of
+from .kinds import (
+    BASES,
+    CONTACT_LAWS,
+    GRADED_SOLVERS,
+    MATERIALS,
+    NESTED,
+    SHEAR_LAWS,
+    SURFACES,
+    DrawSurface,
+    layer_of,
+)
+from .loads import (
+    AXES,
+    OPTIONS,
+    LoadOverTime,
+    axes_of,
+    axis_of,
+    line_along,
+    load_over_time,
+    motion_of,
+    turned,
+    with_corners,
+)
 
-Axis = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
-ONE_OR_AXIS = ("temperature", "direction")  # fields of a scene that may be varied
+NEEDED = ("surface", "materials", "base", "load")
+TABLES = (
+    *NEEDED, "title", "grid", "block_surface", "layers", "counterface", "sweep", "motion", "law",
+    "shear", "heating", "fluid", "observe", "solver", "output",
+)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
 class Observe:
-    """Numbers of each contact that take more time, for those who ask.
+    """Optional outputs, off by default because they take longer.
 
     **Fields:**
 
-    - `stiffness`: true for the contact stiffness [Pa/m], by which the mean pressure rises as the
-      mean gap closes.
+    - `stiffness`: true for the contact stiffness [Pa/m].
     - `conductance`: true for the conductance of the contact between two half spaces, times the sum
       of their resistivities [1/m]. Over the sum of 1/λ it is the thermal conductance.
-    - `flow`: true for the conductance of the gap for a thin fluid along x and along y [m³]. Times
-      the gradient of the fluid's pressure, over 12 times its viscosity, it is the leakage per
-      width.
+    - `flow`: true for the conductance of the gap for a thin fluid along x and along y [m³].
     - `tension`, `von_mises`: true for the largest principal stress and the largest von Mises stress
       in the block [Pa], with their depths [m]; of the points of the grid, without an error.
     - `interface_shear`: true for the largest shear stress between layers [Pa], with its depth.
@@ -72,247 +81,251 @@ class Observe:
     tension: bool = False
     von_mises: bool = False
     interface_shear: bool = False
-    stress_depths: list[float] | None = None
+    stress_depths: tuple[float, ...] | None = None
 
     def __post_init__(self):
-        if self.stress_depths is not None:
-            with within("`stress_depths`:"):
-                as_depths(self.stress_depths)
-            if not (self.tension or self.von_mises):
-                raise ValueError("`stress_depths` needs `tension` or `von_mises`.")
+        for name, value in vars(self).items():
+            if name != "stress_depths":
+                check_type(name, value, bool)
 
     @property
     def asked(self) -> tuple[str, ...]:
-        """The names of those that are true."""
-        return tuple(name for name, asked in vars(self).items() if asked is True)
-
-    @property
-    def stresses(self) -> tuple[str, ...]:
-        """The names of the stresses that are asked for."""
-        return tuple(name for name in self.asked if name in STRESSES)
+        """The names of the outputs that are true."""
+        return tuple(name for name, value in vars(self).items() if value is True)
 
 
-@shown(
-    "title", "contents", "sweep", "temperature", "pressure",
-    "approach", "velocity", "direction", "pressure_ratio", "ratio_times", "strain_per_slope",
-    "tables", "sampling", "observed", unset=False,
-)  # fmt: skip
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Scene:
-    """What to compute: block, surface and loads of a scene file.
-
-    Its fields are keys of the tables [load], [solver] and [output], see `KEYS`.
+@dataclasses.dataclass(frozen=True)
+class Output:
+    """What is stored beside the numbers.
 
     **Fields:**
 
-    - `text`: the TOML text.
-    - `title`: one line for the reader.
-    - `stack`: the block of the file; `bodies` returns that of a point.
-    - `surface`: where the surface comes from; `plan` makes it.
-    - `sweep`: other values for numbers of the stack by their paths, and of the counterface by
-      "counterface.layers[0].thickness".
-    - `pressure`: mean pressures [Pa], an axis; none with an approach.
-    - `approach`: of a body on a window since its first touch [m], an axis in place of the pressure.
-    - `velocity`: sliding velocities [m/s], an axis. With a motion these are its highest speeds, and
-      each changes its period; if missing, the motion has the period of its table. A motion with
-      `once = true` gives its velocity.
-    - `temperature`: of the block [K], one or an axis; None leaves the materials unchanged. With
-      heating it is the bulk temperature.
-    - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
-      period, linear in between; if missing, the load is constant. With `once = true` they are the
-      pressures at `ratio_times`.
-    - `ratio_times`: of the pressures of a motion with `once = true` [s]; the load is linear in
-      between and constant before the first and after the last. Steps of the motion also end there.
-    - `pressure_path`: a table, text or Excel, in place of `pressure` and its ratios: time and
-      pressure, with units in the headings ("time [h]", "pressure [kPa]"), counted from its first
-      time.
-    - `motion`, `law`, `shear`, `heating`: the tables of these names, or None.
-    - `counterface`: the body that carries the surface, or None if it is rigid.
-    - `block_surface`: where the block's own surface comes from, or None.
-    - `fluid`: whose leakage through the gap is a result, or None.
-    - `observe`: the table of this name.
-    - `step`: of a motion, its largest step from one time to the next, in spacings of the grid.
-    - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
-      if missing, each material has its own amplitude.
-    - `direction`: of the velocity from the x axis [rad], one or an axis. (In Python two numbers are
-      one velocity, (vx, vy).)
-    - `solver`: algorithm of the contact.
-    - `rtol`: requested relative error of the contact pressure [1].
-    - `name`: begins the names of the files of results.
-    - `directory`: folder of the results, relative to the scene.
     - `fields`: solves whose fields over the surface are stored.
-    - `frames`: of a motion with `once = true`, the number of its times at which a solve has fields,
-      and a flow or leakage: after equal numbers of steps, with the first and the last.
-    - `materials`: names of the materials by their paths in the block, such as "base.material".
-    - `errors`: of materials: name, material of the stack, and errors of its numbers.
-    - `inputs`: the files that the scene names, by table and key.
-    - `notes`: what was understood of its tables of moduli, one sentence each.
-    - `assumed`: those of them that neither a file nor the scene states: caveats of the results.
+    - `frames`: number of times of a transient motion with fields, and with a flow or leakage: after
+      equal numbers of steps, with the first and the last.
+    """
+
+    fields: Literal["last", "every", "none"] = "last"
+    frames: int = 8
+
+    def __post_init__(self):
+        check_type("fields", self.fields, "last", "every", "none")
+        check_whole("frames", self.frames, 1)
+
+
+@shown("title", "bodies", "axes", "motion", "options", "fluid", "observe", unset=False)
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Scene:
+    """A block, a rough surface and loads, some of which vary.
+
+    **Fields:**
+
+    - `text`, `title`: of the file.
+    - `bodies`: the block, and the counterface or None.
+    - `surface`, `block_surface`: rough surfaces, or the function that draws them from a seed.
+    - `axes`: values of what varies, by name: paths of numbers of the bodies, such as
+      "layers[0].thickness", "seed", and the loads. Each has at least one value.
+    - `motion`: in place of steady sliding a cycle or a transient motion; else None.
+    - `load_over_time`: of a motion whose load varies; else None.
+    - `options`: `law`, `shear`, `heating` and `strain_per_slope` of the `Case`.
+    - `fluid`: whose leakage is a result, or None.
+    - `observe`, `output`: optional outputs, and what is stored.
+    - `numerics`: how a contact is computed.
     """
 
     text: str
     title: str
-    stack: Stack
-    surface: RandomSurface | SurfaceFile | Sphere
-    sweep: dict[str, Axis]
-    pressure: Axis
-    velocity: Axis
-    approach: Axis | None = None
-    temperature: Annotated[Float[np.ndarray, "*temperatures"], LINEAR] | None = None
-    direction: Annotated[Any, LINEAR] = 0.0  # a float, or an array as an axis
-    pressure_ratio: list[float] | None = None
-    strain_per_slope: float | None = None
-    ratio_times: list[float] | None = None
-    pressure_path: Path | None = None
-    motion: Motion | SingleMotion | None = None
-    step: float | None = None
-    law: AbstractLaw | None = None
-    shear: AbstractShear | None = None
-    counterface: Stack | None = None
-    block_surface: RandomSurface | SurfaceFile | None = None
-    heating: Heating | None = None
-    fluid: Fluid | None = None
-    observe: Observe = Observe()
-    solver: DouglasRachford
-    rtol: float = RTOL
-    name: str | None = None
-    directory: Path | None = None
-    fields: Literal["last", "every", "none"] = "last"
-    frames: int = 8
-    materials: dict[str, str]
-    errors: tuple[tuple[str, AbstractMaterial, Errors], ...]
-    inputs: dict[tuple[str, str], Path]
-    notes: tuple[str, ...] = ()
-    assumed: tuple[str, ...] = ()
+    bodies: TwoBodies
+    surface: Surface | DrawSurface
+    block_surface: Surface | None
+    axes: dict[str, Float[np.ndarray, " values"]]
+    motion: Motion | SingleMotion | None
+    load_over_time: LoadOverTime | None
+    options: dict[str, Any]
+    fluid: Fluid | None
+    observe: Observe
+    output: Output
+    numerics: Numerics
 
     @property
-    def axes(self) -> dict[str, np.ndarray]:
-        """What is varied, by name, in the order of the results' axes."""
-        found = dict(self.sweep)
-        found |= {name: at for name in ONE_OR_AXIS if np.ndim(at := getattr(self, name))}
-        if isinstance(self.surface, RandomSurface) and self.surface.seeds is not None:
-            found["seed"] = self.surface.seed + np.arange(self.surface.seeds)
-        load = "pressure" if self.approach is None else "approach"
-        return {**found, load: getattr(self, load), "velocity": self.velocity}
+    def first(self) -> dict[str, Any]:
+        """The first point of all axes."""
+        return {name: values[0] for name, values in self.axes.items()}
 
-    @property
-    def contents(self) -> dict[str, Any]:
-        """What its tables make, in words."""
-        return in_words(parse_toml(self.text))
-
-    @property
-    def tables(self) -> dict[str, Any]:
-        """Those of its tables that hold one thing, as they are written."""
-        written = parse_toml(self.text)
-        names = ("motion", "law", "shear", "heating", "fluid")
-        return {name: written[name] for name in names if name in written}
-
-    @property
-    def contact_law(self) -> AbstractLaw:
-        """That of [law], or a hard wall."""
-        return self.law or HardWall()
-
-    @property
-    def num_solves(self) -> int:
-        """How many combinations there are of what is varied."""
-        return math.prod(len(values) for values in self.axes.values())
-
-    @property
-    def asked(self) -> tuple[str, ...]:
-        """What [observe] and [fluid] ask for."""
-        return *self.observe.asked, *([FLOW] if self.fluid is not None else [])
-
-    @property
-    def observed(self) -> str:
-        """What [observe] asks for, in words."""
-        return ", ".join(self.observe.asked)
-
-    @property
-    def kind(self) -> str:
-        """Of its contacts, one of `KINDS`."""
-        if self.motion is None:
-            return STEADY
-        return CYCLE if isinstance(self.motion, Motion) else TRANSIENT
-
-    @property
-    def num_times(self) -> int:
-        """How many times a solve has: 1 under steady sliding."""
-        return 1 if self.motion is None else self.motion.num_times
-
-    @property
-    def kept_steps(self) -> tuple[int, ...]:
-        """Numbers of the steps of what happens once at which a solve has fields."""
-        count = min(self.frames, self.num_times)
-        # Counted back from the last: one frame is the last step.
-        last = self.num_times - 1
-        return tuple(last - (last * i) // max(count - 1, 1) for i in reversed(range(count)))
-
-    @property
-    def sampling(self) -> str | None:
-        """How many times a motion has, and how fine they are, in words."""
-        if self.motion is None or self.step is None:
-            return None
-        text = f"{self.num_times} times, a largest step of {self.step:.2g} spacings"
-        if isinstance(self.motion, SingleMotion):
-            text += f", {with_time(float(self.motion.times[-1]))} in all"
-        return text
-
-    def period_at(self, velocity: Any) -> Any:
-        """Returns the period of the motion [s] at a highest speed [m/s]."""
-        assert isinstance(self.motion, Motion)
-        # The same path at another speed takes another period; at rest the period stays.
-        own = self.motion.highest_speed
-        return self.motion.period * jnp.where(own > 0, own / jnp.where(own > 0, velocity, 1), 1)
-
-    @property
-    def numerics(self) -> Numerics:
-        """How its contacts are computed; a solve that fails says so in its result."""
-        return Numerics(rtol=self.rtol, solver=self.solver, throw=False)
-
-    def case(self, point: Mapping[str, Any], surface: Surface) -> Case:
+    def case(self, point: Mapping[str, Any]) -> Case:
         """Returns the case at a point, given by its numbers on the axes; JAX may trace them."""
         given: dict[str, Any] = {
-            **self.bodies(point)._asdict(), "surface": surface, "shear": self.shear,
-            "temperature": self._at(point, "temperature"), "heating": self.heating,
-            "strain_per_slope": self._at(point, "strain_per_slope"), "law": self.contact_law,
+            **self.bodies_at(point)._asdict(),
+            **self.options,
+            "surface": self.surface_at(point),
+            "block_surface": self.block_surface,
+            "temperature": point.get("temperature"),
             **{name: point[name] for name in ("pressure", "approach") if name in point},
-        }  # fmt: skip
-        direction = self._at(point, "direction")
-        if self.motion is None:
+        }
+        direction, motion = point.get("direction", 0.0), self.motion
+        if motion is None:
             return Case(velocity=velocity_along(point["velocity"], direction), **given)
-        # The motion is a path along x; the direction turns it.
-        along, moved = jnp.atleast_1d(velocity_along(1.0, direction)), self.motion.displacement
-        moved = moved if len(along) == 1 else moved[:, None] * along
-        if self.block_surface is not None:
-            given["block_surface"] = self.block_surface.build()
-        if isinstance(self.motion, SingleMotion):
-            times = np.asarray(self.motion.times)
-            if self.pressure_ratio is not None and self.ratio_times is not None:
-                ratio = np.interp(times, self.ratio_times, self.pressure_ratio)
-                given["pressure"] = given["pressure"] * ratio
-            return Case(displacement=moved, times=times, **given)
-        if self.pressure_ratio is not None:
-            # The load is linear between its times, and periodic as the motion.
-            times = np.arange(self.num_times) / self.num_times
-            known = np.arange(len(self.pressure_ratio)) / len(self.pressure_ratio)
-            ratio = np.interp(times, known, self.pressure_ratio, period=1.0)
-            given["pressure"] = given["pressure"] * ratio
-        return Case(displacement=moved, period=self.period_at(point["velocity"]), **given)
+        if self.load_over_time is not None:
+            given["pressure"] = given["pressure"] * self.load_over_time.at(motion)
+        given["displacement"] = turned(motion.displacement, direction)
+        if isinstance(motion, SingleMotion):
+            return Case(times=np.asarray(motion.times), **given)
+        period = motion.period
+        if "velocity" in point:  # the same path at another highest speed
+            period = period * (motion.highest_speed / point["velocity"])
+        return Case(period=period, **given)
 
-    def bodies(self, point: Mapping[str, Any]) -> TwoBodies:
-        """Returns both bodies at a point, given by its numbers on the axes; JAX may trace them."""
-        bodies = TwoBodies(self.stack, self.counterface)
-        bodies = with_values(bodies, {in_both(path): point[path] for path in self.sweep})
-        temperature = self._at(point, "temperature")
+    def bodies_at(self, point: Mapping[str, Any]) -> TwoBodies:
+        """Returns both bodies at a point; JAX may trace its numbers."""
+        values = {in_both(path): number for path, number in point.items() if is_path(path)}
+        bodies, temperature = with_values(self.bodies, values), point.get("temperature")
         return bodies if temperature is None else bodies.at(temperature)
 
-    def _at(self, point: Mapping[str, Any], name: str) -> Any:
-        """A number at a point: of its axis, or that of the scene."""
-        return point.get(name, getattr(self, name))
+    def surface_at(self, point: Mapping[str, Any]) -> Surface:
+        """Returns the surface at a point, drawn from its seed if that varies."""
+        return self.surface if isinstance(self.surface, Surface) else self.surface(point["seed"])
 
-    def all_bodies(self) -> Iterator[tuple[dict[str, float], TwoBodies]]:
-        """Yields the bodies that differ, each with their numbers of [sweep] and temperature."""
-        axes = {name: at for name, at in self.axes.items() if name in (*self.sweep, "temperature")}
-        for numbers in itertools.product(*axes.values()):
-            point = dict(zip(axes, numbers, strict=True))
-            yield point, self.bodies(point)
+
+def is_path(axis: str) -> bool:
+    """Returns whether an axis is the path of a number of a body."""
+    return axis not in (*AXES, "seed")
+
+
+def read_scene(path: str | os.PathLike) -> Scene:
+    """Returns the scene that a TOML file describes.
+
+    A missing file raises `FileNotFoundError`. An error in the file raises `ValueError` with the
+    table and the key.
+    """
+    text = Path(path).read_text("utf-8")
+    with within(f"{path}:"):
+        return parse_scene(text, Path(path).parent)
+
+
+def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
+    """Returns the scene that a TOML text describes; its paths are relative to `folder`."""
+    tables = tomllib.loads(text)
+    check_table("the scene", tables, TABLES)
+    for name in NEEDED:
+        if name not in tables:
+            raise ValueError(f"[the scene] lacks the table [{name}].")
+    builder = Builder(Path(folder), NESTED)
+    for name, table in tables["materials"].items():
+        builder.materials[name] = builder.build_kind(f"materials.{name}", table, MATERIALS)
+    numerics, graded_solver = numerics_of(builder, tables.get("solver", {}))
+    grid = builder.build("grid", tables["grid"], Grid) if "grid" in tables else None
+    surface, seeds = surface_of(builder, "surface", tables["surface"], grid)
+    load, sweep = tables["load"], tables.get("sweep", {})
+    axes = {path: axis_of("sweep", path, values) for path, values in sweep.items()}
+    axes = axes | seeds | axes_of(load)
+    first = surface if isinstance(surface, Surface) else surface(seeds["seed"][0])
+    line = line_along(first.grid, axes.get("direction", 0.0))
+    motion = motion_of(builder, tables.get("motion"), line)
+    over_time, highest = load_over_time(builder, load, motion)
+    if highest is not None:
+        axes["pressure"] = np.array([highest])
+    if isinstance(motion, SingleMotion):
+        motion = motion if over_time is None else with_corners(motion, over_time)
+        if "velocity" in axes:
+            raise ValueError("[load] `velocity` is not for [[motion]], which has its own.")
+    elif motion is None and "velocity" not in axes:
+        raise ValueError("[load] lacks the key `velocity`.")
+    block_surface = None
+    if "block_surface" in tables:
+        own = {"seed": 1, **tables["block_surface"]}  # another surface with the same spectrum
+        block_surface, _ = surface_of(builder, "block_surface", own, first.grid)
+    counterface = tables.get("counterface")
+    bodies = TwoBodies(
+        body_of(builder, "", tables, graded_solver),
+        None
+        if counterface is None
+        else body_of(builder, "counterface.", counterface, graded_solver),
+    )
+    scene = Scene(
+        text=text,
+        title=tables.get("title", ""),
+        bodies=bodies,
+        surface=surface,
+        block_surface=block_surface,
+        axes=axes,
+        motion=motion,
+        load_over_time=over_time,
+        options=options_of(builder, tables),
+        fluid=builder.build("fluid", tables["fluid"], Fluid) if "fluid" in tables else None,
+        observe=builder.build("observe", tables.get("observe", {}), Observe),
+        output=builder.build("output", tables.get("output", {}), Output),
+        numerics=numerics,
+    )
+    check_bodies(scene)
+    return scene
+
+
+def numerics_of(builder: Builder, table: Any) -> tuple[Numerics, Any]:
+    """Returns tolerance and solver of the table [solver], and the solver of graded layers."""
+    check_table("solver", table, table)
+    own = dict(table)
+    rtol, graded = own.pop("rtol", None), own.pop("graded_solver", None)
+    solver = builder.build("solver", own, DouglasRachford)
+    if rtol is not None:
+        with in_table("solver"):
+            check_tolerance("rtol", rtol, as_float(1.0))
+    if graded is not None:
+        graded = builder.build_kind("solver.graded_solver", graded, GRADED_SOLVERS)
+    return Numerics(rtol=rtol, solver=solver, throw=False), graded
+
+
+def options_of(builder: Builder, tables: dict[str, Any]) -> dict[str, Any]:
+    """Returns the options of a `Case` in the tables of a scene."""
+    options: dict[str, Any] = {"law": HardWall()}
+    options |= {name: tables["load"][name] for name in OPTIONS if name in tables["load"]}
+    for name, kinds in (("law", CONTACT_LAWS), ("shear", SHEAR_LAWS)):
+        if name in tables:
+            options[name] = builder.build_kind(name, tables[name], kinds)
+    if "heating" in tables:
+        options["heating"] = builder.build("heating", tables["heating"], Heating)
+    return options
+
+
+def body_of(builder: Builder, owner: str, tables: dict[str, Any], graded_solver: Any) -> Stack:
+    """Returns the body of the tables `layers` and `base`."""
+    if owner:
+        check_table(owner[:-1], tables, ("layers", "base"))
+    if "base" not in tables:
+        raise ValueError(f"[{owner[:-1]}] lacks the table `base`.")
+    layers = [
+        layer_of(builder, place, table)
+        for place, table in tables_of(f"{owner}layers", tables.get("layers", [])).items()
+    ]
+    base = builder.build_kind(f"{owner}base", tables["base"], BASES)
+    with in_table(f"{owner}base"):
+        return Stack(layers=layers, base=base, graded_solver=graded_solver)
+
+
+def surface_of(
+    builder: Builder, place: str, table: Any, grid: Grid | None
+) -> tuple[Surface | DrawSurface, dict[str, np.ndarray]]:
+    """Returns a surface; of several seeds, the function that draws it and the axis "seed"."""
+    kind, own = kind_of(place, table, SURFACES)
+    if kind == "file" and place == "surface" and grid is not None:
+        raise ValueError("[grid] is not for a surface from a file: `shape` sets its points.")
+    if kind != "file" and grid is None:
+        raise ValueError("[the scene] lacks the table [grid].")
+    seed, count = (own.pop("seed", 0), own.pop("seeds", 1)) if kind == "self_affine" else (0, 1)
+    with in_table(place):
+        check_whole("seed", seed, 0)
+        check_whole("seeds", count, 1)
+    made = builder.build_kind(place, {"kind": kind, **own}, SURFACES, grid=grid)
+    if isinstance(made, Surface):
+        return made, {}
+    with in_table(place):
+        first = made(seed)  # refuses here what no grid resolves
+    return (first, {}) if count == 1 else (made, {"seed": seed + np.arange(count)})
+
+
+def check_bodies(scene: Scene) -> None:
+    """Raises `ValueError` for numbers on the axes that no body can have."""
+    for name, values in scene.axes.items():
+        if is_path(name) or name == "temperature":
+            with in_table("sweep" if is_path(name) else "load"):
+                for value in values:
+                    scene.bodies_at({**scene.first, name: value})

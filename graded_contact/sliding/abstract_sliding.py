@@ -16,7 +16,6 @@ from ..contacts.solution import RESULTS, ContactSolution, if_known
 from ..core.caveats import caveats_of
 from ..core.checks import is_concrete
 from ..core.compilation import compiled
-from ..core.deprecation import since_rc1
 from ..core.derivative import derivative_apart
 from ..core.quantities import OBSERVABLES, TRANSIENT, numbers_of
 from ..fields.grid import Grid
@@ -65,8 +64,7 @@ class AbstractSliding(eqx.Module):
         # Python looks here only for what is no field. Numbers of `contact` need no program.
         entry = OBSERVABLES.get(name)
         if entry is None or not entry.is_of(self.kind, entry.needs):
-            told = since_rc1(name)
-            raise AttributeError(f"`{type(self).__name__}` has no attribute `{name}`{told}.")
+            raise AttributeError(f"`{type(self).__name__}` has no attribute `{name}`.")
         return entry.of(self) if name in _OF_CONTACT else self.compute(name)[0]
 
     def __dir__(self):

@@ -1,6 +1,5 @@
 """Facts of a contact: an observable that `needs` some is printed and stored where they hold."""
 
-from ..blocks.stack import films_of
 from ..kernels.window import has_ground
 from .case import Case
 from .shear import is_coupled
@@ -13,7 +12,6 @@ SHEARED = "sheared"  # there is shear stress in the contact
 COUPLED = "coupled"  # the shear stress moves the surface of the block
 HEATED = "heated"
 COUNTERFACE = "counterface"  # the body that carries the surface deforms
-FILM = "film"  # a bond is a film of a material
 # Asked for by [observe] of a scene, whose keys these are. All contacts can compute them.
 STIFFNESS, CONDUCTANCE, FLOW = "stiffness", "conductance", "flow"
 
@@ -30,6 +28,5 @@ def facts_of(case: Case) -> frozenset[str]:
         COUPLED: is_coupled(case.shear),
         HEATED: case.heating is not None,
         COUNTERFACE: case.counterface is not None,
-        FILM: any(films_of(body) is not None for body in case.bodies),
     }
     return frozenset(fact for fact, holds in known.items() if holds)

@@ -12,7 +12,6 @@ from ..contacts.solve import default_rtol
 from ..contacts.solver.abstract_solver import AbstractContactSolver
 from ..contacts.solver.nested_solve import DouglasRachford
 from ..core.checks import check_type
-from ..core.deprecation import since_rc1
 
 
 class Numerics(eqx.Module):
@@ -55,7 +54,7 @@ def numerics_of(
     names = [field.name for field in dataclasses.fields(Numerics)]
     if unknown := [name for name in given if name not in (*names, *others)]:
         known = ", ".join(f"`{name}`" for name in (*names, *others))
-        lacks = f"{function} has no argument `{unknown[0]}`{since_rc1(unknown[0])}"
+        lacks = f"{function} has no argument `{unknown[0]}`"
         raise TypeError(f"{lacks}; its numerics are {known}.")
     numerics = Numerics(**{name: value for name, value in given.items() if name in names})
     return numerics, {name: given[name] for name in others if name in given}

@@ -45,7 +45,6 @@ from .numerics import Numerics
 from .shear import ShearStress
 
 Range = tuple[Float[Array, "..."], Float[Array, "..."]]
-Films = tuple[tuple[Float[Array, " films"], Float[Array, " films"]] | None, ...]
 Prescribed = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m]; the others are None
 
 
@@ -66,7 +65,6 @@ class SteadyProblem(eqx.Module):
     - `coupling`: how its traction moves the surface of the block, or None.
     - `counterface`: how the counterface deforms, or None if it is rigid.
     - `thickness`: of the layers between a window and a rigid base [m], else None.
-    - `films`: of each body, see `films_of`; none are known on another grid.
     - `facts`: of the contact, see `facts_of`. Static.
     """
 
@@ -83,7 +81,6 @@ class SteadyProblem(eqx.Module):
     coupling: Coupling | None = None
     counterface: Counterface | None = None
     thickness: Float[Array, "..."] | None = None
-    films: Films = ()
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
     @property
@@ -149,7 +146,7 @@ class CycleProblem(eqx.Module):
 
     - `operator`: the block in space and time, and what `counterface.in_kernel` has of the
       counterface.
-    - `heights`, `grid`, `law`, `measured_range`, `shear`, `coupling`, `counterface`, `films`: as in
+    - `heights`, `grid`, `law`, `measured_range`, `shear`, `coupling`, `counterface`: as in
       `SteadyProblem`; the speed of `shear` is that of each time.
     - `block_heights`: of the block's own surface [m], out of the block, or None.
     - `prescribed`: what is given: "pressure" or "mean_gap". Static.
@@ -170,7 +167,6 @@ class CycleProblem(eqx.Module):
     coupling: Coupling | None = None
     counterface: Counterface | None = None
     block_heights: Float[Array, "..."] | None = None
-    films: Films = ()
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
     @property

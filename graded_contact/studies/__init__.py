@@ -1,17 +1,6 @@
-"""Many solves: sweeps, searches, uncertainty, tables of friction."""
+"""Many solves: sweeps over axes, and what errors of materials do to results."""
 
-from ..core.deprecation import old_names
-from .alternatives import pareto_front, scatter, snap_to_values
-from .friction_tables import friction_table
-from .parameter_covariance import read_errors
-from .search import Descent, Design, minimise
-from .stochastic import minimise_expected
 from .sweep import sweep
-from .uncertainty import propagate, sensitivity
+from .uncertainty import Estimate, Sensitivity, propagate, sensitivity
 
-__all__ = [
-    "Descent", "Design", "friction_table", "minimise", "minimise_expected", "pareto_front",
-    "propagate", "read_errors", "scatter", "sensitivity", "snap_to_values", "sweep",
-]  # fmt: skip
-
-__getattr__ = old_names(__name__)
+__all__ = ["Estimate", "Sensitivity", "propagate", "sensitivity", "sweep"]

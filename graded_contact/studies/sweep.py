@@ -12,7 +12,7 @@ import functools
 import itertools
 import os
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -43,6 +43,7 @@ def sweep(
     function: Callable[[dict[str, Any]], Any],
     axes: Mapping[str, Any],
     *,
+    last: Collection[str] = (),
     store: str | os.PathLike | None = None,
     workers: int | None = None,
     client: Any = None,
@@ -62,6 +63,7 @@ def sweep(
       traces it. It returns arrays in any nesting, such as a `Sliding`. Their names are their paths,
       "contact.pressure"; a complex array becomes two, "name.real" and "name.imag".
     - `axes`: coordinates by the name of the axis; whole numbers stay whole, as seeds must.
+    - `last`: names of results that only the last point keeps, such as fields.
     - `store`: a folder, with a file for each point; it is made. Other sweeps may share it.
     - `workers`: number of worker processes on this machine (the extra `cluster`). A script with
       workers needs `if __name__ == "__main__":`.
@@ -89,10 +91,11 @@ def sweep(
         if store is not None:
             name = digest(program.code, *map(bytes_of, program.closed.consts))
             files = [Path(store, f"{digest(name, _text(point))}.npz") for point in points]
-        found = [file and read_point(file, like) for file in files]
+        kept = [like.keys() - {*last}] * (len(points) - 1) + [like.keys()]
+        found = [file and read_point(file, names) for file, names in zip(files, kept, strict=True)]
         left = {i: point for i, point in enumerate(points) if found[i] is None}
         if not left:
-            return _dataset(axes, like, found)
+            return _dataset(axes, like, found, last)
         if client is None and workers is None:
             engine = here(program, left)
         else:
@@ -102,13 +105,14 @@ def sweep(
             _bar(progress, len(points) - len(left), len(points)) as advance,
         ):
             for i, point in engine:
+                point = {name: at for name, at in point.items() if name in {*kept[i], "message"}}
                 found[i] = point
                 if (file := files[i]) is not None and point["message"] != DIED:
                     write_point(file, point)
                 advance()
                 if stop.is_set():
                     break
-        return _dataset(axes, like, found)
+        return _dataset(axes, like, found, last)
 
     return patiently(work)
 
@@ -128,6 +132,7 @@ def _dataset(
     axes: Mapping[str, np.ndarray],
     like: Mapping[str, jax.ShapeDtypeStruct],
     found: list[Point | None],
+    last: Collection[str],
 ) -> "Dataset":
     """The results over the axes, with their units; NaN stands for what is missing."""
     import xarray
@@ -137,9 +142,12 @@ def _dataset(
     data: dict[str, Any] = {}
     for name, one in like.items():
         missing = np.full(one.shape, np.nan, np.result_type(one.dtype, 0.0))
-        whole = np.stack([point.get(name, missing) for point in points])
-        dimensions = (*axes, *(f"{name}_{i}" for i in range(one.ndim)))
-        data[name] = dimensions, whole.reshape((*shape, *one.shape))
+        inner = [f"{name}_{i}" for i in range(one.ndim)]
+        if name in last:
+            data[name] = inner, points[-1].get(name, missing)
+        else:
+            whole = np.stack([point.get(name, missing) for point in points])
+            data[name] = (*axes, *inner), whole.reshape((*shape, *one.shape))
     data["message"] = tuple(axes), np.reshape([str(p["message"]) for p in points], shape)
     results = xarray.Dataset(data, dict(axes))
     for name, variable in results.variables.items():

@@ -18,12 +18,9 @@ from jaxtyping import Array, Float
 from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, short
 from ..core.display import shown
 from ..core.parameters import paths, with_values
-from ..fitting.master import MasterCurve
 from ..fitting.prony import AbstractFit
-from ..materials.material import AbstractMaterial, Prony
-from ..materials.shift import TabulatedShift
+from ..materials.material import AbstractMaterial
 from ..materials.table import Tabulated
-from .parameter_covariance import Errors, moved
 
 
 @shown()
@@ -71,7 +68,7 @@ class Sensitivity(eqx.Module):
 
 def propagate(
     function: Callable[[Any], Float[Array, "*shape"]],
-    known: AbstractFit | Errors | Mapping[str, Numbers],
+    known: AbstractFit | Mapping[str, Numbers],
     tree: Any = None,
 ) -> Estimate:
     """Returns a quantity that follows from a fitted material, or a stack, with its standard error.
@@ -86,7 +83,7 @@ def propagate(
       `lambda rubber: slide(...).friction`; returns a number or an array.
     - `known`: the result of `fit_prony` or `master_curve`; or
       standard deviations of independent errors by the path of the number in `tree`, in its units,
-      such as `{"layers[0].thickness": 5e-6}`, see `with_values`; or `Errors`, which may be shared.
+      such as `{"layers[0].thickness": 5e-6}`, see `with_values`.
     - `tree`: with `known` by path, such as a `Stack`.
 
     **Returns:** the value and its standard error.
@@ -109,13 +106,8 @@ def propagate(
         unknowns, unravel = ravel_pytree(values)
         spread = jnp.diag(ravel_pytree(deviations)[0] ** 2)
         made = lambda unknowns: with_values(tree, unravel(unknowns))  # noqa: E731
-    elif isinstance(known, Errors):
-        unknowns = jnp.zeros(len(known.directions))
-        spread = jnp.eye(len(unknowns))
-        made = lambda steps: moved(tree, known, steps)  # noqa: E731
     else:
-        allowed = "a fit of a Prony series, a master curve, `Errors` or deviations by path"
-        raise ValueError(f"`known={short(known)}` must be {allowed}.")
+        raise ValueError(f"`known={short(known)}` must be a fit, or deviations by path.")
 
     def quantity(unknowns):
         value = jnp.asarray(function(made(unknowns)))
@@ -124,38 +116,6 @@ def propagate(
     slopes, value = jax.jacrev(quantity, has_aux=True)(unknowns)
     variance = jnp.einsum("...i,ij,...j->...", slopes, spread, slopes)
     return Estimate(value, jnp.sqrt(variance))
-
-
-def errors_of_fit(fit: AbstractFit, material: Prony) -> Errors:
-    """Returns the errors of the numbers of a fitted material, for export with it.
-
-    **Arguments:**
-
-    - `fit`: the result of `fit_prony` or `master_curve`.
-    - `material`: its `material`, or of a master curve what it has `exported`.
-
-    **Returns:** errors of those numbers of the material that were fitted.
-    """
-    unknowns = fit.theta
-
-    def numbers(unknowns):
-        changed = fit.with_unknowns(unknowns)
-        own = changed.material
-        if isinstance(changed, MasterCurve) and not isinstance(material.shift, TabulatedShift):
-            own = changed.law_material()
-        return {path: paths(own)[path] for path in scalars}
-
-    known = paths(material)
-    scalars = [path for path, value in known.items() if not value.ndim]
-    slopes = jax.jacrev(numbers)(unknowns)
-    variances, axes = np.linalg.eigh(fit.covariance())
-    significant = variances > np.finfo(float).eps * np.max(variances)
-    # The covariance has no more directions than the fit has unknowns; rounding adds others.
-    roots = np.sqrt(variances[significant])[:, None] * axes[:, significant].T
-    # All entries of a series: of a table of shifts, the reference is a number that cannot err.
-    entire = {path.rpartition("[")[0] for path in scalars if np.any(slopes[path])} & {*known}
-    fitted = [p for p in scalars if np.any(slopes[p]) or p.rpartition("[")[0] in entire]
-    return Errors(tuple(fitted), roots @ np.stack([slopes[path] for path in fitted], axis=1))
 
 
 def sensitivity(

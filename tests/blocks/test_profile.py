@@ -5,7 +5,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.special import erf
 
 import graded_contact as gc
-from graded_contact.blocks.profile import Aged, Blend, Mixture
+from graded_contact.blocks.profile import Blend
 from graded_contact.blocks.shapes import (
     ErrorFunction,
     Exponential,
@@ -16,7 +16,6 @@ from graded_contact.blocks.shapes import (
 )
 
 S = np.linspace(0, 1, 21)
-STEEL, RUBBER = gc.Elastic(2e11, 0.3), gc.Prony(1e6, [1e8], [1e-3], 0.5)
 
 
 @pytest.mark.parametrize(
@@ -46,32 +45,3 @@ def test_blends_are_linear_or_exponential():
     modulus, poisson = profile(s, omega)
     np.testing.assert_allclose(modulus, 1e3 * 10 ** (6 * S), rtol=1e-13)
     np.testing.assert_allclose(poisson, 0.2 + 0.2 * S, rtol=1e-14)
-
-
-def test_mixture_matches_bulk_and_shear_formulas_and_its_ends():
-    matrix, filler = gc.Elastic(3e6, 0.4), gc.Elastic(7e10, 0.22)
-    bulk = [m.young / (3 * (1 - 2 * m.poisson)) for m in (matrix, filler)]
-    shear = [m.young / (2 * (1 + m.poisson)) for m in (matrix, filler)]
-    phi = S
-    # The usual form, Hashin and Shtrikman (1963) as in any textbook.
-    k = bulk[0] + phi / (1 / (bulk[1] - bulk[0]) + 3 * (1 - phi) / (3 * bulk[0] + 4 * shear[0]))
-    beta = 6 * (bulk[0] + 2 * shear[0]) / (5 * shear[0] * (3 * bulk[0] + 4 * shear[0]))
-    g = shear[0] + phi / (1 / (shear[1] - shear[0]) + (1 - phi) * beta)
-    modulus, poisson = Mixture(matrix, filler, Linear())(jnp.asarray(S), jnp.zeros(()))
-    np.testing.assert_allclose(modulus, 9 * k * g / (3 * k + g), rtol=1e-10)
-    np.testing.assert_allclose(poisson, (3 * k - 2 * g) / (2 * (3 * k + g)), rtol=1e-10)
-
-
-def test_dilute_rigid_spheres_in_incompressible_rubber_follow_einstein():
-    """E = E_m (1 + 5φ/2), A. Einstein, Ann. Phys. 19 (1906) 289, for solids by J. E. Smallwood."""
-    profile = Mixture(RUBBER, gc.Elastic(1e16, 0.2), Linear())
-    phi, omega = jnp.asarray(1e-5), jnp.asarray(300.0)
-    modulus, poisson = profile(phi, omega)
-    np.testing.assert_allclose(modulus / RUBBER.modulus(omega) - 1, 2.5e-5, rtol=1e-4)
-    np.testing.assert_allclose(poisson, 0.5, atol=1e-7)
-
-
-def test_aged_material_is_the_material_at_another_frequency():
-    profile = Aged(RUBBER, 1.0, 100.0)
-    modulus, _ = profile(jnp.asarray([0.0, 0.5, 1.0]), jnp.asarray(50.0))
-    np.testing.assert_allclose(modulus, RUBBER.modulus(np.array([50.0, 500.0, 5000.0])), rtol=1e-13)

@@ -11,9 +11,9 @@ from scene_texts import BARE
 from scipy.optimize import least_squares
 
 from graded_contact import master_curve
-from graded_contact.exports.prony_cards import export_prony
+from graded_contact.fitting.cards import toml_table
 from graded_contact.materials.shift import WLF, Arrhenius, TabulatedShift
-from graded_contact.scenes.scene_file import parse_scene
+from graded_contact.scenes import parse_scene
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 STRENGTHS = np.array([2e6, 9e6, 4e7, 1.5e8])  # [Pa]
@@ -173,9 +173,9 @@ def misfit(material, curves, kind="frequency"):
 
 def read_back(found):
     """The material that a scene makes of an exported one."""
-    text = export_prony(found.exported(), "toml", name="found")
+    text = toml_table(found.exported(), "found")
     scene = BARE.replace('material = "tread"', 'material = "found"')
-    return parse_scene(scene + text).stack.base.material
+    return parse_scene(scene + text).bodies.stack.base.material
 
 
 def test_an_exported_material_is_as_near_to_every_isotherm_as_the_fit(bent_curve, curve):

@@ -296,8 +296,6 @@ AT_REST = {
     "bulk-shear": BulkShear(STIFF, SOFT),
     "blend": sliced_profile(gc.Blend(SOFT, TABLE_AT_ONE)),
     "logarithmic": sliced_profile(gc.Blend(SOFT, STIFF, mixing="logarithmic")),
-    "mixture": sliced_profile(gc.Mixture(SOFT, STIFF, gc.shapes.Linear())),
-    "aged": sliced_profile(gc.Aged(SOFT, 1.0, 7.0)),
 }
 
 

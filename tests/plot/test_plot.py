@@ -363,15 +363,19 @@ def test_a_film_has_one_scale(shape):
 def test_a_search_shows_its_starts_constraints_and_parameters():
     runs = []
     for best in (1.0, 0.5):
-        values = np.array([2.0, best])
-        history = SimpleNamespace(
-            values=values,
+        run = gc.design.Descent(
+            values=np.array([2.0, best]),
             parameters=np.array([[2e-5, 4.0], [1e-5, 2.0]]),
             margins=np.array([[-0.1], [0.2]]),
+            slopes=np.ones((2, 2)),
+            converged=True,
+            message="",
         )
-        runs.append(SimpleNamespace(history=history, parameters=[1e-5, 2.0], value=best))
+        runs.append(run)
     parameters = {"skin": {"thickness": 1e-5}, "speeds": np.array([2.0])}
-    design = SimpleNamespace(runs=runs, best=runs[1], parameters=parameters, constraints=("cost",))
+    design = SimpleNamespace(
+        runs=runs, best=runs[1], parameters=parameters, constraints={"cost": 0.2}
+    )
     figure = gc.plot.plot_search(design)
     check_labels(figure)
     value, limit, ratio = figure.axes

@@ -1,220 +1,267 @@
-"""Files in many layouts are written here and read back; measured files are beside the project."""
+"""Plain tables of moduli are read; all others are refused with the options that read them."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_instrument_exports import (
+from exports import (
+    CELSIUS,
+    DEGREES,
+    EXPORTS,
     HERTZ,
     LOSS,
+    MAGNITUDE,
     MODULUS,
+    OMEGA,
     STORAGE,
-    check,
-    read,
-    write,
-)  # fmt: skip
+    TANGENT,
+    rows,
+    trios,
+)
 
 from graded_contact import read_moduli
+from graded_contact.readers import NotPlain
 
-DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
-
-PLAIN = "f, E', E''\nHz, MPa, MPa\n10, 3, 0.4\n\n# a note\n0.1, 1, 0.2\n1, 2, 0.3\n"
-
-
-def written(folder, names, columns, separator=",", units=None):
-    """A file of columns of numbers, each with 17 digits."""
-    numbers = (map(repr, map(float, row)) for row in zip(*columns, strict=True))
-    lines = map(separator.join, [names, *([units] if units else []), *numbers])
-    return write(folder, "\r\n".join(lines) + "\r\n")
+DATA = Path(__file__).parents[3] / "shared" / "data"
 
 
-# Measured files: the ranges of RHEOLOGY.md's table, found with other code.
+def write(folder, text, encoding="utf-8", name="a.csv"):
+    path = folder / name
+    path.write_bytes(text.encode(encoding))
+    return path
 
 
-def data(name):
-    if not (DATA / name).exists():
-        pytest.skip(f"{name} is not beside this checkout")
-    return DATA / name
+def table(folder, head, *columns, **options):
+    options = {"separator": ",", **options}
+    return write(folder, head + "\n" + rows(*columns, **options))
 
 
-SI_TIME = {"kind": "relaxation", "units": {"time": "s", "modulus": "Pa"}}
-POLYMERS = [
-    ("pyvisco_freq_user_master.csv", {}, 206, (6.3e-12, 6.3e14), (8.88e7, 9.58e9),
-     (1.04e7, 8.74e8)),
-    ("pyvisco_eplexor_master.csv", {}, 210, (5.2e-5, 2.5e18), (8e7, 1.02e10), (8.94e6, 9.31e8)),
-    ("reptate_PI_634k_T-35.tts", {}, 159, (4.3e-8, 1.2e2), (144, 1.02e6), (3.7e3, 1.08e6)),
-    ("pyvisco_time_user_master.csv", {}, 481, (0.0028, 1.4e28), (8.57e7, 1.71e9), None),
-    ("pp_stress_relaxation.csv", SI_TIME, 76, (0.001, 1.1e4), (1.47e8, 3.73e8), None),
-    ("respect_time_test3.dat", SI_TIME, 200, (0.0001, 1e4), (0.304, 238), None),
-]  # fmt: skip
+def check(measured, modulus=MODULUS, deformation="tension"):
+    assert (measured.kind, measured.deformation) == ("frequency", deformation)
+    np.testing.assert_allclose(measured.abscissa, OMEGA, rtol=1e-7)
+    np.testing.assert_allclose(measured.values, modulus, rtol=1e-7)
 
 
-@pytest.mark.parametrize("name, options, count, abscissa, storage, loss", POLYMERS)
-def test_measured_files_have_the_tabulated_ranges(name, options, count, abscissa, storage, loss):
-    measured = read_moduli(data(name), **options)
-    assert measured.kind == ("frequency" if loss else "relaxation")
-    assert len(measured.abscissa) == count and len(measured.isotherms()) == 1
-    assert np.all(np.diff(measured.abscissa) > 0)
-    parts = (measured.abscissa, np.real(measured.values), np.imag(measured.values))
-    for values, limits in zip(parts, (abscissa, storage, loss), strict=True):
-        if limits:  # the table has two or three digits
-            np.testing.assert_allclose([np.min(values), np.max(values)], limits, rtol=0.03)
-
-
-ISOTHERMS = [
-    ("pyvisco_freq_user_raw.csv", {}, 210, 21, (-50, 100), "tension"),
-    ("epdm70_tf_015p.csv", {}, 210, 10, (-10, 53), "shear"),
-    ("vinylfoam_dma_raw.csv", {"units": {"modulus": "MPa"}}, 209, 19, (-35, 60), "tension"),
-    ("reptate_PI600k_raw_isotherms.csv", {}, 159, 9, (-40, 100), "shear"),
+COMPLIANCE = 1 / MODULUS
+PSI = 6894.757293168361
+PLAIN = [
+    ("f [Hz],E' [Pa],E'' [Pa]", [HERTZ, STORAGE, LOSS]),
+    ("f, E_stor, E_loss\nHz, MPa, MPa", [HERTZ, STORAGE / 1e6, LOSS / 1e6]),
+    ("# omega_rad_s,E_storage_Pa,E_loss_kPa", [OMEGA, STORAGE, LOSS / 1e3]),
+    ("Frequency (Hz),E' (psi),tan delta", [HERTZ, STORAGE / PSI, TANGENT]),
+    ("f [Hz],|E*| [N/mm²],phase [°]", [HERTZ, MAGNITUDE / 1e6, DEGREES]),
+    ("f [mHz],|E*| [Pa],tan(delta) [%]", [1e3 * HERTZ, MAGNITUDE, 100 * TANGENT]),
+    ("f [Hz],D' [1/MPa],D'' [1/MPa]", [HERTZ, 1e6 * COMPLIANCE.real, -1e6 * COMPLIANCE.imag]),
 ]
 
 
-@pytest.mark.parametrize("name, options, count, isotherms, celsius, deformation", ISOTHERMS)
-def test_measured_isotherms_are_separated(name, options, count, isotherms, celsius, deformation):
-    measured = read_moduli(data(name), **options)
-    assert len(measured.abscissa) == count and measured.deformation == deformation
-    parts = measured.isotherms()
-    assert len(parts) == isotherms and sum(len(part.lines) for part in parts) == count
-    means = np.array([np.mean(part.temperature) for part in parts])
-    assert np.all(np.diff(means) > 2)
-    np.testing.assert_allclose(means[[0, -1]] - 273.15, celsius, atol=0.3)
-    for part in parts:
-        assert np.ptp(part.temperature) < 0.4 and np.all(np.diff(part.abscissa) >= 0)
+@pytest.mark.parametrize("head, columns", PLAIN)
+def test_plain_tables_need_no_options(tmp_path, head, columns):
+    check(read_moduli(table(tmp_path, head, *columns)))
+    with_tabs = table(tmp_path, head.replace(",", "\t"), *columns, separator="\t")
+    check(read_moduli(with_tabs))
 
 
-def test_creep_curves_side_by_side_become_isotherms():
-    celsius = np.array([144.9, 133.8, 125, 114.5, 109.6, 106.7, 104.5, 101.8, 100.6, 97])
-    measured = read_moduli(
-        data("plazek1965_ps_creep_isotherms.csv"),
-        kind="creep",
-        units={"time": "s", "compliance": "cm2/dyn"},
-        temperature=celsius + 273.15,
+def test_relaxation_creep_and_shear(tmp_path):
+    falling, rising = STORAGE[::-1], 1 / STORAGE[::-1]
+    measured = read_moduli(table(tmp_path, "t [ms],G(t) [kPa]", 1e3 * HERTZ, falling / 1e3))
+    assert (measured.kind, measured.deformation) == ("relaxation", "shear")
+    np.testing.assert_allclose(measured.values, falling)
+    np.testing.assert_allclose(measured.abscissa, HERTZ)
+    measured = read_moduli(table(tmp_path, "t [h],J [1/Pa]", HERTZ, rising), poisson=0.5)
+    assert (measured.kind, measured.deformation) == ("creep", "tension")
+    np.testing.assert_allclose(measured.values, rising / 3)
+    np.testing.assert_allclose(measured.abscissa, 3600 * HERTZ)
+    measured = read_moduli(table(tmp_path, "f [Hz],G' [Pa],G'' [Pa]", HERTZ, STORAGE, LOSS),
+                           poisson=0.25)  # fmt: skip
+    check(measured, 2.5 * MODULUS)
+
+
+TWICE = [np.tile(HERTZ, 2), np.tile(STORAGE, 2), np.tile(LOSS, 2)]
+
+
+def test_isotherms_by_a_column_or_by_files(tmp_path):
+    kelvins = np.concatenate([CELSIUS, CELSIUS + 20])
+    lines = [f"{t},{f},{e},{l}" for t, f, e, l in zip(kelvins, *TWICE, strict=True)]
+    one = table(tmp_path, "f [Hz],E' [Pa],E'' [Pa]", HERTZ, STORAGE, LOSS)
+    both = write(tmp_path, "\n".join(["T [°C],f [Hz],E' [Pa],E'' [Pa]", *lines]), name="b.csv")
+    for measured in (read_moduli(both), read_moduli([one, one], temperature=[293.15, 313.15])):
+        cold, hot = measured.isotherms()
+        check(cold)
+        check(hot)
+        np.testing.assert_allclose(hot.temperature, 313.15, atol=0.11)
+    with pytest.raises(ValueError, match="temperature"):
+        read_moduli(both, temperature=293.15)
+
+
+def test_units_of_temperature(tmp_path):
+    for unit, values in [("K", CELSIUS + 273.15), ("°F", 1.8 * CELSIUS + 32)]:
+        path = table(tmp_path, f"f [Hz],E' [Pa],E'' [Pa],T [{unit}]", HERTZ, STORAGE, LOSS, values)
+        np.testing.assert_allclose(read_moduli(path).temperature, 273.15 + CELSIUS)
+
+
+# Heading and options that leave something open or contradict the file.
+UNCLEAR = [
+    ("f [Hz],storage modulus [Pa],loss modulus [Pa]", {}),
+    ("f [Hz],E' [mPa],E'' [mPa]", {}),
+    ("frequency [1/s],E' [Pa],E'' [Pa]", {}),
+    ("frequency [rpm],E' [Pa],E'' [Pa]", {}),
+    ("f [Hz],E' [1/MPa],E'' [1/MPa]", {"units": {"modulus": "MPa"}}),
+    ("f [Hz],J' [1/MPa],J'' [1/MPa]",
+     {"columns": {"storage": 2, "loss": 3}, "units": {"modulus": "MPa"}, "deformation": "shear"}),
+    ("f [Hz],E' [Pa],G'' [Pa]", {}),
+    ("f [Hz],E' [Pa],E' [Pa]", {}),
+    ("log f,log E',log E''", {"columns": {"frequency": 1, "storage": 2, "loss": 3},
+                              "units": {"frequency": "Hz", "modulus": "Pa"}}),
+    ("f [Hz],E' [Pa],E'' [Pa]", {"units": {"modulus": "MPa"}}),
+    ("f [Hz],E' [Pa],E'' [Pa]", {"units": {"time": "s"}}),
+    ("f [Hz],E' [Pa],E'' [Pa]", {"deformation": "shear"}),
+    ("f [Hz],E' [Pa],E'' [Pa]", {"layout": {"header": 2}}),
+    ("f [Hz],E' [Pa],E'' [Pa]", {"layout": {"line": 2}}),
+    ("f [Hz],E' [Pa],E'' [Pa]", {"columns": {"tan_delta": 3}}),
+    ("f [Hz],|E*| [Pa],phase", {}),
+    ("f [Hz],E' [Pa],T", {}),
+    ("torque [mN.m],angle [rad],strain", {}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("head, options", UNCLEAR)
+def test_what_is_not_stated_is_asked_for(tmp_path, head, options):
+    with pytest.raises(ValueError, match=r"a\.csv|layout|units"):
+        read_moduli(table(tmp_path, head, HERTZ, STORAGE, LOSS), **options)
+
+
+AMBIGUOUS = [
+    "f [Hz],E' [MPa],E'' [MPa]\n0,15,1,05,2,71\n0,31,1,99,2,03\n",
+    "f [Hz];E' [kPa];E'' [kPa]\n1;1.250;250\n2;2.500;750\n3;25.000;3.250\n",
+    'f [Hz],E\' [Pa],E\'\' [Pa]\n1,"1,250,000","250,000"\n2,"2,500,000","750,000"\n',
+    "f [Hz],E' [Pa],E'' [Pa]\n1,2e6,3e5\n2,2e6,bad\n3,3e6,4e5\n",
+    "f [Hz],E' [Pa],E'' [Pa]\n1,2e6,3e5\n2,2e6,3e5\n" * 2,
+    "t [s],E [Pa]\n1,2e6\n2,3e6\n3,4e6\n",
+    "f [Hz],E' [Pa],E'' [Pa]\n1,2e6,3e5\n1,2e6,3e5\n1,3e6,4e5\n",
+    "f [Hz],E' [Pa],E'' [Pa]\n" + "1,2e6,3e5\n2,2e6,3e5\n" * 3,
+    "tau [s],E_i [MPa]\n1e-3,4\n1e-1,2\n10,1\ninf,3\n",
+    "",
+]
+
+
+@pytest.mark.parametrize("text", AMBIGUOUS)
+def test_tables_that_may_be_read_in_two_ways_are_refused(tmp_path, text):
+    with pytest.raises(ValueError, match="path="):
+        read_moduli(write(tmp_path, text))
+
+
+def completed(options, known):
+    """The options of a message, with what the owner of the file knows in the place of "..."."""
+    filled = {}
+    for name, value in options.items():
+        if isinstance(value, dict):
+            stated = {key: each for key, each in value.items() if each != "..."}
+            filled[name] = stated | known.get(name, {})
+        else:
+            filled[name] = known[name] if value == "..." else value
+    return filled
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_exports_are_read_plainly_or_as_their_messages_ask(tmp_path, name):
+    text, known, deformation = EXPORTS[name]
+    encoding = "utf-16" if "Rheo" in name else "utf-8-sig"
+    path, options = write(tmp_path, text, encoding), {}
+    known = {**known, "deformation": deformation}
+    for _ in range(5):
+        try:
+            check(read_moduli(path, **options), deformation=deformation)
+            return
+        except NotPlain as error:
+            assert error.options != options
+            options = completed(error.options, known)
+    pytest.fail(f"no end: {options}")
+
+
+def test_sections_are_isotherms_and_interrupted_ones_are_refused(tmp_path):
+    names = ["Frequency sweep - 1", "Frequency sweep - 2"]
+    options = {"columns": {"frequency": "Frequency"}, "deformation": "shear"}
+    path = write(tmp_path, trios())
+    cold, hot = read_moduli(path, layout={"section": names}, **options).isotherms()
+    check(cold, deformation="shear")
+    check(hot, 2 * MODULUS, deformation="shear")
+    with pytest.raises(NotPlain) as error:
+        read_moduli(path, layout={"section": "Sweep"}, **options)
+    assert all(repr(name) in str(error.value) for name in names)
+    lines = trios().splitlines()
+    lines.insert(12, "\t".join(["---"] * 8))
+    with pytest.raises(NotPlain, match="interrupted"):
+        read_moduli(write(tmp_path, "\n".join(lines)), layout={"section": names[0]}, **options)
+
+
+def test_a_message_has_lines_and_calls_and_no_proposal_of_columns_or_units(tmp_path):
+    text = "test 1\nf;E';E''\nHz;MPa;MPa\n"
+    path = write(
+        tmp_path, text + rows(HERTZ, STORAGE / 1e6, LOSS / 1e6, separator=";", decimal=",")
     )
-    parts = measured.isotherms()
-    np.testing.assert_allclose([part.temperature[0] - 273.15 for part in parts], celsius[::-1])
-    raw = np.genfromtxt(DATA / "plazek1965_ps_creep_isotherms.csv", delimiter=",", skip_header=2)
-    for i, part in enumerate(parts):
-        time, compliance = raw[:, 2 * (9 - i)], raw[:, 2 * (9 - i) + 1]
-        there = np.isfinite(time)
-        order = np.argsort(time[there], kind="stable")
-        np.testing.assert_array_equal(part.abscissa, time[there][order])
-        np.testing.assert_allclose(part.values, 10 * compliance[there][order], rtol=1e-14)
-
-
-# Layouts, each with the same four points.
-
-
-@pytest.mark.parametrize(
-    "names, units, scales",
-    [
-        (["Angular frequency (rad/s)", "E' / GPa", 'E" / GPa'], None, (2 * np.pi, 1e-9, 1e-9)),
-        (["ω", "E′ [Pa]", "E″ [Pa]"], ["s⁻¹", "", ""], (2 * np.pi, 1, 1)),
-        (["freq_khz", "E_storage_mpa", "E_loss_mpa"], None, (1e-3, 1e-6, 1e-6)),
-        (["Frequency", "Storage modulus", "Loss modulus"], ["Hz", "psi", "psi"],
-         (1, 1 / 6894.757293168361, 1 / 6894.757293168361)),
-        (["w", "E1 (N/mm²)", "E2 (dyn/cm^2)"], ["rad·s^-1", "", ""], (2 * np.pi, 1e-6, 10)),
-    ],
-)  # fmt: skip
-def test_names_and_units_of_columns(tmp_path, names, units, scales):
-    columns = [scale * c for scale, c in zip(scales, (HERTZ, STORAGE, LOSS), strict=True)]
-    check(read_moduli(written(tmp_path, names, columns, ";", units)))
-
-
-@pytest.mark.parametrize(
-    "names, columns",
-    [
-        (["E' [Pa]", "tan delta"], [STORAGE, LOSS / STORAGE]),
-        (["E' [Pa]", "tan(δ) [%]"], [STORAGE, 100 * LOSS / STORAGE]),
-        (["|E*| [Pa]", "Phase angle [°]"], [abs(MODULUS), np.degrees(np.angle(MODULUS))]),
-        (["E* [Pa]", "delta [rad]"], [abs(MODULUS), np.angle(MODULUS)]),
-        (["Loss modulus [Pa]", "Loss factor"], [LOSS, LOSS / STORAGE]),
-    ],
-)
-def test_tan_delta_phase_and_magnitude_stand_for_a_modulus(tmp_path, names, columns):
-    check(read_moduli(written(tmp_path, ["f", *names], [HERTZ, *columns])))
-
-
-# Kinds, overrides, and what is recorded.
-
-
-def test_poissons_ratio_converts_shear_moduli_and_compliances(tmp_path):
-    path = written(tmp_path, ["f_Hz", "G_storage_pa", "G_loss_pa"], [HERTZ, STORAGE, LOSS])
-    measured = read_moduli(path)
-    assert measured.deformation == "shear" and measured.temperature is None
-    np.testing.assert_array_equal(measured.values, MODULUS)
-    with pytest.raises(ValueError, match=r"in shear; a table needs"):
-        measured.table()
-    check(read_moduli(path, poisson=0.4), modulus=2.8 * MODULUS)
-    with pytest.raises(ValueError, match="states 'shear'; leave out `deformation='tension'`"):
-        read_moduli(path, deformation="tension")
-    path = written(tmp_path, ["t [min]", "G(t) [kPa]"], [[0.0, 1, 10], [9.0, 5, 2]])
-    measured = read_moduli(path, poisson=0.25)
-    assert (measured.kind, measured.deformation) == ("relaxation", "tension")
-    np.testing.assert_allclose(measured.abscissa, [60, 600])
-    np.testing.assert_allclose(measured.values, [12.5e3, 5e3])
-    assert any("time 0: 1 row(s), line 2" in note for note in measured.history)
-    path = written(tmp_path, ["Time [s]", "Creep compliance J(t) [1/MPa]"], [[1, 10], [2.0, 5]])
-    measured = read_moduli(path)
-    assert (measured.kind, measured.deformation) == ("creep", "shear")
-    np.testing.assert_allclose(measured.values, [2e-6, 5e-6])
-    np.testing.assert_allclose(read_moduli(path, poisson=0.25).values, [0.8e-6, 2e-6])
-
-
-# Rows that cannot be used.
-
-
-# Creep and relaxation as stress and strain.
-
-TIME = np.array([0.1, 1.0, 10.0, 100.0])
-
-
-def test_creep_is_strain_over_a_constant_stress(tmp_path):
-    strain = np.array([0.01, 0.02, 0.035, 0.05])
-    names = ["Step time [min]", "Shear strain [%]", "Shear stress [kPa]", "Time [min]"]
-    columns = [TIME, 100 * strain, [2.0, 2.01, 1.99, 2.0], TIME + 7]
-    measured = read_moduli(written(tmp_path, names, columns))
-    assert (measured.kind, measured.deformation) == ("creep", "shear")
-    np.testing.assert_allclose(measured.abscissa, 60 * TIME)
-    np.testing.assert_allclose(measured.values, strain / (1e3 * np.array(columns[2])))
-    assert "Constant stress: 2000 Pa." in measured.history
-    # Loading before and recovery after are no creep.
-    more = ([1e-3, 200, 300], [0.1, 3, 2], [0.5, 0, 0.01], [7, 207, 307])
-    columns = [np.append(*pair) for pair in zip(columns, more, strict=True)]
-    again = read_moduli(written(tmp_path, names, columns))
-    np.testing.assert_array_equal(again.values, measured.values)
-    left = " ".join(note for note in again.history if note.startswith("Left out"))
-    assert "must be a positive number: 1 row(s), line 7" in left
-    assert "a stress that differs from it by 10%: 2 row(s), line 6, 8" in left
-
-
-def test_relaxation_is_stress_over_a_constant_strain(tmp_path):
-    stress = np.array([9.0, 5.0, 3.0, 2.0])
-    path = written(
-        tmp_path, ["Time [s]", "Stress [MPa]", "Strain [%]"], [TIME, stress, [0.5, 0.5, 0.5, 0.501]]
-    )
-    measured = read_moduli(path)
-    assert (measured.kind, measured.deformation) == ("relaxation", "tension")
-    np.testing.assert_allclose(measured.values[:3], 1e6 * stress[:3] / 5e-3)
-    path = written(tmp_path, ["Time [s]", "Stress [MPa]", "Strain [%]"], [TIME, stress, stress])
-    with pytest.raises(ValueError, match="neither of stress and strain is constant; pass `k"):
+    with pytest.raises(NotPlain) as error:
         read_moduli(path)
+    layout = {"header": 2, "separator": ";", "decimal": ","}
+    assert error.value.options == {"layout": layout}
+    assert "line 2: f;E';E''" in str(error.value)
+    assert f"read_moduli('a.csv', layout={layout})" in str(error.value)
+    assert error.value.flags == '--layout header=2 --layout "separator=;" --layout "decimal=,"'
+    check(read_moduli(path, **error.value.options))
+    with pytest.raises(NotPlain) as error:
+        read_moduli(table(tmp_path, "x,y,z", HERTZ, STORAGE, LOSS))
+    assert error.value.options == {"columns": {"...": "..."}, "deformation": "..."}
 
 
-# Several tables, sheets and files.
+def test_rows_without_positive_numbers_are_left_out(tmp_path):
+    path = table(tmp_path, "f [Hz],E' [Pa],E'' [Pa]", HERTZ, STORAGE, LOSS)
+    path.write_text(path.read_text() + "1e3,9.9e37,1\n1e4,-1,1\n1e5,,1\n1e6,1,n/a\n")
+    measured = read_moduli(path)
+    check(measured)
+    assert "6, 7, 8, 9" in measured.history[-1]
 
 
-def test_isotherms_below_one_another_take_temperatures_from_the_lines_above(tmp_path):
-    table = "f [Hz],E' [Pa],E'' [Pa]\n0.1,{0}e6,1e5\n1,{1}e6,2e5\n"
-    text = "Ramp 5 K/min\nat 25 °C\n" + table.format(1, 2) + "at -5.5 °C\n" + table.format(3, 4)
-    cold, hot = read(tmp_path, text).isotherms()
-    np.testing.assert_allclose(cold.temperature, 267.65)
-    np.testing.assert_allclose(cold.values.real, [3e6, 4e6])
-    np.testing.assert_allclose(hot.temperature, 298.15)
-    without = read(tmp_path, text.replace("°C", ""))
-    assert len(without.isotherms()) == 2 and without.temperature is None
-    assert any("2 curves of unknown temperature" in note for note in without.history)
-    told = read(tmp_path, text.replace("°C", ""), temperature=[298.15, 267.65])
-    np.testing.assert_array_equal(told.values, np.concatenate([cold.values, hot.values]))
+def test_workbooks(tmp_path):
+    book = pytest.importorskip("openpyxl").Workbook()
+    for name in ("Data", "More"):
+        sheet = book.create_sheet(name)
+        lines = zip(HERTZ.tolist(), STORAGE.tolist(), LOSS.tolist(), strict=True)
+        for line in [["of a tread"], ["f [Hz]", "E' [Pa]", "E'' [Pa]"], *lines]:
+            sheet.append(list(line))
+    book.save(tmp_path / "a.xlsx")
+    check(read_moduli(tmp_path / "a.xlsx", layout={"sheet": "More", "header": 2}))
+    with pytest.raises(NotPlain, match="'Data', 'More'"):
+        read_moduli(tmp_path / "a.xlsx")
+    (tmp_path / "b.xlsx").write_bytes((tmp_path / "a.xlsx").read_bytes()[:900])
+    with pytest.raises(ValueError, match=r"b\.xlsx"):
+        read_moduli(tmp_path / "b.xlsx")
 
 
-# Refusals, each with the file and the remedy.
+SI = {"time": "s", "modulus": "Pa"}
+TIME = {"columns": {"time": 1, "modulus": 2}, "units": SI, "deformation": "shear"}
+BOOK = {"layout": {"sheet": "Binder Frequency Sweep", "header": 3}, "deformation": "shear",
+        "columns": {"temperature": 1, "frequency": 2, "storage": 6, "loss": 7}}  # fmt: skip
+# Name, options, points, isotherms.
+FILES = [
+    ("epdm70_tf_015p.csv", {}, 210, 10),
+    ("pyvisco_eplexor_master.csv", {}, 210, 1),
+    ("pyvisco_freq_user_master.csv", {}, 206, 1),
+    ("pyvisco_freq_user_raw.csv", {}, 210, 21),
+    ("pyvisco_time_user_master.csv", {}, 481, 1),
+    ("vinylfoam_dma_raw.csv", {"units": {"modulus": "MPa"}}, 209, 19),
+    ("pp_stress_relaxation.csv", {"units": SI, "deformation": "tension"}, 76, 1),
+    ("respect_time_test3.dat", TIME, 200, 1),
+    ("reptate_PI600k_raw_isotherms.csv", {"columns": {"temperature": "T_set"}}, 159, 9),
+    ("pyvisco_freq_Eplexor_master.xls", {"layout": {"sheet": "Exported Data"}}, 210, 1),
+    ("tfhrc_RuttingBinderPTF_Data.xlsx", BOOK, 217, 7),
+]
+
+
+@pytest.mark.skipif(not DATA.exists(), reason="the measured files lie beside the repository")
+@pytest.mark.parametrize("name, options, count, isotherms", FILES)
+def test_measured_moduli(name, options, count, isotherms):
+    measured = read_moduli(DATA / "rheology" / name, **options)
+    assert (len(measured.abscissa), len(measured.isotherms())) == (count, isotherms)
+    if options:
+        with pytest.raises(NotPlain):
+            read_moduli(DATA / "rheology" / name)

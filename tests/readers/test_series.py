@@ -1,125 +1,130 @@
-"""Prony series in the layouts of programs: one solid, E(ω) summed here by complex arithmetic."""
+"""Prony series, strain sweeps, friction and motions from tables."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
-from test_instrument_exports import write
 
 import graded_contact as gc
-from graded_contact.exports.prony_cards import PRONY_CARDS, export_prony
-from graded_contact.readers import read_moduli, read_prony
+from graded_contact.readers import NotPlain, read_friction, read_prony, read_strain_sweep
+from graded_contact.readers.recorded_motion import read_motion, read_over_time
 
-# E(t) = 3 MPa + 4, 2 and 1 MPa that decay in 1 ms, 0.1 s and 10 s.
-OMEGA = 10.0 ** np.arange(-4, 6)
-RATES = 1j * OMEGA[:, None] * np.array([1e-3, 1e-1, 10.0])
-MODULUS = 3e6 + np.sum(np.array([4e6, 2e6, 1e6]) * RATES / (1 + RATES), axis=1)
-
-PRONY = "tau [s],E_i [MPa]\n1e-3,4\n1e-1,2\n10,1\ninf,3\n"
-RATIOS = "0.4,0.4,0.001\n0.2,0.2,0.1\n0.1,0.1,10.\n"
-ELASTIC = "*MATERIAL, NAME=RUBBER\n*ELASTIC, MODULI=INSTANTANEOUS\n1.0E7, 0.49\n"
-ABAQUS = f"{ELASTIC}*VISCOELASTIC, TIME=PRONY\n{RATIOS}"
-NEOHOOKE = ABAQUS.replace("*ELASTIC", "*HYPERELASTIC, NEO HOOKE")
-ANSYS = """/PREP7
-E0 = 10e6
-MP,EX,7,E0
-MP,NUXY,7,0.49
-TB,PRONY,7,1,3,SHEAR
-TBDATA,1,0.4,0.001,0.2,0.1,0.1,10
-TB,PRONY,7,1,3,BULK
-TBDATA,1,0.4,0.001,0.2
-TBDATA,4,0.1,0.1,10
-"""
-MODES = """# Maxwell modes
-# Generated with RepTate 1.3.1
-
-#number of modes
-3
-
-#   i\t          tau_i\t            G_i
-    1\t          0.001\t        {}
-    2\t            0.1\t         {}
-    3\t             10\t         {}
-
-#end
-"""
-IN_SHEAR = MODES.format(*(number / 3 for number in (4e6, 2e6, 1e6)))
-LAYOUTS = {
-    "moduli": (PRONY, {}),
-    "an infinite time in a sign": (PRONY.replace("inf", "∞"), {}),
-    "relaxation times and moduli": (
-        PRONY.replace("tau", "Relaxation time").replace("E_i", "Young's modulus"), {}),
-    "units below, modes counted": (
-        "mode;λ_i;E_i\n-;ms;kPa\n1;1;4000\n2;100;2000\n3;10000;1000\n4;inf;3000\n", {}),
-    "units of the user": (
-        PRONY.replace(" [s]", "").replace(" [MPa]", ""),
-        {"units": {"time": "s", "modulus": "MPa"}}),
-    "equilibrium above": ("E_inf = 3 MPa\n" + PRONY.replace("inf,3\n", ""), {}),
-    "equilibrium below": (PRONY.replace("inf,3", "E_inf,3"), {}),
-    "equilibrium of the user": (PRONY.replace("inf,3\n", ""), {"equilibrium": 3e6}),
-    "shear": (PRONY.replace("E_i", "G_i"), {"poisson": 0.5, "factor": 3}),
-    "shear, said by the user": (
-        PRONY.replace("tau", "relaxation time").replace("E_i", "modulus"),
-        {"deformation": "shear", "poisson": 0.5, "factor": 3}),
-    "ratios and a modulus": ("# E0 = 10 MPa\n# g_i, tau_i [s]\n.4,1e-3\n.2,.1\n.1,10\n", {}),
-    "ratios, one of the equilibrium": ("tau_i [s],g_i\n1e-3,.4\n.1,.2\n10,.1\ninf,.3\n",
-                                       {"glassy": 1e7}),
-    "ratios and the long-time modulus of the user": ("tau_i [s],g_i\n1e-3,.4\n.1,.2\n10,.1\n",
-                                                     {"equilibrium": 3e6}),
-    "pyvisco": ("i,tau_i,alpha_i,E_0,E_i\n-,s,-,MPa,MPa\n"
-                "1,1e-3,0.4,10,4\n2,0.1,0.2,10,2\n3,10,0.1,10,1\n", {}),
-    "RepTate": (IN_SHEAR, {"equilibrium": 3e6, "poisson": 0.5}),
-    "Abaqus": (ABAQUS, {}),
-    "Abaqus, a mark of byte order": ("\ufeff" + ABAQUS, {}),
-    "Abaqus, long-term modulus in mm and MPa": (
-        "** units: mm, N, MPa, s\n" + ABAQUS.replace("INSTANTANEOUS", "LONG TERM")
-        .replace("1.0E7", "3."), {}),
-    "Abaqus, long-term by default": (
-        ABAQUS.replace(", MODULI=INSTANTANEOUS", "").replace("1.0E7", "3e6"), {}),
-    "Abaqus, hyperelastic": (NEOHOOKE.replace("1.0E7, 0.49", f"{1e7 / 6}, 0.0"), {}),
-    "Ansys": (ANSYS, {}),
-    "Ansys, hyperelastic": (
-        ANSYS.replace("MP,EX,7,E0\nMP,NUXY,7,0.49", f"TB,HYPER,7,1,2,NEO\nTBDATA,1,{1e7 / 3},0"),
-        {}),
-}  # fmt: skip
+DATA = Path(__file__).parents[3] / "shared" / "data"
+measured_files = pytest.mark.skipif(
+    not DATA.exists(), reason="the measured files lie beside the repository"
+)
 
 
-def check(material, modulus=MODULUS, rtol=1e-12):
-    np.testing.assert_allclose(material.modulus(OMEGA), modulus, rtol=rtol)
+def write(folder, text):
+    path = folder / "a.csv"
+    path.write_text(text)
+    return path
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_a_series_has_the_modulus_of_its_sum_in_every_layout(tmp_path, layout):
-    text, options = LAYOUTS[layout]
-    factor = options.get("factor", 1)
-    given = {name: value for name, value in options.items() if name != "factor"}
-    path = write(tmp_path, text, "series.txt")
-    check(read_prony(path, **given), factor * MODULUS)
-    for hints in ({}, {"kind": "relaxation"}, {"kind": "relaxation", "units": {"modulus": "MPa"}}):
-        with pytest.raises(ValueError, match=r"Prony series"):
-            read_moduli(path, **hints)
+def check_rubber(found, factor=1.0):
+    assert float(found.equilibrium) == pytest.approx(3e6 * factor)
+    np.testing.assert_allclose(found.strengths, np.array([4e6, 2e6, 1e6]) * factor)
+    np.testing.assert_allclose(found.times, [1e-3, 0.1, 10.0])
 
 
-@pytest.mark.parametrize("form", PRONY_CARDS)
-def test_an_exported_card_is_read_back_with_its_numbers(tmp_path, form):
-    law = gc.WLF(4.57, 113.6, 298.15)
-    for i, material in enumerate((
-        gc.tyre_tread(poisson=0.49),
-        gc.Prony(1e6 / 3, [2e9 / 3, 1e7 / 7], [1e-9 / 3, 1 / 3], 1 / 3, law),
-    )):  # fmt: skip
-        found = read_prony(write(tmp_path, export_prony(material, form, name="tread"), f"{i}.txt"))
-        for name in ("equilibrium", "strengths", "times", "poisson"):
-            # Items have 13 digits; the equilibrium modulus is a small remainder of them.
-            loss = float(material.glassy / material.equilibrium) if name == "equilibrium" else 1
-            exact = getattr(material, name)
-            np.testing.assert_allclose(getattr(found, name), exact, 1e-12 * loss, err_msg=name)
-        for name in ("c1", "c2", "reference"):
-            same = getattr(found.shift, name), getattr(material.shift, name)
-            np.testing.assert_allclose(*same, rtol=1e-12)
+MODULI = "tau [s],{}_i [MPa]\n1e-3,4\n1e-1,2\n10,1\n"
+RATIOS = "tau [ms],g_i\n1,0.4\n100,0.2\n1e4,0.1\n"
+SERIES = [
+    (MODULI.format("E") + "inf,3\n", {}),
+    (MODULI.format("E"), {"equilibrium": 3e6}),
+    (MODULI.format("E"), {"glassy": 1e7}),
+    (RATIOS, {"glassy": 1e7}),
+    (RATIOS, {"equilibrium": 3e6}),
+    ("a,b\n4,1e-3\n2,1e-1\n1,10\n",
+     {"columns": {"time": "b", "modulus": 1}, "units": {"time": "s", "modulus": "MPa"},
+      "deformation": "tension", "equilibrium": 3e6}),
+]  # fmt: skip
 
 
-# E_inf = 3 MPa, with 50, 20 and 5 MPa at 0.1 ms, 10 ms and 1 s.
-LINE = "E_inf = 3 MPa\n"
+@pytest.mark.parametrize("text, options", SERIES)
+def test_series_of_moduli_and_of_ratios(tmp_path, text, options):
+    check_rubber(read_prony(write(tmp_path, text), **options))
 
 
-def refused(tmp_path, text, match, **options):
-    with pytest.raises(ValueError, match=match):
+def test_moduli_in_shear_become_moduli_in_tension(tmp_path):
+    path = write(tmp_path, MODULI.format("G"))
+    check_rubber(read_prony(path, equilibrium=3e6, poisson=0.25), 2.5)
+    check_rubber(read_prony(path, glassy=1e7, poisson=0.25), 2.5)
+
+
+REFUSED = [
+    (MODULI.format("E"), {}),
+    (MODULI.format("E") + "inf,3\n", {"equilibrium": 3e6}),
+    (MODULI.format("E"), {"glassy": 1e6}),
+    (RATIOS, {}),
+    (RATIOS, {"glassy": 1e7, "equilibrium": 3e6}),
+    (RATIOS.replace("0.4", "0.9"), {"glassy": 1e7}),
+    ("tau [s],E_i\n1e-3,4\n10,1\n", {"equilibrium": 3e6}),
+    ("tau [s],E_i [Pa]\n-1e-3,4\n10,1\n", {"equilibrium": 3e6}),
+    ("t [s],E [1/MPa]\n1e-3,4\n10,1\n", {"equilibrium": 3e6}),
+]
+
+
+@pytest.mark.parametrize("text, options", REFUSED)
+def test_incomplete_and_contradicting_series_are_refused(tmp_path, text, options):
+    with pytest.raises(ValueError, match=r"a\.csv|glassy"):
         read_prony(write(tmp_path, text), **options)
+
+
+STRAIN, STORAGE = np.array([1e-3, 1e-2, 0.1]), np.array([2e6, 1.8e6, 9e5])
+LOSS = np.array([2e5, 3e5, 1.5e5])
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_strain_sweep_gives_factors(tmp_path, order):
+    lines = [f"{100 * s},{e},{l}" for s, e, l in zip(STRAIN, STORAGE, LOSS, strict=True)][::order]
+    sweep = read_strain_sweep(write(tmp_path, "\n".join(["strain [%],G' [Pa],G'' [Pa]", *lines])))
+    for found, expected in zip(sweep, (STRAIN, STORAGE / 2e6, LOSS / 2e5), strict=True):
+        np.testing.assert_allclose(found, expected)
+    with pytest.raises(NotPlain):  # a part or per cent
+        read_strain_sweep(write(tmp_path, "\n".join(["strain,G' [Pa],G'' [Pa]", *lines])))
+    twice = ["strain [%],G' [Pa],G'' [Pa]", *lines, *lines[::-1]]
+    with pytest.raises(NotPlain):
+        read_strain_sweep(write(tmp_path, "\n".join(twice)))
+
+
+@measured_files
+def test_a_measured_strain_sweep_softens_a_rubber():
+    sweep = read_strain_sweep(DATA / "rheology" / "epdm70_sd_10hz.csv")
+    soft = gc.materials.StrainSoftening(gc.Elastic(1e7, 0.49), *sweep, amplitude=sweep[0][-1])
+    np.testing.assert_allclose(soft.modulus(np.array([1.0]))[0].real, 1e7 * sweep[1][-1])
+
+
+@measured_files
+def test_a_measured_series_has_its_instantaneous_modulus():
+    path = DATA / "rheology" / "pyvisco_verif_time_prony_terms_KPf_MD.csv"
+    rubber = read_prony(path, glassy=1739.03e6, units={"time": "s"})
+    assert len(rubber.times) == 31
+    assert float(rubber.equilibrium + np.sum(rubber.strengths)) == pytest.approx(1739.03e6)
+
+
+def test_friction_with_errors_and_temperatures(tmp_path):
+    text = "v [mm/s],µ,std [%],T [°C]\n1,0.5,2,20\n10,0.7,,20\n100,0.6,3,20\n"
+    found = read_friction(write(tmp_path, text))
+    np.testing.assert_allclose(found.velocity, [1e-3, 1e-2, 0.1])
+    np.testing.assert_allclose(found.friction, [0.5, 0.7, 0.6])
+    np.testing.assert_allclose(found.error, [0.02, np.nan, 0.03])
+    np.testing.assert_allclose(found.temperature, 293.15)
+    with pytest.raises(NotPlain) as error:
+        read_friction(write(tmp_path, "v,friction\n1,0.5\n10,0.7\n"))
+    assert error.value.options == {"units": {"velocity": "..."}}
+
+
+def test_motions_and_loads_over_time(tmp_path):
+    times = np.linspace(0, 95, 20)
+    lines = [f"{t},{np.sin(2 * np.pi * t / 100)}" for t in times]
+    path = write(tmp_path, "\n".join(["time [ms],displacement [mm]", *lines]))
+    motion = read_motion(path, period=0.1, num_times=16)
+    phase = 2 * np.pi * np.arange(16) / 16
+    np.testing.assert_allclose(motion.displacement, 1e-3 * np.sin(phase), atol=3e-5)
+    path = write(tmp_path, "\n".join(["time [min],pressure [kPa]", *lines]))
+    seconds, pressure = read_over_time(path, "pressures")
+    np.testing.assert_allclose(seconds, 60 * times)
+    np.testing.assert_allclose(pressure, 1e3 * np.sin(2 * np.pi * times / 100))
+    with pytest.raises(ValueError, match=r"time \[ms\], displacement \[mm\]"):
+        read_motion(path, period=0.1)

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import graded_contact as gc
 from graded_contact.materials.material import AbstractMaterial
 
 # The frame of the stored matrices has z out of the body.
@@ -37,3 +38,12 @@ class Given(AbstractMaterial):
 
     def at(self, temperature):
         return self
+
+
+def layered(q, thickness, modulus, poisson, base):
+    """M_zz of layers given by their moduli, on `Rigid()`, `Free()` or a half space's (E, ν)."""
+    parts = zip(thickness, modulus, poisson, strict=True)
+    layers = tuple(gc.Layer(Given(e, nu), d) for d, e, nu in parts)
+    if isinstance(base, tuple):
+        base = gc.HalfSpace(Given(*base))
+    return gc.surface_compliance(gc.Stack(layers=layers, base=base), q, 0.0)

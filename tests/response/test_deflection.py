@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 from scipy.special import ellipe, ellipk, j0, j1, jn_zeros
+from stored import layered
 
 import graded_contact as gc
 
@@ -45,7 +46,7 @@ def on_axis(function, pressure, radius):
 def compliance_of(thickness, modulus, poisson):
     """M_zz(q) of layers on a half space, which is the last entry of both moduli."""
     d, e, nu = (np.asarray(values, float) for values in (thickness, modulus, poisson))
-    return lambda q: np.asarray(gc.layered_compliance(q, d, e[:-1], nu[:-1], (e[-1], nu[-1])))
+    return lambda q: np.asarray(layered(q, d, e[:-1], nu[:-1], (e[-1], nu[-1])))
 
 
 def half_space_deflection(r, pressure, radius, reduced_modulus):

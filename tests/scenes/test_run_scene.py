@@ -1,128 +1,21 @@
-"""Scenes are run point by point; what is kept is not computed again."""
+"""Runs of scenes are what the functions of Python give, over the axes of the scene."""
 
-import sys
-from pathlib import Path
-
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from scene_texts import BARE, TEXT, changed
+from scene_texts import BARE, changed
 
 import graded_contact as gc
-from graded_contact.command.result_tables import print_table
-from graded_contact.core.quantities import OBSERVABLES, Above, observable
-from graded_contact.scenes.plan import build_surface, plan
-from graded_contact.scenes.results import kept_contact, kept_solves
-from graded_contact.scenes.scene_file import parse_scene, read_scene
-from graded_contact.studies.store import Store
+from graded_contact.scenes import parse_scene, read_results, run_scene
+from graded_contact.scenes.run import write_results
+from graded_contact.sliding import gap_flow
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
-EXAMPLES = Path(__file__).parents[2] / "examples"
-# Rooms list functions of the names of these modules.
-PLAN = sys.modules["graded_contact.scenes.plan"]
-SWEEP, PROGRAM = (
-    sys.modules[f"graded_contact.studies.{name}"] for name in ("old_sweep", "program")
-)
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return parse_scene(TEXT)
-
-
-@pytest.fixture(scope="module")
-def results(scene):
-    return plan(scene).run()
-
-
-def test_a_run_gives_what_slide_gives(scene, results):
-    assert np.all(results.message == "")
-    surface = build_surface(scene)
-    for i, j in np.ndindex(2, 2):
-        pressure, velocity = scene.pressure[i], scene.velocity[j]
-        load = {"pressure": pressure, "velocity": velocity, "rtol": scene.rtol}
-        sliding = gc.slide(scene.stack, surface, **load)
-        for name in ("friction", "contact_area", "mean_gap", "error"):
-            np.testing.assert_allclose(results[name][i, j], getattr(sliding, name), rtol=1e-6)
-    assert kept_solves(results) == [(1, 1)]
-    np.testing.assert_allclose(results.gap, sliding.gap, rtol=1e-6, atol=1e-15)
-    assert results.attrs["scene"] == TEXT
-    assert results.attrs["seed"] == 3
-    assert results.attrs["dtype"] == "float64"
-
-
-def test_an_observable_is_one_function(capsys):
-    """Its attribute, print, dataset, unit, column and caveat follow from its entry."""
-    doubt = Above(1.0, "The largest pressure is {value:.2g} Pa.")
-
-    @observable("F", "Pa", "largest pressure", column=("largest\npressure", "#.4g"), warns=doubt)
-    def largest_pressure(found):
-        """The largest pressure [Pa]."""
-        return jnp.max(found.pressure)
-
-    try:
-        scene = parse_scene(BARE.replace("[32, 32]", "[16]").replace("8e4", "4e4"))
-        results = plan(scene).run()
-        sliding = gc.slide(scene.stack, build_surface(scene), pressure=2e5, velocity=1.0)
-        assert sliding.largest_pressure == np.max(sliding.pressure)
-        assert "largest_pressure [Pa]" in repr(sliding)
-        np.testing.assert_allclose(results.largest_pressure[-1, -1], np.max(sliding.pressure), 1e-4)
-        assert results.largest_pressure.attrs == {"units": "Pa", "long_name": "largest pressure"}
-        here, stored = sliding.caveats[-1], results.attrs["caveats"].split("\n")[-1]
-        assert here == f"The largest pressure is {sliding.largest_pressure:.2g} Pa."
-        assert "largest pressure is" in stored and f" to {here.split()[-2]} Pa." in stored
-        print_table(results, full=True)
-        assert "largest" in capsys.readouterr().out
-    finally:
-        del OBSERVABLES["largest_pressure"]
-    assert not hasattr(sliding, "largest_gap")
-
-
-@pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")
-@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("measured_*.toml")), ids=lambda p: p.name)
-def test_an_example_is_read_with_its_data(path):
-    assert build_surface(read_scene(path)).history
-
-
-@pytest.fixture
-def solved(monkeypatch):
-    """The names of the points that were solved, in order."""
-    calls, write = [], Store.write
-
-    def noting(store, name, point):
-        calls.append(name)
-        write(store, name, point)
-
-    monkeypatch.setattr(Store, "write", noting)
-    return calls
-
-
-def test_scenes_share_the_solves_that_they_have_in_common(scene, results, solved, tmp_path):
-    with Store(tmp_path) as store:
-        plan(scene).run(store=store)
-        more = parse_scene(changed("[0.01, 1.0]", "[1.0, 0.1]", 'title = "a small', 'title = "a'))
-        found = plan(more).run(store=store)
-        assert solved[4:] == found.point.values[:, 1].tolist()
-        assert found.identical(plan(more).run())
-        assert plan(scene).run(store=store).identical(results) and len(solved) == 6
-
-
-LINE = changed(
-    "[32, 32]", "[16]", "8e4", "4e4", "[2e5, 4e5]", "2e5", '"tyre_tread"',
-    '"prony"\nequilibrium = 6e6\nstrengths = [2e7]\ntimes = [1e-3]\nshift = {kind = "wlf", '
-    "c1 = 4.0, c2 = 100.0, reference = 290.0}", "[solver]", "temperature = 300.0\n[shear]\n"
-    'kind = "peaked"\npeak = 2e5\nvelocity = 0.1\nsteepness = 2.0\n[solver]\nnewton = false',
-)  # fmt: skip
-
-
-# A text that stands for the other one in `LINE`; the first is a number by its last bit.
-
-
+SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")
+STILL = SMALL.replace("velocity = [0.01, 1.0]\n", "")
+RUBBER = 'kind = "prony"\nequilibrium = 2e6\nstrengths = [4e6]\ntimes = [1e-3]\npoisson = 0.49'
+# Without Newton steps a program compiles in two thirds of the time.
 VARIED = changed(
-    "[32, 32]", "[16, 16]", "8e4", "4e4",
-    "seed = 3", "seed = 3\nseeds = 2", "[2e5, 4e5]", "2e5", "[0.01, 1.0]",
-    "[0.01, 0.1]\ndirection = 1.5707963267948966", "[solver]",
+    "[32, 32]", "[16, 16]", "8e4", "4e4", "seed = 3", "seed = 3\nseeds = 2", "[2e5, 4e5]", "2e5",
+    "[0.01, 1.0]", "[0.01, 0.1]\ndirection = 1.5707963267948966", "[solver]",
     'temperature = [293.15, 273.15]\n[sweep]\n"layers[0].thickness" = [2e-5, 1e-5]\n'
     "[solver]\nnewton = false",
 )  # fmt: skip
@@ -131,30 +24,172 @@ VARIED = changed(
 @pytest.fixture(scope="module")
 def varied():
     scene = parse_scene(VARIED)
-    return scene, plan(scene).run()
+    return scene, run_scene(scene)
 
 
-@pytest.mark.slow
-def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
-    """The direction turns the velocity from the x axis to the y axis."""
+def test_all_axes_are_those_of_slide(varied):
     scene, results = varied
-    names = ["layers[0].thickness", "temperature", "seed", "pressure", "velocity"]
-    assert list(results.message.dims) == names and results.friction.shape == (2, 2, 2, 1, 2)
-    assert np.all(results.message == "") and results["seed"].values.tolist() == [3, 4]
-    assert results["layers[0].thickness"].units == "m"
-    random, index = scene.surface, (1, 1, 1, 0, 1)
-    surface = gc.random_surface(random.spectrum, random.grid, jax.random.key(4))
-    block = gc.with_values(scene.stack, {"layers[0].thickness": 1e-5}).at(273.15)
-    given = {"pressure": 2e5, "velocity": [0.0, 0.1], "rtol": scene.rtol, "solver": scene.solver}
-    sliding = gc.slide(block, surface, **given)
+    names = [
+        "layers[0].thickness", "seed", "temperature", "direction", "pressure", "velocity",
+    ]  # fmt: skip
+    assert list(results.message.dims) == names and np.all(results.message == "")
+    assert results.friction.shape == (2, 2, 2, 1, 1, 2) and results["seed"].values.tolist() == [
+        3,
+        4,
+    ]
+    assert results["layers[0].thickness"].units == "m" and results.mean_gap.units == "m"
+    block = gc.with_values(scene.bodies.stack, {"layers[0].thickness": 1e-5}).at(273.15)
+    surface = scene.surface(4)
+    given = {"pressure": 2e5, "velocity": [0.0, 0.1], "rtol": 1e-6}
+    sliding = gc.slide(block, surface, solver=scene.numerics.solver, **given)
+    last = results.isel(dict.fromkeys(names, -1))
     for name in ("friction", "contact_area", "mean_gap"):
-        np.testing.assert_allclose(results[name][index], getattr(sliding, name), rtol=1e-6)
-    assert kept_solves(results) == [index]
-    fields, own = kept_contact(results, index)
-    np.testing.assert_allclose(fields.pressure, sliding.pressure, rtol=1e-3, atol=1)
-    np.testing.assert_allclose(own.heights, surface.heights, atol=1e-15)
-    np.testing.assert_array_equal(results.heights, build_surface(scene).heights)
+        np.testing.assert_allclose(last[name], getattr(sliding, name), rtol=1e-6)
+    # Only the last solve has fields.
+    assert results.contact_pressure.dims == ("x", "y")
+    np.testing.assert_allclose(results.contact_pressure, sliding.pressure, rtol=1e-3, atol=1)
+    np.testing.assert_allclose(results.contact_heights, surface.heights, atol=1e-15)
+    np.testing.assert_allclose(results.heights, scene.surface(3).heights, atol=1e-15)
+    assert results.attrs["scene"] == VARIED and results.attrs["version"] == gc.__version__
 
 
-MELT = 'kind = "prony"\nequilibrium = 0.0\nstrengths = [1e6]\ntimes = [1e-2]'
-SOLID = MELT.replace("0.0", "1e5")
+def test_a_velocity_has_its_place_on_a_master_curve(varied):
+    _, results = varied
+    law = gc.tyre_tread().shift
+    for kelvin, row in zip((293.15, 273.15), results.reduced_velocity.values, strict=True):
+        expected = np.exp(law.log_factor(kelvin)) * np.array([0.01, 0.1])
+        np.testing.assert_allclose(row, expected, rtol=1e-12)
+
+
+def test_results_come_back_bit_for_bit_and_damaged_ones_are_refused(varied, tmp_path):
+    _, results = varied
+    path = tmp_path / "a.h5"
+    write_results(path, results)
+    assert read_results(path).identical(results)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.h5"]
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2 : len(content) // 2 + 64] = bytes(64)
+    path.write_bytes(content)
+    for damaged in (path, tmp_path / "b.h5"):
+        (tmp_path / "b.h5").write_text("not HDF5")
+        with pytest.raises(ValueError, match="path"):
+            read_results(damaged)
+
+
+def test_every_solve_may_keep_its_fields_or_none():
+    text = SMALL.replace("[16, 16]", "[32]") + "[output]\nfields = "
+    every, none = (run_scene(parse_scene(f"{text}'{kept}'")) for kept in ("every", "none"))
+    assert every.contact_pressure.dims == ("pressure", "velocity", "x")
+    np.testing.assert_allclose(every.contact_pressure.mean("x"), 2e5, rtol=1e-6)
+    assert "gap" not in none
+    np.testing.assert_allclose(none.friction, every.friction, rtol=1e-6)
+
+
+def test_a_solve_that_does_not_converge_says_so():
+    text = SMALL.replace("newton = false", "newton = false\nmax_steps = 2")
+    results = run_scene(parse_scene(text.replace("[16, 16]", "[32]")))
+    assert np.all(results.message.str.contains("max_steps")) and np.all(results.error > 1e-6)
+
+
+CYCLE = STILL.replace(
+    "pressure = 2e5", "pressure = 2e5\npressure_ratio = [1.0, 1.5]\ndirection = 0.5"
+) + (
+    '[motion]\nkind = "sinusoidal"\nstroke = 4e-5\nfrequency = 20.0\nnum_times = 8\n'
+    '[shear]\nkind = "peaked"\npeak = 1e5\nvelocity = 0.1\nsteepness = 0.1\n'
+)
+
+
+def test_a_motion_has_friction_over_time_along_its_direction():
+    scene = parse_scene(CYCLE)
+    results = run_scene(scene)
+    assert np.all(results.message == "")
+    assert results.traction.dims == ("direction", "pressure", "time")
+    assert results.gap.dims == ("time", "x", "y")
+    np.testing.assert_array_equal(results.time, np.arange(8) / 8)
+    ratio = [1, 1.125, 1.25, 1.375, 1.5, 1.375, 1.25, 1.125]
+    np.testing.assert_allclose(results["load"].squeeze(), 2e5 * np.array(ratio), rtol=1e-6)
+    # The work is that of the traction along the path, and that is a sine.
+    moved = results.surface_displacement.values
+    np.testing.assert_array_equal(moved, scene.motion.displacement)
+    speed = np.fft.irfft(2j * np.pi * np.arange(5) / 0.05 * np.fft.rfft(moved))
+    traction = results.traction.values.squeeze()
+    np.testing.assert_allclose(results.work, 0.05 * np.mean(traction * speed), rtol=1e-6)
+    np.testing.assert_allclose(results.period, 0.05)
+
+
+BRAKE = """[[motion]]
+kind = "ramp"
+velocity = 0.1
+duration = 1e-3
+[[motion]]
+kind = "start"
+before = 0.1
+velocity = 0.0
+duration = 1e-3
+[[motion]]
+kind = "dwell"
+duration = 0.1
+num_times = 6
+[fluid]
+viscosity = 2e-3
+pressure_difference = 1e4
+[output]
+frames = 3
+"""
+
+
+def test_a_transient_is_over_time_and_leaks_at_its_frames():
+    text = STILL.replace('kind = "tyre_tread"', RUBBER).replace("8e4", "4e4")
+    text = text.replace(
+        "pressure = 2e5", "pressure = 2e5\nratio_times = [0.0, 2e-3]\npressure_ratio = [1.0, 1.5]"
+    )
+    scene = parse_scene(text + BRAKE)
+    times = np.asarray(scene.motion.times)
+    results = run_scene(scene)
+    one = results.isel(pressure=0)
+    assert np.all(results.message == "") and one.friction.dims == ("time",)
+    np.testing.assert_array_equal(one.time, times)
+    np.testing.assert_allclose(one["load"], 2e5 * np.interp(times, [0, 2e-3], [1, 1.5]), rtol=1e-8)
+    # The work is that of the traction along the way, by trapezoids.
+    traction, way = one.traction.values, one.surface_displacement.values
+    steps = np.diff(way, prepend=0) * (traction + np.append(0, traction[:-1])) / 2
+    np.testing.assert_allclose(one.work_done, np.cumsum(steps), rtol=1e-8)
+    frames = [i for i, time in enumerate(times) if time in one.field_time]
+    assert len(frames) == 3 and frames[-1] == len(times) - 1
+    np.testing.assert_allclose(
+        one.contact_pressure.mean(["x", "y"]), one["load"][frames], rtol=1e-6
+    )
+    leakage = one.leakage_along_x.values
+    assert np.flatnonzero(np.isfinite(leakage)).tolist() == frames
+    for gap, pressure, volume in zip(
+        one.gap.values, one.contact_pressure.values, leakage[frames], strict=True
+    ):
+        flow = gap_flow(gap, scene.surface.grid, contact=pressure > 0).conductance[0]
+        np.testing.assert_allclose(volume, flow * 1e4 / (12 * 2e-3), rtol=1e-9)
+
+
+def test_optional_outputs_are_computed_when_asked_for():
+    asked = "stiffness = true\nconductance = true\nflow = true\ntension = true\nvon_mises = true\n"
+    fluid = "[fluid]\nviscosity = 2e-3\npressure_difference = 1e4\n"
+    text = STILL.replace("pressure = 2e5", "pressure = [2e5, 2.02e5]\nvelocity = 0.1")
+    text = text.replace("size = 1e-3", "size = [1e-3, 5e-4]")
+    results = run_scene(parse_scene(text + f"[observe]\n{asked}{fluid}"))
+    lower, at = (results.isel(pressure=i, velocity=0) for i in (0, 1))
+    stiffness = (at.contact_stiffness + lower.contact_stiffness) / 2
+    closer = lower.mean_gap - at.mean_gap
+    np.testing.assert_allclose(stiffness, 0.02e5 / closer, rtol=0.02)
+    assert at.specific_conductance > 0
+    for axis, across in (("x", 0.5), ("y", 2.0)):
+        expected = at[f"flow_along_{axis}"] * 1e4 / (12 * 2e-3) * across
+        np.testing.assert_allclose(at[f"leakage_along_{axis}"], expected, rtol=1e-12)
+    assert 0 < at.tension < at.von_mises < results.contact_pressure.max()
+    assert 0 <= at.tension_depth <= at.von_mises_depth
+
+
+def test_a_sphere_at_an_approach_has_its_load():
+    text = '[surface]\nkind = "sphere"\nradius = 2e-2\n[grid]' + STILL.split("[grid]")[1]
+    text = text.replace("pressure = 2e5", "approach = [1e-6, 2e-6]\nvelocity = 0.1")
+    results = run_scene(parse_scene(text))
+    assert results.message.dims == ("approach", "velocity") and np.all(results.message == "")
+    load = results.mean_pressure.values[:, 0]
+    np.testing.assert_allclose(load[1] / load[0], 2**1.5, rtol=0.1)  # Hertz

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from graded_contact import surface_from_heights
+from graded_contact.surfaces import surface_from_heights
 from graded_contact.surfaces.holes import rms_slope
 
 ROUGH = 1e-6 * np.random.default_rng(0).normal(size=(12, 10))

@@ -19,8 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...blocks.bond import Bond
-from ...blocks.profile import Aged, Blend
+from ...blocks.profile import Blend
 from ...blocks.stack import GradedLayer, HalfSpace, Layer, Stack, by_kind, interface_depths
 from ...core.checks import Numbers, as_float, check_rows, check_values, check_whole
 from ...core.compilation import compiled
@@ -94,7 +93,7 @@ def heat_source(
 
     - `sliding`: a result of `slide` for this block.
     - `stack`: the block, of `Prony` and `Elastic` materials, also in `StrainSoftening`; graded
-      layers `Aged`, or `Blend` with linear mixing.
+      layers `Blend` with linear mixing.
     - `depths`: z [m], shape `(depths,)`; see `heat_depths`.
 
     **Returns:** W, shape `(depths, *grid.shape)`.
@@ -176,15 +175,7 @@ def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
 
 
 def check_series(stack: Stack) -> None:
-    """Raises `ValueError` for a material or a bond whose heat is not known."""
-    for i, layer in enumerate(stack.layers):
-        bond = layer.bond
-        springs = isinstance(bond, Bond) or isinstance(getattr(bond, "material", None), Elastic)
-        if bond is not None and not springs:
-            raise ValueError(
-                f"`layers[{i}].bond` may have losses, whose heat in a plane is not known here. "
-                "Give a `Bond`, or a `Film` of an `Elastic` material."
-            )
+    """Raises `ValueError` for a material whose heat is not known."""
     eqx.filter_eval_shape(_series_in, stack, jnp.zeros(()))
 
 
@@ -214,9 +205,6 @@ def _series_of(part: Layer | GradedLayer | HalfSpace, bottom, depth):
         return _series(part.material)
     s = jnp.clip((bottom - depth) / jnp.where(part.thickness > 0, part.thickness, 1), 0, 1)
     profile = part.profile
-    if isinstance(profile, Aged):
-        *moduli, times, poisson = _series(profile.material)
-        return *moduli, times * profile._factor(s), poisson
     if isinstance(profile, Blend) and profile.mixing == "linear":
         # A linear mixture of two series is the series with the branches of both.
         phi = profile.shape(s)
@@ -229,7 +217,7 @@ def _series_of(part: Layer | GradedLayer | HalfSpace, bottom, depth):
         )
     raise ValueError(
         f"`stack` has a graded layer with the profile {type(profile).__name__}: only "
-        "`Aged`, and `Blend` with linear mixing, are possible here. Cut the layer by `sliced`."
+        "`Blend` with linear mixing is possible here. Cut the layer by `sliced`."
     )
 
 

@@ -19,7 +19,7 @@ from ...fields.grid import Grid, coordinates, wavenumber
 from ...materials.softening import softens
 from ...response.compliance import surface_compliance
 from ...response.downwards import Side
-from ...response.stress import largest_tension, stress_field, von_mises
+from ...response.stress import stress_field, von_mises
 from ..bodies import BodyName
 from ..facts import WINDOW
 from ..result import Sliding
@@ -67,7 +67,7 @@ class ContactStress(eqx.Module):
     @property
     def tension(self) -> Float[Array, "depths *shape"]:
         """The largest principal stress [Pa], which opens cracks."""
-        return largest_tension(self.stress)
+        return jnp.linalg.eigvalsh(self.stress)[..., -1]
 
     @property
     def shear(self) -> Float[Array, "depths *shape"]:

@@ -1,7 +1,7 @@
 """Observables that show whether the numbers of a contact can be trusted."""
 
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import jax
 import jax.numpy as jnp
@@ -21,10 +21,10 @@ from ...core.quantities import (
     of_steady,
     of_transient,
 )
-from ...fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
+from ...fields.grid import to_field, to_spectrum
 from ...materials.coverage import coverage, is_unknown, unknown_share
 from ..energy import exchange, frequencies, losses, powers_of_traction
-from ..facts import COUNTERFACE, FILM, WINDOW
+from ..facts import COUNTERFACE, WINDOW
 from ..formulas import (
     all_tractions,
     along_motion,
@@ -49,8 +49,6 @@ from .load import approach
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
 # Small strains neglect slope²/2, the excess of an arc over its chord.
 STEEPEST = (2 * DOUBTFUL) ** 0.5
-# Against layers, on 96 profiles with films of 1 µm to 1 mm: below it friction is within 3 %.
-THICKEST = 0.04
 
 
 def _unmeasured(what: str) -> str:
@@ -121,43 +119,6 @@ def counterface_slope(found: Found) -> Array:
         return jnp.zeros((), found.pressure.dtype)
     pressure = loaded(found)[0]
     return largest(slopes(found, pressure, counterface_displacement(found, pressure)))
-
-
-@observable(
-    "", "1", "thickness of a film times the wavenumbers that reach it", needs=[FILM],
-    warns=Above(
-        THICKEST,
-        "The thickness of a `Film` times the wavenumbers that reach it is {value:.2g}. Above "
-        f"{THICKEST} its springs may change friction by more than 5%, up to several times: give it "
-        "as a `Layer`.",
-    ),
-)  # fmt: skip
-def film_thickness(found: Found) -> Array:
-    """Thickest film times wavenumber, q d exp(-2qz) at the depth z, over the slopes [1].
-
-    The mean over the waves of the body's displacement, weighted by their slopes.
-    """
-    pressure, displacement = displaced(found)
-    parts, fields = [jnp.zeros((), displacement.dtype)], [displacement]
-    if len(found.problem.films) == 2:
-        fields.append(counterface_displacement(found, pressure))
-    for films, field in zip(found.problem.films, fields, strict=False):
-        if films is not None:
-            means = found.operator.at_each_time(_reached(found.cell, *films), field)
-            parts.append(jnp.max(means))
-    return jax.lax.stop_gradient(jnp.max(jnp.stack(parts)))
-
-
-def _reached(cell: Grid, depths: Array, thicknesses: Array) -> Callable[[Array], Array]:
-    """What gives the means of q d exp(-2qz) from a displacement."""
-    q = wavenumber(cell)
-    shares = [d * q * jnp.exp(-2 * q * z) for z, d in zip(depths, thicknesses, strict=True)]
-
-    def means(displacement):
-        power = jnp.abs(q * to_spectrum(displacement)) ** 2 * multiplicity(cell.shape)
-        return jnp.stack([jnp.sum(power * share) for share in shares]) / nonzero(jnp.sum(power))
-
-    return means
 
 
 @of_steady(

@@ -13,7 +13,7 @@ coupling of its traction is that of `isothermal.py`.
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ...blocks.stack import Stack, films_of
+from ...blocks.stack import Stack
 from ...contacts.inputs import loading_of
 from ...contacts.law import check_one_law
 from ...contacts.operators.space_time import SpaceTime, at_rest, in_motion
@@ -70,7 +70,7 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
         period=case.period, shear=sheared, coupling=coupling, counterface=counterface,
         block_heights=own,
         measured_range=coverage(case.stack), prescribed=case.prescribed,
-        films=tuple(map(films_of, case.bodies)), facts=facts_of(case),
+        facts=facts_of(case),
     )  # fmt: skip
     return Posed(problem, load, True if how.throw else reached)
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ...blocks.stack import Rigid, Stack, films_of, interface_depths
+from ...blocks.stack import Rigid, Stack, interface_depths
 from ...contacts.inputs import LEAST_GAP
 from ...contacts.law import AbstractLaw, HardWall
 from ...contacts.operators.window import operator_of
@@ -63,7 +63,7 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
         shear=sheared, coupling=block.coupling, counterface=counterface,
         measured_range=_coverage(stack),
         kernel_error=kernel_error, prescribed=case.prescribed,
-        thickness=_thickness(stack, surface), films=tuple(map(films_of, case.bodies)),
+        thickness=_thickness(stack, surface),
         facts=facts_of(case),
     )  # fmt: skip
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)

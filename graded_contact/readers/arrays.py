@@ -1,0 +1,71 @@
+"""Heights in arrays: NumPy's `.npy` and `.npz`, and datasets of HDF5, `[x, y]`."""
+
+import io
+from typing import Any
+
+import numpy as np
+
+from ..core.files import check_fits, read_file
+from .heights import Heights
+from .source import Source
+
+
+def read_array(source: Source) -> Heights:
+    """Returns the array in a `.npy`, or one of a `.npz`.
+
+    A plain `.npz` has `heights`, and perhaps `size` [m] and the `unit` of the heights; of another
+    one `channel` names the array.
+    """
+    loaded: Any = np.load(io.BytesIO(read_file(source.path)), allow_pickle=False)
+    if isinstance(loaded, np.ndarray):
+        return Heights(_numbers(loaded), "an array")
+    names = list(loaded.files)
+    plain = "heights" in names and "channel" not in source.options
+    name = "heights" if plain else _chosen(source, names)
+    check_fits(source.path, loaded.zip.getinfo(f"{name}.npy").file_size)
+    heights = _numbers(loaded[name])
+    if not plain:
+        return Heights(heights, f"array {name!r}")
+    size = np.asarray(loaded["size"], float) if "size" in names else None
+    return Heights(
+        heights,
+        f"array {name!r}",
+        size=None if size is None else np.broadcast_to(size, heights.ndim),
+        unit=str(loaded["unit"]) if "unit" in names else None,
+        lateral_unit=None if size is None else "m",
+    )
+
+
+def read_hdf5(source: Source) -> Heights:
+    """Returns the dataset of an HDF5 file that `channel` names."""
+    import h5py
+
+    names: list[str] = []
+
+    def visit(name: str, node: Any) -> None:
+        if isinstance(node, h5py.Dataset) and _are_heights(node):
+            names.append(name)
+
+    with h5py.File(source.path) as tree:
+        tree.visititems(visit)
+        name = _chosen(source, names)
+        check_fits(source.path, 8 * tree[name].size)
+        return Heights(_numbers(np.asarray(tree[name])), f"dataset {name!r}")
+
+
+def _chosen(source: Source, names: list[str]) -> str:
+    channel = source.options.get("channel", names[0] if len(names) == 1 else None)
+    if channel in names:
+        return channel
+    raise source.not_plain([f"it has the arrays {names[:20]}: choose one"], channel="...")
+
+
+def _are_heights(values: Any) -> bool:
+    num_axes = sum(n > 1 for n in values.shape or ())
+    return values.dtype.kind in "iuf" and num_axes in (1, 2)
+
+
+def _numbers(values: np.ndarray) -> np.ndarray:
+    if not _are_heights(values):
+        raise ValueError(f"an array of {values.dtype}, shape {values.shape}, has no heights")
+    return np.squeeze(values).astype(float)

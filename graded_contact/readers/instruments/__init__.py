@@ -1,1 +1,0 @@
-"""One file for each kind of instrument or container; `registry` finds them all."""

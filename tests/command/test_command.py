@@ -1,0 +1,148 @@
+"""The command runs a scene, writes its results, continues, and refuses bad input in one line."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from scene_texts import BARE
+from typer.testing import CliRunner
+
+import graded_contact as gc
+from graded_contact.command import app as command_app
+from graded_contact.scenes import read_results
+
+SCENE = BARE.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_compilation_cache_and_coarse_figures():
+    """The cache is a setting of the process: other tests must not inherit it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command_app, "cache_folder", lambda: "")
+        patch.setitem(gc.plot.STYLE, "figure.dpi", 50)
+        yield
+
+
+def command(*arguments):
+    return CliRunner().invoke(command_app.app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "small.toml").write_text(SCENE)
+    result = command("run", folder / "small.toml", "--output", folder / "out")
+    assert result.exit_code == 0, result.output
+    (folder / "printed.txt").write_text(result.stdout)
+    return folder
+
+
+def test_a_run_writes_results_and_figures_and_prints_a_table(folder):
+    printed = (folder / "printed.txt").read_text()
+    names = ["small-contact.png", "small-sweep.png", "small.csv", "small.h5", "small.points"]
+    assert sorted(path.name for path in (folder / "out").iterdir()) == names
+    assert all(f"wrote {folder / 'out' / name}" in printed for name in names[:-1])
+    rows = (folder / "out" / "small.csv").read_text().splitlines()
+    assert rows[0].startswith("pressure [Pa],velocity [m/s],") and len(rows) == 3
+    assert (folder / "out" / "small-sweep.png").read_bytes().startswith(b"\x89PNG")
+    results = read_results(folder / "out" / "small.h5")
+    lines = printed.splitlines()
+    (head,) = (i for i, line in enumerate(lines) if line.startswith("velocity [m/s]"))
+    for line, friction in zip(lines[head + 1 :], results.friction.values[0], strict=False):
+        _, shown, sign, error, *_ = line.split()
+        assert sign == "±" and abs(float(shown) - friction) < float(error)
+    assert max(map(len, lines[head - 1 : head + 3])) <= 80
+    told = command("info", folder / "out" / "small.h5").stdout
+    assert lines[head] in told and gc.__version__ in told
+
+
+@pytest.fixture
+def again(folder, tmp_path):
+    """A copy of the run's folder, and what runs a scene there."""
+    shutil.copytree(folder / "out", tmp_path / "out")
+
+    def run(text=SCENE, *options):
+        (tmp_path / "small.toml").write_text(text)
+        return command("run", tmp_path / "small.toml", "-o", tmp_path / "out", *options)
+
+    return run
+
+
+def test_a_rerun_solves_only_what_is_added(again, folder, tmp_path):
+    points = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").glob("*.points/*")}
+    result = again(SCENE.replace("[0.01, 1.0]", "[0.01, 0.1, 1.0]"))
+    assert result.exit_code == 0, result.output
+    after = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").glob("*.points/*")}
+    assert len(points) == 2 and len(after) == 3 and points.items() <= after.items()
+    before, found = (read_results(at / "out" / "small.h5") for at in (folder, tmp_path))
+    assert before.friction.identical(found.friction.isel(velocity=[0, 2]))
+
+
+def test_results_of_another_scene_are_not_replaced(again, tmp_path):
+    result = again(SCENE.replace("hurst = 0.8", "hurst = 0.7"))
+    assert result.exit_code == 2 and "[surface]" in result.stderr
+    assert np.all(read_results(tmp_path / "out" / "small.h5").message == "")
+
+
+def test_a_solve_that_does_not_converge_has_no_numbers_in_the_table(tmp_path):
+    text = SCENE.replace("newton = false", "newton = false\nmax_steps = 2")
+    (tmp_path / "scene.toml").write_text(text)
+    result = command("run", tmp_path / "scene.toml", "-o", tmp_path)
+    assert result.exit_code == 1
+    assert "2 of 2 solves: " in result.stdout and "max_steps" in result.stdout
+    rows = [line.split() for line in result.stdout.splitlines() if "—" in line]
+    assert [row[0] for row in rows] == ["0.01", "1"] and {*rows[0][1:], *rows[1][1:]} == {"—"}
+    assert not list(tmp_path.glob("*.png"))
+    assert np.all(read_results(tmp_path / "scene.h5").error > 1e-6)
+
+
+@pytest.mark.parametrize(
+    "words, expected",
+    [
+        (("run", "{}/scene.toml", "-o", "{}/out"), "[surface] `q_high=8e+09`"),
+        (("run", "{}/scene.toml", "--dry-run"), "[surface] `q_high=8e+09`"),
+        (("run", "{}/none.toml"), "none.toml"),
+        (("info", "{}/a.h5"), "a.h5"),
+        (("fit", "{}/none.csv"), "none.csv"),
+    ],
+)
+def test_what_is_refused_is_one_message_and_exit_code_2(words, expected, tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE.replace("4e4", "8e9"))
+    (tmp_path / "a.h5").write_text("not HDF5")
+    result = command(*(word.format(tmp_path) for word in words))
+    assert result.exit_code == 2 and expected in result.stderr.replace("\n", "")
+    assert result.stderr.startswith("Error: ") and "Traceback" not in result.output
+
+
+def test_a_dry_run_prints_the_scene_and_solves_nothing(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE)
+    result = command("run", tmp_path / "scene.toml", "--dry-run")
+    assert result.exit_code == 0 and "HalfSpace" in result.stdout
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_ctrl_c_ends_a_run_that_the_same_command_continues(folder, tmp_path):
+    text = SCENE.replace("[0.01, 1.0]", "{from = 1e-2, to = 1.0, points = 40}")
+    (tmp_path / "small.toml").write_text(text)
+    words = [sys.executable, "-m", "graded_contact", "run", "small.toml", "-o", "out"]
+    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    points = tmp_path / "out" / "small.points"
+    while process.poll() is None and len(list(points.glob("*.npz"))) < 2:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130 and "same command" in said, said
+    assert "Traceback" not in said
+    done = len(list(points.glob("*.npz")))
+    assert 2 <= done < 40
+    result = command("run", tmp_path / "small.toml", "-o", tmp_path / "out")
+    assert result.exit_code == 0 and len(list(points.glob("*.npz"))) == 40
+    ends = read_results(tmp_path / "out" / "small.h5").friction[:, [0, -1]]
+    before = read_results(folder / "out" / "small.h5").friction
+    np.testing.assert_allclose(ends, before, rtol=1e-9)

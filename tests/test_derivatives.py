@@ -1,0 +1,100 @@
+"""Derivatives of results against central differences: a row for each function.
+
+`directional` moves all numbers of all arguments at once, so a row compiles one program.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import directional
+
+import graded_contact as gc
+
+LONGEST, POINTS = 2 * np.pi / 1e-3, 16
+PLACES = 2 * np.pi * np.arange(POINTS) / POINTS
+HEIGHTS = 1e-5 * np.cos(PLACES) + 3e-6 * np.cos(3 * PLACES + 1)
+RUBBER = gc.Prony(1e6, [9e6], [1e-3], 0.45, gc.WLF(10.0, 50.0, 300.0))
+COAT = gc.Layer(gc.Elastic(8e6, 0.4), 5e-5)
+BLOCK = gc.Stack(layers=(COAT,), base=gc.HalfSpace(RUBBER))
+BLEND = gc.Blend(gc.Elastic(1e7), RUBBER)
+GRADED = gc.Stack(layers=(gc.GradedLayer(BLEND, 1e-4),), base=gc.Rigid())
+SPECTRUM = gc.SelfAffine(
+    rms_slope=0.1, hurst=0.8, q_low=LONGEST, q_roll=2 * LONGEST, q_high=32 * LONGEST
+)
+PLAIN = gc.contacts.DouglasRachford(newton=False)
+SHARP = {"rtol": 1e-10, "solver": PLAIN, "adjoint": gc.contacts.LinearSplitting(rtol=1e-9)}
+
+
+def surface_of(heights, periodic=True):
+    return gc.Surface(heights, gc.Grid((POINTS,), 1e-3), periodic=periodic)
+
+
+def slide(block, heights, pressure, velocity, periodic=True, **how):
+    """Friction, area and gap in one number, so that one program tests all three."""
+    surface = surface_of(heights, periodic)
+    s = gc.slide(block, surface, pressure=pressure, velocity=velocity, **SHARP, **how)
+    return s.friction + 0.1 * s.contact_area + 1e4 * s.mean_gap
+
+
+def cycle(block, heights, pressure):
+    motion = gc.sliding.sinusoidal(stroke=1e-4, frequency=20.0, num_times=16)
+    given = {"displacement": motion.displacement, "period": motion.period, "pressure": pressure}
+    return gc.slide_cycle(block, surface_of(heights), **given, **SHARP).work
+
+
+def transient(block, heights, pressure):
+    times = 1e-3 * np.arange(1, 6)
+    given = {"times": times, "displacement": 1e-2 * times, "pressure": pressure}
+    found = gc.slide_transient(block, surface_of(heights), **given, rtol=1e-10, solver=PLAIN)
+    return found.friction[-1]
+
+
+def two_bodies(block, counterface, heights, pressure):
+    return slide(block, heights, pressure, 0.1, counterface=counterface)
+
+
+def with_coulomb(coefficient, *arguments):
+    return slide(*arguments, shear=gc.sliding.Coulomb(coefficient))
+
+
+def mean_field(block, spectrum, pressure):
+    return gc.mean_field_friction(block, spectrum, pressure=pressure, velocity=0.1).friction
+
+
+def compliance(block, q, omega):
+    return jnp.abs(gc.surface_compliance(block, q, omega))
+
+
+def modulus(material, temperature, omega):
+    return jnp.abs(material.at(temperature).modulus(omega))
+
+
+STEADY = (BLOCK, HEIGHTS, 2e4, 0.1)
+CASES = {
+    "modulus": (modulus, (RUBBER, 310.0, 50.0)),
+    "compliance of layers": (compliance, (BLOCK, 2e4, 30.0)),
+    "compliance of a gradient": (compliance, (GRADED, 2e4, 30.0)),
+    "friction, area and gap": (slide, STEADY),
+    "under Coulomb's law": (with_coulomb, (0.3, *STEADY)),
+    "without a period": (lambda *given: slide(*given, periodic=False), STEADY),
+    "of two bodies": (two_bodies, (BLOCK, BLOCK, HEIGHTS, 2e4)),
+    "work of a cycle": (cycle, (BLOCK, HEIGHTS, 2e4)),
+    "friction of a transient": (transient, (BLOCK, HEIGHTS, 2e4)),
+    "mean field": (mean_field, (BLOCK, SPECTRUM, 2e4)),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_derivative_is_the_difference(name):
+    function, arguments = CASES[name]
+    arguments = jax.tree.map(jnp.asarray, arguments)
+    leaves, structure = jax.tree.flatten(arguments)
+    draw = np.random.default_rng(0)
+    way = [x * draw.uniform(0.5, 1.0, np.shape(x)) for x in leaves]
+
+    def flat(*leaves):
+        return function(*structure.unflatten(leaves))
+
+    slope, change = directional(flat, leaves, way, step=1e-6)
+    assert slope == pytest.approx(change, rel=1e-3)
