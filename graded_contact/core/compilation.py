@@ -98,7 +98,7 @@ class _OneThread:
         with self._lock:
             self._programs += 1
             if self._programs == 1:
-                self._limit = lapack().limit(limits=1)
+                self._limit = _lapack().limit(limits=1)
 
     def __exit__(self, *_):
         with self._lock:
@@ -111,8 +111,7 @@ one_thread_of_lapack = _OneThread()
 
 
 @functools.cache
-def lapack() -> ThreadpoolController:
-    """Returns the control of the threads of LAPACK and BLAS."""
+def _lapack() -> ThreadpoolController:
     scipy.linalg.lapack.dgesv  # noqa: B018 (loads the library that JAX calls)
     return ThreadpoolController().select(user_api="blas")
 

@@ -21,7 +21,7 @@ from .observations import Observations, concrete
 from .series import SeriesProblem, problem_of, robust_deviation
 
 SEARCH = 1e-5  # relative tolerance of the cost
-WALK = 1e-3  # that of each length along a walk: its neighbours follow
+WALK = 1e-4  # that of each length along a walk: its neighbours follow
 MOST_POINTS_SEARCHED = 400  # that a search goes through
 MANY = 2000  # rows, from which on an orthogonal reduction of them pays
 TIMES_PER_DECADE = 10

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-from ..core.compilation import lapack
+from ..core.compilation import one_thread_of_lapack
 
 NEAR_BOUND = 0.05  # the trust region ends inside of its bounds: all unknowns are logarithms
 STEP = 1e-5  # of an unknown, for differences of the gradient
@@ -38,7 +38,8 @@ def least_squares(
         return start, float(np.sum(residuals(start) ** 2)) / 2
     room = 1e-9 * np.maximum(1, np.abs(start))
     start = np.clip(start, lower + room, upper - room)
-    with lapack().limit(limits=1):
+    # A trial far off may overflow; it is then not taken.
+    with one_thread_of_lapack, np.errstate(over="ignore", invalid="ignore"):
         found = scipy.optimize.least_squares(
             residuals,
             start,
