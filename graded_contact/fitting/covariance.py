@@ -16,8 +16,8 @@ import numpy as np
 from .series import SeriesProblem
 
 LEAST_NOISE = 1e-4  # log residual of a modulus that no instrument, and no search, goes below
-LEAST_SPARE = 0.5  # share of the values that the fit leaves free
-MOST_ALIKE = 0.9  # errors with a larger ρ are rather a misfit
+LEAST_SPARE = 0.6  # share of the values that the fit leaves free
+MOST_ALIKE = 0.85  # errors with a larger ρ are rather a misfit
 
 
 def covariance(series: SeriesProblem, theta: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 import scipy
 
@@ -97,7 +98,7 @@ def softened(data: Observations, find: Callable[[Observations], np.ndarray]) -> 
     """
     for _ in range(SOFTENINGS):
         scale = robust_deviation(problem_of(data), find(data))
-        data = dataclasses.replace(data, scale=np.asarray(scale))
+        data = dataclasses.replace(data, scale=jnp.asarray(scale))
     return data
 
 

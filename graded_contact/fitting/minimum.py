@@ -39,14 +39,14 @@ def least_squares(
     room = 1e-9 * np.maximum(1, np.abs(start))
     start = np.clip(start, lower + room, upper - room)
     # A trial far off may overflow; it is then not taken.
-    with one_thread_of_lapack, np.errstate(over="ignore", invalid="ignore"):
+    with one_thread_of_lapack, np.errstate(all="ignore"):
         found = scipy.optimize.least_squares(
             residuals,
             start,
             jacobian,
             (lower, upper),
             ftol=max(rtol, 1e-14),
-            xtol=None,
+            xtol=1e-15,
             gtol=None,
             max_nfev=max_steps,
         )
