@@ -1,7 +1,8 @@
 """Rough contact and friction of layered and graded viscoelastic solids, differentiable, in JAX.
 
 Data flows one way: materials -> blocks -> contacts -> sliding -> studies -> design, scenes. The
-main job is `slide`. SI units everywhere; `docs/theory.md` and module docstrings state conventions.
+main job is `slide`. SI units everywhere; `docs/conventions.md` and module docstrings state
+conventions.
 
 The names below are those that a script starts with. All others are in the rooms: `materials`,
 `blocks`, `response`, `kernels`, `surfaces`, `contacts`, `sliding`, `mean_field`, `fitting`,

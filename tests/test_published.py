@@ -1,4 +1,4 @@
-"""Results that others published; the page `docs/published.md` has the sources and all numbers."""
+"""Results that others published; the page `docs/validation.md` has the sources and all numbers."""
 
 import axisymmetric
 import closed_forms

@@ -63,12 +63,12 @@ def fit(
         if len(isotherms) == 1:
             x, values = measured.abscissa, measured.values
             found = fit_prony(x, values, kind=measured.kind, **given)
-            figure = plot_fit(found)
+            material, figure = found.material, plot_fit(found)
         else:
             found = master_curve(isotherms, law=law, **given)
-            figure = plot_master_curve(found)
+            material, figure = found.exported(), plot_master_curve(found)
         name = moduli_files[0].stem
-        table = toml_table(found.material, name)
+        table = toml_table(material, name)
         folder = output or Path(f"{name}-fit")
         folder.mkdir(parents=True, exist_ok=True)
         (folder / f"{name}.toml").write_text(table, "utf-8")

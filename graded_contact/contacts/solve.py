@@ -41,7 +41,7 @@ from .solver.abstract_solver import (
 from .solver.nested_solve import DouglasRachford
 from .window import on_part, on_whole
 
-# Default tolerances of the pressure. docs/howto/precision.md has the errors of friction they leave.
+# Default tolerances of the pressure. docs/performance.md has the errors of friction they leave.
 # 5e-5 takes 0.77 of the FFT pairs of 1e-6 (156 contacts, `bench_contact.py observables`).
 # In float32 rounding hid errors of 7e-5 (a periodic cell) and 2.4e-4 (a window) on 128² points.
 RTOL, SINGLE_RTOL = 5e-5, 5e-4

@@ -1,27 +1,22 @@
 """Memory: estimates before anything is allocated, and what a process keeps for its next fields.
 
 Each kind of solve takes a number of fields as large as the heights, and the compiler the same
-amount for every grid. The numbers are upper limits of what was measured in double and single
-precision: `benchmarks/bench_memory.py` compares them with the peaks of whole processes.
+amount for every grid. The numbers are upper limits of the peaks of whole processes that were
+measured, in double and single precision.
 """
 
 import ctypes
 import math
-import os
 import platform
 from pathlib import Path
 
 import jax
 
-SURFACE = 7.0  # fields of drawing or transforming a surface
-KERNEL = 2.0
 CONTACT = 20.0
 SLIDING = 24.0  # a kernel, a contact with it, and its total error
 CYCLE = 42.0  # fields over space and time
 CYCLE_COUNTERFACE = 8.0  # more for a counterface: its kernel, and the displacement that lags
-DERIVATIVE = 20.0  # more for a derivative
 COMPILER = 8e8  # bytes of compiling, which are not freed
-POINT = 8000  # bytes of a sweep's point, most of it in the printed table
 SMALL = 2**30  # bytes below which nothing is checked
 KEPT = 1.6  # times the fields of a solve, in a process that keeps freed memory
 KEPT_BELOW = 2**29 - 1  # bytes of a field; a larger one, as of 8192² points, is returned
@@ -51,21 +46,8 @@ def keep_freed_memory() -> bool:
     return True
 
 
-def return_freed_memory() -> None:
-    """Returns freed memory to the system, also in a process that keeps it for its next fields."""
-    if platform.libc_ver()[0] == "glibc":
-        ctypes.CDLL(None).malloc_trim(0)
-
-
-def memory_of(fields: float, shape: tuple[int, ...], itemsize: int = 8) -> float:
-    """Returns the bytes of a solve that takes so many fields of a shape."""
-    field = math.prod(shape) * itemsize
-    kept = KEPT if _process["keeps"] and field < KEPT_BELOW else 1
-    return COMPILER + kept * fields * field
-
-
 def check_memory(name: str, purpose: str, fields: float, shape, itemsize=8, devices=1) -> None:
-    """Raises `ValueError` if a solve needs more memory than is free, and names a grid that fits.
+    """Raises `ValueError` if a solve needs more memory than is free.
 
     **Arguments:**
 
@@ -75,35 +57,19 @@ def check_memory(name: str, purpose: str, fields: float, shape, itemsize=8, devi
     - `shape`, `itemsize`: of a field.
     - `devices`: over how many the grid lies. Those of a CPU share the memory of their process.
     """
-    needed = memory_of(fields, shape, itemsize)
+    field = math.prod(shape) * itemsize
+    kept = KEPT if _process["keeps"] and field < KEPT_BELOW else 1
+    needed = COMPILER + kept * fields * field
     free = available_memory() if needed >= SMALL else None
     if free is None:
         return
     if devices > 1:
         free *= jax.process_count() if jax.default_backend() == "cpu" else devices
     if needed > free:
-        sides = ((2**k,) * len(shape) for k in range(30, 1, -1))
-        fit = next((side for side in sides if memory_of(fields, side, itemsize) <= free), None)
         raise ValueError(
-            f"`{name}` is refused: {purpose} of {_times(shape)} points takes about "
-            f"{in_gigabytes(needed)} of memory, and {in_gigabytes(free)} are free. "
-            f"{'None' if fit is None else f'One of {_times(fit)}'} would fit."
+            f"`{name}` is refused: {purpose} of {' x '.join(map(str, shape))} points takes about "
+            f"{needed / 1e9:.3g} GB of memory, and {free / 1e9:.3g} GB are free."
         )
-
-
-def check_points(name: str, count: int) -> None:
-    """Raises `ValueError` if a sweep of so many points needs more memory than there is."""
-    free = available_memory() if count * POINT >= SMALL else None
-    if free is not None and count * POINT > free:
-        raise ValueError(
-            f"`{name}` is refused: {count} points of a sweep take about "
-            f"{in_gigabytes(count * POINT)} of memory. {int(free // POINT)} would fit."
-        )
-
-
-def in_gigabytes(size: float) -> str:
-    """Returns a number of bytes as text."""
-    return f"{size / 1e9:.2g} GB" if size < 1e10 else f"{size / 1e9:.0f} GB"
 
 
 def available_memory() -> float | None:
@@ -117,36 +83,24 @@ def available_memory() -> float | None:
 
 
 def _of_machine() -> list[float]:
-    """Free bytes of the machine; on other systems than Linux, all bytes."""
-    for line in _lines("/proc/meminfo"):
-        if line.startswith("MemAvailable:"):
-            return [int(line.split()[1]) * 1024]
-    try:
-        return [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
-    except (AttributeError, OSError, ValueError):
-        return []
+    """Free bytes of the machine; of Linux alone."""
+    rows = (line.split() for line in _lines("/proc/meminfo"))
+    return [int(row[1]) * 1024 for row in rows if row[0] == "MemAvailable:"]
 
 
 def _of_groups() -> list[float]:
     """Free bytes of the control groups of this process (containers, batch systems)."""
     found = []
     for line in _lines("/proc/self/cgroup"):
-        _, controllers, group = line.split(":", 2)
-        root, names = "/sys/fs/cgroup", ("memory.max", "memory.current", "inactive_file")
-        if "memory" in controllers.split(","):  # the first version
-            root = "/sys/fs/cgroup/memory"
-            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
-        elif controllers:
-            continue
         # In a container the group's own path may not be visible, its root is.
-        place = Path(root + group)
+        place = Path("/sys/fs/cgroup" + line.rpartition(":")[2])
         for folder in (place, *place.parents):
+            limit, used = (_lines(folder / name) for name in ("memory.max", "memory.current"))
             # A group without a limit has the word "max"; a parent may have one all the same.
-            limit, used = (_lines(folder / name) for name in names[:2])
             if limit and used and limit[0].isdigit():
                 # The kernel frees inactive pages of files on demand.
                 rows = map(str.split, _lines(folder / "memory.stat"))
-                cached = sum(int(row[1]) for row in rows if row[0] == names[2])
+                cached = sum(int(row[1]) for row in rows if row[0] == "inactive_file")
                 found.append(int(limit[0]) - int(used[0]) + cached)
     return found
 
@@ -156,7 +110,3 @@ def _lines(path: str | Path) -> list[str]:
         return Path(path).read_text().splitlines()
     except OSError:
         return []
-
-
-def _times(shape: tuple[int, ...]) -> str:
-    return " x ".join(map(str, shape))

@@ -12,31 +12,6 @@ from typing import Any, NamedTuple, TypeVar
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-class Usual(NamedTuple):
-    """How a number is usually shown and varied, such as by the sliders of a page.
-
-    **Fields:**
-
-    - `label`: in two or three words.
-    - `unit`: the usual one.
-    - `ends`: returns the lowest and the highest number [SI] around one.
-    - `step`: a usual change [SI]; None for 1 %, on a logarithmic scale.
-    """
-
-    label: str
-    unit: str
-    ends: Callable[[float], tuple[float, float]]
-    step: float | None = None
-
-
-def _within(factor: float) -> Callable[[float], tuple[float, float]]:
-    return lambda value: (value / factor, value * factor)
-
-
-def _between(low: float, high: float) -> Callable[[float], tuple[float, float]]:
-    return lambda value: (min(low, value), high)
-
-
 class Quantity(NamedTuple):
     """One quantity.
 
@@ -46,14 +21,12 @@ class Quantity(NamedTuple):
     - `symbol`: as in formulas, in LaTeX.
     - `unit`: in SI, "1" if dimensionless.
     - `meaning`: in words.
-    - `usual`: of a number that a page varies: how it is shown there, and how far it goes.
     """
 
     name: str
     symbol: str
     unit: str
     meaning: str
-    usual: Usual | None = None
 
     @property
     def label(self) -> str:
@@ -72,11 +45,10 @@ def _table(quantities: Iterable[tuple]) -> dict[str, Quantity]:
 
 # What a study varies.
 AXES = _table([
-    ("velocity", "v", "m/s", "sliding velocity", Usual("velocity", "m/s", _within(1e3))),
-    ("pressure", r"\sigma_0", "Pa", "mean pressure", Usual("pressure", "kPa", _within(50.0))),
+    ("velocity", "v", "m/s", "sliding velocity"),
+    ("pressure", r"\sigma_0", "Pa", "mean pressure"),
     ("approach", r"\delta", "m", "approach"),
-    ("temperature", "T", "K", "temperature",
-     Usual("temperature", "K", lambda kelvin: (kelvin - 40.0, kelvin + 80.0), step=1.0)),
+    ("temperature", "T", "K", "temperature"),
     ("direction", r"\varphi", "rad", "direction of sliding"),
     ("seed", "", "1", "seed of the random surface"),
 ])  # fmt: skip
@@ -95,12 +67,10 @@ FIELDS = _table([
 # Numbers of materials, layers, laws, spectra and grids, by the last part of their path. A name that
 # means another quantity in one class is listed with that class.
 PARAMETERS = _table([
-    ("modulus", "E", "Pa", "Young's modulus", Usual("modulus", "MPa", _within(50.0))),
-    ("poisson", r"\nu", "1", "Poisson's ratio",
-     Usual("Poisson's ratio", "1", _between(0.0, 0.5), step=0.01)),
-    ("equilibrium", r"E_\infty", "Pa", "long-time modulus",
-     Usual("relaxed modulus", "MPa", _within(50.0))),
-    ("glassy", "E_0", "Pa", "instantaneous modulus", Usual("glassy modulus", "MPa", _within(50.0))),
+    ("modulus", "E", "Pa", "Young's modulus"),
+    ("poisson", r"\nu", "1", "Poisson's ratio"),
+    ("equilibrium", r"E_\infty", "Pa", "long-time modulus"),
+    ("glassy", "E_0", "Pa", "instantaneous modulus"),
     ("strengths", "E_k", "Pa", "branch moduli"),
     ("times", r"\tau_k", "s", "relaxation times"),
     ("omega", r"\omega", "rad/s", "angular frequency"),
@@ -110,7 +80,7 @@ PARAMETERS = _table([
     ("StrainSoftening.storage", "f", "1", "factor of the storage modulus"),
     ("StrainSoftening.loss", "g", "1", "factor of the loss modulus"),
     ("StrainSoftening.amplitude", r"\varepsilon", "1", "strain amplitude of the modulus"),
-    ("thickness", "d", "m", "layer thickness", Usual("thickness", "µm", _within(50.0))),
+    ("thickness", "d", "m", "layer thickness"),
     ("reference", "T_0", "K", "reference temperature"),
     ("c1", "c_1", "1", "first constant of the WLF law"),
     ("c2", "c_2", "K", "second constant of the WLF law"),
@@ -127,8 +97,7 @@ PARAMETERS = _table([
     ("Table.heights", "s", "1", "heights of the table"),
     ("Table.values", r"\phi", "1", "values of the table"),
     ("fraction", r"\phi", "1", "volume fraction of the filler"),
-    ("hurst", "H", "1", "Hurst exponent",
-     Usual("Hurst exponent", "1", _between(0.3, 1.0), step=0.01)),
+    ("hurst", "H", "1", "Hurst exponent"),
     ("q", "q", "rad/m", "wavenumber"),
     ("anisotropy", r"\gamma", "1", "Peklenik's number"),
     ("angle", "", "rad", "angle of the lay from the x axis"),
@@ -142,22 +111,14 @@ PARAMETERS = _table([
     ("pressure_difference", r"\Delta p", "Pa", "difference of the fluid's pressure"),
     ("hardness", r"\sigma_H", "Pa", "hardness"),
     ("coefficient", "f", "1", "friction coefficient of the interface"),
-    ("ConstantShear.stress", r"\tau_f", "Pa", "shear stress in the contact",
-     Usual("shear stress", "kPa", _within(50.0))),
-    ("PeakedShear.peak", r"\tau_0", "Pa", "largest shear stress in the contact",
-     Usual("largest shear stress", "kPa", _within(50.0))),
-    ("PeakedShear.velocity", "v^*", "m/s", "velocity of the largest shear stress",
-     Usual("velocity of the peak of shear", "m/s", _within(50.0))),
-    ("steepness", "c", "1", "steepness of the peak of the shear stress",
-     Usual("steepness of the peak of shear", "1", _within(50.0))),
+    ("ConstantShear.stress", r"\tau_f", "Pa", "shear stress in the contact"),
+    ("PeakedShear.peak", r"\tau_0", "Pa", "largest shear stress in the contact"),
+    ("PeakedShear.velocity", "v^*", "m/s", "velocity of the largest shear stress"),
+    ("steepness", "c", "1", "steepness of the peak of the shear stress"),
     ("contact_gap", "", "1", "gap below which there is contact, over the range"),
-    ("Sphere.radius", "R", "m", "radius of the sphere", Usual("radius", "mm", _within(10.0))),
-    ("conductivity", r"\kappa", "W/(m K)", "thermal conductivity of the block",
-     Usual("conductivity of the block", "W/(m K)", _within(50.0))),
-    ("diffusivity", "D", "m²/s", "thermal diffusivity of the block",
-     Usual("diffusivity of the block", "mm²/s", _within(50.0))),
-    ("counterface_conductivity", r"\kappa", "W/(m K)", "thermal conductivity of the counterface",
-     Usual("conductivity of the counterface", "W/(m K)", _within(50.0))),
+    ("conductivity", r"\kappa", "W/(m K)", "thermal conductivity of the block"),
+    ("diffusivity", "D", "m²/s", "thermal diffusivity of the block"),
+    ("counterface_conductivity", r"\kappa", "W/(m K)", "thermal conductivity of the counterface"),
 ])  # fmt: skip
 
 # Of periodic motions, and other numbers of results.
@@ -168,11 +129,8 @@ OF_RESULTS = _table([
     ("highest_speed", "v", "m/s", "highest speed"),
     ("period", "T", "s", "period"),
     ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),
-    ("friction_standard_error", "", "1", "standard error of the friction by that of materials"),
     ("leakage_along_x", "Q_x", "m³/s", "leakage of the cell along x"),
     ("leakage_along_y", "Q_y", "m³/s", "leakage of the cell along y"),
-    ("leakage_along_x_error", "", "m³/s", "estimated error of the leakage along x"),
-    ("leakage_along_y_error", "", "m³/s", "estimated error of the leakage along y"),
     *(entry for name, what in (("tension", "principal stress in the block"),
                                ("von_mises", "von Mises stress in the block"),
                                ("interface_shear", "shear stress between layers"))
@@ -180,8 +138,8 @@ OF_RESULTS = _table([
                     (f"{name}_depth", "z", "m", f"depth of the largest {what}"))),
     ("GapFlow.conductance", "K", "m³", "conductance of the gap along x and along y"),
     ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
-    ("rms_height", r"h_\mathrm{rms}", "m", "rms height", Usual("rms height", "µm", _within(10.0))),
-    ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope", Usual("rms slope", "1", _within(10.0))),
+    ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
+    ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),
     ("rms_slope_along", "", "1", "rms slope along each axis"),
     ("slope_ratio", "", "1", "rms slope across the lay over that along the lay"),
     ("lay", "", "rad", "angle of the lay from the x axis"),
@@ -201,10 +159,7 @@ OF_RESULTS = _table([
     ("stress", r"\sigma_{ij}", "Pa", "stress"),
     ("stress_variance", "V", "Pa²", "variance of the pressure"),
     ("cutoff", "q", "rad/m", "cut-off of the roughness"),
-    ("GradedCompliance.value", "M_{zz}", "m/Pa", "surface compliance"),
-    ("half_width", "l", "m", "half-width of the contact"),
     ("offset", "", "m", "offset of the middle of the contact"),
-    ("peak_pressure", r"p_\mathrm{max}", "Pa", "largest pressure"),
     ("elasticities", "", "1", "relative change of the objective over that of the parameter"),
     ("band", "q", "rad/m", "band of wavenumbers"),
     ("memory", "", "bytes", "memory"),

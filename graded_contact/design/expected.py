@@ -14,6 +14,7 @@ A. B. Juditsky, SIAM J. Control Optim. 30 (1992) 838, doi:10.1137/0330046).
 
 import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -24,7 +25,7 @@ import optax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from ..core.compilation import compiled
+from ..core.compilation import jit
 from ..core.display import shown
 from ..studies.points import patiently
 from .search import box_of, first_in
@@ -84,13 +85,13 @@ def minimise_expected(
     optimiser = optimiser or optax.adam(optax.cosine_decay_schedule(0.1, num_steps))
     keys = jax.random.split(jax.random.key(seed), num_steps + num_checks)
 
-    @compiled
+    @partial(jit, small=0)  # it may draw large surfaces
     def parts(u: Array, key: Array) -> tuple[Array, Array]:
         parameters = box.unravel(jnp.clip(jnp.exp(u), box.low, box.high))
         limits = ravel_pytree(constraints(parameters, key))[0]
         return jnp.reshape(objective(parameters, key), ()), limits
 
-    @compiled
+    @partial(jit, small=0)
     def step(u: Array, state: Any, multipliers: Array, stiffness: Array, key: Array) -> tuple:
         def lagrangian(u: Array) -> tuple[Array, tuple[Array, Array]]:
             value, limits = parts(u, key)

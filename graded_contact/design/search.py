@@ -20,7 +20,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from ..core.compilation import compiled
+from ..core.compilation import jit
 from ..core.display import shown
 from ..studies.points import bytes_of, code_of, digest, patiently, read_point, write_point
 
@@ -234,7 +234,7 @@ class Evaluations:
             return values, jax.lax.map(lambda row: pull(row)[0], jnp.eye(len(values)))
 
         self.known: dict[bytes, Evaluation] = {}
-        self.run, self.store, self.stop, self.say = compiled(both), store, stop, say
+        self.run, self.store, self.stop, self.say = jit(both), store, stop, say
         self.least = np.inf
         if store is not None:
             traced = jax.make_jaxpr(lambda x: function(x)[0])(jnp.asarray(box.low))

@@ -5,7 +5,7 @@ constant: E(t) = E_inf (1 - Σ g_k (1 - exp(-t/τ_k))), g_k = E_k/E_inf. Poisson
 so the bulk modulus relaxes as the shear modulus does: k_k = g_k. Numbers of a card have at most 20
 characters, so that E_eq keeps a relative error of about 1e-13 E_inf/E_eq.
 
-Source: Abaqus Keywords Reference Guide, *VISCOELASTIC and *TRS.
+Source: Abaqus Keywords Reference Guide, `*VISCOELASTIC` and `*TRS`.
 """
 
 import dataclasses
@@ -36,13 +36,14 @@ def toml_table(material: Prony, name: str) -> str:
     if material.measured is not None:
         entries["measured"] = _fields(material.measured)
     lines = [f"{key} = {_in_toml(entry)}" for key, entry in entries.items()]
-    return "\n".join([f"[materials.{json.dumps(name)}]", *lines, ""])
+    bare = name.isascii() and name.replace("-", "_").isidentifier()
+    return "\n".join([f"[materials.{name if bare else json.dumps(name)}]", *lines, ""])
 
 
 def abaqus_card(material: Prony, name: str) -> str:
-    """Returns a series as *MATERIAL with *ELASTIC and *VISCOELASTIC, TIME=PRONY, in SI units.
+    """Returns a series as `*MATERIAL` with `*ELASTIC` and `*VISCOELASTIC`, in SI units.
 
-    A WLF law is *TRS, with temperatures in kelvin; another law is left out.
+    A WLF law is `*TRS`, with temperatures in kelvin; another law is left out.
 
     **Arguments:**
 

@@ -33,8 +33,7 @@ from ..core.checks import (
 )
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
-from ..core.memory import KERNEL, check_memory
-from ..fields.devices import num_devices, required, spread, whole_along
+from ..fields.devices import required, spread, whole_along
 from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero_mode
 from ..materials.softening import at_strain, softens
@@ -97,8 +96,7 @@ def attempted_kernel(
     """
     velocity = checked_velocity(stack, grid, velocity)
     rtol = graded_tolerance(stack, rtol, grid.size)
-    oblique, size = velocity.ndim > 0, grid.size
-    check_memory("grid", "a kernel", KERNEL, grid.shape, size.dtype.itemsize, num_devices(size))
+    oblique = velocity.ndim > 0
     if strain is not None:
         q, amplitude = strain = as_float(strain[0], "strain[0]"), as_float(strain[1], "strain[1]")
         check_rows(2, **{"strain[0]": q, "strain[1]": amplitude})

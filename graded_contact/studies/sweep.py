@@ -22,7 +22,7 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 
 from ..contacts.solution import RESULTS
-from ..core.compilation import compiled
+from ..core.compilation import WITH_LOOPS, jit
 from ..core.quantities import quantity_of
 from ..sliding.result import with_observables
 from .points import Point, bytes_of, code_of, digest, patiently, read_point, write_point
@@ -199,7 +199,12 @@ def solver(program: Program) -> Callable[[Numbers], Point]:
             del _COMPILED[next(iter(_COMPILED))]
         jaxpr = program.closed.jaxpr
         lifted = jaxpr.replace(constvars=[], invars=[*jaxpr.constvars, *jaxpr.invars])
-        _COMPILED[program.code] = compiled(jaxpr_as_fun(ClosedJaxpr(lifted, [])))
+        closed = ClosedJaxpr(lifted, [])
+        # Surfaces that the function draws count as those that it closes over.
+        made = (variable.aval for equation in jaxpr.eqns for variable in equation.outvars)
+        large = any(getattr(aval, "size", 0) > WITH_LOOPS for aval in (*closed.in_avals, *made))
+        small = 0 if large else WITH_LOOPS
+        _COMPILED[program.code] = jit(jaxpr_as_fun(closed), small=small)
     run, arrays = _COMPILED[program.code], jax.device_put(program.closed.consts)
 
     def solve(point: Numbers) -> Point:

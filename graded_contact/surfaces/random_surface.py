@@ -13,8 +13,6 @@ from jaxtyping import PRNGKeyArray
 
 from ..core.checks import check_values, is_concrete, short
 from ..core.compilation import compiled
-from ..core.memory import SURFACE, check_memory
-from ..fields.devices import num_devices
 from ..fields.grid import (
     Grid,
     mode_numbers,
@@ -60,8 +58,6 @@ def random_surface(
     if not isinstance(key, jax.Array | np.ndarray) or key.dtype in (np.float32, np.float64):
         seed = key if isinstance(key, int) else 0  # the remedy repeats the user's own number
         raise ValueError(f"`key={short(key)}` must be a random key: `jax.random.key({seed})`.")
-    parts, itemsize = num_devices(grid.size), grid.size.dtype.itemsize
-    check_memory("grid", "a random surface", SURFACE, grid.shape, itemsize, parts)
     _check_band(spectrum, grid)
     heights = _synthesise(spectrum, grid, key, amplitudes == "gaussian")
     if not isinstance(spectrum, SpectrumTable):

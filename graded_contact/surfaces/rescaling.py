@@ -8,8 +8,6 @@ from jax import Array
 from jaxtyping import ScalarLike
 
 from ..core.checks import check_positive
-from ..core.memory import SURFACE, check_memory
-from ..fields.devices import num_devices
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
 from .spectrum import check_square, one_of_height_and_slope
 from .statistics import statistics
@@ -56,8 +54,6 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     grid = Grid(shape, surface.grid.size)
     if grid.shape == old:
         return surface
-    parts, itemsize = num_devices(grid.size), grid.size.dtype.itemsize
-    check_memory("shape", "a surface", SURFACE, grid.shape, itemsize, parts)
     pairs = zip(old, grid.shape, strict=True)
     nearest = np.ix_(*(np.rint(np.arange(m) * (n / m)).astype(int) % n for n, m in pairs))
     measured = None if surface.measured is None else surface.measured[nearest]

@@ -28,7 +28,6 @@ from ...core.checks import (
 )
 from ...core.compilation import compiled
 from ...core.display import shown, with_unit
-from ...core.memory import CYCLE, check_memory
 from ...fields.grid import Grid
 
 # At a largest step of 0.5 spacings the mean friction is off by 5e-5 or less, at 1 by 2e-3 or less,
@@ -139,8 +138,6 @@ def _chosen(num_times: int | None, enough: int | None, grid: Grid | None) -> int
             "`num_times=None` is refused inside of a program (`jit`, `vmap`, `grad`), where the "
             "motion is not known. Give a number."
         )
-    shape = () if grid is None else grid.shape
-    check_memory("num_times", "a resolved cycle", CYCLE, (enough, *shape))
     return enough
 
 
