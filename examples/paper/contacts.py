@@ -1,181 +1,175 @@
-"""Solves all contacts of the paper's figures into one table of the file of results.
+"""Figures of rubber, roughness and contact: RealPart, PSD, amplitude, friction, area, asymptote.
 
-    python examples/paper/contacts.py [--small] [--again] [--only CUTOFF ...]
+    python examples/paper/contacts.py           from the stored contacts, seconds
+    python examples/paper/contacts.py --solve   with sixteen times fewer waves, minutes
 
-Friction, area and more at every cut-off, thickness, pressure and surface, for the tread; at heights
-of 0.16 mm in place of the matched slopes and for a second rubber at fewer of them, without the
-shortest waves. Each point is stored in a folder as it ends: the same command continues. The table
-has a row for each point, no fields; `contact_figures.py` draws from it. At the paper's size
-it takes hours and 10 GB (N = 8192), see docs/paper.md.
+`contacts.h5` has friction and area of the paper's grids (2048² to 8192² points), which take hours:
+one to five surfaces for each cut-off, by this package.
 """
 
-import argparse
-import time
-from itertools import product
 from pathlib import Path
-from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray
 from system import (
     CLOSE_UP,
-    FULL,
-    HEIGHTS,
+    CUTOFFS,
+    DEPTHS,
+    POISSON,
+    PRESSURES,
     Q0,
-    SLOPES,
-    SMALL,
     VELOCITY,
-    Size,
     coated,
-    epdm,
-    grid,
-    kept,
-    num_failed,
-    options,
-    relaxed,
-    results,
-    solved_points,
+    panels,
+    parser_of,
+    save,
+    spectrum,
     surface,
     tread,
 )
 
 import graded_contact as gc
+from graded_contact.plot.style import ordered
 
-RTOL = 1e-2  # of the pressure; against 1e-3 friction changes by 5e-5, smooth area by 4e-5
-STORE = "contacts.points"
-WAVES = 48  # at which the friction of longer waves is kept
-
-
-class Part(NamedTuple):
-    """Contacts that share a rubber and a roughness.
-
-    **Fields:**
-
-    - `rubber`, `roughness`: their numbers in the table, see `RUBBERS` and `ROUGHNESS`.
-    - `points`: seed, q0 d and σ0/E_r0 of each.
-    """
-
-    rubber: int
-    roughness: int
-    points: list[tuple[int, float, float]]
+STORED = Path(__file__).with_name("contacts.h5")
+FEWER = 16  # times fewer waves with --solve, under coats that are as thick to the shortest
+NUMBERS = {
+    "friction": r"micro-rolling friction $\mu_r$ [1]",
+    "contact_area": r"contact area $A_c/A_0$ [1]",
+}
 
 
-RUBBERS = (tread, epdm)
-ROUGHNESS = (SLOPES, HEIGHTS)
+def stored() -> xarray.Dataset:
+    """Returns the contacts of the paper's grids, a row for each."""
+    table = xarray.load_dataset(STORED, group="contacts", engine="h5netcdf")
+    main = (table["message"] == "") & (table["rubber"] == 0) & (table["roughness"] == 0)
+    return table.isel(point=main.values)
 
 
-def parts(size: Size, cutoff: int) -> tuple[Part, ...]:
-    """All contacts of a cut-off, those first that one surface needs to show the main figure."""
-    seeds = range(size.surfaces[size.cutoffs.index(cutoff)])
-    ends = product((0,), (size.depths[0], size.depths[-1]), size.pressures)
-    first = list(ends)
-    points = [
-        *first,
-        *product(seeds, size.depths, size.pressures),
-        *product(seeds, size.more_depths, CLOSE_UP),
-    ]
-    others = () if cutoff == size.cutoffs[-1] else (Part(1, 0, first), Part(0, 1, first))
-    return Part(0, 0, list(dict.fromkeys(points))), *others
-
-
-def contact(part: Part, cutoff: int, size: Size):
-    """Friction and area at a point of the sweep, which has seed, thickness and pressure."""
-    rubber = RUBBERS[part.rubber]()
-    roughness = ROUGHNESS[part.roughness]
-    cell = grid(cutoff)
-    large = cutoff > size.cutoffs[0]
-
-    def rub(point):
-        rough = surface(cutoff, size, roughness, point["seed"])
-        scene = coated(rubber, point["thickness"]), rough, point["pressure"], VELOCITY
-        if large:
-            # Half the memory; at this tolerance single precision changes friction by 6e-5.
-            scene = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), scene)
-        stack, rough, pressure, velocity = scene
-        found = gc.slide(stack, rough, pressure=pressure, velocity=velocity, rtol=RTOL, throw=False)
-        waves = gc.sliding.cumulative_friction(
-            found.pressure, found.displacement, cell, VELOCITY, WAVES
-        )
-        return {
-            "friction": found.friction,
-            "friction_error": found.friction_error,
-            "geometric_friction": found.geometric_friction,
-            "contact_area_pixels": found.contact_area_pixels,
-            "contact_area": found.contact_area,
-            "mean_gap": found.mean_gap,
-            "error": found.error,
-            "num_fft_pairs": found.num_fft_pairs,
-            "friction_up_to": waves.friction,
-            "result": found.result,
-        }
-
-    return rub
-
-
-def solve(size: Size, folder: Path, cutoffs: tuple[int, ...]) -> xarray.Dataset:
-    """The table: a row for each point with its labels; finished points are kept in a folder."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
+def solved() -> xarray.Dataset:
+    """Returns contacts with fewer waves, a row for each."""
+    rubber, all_waves = tread(), CUTOFFS[-1] // FEWER
+    stiffness = float(rubber.equilibrium) / (1 - POISSON**2)
     tables = []
-    every = [(part, cutoff) for cutoff in cutoffs for part in parts(size, cutoff)]
-    for part, cutoff in every:
-        stiffness = relaxed(RUBBERS[part.rubber]())
-        points = [
-            {"seed": seed, "thickness": depth / Q0, "pressure": ratio * stiffness}
-            for seed, depth, ratio in part.points
-        ]
-        start = time.perf_counter()
-        name = f"rubber {part.rubber}, roughness {part.roughness}, q1/q0 = {cutoff}"
-        table = solved_points(contact(part, cutoff, size), points, folder)
-        seconds = time.perf_counter() - start
-        print(f"{name}: {len(points)} points, {seconds:.0f} s, {num_failed(table)} failed")
-        _, depth, ratio = np.array(part.points).T
-        same = {"rubber": part.rubber, "roughness": part.roughness, "cutoff": cutoff}
-        labels = {key: np.full(len(points), value) for key, value in same.items()}
-        labels |= {"q0d": depth, "pressure_ratio": ratio}
-        tables.append(table.assign_coords({key: ("point", at) for key, at in labels.items()}))
-    return xarray.concat(tables, "point").assign_coords(point=range(sum(map(num_rows, tables))))
+    for cutoff in CUTOFFS:
+        rough = surface(cutoff // FEWER, all_waves, 0)
 
+        def contact(point, rough=rough):
+            s = gc.slide(
+                coated(rubber, point["q0d"] / Q0), rough, velocity=VELOCITY, rtol=1e-3, throw=False,
+                pressure=point["pressure_ratio"] * stiffness,
+            )  # fmt: skip
+            return {"friction": s.friction, "contact_area": s.contact_area}
 
-def num_rows(table: xarray.Dataset) -> int:
-    return table.sizes["point"]
-
-
-def found(given: argparse.Namespace) -> xarray.Dataset:
-    """The table, solved unless it is in the file of results."""
-    size = SMALL if given.small else FULL
-    return kept(given, "contacts", lambda: solve(size, given.output / STORE, size.cutoffs))
+        axes = {"q0d": FEWER * np.array([DEPTHS[0], DEPTHS[-1]]), "pressure_ratio": PRESSURES}
+        table = gc.sweep(contact, axes, progress=True)
+        tables.append(table.stack(point=list(axes)).reset_index("point").assign_coords(
+            cutoff=("point", np.full(len(axes["q0d"]) * len(PRESSURES), cutoff // FEWER))
+        ))  # fmt: skip
+    return xarray.concat(tables, "point")
 
 
 def rows(table: xarray.Dataset, **labels: float) -> xarray.Dataset:
-    """The rows of the table with these labels, such as cutoff=256, that succeeded."""
-    chosen = table["message"] == ""
+    """Returns the rows with these labels, such as cutoff=256."""
+    chosen = np.ones(table.sizes["point"], bool)
     for name, value in labels.items():
-        chosen = chosen & np.isclose(table[name], value, rtol=1e-9, atol=0)
-    return table.isel(point=chosen.values)
+        chosen &= np.isclose(table[name], value, rtol=1e-9, atol=0)
+    return table.isel(point=chosen)
 
 
-def cutoffs_of(table: xarray.Dataset) -> list[int]:
-    return np.unique(table["cutoff"]).tolist()
+def curves(pane, table: xarray.Dataset, along: str, number: str, **labels: float) -> None:
+    """Draws the mean over the surfaces for each cut-off, in a band from least to largest."""
+    cutoffs = np.unique(table["cutoff"])
+    for cutoff, colour in zip(cutoffs, ordered(len(cutoffs)), strict=True):
+        each = rows(table, cutoff=cutoff, **labels)[number].groupby(along)
+        mean = each.mean()
+        pane.semilogx(mean[along], mean, "o-", markersize=3, color=colour, label=f"{cutoff:.0f}")
+        pane.fill_between(mean[along], each.min(), each.max(), color=colour, alpha=0.25, lw=0)
 
 
-def draw_spread(pane, rows: xarray.Dataset, along: str, of: str, colour, label: str) -> None:
-    """The mean of a quantity over the surfaces, in a band from their least to their largest."""
-    each = rows[of].groupby(along)
-    mean = each.mean()
-    pane.semilogx(mean[along], mean, "o-", markersize=3, color=colour, label=label)
-    pane.fill_between(mean[along], each.min(), each.max(), color=colour, alpha=0.25, linewidth=0)
+def against_pressure(table: xarray.Dataset, number: str):
+    """Returns Figs. micro.rolling.friction and contact.area: against pressure, for each coat."""
+    counts = {
+        d: len(np.unique(rows(table, q0d=d)["pressure_ratio"])) for d in set(table.q0d.values)
+    }
+    depths = sorted(depth for depth, count in counts.items() if count > len(CLOSE_UP))
+    figure, panes = panels(len(depths), height=2.9 * len(depths) / 2, rows=len(depths) // 2)
+    for pane, depth in zip(panes, depths, strict=True):
+        curves(pane, table, "pressure_ratio", number, q0d=depth)
+        pane.set_title(rf"$q_0 d = {1e3 * depth:.3g} \times 10^{{-3}}$")
+        pane.set(xlabel=r"pressure $\sigma_0/E_{r0}$ [1]", ylabel=NUMBERS[number], ylim=(0, None))
+    panes[0].legend(title="$q_1/q_0$")
+    return figure
+
+
+def against_thickness(table: xarray.Dataset):
+    """Returns Fig. asymptote: against the thickness of the coat, at two pressures."""
+    figure, panes = panels(4, height=5.6, rows=2)
+    coats = table.isel(point=(table["q0d"] > 1e-6).values)  # without the bare block
+    scenes = [(pressure, number) for pressure in reversed(CLOSE_UP) for number in NUMBERS]
+    for pane, (pressure, number) in zip(panes, scenes, strict=True):
+        curves(pane, coats, "q0d", number, pressure_ratio=pressure)
+        pane.set_title(rf"$\sigma_0/E_{{r0}} = {pressure:g}$")
+        pane.set(xlabel="thickness $q_0 d$ [1]", ylabel=NUMBERS[number], ylim=(0, None))
+    panes[0].legend(title="$q_1/q_0$")
+    return figure
+
+
+def real_part():
+    """Returns Fig. RealPart: the modulus; the band that sliding excites is shaded."""
+    omega = np.geomspace(1e-4, 1e12, 400)
+    figure, (pane,) = panels(1, width=5.4)
+    modulus = tread().modulus(jnp.asarray(omega)) / tread().equilibrium
+    pane.loglog(omega / (2 * np.pi), modulus.real, label="real part")
+    pane.loglog(omega / (2 * np.pi), modulus.imag, label="imaginary part")
+    pane.axvspan(*(np.array([1, CUTOFFS[-1]]) * Q0 * VELOCITY / (2 * np.pi)), alpha=0.1)
+    pane.set(xlabel="frequency [1/s]", ylabel=r"$E_r/E_{r0}$ [1]")
+    pane.legend()
+    return figure
+
+
+def densities():
+    """Returns Fig. PSD: three cut-offs of one spectrum."""
+    figure, (pane,) = panels(1, width=5.4)
+    for cutoff, colour in zip(CUTOFFS, ordered(len(CUTOFFS)), strict=True):
+        rough = spectrum(cutoff)
+        q = np.geomspace(Q0, cutoff * Q0, 200)
+        label = f"{cutoff}: slope {rough.rms_slope:.3f}, height {1e3 * rough.rms_height:.3f} mm"
+        pane.loglog(q, rough.density(jnp.asarray(q)), color=colour, label=label)
+    pane.set(xlabel="wavenumber q [1/m]", ylabel="C(q) [m⁴]")
+    pane.legend(title="$q_1/q_0$")
+    return figure
+
+
+def amplitudes(marks: tuple[float, ...]):
+    """Returns Figs. amplitude.wave and psd.test: h_q, and where q d of two coats has marks."""
+    figure, (pane,) = panels(1, width=5.4)
+    q = np.geomspace(Q0, CUTOFFS[-1] * Q0, 200)
+    pane.loglog(q, Q0 * np.sqrt(spectrum(CUTOFFS[-1]).density(jnp.asarray(q))))
+    for depth, colour in ((DEPTHS[0], "tab:red"), (DEPTHS[-1], "black")):
+        for mark, style in zip(marks, ("--", ":"), strict=False):
+            label = rf"$q d = {mark:g}$, $q_0 d = {1e3 * depth:.3g} \times 10^{{-3}}$"
+            pane.axvline(mark / depth * Q0, color=colour, linestyle=style, label=label)
+    pane.set(xlabel="wavenumber q [1/m]", ylabel=r"$h_q = q_0\sqrt{C}$ [m]")
+    pane.legend()
+    return figure
 
 
 def main() -> None:
-    parser = options(__doc__)
-    parser.add_argument("--only", type=int, nargs="+", help="cut-offs q1/q0 to solve now")
+    parser = parser_of(__doc__)
+    parser.add_argument("--solve", action="store_true", help="solve contacts with fewer waves")
     given = parser.parse_args()
-    if given.only is None:
-        print(f"{num_rows(found(given))} contacts in {results(given)}")
-    else:
-        solve(SMALL if given.small else FULL, given.output / STORE, tuple(given.only))
+    table = solved() if given.solve else stored()
+    figures = {
+        "rubber": real_part(), "spectrum": densities(), "amplitude": amplitudes((1.0,)),
+        "amplitude-range": amplitudes((0.1, 2.0)), "friction": against_pressure(table, "friction"),
+        "area": against_pressure(table, "contact_area"),
+    }  # fmt: skip
+    if not given.solve:
+        figures["asymptote"] = against_thickness(table)
+    for name, figure in figures.items():
+        save(figure, given.output, name)
 
 
 if __name__ == "__main__":
