@@ -124,7 +124,7 @@ def shifted_isotherms():
 def fitted_to_shifted(isotherms, log10_shifts):
     pairs = list(zip(isotherms, log10_shifts, strict=True))
     omega = np.concatenate([part.abscissa * 10**shift for part, shift in pairs])
-    return gc.fit_prony(omega, np.concatenate([part.values for part, _ in pairs]), throw=False)
+    return gc.fit_prony(omega, np.concatenate([part.values for part, _ in pairs]))
 
 
 @styled
@@ -140,8 +140,6 @@ def plot_errors(panels, target):
         panel.semilogy(found.keys(), found.values(), ".-", color=COLOURS[0], label="package")
         mark = {"markersize": 7, "fillstyle": "none", "label": "number of terms by BIC"}
         panel.plot(best.terms, found[best.terms], "o", color=COLOURS[0], **mark)
-        floor = 100 * best.floor().total
-        panel.axhline(floor, color="black", linewidth=0.8, linestyle="--", label="floor")
         for label, number, log, _ in others:
             colour = COLOURS[1] if label == PLAIN else COLOURS[4]
             panel.plot(number, 100 * log, "s", color=colour, label=label)

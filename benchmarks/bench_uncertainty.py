@@ -22,6 +22,15 @@ POISSON = 0.49
 BRANCHES = 40  # of every material: one program serves fits of any length
 Q0 = 2 * np.pi / 1e-2
 ROAD = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=100 * Q0)
+OMEGA = np.geomspace(1, 1e6, 40)
+TEMPERATURES = (268.0, 278.0, 288.0, 298.0, 308.0, 323.0)
+SWEEP = np.geomspace(0.1, 100, 15)
+TWO = gc.Prony(1e6, [2e6, 1e7], [1e-2, 1e-4], POISSON)
+FOUR = gc.Prony(
+    3e6, [2e6, 9e6, 4e7, 1.5e8], [30.0, 0.3, 4e-3, 3e-5], POISSON,
+    shift=gc.WLF(c1=6.0, c2=110.0, reference=298.0),
+)  # fmt: skip
+QUANTITIES = ("storage modulus", "loss modulus", "friction")
 
 
 def padded(material):

@@ -34,7 +34,6 @@ from grid_scenes import CELL, NUMBERS, block_of, finer, measured, scene_of, wind
 from rows import goal, report, timed
 
 import graded_contact as gc
-from graded_contact.sliding.errors.neighbours import neighbours_of
 
 KINDS = (
     "8", "4", "2", "full", "light", "half space", "anisotropic", "noise", "ridge", "egg box",
@@ -87,7 +86,7 @@ def against_finer(solve, heights, numbers, pairs):
         if abs(exact) > 1e-9 * sizes.get(name, 0):
             plain = abs(float(found.contact_area_pixels) / exact - 1) if "area" in name else 0.0
             rows[name] = abs(own / exact - 1), claimed / abs(exact), plain
-    near = neighbours_of(found)
+    near = found.near
     others = {id(one): one for one in near.both(found)}
     cost = sum(
         float(one.contact.num_fft_pairs) * one.pressure.size / found.pressure.size
@@ -152,7 +151,7 @@ def cycle(number, name, times=64, most=512):
 
     found, best = solve(times), solve(most, rtol=1e-8)
     exact, own = float(getattr(best, name)), float(getattr(found, name))
-    claimed = getattr(found, f"{name}_time_error") + getattr(found, f"{name}_solver_error")
+    claimed = found.error_parts(name)["time"] + found.error_parts(name)["solver"]
     return abs(own / exact - 1), float(claimed) / abs(exact), 0.0
 
 

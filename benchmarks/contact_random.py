@@ -116,7 +116,7 @@ def compare(scene, found, best):
     yield "pressure", wrong, float(found.error), float(best.error)
     for name in ("friction", "contact_area"):
         wrong = abs(float(getattr(found, name)) - float(getattr(best, name)))
-        yield name, wrong, *(float(getattr(s, f"{name}_solver_error")) for s in (found, best))
+        yield name, wrong, *(float(s.error_parts(name)["solver"]) for s in (found, best))
     gap = np.asarray(found.gap, float) - np.asarray(best.gap)
     wrong = float(np.sqrt(np.mean(gap**2))) / rms
     yield "gap", wrong, float(found.contact.gap_error), float(best.contact.gap_error)

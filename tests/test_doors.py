@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.sliding.abstract_sliding import AbstractSliding
+from graded_contact.sliding.number import AbstractSliding
 
 
 class Odd:

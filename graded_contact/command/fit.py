@@ -28,6 +28,9 @@ def fit(
     deformation: Annotated[
         Literal["tension", "shear"] | None, typer.Option(help="Where the files do not say it.")
     ] = None,
+    loss: Annotated[
+        Literal["linear", "soft_l1"], typer.Option(help="soft_l1: values far off count less.")
+    ] = "linear",
     temperature: Annotated[
         list[float] | None, typer.Option(help="Of all files, or of each [K].")
     ] = None,
@@ -56,13 +59,13 @@ def fit(
             raise ValueError(error.with_remedy(f"Options to add: {error.flags}")) from error
         if kind not in (None, measured.kind):
             raise ValueError(f"`kind` is {kind}, but the files are of kind {measured.kind}.")
-        isotherms = measured.isotherms()
+        isotherms, given = measured.isotherms(), dict(terms=terms, poisson=poisson, loss=loss)
         if len(isotherms) == 1:
             x, values = measured.abscissa, measured.values
-            found = fit_prony(x, values, kind=measured.kind, terms=terms, poisson=poisson)
+            found = fit_prony(x, values, kind=measured.kind, **given)
             material, figure = found.material, plot_fit(found)
         else:
-            found = master_curve(isotherms, law=law, terms=terms, poisson=poisson)
+            found = master_curve(isotherms, law=law, **given)
             material, figure = found.exported(), plot_master_curve(found)
         name = moduli_files[0].stem
         table = toml_table(material, name)

@@ -15,7 +15,6 @@ from .. import plot
 from ..core.quantities import in_brackets
 from ..scenes import Scene, parse_scene, read_results, read_scene, run_scene
 from ..scenes.run import numbers_at, write_results
-from ..sliding import Motion
 from ..studies.sweep import NOT_STARTED
 from .tables import print_results
 
@@ -143,7 +142,7 @@ def figures_of(scene: Scene, results: "Dataset") -> "Iterator[tuple[str, Figure]
         return
     if scene.motion is None:
         yield "sweep", plot.plot_sweep(results)
-    elif isinstance(scene.motion, Motion):
+    elif scene.motion.repeats:
         yield "cycle", plot.plot_cycle(results)
     else:
         yield "transient", plot.plot_transient(results)

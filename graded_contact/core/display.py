@@ -94,9 +94,9 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
     chosen = (fields if name is ... else [name] for name in value._shown.names)
     names = [*first, *(name for group in chosen for name in group)]
     parts: dict[str, Any] = {name: getattr(value, name) for name in names}
-    causes = {name: _causes_of(name, parts) for name in parts}
+    causes_of = getattr(value, "error_parts", lambda name: {})
     noise: Mapping[str, float] = getattr(value, "noise", {})
-    beside = {f"{name}_error" for name in parts} | {n for group in causes.values() for n in group}
+    beside = {f"{name}_error" for name in parts}
     for name, part in parts.items():
         no_rows = isinstance(part, np.ndarray) and not part.size
         empty = part is None or no_rows or (isinstance(part, str | Mapping) and not part)
@@ -119,22 +119,13 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
         known: Any = part
         if _is_number(part) and _is_number(error):
             part = with_error(float(known), float(error), noise=least)
-            shares = (f"{cause} {float(parts[n]):.1e}" for n, cause in causes[name].items())
-            part += f" ({', '.join(shares)})" if causes[name] and part != UNKNOWN else ""
+            shares = [f"{cause} {float(e):.1e}" for cause, e in causes_of(name).items()]
+            part += f" ({', '.join(shares)})" if shares and part != UNKNOWN else ""
         elif least and _is_number(part) and abs(known) <= least:
             part = 0
         elif isinstance(part, Mapping) and quantity is None and units:
             part = {_title(str(key)): entry for key, entry in part.items()}
         yield _title(name, owner) if units else name, part
-
-
-def _causes_of(name: str, parts: Mapping[str, Any]) -> dict[str, str]:
-    """The names of the parts of an error, and what causes them."""
-    if f"{name}_error" not in parts:
-        return {}
-    ends = (n.removeprefix(f"{name}_") for n in parts if n.startswith(f"{name}_"))
-    causes = [end.removesuffix("_error") for end in ends if end.endswith("_error")]
-    return {f"{name}_{cause}_error": cause for cause in causes}
 
 
 def number(value: Any, form: str, error: float = 0.0) -> str:

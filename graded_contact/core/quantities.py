@@ -1,15 +1,11 @@
-"""Quantities: name, symbol, unit, meaning; and the registry of observables.
+"""Quantities: name, symbol, unit, meaning.
 
 Prints, columns of tables, attributes of datasets, labels of axes and the documentation take their
-words from here. An observable is one function under `@observable`: its entry says all of a number,
-also what makes it doubtful. `sliding/observables.py` lists the modules that have them.
+words from here. The numbers of results of sliding bring their own, see `sliding/number.py`.
 """
 
-from collections.abc import Callable, Collection, Iterable
-from functools import partial
-from typing import Any, NamedTuple, TypeVar
-
-F = TypeVar("F", bound=Callable[..., Any])
+from collections.abc import Iterable
+from typing import NamedTuple
 
 
 class Quantity(NamedTuple):
@@ -172,130 +168,11 @@ OF_RESULTS = _table([
 ])  # fmt: skip
 
 
-# Formats of columns: of numbers, and head and format of total errors.
-FOUR = "#.4g"
-TOTAL = ("±", ".1e")
-
-# Returns a number of a result by its name, see `caveats_of`.
-NumberOf = Callable[[str], Any]
-
-
 # Kinds of contacts: steady sliding, a periodic motion, and a transient motion.
 STEADY, CYCLE, TRANSIENT = KINDS = ("steady", "cycle", "transient")
 
-
-class Above(NamedTuple):
-    """What makes a number doubtful: that it exceeds a limit.
-
-    **Fields:**
-
-    - `limit`: above it there is a caveat.
-    - `sentence`: the caveat; `{value}` is the number; of several solves, the ends of their range.
-    - `of`: what is compared instead of the observable: a function of `NumberOf`. Numbers have any
-      shape, and are NaN where a solve has none.
-    - `kinds`: of the contacts that have the caveat, a part of `KINDS`.
-    """
-
-    limit: float
-    sentence: str
-    of: Callable[[NumberOf], Any] | None = None
-    kinds: Collection[str] = KINDS
-
-
-class Observable(NamedTuple):
-    """A number, or a field, of a contact.
-
-    **Fields:**
-
-    - `quantity`: its name, symbol, unit and meaning.
-    - `formula`: of a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
-    - `kinds`: of the contacts that have it, a part of `KINDS`.
-    - `over_time`: whether a cycle or a transient solve has one number at each time.
-    - `stored`: whether prints, results of scenes and of `sweep` contain it.
-    - `needs`: only contacts with these `facts` print and store it.
-    - `column`: head and format in the table of the command, if it has a column there.
-    - `warns`: when it is doubtful, if there is a limit; see `core/caveats.py`.
-    - `beside`: what it needs beside its contact, computed before: such as the contact on half the
-      grid, see `sliding/errors/neighbours.py`.
-    """
-
-    quantity: Quantity
-    formula: Callable[[Any], Any]
-    kinds: Collection[str] = (STEADY, CYCLE)
-    over_time: bool = False
-    stored: bool = True
-    needs: Collection[str] = ()
-    column: tuple[str, str] | None = None
-    warns: Above | None = None
-    beside: Callable[[Any], Any] | None = None
-
-    @property
-    def name(self) -> str:
-        return self.quantity.name
-
-    @property
-    def has_derivative(self) -> bool:
-        """Whether it has one; estimated errors have none."""
-        return not self.name.endswith("_error")
-
-    def is_of(self, kind: str, facts: Collection[str]) -> bool:
-        """Whether contacts of this kind have it."""
-        return kind in self.kinds and {*self.needs} <= {*facts}
-
-    def of(self, found: Any) -> Any:
-        """Returns the number of a contact; a transient solve recorded some of them step by step."""
-        known = found.recorded
-        return known[self.name] if self.name in known else self.formula(found)
-
-
-# In the order of prints and tables.
-OBSERVABLES: dict[str, Observable] = {}
-
-
-def observable(symbol: str, unit: str, meaning: str, **options: Any) -> Callable[[F], F]:
-    """Registers a function of a result of sliding as its attribute of the same name.
-
-    The attribute is computed when it is read. A name with `_error` is the estimated error of the
-    name before it: it is printed behind that, and has no derivative. Several surfaces have the mean
-    of a number that has a symbol, and the largest of an error or of a check without one.
-
-    **Arguments:**
-
-    - `symbol`, `unit`, `meaning`: see `Quantity`.
-    - `options`: fields of `Observable`, such as `over_time=True`.
-    """
-
-    def register(formula: F) -> F:
-        quantity = Quantity(formula.__name__, symbol, unit, meaning)
-        entry = Observable(quantity, formula, **options)
-        known = OBSERVABLES.get(entry.name)
-        OBSERVABLES[entry.name] = entry if known is None else _with(known, entry)
-        return formula
-
-    return register
-
-
-def _with(known: Observable, more: Observable) -> Observable:
-    """A number that contacts of other kinds have by another formula."""
-
-    def chosen(field):
-        def run(found):
-            return getattr(more if found.kind in more.kinds else known, field)(found)
-
-        return run
-
-    return known._replace(
-        formula=chosen("formula"), beside=chosen("beside") if known.beside else None,
-        kinds=(*known.kinds, *more.kinds), over_time=known.over_time or more.over_time,
-    )  # fmt: skip
-
-
-of_steady, of_cycle, of_transient = (partial(observable, kinds=(kind,)) for kind in KINDS)
-
-
-def numbers_of(kind: str, facts: Collection[str] = ()) -> tuple[str, ...]:
-    """Returns the names of the observables that prints and results of such contacts contain."""
-    return tuple(n for n, o in OBSERVABLES.items() if o.stored and o.is_of(kind, facts))
+# Of the numbers of results of sliding, by their names; their classes add them.
+NUMBERS: dict[str, Quantity] = {}
 
 
 def mean_over_seeds(name: str) -> bool:
@@ -314,6 +191,4 @@ def quantity_of(name: str, owner: str = "") -> Quantity | None:
     *_, parent, last = ("", *(word.partition("[")[0] for word in name.split(".")))
     owner = owner or parent.capitalize()
     found = _ALL.get(f"{owner}.{last}") or AXES.get(last)
-    if found is None and last in OBSERVABLES:
-        return OBSERVABLES[last].quantity
-    return found or _ALL.get(last)
+    return found or NUMBERS.get(last) or _ALL.get(last)

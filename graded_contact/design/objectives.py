@@ -36,6 +36,12 @@ def ripple(values: Numbers) -> Float[Array, ""]:
 
     `ripple(loss_tangent(stack, q, velocity))` over a band of q is small if the band is damped
     evenly; `jnp.max(...)/jnp.min(...)` is easier to read, but has kinks.
+
+    **Arguments:**
+
+    - `values`: positive, any shape.
+
+    **Returns:** the variance [1].
     """
     values = as_float(values, "values")
     check_positive("values", values, "")
@@ -49,6 +55,8 @@ def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
 
     - `values`, `target`: of the same unit and shapes that broadcast: moduli, friction at given
       speeds, ...
+
+    **Returns:** the mean square [1].
     """
     logs: Inexact[Array, ...] = jnp.log(jnp.asarray(values) / jnp.asarray(target))
     return jnp.mean(jnp.real(logs * jnp.conj(logs)))
@@ -68,6 +76,8 @@ def friction_curve(
 
     - `stack`, `spectrum`, `pressure`, `strain_per_slope`: as in `mean_field_friction`.
     - `velocities`: along x [m/s], shape `(n,)`.
+
+    **Returns:** a `MeanField` with the velocities on the first axis of its arrays.
     """
 
     def at(velocity: Float[Array, ""]) -> MeanField:

@@ -3,9 +3,8 @@
 from .cards import abaqus_card, toml_table
 from .master import MasterCurve, master_curve
 from .prony import AbstractFit, PronyFit, fit_prony
-from .wild import wild_values, without
 
 __all__ = [
     "AbstractFit", "MasterCurve", "PronyFit", "abaqus_card", "fit_prony", "master_curve",
-    "toml_table", "wild_values", "without",
+    "toml_table",
 ]  # fmt: skip

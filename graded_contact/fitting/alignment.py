@@ -110,36 +110,6 @@ def _by_spectra(series, isotherms):
     return np.array(steps)
 
 
-def gaps(series: SeriesProblem, theta: np.ndarray) -> np.ndarray:
-    """Returns how far the curves of neighbours lie apart, once shifted, in ln a; negative where
-    they overlap."""
-    isotherms, log_x = series.isotherms, np.log(np.maximum(series.at(theta).x, 1e-300))
-    assert isotherms is not None
-    used = np.any(series.by_channel(series.weights) > 0, axis=0) & (series.x > 0)
-    curves = [log_x[used & (series.group == i)] for i in range(len(isotherms.temperatures))]
-    lower, upper = (np.array([end(curve) for curve in curves]) for end in (np.min, np.max))
-    return np.maximum(lower[:-1] - upper[1:], lower[1:] - upper[:-1])
-
-
-def unseen(series: SeriesProblem, theta: np.ndarray) -> np.ndarray:
-    """Returns changes of the shifts, rows of unknowns, that no overlap of neighbours limits.
-
-    Beyond a gap all isotherms may lie as much farther as the gap is wide, and as much as shifts are
-    expected to depart from the law.
-    """
-    isotherms = series.isotherms
-    assert isotherms is not None
-    law, departures, lifts = isotherms.counts
-    number = np.arange(len(isotherms.temperatures))
-    rows = [np.zeros(law + departures + lifts)]
-    for colder, gap in enumerate(gaps(series, theta)):
-        if gap > 0 and departures:
-            beyond = (number > colder) != (isotherms.reference > colder)
-            moved = (gap + isotherms.stds[0]) * isotherms.others @ beyond
-            rows.append(np.concatenate([np.zeros(law), moved, np.zeros(lifts)]))
-    return np.stack(rows)
-
-
 def _restricted(series, points):
     """The problem of some of the points, given as a mask."""
     rows = np.tile(points, len(series.weights) // len(series.x))

@@ -27,6 +27,8 @@ def toml_table(material: Prony, name: str) -> str:
 
     - `material`: the series, with its shift and the range that was measured.
     - `name`: of the material in the scene.
+
+    **Returns:** the text, in TOML.
     """
     names = ("equilibrium", "strengths", "times", "poisson")
     entries = {"kind": "prony", **{key: _plain(getattr(material, key)) for key in names}}
@@ -49,6 +51,8 @@ def abaqus_card(material: Prony, name: str) -> str:
 
     - `material`: the series.
     - `name`: of the material in Abaqus.
+
+    **Returns:** the text of the card.
 
     **Raises:** `ValueError` for a liquid: the card holds E_eq as what is left of E_inf.
     """

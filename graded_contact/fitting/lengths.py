@@ -2,32 +2,33 @@
 
 The best positive spectrum of all is found by non-negative least squares on a dense grid of times
 (C. L. Lawson, R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours
-merged, then by Newton's method on all unknowns; no added branch lowers its error, which makes it
-the floor. From it a walk leads down, each time joining the two branches (or dropping the one) that
-costs least, and up again, each new branch put where it lowers the error most. Down alone ends in
-poor local minima now and then.
+merged, then all unknowns refined; no added branch lowers its error. From it a walk leads down, each
+time joining the two branches (or dropping the one) that costs least, and up again, each new branch
+put where it lowers the error most. Down alone ends in poor local minima now and then.
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 import scipy
 
 from ..core.checks import check_whole
 from ..core.display import shown
-from .newton import Fitted
+from .minimum import Fitted
 from .observations import Observations, concrete
-from .series import SeriesProblem, problem_of
+from .series import SeriesProblem, problem_of, robust_deviation
 
 SEARCH = 1e-5  # relative tolerance of the cost
+WALK = 1e-4  # that of each length along a walk: its neighbours follow
 MOST_POINTS_SEARCHED = 400  # that a search goes through
 MANY = 2000  # rows, from which on an orthogonal reduction of them pays
 TIMES_PER_DECADE = 10
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
-WALK_STEPS = 40  # of a search along a walk: its neighbours follow
+SOFTENINGS = 2  # the first scale has the bad values' pull on the fit in it
 RESOLUTION = 1e-6  # of measured values, relative
-AS_GOOD = 1.05  # times the error: a liquid that does no worse is what was measured
 
 
 @shown()
@@ -90,34 +91,22 @@ def criterion(series: SeriesProblem, unknowns: int, cost: float) -> float:
     return float(count * np.log(2 * cost / total + RESOLUTION**2) + unknowns * np.log(count))
 
 
-def choose_liquid(data: Observations, error: float) -> tuple | None:
-    """Returns the data with E_eq = 0, the unknowns and all lengths tried, or None for a solid.
+def softened(data: Observations, find: Callable[[Observations], np.ndarray]) -> Observations:
+    """Returns the data whose bad values count less, by the scale of the others.
 
-    Data that flow need no E_eq if without it a spectrum near to them has hardly more than the
-    `error` with it. (Slow branches far outside would replace any E_eq.)
+    `find` returns the unknowns of a fit, first of all values alike.
     """
-    if data.equilibrium is not None or not flows(data):
-        return None
-    series, liquid = problem_of(data), data.as_liquid()
-    other, path = choose(dataclasses.replace(problem_of(liquid), reach=series.reach), None)
-    return (liquid, other, path) if problem_of(liquid).rms(other) <= AS_GOOD * error else None
-
-
-def flows(data: Observations) -> bool:
-    """Returns whether the loss exceeds the storage modulus at the lowest frequencies."""
-    if data.kind != "frequency":
-        return False
-    both = np.all(np.asarray(data.weights) > 0, axis=0)
-    lowest = np.argsort(np.asarray(data.x)[both])[:3]
-    storage, loss = np.asarray(data.values)[:, both][:, lowest]
-    return bool(len(lowest) and np.all(loss > storage))
+    for _ in range(SOFTENINGS):
+        scale = robust_deviation(problem_of(data), find(data))
+        data = dataclasses.replace(data, scale=jnp.asarray(scale))
+    return data
 
 
 # The best series --------------------------------------------------------------------------------
 
 
 def best_spectrum(series: SeriesProblem) -> Fitted:
-    """Returns the positive spectrum nearest to the data: the floor of every series."""
+    """Returns the positive spectrum nearest to the data, which no series is nearer to."""
     few = thinned(series)
     theta, cost = few.minimise(_dense_start(few, TIMES_PER_DECADE), rtol=SEARCH)
     for _ in range(MOST_ADDED):
@@ -150,14 +139,14 @@ def best_path(series: SeriesProblem, most: int) -> dict[int, Fitted]:
     theta, cost = best_spectrum(few)
     # The path ends at the shortest series that is within 0.05 % of the floor: no data show less.
     while (terms := few.terms(theta)) > 1:
-        shorter = few.minimise(_one_fewer(few, theta)[0], rtol=SEARCH)
+        shorter = few.minimise(_one_fewer(few, theta)[0], rtol=WALK)
         if terms <= most and shorter[1] > 1.001 * cost:
             break
         theta, cost = shorter
     path = {terms: (theta, cost)}
 
     def keep(start):
-        fitted = few.minimise(start, rtol=SEARCH, max_steps=WALK_STEPS)
+        fitted = few.minimise(start, rtol=WALK)
         length = few.terms(fitted[0])
         if length not in path or fitted[1] < path[length][1]:
             path[length] = fitted

@@ -7,9 +7,8 @@ amount expected beforehand, and their uncertainty is reported.
 """
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +19,7 @@ from ..core.checks import (
     Numbers,
     as_scalar,
     check_poisson,
+    check_type,
     check_values,
     is_concrete,
 )
@@ -29,18 +29,16 @@ from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
-from .alignment import NUM_STARTS, gaps
 from .implicit import attach_derivative, search
-from .lengths import check_terms, choose_liquid
-from .prony import AbstractFit, PronyFit, deviation, refuse_nonsense
-from .quality import percent
-from .series import objective, problem_of
-from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series, with_found
-from .shifts import LAW_LIMITS, LN10, Isotherms
+from .lengths import check_terms
+from .observations import Loss
+from .prony import AbstractFit, PronyFit, deviation
+from .report import far_values
+from .series import objective
+from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series, with_expected
+from .shifts import LN10, Isotherms
 
 SERVES = 1.05  # times the error with the fitted shifts: a law that does no worse replaces them
-RIVAL = 0.1  # decades from which on other shifts are another result
-STEEP_SHIFT = 0.4  # decades per kelvin, two within 5 K
 
 
 @shown("law", "temperatures", "log10_shifts", "vertical_shifts", "fit")
@@ -88,19 +86,17 @@ class MasterCurve(AbstractFit):
 
     @property
     def material(self) -> Prony:
-        """The material at the reference temperature; `material.at(T)` is that at another.
+        """The material at the reference temperature, with the fitted shifts.
 
-        It carries the fitted shifts, and so has the error of the fit on every isotherm; and the
-        temperatures of the isotherms, beyond which it was not measured.
+        `material.at(T)` is that at another temperature.
         """
-        return self._material(self.shift)
+        return self._with_shift(self.shift)
 
-    def law_material(self) -> Prony:
-        """Returns the material with the law alone, which also holds between and beyond isotherms.
-
-        Its error on the isotherms is `law_error`.
-        """
-        return self._material(self.law)
+    def _with_shift(self, shift: AbstractShift) -> Prony:
+        material = self.fit.material
+        assert material.measured is not None
+        measured = MeasuredRange(material.measured.omega, self.temperatures[np.array([0, -1])])
+        return dataclasses.replace(material, shift=shift, measured=measured)
 
     def law_error(self) -> float:
         """Returns the rms log error on all isotherms of the series shifted by the law alone."""
@@ -110,13 +106,12 @@ class MasterCurve(AbstractFit):
         return single.rms(theta[: len(theta) - series.num_shifts])
 
     def exported(self) -> Prony:
-        """Returns the material for export: with the law if it fits as well as the fitted shifts.
+        """Returns the material for export: with the law alone if it fits as well.
 
-        It does where its error is at most 1.05 times that of the fit and no constant has run to
-        its bound; otherwise the material carries the table of shifts.
+        It does where `law_error` is at most 1.05 times the error with the fitted shifts.
         """
         serves = self.law_error() <= SERVES * self.fit.errors().total
-        return self.law_material() if serves and not self._at_bounds() else self.material
+        return self._with_shift(self.law if serves else self.shift)
 
     @property
     def temperatures(self) -> Float[Array, " isotherms"]:
@@ -153,45 +148,11 @@ class MasterCurve(AbstractFit):
             header=["T [K]", "log10 a_T", "+-", "b_T", "+-"],
             formatters=[f"{{:.{digits}f}}".format for digits in (2, 3, 3, 4, 4)],
         )
-        doubts = [f"Warning: {sentence}" for sentence in self.caveats()]
-        lines = [*_law_words(self), "", table, *_step_words(self), *doubts, "", self.fit.report()]
-        return "\n".join(lines)
+        return "\n".join([str(self.law), "", table, "", self.fit.report()])
 
-    def caveats(self) -> tuple[str, ...]:
-        """Returns sentences on shifts that the overlap of neighbours does not determine."""
-        series, theta = self._problem()
-        kelvin = np.asarray(self.temperatures)
-        pairs = itertools.pairwise(kelvin)
-        apart = [f"{a:.2f} and {b:.2f} K" for (a, b), gap in
-                 zip(pairs, gaps(series, theta), strict=True) if gap > 0]  # fmt: skip
-        said = []
-        if apart:
-            said.append(
-                f"The shifted curves of {', '.join(apart)} do not overlap: only the law shows how "
-                "far they lie apart. Measure at more temperatures or frequencies."
-            )
-        slopes = self.isotherms.slopes(theta)[0]
-        along = np.asarray(self.isotherms.rivals)[:, : len(slopes)] @ slopes
-        far = np.max(np.abs(along), axis=0, initial=0) / LN10
-        if np.any(far > RIVAL):
-            which = ", ".join(f"{kelvin[i]:.2f}" for i in np.flatnonzero(far > RIVAL))
-            said.append(
-                f"Other shifts, by up to {np.max(far):.2g} decades, explain the isotherms of "
-                f"{which} K about as well; the errors contain them."
-            )
-        return tuple(said)
-
-    def _at_bounds(self):
-        """Whether unknowns of the law are no result but the end of the search."""
-        found = np.asarray(self.isotherms.split(self.theta)[0])
-        lower, upper = np.log(LAW_LIMITS[self.isotherms.law]).T
-        return bool(np.any((found < lower + 1e-3) | (found > upper - 1e-3)))
-
-    def _material(self, shift):
-        material = self.fit.material
-        assert material.measured is not None
-        measured = MeasuredRange(material.measured.omega, self.temperatures[np.array([0, -1])])
-        return dataclasses.replace(material, shift=shift, measured=measured)
+    def warnings(self) -> tuple[str, ...]:
+        """Returns a sentence on the values beyond five robust deviations, if there are any."""
+        return far_values(*self._problem())
 
 
 @compiled
@@ -212,6 +173,7 @@ def master_curve(
     equilibrium: Numbers | None = None,
     weights: tuple[Numbers, Numbers] = (1.0, 1.0),
     poisson: Numbers = 0.5,
+    loss: Loss = "linear",
 ) -> MasterCurve:
     """Returns the Prony series and the shifts that together are nearest to all isotherms.
 
@@ -227,8 +189,8 @@ def master_curve(
       vertical shifts.
     - `reference`: the isotherm nearest to this temperature [K] stays in place; by default the
       middle one.
-    - `terms`, `equilibrium`, `weights`, `poisson`: as in `fit_prony`; the first weight is that of
-      all values in time.
+    - `terms`, `equilibrium`, `weights`, `poisson`, `loss`: as in `fit_prony`; the first weight is
+      that of all values in time.
 
     Differentiable if `terms` is given; the weight of `shift_std` and `vertical_shift_std` relative
     to the error of the fit is then a fixed number.
@@ -250,60 +212,18 @@ def master_curve(
         isotherms, kind, law, (LN10 * along, across), reference, weights, equilibrium
     )
     check_terms(data, terms)
+    check_type("loss", loss, *get_args(Loss))
     path = ()
+
+    def find(data):
+        nonlocal path
+        found, path = shifts_and_series(data, terms, loss)
+        return found
+
     if terms is None:
-        found, path = shifts_and_series(data, terms)
-        error, shifted = problem_of(data).rms(found[0]), at_reference(jnp.asarray(found[0]), data)
-        if choose_liquid(shifted, error):
-            data = data.as_liquid()
-            found, path = shifts_and_series(data, terms)
-        theta, free, *rest = map(jnp.asarray, found)
+        theta, free, expected = map(jnp.asarray, find(data))
     else:
-
-        def find(data):
-            return shifts_and_series(data, terms)[0]
-
-        sizes = data.num_unknowns(terms), 2, NUM_STARTS * data.num_shifts
-        theta, free, *rest = search(find, sizes, data)
-    data = with_found(data, *rest)
+        theta, free, expected = search(find, (data.num_unknowns(terms), 3), data)
+    data = with_expected(data, expected, loss)
     theta = attach_derivative(objective, theta, free, data)
-    curve = MasterCurve(theta, data, poisson, path)
-    refuse_nonsense(curve.fit)
-    return curve
-
-
-def _law_words(curve):
-    """The law, how well it represents the fitted shifts, and which of both is exported."""
-    law = curve.law
-    if curve.isotherms.law == "wlf":
-        words = f"WLF with c1 = {float(law.c1):.4g}, c2 = {float(law.c2):.4g} K"
-    else:
-        words = f"Arrhenius with Q = {float(law.activation_energy) / 1e3:.4g} kJ/mol"
-    lines = [f"{words} about {float(law.reference):.2f} K."]
-    if not any(curve.isotherms.stds):
-        return lines
-    if curve._at_bounds():
-        lines.append(
-            "Error: a constant of this law ran to the end of its range: the shifts follow no such "
-            "law."
-        )
-    by_law, by_table = percent(curve.law_error()), percent(curve.fit.errors().total)
-    if isinstance(curve.exported().shift, TabulatedShift):
-        exported = f". The exported table of shifts fits them to {by_table}."
-    else:
-        exported = f" and is exported. The shifts of this table fit them to {by_table}."
-    return [*lines, f"This law fits the isotherms to {by_law}{exported}"]
-
-
-def _step_words(curve):
-    """A sentence on neighbours whose shifts are hardly those of one material."""
-    temperatures, shifts = np.asarray(curve.temperatures), np.asarray(curve.log10_shifts)
-    rates = np.diff(shifts) / np.diff(temperatures)
-    steps = [
-        f"{temperatures[i]:.2f} to {temperatures[i + 1]:.2f} K ({shifts[i + 1] - shifts[i]:+.2f})"
-        for i in np.flatnonzero((rates < -STEEP_SHIFT) | (rates > 0))
-    ]
-    return steps and [
-        f"Look at the steps of log10 a_T from {', '.join(steps)}: more than two decades within 5 "
-        "K, or upwards, are seldom those of one material."
-    ]
+    return MasterCurve(theta, data, poisson, path)

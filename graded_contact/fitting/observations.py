@@ -1,6 +1,5 @@
 """Measured moduli or compliances prepared for a fit."""
 
-import dataclasses
 from typing import Any, Literal, get_args
 
 import equinox as eqx
@@ -22,6 +21,7 @@ from ..core.checks import (
 from ..core.display import shown
 from .shifts import Isotherms
 
+Loss = Literal["linear", "soft_l1"]
 ModuliKind = Literal["frequency", "relaxation", "creep"]
 REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow
 Unknowns = Float[Array, " unknowns"]
@@ -40,6 +40,7 @@ class Observations(eqx.Module):
     - `equilibrium`, `glassy`: E_eq and E_inf [Pa] where they are known.
     - `kind`, `flows`: the measurement; whether a compliance is that of a liquid. Static.
     - `isotherms`: the temperatures, if shifts are unknown.
+    - `scale`: log residual [1] from which on values count linearly, or None.
     """
 
     x: Float[Array, " points"]
@@ -50,6 +51,7 @@ class Observations(eqx.Module):
     kind: ModuliKind = eqx.field(static=True)
     flows: bool = eqx.field(static=True)
     isotherms: Isotherms | None = None
+    scale: Float[Array, ""] | None = None
 
     @property
     def known_start(self) -> Float[Array, ""] | None:
@@ -78,10 +80,6 @@ class Observations(eqx.Module):
     def num_unknowns(self, terms: int) -> int:
         """Returns the number of unknowns of a series of `terms` branches, and of its shifts."""
         return 2 * terms + self.num_extras + self.num_shifts
-
-    def as_liquid(self) -> "Observations":
-        """Returns the same data with E_eq = 0."""
-        return dataclasses.replace(self, equilibrium=jnp.zeros(()))
 
 
 def observe(

@@ -15,6 +15,7 @@ the best of one kind is the best of the other, and `fit.material.creep()` is exa
 
 import abc
 import dataclasses
+from typing import get_args
 
 import equinox as eqx
 import jax
@@ -23,20 +24,19 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Complex, Float
 
-from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive
+from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive, check_type
 from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
 from .covariance import covariance
 from .implicit import attach_derivative, search
-from .lengths import Length, best_of_length, best_spectrum, check_terms, choose, choose_liquid
-from .observations import Observations, Unknowns, concrete, observe
-from .quality import FitErrors, Floor, fit_errors, floor_of, jumps_of, report_of, verdict_of
+from .lengths import Length, best_of_length, check_terms, choose, softened
+from .observations import Loss, Observations, Unknowns, concrete, observe
+from .report import FitErrors, far_values, fit_errors, report_of
 from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, objective, problem_of
 
 FLOW_AT = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
-FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
 
 
 class AbstractFit(eqx.Module):
@@ -90,8 +90,8 @@ class AbstractFit(eqx.Module):
         Outside the measured frequencies (of times, their reciprocals) and temperatures the limits
         are NaN: nothing was measured there. The logarithms of E' and E'' are linearised about the
         unknowns; those of shifts are included. Limits assume that the errors scatter about a
-        series of this length, with neighbours as correlated as the residuals show. Where `floor`
-        reports that the data contradict themselves, the true material may lie outside the limits.
+        series of this length, with neighbours as correlated as the residuals show. Where storage
+        and loss contradict each other, the true material may lie outside the limits.
         """
         if not 0 < level < 1:
             raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
@@ -154,17 +154,13 @@ class PronyFit(AbstractFit):
         """Returns the errors of the fit."""
         return fit_errors(*self._problem())
 
-    def floor(self) -> Floor:
-        """Returns the errors of the best positive spectra, and whether the channels agree."""
-        return floor_of(*self._problem())
-
-    def verdict(self) -> str:
-        """Returns in plain words whether the data or the number of terms limit the fit."""
-        return verdict_of(self, self.errors(), self.floor())
-
     def report(self) -> str:
-        """Returns the fit as text: terms, errors, verdict, and the lengths tried."""
+        """Returns the fit as text: terms, errors, warnings and the lengths tried."""
         return report_of(self)
+
+    def warnings(self) -> tuple[str, ...]:
+        """Returns a sentence on the values beyond five robust deviations, if there are any."""
+        return far_values(*self._problem())
 
 
 def fit_prony(
@@ -178,7 +174,7 @@ def fit_prony(
     glassy: Numbers | None = None,
     weights: tuple[Numbers, Numbers] = (1.0, 1.0),
     poisson: Numbers = 0.5,
-    throw: bool = True,
+    loss: Loss = "linear",
 ) -> PronyFit:
     """Returns the Prony series nearest to measured moduli or compliances, in logarithms.
 
@@ -196,17 +192,15 @@ def fit_prony(
       (`equilibrium=0`), whose exact relaxation form is the material.
     - `terms`: number of terms. By default that of the least Bayes information criterion.
     - `start`: instead, an earlier fit to similar data to begin from, whose length is kept.
-    - `equilibrium`: E_eq [Pa] if known, 0 for a liquid. By default fitted; with the number of
-      terms free it is 0 where loss exceeds storage at the lowest frequencies and the error is no
-      larger for it, as for melts.
+    - `equilibrium`: E_eq [Pa] if known, 0 for a liquid, such as a melt. By default fitted.
     - `glassy`: E_inf [Pa] if known; by default it follows from the branches.
     - `weights`: of the squared residuals of storage and of loss [1], each of shape `()` or
       `(points,)`; the first is that of all values in time. A weight of 0 leaves a value out.
     - `poisson`: Poisson's ratio of the material [1].
-    - `throw`: whether to raise for data that are far from all positive spectra.
+    - `loss`: "linear" for least squares, or "soft_l1", by which values far from the others count
+      less: such as SciPy's, beyond one standard deviation (by the median).
 
-    Raises `ValueError` for input that cannot be fitted, such as moduli that are not positive, and
-    for data half of which are off by more than 30 % from every positive spectrum.
+    Raises `ValueError` for input that cannot be fitted, such as moduli that are not positive.
 
     **Returns:** the material, and how well it is known.
     """
@@ -223,54 +217,30 @@ def fit_prony(
             )
         begin, terms = start.theta, start.terms
     check_terms(data, terms)
+    check_type("loss", loss, *get_args(Loss))
     if terms is None:
-        begin, path = choose(series := problem_of(data), terms)
-        data, begin, path = choose_liquid(data, series.rms(begin)) or (data, begin, path)
-        terms = problem_of(data).terms(begin)
+        if loss != "linear":
+            data = softened(data, lambda data: choose(problem_of(data), None)[0])
+        begin, path = choose(series := problem_of(data), None)
+        terms = series.terms(begin)
+
+    def fitted(data, begin):
+        if begin is None:
+            return best_of_length(problem_of(data), terms)[0]
+        return problem_of(data).minimise(np.asarray(begin), rtol=0)[0]
 
     def find(data, begin):
-        series = problem_of(data)
-        if begin is None:
-            theta, _ = best_of_length(series, terms)
-        else:
-            theta, _ = series.minimise(np.asarray(begin), rtol=0)
-        return theta, series.within_bounds(theta)
+        if loss != "linear" and data.scale is None:
+            data = softened(data, lambda data: fitted(data, begin))
+        series, theta = problem_of(data), fitted(data, begin)
+        scale = np.inf if series.scale is None else series.scale
+        return theta, series.within_bounds(theta), np.reshape(scale, 1)
 
-    theta, free = search(find, (data.num_unknowns(terms),), data, begin)
+    theta, free, scale = search(find, (data.num_unknowns(terms), 1), data, begin)
+    if loss != "linear":
+        data = dataclasses.replace(data, scale=scale[0])
     theta = attach_derivative(objective, theta, free, data)
-    fit = PronyFit(theta=theta, data=data, poisson=poisson, path=path)
-    if throw:
-        refuse_nonsense(fit)
-    return fit
-
-
-def refuse_nonsense(fit: PronyFit) -> None:
-    """Raises `ValueError` if half of the data, where concrete, are far from every spectrum."""
-    if not concrete(fit.data):
-        return
-    series = problem_of(fit.data)
-    if _typical_residual(series, np.asarray(fit.theta)) < FOREIGN:
-        return
-    off = _typical_residual(series, best_spectrum(series)[0])
-    if off > FOREIGN:
-        raise ValueError(
-            f"{jumps_of(series)}Half of the measured values are off by more than "
-            f"{np.expm1(off):.0%} from every positive spectrum (moduli grow with frequency and "
-            "fall with time). Check the order and units of the columns, and a given `equilibrium`. "
-            "In Python `weights=(1, 0)` leaves the loss out, and `fit_prony` with `throw=False` "
-            "fits them as they are."
-        )
-
-
-def _typical_residual(series, theta):
-    """The median size of the log residuals, of the worse channel.
-
-    A channel of small weight is not trusted, and may be off by as much more.
-    """
-    trust = np.sqrt(series.weights / np.max(series.weights))
-    sizes = series.by_channel(trust * np.abs(series.misfit(theta)))
-    rows = zip(sizes, series.by_channel(series.measured), strict=True)
-    return max(float(np.median(size[counted])) for size, counted in rows if np.any(counted))
+    return PronyFit(theta=theta, data=data, poisson=poisson, path=path)
 
 
 @compiled

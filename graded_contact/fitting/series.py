@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .newton import Expansion, Fitted, gram, newton_minimum
+from .minimum import Fitted, least_squares
 from .observations import ModuliKind, Observations, Unknowns
 from .shifts import Isotherms
 
@@ -57,6 +57,7 @@ class SeriesProblem:
     - `least`: logarithms of the least strengths of the static columns.
     - `reach`: factors by which times may lie outside those of the data, before and after.
     - `num_ends`: how many of the last points are known end values instead of measurements.
+    - `scale`: log residual from which on values count linearly, or None for least squares.
     - `isotherms`: whose shifts are unknowns, or None; `group`: the isotherm of each point, -1 for
       a known end value.
     """
@@ -71,6 +72,7 @@ class SeriesProblem:
     least: np.ndarray
     reach: tuple[float, float]
     num_ends: int
+    scale: Any = None
     isotherms: Isotherms | None = None
     group: Any = None
 
@@ -159,13 +161,6 @@ class SeriesProblem:
         padded = self.xp.concatenate([values, self.xp.zeros_like(values[..., :1])], axis=-1)
         return self.xp.tile(padded[..., self.group], len(self.weights) // len(self.x))
 
-    def _by_isotherm(self, rows):
-        """Sums over the rows of each isotherm."""
-        count = len(self.x) - self.num_ends
-        points = np.sum(self.by_channel(rows), axis=-2)
-        starts = np.flatnonzero(np.diff(self.group[:count], prepend=-1))
-        return np.add.reduceat(points[..., :count], starts, axis=-1)
-
     # The model and the cost ---------------------------------------------------------------------
 
     def branches(self, log_times: Any) -> Any:
@@ -191,9 +186,18 @@ class SeriesProblem:
         """Returns the residual at θ, the shifts in it included."""
         return self.at(theta).residual(self.model(theta))
 
+    def softened(self, residual: Any) -> Any:
+        """Returns g(r) whose square is SciPy's `soft_l1` of the residual r, or r itself."""
+        if self.scale is None:
+            return residual
+        return residual * self.xp.sqrt(2 / (1 + self._reach(residual)))
+
+    def _reach(self, residual):
+        return self.xp.sqrt(1 + (residual / self.scale) ** 2)
+
     def cost(self, residual: Any) -> Any:
         """Returns half the weighted sum of squares along the last axis."""
-        return residual**2 @ self.weights / 2
+        return self.softened(residual) ** 2 @ self.weights / 2
 
     def total_cost(self, theta: Any) -> Any:
         """Returns the cost of the series and that of its shifts."""
@@ -209,92 +213,68 @@ class SeriesProblem:
         rows = self.measured
         return float(np.sqrt(np.average(self.misfit(theta)[rows] ** 2, weights=self.weights[rows])))
 
+    def noise(self, theta: np.ndarray) -> float:
+        """Returns the usual log residual: by the median where bad values count less."""
+        return self.rms(theta) if self.scale is None else robust_deviation(self, theta)
+
     # The search ---------------------------------------------------------------------------------
 
     def minimise(self, theta: np.ndarray, **choices: Any) -> Fitted:
-        """Returns the minimum reached from `theta`; `choices` as in `newton_minimum`."""
-        theta, cost = newton_minimum(self.expand, theta, *self.bounds(theta), **choices)
+        """Returns the minimum reached from `theta`; `choices` as in `least_squares`."""
+        root, tied = np.sqrt(self.weights), np.sqrt(self.penalty(theta))
+
+        def residuals(theta):
+            return np.append(root * self.softened(self.misfit(theta)), tied * theta)
+
+        def jacobian(theta):
+            return np.concatenate([root * self.derivatives(theta)[1], np.diag(tied)], axis=1).T
+
+        theta, cost = least_squares(residuals, jacobian, theta, *self.bounds(theta), **choices)
         s, log_times, _ = self.split(theta)
         order = np.argsort(-log_times)
         return np.concatenate([s[order], log_times[order], theta[2 * len(s) :]]), cost
 
-    def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
-        """Returns the residual, its derivatives, (∂²m/∂(ln τ)²)/m of each branch, by rows, and
-        the derivatives of shifts, if there are any."""
+    def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the softened residual and its derivatives, by rows."""
         series, (s, log_times, c) = self.at(theta), self.split(theta)
-        value, slope, curvature = branches(np, self.kind, series.x, np.exp(log_times))
+        value, slope = branches(np, self.kind, series.x, np.exp(log_times))
         strengths, static = np.exp(s), np.exp(c)
         model = series._sum(strengths @ value, static)
         relative = strengths[:, None] / model
         by_time = slope * relative
         parts = [value * relative, by_time, self.static * (static[:, None] / model)]
-        shifts = self.isotherms and self.isotherms.slopes(theta)
-        if shifts:
+        if self.isotherms:
             # A shift moves every branch as a change of its time does.
-            along, _, across = map(self._at_rows, shifts)
+            along, across = map(self._at_rows, self.isotherms.slopes(theta))
             parts += [along * np.sum(by_time, axis=0), across]
         jacobian = np.concatenate(parts)
         jacobian[:, self.weights == 0] = 0
-        return series.residual(model), jacobian, curvature * relative, shifts
-
-    def expand(self, theta: np.ndarray) -> Expansion:
-        """Returns the cost about `theta`.
-
-        Second derivatives are exact at a minimum, where those of a strength alone vanish with the
-        gradient. Rows far off take their Gauss-Newton part, which is safe at any distance.
-        """
-        residual, jacobian, bend, shifts = self.derivatives(theta)
-        pull = self.weights * residual
-        near = pull * ((residual > -2) & (residual < 0.5))
-        stiffness, penalty = self.weights - near, self.penalty(theta)
-        hessian = gram(jacobian, stiffness)
-        times = np.arange(len(bend), 2 * len(bend))
-        hessian[times, times] += bend @ near
-        if shifts:
-            self._bend_by_shifts(hessian, shifts, jacobian, bend, near, pull)
-        hessian[np.diag_indices_from(hessian)] += penalty
-        cost = self.cost(residual) + penalty @ theta**2 / 2
-        scale = jacobian**2 @ stiffness + penalty
-        return Expansion(float(cost), jacobian @ pull + penalty * theta, hessian, scale)
-
-    def _bend_by_shifts(self, hessian, shifts, jacobian, bend, near, pull):
-        """Adds second derivatives by the shifts to the Hessian."""
-        along, law_twice, across = shifts
-        inner, terms = len(hessian) - len(across), len(bend)
-        # Vertical shifts are linear in ln m: their products lack the second derivative of ln m.
-        linear = jacobian @ (jacobian[inner:] * self.weights).T
-        hessian[:, inner:], hessian[inner:, :] = linear, linear.T
-        both, shifting = slice(2 * terms), slice(inner - len(along), inner)
-        slopes = jacobian[terms : 2 * terms]
-        by_isotherm = self._by_isotherm(np.concatenate([slopes, bend]) * near)
-        mixed = by_isotherm @ along.T
-        hessian[both, shifting] += mixed
-        hessian[shifting, both] += mixed.T
-        hessian[shifting, shifting] += along * np.sum(by_isotherm[terms:], axis=0) @ along.T
-        law = slice(shifting.start, shifting.start + len(law_twice))
-        hessian[law, law] += law_twice @ self._by_isotherm(np.sum(slopes, axis=0) * pull)
+        residual = series.residual(model)
+        if self.scale is not None:
+            reach = self._reach(residual)
+            jacobian *= np.sqrt((1 + reach) / 2) / reach
+        return self.softened(residual), jacobian
 
 
-def branches(xp: Any, kind: ModuliKind, x: Any, times: Any) -> tuple[Any, Any, Any]:
-    """Returns φ and its first two derivatives by ln τ, each of shape `(terms, rows)`."""
+def robust_deviation(series: SeriesProblem, theta: np.ndarray) -> float:
+    """Returns the standard deviation of the log residuals by their median, at least 1e-6."""
+    return max(1.4826 * float(np.median(np.abs(series.misfit(theta)[series.measured]))), 1e-6)
+
+
+def branches(xp: Any, kind: ModuliKind, x: Any, times: Any) -> tuple[Any, Any]:
+    """Returns φ and its derivative by ln τ, each of shape `(terms, rows)`."""
     if kind == "frequency":
         # Beyond these limits a branch is complete or absent, and powers of z overflow.
         z = xp.clip(times[:, None] * x, 1 / FARTHEST, FARTHEST)
         inverse = 1 / z
         loss, storage = 1 / (z + inverse), 1 / (1 + inverse**2)
-        loss2, tilt = loss**2, 1 - 2 * storage
-        return (
-            xp.concatenate([storage, loss], axis=1),
-            xp.concatenate([2 * loss2, loss * tilt], axis=1),
-            xp.concatenate([4 * loss2 * tilt, loss * (1 - 8 * loss2)], axis=1),
-        )
+        slopes = xp.concatenate([2 * loss**2, loss * (1 - 2 * storage)], axis=1)
+        return xp.concatenate([storage, loss], axis=1), slopes
     z = x / times[:, None]
     decay = xp.exp(-z)
-    slope = z * decay
-    curvature = (z - 1) * slope
     if kind == "creep":
-        return -xp.expm1(-z), -slope, -curvature
-    return decay, slope, curvature
+        return -xp.expm1(-z), -z * decay
+    return decay, z * decay
 
 
 def problem_of(data: Observations, xp: Any = np) -> SeriesProblem:
@@ -325,6 +305,7 @@ def problem_of(data: Observations, xp: Any = np) -> SeriesProblem:
         least=least,
         reach=(before, after),
         num_ends=num_ends,
+        scale=None if data.scale is None else xp.asarray(data.scale),
         isotherms=isotherms,
         group=isotherms and xp.append(xp.asarray(isotherms.group), xp.full(num_ends, -1)),
     )

@@ -25,13 +25,12 @@ from ..core.checks import (
 from ..core.compilation import compiled
 from ..materials.measured import Measured
 from .alignment import first_shifts
-from .lengths import SEARCH, Length, best_of_length, choose, criterion
-from .observations import Observations, Unknowns, observe
+from .lengths import SEARCH, Length, best_of_length, choose, criterion, softened
+from .observations import Loss, Observations, Unknowns, observe
 from .series import problem_of
 from .shifts import Isotherms, LawKind
 
 COLDEST_SET = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
-COMPARABLE = 10.0  # difference of the criterion up to which another end is as likely to be right
 ROUNDS = 4  # of choosing the number of terms
 SETTLED = 0.7  # times the error before: the number of terms then shows
 Isotherm = tuple[Numbers, Numbers, Numbers]
@@ -79,7 +78,6 @@ def joined_curves(
         group=jnp.asarray(np.repeat(np.arange(len(x)), [len(points) for points in x])),
         temperatures=jnp.asarray(temperatures),
         penalty=jnp.zeros(2),
-        rivals=jnp.zeros((0, 0)),
         reference=middle,
         law=law,
         stds=stds,
@@ -117,34 +115,41 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
 # Shifts and series ------------------------------------------------------------------------------
 
 
-def with_found(data: Observations, penalty: Any, rivals: Any) -> Observations:
-    """Returns the data with these fields of `Isotherms`, of which `rivals` may be flat."""
-    return eqx.tree_at(
-        lambda data: (data.isotherms.penalty, data.isotherms.rivals),
-        data,
-        (jnp.asarray(penalty), jnp.reshape(rivals, (-1, data.num_shifts))),
-    )
+def with_expected(data: Observations, expected: Any, loss: Loss) -> Observations:
+    """Returns the data with `expected`: the weights of departures and of ln b, and the scale."""
+    data = eqx.tree_at(lambda data: data.isotherms.penalty, data, expected[:2])
+    return data if loss == "linear" else dataclasses.replace(data, scale=expected[2])
 
 
-def shifts_and_series(data: Observations, terms: int | None) -> tuple[tuple, tuple[Length, ...]]:
-    """Returns unknowns, which of them are free, penalty and rivals; and all lengths tried."""
-    isotherms = data.isotherms
-    assert isotherms is not None
+def shifts_and_series(
+    data: Observations, terms: int | None, loss: Loss
+) -> tuple[tuple, tuple[Length, ...]]:
+    """Returns unknowns, which of them are free, and what is expected, see `with_expected`; and
+    all lengths tried.
+    """
+    if loss != "linear":
+        data = softened(data, lambda data: _fitted(data, terms)[0])
+    unknowns, series, path = _fitted(data, terms)
+    assert series.isotherms is not None
+    scale = np.inf if series.scale is None else series.scale
+    expected = np.append(series.isotherms.penalty, scale)
+    return (unknowns, series.within_bounds(unknowns), expected), path
+
+
+def _fitted(data, terms):
+    """Unknowns, the problem that they solve, and all lengths tried."""
     series, path = problem_of(data), ()
-    ends = [_end(data, start) for start in first_shifts(series, isotherms)]
-    least, unknowns = min(ends, key=lambda end: end[0])
-    rivals = [
-        isotherms.change(unknowns, end) * (value <= least + COMPARABLE) for value, end in ends
-    ]
+    ends = [_end(data, start) for start in first_shifts(series, data.isotherms)]
+    _, unknowns = min(ends, key=lambda end: end[0])
     for _ in range(ROUNDS):
-        series, penalty = _expecting(data, series.rms(unknowns))
+        series = _expecting(data, series.noise(unknowns))
         theta, path = choose(series.at(unknowns), terms)
         start = np.concatenate([theta, unknowns[len(unknowns) - series.num_shifts :]])
-        unknowns, _ = series.minimise(start, rtol=0, max_steps=150)
+        unknowns, _ = series.minimise(start, rtol=0)
         # At wrong shifts the error hides how many terms the data show.
         if series.rms(unknowns) > SETTLED * series.rms(start):
             break
-    return (unknowns, series.within_bounds(unknowns), penalty, np.ravel(rivals)), path
+    return unknowns, series, path
 
 
 def _end(data, shifts):
@@ -155,17 +160,16 @@ def _end(data, shifts):
     unknowns, cost = np.concatenate([theta, shifts]), np.inf
     # The residuals' variance is known only once the shifts are: the law holds less and less.
     for _ in range(3):
-        series, _ = _expecting(data, series.rms(unknowns))
+        series = _expecting(data, series.noise(unknowns))
         unknowns, cost = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
     return criterion(series, len(unknowns), cost), unknowns
 
 
 def _expecting(data, error):
-    """The problem in which departures and ln b cost what is expected beside such errors, and the
-    weights of their squares."""
+    """The problem in which departures and ln b cost what is expected beside such errors."""
     stds = data.isotherms.stds
     penalty = np.array([(error / std) ** 2 if std > 0 else 0.0 for std in stds])
-    return problem_of(with_found(data, penalty, data.isotherms.rivals)), penalty
+    return problem_of(eqx.tree_at(lambda data: data.isotherms.penalty, data, penalty))
 
 
 @compiled

@@ -36,7 +36,6 @@ class Isotherms(eqx.Module):
     - `group`: number of the isotherm of each point, shape `(points,)`.
     - `temperatures`: [K], shape `(isotherms,)`, increasing.
     - `penalty`: weights of the squares of departures and of ln b in the objective [1].
-    - `rivals`: changes of the unknowns to other shifts that explain the data about as well.
     - `reference`: the isotherm that is not shifted. Static.
     - `law`: the shift law. Static.
     - `stds`: expected deviations of ln a from the law, and of ln b; 0 if there are none. Static.
@@ -45,7 +44,6 @@ class Isotherms(eqx.Module):
     group: Int[Array, " points"]
     temperatures: Float[Array, " isotherms"]
     penalty: Float[Array, " 2"]
-    rivals: Float[Array, "rivals shifts"]
     reference: int = eqx.field(static=True)
     law: LawKind = eqx.field(static=True)
     stds: tuple[float, float] = eqx.field(static=True)
@@ -79,8 +77,8 @@ class Isotherms(eqx.Module):
         """Returns ln a of each isotherm by the law."""
         return self._by_law(p)[0]
 
-    def _by_law(self, p: Any) -> tuple[Any, Any, Any]:
-        """ln a of each isotherm by the law, its derivatives by `p` and its second ones.
+    def _by_law(self, p: Any) -> tuple[Any, Any]:
+        """ln a of each isotherm by the law, and its derivatives by `p`.
 
         In closed form, because a search in NumPy asks for them at each step.
         """
@@ -89,13 +87,11 @@ class Isotherms(eqx.Module):
         base, factor = temperatures[self.reference], xp.exp(p)
         if self.law == "arrhenius":
             value = factor[0] * (1 / temperatures - 1 / base)
-            return value, value[None], value[None, None]
+            return value, value[None]
         above, c2 = temperatures - base, base - temperatures[0] + factor[1]
         value = -LN10 * factor[0] * c2 * above / (c2 + above)
         by_distance = -LN10 * factor[0] * factor[1] * (above / (c2 + above)) ** 2
-        twice = by_distance * (1 - 2 * factor[1] / (c2 + above))
-        first = xp.stack([value, by_distance])
-        return value, first, xp.stack([first, xp.stack([by_distance, twice])])
+        return value, xp.stack([value, by_distance])
 
     def shifts(self, unknowns: Any) -> tuple[Any, Any]:
         """Returns ln a and ln b of every isotherm."""
@@ -103,25 +99,15 @@ class Isotherms(eqx.Module):
         along = self.law_shifts(p) + departures @ self.others[: len(departures)]
         return along, lifts @ self.others[: len(lifts)]
 
-    def slopes(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns the derivatives of ln a by (p, e), its second ones by p, and those of ln b.
+    def slopes(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the derivatives of ln a by (p, e), and those of ln b.
 
         The isotherms are the last axis.
         """
         p, departures, lifts = self.split(unknowns)
-        _, first, second = self._by_law(p)
+        _, first = self._by_law(p)
         along = np.concatenate([first, self.others[: len(departures)]])
-        return along, second, self.others[: len(lifts)]
-
-    def change(self, unknowns: np.ndarray, others: np.ndarray) -> np.ndarray:
-        """Returns the change of the unknowns that to first order gives the shifts of `others`."""
-        slopes, (law, departures, _) = self.slopes(unknowns)[0], self.counts
-        along, across = (there - here for there, here in
-                         zip(self.shifts(others), self.shifts(unknowns), strict=True))  # fmt: skip
-        by_law = self.split(others)[0] - self.split(unknowns)[0]
-        apart = along - by_law @ slopes[:law]
-        lifts = self.others[: self.counts[2]] @ across
-        return np.concatenate([by_law, self.others[:departures] @ apart, lifts])
+        return along, self.others[: len(lifts)]
 
     def weights(self, xp: Any) -> Any:
         """Returns the weight of the square of each unknown in the cost."""

@@ -82,8 +82,7 @@ def stack_kernel(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    how = dict(rtol=rtol, strain=strain)
-    kernel, reached = attempted_kernel(stack, grid, velocity, **how)
+    kernel, reached = attempted_kernel(stack, grid, velocity, rtol=rtol, strain=strain)
     return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
 
 
@@ -167,7 +166,15 @@ def of_waves(
 @compiled
 def _interpolated_kernel(stack, grid, velocity, rtol):
     """The kernel by its table, and the error of that."""
-    table = _kernel_table(stack, grid, velocity, rtol)
+    lowest = 2 * np.pi / grid.size
+
+    def logarithm(kx, ky):
+        qx, qy = kx * lowest[0], ky * lowest[1]
+        q, omega = _magnitude(qx, qy), sliding_frequency(qx, qy, velocity)
+        return log_compliance(stack, q, omega, rtol)
+
+    highest = (grid.shape[0] // 2, grid.shape[1] // 2)
+    table = tabulate(logarithm, highest, grid.size.dtype)
     numbers = np.arange(grid.shape[1] // 2 + 1)
     qy, columns = _wavenumbers(grid, 1, numbers), table.along_y(numbers)
 
@@ -176,18 +183,6 @@ def _interpolated_kernel(stack, grid, velocity, rtol):
         return jnp.exp(table.along_x(index, columns)) / _magnitude(qx[:, None], qy[None, :])
 
     return _rules(_mirrored(rows, grid), grid), table.error
-
-
-@compiled
-def _kernel_table(stack, grid, velocity, rtol):
-    lowest = 2 * np.pi / grid.size
-
-    def logarithm(kx, ky):
-        qx, qy = kx * lowest[0], ky * lowest[1]
-        q, omega = _magnitude(qx, qy), sliding_frequency(qx, qy, velocity)
-        return log_compliance(stack, q, omega, rtol)
-
-    return tabulate(logarithm, (grid.shape[0] // 2, grid.shape[1] // 2), grid.size.dtype)
 
 
 def _mirrored(rows_of, grid):

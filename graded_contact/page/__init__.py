@@ -1,1 +1,5 @@
-"""A scene as a page of sliders in the browser."""
+"""The page: a scene with sliders, in the browser or in a notebook."""
+
+from .page import Page, explore, serve
+
+__all__ = ["Page", "explore", "serve"]

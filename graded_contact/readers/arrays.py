@@ -49,8 +49,9 @@ def read_hdf5(source: Source) -> Heights:
     with h5py.File(source.path) as tree:
         tree.visititems(visit)
         name = _chosen(source, names)
-        check_fits(source.path, 8 * tree[name].size)
-        return Heights(_numbers(np.asarray(tree[name])), f"dataset {name!r}")
+        node: Any = tree[name]
+        check_fits(source.path, 8 * node.size)
+        return Heights(_numbers(np.asarray(node)), f"dataset {name!r}")
 
 
 def _chosen(source: Source, names: list[str]) -> str:

@@ -122,18 +122,14 @@ def read_strain_sweep(
 
     **Returns:** ε, f and g, in order of ε.
     """
-    sweep = strain_sweep(path, columns=columns, units=units, layout=layout)
-    parts = np.real(sweep.values), np.imag(sweep.values)
-    return sweep.abscissa, *(part / part[0] for part in parts)
-
-
-def strain_sweep(path: str | os.PathLike, **options: Any) -> Measured:
-    """Returns the moduli over the strain amplitude [1], arguments as in `read_strain_sweep`."""
+    options = {"columns": columns, "units": units, "layout": layout}
     table = read_table(source_of(path, "read_strain_sweep", **options))
-    sweep = _measured(understood(table, QUANTITIES, list(_SWEEPS), deformed=False), None, None)
+    found = understood(table, QUANTITIES, list(_SWEEPS), deformed=False)
+    sweep = _measured(found, None, None)
     if np.any(np.diff(np.sign(np.diff(sweep.abscissa[np.argsort(sweep.lines)])))):
         raise table.not_plain(["its strains go up and down: it is not one sweep"])
-    return sweep
+    parts = np.real(sweep.values), np.imag(sweep.values)
+    return sweep.abscissa, *(part / part[0] for part in parts)
 
 
 def _layouts(layout: Layout | None) -> list[Layout | None]:

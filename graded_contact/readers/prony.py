@@ -12,7 +12,7 @@ from .source import Layout, source_of
 from .tables import Table, read_table
 
 _SERIES = {
-    "time": Quantity("time", r"(tau|τ|t)[ijk]?|(relaxation|rel)times?"),
+    "time": Quantity("time", r"(tau|τ)[ijk]?|t[ijk]|(relaxation|rel)times?"),
     "modulus": Quantity("modulus", r"[EG][ijk]?|modulus|(mode|branch)modulus|strengths?"),
     "ratio": Quantity("ratio", r"[ge][ijk]|ratio|weights?|(rel|relative)mod(ulus)?", "1"),
 }

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float, ScalarLike
 
 from ..fields.grid import Grid
-from ..sliding.motion.periodic import Motion, recorded
+from ..sliding.motion.motion import Motion
+from ..sliding.motion.periodic import recorded
 from .columns import Quantity, understood
 from .source import NotPlain, source_of
 from .tables import read_table

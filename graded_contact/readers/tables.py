@@ -136,7 +136,7 @@ def read_table(source: Source) -> Table:
     if names and all(number_in(cell) is not None for cell in names):
         raise source.not_plain([f"line {header} has numbers, no names"])
     units = _popped_words(rows)
-    width = len(next(reversed(rows.values()), []))
+    width = len(rows[max(rows)]) if rows else 0
     odd = [f"line {n} has {len(row)} cells" for n, row in rows.items() if len(row) != width]
     if odd or len(rows) < 2:
         raise _uneven(source, [*odd[:1], f"its last line has {width}"], lines)
@@ -177,7 +177,7 @@ def _section_named(source: Source, lines: dict[int, str], layout: Layout) -> Sec
 
 
 def _separator(lines: Mapping[int, str], layout: Layout) -> str:
-    lowest = next(reversed(lines.values()), "")
+    lowest = list(lines.values())[-1] if lines else ""
     return layout.get("separator") or next((m for m in SEPARATORS if m in lowest), SPACES)
 
 
@@ -206,8 +206,8 @@ def _rows_of_book(source: Source, content: bytes, layout: Layout) -> dict[int, l
         names = list(map(str, book.sheet_names))
         if sheet not in names and (sheet is not None or len(names) > 1):
             raise source.not_plain([f"its sheets are {names}: choose one"], layout={"sheet": "..."})
-        frame = book.parse(sheet or names[0], header=None, dtype=str).fillna("")
-    lines = ([cell.strip() for cell in row] for row in frame.values.tolist())
+        frame: Any = book.parse(sheet or names[0], header=None, dtype=str)
+    lines = ([cell.strip() for cell in row] for row in frame.fillna("").values.tolist())
     first, last = layout.get("header", 1), layout.get("end", np.inf)
     return {
         n: pointed(row, decimal)

@@ -34,7 +34,7 @@ from .column import (
     face_in,
     in_rows,
 )
-from .slab import Compliance, Slab, factors, in_units, lower_face, release, stack_on
+from .slab import Compliance, Slab, factors, in_units, lower_face, reciprocal, release, upwards
 from .upwards import FULL, base_face
 
 Side = Literal["above", "below"]
@@ -138,7 +138,12 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     g, g_t = in_units(g, face.reduced / reduced), g_t * face.shear / lower.shear
     # Upside down, compliances and stiffnesses change places.
     turned = Slab(s.g, s.q, s.p11, s.p21, s.p12, s.p22)
-    t, n = release(s.q, g, (t, n), 1, 1 / lower_face(g, turned)[1])
+    h, m = lower_face(g, turned)
+    inverse = reciprocal(m)
+    up = upwards(g, [part * inverse for part in h], turned)
+    plane = (own + part for own, part in zip(s.g[:3], up[:3], strict=True))
+    stiffness = Compliance(*plane, (s.g.det + up.det) * inverse)
+    t, n = release(s.q, g, (t, n), 1, inverse)
     # 1/cosh x = 2 e^-x/(1 + e^-2x) does not overflow.
     tanh, decay = jnp.tanh(x), jnp.exp(-x)
     inverse_t = 1 / (1 + tanh * g_t)
@@ -147,7 +152,6 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
         s.p12 * t + s.p22 * n,
         2 * decay / (1 + decay * decay) * across * inverse_t,
     )
-    stiffness = stack_on(g, turned, jnp.ones_like(x))
     return lower._replace(state=Above(stiffness, (tanh + g_t) * inverse_t, traction))
 
 

@@ -105,12 +105,6 @@ def in_units(c: Compliance, ratio: Inexact[Array, "..."]) -> Compliance:
     return Compliance(c11, c12, c22, times(ratio * ratio, c.det))
 
 
-def half_space(e: Inexact[Array, "..."]) -> Compliance:
-    """Returns the compliance of a half space; `e` = 1 - 2ν."""
-    one = jnp.ones_like(e)
-    return Compliance(one, -e / (1 + e), one, (1 + 2 * e) / (1 + e) ** 2)
-
-
 def factors(x: Array, e: Array) -> Slab:
     """Returns the factors of a slab of x = q d [1] and `e` = 1 - 2ν; real for real `e`."""
     t = _terms(x, e)
@@ -140,19 +134,6 @@ def factors(x: Array, e: Array) -> Slab:
         p21=p * (x * (1 + e2) - e * om),
         p22=jnp.where(thin, 1 + (even + odd) * inverse, p * (b * (1 + e2) + x * om)),
     )
-
-
-def stack_on(below: Compliance, slab: Slab, ratio: Inexact[Array, "..."]) -> Compliance:
-    """Returns the compliance of a slab's upper face, with `below` bonded to its lower face.
-
-    `ratio` is E_r of the slab over E_r in whose units `below` is given.
-    """
-    c = in_units(below, ratio)
-    h, n = lower_face(c, slab)
-    inverse = reciprocal(n)
-    up = upwards(c, [part * inverse for part in h], slab)
-    q = slab.q
-    return Compliance(q.c11 + up.c11, q.c12 + up.c12, q.c22 + up.c22, (q.det + up.det) * inverse)
 
 
 def release(c: Compliance, g: Compliance, force, one, inverse) -> tuple[Array, Array]:

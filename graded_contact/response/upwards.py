@@ -16,7 +16,7 @@ from jaxtyping import Array, Inexact
 
 from ..blocks.stack import Free, Rigid
 from .column import Column, Face, Rule, face_in
-from .slab import Compliance, factors, half_space, in_units, lower_face, times, upwards
+from .slab import Compliance, factors, in_units, lower_face, times, upwards
 
 
 class Below(NamedTuple):
@@ -40,7 +40,9 @@ def base_face(column: Column, like: Array) -> Face:
         return Face(Below(one, Compliance(none, none, none, none), one, none), one, one)
     if isinstance(column.base, Free):
         return Face(Below(none, Compliance(none, none, none, one), none, one), one, one)
-    return jax.tree.map(lambda part: part + none, _half_space(*column.base))
+    # Moduli keep their shape: often one for each row of waves.
+    face = _half_space(*column.base)
+    return face._replace(state=jax.tree.map(lambda part: part + none, face.state))
 
 
 def in_plane(face: Face) -> Face:
@@ -50,7 +52,8 @@ def in_plane(face: Face) -> Face:
 
 def _half_space(reduced: Array, e: Array) -> Face:
     one = jnp.ones_like(e)
-    return face_in(Below(one, half_space(e), one, one), reduced, e)
+    c = Compliance(one, -e / (1 + e), one, (1 + 2 * e) / (1 + e) ** 2)
+    return face_in(Below(one, c, one, one), reduced, e)
 
 
 def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
@@ -58,22 +61,21 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     above = face_in(None, reduced, e)
     ratio, s = reduced / face.reduced, factors(x, e)
     n, c, n_t, c_t = face.state
-    c = in_units(c, ratio)
+    # Only ratios of coordinates matter; those of hundreds of layers would overflow. Those that are
+    # given are at hand: the size of the new ones would be computed again for each of them.
+    unit = _inverse_size((n, *c))
+    n, c = unit * n, in_units(Compliance(*(unit * part for part in c)), ratio)
     h, m = lower_face(c, s, n)
     # The slab's own part, of 1/m as the rest.
     own = (times(part, by) for part, by in zip(s.q, (m, m, m, n), strict=True))
     plane = [a + b for a, b in zip(own, upwards(c, h, s), strict=True)]
-    # Only ratios of coordinates matter; those of hundreds of layers would overflow.
-    unit = _inverse_size((m, *plane))
-    state = Below(unit * m, Compliance(*(unit * part for part in plane)))
+    state = Below(m, Compliance(*plane))
     if n_t is not None:
         # Antiplane a slab is a scalar: both its factors are tanh x.
         ratio_t, tanh = above.shear / face.shear, jnp.tanh(x)
-        c_t = ratio_t * c_t
-        antiplane = (n_t + tanh * c_t, c_t + tanh * n_t)
-        unit_t = _inverse_size(antiplane)
-        n_t, c_t = (unit_t * part for part in antiplane)
-        state = state._replace(n_t=n_t, c_t=c_t)
+        unit_t = _inverse_size((n_t, c_t))
+        n_t, c_t = unit_t * n_t, unit_t * ratio_t * c_t
+        state = state._replace(n_t=n_t + tanh * c_t, c_t=c_t + tanh * n_t)
     return above._replace(state=state)
 
 

@@ -28,7 +28,7 @@ from ..readers import read_moduli, read_surface
 from ..readers.recorded_motion import read_motion, read_over_time
 from ..response import Layering, Riccati
 from ..sliding import (
-    SingleMotion,
+    Motion,
     dwell,
     listed,
     ramp,
@@ -97,7 +97,7 @@ def measured(
     return rescale(surface, rms_height=rms_height, rms_slope=rms_slope)
 
 
-def read_transient(path: os.PathLike, grid: Grid) -> SingleMotion:
+def read_transient(path: os.PathLike, grid: Grid) -> Motion:
     """Returns the motion of a table "time [s], displacement [m]" that need not close."""
     times, displacement = read_over_time(path, "displacements")
     return recorded_transient(times, displacement, grid)

@@ -12,7 +12,7 @@ from ..core.checks import as_float, check_increasing, check_positive, check_rows
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
 from ..readers.recorded_motion import read_over_time
-from ..sliding import Motion, SingleMotion
+from ..sliding import Motion
 from .builder import Builder, check_table, in_table, tables_of
 from .kinds import CYCLES, TRANSIENTS
 
@@ -35,9 +35,9 @@ class LoadOverTime(NamedTuple):
     times: Float[Array, " n"]
     ratios: Float[Array, " n"]
 
-    def at(self, motion: Motion | SingleMotion) -> np.ndarray:
+    def at(self, motion: Motion) -> np.ndarray:
         """Returns the ratios at the times of a motion."""
-        if isinstance(motion, SingleMotion):
+        if not motion.repeats:
             return np.interp(motion.times, self.times, self.ratios)
         times = np.arange(motion.num_times) / motion.num_times
         return np.interp(times, self.times, self.ratios, period=1.0)
@@ -79,7 +79,7 @@ def axes_of(load: dict[str, Any]) -> dict[str, Float[np.ndarray, " values"]]:
 
 
 def load_over_time(
-    builder: Builder, load: dict[str, Any], motion: Motion | SingleMotion | None
+    builder: Builder, load: dict[str, Any], motion: Motion | None
 ) -> tuple[LoadOverTime | None, float | None]:
     """Returns how the load of a motion varies, and its highest pressure [Pa] if that is in a file.
 
@@ -99,7 +99,7 @@ def load_over_time(
             return LoadOverTime(as_float(times - times[0]), as_float(pressures / highest)), highest
         ratios = as_float(ratios, "pressure_ratio")
         check_positive("pressure_ratio", ratios, "[1]")
-        if isinstance(motion, Motion):
+        if motion.repeats:
             if times is not None:
                 raise ValueError("`ratio_times` is for [[motion]]: a cycle has equal times.")
             times = np.arange(ratios.size) / ratios.size
@@ -110,7 +110,7 @@ def load_over_time(
         return LoadOverTime(times, ratios), None
 
 
-def motion_of(builder: Builder, table: Any, line: Grid) -> Motion | SingleMotion | None:
+def motion_of(builder: Builder, table: Any, line: Grid) -> Motion | None:
     """Returns a cycle for a table [motion], and a transient motion for a list [[motion]].
 
     `line` are points along the motion, whose spacing decides the number of times.
@@ -123,7 +123,7 @@ def motion_of(builder: Builder, table: Any, line: Grid) -> Motion | SingleMotion
         builder.build_kind(place, part, TRANSIENTS, grid=line)
         for place, part in tables_of("motion", table).items()
     ]
-    return functools.reduce(SingleMotion.then, parts)
+    return functools.reduce(Motion.then, parts)
 
 
 def line_along(grid: Grid, directions: ArrayLike) -> Grid:
@@ -138,7 +138,7 @@ def line_along(grid: Grid, directions: ArrayLike) -> Grid:
     return Grid(grid.shape[:1], grid.shape[0] / max(crossed))
 
 
-def with_corners(motion: SingleMotion, load: LoadOverTime) -> SingleMotion:
+def with_corners(motion: Motion, load: LoadOverTime) -> Motion:
     """Returns a motion whose steps also end where the load changes its rate."""
     own, moved = np.asarray(motion.times), np.asarray(motion.displacement)
     times = np.asarray(load.times)
@@ -146,7 +146,7 @@ def with_corners(motion: SingleMotion, load: LoadOverTime) -> SingleMotion:
         raise ValueError("[load] `ratio_times` must end before the motion does.")
     near = np.any(np.isclose(times[:, None], own, rtol=_CLOSE, atol=0), axis=1)
     whole = np.sort(np.concatenate([own, times[~near & (times > 0)]]))
-    return SingleMotion(whole, np.interp(whole, np.append(0, own), np.append(0, moved)))
+    return Motion(np.interp(whole, np.append(0, own), np.append(0, moved)), times=whole)
 
 
 def turned(displacement: Float[Array, " nt"], direction: ArrayLike) -> Float[Array, "nt ..."]:

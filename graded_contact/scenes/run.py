@@ -15,12 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.quantities import FIELDS, numbers_of, quantity_of
+from ..core.quantities import FIELDS, quantity_of
 from ..fields.frequency import velocity_along
 from ..materials.shift import shifts_in
-from ..sliding import Motion, SingleMotion, slide_case
+from ..sliding import slide_case
 from ..sliding.interior.stress import STRESSES
-from ..sliding.transient.solve import solve_transient
+from ..sliding.result import numbers_of
+from ..sliding.solve.transient import solve_transient
 from ..studies.sweep import sweep
 from .scene import Scene
 
@@ -45,7 +46,7 @@ def run_scene(scene: Scene, **engine: Any) -> "Dataset":
     this package as attributes. Fields are those of the last point, or of all points if the scene
     stores these.
     """
-    stored = () if scene.output.fields == "none" else fields_of(scene)
+    stored = () if scene.output.fields is None else fields_of(scene)
     last = stored if scene.output.fields == "last" else ()
     results = sweep(lambda point: numbers_at(scene, point), scene.axes, last=last, **engine)
     results = with_places(scene, results)
@@ -69,7 +70,7 @@ def fields_of(scene: Scene) -> tuple[str, ...]:
 
 def frames_of(scene: Scene) -> tuple[int, ...]:
     """Returns the numbers of the steps of a transient motion with fields, the last among them."""
-    assert isinstance(scene.motion, SingleMotion)
+    assert scene.motion is not None
     last = scene.motion.num_times - 1
     count = min(scene.output.frames, last + 1)
     return tuple(last - (last * i) // max(count - 1, 1) for i in reversed(range(count)))
@@ -78,7 +79,7 @@ def frames_of(scene: Scene) -> tuple[int, ...]:
 def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     """Returns numbers and fields of the contact of a scene at a point, and how the solve ended."""
     case = scene.case(point)
-    if isinstance(scene.motion, SingleMotion):
+    if scene.motion is not None and not scene.motion.repeats:
         how = scene.numerics.of(case.bodies, case.rough)
         contact: Any = solve_transient(case, how, frames_of(scene))
     else:
@@ -92,15 +93,15 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
         found |= {name: stress, f"{name}_depth": depth}
     if scene.motion is not None:
         found = {name: _along_motion(name, number, point) for name, number in found.items()}
-    if isinstance(scene.motion, Motion):
+    if scene.motion is not None and scene.motion.repeats:
         found["period"] = case.period
-    if isinstance(scene.motion, SingleMotion) and "flow" in asked:
+    if scene.motion is not None and not scene.motion.repeats and "flow" in asked:
         frames, unknown = np.array(frames_of(scene)), jnp.full(scene.motion.num_times, jnp.nan)
         flows = [name for name in found if name.startswith(FLOWS)]
         found |= {name: unknown.at[frames].set(found[name]) for name in flows}
     if scene.fluid is not None:
         found |= _leakages(scene, found, case.rough.grid)
-    if scene.output.fields != "none":
+    if scene.output.fields is not None:
         found |= {name: getattr(contact.contact, of) for name, of in CONTACT_FIELDS.items()}
         found |= {SEED_HEIGHTS: case.rough.heights} if "seed" in scene.axes else {}
     return found | {"result": contact.result}
@@ -133,13 +134,13 @@ def with_places(scene: Scene, results: "Dataset") -> "Dataset":
         places = np.arange(count) * (float(length) / count)
         results = results.assign_coords({axis: (axis, places, attributes_of(axis))})
     if motion is not None:
-        times = ("time",) if isinstance(motion, Motion) else ("field_time",)
+        times = ("time",) if motion.repeats else ("field_time",)
         moved = "time", np.asarray(motion.displacement), attributes_of("surface_displacement")
         results = results.assign(surface_displacement=moved)
-    if isinstance(motion, Motion):
+    if motion is not None and motion.repeats:
         part = np.arange(motion.num_times) / motion.num_times
         results = results.assign_coords(time=("time", part, attributes_of("time")))
-    if isinstance(motion, SingleMotion):
+    if motion is not None and not motion.repeats:
         at, about = np.asarray(motion.times), {"units": "s", "long_name": "time"}
         framed = at[np.array(frames_of(scene))]
         results = results.assign_coords(

@@ -23,7 +23,7 @@ from ..core.display import shown
 from ..core.parameters import with_values
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
-from ..sliding import Case, Fluid, Heating, Motion, Numerics, SingleMotion
+from ..sliding import Case, Fluid, Heating, Motion, Numerics
 from ..sliding.bodies import TwoBodies, in_both
 from ..surfaces import Surface
 from .builder import Builder, check_table, in_table, kind_of, tables_of
@@ -100,16 +100,16 @@ class Output:
 
     **Fields:**
 
-    - `fields`: solves whose fields over the surface are stored.
+    - `fields`: solves whose fields over the surface are stored: "last", "every" or "none".
     - `frames`: number of times of a transient motion with fields, and with a flow or leakage: after
       equal numbers of steps, with the first and the last.
     """
 
-    fields: Literal["last", "every", "none"] = "last"
+    fields: Literal["last", "every"] | None = "last"
     frames: int = 8
 
     def __post_init__(self):
-        check_type("fields", self.fields, "last", "every", "none")
+        check_type("fields", self.fields, "last", "every", type(None))
         check_whole("frames", self.frames, 1)
 
 
@@ -139,7 +139,7 @@ class Scene:
     surface: Surface | DrawSurface
     block_surface: Surface | None
     axes: dict[str, Float[np.ndarray, " values"]]
-    motion: Motion | SingleMotion | None
+    motion: Motion | None
     load_over_time: LoadOverTime | None
     options: dict[str, Any]
     fluid: Fluid | None
@@ -168,7 +168,7 @@ class Scene:
         if self.load_over_time is not None:
             given["pressure"] = given["pressure"] * self.load_over_time.at(motion)
         given["displacement"] = turned(motion.displacement, direction)
-        if isinstance(motion, SingleMotion):
+        if not motion.repeats:
             return Case(times=np.asarray(motion.times), **given)
         period = motion.period
         if "velocity" in point:  # the same path at another highest speed
@@ -224,7 +224,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     over_time, highest = load_over_time(builder, load, motion)
     if highest is not None:
         axes["pressure"] = np.array([highest])
-    if isinstance(motion, SingleMotion):
+    if motion is not None and not motion.repeats:
         motion = motion if over_time is None else with_corners(motion, over_time)
         if "velocity" in axes:
             raise ValueError("[load] `velocity` is not for [[motion]], which has its own.")

@@ -1,16 +1,16 @@
 """Sliding contact: the case, its observables and results, motion in time, shear and heat."""
 
-from . import observables  # noqa: F401 (first: it decides their order)
 from .case import Case, Heating
 from .interior.conduction import flash_temperature
 from .interior.heat_source import heat_depths, heat_source
 from .interior.stress import ContactStress, LargestStress, contact_stress
-from .motion.periodic import Motion, recorded, sinusoidal, start_stop, steady
-from .motion.transient import SingleMotion, dwell, listed, ramp, recorded_transient, start
+from .motion.motion import Motion
+from .motion.periodic import recorded, sinusoidal, start_stop, steady
+from .motion.transient import dwell, listed, ramp, recorded_transient, start
 from .numbers.gap_flow import Fluid, GapFlow, gap_flow
 from .numbers.stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 from .numerics import Numerics
-from .result import CyclicSliding, Sliding, TransientSliding, describe
+from .result import CyclicSliding, Sliding, TransientSliding
 from .shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
 from .slide import slide, slide_case, slide_cycle, slide_transient
 from .solve.magnification import area_against_cutoff, cumulative_friction
@@ -18,13 +18,9 @@ from .solve.magnification import area_against_cutoff, cumulative_friction
 __all__ = [
     "AbstractShear", "Case", "ConstantShear", "ContactStress", "Coulomb", "CyclicSliding",
     "Fluid", "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear",
-    "SingleMotion", "Sliding", "TransientSliding", "area_against_cutoff", "contact_conductance",
+    "Sliding", "TransientSliding", "area_against_cutoff", "contact_conductance",
     "contact_stiffness", "contact_stiffness_error", "contact_stress", "cumulative_friction",
     "dwell", "flash_temperature", "gap_flow", "heat_depths", "heat_source", "listed", "ramp",
     "recorded", "recorded_transient", "sinusoidal", "slide", "slide_case", "slide_cycle",
     "slide_transient", "start", "start_stop", "steady",
 ]  # fmt: skip
-
-describe(Sliding)
-describe(CyclicSliding)
-describe(TransientSliding)

@@ -1,4 +1,7 @@
-"""A case: everything that decides the numbers of one contact under sliding, and nothing else."""
+"""A case: everything that decides the numbers of one contact under sliding, and nothing else.
+
+Facts of a case decide which numbers of its contact are printed and stored.
+"""
 
 from collections.abc import Callable
 from typing import Any, get_args
@@ -26,10 +29,22 @@ from ..core.checks import (
 from ..core.display import shown
 from ..fields.frequency import as_velocity
 from ..kernels.memory import LONGEST
+from ..kernels.window import has_ground
 from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface
-from .motion.periodic import check_closed, check_resolved
-from .shear import ShearLaw
+from .motion.motion import check_closed, check_resolved
+from .shear import ShearLaw, is_coupled
+
+WINDOW = "window"  # the surface does not repeat
+GROUND = "ground"  # the block of a window does not move far away
+LOAD_FOLLOWS = "load follows"  # from a mean gap or an approach
+GIVEN_LOAD = "given load"  # or a mean gap: the approach follows
+SHEARED = "sheared"  # there is shear stress in the contact
+COUPLED = "coupled"  # the shear stress moves the surface of the block
+HEATED = "heated"
+COUNTERFACE = "counterface"  # the body that carries the surface deforms
+# Asked for by [observe] of a scene, whose keys these are. All contacts can compute them.
+STIFFNESS, CONDUCTANCE, FLOW = "stiffness", "conductance", "flow"
 
 OfParts = Float[Array, ""] | Float[Array, " parts"]
 
@@ -225,3 +240,19 @@ class Case(eqx.Module):
         check_type("surface", self.surface, Surface)
         assert isinstance(self.surface, Surface)
         return self.surface
+
+
+def facts_of(case: Case) -> frozenset[str]:
+    """Returns the facts of a case."""
+    window = not case.rough.periodic
+    known = {
+        WINDOW: window,
+        GROUND: window and all(has_ground(body, case.rough.grid) for body in case.bodies),
+        LOAD_FOLLOWS: case.prescribed != "pressure",
+        GIVEN_LOAD: case.prescribed != "approach",
+        SHEARED: case.shear is not None,
+        COUPLED: is_coupled(case.shear),
+        HEATED: case.heating is not None,
+        COUNTERFACE: case.counterface is not None,
+    }
+    return frozenset(fact for fact, holds in known.items() if holds)

@@ -20,7 +20,8 @@ from ..fields.grid import multiplicity
 from .bodies import Coupling
 from .formulas import loaded, shared, tractions_on
 from .motion.over_period import odd_frequencies
-from .result import Found, Sliding
+from .number import Found
+from .problem import SteadyProblem
 
 
 class Body(NamedTuple):
@@ -41,7 +42,7 @@ class Body(NamedTuple):
 @shared
 def frequencies(found: Found) -> Array:
     """ω of each wave of the pressure [rad/s]; the highest of an even number of times is 0."""
-    if isinstance(found, Sliding):
+    if isinstance(found.problem, SteadyProblem):
         return wave_frequencies(found.cell, found.velocity)
     count = len(found.pressure)
     omega = odd_frequencies(count, found.period)
@@ -55,7 +56,7 @@ def bodies_of(found: Found) -> list[Body]:
     tractions = [] if found.coupling is None else tractions_on(found)
     block = Body(found.problem.block, found.coupling, tractions)
     counterface = found.problem.counterface
-    if counterface is None or isinstance(found, Sliding):
+    if counterface is None or isinstance(found.problem, SteadyProblem):
         return [block]
     return [block, Body(counterface.operator, counterface.coupling, [-t for t in tractions])]
 

@@ -27,9 +27,10 @@ from ..core.derivative import largest
 from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, derivative, odd_wavevector
 from .bodies import lags
-from .facts import WINDOW
+from .case import WINDOW
 from .motion.over_period import refined
-from .result import CyclicSliding, Found, Sliding
+from .number import Found
+from .problem import CycleProblem, SteadyProblem
 from .shear import shear_field, shear_parts
 
 _NO_LOAD = 1e-9  # of the mean size of the pressure
@@ -79,7 +80,7 @@ def displaced_by(found: Found, pressure: Array) -> Array:
 
 def interface(found: Found, pressure: Array, moved: Array) -> Array:
     """The surface at which the bodies touch under a pressure that displaces the block [m]."""
-    if isinstance(found, Sliding) or found.problem.block_heights is None:
+    if isinstance(found.problem, SteadyProblem) or found.problem.block_heights is None:
         return moved
     problem = found.problem
     of_counterface = problem.heights
@@ -112,7 +113,7 @@ def tractions_on(found: Found) -> list[Array]:
     pressure, indicator, stress = found.pressure, indicator_of(found), found.shear
     assert stress is not None
     edges = edges_of(found)
-    if isinstance(found, CyclicSliding):
+    if isinstance(found.problem, CycleProblem):
         speeds = lengths(found.motion_of_surface[0])
         law = lambda speed: dataclasses.replace(stress, speed=speed)  # noqa: E731
         at = lambda p, i, speed: shear_field(p, i, edges, law(speed))  # noqa: E731
@@ -152,7 +153,7 @@ def displaced(found: Found) -> tuple[Array, Array]:
 
 def along_motion(found: Found) -> list[Array]:
     """q of each wave along the velocity [rad/m]; in a cycle along each axis that it moves on."""
-    if isinstance(found, CyclicSliding):
+    if isinstance(found.problem, CycleProblem):
         return list(odd_wavevector(found.grid)[: found.moved.shape[1]])
     # ω = -q·v of a unit velocity, with the other sign.
     return [-wave_frequencies(found.cell, direction_and_speed(found.velocity)[0])]
@@ -178,7 +179,7 @@ def all_tractions(found: Found) -> Array:
 
 def over_load(found: Found, tractions: Array) -> Array:
     """Tractions over the load along the motion, NaN without contact."""
-    if isinstance(found, Sliding):
+    if isinstance(found.problem, SteadyProblem):
         size = mean_load(found)
         if found.law.attracts:  # pressures of both signs may leave a load of rounding
             known = jnp.abs(size) > _NO_LOAD * jnp.mean(jnp.abs(found.pressure))
@@ -198,7 +199,7 @@ def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
     moved = displaced_by(found, pressure)
     tractions = tractions_of(found, pressure, interface(found, pressure, moved))
     size = mean_load(found, pressure)
-    if isinstance(found, Sliding):
+    if isinstance(found.problem, SteadyProblem):
         return tractions / size
     over = tractions / jnp.where(size > 0, size, 1)[:, None]
     between, rubbing = refined(over), power_of(found, tractions)

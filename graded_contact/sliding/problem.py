@@ -1,10 +1,11 @@
 """What decides a contact under sliding on one grid: both bodies as an operator, surface, and law.
 
-A `SteadyProblem` is solved once, a `CycleProblem` at all times of a period together. Each gives the
-contact at a load, by `contact`; on another grid of the cell, by `on`, it has the waves of block and
-traction that both grids resolve.
+A `SteadyProblem` is solved once, a `CycleProblem` at all times of a period together, a
+`TransientProblem` step by step. The first two give the contact at a load, by `contact`; on another
+grid of the cell, by `on`, they have the waves of block and traction that both grids resolve.
 """
 
+import dataclasses
 import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -38,7 +39,7 @@ from ..kernels.memory import Creep
 from ..kernels.periodic import quadrant
 from ..kernels.window import doubled, long_cell, without_images
 from .bodies import Counterface, Coupling, coupling_on, of_block
-from .facts import GROUND
+from .case import GROUND
 from .half_grid import resampled
 from .motion.over_period import components, rate_of
 from .numerics import Numerics
@@ -48,45 +49,68 @@ Range = tuple[Float[Array, "..."], Float[Array, "..."]]
 Prescribed = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m]; the others are None
 
 
-class SteadyProblem(eqx.Module):
+class AbstractProblem(eqx.Module):
+    """What decides each contact under sliding.
+
+    **Fields:**
+
+    - `heights`: h of the surface [m].
+    - `grid`, `law`: of the surface and of the contact.
+    - `shear`: shear stress [Pa] as a function of the pressure, or None; in a motion its speed is
+      that of each time.
+    - `block_heights`: of the block's own surface [m], out of the block, or None.
+    - `coupling`: how the traction moves the surface of the block, or None.
+    - `counterface`: how the counterface deforms, or None if it is rigid.
+    - `prescribed`: what is given: "pressure", "mean_gap" or "approach". Static.
+    - `facts`: of the contact, see `facts_of`. Static.
+    """
+
+    heights: Field
+    grid: Grid
+    law: AbstractLaw
+    shear: ShearStress | None = eqx.field(default=None, kw_only=True)
+    block_heights: Field | None = eqx.field(default=None, kw_only=True)
+    coupling: Coupling | None = eqx.field(default=None, kw_only=True)
+    counterface: Counterface | None = eqx.field(default=None, kw_only=True)
+    prescribed: str = eqx.field(default="pressure", static=True, kw_only=True)
+    facts: frozenset[str] = eqx.field(default=frozenset(), static=True, kw_only=True)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the fields."""
+        return self.grid.shape
+
+    @property
+    def roughness(self) -> tuple[Field, ...]:
+        """The heights of the bodies that are rough: of the surface, and of the block."""
+        both = self.heights, self.block_heights
+        return tuple(heights for heights in both if heights is not None)
+
+    def with_roughness(self, *heights: Field):
+        """Returns the problem with other heights."""
+        rough = lambda one: [one.heights, one.block_heights][: len(heights)]  # noqa: E731
+        return eqx.tree_at(rough, self, heights)
+
+
+class SteadyProblem(AbstractProblem):
     """A surface that slides steadily on a block.
 
     **Fields:**
 
     - `operator`: block and counterface; `.kernel` is their M [m/Pa].
-    - `heights`: h of the surface [m].
-    - `grid`, `law`: of the surface and of the contact.
-    - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
-    - `prescribed`: what is given: "pressure", "mean_gap" or "approach". Static.
     - `velocity`: of the surface over the block [m/s].
     - `measured`: share of each height that was measured [1], or None, see `Surface`.
+    - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     - `kernel_error`: two estimated errors of the kernel of a window [m/Pa]; None if periodic.
-    - `shear`: shear stress [Pa] as a function of the pressure, or None.
-    - `coupling`: how its traction moves the surface of the block, or None.
-    - `counterface`: how the counterface deforms, or None if it is rigid.
     - `thickness`: of the layers between a window and a rigid base [m], else None.
-    - `facts`: of the contact, see `facts_of`. Static.
     """
 
     operator: AbstractOperator
-    heights: Float[Array, "..."]
-    grid: Grid
-    law: AbstractLaw
-    measured_range: Range | None = eqx.field(default=None, kw_only=True)
-    prescribed: str = eqx.field(default="pressure", static=True, kw_only=True)
     velocity: Float[Array, "..."]
     measured: Float[Array, "..."] | None = None
+    measured_range: Range | None = None
     kernel_error: Inexact[Array, "..."] | None = None
-    shear: ShearStress | None = None
-    coupling: Coupling | None = None
-    counterface: Counterface | None = None
     thickness: Float[Array, "..."] | None = None
-    facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Of the fields."""
-        return self.heights.shape
 
     @property
     def block(self) -> AbstractOperator:
@@ -94,18 +118,9 @@ class SteadyProblem(eqx.Module):
         return of_block(self.operator, self.counterface)
 
     @property
-    def roughness(self) -> tuple[Field, ...]:
-        """The heights of the bodies that are rough: of the surface."""
-        return (self.heights,)
-
-    @property
     def between(self) -> Field:
         """The heights of both bodies together [m]."""
         return self.heights
-
-    def with_roughness(self, heights: Field) -> "SteadyProblem":
-        """Returns the problem with other heights."""
-        return eqx.tree_at(lambda one: one.heights, self, heights)
 
     def contact(
         self,
@@ -130,44 +145,34 @@ class SteadyProblem(eqx.Module):
         counterface = self.counterface
         if counterface is not None:
             counterface = counterface.on(on_grid(counterface.operator), old, new)
-        return SteadyProblem(
-            operator=on_grid(self.operator), heights=none, grid=grid, law=self.law,
-            measured_range=self.measured_range, prescribed=self.prescribed, velocity=self.velocity,
-            measured=None, kernel_error=None, shear=self.shear,
-            coupling=coupling_on(self.coupling, old, new), counterface=counterface,
-            thickness=self.thickness, facts=self.facts,
-        )  # fmt: skip
+        return dataclasses.replace(
+            self,
+            operator=on_grid(self.operator),
+            heights=none,
+            grid=grid,
+            measured=None,
+            kernel_error=None,
+            coupling=coupling_on(self.coupling, old, new),
+            counterface=counterface,
+        )
 
 
-class CycleProblem(eqx.Module):
+class CycleProblem(AbstractProblem):
     """A surface in periodic motion on a block.
 
     **Fields:**
 
     - `operator`: the block in space and time, and what `counterface.in_kernel` has of the
       counterface.
-    - `heights`, `grid`, `law`, `measured_range`, `shear`, `coupling`, `counterface`: as in
-      `SteadyProblem`; the speed of `shear` is that of each time.
-    - `block_heights`: of the block's own surface [m], out of the block, or None.
-    - `prescribed`: what is given: "pressure" or "mean_gap". Static.
     - `displacement`: s(t) of the surface [m], shape `(nt,)` or `(nt, 2)`.
     - `period`: T [s].
-    - `facts`: as in `SteadyProblem`. Static.
+    - `measured_range`: as in `SteadyProblem`.
     """
 
     operator: SpaceTime
-    heights: Float[Array, "..."]
-    grid: Grid
-    law: AbstractLaw
-    measured_range: Range | None = eqx.field(default=None, kw_only=True)
-    prescribed: str = eqx.field(default="pressure", static=True, kw_only=True)
     displacement: Float[Array, "nt ..."]
     period: Float[Array, ""]
-    shear: ShearStress | None = None
-    coupling: Coupling | None = None
-    counterface: Counterface | None = None
-    block_heights: Float[Array, "..."] | None = None
-    facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
+    measured_range: Range | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -178,17 +183,6 @@ class CycleProblem(eqx.Module):
     def block(self) -> AbstractOperator:
         """The operator of the block alone."""
         return of_block(self.operator, self.counterface)
-
-    @property
-    def roughness(self) -> tuple[Field, ...]:
-        """The heights of the bodies that are rough: of the surface, and of the block."""
-        both = self.heights, self.block_heights
-        return tuple(heights for heights in both if heights is not None)
-
-    def with_roughness(self, *heights: Field) -> "CycleProblem":
-        """Returns the problem with other heights."""
-        rough = lambda one: [one.heights, one.block_heights][: len(heights)]  # noqa: E731
-        return eqx.tree_at(rough, self, heights)
 
     @property
     def passing(self) -> Field:
@@ -257,14 +251,16 @@ class CycleProblem(eqx.Module):
             kernel = resample_spectrum(counterface.operator.compliance, old, new)
             counterface = counterface.on(at_rest(kernel), old, new)
             operator = counterface.beside(operator)
-        return CycleProblem(
-            operator=operator, heights=none, grid=grid,
-            law=self.law, measured_range=self.measured_range, prescribed=self.prescribed,
+        return dataclasses.replace(
+            self,
+            operator=operator,
+            heights=none,
+            block_heights=None if self.block_heights is None else none,
+            grid=grid,
             displacement=moved.reshape(num_times, *self.displacement.shape[1:]),
-            period=self.period, shear=self.shear, coupling=coupling_on(self.coupling, old, new),
-            counterface=counterface, block_heights=None if self.block_heights is None else none,
-            facts=self.facts,
-        )  # fmt: skip
+            coupling=coupling_on(self.coupling, old, new),
+            counterface=counterface,
+        )
 
 
 class OneStep(AbstractOperator):
@@ -287,38 +283,24 @@ class OneStepOnWindow(OneStep, Window):
     """The bodies in one step of a transient motion, on a window."""
 
 
-class TransientProblem(eqx.Module):
+class TransientProblem(AbstractProblem):
     """A surface in a transient motion, on a block.
 
     **Fields:**
 
     - `bodies`, `creeps`: the block and the counterface, unless it is rigid, and their memories.
-    - `heights`, `grid`, `law`, `shear`, `facts`: as in `SteadyProblem`.
-    - `block_heights`: of the block's own surface [m], out of the block, or None.
-    - `prescribed`: what is given: "pressure" or "mean_gap". Static.
     - `times`: ends of the steps [s], shape `(nt,)`.
     - `displacement`: s of the surface at these times [m], since t = 0, shape `(nt,)` or `(nt, 2)`.
     - `given`: pressure [Pa] or mean gap [m] at these times.
+    - `path`: points of the part of the block over which a window moves, or None. Static.
     """
 
     bodies: tuple[Stack, ...]
     creeps: tuple[Creep, ...]
-    heights: Float[Array, "..."]
-    grid: Grid
-    law: AbstractLaw
-    prescribed: str = eqx.field(default="pressure", static=True, kw_only=True)
     times: Float[Array, " nt"]
     displacement: Float[Array, "nt ..."]
     given: Float[Array, " nt"]
-    shear: ShearStress | None = None
-    block_heights: Float[Array, "..."] | None = None
-    facts: frozenset[str] = eqx.field(default=frozenset(), static=True)
     path: tuple[int, ...] | None = eqx.field(default=None, static=True)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Of the fields at one time."""
-        return self.grid.shape
 
     @property
     def operator(self) -> OneStep:
@@ -387,12 +369,6 @@ class TransientProblem(eqx.Module):
         if axis is None:
             return without_images(near, far, path, GROUND in self.facts)
         return without_images(1j * near, 1j * far, path, False)
-
-    @property
-    def roughness(self) -> tuple[Float[Array, "..."], ...]:
-        """The heights of the bodies that are rough: of the surface, and of the block."""
-        both = self.heights, self.block_heights
-        return tuple(heights for heights in both if heights is not None)
 
     @property
     def moved(self) -> Float[Array, "nt components"]:

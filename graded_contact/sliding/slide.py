@@ -15,11 +15,11 @@ from ..core.checks import Numbers
 from ..surfaces.surface import Surface
 from .case import Case, Heating
 from .numerics import Numerics, numerics_of
-from .result import CyclicSliding, Found, Sliding, TransientSliding
+from .result import CyclicSliding, Sliding, TransientSliding
 from .shear import ShearLaw
 from .solve.heated import solve_heated
 from .solve.isothermal import solve_isothermal
-from .transient.solve import solve_transient
+from .solve.transient import solve_transient
 
 
 def slide(
@@ -217,7 +217,7 @@ def slide_case(
     *,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
-) -> Found | TransientSliding:
+) -> Sliding | CyclicSliding | TransientSliding:
     """Returns the contact of a case: a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
 
     **Arguments:**

@@ -31,10 +31,10 @@ def test_errors_of_loose_solves_are_within_their_claims(name):
         assert off <= found.error + best.error <= 1.01 * rtol
         assert (
             abs(found.friction - best.friction)
-            <= found.friction_solver_error + best.friction_solver_error
+            <= found.error_parts("friction")["solver"] + best.error_parts("friction")["solver"]
         )
         wrong = np.mean((found.pressure > 0) != (best.pressure > 0))
-        assert name != "hard" or wrong <= found.contact_area_solver_error
+        assert name != "hard" or wrong <= found.error_parts("contact_area")["solver"]
         gap_error = found.contact.gap_error * jnp.std(SURFACE.heights)
         assert abs(found.mean_gap - best.mean_gap) <= gap_error
         np.testing.assert_allclose(np.mean(found.pressure), LOAD, rtol=1e-12)
@@ -56,15 +56,15 @@ def test_the_error_of_friction_is_the_change_by_the_correction_with_these_margin
     moved = friction(found.pressure + change) - friction(found.pressure)
     each = jax.grad(friction)(found.pressure + change) * change
     expected = 2.5 * abs(moved) + 5 * np.sqrt(np.sum(each**2))
-    np.testing.assert_allclose(found.friction_solver_error, expected, rtol=1e-6)
+    np.testing.assert_allclose(found.error_parts("friction")["solver"], expected, rtol=1e-6)
 
 
 def test_an_exact_contact_claims_rounding():
     """Pressures of few points are eliminated: friction is then known to its last digits."""
     found, best = (slide(pressure=5e-3, rtol=rtol) for rtol in (1e-9, 1e-13))
     assert 1 < np.sum(found.pressure > 0) < 100
-    assert abs(found.friction - best.friction) <= found.friction_solver_error <= 1e-12
-    assert found.friction_solver_error > 0
+    assert abs(found.friction - best.friction) <= found.error_parts("friction")["solver"] <= 1e-12
+    assert found.error_parts("friction")["solver"] > 0
 
 
 def test_claims_hold_at_a_mean_gap_near_full_contact():
@@ -74,7 +74,7 @@ def test_claims_hold_at_a_mean_gap_near_full_contact():
     found = slide(mean_gap=best.mean_gap, rtol=1e-3)
     wrong = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
     assert wrong <= found.error
-    assert abs(found.friction - best.friction) <= found.friction_solver_error
+    assert abs(found.friction - best.friction) <= found.error_parts("friction")["solver"]
 
 
 def test_claims_hold_where_attraction_makes_a_block_of_high_contrast_soft():

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from oracles import maxwell as modulus
 from scipy import stats
-from scipy.optimize import least_squares, nnls
+from scipy.optimize import least_squares
 
 import graded_contact as gc
 from graded_contact import fit_prony
@@ -145,19 +145,6 @@ def test_no_other_least_squares_gets_lower(kind):
         1 + np.iscomplexobj(values))), rtol=1e-9)  # fmt: skip
 
 
-def test_the_floor_is_that_of_a_dense_spectrum(tread):
-    omega, values, fit = tread
-    times = np.geomspace(1e-8, 1e4, 241)
-    columns = modulus(omega, 0.0, np.eye(241), times)
-    floor = fit.floor()
-    for channel, part in (("storage", np.real), ("loss", np.imag)):
-        matrix = np.c_[part(columns), np.full(80, channel == "storage")]
-        strengths, _ = nnls(matrix / part(values)[:, None], np.ones(80), maxiter=5000)
-        dense = np.sqrt(np.mean(np.log(matrix @ strengths / part(values)) ** 2))
-        assert dense / 1.02 < getattr(floor, channel) < dense * 1.005
-    assert floor.total <= fit.errors().total < 1.1 * floor.total
-
-
 # The number of terms ----------------------------------------------------------------------------
 
 
@@ -166,7 +153,7 @@ def test_the_path_has_every_length_and_the_least_criterion_is_chosen(tread):
     lengths = [length.terms for length in fit.path]
     assert lengths == list(range(lengths[0], lengths[-1] + 1)) and lengths[0] == 1
     errors = np.array([length.error for length in fit.path])
-    assert np.all(np.diff(errors) <= 1e-4 * errors[1:])
+    assert np.all(np.diff(errors) <= 1e-3 * errors[1:])
     count = 2 * len(values)
     criteria = count * np.log(errors**2) + (2 * np.array(lengths) + 1) * np.log(count)
     np.testing.assert_allclose([length.bic for length in fit.path], criteria, rtol=1e-6)
@@ -214,43 +201,7 @@ def test_the_creep_of_a_liquid_gives_its_viscosity():
     np.testing.assert_allclose(traced, fit.theta, rtol=1e-6)
 
 
-# The verdict ------------------------------------------------------------------------------------
-
-
-def test_consistent_data_agree_and_a_contradiction_is_flagged(tread):
-    omega, values, fit = tread
-    assert fit.floor().chance > 1e-3
-    assert "The data limit this fit" in fit.verdict() and "agree (Kramers-Kronig)" in fit.verdict()
-    assert "3 terms limit this fit" in fit_prony(omega, values, terms=3).verdict()
-    fit = fit_prony(omega, values.real + 1.3j * values.imag)
-    floor = fit.floor()
-    assert floor.chance < 1e-9 and floor.total > 2 * max(floor.storage, floor.loss)
-    assert "contradict each other (Kramers-Kronig)" in fit.verdict()
-
-
-def test_what_lies_beyond_the_ends_is_no_contradiction():
-    """A melt whose glassy modes are a dashpot within its data: they need times far outside."""
-    omega = np.geomspace(0.1, 100, 40)
-    exact = modulus(omega, 0.0, np.array([3e5, 2e5, 1e5, 3e9]), np.array([1e3, 1.0, 0.05, 1e-5]))
-    fit = fit_prony(omega, noisy(exact, 0.002), equilibrium=0)
-    floor = fit.floor()
-    assert floor.total < 0.004 < 3 * floor.total < floor.near and floor.chance > 1e-3
-    assert "The ends of the data limit this fit" in fit.verdict()
-    assert "beyond an end whose modulus is given" in fit.verdict()
-    assert "agree (Kramers-Kronig)" in fit.verdict()
-    stated = fit_prony(omega, noisy(exact, 0.002), equilibrium=0, glassy=3.0006e9)
-    assert stated.errors().total < 0.004 and "The data limit" in stated.verdict()
-
-
-def test_a_melt_gets_no_equilibrium_modulus_and_a_solid_keeps_its_own():
-    values = noisy(modulus(OMEGA, 0.0, STRENGTHS, TIMES), 0.02)
-    for melt in (values, values + 1e-7 * STRENGTHS[0]):
-        assert float(fit_prony(OMEGA, melt).material.equilibrium) == 0
-    assert "show no equilibrium modulus" in fit_prony(OMEGA, values).report()
-    low = modulus(OMEGA, 4e5, STRENGTHS, TIMES)  # loss exceeds it where it ends, yet it shows
-    found = fit_prony(OMEGA, noisy(low, 0.02)).material.equilibrium
-    assert low[0].imag > low[0].real
-    np.testing.assert_allclose(found, 4e5, rtol=0.05)
+# Errors and bad values ------------------------------------------------------------------------
 
 
 def test_errors_are_those_of_the_material(tread):
@@ -260,6 +211,25 @@ def test_errors_are_those_of_the_material(tread):
     for part, value in ((np.real, errors.storage), (np.imag, errors.loss)):
         rms = np.sqrt(np.mean(np.log(part(exact) / part(values)) ** 2))
         np.testing.assert_allclose(value, rms, rtol=1e-9)
+
+
+def test_bad_values_are_named_and_count_little_by_soft_l1():
+    """Two of 120 values wreck least squares; by soft_l1 the fit is as near as without them."""
+    exact = modulus(OMEGA, START, STRENGTHS, TIMES)
+    good = noisy(exact, 0.01)
+    bad = good.copy()
+    bad[20] = 2 * bad[20].real + 1j * bad[20].imag
+    bad[40] = bad[40].real + 1j * bad[40].imag / 3
+    off = {}
+    for name, values, loss in (("good", good, "linear"), ("bad", bad, "linear"),
+                               ("soft", bad, "soft_l1")):  # fmt: skip
+        fit = fit_prony(OMEGA, values, terms=3, loss=loss)
+        off[name] = np.std(np.log(channels(young(fit.material)) / channels(exact)))
+        said = fit.warnings()
+        assert bool(said) == (name != "good")
+        if said:
+            assert f"storage at {OMEGA[20]:.4g} rad/s" in said[0] and said[0].startswith("2 values")
+    assert off["soft"] < 1.6 * off["good"] < 0.4 * off["bad"]
 
 
 # Uncertainty ------------------------------------------------------------------------------------
@@ -358,7 +328,6 @@ REFUSED = [
     (fit_prony, OMEGA.astype(np.float32), OMEGA + 1j, {}, "double precision"),
     (fit_relaxation, np.zeros(60), OMEGA, {}, "`x` has no time above 0"),
     (fit_creep, 1e300 * TIME, TIME, {}, "a measured value lies between 1e-100 and 1e"),
-    (fit_creep, TIME, CREEP[1][::-1], {}, "from every positive spectrum"),
 ]  # fmt: skip
 
 
@@ -383,7 +352,7 @@ def test_every_fit_is_passive(series, kind):
     x = OMEGA[::3] if kind == "frequency" else TIME[::3]
     function = {"frequency": modulus, "relaxation": relaxation, "creep": compliance}[kind]
     values = noisy(function(x, START, strengths, times), noise, seed)
-    material = FITS[kind](x, values, terms=2, throw=False).material
+    material = FITS[kind](x, values, terms=2).material
     fitted = young(material, np.geomspace(1e-6, 1e8, 100))
     assert np.all(np.isfinite(fitted)) and np.all(fitted.imag >= 0)
     assert np.all(np.diff(fitted.real) >= -1e-12 * fitted.real[1:])

@@ -61,7 +61,8 @@ REFUSED = [
     (RATIOS.replace("0.4", "0.9"), {"glassy": 1e7}),
     ("tau [s],E_i\n1e-3,4\n10,1\n", {"equilibrium": 3e6}),
     ("tau [s],E_i [Pa]\n-1e-3,4\n10,1\n", {"equilibrium": 3e6}),
-    ("t [s],E [1/MPa]\n1e-3,4\n10,1\n", {"equilibrium": 3e6}),
+    ("tau [s],E [1/MPa]\n1e-3,4\n10,1\n", {"equilibrium": 3e6}),
+    ("t [s],E [MPa]\n1e-3,4\n10,1\n", {"equilibrium": 3e6}),  # E(t)
 ]
 
 

@@ -11,7 +11,7 @@ import graded_contact as gc
 from graded_contact.blocks import interface_depths
 from graded_contact.response import stress_field
 from graded_contact.sliding import Coulomb, contact_stress
-from graded_contact.sliding.facts import WINDOW
+from graded_contact.sliding.case import WINDOW
 
 GRID = gc.Grid((16, 12), (4e-3, 3e-3))
 SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1600, q_roll=3200, q_high=5000)

@@ -122,13 +122,13 @@ def test_work_of_one_wave_in_full_contact_is_a_bessel_series(amplitude, rate):
     motion = sinusoidal(2 * amplitude, rate / (2 * np.pi))
     stack = rubber(1.0, 1.0, 0.0)
     found = cycle(stack, wave, motion.displacement, motion.period, pressure=50.0, rtol=1e-10)
-    found.compute("work", "load_work", "load_mismatch", "energy_imbalance")
+    found.compute("work", "load_work", "energy_imbalance")
     k = np.arange(-120, 121)
     loss = 0.5 * k * rate / (1 + (k * rate) ** 2)
     np.testing.assert_allclose(found.work, np.pi * np.sum(k * jv(k, amplitude) ** 2 * loss), 1e-9)
     listed = {1: 0.676918, 5: 4.655967, 20: 17.366306}[amplitude]
     np.testing.assert_allclose(2 * found.work, listed, rtol=1e-6)
-    assert abs(found.load_work) < 1e-9 and found.load_mismatch < 1e-9
+    assert abs(found.load_work) < 1e-9
     assert found.energy_imbalance < 1e-10
 
 
@@ -197,7 +197,8 @@ def test_a_load_cycle_without_motion_loses_what_load_and_approach_do():
 
 @pytest.mark.slow
 def test_a_constant_load_does_no_work_and_a_moving_block_leaves_and_enters():
-    assert cycle().load_mismatch < 0.05
+    steady = cycle()
+    assert abs(steady.load_work) < 0.05 * steady.dissipated_power
     gap = 0.06 * (1 + 0.9 * np.cos(2 * np.pi * TIMES))
     entering = cycle(mean_gap=gap)
     touching = np.asarray(entering.load) > 0
@@ -243,7 +244,7 @@ def test_claimed_errors_hold(control):
         given = {control: size * (1.02 + np.sin(2 * np.pi * TIMES))}
         given["shear"] = PeakedShear(0.02, 1.0, 0.5)
         names = "mean_friction", "peak_friction"
-        needed = (*names, *(f"{name}_solver_error" for name in names))
+        needed = (*names, *(f"{name}_error" for name in names))
         close = cycle(stack, surface, rtol=1e-9, **given)
         close.compute(*needed)  # by the program of the others
         for rtol in (1e-3, 1e-4):
@@ -251,7 +252,7 @@ def test_claimed_errors_hold(control):
             loose.compute(*needed)
             for name in names:
                 error = abs(getattr(loose, name) - getattr(close, name))
-                assert error <= getattr(loose, f"{name}_solver_error")
+                assert error <= loose.error_parts(name)["solver"]
             wrong = loose.pressure - close.pressure
             size = jnp.sqrt(jnp.mean(close.pressure**2))
             assert jnp.sqrt(jnp.mean(wrong**2)) <= loose.contact.error * size

@@ -7,7 +7,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.contacts.solution import RESULTS
-from graded_contact.core.quantities import OBSERVABLES
+from graded_contact.sliding.number import numbers_in
 
 GRID = gc.Grid((16,), 1e-3)
 X = np.arange(16) / 16
@@ -30,15 +30,16 @@ def slid(pressure, solver=PLAIN, **more):
 
 
 @pytest.mark.parametrize("kind", ["bare", pytest.param("heated", marks=pytest.mark.slow)])
-def test_every_observable_of_a_failed_solve_is_nan_and_is_no_caveat(kind):
+def test_every_observable_of_a_failed_solve_is_nan_and_is_no_warning(kind):
     failed = jax.jit(lambda p: slid(p, **KINDS[kind]))(jnp.nan)
     assert failed.result == RESULTS.bad_pressure  # heat that did not settle is no milder end
     asked = {*failed.facts, "flow", "stiffness", "conductance"}
-    names = [name for name, entry in OBSERVABLES.items() if entry.is_of("steady", asked)]
+    entries = numbers_in(gc.Sliding).items()
+    names = [name for name, entry in entries if {*entry.needs} <= asked]
     assert {"contact_area", "contact_area_pixels", "slope_in_contact", "flow_along_x"} < {*names}
     found = dict(zip(names, failed.compute(*names), strict=True))
     assert [name for name in names if not np.all(np.isnan(found[name]))] == []
-    assert failed.caveats == ()
+    assert failed.warnings == ()
     assert repr(failed).startswith("Sliding (failed: no numbers)")
     if kind == "bare":
         depths = np.array([1e-5, 1e-4])

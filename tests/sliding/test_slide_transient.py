@@ -16,7 +16,7 @@ from graded_contact.kernels import window_kernel
 from graded_contact.kernels.memory import NODES, contour, creep_of
 from graded_contact.materials import StrainSoftening, Tabulated
 from graded_contact.sliding import Case, ConstantShear, dwell, ramp, recorded_transient, start
-from graded_contact.sliding.transient.solve import transient_problem
+from graded_contact.sliding.transient.pose import transient_problem
 
 RUBBER = gc.Prony(1e6, [4e6, 8e6], [1e-2, 1e-3], 0.49)
 BLOCK = gc.Stack(base=gc.HalfSpace(RUBBER))

@@ -110,7 +110,7 @@ def test_contact_obeys_its_conditions_with_a_dense_matrix():
 @pytest.mark.parametrize("velocity", [pytest.param(0.3, marks=pytest.mark.slow), [0.2, -0.2]])
 def test_force_is_what_the_block_and_the_interface_lose(velocity):
     s, f = rub(Coulomb(0.8), velocity), 0.8
-    parts = "friction", "block_friction", "interface_friction", "slope_friction"
+    parts = "friction", "block_friction", "interface_friction"
     s.compute(*parts, "hysteresis_friction", "energy_imbalance")
     matrix, kept, omega = compliances(ROAD.grid, velocity)
     load = np.append(f * np.append(np.atleast_1d(velocity), 0.0)[:2] / s.speed, 1.0)
@@ -120,7 +120,6 @@ def test_force_is_what_the_block_and_the_interface_lose(velocity):
     np.testing.assert_allclose(s.block_friction, lost, rtol=1e-3)  # the rest is on Nyquist lines
     np.testing.assert_allclose(s.block_friction + s.interface_friction, s.friction, rtol=1e-12)
     assert s.energy_imbalance < 1e-12
-    np.testing.assert_allclose(s.slope_friction, f**2 * s.hysteresis_friction, rtol=1e-6)
     # The law without coupling has the same shear on another contact.
     apart = rub(Coulomb(f, coupled=False), velocity)
     np.testing.assert_allclose(apart.shear_friction, f, rtol=1e-12)

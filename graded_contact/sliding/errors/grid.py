@@ -25,14 +25,13 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
-from ...core.quantities import OBSERVABLES, TRANSIENT
 from ...fields.frequency import direction_and_speed
 from ...fields.grid import mode_numbers, multiplicity, to_field, to_spectrum
+from ..case import WINDOW
 from ..energy import frequencies
-from ..facts import WINDOW
 from ..formulas import loaded, loaded_path, mean_load, shared, touching
-from ..result import CyclicSliding, Found
-from .neighbours import neighbours_of
+from ..number import Found, value_of
+from ..problem import CycleProblem, TransientProblem
 
 
 class Weights(NamedTuple):
@@ -73,7 +72,7 @@ def by_grid(
 
     **Arguments:**
 
-    - `name`: of the observable.
+    - `name`: of the number.
     - `weights`: `OF_FORCE`, `OF_SHEAR` or `OF_PLACE`.
     - `also`: what is added, such as the power that no point shows.
     """
@@ -81,8 +80,8 @@ def by_grid(
     def error(found):
         if found.problem.prescribed == name:
             return jnp.zeros((), found.pressure.dtype)
-        (own, moved, missed), lacking = _changes(name, found), neighbours_of(found).lacking
-        area, doubt = OBSERVABLES["contact_area"].of(found), _area_in_doubt(found)
+        (own, moved, missed), lacking = _changes(name, found), found.near.lacking
+        area, doubt = value_of("contact_area", found), _area_in_doubt(found)
         if own.ndim:  # at each time of a transient solve
             area, doubt = (a.reshape(-1, *[1] * (own.ndim - 1)) for a in (area, doubt))
         else:
@@ -101,21 +100,21 @@ def by_grid(
 
 def area_by_grid(found: Found) -> Array:
     """The error of the contact area by the grid [1], in a cycle at each time."""
-    area = OBSERVABLES["contact_area"].of(found)
+    area = value_of("contact_area", found)
     return jnp.minimum(_area_in_doubt(found), jnp.maximum(area, 1 - area))
 
 
 @shared
 def _area_in_doubt(found: Found) -> Array:
     own, moved, missed = _changes("contact_area", found)
-    edges = jnp.abs(OBSERVABLES["contact_area_pixels"].of(found) - own)
+    edges = jnp.abs(value_of("contact_area_pixels", found) - own)
     total = _AREA_MOVED * moved + _AREA_LACKING * missed + _EDGES * edges
     return total + unseen_area(found)
 
 
 def unseen_area(found: Found) -> Array:
     """The error of the area by what no point shows [1]."""
-    if found.kind == TRANSIENT:
+    if isinstance(found.problem, TransientProblem):
         return found.recorded["unseen_area"]
     return (_edges_by_chance if found.law.attracts else _hidden_openings)(found)
 
@@ -131,12 +130,13 @@ def _edges_by_chance(found: Found) -> Array:
 
 def _changes(name: str, found: Found) -> tuple[Array, Array, Array]:
     """A number, and the sizes of its changes m and l; NaN if the grid has no half."""
-    formula, near = OBSERVABLES[name].of, neighbours_of(found)
-    own, same, half = map(formula, (found, *near.both(found)))
+    near = found.near
+    own, same, half = (value_of(name, one) for one in (found, *near.both(found)))
     changes = jnp.abs(jnp.stack([same - half, own - same]))
     # A neighbour may fail, or lose a contact of few points, and with it the number.
     changes = jnp.where(jnp.isnan(changes), jnp.abs(own), changes)
-    if own.ndim and found.kind == TRANSIENT:  # at one time they may cancel by chance
+    # At one time they may cancel by chance.
+    if own.ndim and isinstance(found.problem, TransientProblem):
         changes = jnp.maximum(changes, jnp.mean(changes, axis=1, keepdims=True))
     moved, missed = jnp.where(jnp.isnan(near.lacking), jnp.nan, changes)
     return own, moved, missed
@@ -217,7 +217,7 @@ def beside_changes(found: Found) -> Array:
 
     It is the friction of waves without a direction, and the error of shear in the contact.
     """
-    size, cyclic = mean_load(found), isinstance(found, CyclicSliding)
+    size, cyclic = mean_load(found), isinstance(found.problem, CycleProblem)
     path = loaded_path(found, size) if cyclic else size * direction_and_speed(found.velocity)[1]
     hidden = unseen_power(found) / nonzero(path)
     if found.shear is None:

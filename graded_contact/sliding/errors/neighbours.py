@@ -3,17 +3,15 @@
 The waves of surface and block that half as many points resolve are kept. A surface may have waves
 that half the grid lacks. Then the surface without them is solved on the grid, too, and compared
 with half of it: as many points for the shortest wave as the grid itself has. What errors follow
-from these contacts is in `grid_errors.py` and `errors.py`.
+from these contacts is in `grid.py` and `parts.py`.
 
 A window has no waves of its own: the heights of half the grid are means of neighbours.
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -24,12 +22,12 @@ from ...core.checks import is_concrete
 from ...core.compilation import compiled
 from ...core.derivative import largest
 from ...fields.grid import interpolate
-from ..facts import WINDOW
+from ..case import WINDOW
 from ..formulas import lift
 from ..half_grid import NOTHING_LACKS, halved, resampled, roughness_on
+from ..number import Found
 from ..numerics import Numerics
-from ..problem import Problem
-from ..result import CyclicSliding, Found, Sliding
+from ..problem import CycleProblem, Problem, SteadyProblem
 
 NEIGHBOURS_RTOL = 2e-4  # of the pressure; the differences of two grids are larger
 _LEAST_TIMES = 8  # times that are not halved again
@@ -61,28 +59,13 @@ class Neighbours(eqx.Module):
 
 def neighbours_of(found: Found) -> Neighbours:
     """Returns the contacts on half the grid, and of a cycle with half the times."""
-    return kept_neighbours(found, _neighbours)
-
-
-def kept_neighbours(found: Any, solve: Callable[[Any], Neighbours]) -> Neighbours:
-    """Returns the neighbours that `solve` finds; the result keeps them, unless they are traced."""
-    near = found.kept.near
-    if near is None:
-        # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.
-        near = solve(jax.tree.map(lambda leaf: leaf, found))
-        if all(map(is_concrete, jax.tree.leaves(near))):
-            found.kept.near = near
-    return near
-
-
-def _neighbours(found: Found) -> Neighbours:
     shape = found.grid.shape
     half = halved(shape)
     pressure = found.contact.mean_pressure
     if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
         # Without a contact there is nothing to compare.
         return Neighbours(None, found, found, jnp.zeros_like(pressure))
-    times = len(found.displacement) if isinstance(found, CyclicSliding) else 0
+    times = len(found.displacement) if isinstance(found.problem, CycleProblem) else 0
     rough, window = found.problem.roughness, WINDOW in found.facts
     on_half, cut, missing = roughness_on(rough, found.grid, half, window)
     same = fewer = None
@@ -122,7 +105,7 @@ def _given(
 ) -> tuple[Problem, Array, Array, Array]:
     """The problem on another grid, its load, a start, and the shift by lagged traction."""
     (low, high), contact, over = found.law.bounds, found.contact, ()
-    if isinstance(found, Sliding):
+    if isinstance(found.problem, SteadyProblem):
         # Relative to the first touch; means of neighbours are lower than their highest.
         lower = largest(found.heights) - largest(heights)
         load = {

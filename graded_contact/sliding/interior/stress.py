@@ -21,7 +21,7 @@ from ...response.compliance import surface_compliance
 from ...response.downwards import Side
 from ...response.stress import stress_field, von_mises
 from ..bodies import BodyName
-from ..facts import WINDOW
+from ..case import WINDOW
 from ..result import Sliding
 from .heat_source import as_depths, shear_traction
 

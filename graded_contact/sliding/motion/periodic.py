@@ -6,13 +6,8 @@ sampled finely enough if the surface moves by no more than a spacing of the grid
 the next, see `Motion.largest_step`. With a grid these functions choose their number of times.
 """
 
-import math
-from typing import cast
-
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array, Float, ScalarLike
 
 from ...core.checks import (
@@ -23,97 +18,17 @@ from ...core.checks import (
     check_values,
     check_whole,
     is_concrete,
-    numbers,
-    scalar,
 )
 from ...core.compilation import compiled
-from ...core.display import shown, with_unit
 from ...fields.grid import Grid
+from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, step_of
 
-# At a largest step of 0.5 spacings the mean friction is off by 5e-5 or less, at 1 by 2e-3 or less,
-# at 2 by 1 to 18 %, at 4 by 5 to 72 % (`benchmarks/bench_contact.py cycle_times`).
-CHOSEN_STEP = 0.5
-LARGEST_STEP = 2.0
 _USUAL = 128  # times, where the grid is not known
 _FEWEST = 32  # times that are chosen
 # Times of a way from rest to rest: 0.1 % of its velocity is then at the upper half of the
 # frequencies. A rest of 1/8 of the way has 4; the slow ends of the way look like a shorter one.
 _OF_A_WAY = 32
-_OPEN = 0.2  # of the extent of a record: a gap that its next row does not close
 _FINE = 16  # times between two of a recorded motion, before the highest frequencies are cut
-
-
-@shown("num_times", "displacement", "period", "highest_speed", units=False)
-class Motion(eqx.Module):
-    """A periodic motion of the surface over the block.
-
-    **Fields:**
-
-    - `displacement`: s [m] at equally spaced times, shape `(nt,)` along x, or `(nt, 2)`.
-    - `period`: T [s].
-    """
-
-    displacement: Float[Array, "..."] = eqx.field(converter=numbers("displacement"))
-    period: Float[Array, ""] = eqx.field(converter=scalar("period"))
-
-    @property
-    def num_times(self) -> int:
-        """How many times a period has."""
-        return len(self.displacement)
-
-    @property
-    def highest_speed(self) -> Float[Array, ""]:
-        """The largest distance between neighbouring times over the time between them [m/s]."""
-        moved = jnp.sqrt(jnp.sum(_steps(self.displacement) ** 2, axis=1))
-        return jnp.max(moved) * len(self.displacement) / self.period
-
-    def largest_step(self, grid: Grid) -> Float[Array, ""]:
-        """Returns the largest distance between neighbouring times, in spacings along x plus y [1].
-
-        Above 1, take more times; above 2 a cycle refuses the motion.
-        """
-        return _largest_step(self.displacement, grid.spacing)
-
-
-def _steps(displacement):
-    """Distances from each time to the next one of this period, along each axis."""
-    rows = displacement.reshape(len(displacement), -1)
-    return abs(rows[1:] - rows[:-1])
-
-
-def _largest_step(displacement, spacing):
-    """The largest distance, in spacings along x plus y; in NumPy of what NumPy has."""
-    moved = _steps(displacement)
-    return (moved / spacing[: moved.shape[1]]).sum(axis=1).max()
-
-
-def _step_of(displacement: Array | np.ndarray, grid: Grid) -> float | None:
-    """`Motion.largest_step`, or None where the numbers are not known."""
-    if not (is_concrete(displacement) and is_concrete(grid.size)):
-        return None
-    return float(_largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
-
-
-def check_resolved(
-    given: str, displacement: Array | np.ndarray, grid: Grid | None, enough: int | None = None
-) -> None:
-    """Raises `ValueError` if the times cannot resolve how the waves of a grid move.
-
-    **Arguments:**
-
-    - `given`: what is refused, in words.
-    - `displacement`: s [m] at the times.
-    - `grid`: of the surface; None for no check.
-    - `enough`: number of times that resolve it; None to estimate it from the steps.
-    """
-    step = None if grid is None else _step_of(displacement, grid)
-    if step is not None and step > LARGEST_STEP:
-        enough = enough or _fast(len(displacement) * step / CHOSEN_STEP)
-        raise ValueError(
-            f"{given} is refused: the surface moves by up to {step:.3g} spacings of the grid from "
-            f"one time to the next, and {LARGEST_STEP:g} are the most. A motion without jumps "
-            f"needs {enough} times."
-        )
 
 
 def _enough(grid: Grid | None, dash: Array, least: Array | int) -> int | None:
@@ -122,11 +37,11 @@ def _enough(grid: Grid | None, dash: Array, least: Array | int) -> int | None:
     `dash` is how far its highest speed leads in a period [m], `least` the fewest times.
     """
     if grid is None:
-        return _fast(max(_USUAL, float(least))) if is_concrete(least) else _USUAL
+        return fast(max(_USUAL, float(least))) if is_concrete(least) else _USUAL
     if not all(map(is_concrete, (dash, least, grid.size))):
         return None
     spacing = np.asarray(grid.size)[0] / grid.shape[0]
-    return _fast(max(float(least), float(dash) / spacing / CHOSEN_STEP))
+    return fast(max(float(least), float(dash) / spacing / CHOSEN_STEP))
 
 
 def _chosen(num_times: int | None, enough: int | None, grid: Grid | None) -> int:
@@ -139,11 +54,6 @@ def _chosen(num_times: int | None, enough: int | None, grid: Grid | None) -> int
             "motion is not known. Give a number."
         )
     return enough
-
-
-def _fast(least: float) -> int:
-    """A multiple of 4 without prime factors above 5: transforms are fast, turns are at a time."""
-    return 4 * cast(int, scipy.fft.next_fast_len(math.ceil(min(least, 1e15) / 4), real=True))
 
 
 def sinusoidal(
@@ -305,38 +215,12 @@ def recorded(
     moved = _resampled(times, table, period, count)
     if num_times is None and grid is not None:
         # More times keep more of the noise, so that they are not known beforehand.
-        while (step := _step_of(moved, grid)) is None or step > CHOSEN_STEP:
-            enough = None if step is None else _fast(max(count + 1, count * step / CHOSEN_STEP))
+        while (step := step_of(moved, grid)) is None or step > CHOSEN_STEP:
+            enough = None if step is None else fast(max(count + 1, count * step / CHOSEN_STEP))
             count = _chosen(None, enough, grid)
             moved = _resampled(times, table, period, count)
     check_resolved(f"`num_times={count}`", moved, grid)
     return Motion(moved, period)
-
-
-def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
-    """Raises `ValueError` for a motion whose end is further from its start than its rows explain.
-
-    If `cells`, the surface may advance by whole cells of the grid.
-    """
-    known = is_concrete(displacement) and (grid is None or is_concrete(grid.size))
-    if not known or len(displacement) < 4:
-        return
-    rows = np.asarray(displacement).reshape(len(displacement), -1)
-    apart, extent = rows[-1] - rows[0], np.ptp(rows, axis=0)
-    if cells and grid is not None:
-        size = np.asarray(grid.size)[: rows.shape[1]]
-        apart = apart - size * np.round(apart / size)
-        extent = np.minimum(extent, size)
-    # The last row is a step before the end; a record of few rows takes long steps.
-    steps = np.max(np.abs(np.diff(rows, axis=0)), axis=0)
-    if np.any(np.abs(apart) > np.maximum(4 * steps, _OPEN * extent)):
-        beyond = " of whole cells" if cells else ""
-        far = with_unit(float(np.linalg.norm(apart)), "m")
-        raise ValueError(
-            f"`displacement` is refused: its end is {far} from its start{beyond}, but a cycle ends "
-            "where it began. Use `slide_transient` (with `recorded_transient`) for a "
-            "transient motion, or let the surface advance by whole cells, see `slide_cycle`."
-        )
 
 
 @compiled

@@ -6,10 +6,9 @@ by about half a spacing of the grid; while it rests, each step is a fixed part o
 
 import math
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import Array, ScalarLike
 
 from ...core.checks import (
     Numbers,
@@ -17,77 +16,20 @@ from ...core.checks import (
     check_increasing,
     check_positive,
     check_rows,
-    check_type,
     check_values,
     check_whole,
     is_concrete,
-    numbers,
 )
-from ...core.display import shown
 from ...fields.grid import Grid
-from .periodic import CHOSEN_STEP
+from .motion import CHOSEN_STEP, Motion
 
 _STEPS = 128  # of a motion, where the grid is not known
 _A_DECADE = 10  # steps of a rest, whose error is then below 1e-3
 
 
-@shown("num_times", "times", "displacement", units=False)
-class SingleMotion(eqx.Module):
-    """A transient motion.
-
-    **Fields:**
-
-    - `times`: ends of the steps [s], shape `(nt,)`.
-    - `displacement`: s [m] at these times since t = 0, shape `(nt,)` along x, or `(nt, 2)`.
-    """
-
-    times: Float[Array, " nt"] = eqx.field(converter=numbers("times"))
-    displacement: Float[Array, "nt ..."] = eqx.field(converter=numbers("displacement"))
-
-    @property
-    def num_times(self) -> int:
-        """How many steps it has."""
-        return len(self.times)
-
-    @property
-    def highest_speed(self) -> Float[Array, ""]:
-        """The largest mean speed of a step [m/s]."""
-        steps = jnp.diff(self.times, prepend=0)
-        return jnp.max(jnp.sqrt(jnp.sum(self._ways**2, axis=1)) / steps)
-
-    @property
-    def rates(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """One over its last time, and one over its shortest step [1/s]."""
-        return 1 / self.times[-1], 1 / jnp.min(jnp.diff(self.times, prepend=0))
-
-    def largest_step(self, grid: Grid) -> Float[Array, ""]:
-        """Returns how far a step leads at most, in spacings along x plus y [1]."""
-        ways = jnp.abs(self._ways)
-        return jnp.max(jnp.sum(ways / grid.spacing[: ways.shape[1]], axis=1))
-
-    @property
-    def _ways(self):
-        """How far each step leads, along each axis [m]."""
-        moved = self.displacement.reshape(len(self.times), -1)
-        return jnp.diff(moved, axis=0, prepend=jnp.zeros_like(moved[:1]))
-
-    def then(self, other: "SingleMotion") -> "SingleMotion":
-        """Returns this motion and then another one, which begins where this one ends."""
-        check_type("other", other, SingleMotion)
-        if other.displacement.ndim != self.displacement.ndim:
-            raise ValueError(
-                f"`other` has displacements of shape {other.displacement.shape} after those of "
-                f"shape {self.displacement.shape}: both must be along x, or both along x and y."
-            )
-        return SingleMotion(
-            jnp.concatenate([self.times, self.times[-1] + other.times]),
-            jnp.concatenate([self.displacement, self.displacement[-1] + other.displacement]),
-        )
-
-
 def dwell(
     duration: ScalarLike, num_times: int | None = None, first: ScalarLike | None = None
-) -> SingleMotion:
+) -> Motion:
     """Returns a rest, in steps that grow with the time.
 
     **Arguments:**
@@ -114,13 +56,13 @@ def dwell(
     part = jnp.linspace(0, 1, num_times, dtype=duration.dtype)
     grown = jnp.maximum(first * ratio**part, first * jnp.arange(1, num_times + 1))
     times = jnp.minimum(grown * (duration / grown[-1]), duration)
-    return SingleMotion(times, jnp.zeros_like(times))
+    return Motion(jnp.zeros_like(times), times=times)
 
 
 def ramp(
     velocity: ScalarLike, duration: ScalarLike, grid: Grid | None = None,
     num_times: int | None = None,
-) -> SingleMotion:  # fmt: skip
+) -> Motion:  # fmt: skip
     """Returns a motion along x at one velocity, in equal steps.
 
     **Arguments:**
@@ -138,7 +80,7 @@ def ramp(
 def start(
     velocity: ScalarLike, duration: ScalarLike, before: ScalarLike = 0.0,
     grid: Grid | None = None, num_times: int | None = None,
-) -> SingleMotion:  # fmt: skip
+) -> Motion:  # fmt: skip
     """Returns a motion along x that goes smoothly from one velocity to another, such as from rest.
 
     The velocity is before + (v - before)(3x² - 2x³), x = t/duration: a brake if v = 0.
@@ -167,10 +109,10 @@ def start(
     check_whole("num_times", num_times, 1)
     part = jnp.arange(1, num_times + 1, dtype=duration.dtype) / num_times
     moved = before * part + (velocity - before) * (part**3 - part**4 / 2)
-    return SingleMotion(duration * part, duration * moved)
+    return Motion(duration * moved, times=duration * part)
 
 
-def listed(times: Numbers, displacement: Numbers) -> SingleMotion:
+def listed(times: Numbers, displacement: Numbers) -> Motion:
     """Returns the motion of given times and displacements, one for each step.
 
     **Arguments:**
@@ -187,7 +129,7 @@ def listed(times: Numbers, displacement: Numbers) -> SingleMotion:
     return motion
 
 
-def recorded_transient(times: Numbers, displacement: Numbers, grid: Grid) -> SingleMotion:
+def recorded_transient(times: Numbers, displacement: Numbers, grid: Grid) -> Motion:
     """Returns a measured motion that need not close, in steps that the grid resolves.
 
     The table is interpolated linearly. Each of its intervals is cut into equal steps, in which the
@@ -210,12 +152,13 @@ def recorded_transient(times: Numbers, displacement: Numbers, grid: Grid) -> Sin
     place = np.concatenate([i + np.arange(1, n + 1) / n for i, n in enumerate(counts)])
     at = lambda column: jnp.interp(place, np.arange(len(column)), column - column[0])  # noqa: E731
     moved = jnp.stack([at(column) for column in rows.T], axis=1)
-    return SingleMotion(at(table.times), moved.reshape(-1, *table.displacement.shape[1:]))
+    moved = moved.reshape(-1, *table.displacement.shape[1:])
+    return Motion(moved, times=at(table.times))
 
 
-def _table(times: Numbers, displacement: Numbers, least: int) -> SingleMotion:
+def _table(times: Numbers, displacement: Numbers, least: int) -> Motion:
     """Times and displacements, at least so many, of which the times ascend."""
-    table = SingleMotion(times, displacement)
+    table = Motion(displacement, times=times)
     check_rows(least, times=table.times)
     check_increasing("times", table.times)
     check_values("displacement", table.displacement, "a displacement [m] must be finite")

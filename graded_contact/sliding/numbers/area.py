@@ -6,21 +6,13 @@ from jaxtyping import Array
 
 from ...contacts.area import area_in_doubt, counted_area, sub_pixel_area
 from ...contacts.estimates import error_of
-from ...core.quantities import FOUR, KINDS, TOTAL, observable, of_cycle, of_steady
 from ..errors.grid import OF_PLACE, area_by_grid, by_grid
-from ..errors.parts import add_errors, changes_by_kernel, gap_by_solver, over_number, with_chance
+from ..errors.parts import changes_by_kernel, gap_by_solver, with_chance
 from ..formulas import edges_of, indicator_of, share_of, touching
-from ..result import CyclicSliding, Found, Sliding
+from ..number import Found
+from ..problem import CycleProblem
 
 
-@observable(
-    "A/A_0",
-    "1",
-    "contact area fraction",
-    over_time=True,
-    column=("contact\narea", ".5f"),
-    kinds=KINDS,
-)
 def contact_area(found: Found) -> Array:
     """Fraction of the surface in contact [1], with edges between the points."""
 
@@ -34,26 +26,19 @@ def contact_area(found: Found) -> Array:
     return share_of(found, share, indicator_of(found), found.pressure)
 
 
-@observable("A/A_0", "1", "share of points in contact", over_time=True, kinds=KINDS)
 def contact_area_pixels(found: Found) -> Array:
     """Fraction of the points in contact [1]: 4 to 20 % more than the area, without a derivative."""
     return share_of(found, counted_area, touching(found))
 
 
-@of_cycle("t_c/T", "1", "share of the times at which the surfaces touch")
-def time_in_contact(found: CyclicSliding) -> Array:
-    """Share of the times at which the surfaces touch [1]."""
-    return jnp.mean(contact_area_pixels(found) > 0, dtype=found.pressure.dtype)
-
-
-@observable(r"\bar u", "m", "mean gap", over_time=True, column=("mean gap\n[m]", FOUR), kinds=KINDS)
 def mean_gap(found: Found) -> Array:
     """Mean of the gap [m]."""
     gap = found.contact.mean_gap
-    return gap.reshape(gap.shape[: -found.grid.ndim]) if isinstance(found, CyclicSliding) else gap
+    if isinstance(found.problem, CycleProblem):
+        return gap.reshape(gap.shape[: -found.grid.ndim])
+    return gap
 
 
-@observable("", "Pa", "how far points are inside contact or outside", stored=False)
 def contact_indicator(found: Found) -> Array:
     """How far points are inside contact or outside [Pa], see `AbstractLaw.contact_indicator`."""
     return indicator_of(found)
@@ -71,7 +56,7 @@ def _area_by_solver(found: Found) -> Array:
     return moved + _area_in_doubt(found, found.contact.correction)
 
 
-def _area_by_kernel(found: Sliding) -> Array:
+def _area_by_kernel(found: Found) -> Array:
     inside, change = touching(found), jnp.zeros_like(found.pressure)
     for moved in changes_by_kernel(found):  # 0 outside contact, where points may join it
         in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(inside), 1))
@@ -81,9 +66,10 @@ def _area_by_kernel(found: Sliding) -> Array:
     return _area_in_doubt(found, change) + with_chance(pull * change)
 
 
-add_errors(
-    "contact_area", of_steady, TOTAL, over=over_number,
-    solver=_area_by_solver, grid=area_by_grid, kernel=_area_by_kernel,
-    temperature=lambda found: found.heated.area_error,
-)  # fmt: skip
-add_errors("mean_gap", of_steady, solver=gap_by_solver, grid=by_grid("mean_gap", OF_PLACE))
+AREA_ERRORS = {
+    "solver": _area_by_solver,
+    "grid": area_by_grid,
+    "kernel": _area_by_kernel,
+    "temperature": lambda found: found.heated.area_error,
+}
+GAP_ERRORS = {"solver": gap_by_solver, "grid": by_grid("mean_gap", OF_PLACE)}

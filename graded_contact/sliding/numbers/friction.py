@@ -9,32 +9,12 @@ of the two is the error of the grid.
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from ...contacts.estimates import error_of
-from ...core.quantities import (
-    CYCLE,
-    FOUR,
-    KINDS,
-    STEADY,
-    TOTAL,
-    TRANSIENT,
-    Above,
-    NumberOf,
-    observable,
-    of_steady,
-)
 from ..energy import dissipation_of_waves
 from ..errors.grid import OF_FORCE, beside_changes, by_grid
-from ..errors.parts import (
-    add_errors,
-    changes_by_kernel,
-    over_friction,
-    solver_errors,
-    with_chance,
-)
-from ..facts import HEATED
+from ..errors.parts import changes_by_kernel, solver_errors, with_chance
 from ..formulas import (
     all_tractions,
     counterface_displacement,
@@ -50,44 +30,24 @@ from ..formulas import (
     slopes,
     tractions_of,
 )
-from ..result import CyclicSliding, Found, Sliding
+from ..number import Found
+from ..problem import CycleProblem
 from ..shear import shear_over_load
 
 _BY_SLOPES = 0.08  # weight of the difference of `friction` and `geometric_friction`
 
 
-def _apart(number: NumberOf):
-    return np.isnan(number("friction")) & (number("slope_in_contact") == 0)
-
-
-def _no_shear(number: NumberOf):
-    return np.isnan(number("shear_friction")) & (number("slope_in_contact") > 0)
-
-
-@observable(
-    r"\mu", "1", "friction coefficient", over_time=True, column=("friction", FOUR),
-    warns=Above(
-        0, "The surfaces do not touch: there is no load, so friction is not defined.",
-        of=_apart, kinds=(STEADY,),
-    ), kinds=KINDS,
-)  # fmt: skip
 def friction(found: Found) -> Array:
     """Force opposing the motion over the load [1], hysteresis and shear together.
 
     It is >= 0 for passive materials in steady sliding, and NaN without contact. In a cycle it is
     positive where it opposes a motion along +x; over the displacement it draws the hysteresis loop.
     """
-    if isinstance(found, CyclicSliding):
+    if isinstance(found.problem, CycleProblem):
         return friction_of_cycle(found)
     return hysteresis_friction(found) + shear_friction(found)
 
 
-@of_steady(
-    r"\mu_\mathrm{hys}",
-    "1",
-    "friction from the slopes, without coupling the hysteresis",
-    column=("hysteresis", FOUR),
-)
 def hysteresis_friction(found: Found) -> Array:
     """The part of the friction from the slopes [1]; without coupling it is lost in the block.
 
@@ -96,46 +56,19 @@ def hysteresis_friction(found: Found) -> Array:
     return over_load(found, own_tractions(found))
 
 
-@observable(
-    r"\mu_\mathrm{shear}", "1", "friction coefficient of shear in the contact",
-    column=("shear", FOUR),
-    warns=Above(
-        0,
-        "The friction of shear is not a number: `shear` returned NaN under a pressure of this "
-        "contact.",
-        of=_no_shear,
-    ),
-    over_time=True, kinds=(STEADY, TRANSIENT),
-)  # fmt: skip
 def shear_friction(found: Found) -> Array:
     """The part from shear in the contact area [1]; 0 without `shear`."""
-    if isinstance(found, CyclicSliding):
+    if isinstance(found.problem, CycleProblem):
         return over_load(found, sheared(found)[0])
     return shear_over_load(found.pressure, indicator_of(found), edges_of(found), found.shear)
 
 
-@observable(
-    r"\Delta T", "K", "temperature of the contact above the bulk", needs=[HEATED],
-    column=("contact above\nbulk [K]", FOUR),
-    # Less changes the moduli of a rubber by a few per cent.
-    warns=Above(
-        1.0,
-        "The contact is {value:.2g} K above the bulk in the mean over the cycle. Within the cycle "
-        "it is warmer at the highest speed and colder at a turn; this, and heat that is left when "
-        "the next pass comes, are neglected.",
-        kinds=(CYCLE,),
-    ),
-)  # fmt: skip
 def surface_rise(found: Found) -> Array:
     """Temperature of the contact above the bulk, with heating [K]; the mean over a cycle."""
     assert found.heated is not None
     return found.heated.surface_rise
 
 
-@observable(
-    r"\mu_\mathrm{geo}", "1", "friction coefficient from the surface slope", over_time=True,
-    stored=False,
-)  # fmt: skip
 def geometric_friction(found: Found) -> Array:
     """Friction with hysteresis from the surface's slope instead of the block's [1].
 
@@ -148,32 +81,22 @@ def geometric_friction(found: Found) -> Array:
     if found.problem.counterface is not None:
         heights = heights - counterface_displacement(found, pressure)
     tractions = tractions_of(found, pressure, jnp.broadcast_to(heights, pressure.shape))
-    if isinstance(found, CyclicSliding):
+    if isinstance(found.problem, CycleProblem):
         return over_load(found, tractions + sheared(found)[0])
     return over_load(found, tractions) + shear_friction(found)
 
 
-@observable(
-    r"\tau", "Pa", "shear stress that opposes the motion", over_time=True, kinds=(CYCLE, TRANSIENT)
-)
-def traction(found: CyclicSliding) -> Array:
+def traction(found: Found) -> Array:
     """τ [Pa], the shear stress on the whole area, of hysteresis and shear together."""
     return all_tractions(found).reshape(found.displacement.shape)
 
 
-@observable(
-    r"\sigma_0", "Pa", "mean pressure at each time", over_time=True,
-    warns=Above(
-        0, "The surfaces never touch: without a load there is no friction.",
-        of=lambda number: np.all(number("load") == 0, axis=-1),
-    ), kinds=(CYCLE, TRANSIENT),
-)  # fmt: skip
 def load(found: Found) -> Array:
     """Mean pressure [Pa]."""
     return mean_load(found)
 
 
-def _image_error(found: Sliding) -> Array:
+def _image_error(found: Found) -> Array:
     """What the errors of a window's kernel change in friction, under this pressure and by the load.
 
     Contributions of single points may cancel in the estimate by chance: so twice their root sum of
@@ -197,7 +120,7 @@ def _image_error(found: Sliding) -> Array:
     return by_kernel + sum(with_chance(pull * change) for change in changes_by_kernel(found))
 
 
-def _friction_by_solver(found: Sliding) -> Array:
+def _friction_by_solver(found: Found) -> Array:
     error = solver_errors(found)[0]
     if found.shear is None:
         return error
@@ -220,8 +143,9 @@ def _beside(found: Found) -> Array:
     return beside_changes(found) + _BY_SLOPES * by_slopes
 
 
-add_errors(
-    "friction", of_steady, TOTAL, over=over_friction, doubted=(STEADY,),
-    solver=_friction_by_solver, grid=by_grid("friction", OF_FORCE, _beside),
-    kernel=_image_error, temperature=lambda found: found.heated.friction_error,
-)  # fmt: skip
+FRICTION_ERRORS = {
+    "solver": _friction_by_solver,
+    "grid": by_grid("friction", OF_FORCE, _beside),
+    "kernel": _image_error,
+    "temperature": lambda found: found.heated.friction_error,
+}

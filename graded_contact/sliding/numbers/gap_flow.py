@@ -35,24 +35,12 @@ from ...core.checks import (
 )
 from ...core.compilation import compiled
 from ...core.display import shown
-from ...core.quantities import (
-    OBSERVABLES,
-    STEADY,
-    TOTAL,
-    TRANSIENT,
-    observable,
-    of_steady,
-)
 from ...fields.grid import Grid
-from ..errors.neighbours import neighbours_of
-from ..errors.parts import add_errors
-from ..facts import FLOW
 from ..formulas import indicator_of, shared
-from ..result import Found
+from ..number import Found, value_of
+from ..problem import TransientProblem
 
 ALONG = {"entries": ("along x", "along y")}  # how arrays print
-FLOWS = ("flow_along_x", "flow_along_y")
-_KINDS = (STEADY, TRANSIENT)
 # Of the changes of K with the grid, and with the gap by the errors of its mean. With these weights
 # 97 of 100 claims hold: 128 cells of 32 and 64 points along an edge, beside grids of four times as
 # many. Near percolation a claim may be as large as K.
@@ -150,10 +138,6 @@ def _conductance(found: Found, wider: Any = 0.0) -> Float[Array, "*times 2"]:
 _flow = shared(_conductance)
 
 
-@observable(
-    "K_x", "m³", "conductance of the gap for a fluid along x", needs=[FLOW], kinds=_KINDS,
-    column=("flow along\nx [m³]", ".3e"),
-)  # fmt: skip
 def flow_along_x(found: Found) -> Float[Array, "..."]:
     """Conductance of the gap along x [m³]; for a profile, across its grooves. See `gap_flow`.
 
@@ -162,10 +146,6 @@ def flow_along_x(found: Found) -> Float[Array, "..."]:
     return _flow(found)[..., 0]
 
 
-@observable(
-    "K_y", "m³", "conductance of the gap for a fluid along y", needs=[FLOW], kinds=_KINDS,
-    column=("flow along\ny [m³]", ".3e"),
-)  # fmt: skip
 def flow_along_y(found: Found) -> Float[Array, "..."]:
     """Conductance of the gap along y [m³]; for a profile, along its grooves. See `gap_flow`.
 
@@ -179,8 +159,9 @@ def _by_gap(cause: str) -> Callable[[Found], Array]:
 
     @shared
     def error(found):
-        wider = OBSERVABLES[f"mean_gap_{cause}_error"].of(found)
-        wider = wider[np.array(found.kept_steps)] if found.kind == TRANSIENT else wider
+        wider = value_of("mean_gap_error", found)[cause]
+        if isinstance(found.problem, TransientProblem):
+            wider = wider[np.array(found.kept_steps)]
         return _WIDER * (_conductance(found, wider) - _flow(found))
 
     return error
@@ -191,7 +172,7 @@ _BY_GAP = {cause: _by_gap(cause) for cause in ("solver", "grid", "time", "memory
 
 @shared
 def _by_grid(found: Found) -> Array:
-    near = neighbours_of(found)
+    near = found.near
     own, same, half = map(_flow, (found, *near.both(found)))
     changes = jnp.abs(jnp.stack([same - half, own - same]))
     moved, lacking = jnp.where(jnp.isnan(changes), own, changes)  # a neighbour may fail
@@ -199,18 +180,10 @@ def _by_grid(found: Found) -> Array:
     return jnp.where(jnp.isnan(near.lacking), jnp.nan, error)
 
 
-def flow_errors(axis: int) -> dict[str, Callable[[Found], Array]]:
+def flow_errors(axis: int, *causes: str) -> dict[str, Callable[[Found], Array]]:
     """Returns the formulas of the errors of the conductance along an axis, by their causes."""
-    return {
-        cause: lambda found, of=of: of(found)[..., axis]
-        for cause, of in (_BY_GAP | {"grid": _by_grid}).items()
-    }
-
-
-for _axis, _name in enumerate(FLOWS):
-    _parts = flow_errors(_axis)
-    del _parts["time"], _parts["memory"]
-    add_errors(_name, of_steady, TOTAL, needs=[FLOW], **_parts)
+    formulas = _BY_GAP | {"grid": _by_grid}
+    return {cause: lambda found, of=formulas[cause]: of(found)[..., axis] for cause in causes}
 
 
 @compiled

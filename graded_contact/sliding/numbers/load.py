@@ -5,26 +5,20 @@ from jaxtyping import Array
 
 from ...contacts.estimates import error_of
 from ...core.derivative import largest
-from ...core.quantities import FOUR, of_steady
 from ...fields.grid import coordinates
+from ..case import WINDOW
 from ..errors.grid import OF_PLACE, by_grid
-from ..errors.parts import add_errors, changes_by_kernel, gap_by_solver, with_chance
-from ..facts import GIVEN_LOAD, GROUND, LOAD_FOLLOWS, WINDOW
+from ..errors.parts import changes_by_kernel, gap_by_solver, with_chance
 from ..formulas import moved_where_loaded
-from ..result import Found, Sliding
+from ..number import Found
 
 
-@of_steady(
-    r"\bar\sigma", "Pa", "mean contact pressure", needs=[LOAD_FOLLOWS],
-    column=("pressure\n[Pa]", FOUR),
-)  # fmt: skip
-def mean_pressure(found: Sliding) -> Array:
+def mean_pressure(found: Found) -> Array:
     """Mean pressure [Pa]."""
     return found.contact.mean_pressure
 
 
-@of_steady(r"\delta", "m", "approach", needs=[GROUND], column=("approach\n[m]", FOUR))
-def approach(found: Sliding) -> Array:
+def approach(found: Found) -> Array:
     """How far a body on a window moved into the block after its first touch [m].
 
     Relative to the block far away; NaN if that displacement has no limit, see `solve_contact`.
@@ -37,8 +31,7 @@ def approach(found: Sliding) -> Array:
     return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
 
 
-@of_steady("M", "N m", "moment of the pressure about the middle of the window", stored=False)
-def moment(found: Sliding) -> Array:
+def moment(found: Found) -> Array:
     """Moment of the pressure about the middle of a window [N m], of a line [N].
 
     Force times distance along each axis.
@@ -56,19 +49,24 @@ def _pressure_by_solver(found: Found) -> Array:
     return error_of(of, mean[None], found.contact.correction, mean)[0]
 
 
-def _approach_by_kernel(found: Sliding) -> Array:
+def _approach_by_kernel(found: Found) -> Array:
     assert found.problem.kernel_error is not None
     operators = map(found.operator.with_kernel, found.problem.kernel_error)
     moved = [moved_where_loaded(found, operator) for operator in operators]
     return jnp.sum(jnp.abs(jnp.stack(moved)))
 
 
-add_errors(
-    "mean_pressure", of_steady, needs=(LOAD_FOLLOWS,),
-    solver=_pressure_by_solver, grid=by_grid("mean_pressure", OF_PLACE),
-    kernel=lambda f: sum(map(with_chance, changes_by_kernel(f))) / f.pressure.size,
-)  # fmt: skip
-add_errors(
-    "approach", of_steady, needs=(GROUND, GIVEN_LOAD),
-    solver=gap_by_solver, grid=by_grid("approach", OF_PLACE), kernel=_approach_by_kernel,
-)  # fmt: skip
+def _pressure_by_kernel(found: Found) -> Array:
+    return sum(map(with_chance, changes_by_kernel(found))) / found.pressure.size
+
+
+PRESSURE_ERRORS = {
+    "solver": _pressure_by_solver,
+    "grid": by_grid("mean_pressure", OF_PLACE),
+    "kernel": _pressure_by_kernel,
+}
+APPROACH_ERRORS = {
+    "solver": gap_by_solver,
+    "grid": by_grid("approach", OF_PLACE),
+    "kernel": _approach_by_kernel,
+}

@@ -30,13 +30,12 @@ from ...contacts.operators.operator import Steady, first_mode
 from ...contacts.solver.abstract_solver import penalty_for
 from ...core.checks import as_scalar, check_positive, check_type
 from ...core.compilation import compiled
-from ...core.quantities import FOUR, TOTAL, of_steady
 from ...fields.grid import wavenumber
 from ..bodies import lags
-from ..errors.neighbours import neighbours_of
-from ..facts import CONDUCTANCE, STIFFNESS, WINDOW
+from ..case import WINDOW
 from ..formulas import edges_of, indicator_of, lift
-from ..result import Sliding
+from ..number import AbstractSliding
+from ..problem import SteadyProblem
 
 _RTOL = 1e-8
 _YIELDING = {1: 1.0, 2: 0.8}  # compliance of half a point over that of the block, by dimensions
@@ -46,9 +45,8 @@ _FROM_HALF, _SOFTER = 0.75, 1.25
 _LACKING = 8.0  # times the share of the squared slope in waves that half the grid lacks
 
 
-@of_steady("k", "Pa/m", "contact stiffness", needs=[STIFFNESS], column=("stiffness\n[Pa/m]", FOUR))
 def contact_stiffness(
-    sliding: Sliding,
+    sliding: AbstractSliding,
     *,
     adjoint: LinearSolver = LinearSplitting(),  # noqa: B008 (immutable)
 ) -> Float[Array, ""]:
@@ -71,12 +69,8 @@ def contact_stiffness(
     return _stiffness(sliding, adjoint)
 
 
-@of_steady(
-    r"\delta k", "Pa/m", "estimated error of the contact stiffness", needs=[STIFFNESS],
-    column=TOTAL, beside=neighbours_of,
-)  # fmt: skip
 def contact_stiffness_error(
-    sliding: Sliding,
+    sliding: AbstractSliding,
     *,
     adjoint: LinearSolver = LinearSplitting(),  # noqa: B008 (immutable)
 ) -> Float[Array, ""]:
@@ -95,7 +89,7 @@ def contact_stiffness_error(
     **Raises:** `ValueError` for a surface on a window.
     """
     _check(sliding)
-    near = neighbours_of(sliding)
+    near = sliding.near
     same, half = near.both(sliding)
     own, other = (_stiffness(s, adjoint) for s in (same, half))
     softer = _stiffness(same, adjoint, _SOFTER)
@@ -104,7 +98,7 @@ def contact_stiffness_error(
 
 
 def contact_conductance(
-    sliding: Sliding,
+    sliding: AbstractSliding,
     resistivity: ScalarLike,
     *,
     adjoint: LinearSolver = LinearSplitting(),  # noqa: B008 (immutable)
@@ -133,11 +127,7 @@ def contact_conductance(
     return _stiffness(sliding, adjoint, kernel=kernel)
 
 
-@of_steady(
-    r"G\varrho", "1/m", "contact conductance times the sum of both resistivities",
-    needs=[CONDUCTANCE], column=("conductance\n× resistivity\n[1/m]", FOUR),
-)  # fmt: skip
-def specific_conductance(sliding: Sliding) -> Float[Array, ""]:
+def specific_conductance(sliding: AbstractSliding) -> Float[Array, ""]:
     """`contact_conductance` times the sum of the resistivities of both bodies [1/m].
 
     Over the sum of 1/λ of their thermal conductivities it is the thermal conductance.
@@ -145,24 +135,20 @@ def specific_conductance(sliding: Sliding) -> Float[Array, ""]:
     return contact_conductance(sliding, 1.0)
 
 
-@of_steady(
-    r"\delta G\varrho", "1/m", "estimated error of the conductance times the resistivities",
-    needs=[CONDUCTANCE], column=TOTAL, beside=neighbours_of,
-)  # fmt: skip
-def specific_conductance_error(sliding: Sliding) -> Float[Array, ""]:
+def specific_conductance_error(sliding: AbstractSliding) -> Float[Array, ""]:
     """Estimated error of `specific_conductance`, the same part of it as that of the stiffness."""
     part = contact_stiffness_error(sliding) / contact_stiffness(sliding)
     return part * specific_conductance(sliding)
 
 
-def _check(sliding: Sliding) -> None:
-    check_type("sliding", sliding, Sliding)
-    if WINDOW in sliding.facts:
-        raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
+def _check(sliding: AbstractSliding) -> None:
+    check_type("sliding", sliding, AbstractSliding)
+    if WINDOW in sliding.facts or not isinstance(sliding.problem, SteadyProblem):
+        raise ValueError("`sliding` must be steady sliding on a periodic surface.")
 
 
 @compiled
-def _stiffness(sliding: Sliding, adjoint: LinearSolver, softness: float = 1.0, kernel=None):
+def _stiffness(sliding: AbstractSliding, adjoint: LinearSolver, softness: float = 1.0, kernel=None):
     """The stiffness of the block under its traction, or with a kernel in the place of both."""
     follows = kernel is None and lags(sliding.coupling)
     operator = sliding.operator if kernel is None else Steady(kernel)
@@ -187,7 +173,7 @@ def _stiffness(sliding: Sliding, adjoint: LinearSolver, softness: float = 1.0, k
     return -penalty / by_load
 
 
-def _lift_at(sliding: Sliding, pressure, gap):
+def _lift_at(sliding: AbstractSliding, pressure, gap):
     """The displacement under the traction that lags, at another pressure and gap."""
     contact = dataclasses.replace(sliding.contact, pressure=pressure, gap=gap)
     return lift(dataclasses.replace(sliding, contact=contact))

@@ -20,18 +20,15 @@ the part lost in the block, Σ -ω Im(tᴴ C t)/v with t = (τ, σ), plus the he
 sides agree to rounding.
 
 The law takes the stress σ normal to the mean plane: then the force is right to first order in the
-slope. If the law takes the pressure normal to the slope ∂w/∂x, the force is
+slope. If the law takes the pressure normal to the slope ∂w/∂x, the force is to this order
 
-    τ(σ) - σ ∂w/∂x - τ τ' ∂w/∂x
-
-to this order; the last term is `slope_friction`.
+    τ(σ) - σ ∂w/∂x - τ τ' ∂w/∂x.
 """
 
 import math
 from collections.abc import Sequence
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
@@ -39,7 +36,6 @@ from jaxtyping import Array, Bool
 from ...blocks.stack import Stack
 from ...contacts.operators.operator import first_mode
 from ...core.checks import as_float
-from ...core.quantities import FOUR, of_cycle, of_steady
 from ...fields.frequency import direction_and_speed
 from ...fields.grid import Grid, Waves, wavenumber
 from ...kernels.tangential import tangential_kernels
@@ -47,9 +43,8 @@ from ...kernels.window import without_images
 from ..bodies import Coupling
 from ..case import Case
 from ..energy import powers_of_traction, waves_of
-from ..facts import COUPLED
-from ..formulas import along_motion, loaded, mean_load, shear_power, tractions_of, tractions_on
-from ..result import CyclicSliding, Sliding
+from ..formulas import along_motion, loaded, mean_load, shear_power, tractions_on
+from ..number import Found
 from ..shear import Coulomb
 from .friction import friction, shear_friction
 
@@ -98,27 +93,19 @@ def check_positive_kernel(kernel: Waves, cell: Grid, coefficient: Array) -> None
         )
 
 
-def slip(found: Sliding) -> Array:
+def slip(found: Found) -> Array:
     """Returns the speed of slip over that of the surface [1], on the cell of steady sliding."""
     (along,), moved = along_motion(found), waves_of(found)[0][1][1]
     shape = loaded(found)[0].shape
     return 1 + found.operator.to_field(1j * along * moved, shape) * math.prod(shape)
 
 
-@of_steady(
-    r"\mu_\mathrm{block}", "1", "friction lost in the block", needs=[COUPLED],
-    column=("lost in\nthe block", FOUR),
-)  # fmt: skip
-def block_friction(found: Sliding) -> Array:
+def block_friction(found: Found) -> Array:
     """The part of the friction that is dissipated in the block [1], by pressure and traction."""
     return friction(found) - interface_friction(found)
 
 
-@of_steady(
-    r"\mu_\mathrm{int}", "1", "friction that heats the interface", needs=[COUPLED],
-    column=("heat of the\ninterface", FOUR),
-)  # fmt: skip
-def interface_friction(found: Sliding) -> Array:
+def interface_friction(found: Found) -> Array:
     """The part of the friction that heats the interface [1]; without coupling that of shear."""
     if found.coupling is None:
         return shear_friction(found)
@@ -126,26 +113,7 @@ def interface_friction(found: Sliding) -> Array:
     return jnp.mean(stress * slip(found)) / mean_load(found)
 
 
-@of_steady(
-    "", "1", "what the slope adds to the friction of shear, to first order", needs=[COUPLED],
-    stored=False,
-)  # fmt: skip
-def slope_friction(found: Sliding) -> Array:
-    """What `friction` lacks if the law takes the pressure normal to the slopes [1].
-
-    -⟨τ τ' ∂w/∂x⟩ over the load, see `sliding/numbers/traction.py`; f² times the hysteresis for
-    `Coulomb`.
-    """
-    if found.shear is None:
-        return jnp.zeros((), found.pressure.dtype)
-    pressure, moved = loaded(found)
-    rise = jax.jvp(found.shear, (pressure,), (jnp.ones_like(pressure),))[1]
-    (stress,) = tractions_on(found)
-    return tractions_of(found, stress * rise, moved)[0] / mean_load(found)
-
-
-@of_cycle(r"P_\mathrm{int}", "W/m²", "mean power that heats the interface", needs=[COUPLED])
-def interface_power(found: CyclicSliding) -> Array:
+def interface_power(found: Found) -> Array:
     """Mean power that heats the interface per area [W/m²].
 
     The work of friction and of the load is this, `dissipated_power` and `counterface_power`.

@@ -30,8 +30,7 @@ from ...materials.coverage import coverage
 from ...response.grading import graded_tolerance
 from ...surfaces.surface import check_periodic
 from ..bodies import Counterface, Coupling, middle_of
-from ..case import Case
-from ..facts import facts_of
+from ..case import Case, facts_of
 from ..motion.over_period import components
 from ..numerics import Numerics
 from ..problem import CycleProblem, Posed
@@ -69,8 +68,7 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
         heights=surface.heights, grid=grid, law=law, displacement=case.displacement,
         period=case.period, shear=sheared, coupling=coupling, counterface=counterface,
         block_heights=own,
-        measured_range=coverage(case.stack), prescribed=case.prescribed,
-        facts=facts_of(case),
+        measured_range=coverage(case.stack), prescribed=case.prescribed, facts=facts_of(case),
     )  # fmt: skip
     return Posed(problem, load, True if how.throw else reached)
 

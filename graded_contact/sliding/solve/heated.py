@@ -37,15 +37,14 @@ from ...fields.grid import Grid, to_spectrum
 from ...materials.shift import HOTTEST, as_temperature
 from ...materials.softening import at_strain
 from ...surfaces.surface import check_periodic
-from ..case import Case, Heating
-from ..facts import facts_of
+from ..case import Case, Heating, facts_of
 from ..formulas import lengths
 from ..interior.conduction import Heat, over_contact, pressure_weight, temperatures
 from ..interior.heat_source import check_series, gauss_within, heat_where, intervals, shear_heat
 from ..motion.over_period import refined
 from ..numbers.traction import interface_power
 from ..numerics import Numerics
-from ..result import CyclicSliding, Found, Sliding
+from ..result import CyclicSliding, Sliding
 from .isothermal import solve_isothermal
 
 NUM_CELLS = 8  # of the depth, each at one temperature
@@ -54,7 +53,9 @@ _HOTTEST = HOTTEST * (1 - 1e-6)  # of iterates: rounding must not carry them bey
 _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
 
 
-def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -> Found:
+def solve_heated(
+    case: Case, numerics: Numerics, start: Numbers | None = None
+) -> Sliding | CyclicSliding:
     """Returns the contact of a `Case` at the temperatures that it causes; see `slide`."""
     grid, dtype = case.rough.grid, case.rough.grid.size.dtype
     temperature = _bulk_of(case)
@@ -66,7 +67,7 @@ def solve_heated(case: Case, numerics: Numerics, start: Numbers | None = None) -
 
     def contact(
         x, case: Case, edges, starts=(None, None), solutions=(None, None)
-    ) -> tuple[Found, Sliding, list[Stack], tuple[Array | float, Array | float]]:
+    ) -> tuple[Sliding | CyclicSliding, Sliding, list[Stack], tuple[Array | float, Array | float]]:
         """The contact at rises of both bodies, the contact with its heat, its bodies, and the
         factor of the heat and what the counterface loses.
         """
@@ -186,7 +187,7 @@ def _of_mean(case: Case, cycle: CyclicSliding) -> tuple[Case, Array]:
     return steady, cycle.dissipated_power + interface_power(cycle)
 
 
-def _errors(s: Found, closer: Found):
+def _errors(s: Sliding | CyclicSliding, closer: Sliding | CyclicSliding):
     """The errors of friction and contact area, from a contact of less error."""
     names = (
         "mean_friction" if isinstance(s, CyclicSliding) else "friction",

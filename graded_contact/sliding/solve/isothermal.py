@@ -30,7 +30,7 @@ from ..formulas import lift
 from ..numbers.traction import check_positive_kernel
 from ..numerics import Numerics
 from ..problem import Posed, Prescribed, Problem
-from ..result import CyclicSliding, Found, result_of
+from ..result import CyclicSliding, Sliding, result_of
 from ..shear import Coulomb
 from .cycle import cycle_problem
 from .steady import steady_problem
@@ -43,7 +43,7 @@ def solve_isothermal(
     how: Numerics,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
-) -> Found:
+) -> Sliding | CyclicSliding:
     """Returns the contact of a case without its heat; arguments as of `slide_case`."""
     pose = cycle_problem if case.velocity is None else steady_problem
     return solve_posed(pose(case, how), how, start, solution)
@@ -54,7 +54,7 @@ def solve_posed(
     how: Numerics,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
-) -> Found:
+) -> Sliding | CyclicSliding:
     """Returns the contact of a problem with its load; arguments as of `slide_case`."""
     problem, load, reached = posed
     counterface = problem.counterface
@@ -95,7 +95,7 @@ def _lagged(
     how: Numerics,
     start: Numbers | None,
     solution: ContactSolution | None,
-) -> Found:
+) -> Sliding | CyclicSliding:
     """The contact under a traction that is no part of its kernel."""
     given, none = (problem, load), jnp.zeros(problem.shape, problem.heights.dtype)
 

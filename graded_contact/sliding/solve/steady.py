@@ -27,8 +27,7 @@ from ...materials.softening import as_strain_per_slope, softens
 from ...surfaces.statistics import slope_up_to
 from ...surfaces.surface import Surface, check_periodic
 from ..bodies import Counterface, Coupling
-from ..case import Case
-from ..facts import facts_of
+from ..case import Case, facts_of
 from ..numbers.traction import steady_coupling
 from ..numerics import Numerics
 from ..problem import Posed, SteadyProblem

@@ -12,28 +12,21 @@ from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
 from ...core.checks import is_concrete
-from ...core.quantities import TOTAL, of_transient
 from ...fields.grid import to_field, to_spectrum
+from ..case import WINDOW
 from ..errors.grid import OF_FORCE, OF_PLACE, area_by_grid, by_grid
-from ..errors.neighbours import Neighbours, kept_neighbours, neighbours_of
-from ..errors.parts import add_errors, over_number
-from ..facts import FLOW, WINDOW
+from ..errors.neighbours import Neighbours
 from ..formulas import lengths, shared
 from ..half_grid import NOTHING_LACKS, halved, roughness_on
-from ..numbers.gap_flow import FLOWS, flow_errors
-from ..result import TransientSliding
-from .solve import on_grid
+from ..number import Formula, Found
+from .pose import on_grid
 
 _LEAST_STEPS = 2  # of the transient solve in half as many
 _KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many steps
 
 
-def transient_neighbours(found: TransientSliding) -> Neighbours:
+def neighbours_of(found: Found) -> Neighbours:
     """Returns the transient solves on half the grid, and in half as many steps."""
-    return kept_neighbours(found, _neighbours)
-
-
-def _neighbours(found: TransientSliding) -> Neighbours:
     shape, every = found.grid.shape, np.arange(len(found.times))
     half = halved(shape)
     rough = found.problem.roughness
@@ -62,7 +55,7 @@ def _by_steps(name: str):
     """The formula of the error by the steps, from the transient solve with half as many."""
 
     def error(found):
-        own, fewer = found.recorded[name], neighbours_of(found).fewer
+        own, fewer = found.recorded[name], found.near.fewer
         if fewer is None:  # nothing is known of it
             return jnp.nan * own
         if own.ndim == 0:
@@ -79,7 +72,7 @@ def _by_steps(name: str):
 
 
 @shared
-def _memory(found: TransientSliding) -> Array:
+def _memory(found: Found) -> Array:
     """The relative error of the displacements by the memory, on a window also by its kernel."""
     problem = found.problem
     error = sum((creep.error for creep in problem.creeps), jnp.zeros(()))
@@ -98,69 +91,71 @@ def _memory(found: TransientSliding) -> Array:
     return error
 
 
-def _forces(found: TransientSliding) -> Array:
+def _forces(found: Found) -> Array:
     """What a relative error of pressures may change in the friction of each step [1]."""
     return found.recorded["slope"] * found.recorded["spread"] / nonzero(found.recorded["load"])
 
 
-def _roughness(found: TransientSliding) -> Array:
+def _roughness(found: Found) -> Array:
     """The rms roughness of both bodies, at most [m]."""
     return sum(map(jnp.std, found.problem.roughness), jnp.zeros(()))
 
 
-def _heights(found: TransientSliding) -> Array:
+def _heights(found: Found) -> Array:
     return _roughness(found) * jnp.ones_like(found.times)
 
 
-def _area(found: TransientSliding) -> Array:
+def _area(found: Found) -> Array:
     return found.recorded["contact_area"]
 
 
-def _works(found: TransientSliding) -> Array:
+def _works(found: Found) -> Array:
     """The same in the work of friction so far [J/m²]."""
     way = lengths(found.problem.steps[1])
     return jnp.cumsum(_forces(found) * found.recorded["load"] * way)
 
 
-def _work_of_load(found: TransientSliding) -> Array:
+def _work_of_load(found: Found) -> Array:
     gap = found.recorded["mean_gap"]
     closed = jnp.abs(jnp.diff(gap, prepend=gap[:1] + 3 * _roughness(found)))
     return _works(found) + jnp.cumsum(found.recorded["load"] * closed)
 
 
-def _mean_forces(found: TransientSliding) -> Array:
+def _mean_forces(found: Found) -> Array:
     return jnp.max(_forces(found))
 
 
-# Of each number: by what errors of the grid are weighed, and what a relative error of the pressure
-# changes in it; of the gap the solver knows its own.
-for _name, _weights, _scale in (
-    ("friction", OF_FORCE, _forces), ("mean_friction", OF_FORCE, _mean_forces),
-    ("peak_friction", OF_FORCE, _mean_forces), ("contact_area", None, _area),
-    ("mean_gap", OF_PLACE, _heights),
-    ("work_done", OF_FORCE, _works), ("load_work_done", OF_FORCE, _work_of_load),
-):  # fmt: skip
-    _solver = "step_gap_error" if _name == "mean_gap" else "step_error"
+def _parts_of(name: str, scale: Formula, by: Formula, solver: str = "step_error"):
+    """The parts of the error of a number.
 
-    def _scaled(found, by, scale=_scale, name=_name):
+    `scale` returns what a relative error of the pressure changes in it, `by` is the error by the
+    grid, and `solver` the name of the error that the solver left in each step.
+    """
+
+    def scaled(found, error):
         size = scale(found)
-        size = (jnp.max(by) if size.ndim == 0 else by) * size
+        size = (jnp.max(error) if size.ndim == 0 else error) * size
         like = found.recorded[name]
         return jnp.broadcast_to(
             size.reshape(size.shape + (1,) * (like.ndim - size.ndim)), like.shape
         )
 
-    add_errors(
-        _name, of_transient, over_time=not _name.endswith("_friction"), beside=transient_neighbours,
-        over=over_number if _weights is None else None,
-        grid=area_by_grid if _weights is None else by_grid(_name, _weights),
-        time=_by_steps(_name),
-        solver=lambda f, scaled=_scaled, of=_solver: 2 * scaled(f, f.recorded[of]),
-        memory=lambda f, scaled=_scaled: scaled(f, _memory(f)),
-    )  # fmt: skip
+    return {
+        "grid": by,
+        "time": _by_steps(name),
+        "solver": lambda found: 2 * scaled(found, found.recorded[solver]),
+        "memory": lambda found: scaled(found, _memory(found)),
+    }
 
 
-for _axis, _name in enumerate(FLOWS):
-    add_errors(
-        _name, of_transient, TOTAL, needs=[FLOW], beside=transient_neighbours, **flow_errors(_axis)
-    )
+def _of_force(name: str, scale: Formula):
+    return _parts_of(name, scale, by_grid(name, OF_FORCE))
+
+
+FRICTION_ERRORS = _of_force("friction", _forces)
+MEAN_ERRORS = _of_force("mean_friction", _mean_forces)
+PEAK_ERRORS = _of_force("peak_friction", _mean_forces)
+WORK_ERRORS = _of_force("work_done", _works)
+LOAD_WORK_ERRORS = _of_force("load_work_done", _work_of_load)
+AREA_ERRORS = _parts_of("contact_area", _area, area_by_grid)
+GAP_ERRORS = _parts_of("mean_gap", _heights, by_grid("mean_gap", OF_PLACE), "step_gap_error")

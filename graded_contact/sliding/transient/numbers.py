@@ -2,19 +2,15 @@
 
 from jaxtyping import Array
 
-from ...core.quantities import FOUR, of_transient
-from ..facts import SHEARED
-from ..result import TransientSliding
+from ..number import Found
 
 
-@of_transient("W", "J/m²", "work of friction so far", over_time=True, column=("work\n[J/m²]", FOUR))
-def work_done(found: TransientSliding) -> Array:
+def work_done(found: Found) -> Array:
     """Work of friction per area since t = 0 [J/m²], that of shear included."""
     return found.recorded["work_done"]
 
 
-@of_transient(r"W_\sigma", "J/m²", "work of the load so far", over_time=True)
-def load_work_done(found: TransientSliding) -> Array:
+def load_work_done(found: Found) -> Array:
     """Work of the load on the block per area since t = 0 [J/m²].
 
     The sum of both, less the work of shear, is stored and dissipated in the block. How much is
@@ -24,10 +20,6 @@ def load_work_done(found: TransientSliding) -> Array:
     return found.recorded["load_work_done"]
 
 
-@of_transient(
-    r"W_\mathrm{shear}", "J/m²", "work of shear in the contact so far", over_time=True,
-    needs=[SHEARED],
-)  # fmt: skip
-def shear_work_done(found: TransientSliding) -> Array:
+def shear_work_done(found: Found) -> Array:
     """The part of `work_done` by shear in the contact [J/m²]."""
     return found.recorded["shear_work_done"]

@@ -19,7 +19,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -30,17 +30,18 @@ from jaxtyping import Array, Complex
 
 from ...contacts.area import contact_shares
 from ...contacts.operators.operator import Field, work_of_waves
-from ...contacts.solution import RESULTS
+from ...contacts.solution import RESULTS, ContactSolution
 from ...contacts.solve import contact_of
 from ...contacts.solver.abstract_solver import Inputs, Loading
+from ...core.quantities import TRANSIENT
 from ...fields.grid import odd_wavevector, to_field, to_spectrum
+from ..case import WINDOW
 from ..errors.grid import unseen_area
-from ..facts import WINDOW
 from ..formulas import edges_of, indicator_of, touching_at, weighted_slope
+from ..number import AbstractSliding
 from ..numbers.area import contact_area, contact_area_pixels
 from ..numerics import Numerics
 from ..problem import SteadyProblem, TransientProblem
-from ..result import Sliding
 from ..shear import Coulomb, shear_over_load, shear_parts
 from .waves import TransientWaves
 
@@ -90,6 +91,15 @@ class _Step(NamedTuple):
     slot: Array  # where its fields are kept
     index: Array
     counts: Array  # False for a step that only fills up the last segment
+
+
+class _OfStep(AbstractSliding):
+    """The contact of a step, of which formulas compute numbers."""
+
+    contact: ContactSolution
+    problem: SteadyProblem
+    heated: None = None
+    kind: ClassVar[str] = TRANSIENT
 
 
 class Advance(eqx.Module):
@@ -153,7 +163,7 @@ class Advance(eqx.Module):
         moved, profile = self._surfaces(passing, pasts, turns)
         displacement = waves.on_surface(moved)
         displacement = displacement - jnp.mean(displacement)
-        one = Sliding(contact, SteadyProblem(
+        one = _OfStep(contact, SteadyProblem(
             operator=operator, heights=heights, grid=problem.grid, law=problem.law,
             velocity=jnp.ones((), heights.dtype), prescribed=problem.prescribed,
             facts=problem.facts & {WINDOW},
@@ -243,7 +253,7 @@ class Advance(eqx.Module):
         known = jax.lax.complex(*total) + waves.split(whole - now) * past.pressed
         return jnp.stack([now, aged]), known, nodes
 
-    def _numbers(self, one: Sliding, profile: Array, moved: Array, given: _Step):
+    def _numbers(self, one: _OfStep, profile: Array, moved: Array, given: _Step):
         """The traction by slopes [Pa], and the numbers of the contact of a step."""
         problem, waves, contact = self.problem, self.waves, one.contact
         pressure, on_grid = contact.pressure, waves.on_grid(contact.pressure)

@@ -1,9 +1,7 @@
-"""Transient motion: the problem of a case with times, its steps, and the result."""
+"""Transient motion: the problem of a case with times, and its solve on other grids."""
 
 import dataclasses
 import math
-from collections.abc import Sequence
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,21 +12,19 @@ from ...blocks.stack import Stack
 from ...contacts.inputs import loading_of
 from ...contacts.law import check_one_law
 from ...contacts.operators.operator import Field
-from ...contacts.solution import RESULTS, ContactSolution
+from ...contacts.solution import ContactSolution
 from ...contacts.solver.nested_solve import DouglasRachford
-from ...core.checks import is_concrete, short, within
+from ...core.checks import is_concrete, within
 from ...core.derivative import still
 from ...core.memory import check_memory
-from ...fields.devices import required
 from ...fields.grid import Grid
 from ...kernels.memory import NODES, creep_of
-from ..case import Case
+from ..case import COUPLED, Case, facts_of
 from ..errors.neighbours import NEIGHBOURS_RTOL
-from ..facts import COUPLED, facts_of
 from ..motion.over_period import components
+from ..number import Found
 from ..numerics import Numerics
 from ..problem import TransientProblem, steps_of
-from ..result import TransientSliding
 from ..shear import ShearLaw, is_coupled, shear_stress, unless_negative
 from .run import run_transient
 from .steps import OF_STEPS, TransientState
@@ -96,8 +92,8 @@ def _with_creeps(problem: TransientProblem) -> TransientProblem:
 
 
 def on_grid(
-    found: TransientSliding, shape: tuple[int, ...], rough: tuple[Field, ...], chosen: np.ndarray
-) -> TransientSliding:
+    found: Found, shape: tuple[int, ...], rough: tuple[Field, ...], chosen: np.ndarray
+) -> Found:
     """Returns the transient solve of other heights on a grid of the cell, in fewer steps.
 
     `chosen` are the numbers of the steps whose ends stay.
@@ -117,31 +113,15 @@ def on_grid(
     solver = DouglasRachford(newton=is_concrete(problem.given))
     how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
     kept = found.kept_steps if len(chosen) == len(found.times) else (len(chosen) - 1,)
-    return transient_of(problem, *run_transient(problem, how, kept), kept)
-
-
-def solve_transient(
-    case: Case, how: Numerics, fields_at: Sequence[int] = (-1,)
-) -> TransientSliding:
-    """Returns the contact of a case with displacements at times; see `slide_transient`."""
-    count = len(case.times)
-    kept = _steps_kept(fields_at, count)
-    problem = transient_problem(case)
     state, numbers = run_transient(problem, how, kept)
-    found = transient_of(problem, state, numbers, kept)
-    if not how.throw:
-        return found
-    if is_concrete(found.failed) and np.ndim(found.failed) == 0 and found.failed >= 0:
-        step = int(found.failed)
-        raise RuntimeError(
-            f"Step {step + 1} of {count}, which ends at {float(case.times[step]):.4g} s, failed: "
-            f"{RESULTS[found.result]} With `throw=False` the numbers before it are returned."
-        )
-    good = found.failed < 0
     return dataclasses.replace(
-        found, recorded=required(found.recorded, good, found.result.error_if),
-        contact=required(found.contact, good, found.result.error_if),
-    )  # fmt: skip
+        found,
+        contact=contact_of_steps(state, numbers),
+        problem=problem,
+        recorded=numbers,
+        failed=state.failed,
+        kept_steps=kept,
+    )
 
 
 def fields_of_transient(counterface: Stack | None, shear: ShearLaw | None, moved: Array) -> float:
@@ -150,26 +130,11 @@ def fields_of_transient(counterface: Stack | None, shear: ShearLaw | None, moved
     return _MEMORY * forces * (1 if counterface is None else 2)
 
 
-def _steps_kept(fields_at: Any, count: int) -> tuple[int, ...]:
-    """The numbers of the steps whose fields are kept, from 0."""
-    steps = np.asarray(fields_at)
-    if steps.ndim != 1 or not steps.size or not np.issubdtype(steps.dtype, np.integer):
-        raise ValueError(
-            f"`fields_at={short(fields_at)}` must be a tuple of numbers of steps, such as (0, -1)."
-        )
-    for step in steps[(steps < -count) | (steps >= count)]:
-        raise ValueError(
-            f"`fields_at={step}` is refused: the {count} steps are 0 to {count - 1}, or -1 to "
-            f"{-count} from the last."
-        )
-    return tuple((steps % count).tolist())
-
-
-def transient_of(problem, state: TransientState, numbers, kept) -> TransientSliding:
-    """Returns the result of the numbers and the state of a transient solve."""
+def contact_of_steps(state: TransientState, numbers: dict[str, Array]) -> ContactSolution:
+    """Returns the kept fields of a transient solve, and the errors of all steps."""
     pressure, gap, displacement, correction = state.kept
     over = tuple(range(1, pressure.ndim))
-    contact = ContactSolution(
+    return ContactSolution(
         pressure=pressure, gap=gap, displacement=displacement, correction=correction,
         mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(gap, axis=over),
         result=state.result, **{
@@ -177,6 +142,3 @@ def transient_of(problem, state: TransientState, numbers, kept) -> TransientSlid
             for name in OF_STEPS
         },
     )  # fmt: skip
-    return TransientSliding(
-        contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept
-    )

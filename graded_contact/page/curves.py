@@ -1,0 +1,141 @@
+"""What a page computes: curves of the mean field, the contact, and what matters for friction.
+
+The numbers of the sliders are traced by JAX: each function compiles once, moving a slider compiles
+nothing.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..contacts import HardWall
+from ..contacts.solution import RESULTS
+from ..core.compilation import compiled
+from ..fields.frequency import velocity_along
+from ..mean_field.mean_field import mean_field_of
+from ..scenes.scene import Scene
+from ..sliding import slide_case
+from ..surfaces import isotropic_spectrum
+from .numbers import middle_of, numbers_of
+
+PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
+SPEEDS, DECADES = 25, 3.0  # of a curve, to both sides of the velocity of the scene
+# What the head of the page shows of each kind of contact; the first is what matters.
+SHOWN = {
+    "steady": ("friction", "contact_area", "mean_gap"),
+    "cycle": ("mean_friction", "peak_friction"),
+    "transient": ("friction", "contact_area", "mean_gap"),
+}
+Values = Mapping[str, float]
+
+
+class Curve(NamedTuple):
+    """Friction and contact area [1] by mean field over the velocity [m/s]."""
+
+    velocity: np.ndarray
+    friction: np.ndarray
+    contact_area: np.ndarray
+
+
+class Curves:
+    """The compiled functions of a scene.
+
+    **Fields:**
+
+    - `scene`: as it was read.
+    - `numbers`: what varies, see `numbers_of`.
+    - `surface`: of the contacts.
+    - `kind`: of the contacts, one of `SHOWN`.
+    - `has_curve`: whether there is a mean field: of steady sliding of one periodic surface with a
+      hard wall. It is computed without the heat of friction.
+    """
+
+    def __init__(self, scene: Scene):
+        self.scene, self.numbers = scene, numbers_of(scene)
+        self._middle = middle_of(scene)
+        first = scene.case(self._middle)
+        self.surface = first.rough
+        self.kind = "steady" if scene.motion is None else "cycle"
+        self.kind = self.kind if first.times is None else "transient"
+        hard = isinstance(first.law, HardWall) and first.law.hardness is None
+        moves = self.kind == "steady" and bool(np.any(first.velocity))
+        given = first.pressure is not None and first.block_surface is None
+        rough = first.rough.periodic and first.rough.grid.ndim == 2
+        self.has_curve = moves and hard and given and rough
+        self._spectrum = isotropic_spectrum(self.surface) if self.has_curve else None
+        numerics = dataclasses.replace(scene.numerics, rtol=PAGE_RTOL)
+        cool = {name: at for name, at in scene.options.items() if name != "heating"}
+        without_heat = dataclasses.replace(scene, options=cool)
+
+        def contact(values):
+            return slide_case(scene.case(self.point(values)), numerics)
+
+        def curve(values):
+            def at(speed):
+                case = without_heat.case(self.point({**values, "velocity": speed}))
+                found = mean_field_of(case, self._spectrum, throw=False)
+                return found.friction, found.contact_area
+
+            return jax.lax.map(at, self._speeds())
+
+        def decisive(values):
+            return getattr(contact(values), SHOWN[self.kind][0])
+
+        self._contact, self._curve = compiled(contact), compiled(curve)
+        self._slopes = compiled(jax.value_and_grad(decisive))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The values of the numbers in the scene [SI]."""
+        return {name: number.value for name, number in self.numbers.items()}
+
+    def point(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Returns the point of `Scene.case` for values of the numbers, which JAX may trace."""
+        given = {path: value for name, value in values.items() for path in self.numbers[name].paths}
+        return self._middle | given
+
+    def check(self, values: Values) -> None:
+        """Raises `ValueError` for values that a constructor refuses."""
+        self.scene.case(self.point(values))
+
+    def velocity(self, values: Values) -> Any:
+        """Returns the velocity of the surface [m/s]; 0 for a motion."""
+        direction = self._middle.get("direction", 0.0)
+        speed = values.get("velocity", 0.0) if self.kind == "steady" else 0.0
+        return velocity_along(speed, direction)
+
+    def curve(self, values: Values) -> Curve:
+        """Returns the curve of the mean field."""
+        friction, area = self._curve(_traced(values))
+        return Curve(np.asarray(self._speeds()), np.asarray(friction), np.asarray(area))
+
+    def _speeds(self) -> jax.Array:
+        middle = np.log10(self.numbers["velocity"].value)
+        return jnp.asarray(np.logspace(middle - DECADES, middle + DECADES, SPEEDS))
+
+    def contact(self, values: Values) -> Any:
+        """Returns the contact.
+
+        **Raises:** `ValueError` if it is not solved.
+        """
+        found = self._contact(_traced(values))
+        if found.result != RESULTS.successful:
+            raise ValueError(RESULTS[found.result])
+        return found
+
+    def what_matters(self, values: Values) -> dict[str, float]:
+        """Returns the change of friction [%] by +1 % of each number, by labels; largest first."""
+        value, slopes = self._slopes(_traced(values))
+        change = {
+            self.numbers[name].label: float(slope) * values[name] / float(value)
+            for name, slope in slopes.items()
+        }
+        return dict(sorted(change.items(), key=lambda one: -abs(one[1])))
+
+
+def _traced(values: Values) -> dict[str, jax.Array]:
+    return {name: jnp.asarray(value) for name, value in values.items()}

@@ -1,0 +1,169 @@
+"""Motions of a surface over a block: s(t) over a period, or at the ends of steps.
+
+A wave of the surface at q excites the block at the frequencies of exp(-i q·s(t)): up to q v, v
+being the highest speed. So a motion is sampled finely enough if the surface moves by no more than a
+spacing of the grid from one time to the next, see `Motion.largest_step`.
+"""
+
+import math
+from typing import cast
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float
+
+from ...core.checks import check_type, is_concrete, numbers, scalar
+from ...core.display import shown, with_unit
+from ...fields.grid import Grid
+
+# At a largest step of 0.5 spacings the mean friction is off by 5e-5 or less, at 1 by 2e-3 or less,
+# at 2 by 1 to 18 %, at 4 by 5 to 72 % (`benchmarks/bench_contact.py cycle_times`).
+CHOSEN_STEP = 0.5
+LARGEST_STEP = 2.0
+_OPEN = 0.2  # of the extent of a record: a gap that its next row does not close
+
+
+def _if_given(convert):
+    return lambda value: None if value is None else convert(value)
+
+
+@shown("num_times", "times", "displacement", "period", "highest_speed", units=False, unset=False)
+class Motion(eqx.Module):
+    """A motion of the surface over the block.
+
+    **Fields:**
+
+    - `displacement`: s [m], shape `(nt,)` along x, or `(nt, 2)`: at equally spaced times of a
+      period, or at the ends of steps, since t = 0.
+    - `period`: T [s]; None for a transient motion.
+    - `times`: ends of the steps of a transient motion [s], shape `(nt,)`; else None.
+    """
+
+    displacement: Float[Array, "nt ..."] = eqx.field(converter=numbers("displacement"))
+    period: Float[Array, ""] | None = eqx.field(converter=_if_given(scalar("period")), default=None)
+    times: Float[Array, " nt"] | None = eqx.field(
+        converter=_if_given(numbers("times")), default=None
+    )
+
+    def __check_init__(self):
+        if (self.period is None) == (self.times is None):
+            raise ValueError("`period` or `times` is needed, not both.")
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it has a period."""
+        return self.period is not None
+
+    @property
+    def num_times(self) -> int:
+        """How many times it has."""
+        return len(self.displacement)
+
+    @property
+    def highest_speed(self) -> Float[Array, ""]:
+        """The largest distance from one time to the next over the time between them [m/s]."""
+        ways = jnp.sqrt(jnp.sum(_steps(self.displacement, self.times is not None) ** 2, axis=1))
+        if self.times is None:
+            return jnp.max(ways) * self.num_times / self.period
+        return jnp.max(ways / jnp.diff(self.times, prepend=0))
+
+    @property
+    def rates(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """One over the last time, and one over the shortest step of a transient motion [1/s]."""
+        assert self.times is not None
+        return 1 / self.times[-1], 1 / jnp.min(jnp.diff(self.times, prepend=0))
+
+    def largest_step(self, grid: Grid) -> Float[Array, ""]:
+        """Returns the largest distance between neighbouring times, in spacings along x plus y [1].
+
+        Above 1, take more times; above 2 a cycle refuses the motion.
+        """
+        return _largest_step(self.displacement, grid.spacing, self.times is not None)
+
+    def then(self, other: "Motion") -> "Motion":
+        """Returns this transient motion and then another one, which begins where this one ends."""
+        check_type("other", other, Motion)
+        if self.times is None or other.times is None:
+            raise ValueError("`other` must be a transient motion that follows a transient motion.")
+        if other.displacement.ndim != self.displacement.ndim:
+            raise ValueError(
+                f"`other` has displacements of shape {other.displacement.shape} after those of "
+                f"shape {self.displacement.shape}: both must be along x, or both along x and y."
+            )
+        moved = jnp.concatenate([self.displacement, self.displacement[-1] + other.displacement])
+        return Motion(moved, times=jnp.concatenate([self.times, self.times[-1] + other.times]))
+
+
+def _steps(displacement, from_rest: bool = False):
+    """Distances from each time to the next one, along each axis; also from s = 0 to the first."""
+    rows = displacement.reshape(len(displacement), -1)
+    steps = abs(rows[1:] - rows[:-1])
+    return jnp.concatenate([abs(rows[:1]), steps]) if from_rest else steps
+
+
+def _largest_step(displacement, spacing, from_rest: bool = False):
+    """The largest distance, in spacings along x plus y; in NumPy of what NumPy has."""
+    moved = _steps(displacement, from_rest)
+    return (moved / spacing[: moved.shape[1]]).sum(axis=1).max()
+
+
+def step_of(displacement: Array | np.ndarray, grid: Grid) -> float | None:
+    """`Motion.largest_step`, or None where the numbers are not known."""
+    if not (is_concrete(displacement) and is_concrete(grid.size)):
+        return None
+    return float(_largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
+
+
+def check_resolved(
+    given: str, displacement: Array | np.ndarray, grid: Grid | None, enough: int | None = None
+) -> None:
+    """Raises `ValueError` if the times cannot resolve how the waves of a grid move.
+
+    **Arguments:**
+
+    - `given`: what is refused, in words.
+    - `displacement`: s [m] at the times.
+    - `grid`: of the surface; None for no check.
+    - `enough`: number of times that resolve it; None to estimate it from the steps.
+    """
+    step = None if grid is None else step_of(displacement, grid)
+    if step is not None and step > LARGEST_STEP:
+        enough = enough or fast(len(displacement) * step / CHOSEN_STEP)
+        raise ValueError(
+            f"{given} is refused: the surface moves by up to {step:.3g} spacings of the grid from "
+            f"one time to the next, and {LARGEST_STEP:g} are the most. A motion without jumps "
+            f"needs {enough} times."
+        )
+
+
+def fast(least: float) -> int:
+    """A multiple of 4 without prime factors above 5: transforms are fast, turns are at a time."""
+    return 4 * cast(int, scipy.fft.next_fast_len(math.ceil(min(least, 1e15) / 4), real=True))
+
+
+def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
+    """Raises `ValueError` for a motion whose end is further from its start than its rows explain.
+
+    If `cells`, the surface may advance by whole cells of the grid.
+    """
+    known = is_concrete(displacement) and (grid is None or is_concrete(grid.size))
+    if not known or len(displacement) < 4:
+        return
+    rows = np.asarray(displacement).reshape(len(displacement), -1)
+    apart, extent = rows[-1] - rows[0], np.ptp(rows, axis=0)
+    if cells and grid is not None:
+        size = np.asarray(grid.size)[: rows.shape[1]]
+        apart = apart - size * np.round(apart / size)
+        extent = np.minimum(extent, size)
+    # The last row is a step before the end; a record of few rows takes long steps.
+    steps = np.max(np.abs(np.diff(rows, axis=0)), axis=0)
+    if np.any(np.abs(apart) > np.maximum(4 * steps, _OPEN * extent)):
+        beyond = " of whole cells" if cells else ""
+        far = with_unit(float(np.linalg.norm(apart)), "m")
+        raise ValueError(
+            f"`displacement` is refused: its end is {far} from its start{beyond}, but a cycle ends "
+            "where it began. Use `slide_transient` (with `recorded_transient`) for a "
+            "transient motion, or let the surface advance by whole cells, see `slide_cycle`."
+        )

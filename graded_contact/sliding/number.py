@@ -1,0 +1,379 @@
+"""Numbers of results: attributes that are computed when they are read, and then kept.
+
+    class Sliding(AbstractSliding):
+        friction = number(friction, r"\\mu", "1", "friction coefficient")
+        friction_error = error_of(friction, {"solver": ..., "grid": ...})
+
+`s.friction` runs one program. `s.compute("friction", "contact_area")` computes both in one.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..blocks.heated_stack import HeatedContact
+from ..contacts.law import AbstractLaw
+from ..contacts.operators.operator import AbstractOperator
+from ..contacts.solution import RESULTS, ContactSolution, if_known
+from ..core.checks import is_concrete
+from ..core.compilation import compiled
+from ..core.derivative import derivative_apart
+from ..core.quantities import NUMBERS, TRANSIENT, Quantity
+from ..core.warnings import WARN_ABOVE, Above, NumberOf, ResultWarning, warnings_by
+from ..fields.grid import Grid
+from .bodies import Coupling
+from .case import HEATED, WINDOW
+from .half_grid import grid_estimate
+from .problem import Problem
+from .shear import ShearStress
+
+# What formulas take: a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
+Found = Any
+Formula = Callable[[Found], Any]
+
+# The facts of the contacts that have errors by these causes.
+NEEDED = {"temperature": [HEATED], "kernel": [WINDOW]}
+REMEDIES = {
+    "grid": "more points",
+    "time": "more times",
+    "memory": "a shorter motion",
+    "kernel": "on a window a larger one",
+}
+_OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
+
+
+class number(property):
+    """A number of a result of sliding, or a field, as its attribute.
+
+    **Arguments:**
+
+    - `formula`: of a result; its docstring is that of the attribute.
+    - `symbol`, `unit`, `meaning`: see `Quantity`. Several surfaces have the mean of a number with a
+      symbol, and the largest of an error or of a check without one.
+    - `over_time`: whether there is one number at each time.
+    - `stored`: whether prints, results of scenes and of `sweep` contain it.
+    - `needs`: only contacts with these `facts` print and store it.
+    - `warns`: when it is warned of, if there is a limit.
+    - `by_neighbours`: whether it needs the contacts on half the grid, see `errors/neighbours.py`.
+    """
+
+    def __init__(
+        self,
+        formula: Formula,
+        symbol: str,
+        unit: str,
+        meaning: str,
+        *,
+        over_time: bool = False,
+        stored: bool = True,
+        needs: Collection[str] = (),
+        warns: Above | None = None,
+        by_neighbours: bool = False,
+    ):
+        super().__init__(formula)
+        self.formula, self.over_time, self.stored, self.needs = formula, over_time, stored, needs
+        self.warns, self.by_neighbours = warns, by_neighbours
+        self.quantity = Quantity("", symbol, unit, meaning)
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.quantity = self.quantity._replace(name=name)
+        NUMBERS.setdefault(name, self.quantity)
+
+    def __get__(self, found: Any, owner: type | None = None) -> Any:
+        if found is None:
+            return self
+        # Numbers of `contact` need no program.
+        return self.of(found) if self.name in _OF_CONTACT else found.compute(self.name)[0]
+
+    @property
+    def name(self) -> str:
+        return self.quantity.name
+
+    @property
+    def has_derivative(self) -> bool:
+        """Whether it has one; estimated errors have none."""
+        return not self.name.endswith("_error")
+
+    def is_stored(self, facts: Collection[str]) -> bool:
+        """Returns whether contacts with these facts print and store it."""
+        return self.stored and {*self.needs} <= {*facts}
+
+    def of(self, found: Found) -> Any:
+        """Returns the number of a result; a transient solve recorded some of them step by step."""
+        recorded = getattr(found, "recorded", {})
+        return recorded[self.name] if self.name in recorded else self.formula(found)
+
+
+def error_of(
+    own: number,
+    parts: Mapping[str, Formula],
+    *,
+    over: Callable[[NumberOf], Any] | None = None,
+    needs: Collection[str] = (),
+) -> number:
+    """Returns the estimated error of a number, the sum of its parts.
+
+    **Arguments:**
+
+    - `own`: the number.
+    - `parts`: formulas by their causes: "solver", "grid", "time", "memory", "kernel" (of a window)
+      or "temperature". `error_parts` of a result returns them.
+    - `over`: the relative error; above `WARN_ABOVE` there is a warning. None: there is none.
+    - `needs`: facts of the contacts that have the error, beside those that have the number.
+    """
+
+    def errors(found):
+        known = (cause for cause in parts if {*NEEDED.get(cause, ())} <= found.facts)
+        return {cause: parts[cause](found) for cause in known}
+
+    symbol, unit, meaning = own.quantity[1:4]
+    errors.__doc__ = f"Estimated error of the {meaning} [{unit}]: the sum of its parts."
+    warns = None
+    if over is not None:
+        remedies = [REMEDIES[cause] for cause in parts if cause in REMEDIES]
+        sentence = (
+            f"The {meaning} has an error of about {{value:.0%}}: take {', or '.join(remedies)}. "
+            "`error_parts` returns the causes."
+        )
+        warns = Above(WARN_ABOVE, sentence, over)
+    return number(
+        errors,
+        rf"\delta {symbol}",
+        unit,
+        f"estimated error of the {meaning}",
+        over_time=own.over_time,
+        stored=own.stored,
+        needs=(*own.needs, *needs),
+        warns=warns,
+        by_neighbours=True,
+    )
+
+
+@functools.cache
+def numbers_in(kind: type) -> dict[str, number]:
+    """Returns the numbers of a class of results by their names, in the order of prints."""
+    return {
+        name: entry
+        for part in kind.__mro__
+        for name, entry in vars(part).items()
+        if isinstance(entry, number)
+    }
+
+
+def value_of(name: str, found: Found) -> Any:
+    """Returns a number of a result inside of the program of others."""
+    return numbers_in(type(found))[name].of(found)
+
+
+@dataclasses.dataclass
+class Kept:
+    """What a result keeps of what it computed.
+
+    It is no field of the result: a copy, such as JAX makes, starts with nothing.
+
+    **Fields:**
+
+    - `numbers`: numbers by their names, none of them traced; of an error its parts.
+    - `near`: the contacts on half the grid and with half the times, see `Neighbours`, or None.
+    - `formulas`: results of formulas that several numbers share, within one program, see
+      `shared`; None outside of a program.
+    """
+
+    numbers: dict[str, Any] = dataclasses.field(default_factory=dict)
+    near: Any = None
+    formulas: dict[Callable[[Any], Any], Any] | None = None
+
+
+class AbstractSliding(eqx.Module):
+    """What the results of sliding have in common: how numbers are computed, and of what.
+
+    A number is computed when it is first read, and kept unless it is traced, see `Kept`. Under
+    `jit` XLA drops what nothing uses.
+    """
+
+    contact: eqx.AbstractVar[ContactSolution]
+    problem: eqx.AbstractVar[Problem]
+    kind: eqx.AbstractClassVar[str]
+    heated: eqx.AbstractVar[HeatedContact | None]
+
+    @functools.cached_property
+    def kept(self) -> Kept:
+        """What was computed before."""
+        return Kept()
+
+    def neighbours(self) -> Any:
+        """Solves the contacts that show what the grid and the times change, see `Neighbours`."""
+        raise NotImplementedError
+
+    @property
+    def near(self) -> Any:
+        """Those contacts, which are kept unless they are traced."""
+        near = self.kept.near
+        if near is None:
+            # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.
+            near = jax.tree.map(lambda leaf: leaf, self).neighbours()
+            if all(map(is_concrete, jax.tree.leaves(near))):
+                self.kept.near = near
+        return near
+
+    # What the problem has.
+
+    @property
+    def facts(self) -> frozenset[str]:
+        """What is known of this kind of contact, see `facts_of`."""
+        return self.problem.facts
+
+    @property
+    def operator(self) -> AbstractOperator:
+        return self.problem.operator
+
+    @property
+    def heights(self) -> Float[Array, "..."]:
+        return self.problem.heights
+
+    @property
+    def grid(self) -> Grid:
+        return self.problem.grid
+
+    @property
+    def law(self) -> AbstractLaw:
+        return self.problem.law
+
+    @property
+    def shear(self) -> ShearStress | None:
+        return self.problem.shear
+
+    @property
+    def coupling(self) -> Coupling | None:
+        return self.problem.coupling
+
+    @property
+    def cell(self) -> Grid:
+        """The cell of the kernel."""
+        return self.operator.cell(self.grid)
+
+    @property
+    def pressure(self) -> Float[Array, "*shape"]:
+        return self.contact.pressure
+
+    @property
+    def gap(self) -> Float[Array, "*shape"]:
+        return self.contact.gap
+
+    @property
+    def result(self) -> RESULTS:
+        return self.contact.result
+
+    @property
+    def state(self) -> str:
+        return self.contact.state
+
+    @property
+    def noise(self) -> dict[str, float]:
+        return self.contact.noise
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """The names of the numbers that prints and results contain."""
+        entries = numbers_in(type(self)).items()
+        return tuple(name for name, entry in entries if entry.is_stored(self.facts))
+
+    def compute(self, *names: str) -> list[Float[Array, "..."]]:
+        """Returns the numbers of these names; one program computes those that are missing."""
+        known = self._known(names)
+        return [total_of(known[name]) for name in names]
+
+    def error_parts(self, name: str) -> dict[str, Float[Array, "..."]]:
+        """Returns the parts of the error of a number by their causes, such as "grid".
+
+        A number without an estimated error has none.
+        """
+        error = f"{name}_error"
+        return self._known((error,))[error] if error in numbers_in(type(self)) else {}
+
+    def _known(self, names: tuple[str, ...]) -> dict[str, Any]:
+        kept = self.kept.numbers
+        missing = tuple(name for name in names if name not in kept)
+        found = _in_programs(self, missing) if missing else {}
+        if all(map(is_concrete, jax.tree.leaves(found))):  # a tracer must not outlive its trace
+            kept.update(found)
+        return kept | found
+
+    def before_display(self) -> tuple[str, ...]:
+        """Computes all numbers; returns the names of those that the contact does not show."""
+        self.compute(*self.numbers)
+        return beyond_contact(self)
+
+    @property
+    def grid_errors(self) -> str:
+        """Where the errors by the grid come from, in words; of a batch, those of its first."""
+        one = self.heights.reshape(-1, *self.grid.shape)[0]
+        grid = jax.tree.map(lambda sizes: sizes.reshape(-1, self.grid.ndim)[0], self.grid)
+        return grid_estimate(one, grid, WINDOW in self.facts)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings about these numbers, one sentence each; not under `jit`."""
+        known = dict(zip(self.numbers, self.compute(*self.numbers), strict=True))
+        found = warnings_in(type(self), lambda name: known.get(name, 0.0))
+        return tuple(warning.sentence for warning in found)
+
+
+def warnings_in(kind: type[AbstractSliding], number: NumberOf) -> tuple[ResultWarning, ...]:
+    """Returns the warnings of numbers of a class of results, see `warnings_by`."""
+    entries = numbers_in(kind).items()
+    rules = {name: entry.warns for name, entry in entries if entry.warns is not None}
+    return warnings_by(rules, number, "times" if kind.kind == TRANSIENT else "solves")
+
+
+def total_of(parts: Array | dict[str, Array]) -> Array:
+    """Returns a number as it is, and of the parts of an error their sum."""
+    return functools.reduce(jnp.add, parts.values()) if isinstance(parts, dict) else parts
+
+
+def beyond_contact(found: AbstractSliding) -> tuple[str, ...]:
+    """The names of numbers that `contact` lacks, or has without their error."""
+    names = found.numbers
+    return tuple(n for n in names if n not in _OF_CONTACT or f"{n}_error" in names)
+
+
+def with_observables(tree: Any) -> Any:
+    """Returns a tree with the numbers and the contact of each result of sliding in its place."""
+
+    def numbers(leaf):
+        if not isinstance(leaf, AbstractSliding):
+            return leaf
+        names = beyond_contact(leaf)
+        return dict(zip(names, leaf.compute(*names), strict=True)) | {"contact": leaf.contact}
+
+    return jax.tree.map(numbers, tree, is_leaf=lambda leaf: isinstance(leaf, AbstractSliding))
+
+
+def _in_programs(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, Any]:
+    """The numbers of a result; of a batch one by one."""
+    if found.contact.error.ndim > 0:
+        return jax.lax.map(lambda one: _in_programs(one, names), found)
+    # Outside of the program, so that Python reuses the programs of the contact.
+    near = None
+    if any(numbers_in(type(found))[name].by_neighbours for name in names):
+        near = found.near
+    return _computed(found, near, names)
+
+
+@derivative_apart
+@compiled
+def _computed(found: AbstractSliding, near: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    still, near_still = jax.lax.stop_gradient((found, near))
+    for one, others in ((found, near), (still, near_still)):
+        one.kept.formulas, one.kept.near = {}, others
+    entries = {name: numbers_in(type(found))[name] for name in names}
+    numbers = {n: e.of(found if e.has_derivative else still) for n, e in entries.items()}
+    if found.kind == TRANSIENT:  # whose numbers before a failure are known
+        return numbers
+    return if_known(found.result, numbers)  # an area is a number even of a pressure that is none

@@ -1,0 +1,269 @@
+"""Numbers that show whether the others can be trusted, and their limits."""
+
+import functools
+from collections.abc import Iterable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ...contacts.operators.operator import nonzero
+from ...core.derivative import largest
+from ...core.warnings import WARN_ABOVE, Above, NumberOf
+from ...fields.grid import to_field, to_spectrum
+from ...materials.coverage import coverage, is_unknown, unknown_share
+from ..case import WINDOW
+from ..energy import exchange, frequencies, losses, powers_of_traction
+from ..formulas import (
+    along_motion,
+    counterface_displacement,
+    displaced,
+    loaded,
+    moved_where_loaded,
+    slopes,
+)
+from ..motion.motion import Motion
+from ..number import Found
+from ..problem import TransientProblem
+from .load import approach
+
+EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
+# Small strains neglect slope²/2, the excess of an arc over its chord.
+STEEPEST = (2 * WARN_ABOVE) ** 0.5
+
+TOO_STEEP = Above(
+    STEEPEST,
+    "The rms slope of a body where it carries the load is {value:.2g}. The model assumes small "
+    f"strains: above an rms slope of {STEEPEST:.2g} the neglected terms exceed {WARN_ABOVE:.0%}.",
+)
+NOT_MEASURED = Above(
+    WARN_ABOVE,
+    "{value:.0%} of the friction arises on points that were filled or tapered, not measured. Crop "
+    "to a part of the surface without them.",
+)
+BEYOND_FREQUENCIES = Above(
+    EXTRAPOLATED,
+    "{value:.0%} of the friction comes from frequencies or a temperature at which a material was "
+    "not measured: its modulus there is an extrapolation.",
+)
+BEYOND_TIMES = Above(
+    EXTRAPOLATED,
+    "A material was not measured at {value:.0%} of the times between the shortest step and the "
+    "end, by their logarithm: its modulus there is an extrapolation.",
+)
+COMPRESSED = Above(
+    0.2 - 1e-3,  # from 20 % on, whatever the error of the solve
+    "The body moved into the layers by {value:.0%} of their thickness above the rigid base. The "
+    f"model assumes small strains: above 20% the neglected terms exceed {WARN_ABOVE:.0%}.",
+)
+ON_THE_RIM = Above(
+    1e-3,
+    "{value:.2g} of the load acts on the rim of the window. Take a larger window, unless the body "
+    "ends there.",
+)
+TOO_FAST = Above(
+    1 + WARN_ABOVE,
+    "The surface moves by up to {value:.2g} spacings of the grid from one time to the next: the "
+    "times do not resolve how the shortest waves move. Take more times.",
+)
+TOO_FAR = Above(
+    1 + 1e-3,  # a stroke as long as the cell may be rounded
+    "The stroke is {value:.3g} times as long as the cell: the surface is periodic, so that the "
+    "next copy of each asperity follows in its track before it turns. Take a larger cell or a "
+    "shorter stroke.",
+)
+PASSES_ITS_REST = Above(
+    1 + 1e-3,
+    "After a rest the surface moves by {value:.3g} times the cell: it is periodic, so that after "
+    "each cell it meets what it left where it rested, and friction and gap change once more. Trust "
+    "the times before, or take a larger cell or a shorter path.",
+)
+WARMS = Above(
+    1.0,  # less changes the moduli of a rubber by a few per cent
+    "The contact is {value:.2g} K above the bulk in the mean over the cycle. Within the cycle it "
+    "is warmer at the highest speed and colder at a turn; this, and heat that is left when the "
+    "next pass comes, are neglected.",
+)
+
+
+def _apart(number: NumberOf):
+    return np.isnan(number("friction")) & (number("slope_in_contact") == 0)
+
+
+def _no_shear(number: NumberOf):
+    return np.isnan(number("shear_friction")) & (number("slope_in_contact") > 0)
+
+
+def _never_loaded(number: NumberOf):
+    return np.all(number("load") == 0, axis=-1)
+
+
+APART = Above(
+    0, "The surfaces do not touch: there is no load, so friction is not defined.", of=_apart
+)
+NO_SHEAR = Above(
+    0,
+    "The friction of shear is not a number: `shear` returned NaN under a pressure of this contact.",
+    of=_no_shear,
+)
+NEVER_LOADED = Above(
+    0, "The surfaces never touch: without a load there is no friction.", of=_never_loaded
+)
+
+
+def _lost(found: Found) -> Array:
+    """The power that both bodies dissipate [W/m²]."""
+    return _sum_of(map(jnp.sum, losses(found)))
+
+
+def _sum_of(parts: Iterable[Array]) -> Array:
+    return functools.reduce(jnp.add, parts)
+
+
+def _share_unmeasured(found: Found, weight: Array) -> Array:
+    """The share of a weight on points that were not measured."""
+    if found.problem.measured is None:
+        return jnp.zeros((), found.pressure.dtype)
+    return jnp.sum(weight * (1 - found.problem.measured)) / nonzero(jnp.sum(weight))
+
+
+def energy_imbalance(found: Found) -> Array:
+    """Work of hysteresis, and of the load, against dissipation in both bodies, relative [1].
+
+    With coupling also the work of the shear on the bodies.
+    """
+    exchanged, size = exchange(found)
+    for power in powers_of_traction(found):
+        exchanged += jnp.mean(power)
+        size += jnp.mean(jnp.abs(power))
+    imbalance = jnp.abs(exchanged - _lost(found)) / nonzero(size)
+    return jax.lax.stop_gradient(imbalance)  # of rounding
+
+
+def slope_in_contact(found: Found) -> Array:
+    """Rms slope of a body where it carries the load [1], the largest of both and of all times.
+
+    It is the size of the strains there. The friction of a hard wall never exceeds it.
+    """
+    steepest = largest(slopes(found, *displaced(found)))
+    if found.problem.counterface is None:
+        return steepest
+    pressure = loaded(found)[0]
+    other = slopes(found, pressure, counterface_displacement(found, pressure))
+    return jnp.maximum(steepest, largest(other))
+
+
+def unmeasured_friction(found: Found) -> Array:
+    """Share on points that were filled or tapered of the tangential traction |σ ∂w/∂x_v| [1].
+
+    Tractions up and down the slopes nearly cancel in friction.
+    """
+    pressure, displacement = displaced(found)
+    (q,) = along_motion(found)
+    slope = to_field(1j * q * to_spectrum(displacement), pressure.shape)
+    return _share_unmeasured(found, found.operator.on_surface(jnp.abs(pressure * slope)))
+
+
+def extrapolated_friction(found: Found) -> Array:
+    """Share of the dissipation at frequencies at which a material was not measured [1].
+
+    Its modulus there is an extrapolation. See `coverage`; a material of the body that dissipates.
+    """
+    counterface, omega = found.problem.counterface, frequencies(found)
+    ranges = (
+        found.problem.measured_range,
+        None if counterface is None else counterface.measured_range,
+    )
+    # Under steady sliding the counterface is at rest: the block alone dissipates.
+    lost = [jnp.abs(body) for body in losses(found)]
+    unknown = [
+        jnp.sum(jnp.where(is_unknown(omega, known), body, 0))
+        for body, known in zip(lost, ranges, strict=False)
+        if known is not None
+    ]
+    if not unknown:
+        return jnp.zeros((), found.pressure.dtype)
+    return _sum_of(unknown) / nonzero(_sum_of(map(jnp.sum, lost)))
+
+
+def extrapolated_times(found: Found) -> Array:
+    """Share of the times t, from the shortest step to the end, for which 1/t was not measured [1].
+
+    Counted by the logarithm of t; the larger one of both bodies.
+    """
+    rates = _motion(found).rates
+    known = [one for body in found.problem.bodies if (one := coverage(body)) is not None]
+    shares = [unknown_share(*rates, one) for one in known]
+    return jax.lax.stop_gradient(functools.reduce(jnp.maximum, shares, jnp.zeros_like(rates[0])))
+
+
+def compression(found: Found) -> Array:
+    """How far a body on a window moved into layers on a rigid base, over their thickness [1].
+
+    0 on another base. With a counterface the larger of both: each has its share of the approach.
+    """
+    problem, none = found.problem, jnp.zeros((), found.pressure.dtype)
+    counterface = problem.counterface
+    if counterface is None:
+        return none if problem.thickness is None else approach(found) / problem.thickness
+    bodies = (problem.block, problem.thickness), (counterface.operator, counterface.thickness)
+    whole = jnp.sum(moved_where_loaded(found, found.operator))
+    parts = (
+        jnp.sum(moved_where_loaded(found, operator)) / nonzero(whole) / thickness
+        for operator, thickness in bodies
+        if thickness is not None
+    )
+    return approach(found) * functools.reduce(jnp.maximum, parts, none)
+
+
+def rim_load(found: Found) -> Array:
+    """Share of the load on the outermost points of a window [1]; NaN without a load."""
+    rim = np.full(found.grid.shape, WINDOW in found.facts)
+    rim[(slice(1, -1),) * found.grid.ndim] = False
+    return jnp.sum(found.pressure, where=rim) / jnp.sum(found.pressure)
+
+
+def largest_step(found: Found) -> Array:
+    """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
+    return _motion(found).largest_step(found.grid)
+
+
+def _motion(found: Found) -> Motion:
+    problem = found.problem
+    if isinstance(problem, TransientProblem):
+        return Motion(problem.displacement, times=problem.times)
+    return Motion(problem.displacement, problem.period)
+
+
+def stroke_over_cell(found: Found) -> Array:
+    """Extent of the motion along an axis over the edge of the cell [1], the larger one.
+
+    Of the part that comes back: 0 under steady sliding.
+    """
+    back = found.motion_of_surface[1]
+    return jnp.max(jnp.ptp(back, axis=0) / found.grid.size[: back.shape[1]])
+
+
+def path_after_rest(found: Found) -> Array:
+    """The largest distance from where a surface rested, later, over the edge of the cell [1].
+
+    Along one axis, the larger one; 0 without a rest, and on a window.
+    """
+    if WINDOW in found.facts:
+        return jnp.zeros((), found.grid.size.dtype)
+    x = found.problem.displacement.reshape(len(found.problem.displacement), -1)
+    rested = jnp.all(jnp.diff(x, axis=0) == 0, axis=1)[:, None]
+    last = [jax.lax.cummax(sign * x[1:], reverse=True) - sign * x[1:] for sign in (1, -1)]
+    far = jnp.where(rested, jnp.maximum(*last), 0)
+    return jnp.max(jnp.max(far, axis=0, initial=0) / found.grid.size[: x.shape[1]])
+
+
+def error(found: Found) -> Array:
+    """Estimated relative error of the pressure [1]."""
+    return found.contact.error
+
+
+def num_fft_pairs(found: Found) -> Array:
+    """FFT pairs of the solve [1]."""
+    return found.contact.num_fft_pairs

@@ -1,0 +1,151 @@
+"""The result of a transient motion."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...blocks.heated_stack import HeatedContact
+from ...contacts.solution import ContactSolution
+from ...core.display import shown
+from ...core.quantities import NUMBERS, TRANSIENT, in_brackets
+from .. import case as facts
+from ..errors import neighbours, parts
+from ..number import AbstractSliding, error_of, number
+from ..numbers import checks, gap_flow
+from ..numbers import friction as of_friction
+from ..problem import TransientProblem
+from ..transient import errors as of_steps
+from ..transient import numbers as transient
+from .cycle import CyclicSliding
+from .steady import Sliding
+
+
+@shown("contact", "failed", "grid_errors", "warnings")
+class TransientSliding(AbstractSliding):
+    """Friction, contact area and fields in a transient motion.
+
+    Arrays over time have the shape `(nt,)`, one number for each of `.times`; those along the
+    motion, friction and traction, `(nt, 2)` if the displacement has two components. Errors have no
+    derivative. After a step that failed all numbers are NaN.
+
+    **Fields:**
+
+    - `contact`: the fields at the ends of some steps, of the shape `(kept, *grid.shape)`, see
+      `ContactSolution`; its numbers are the largest errors and the sums of all steps. Also reached
+      directly as `.pressure`, `.gap`, `.displacement` [Pa, m, m], at the `.field_times` [s].
+    - `problem`: what was solved, see `TransientProblem`; its `times`, `displacement`, `heights`,
+      `grid`, `law`, `shear` and others are also reached directly.
+    - `recorded`: numbers of the steps by their names, each with the times on its first axis.
+    - `failed`: number of the first step that did not succeed, or -1.
+    - `kept_steps`: numbers of the steps whose fields are kept. Static.
+    """
+
+    contact: ContactSolution
+    problem: TransientProblem
+    recorded: dict[str, Array]
+    failed: Array
+    kept_steps: tuple[int, ...] = eqx.field(static=True)
+    heated: HeatedContact | None = None
+    kind: ClassVar[str] = TRANSIENT
+
+    friction = CyclicSliding.friction
+    friction_error = error_of(friction, of_steps.FRICTION_ERRORS)
+    shear_friction = number(
+        of_friction.shear_friction,
+        r"\mu_\mathrm{shear}",
+        "1",
+        "friction coefficient of shear in the contact",
+        over_time=True,
+        warns=checks.NO_SHEAR,
+    )
+    mean_friction = CyclicSliding.mean_friction
+    mean_friction_error = error_of(mean_friction, of_steps.MEAN_ERRORS)
+    peak_friction = CyclicSliding.peak_friction
+    peak_friction_error = error_of(peak_friction, of_steps.PEAK_ERRORS)
+    traction, load = CyclicSliding.traction, CyclicSliding.load
+    work_done = number(transient.work_done, "W", "J/m²", "work of friction so far", over_time=True)
+    work_done_error = error_of(work_done, of_steps.WORK_ERRORS)
+    load_work_done = number(
+        transient.load_work_done, r"W_\sigma", "J/m²", "work of the load so far", over_time=True
+    )
+    load_work_done_error = error_of(load_work_done, of_steps.LOAD_WORK_ERRORS)
+    shear_work_done = number(
+        transient.shear_work_done,
+        r"W_\mathrm{shear}",
+        "J/m²",
+        "work of shear in the contact so far",
+        over_time=True,
+        needs=[facts.SHEARED],
+    )
+    contact_area = CyclicSliding.contact_area
+    contact_area_error = error_of(
+        contact_area, of_steps.AREA_ERRORS, over=parts.over_number("contact_area")
+    )
+    contact_area_pixels = CyclicSliding.contact_area_pixels
+    mean_gap = CyclicSliding.mean_gap
+    mean_gap_error = error_of(mean_gap, of_steps.GAP_ERRORS)
+    flow_along_x, flow_along_y = Sliding.flow_along_x, Sliding.flow_along_y
+    flow_along_x_error = error_of(
+        flow_along_x, gap_flow.flow_errors(0, "solver", "grid", "time", "memory")
+    )
+    flow_along_y_error = error_of(
+        flow_along_y, gap_flow.flow_errors(1, "solver", "grid", "time", "memory")
+    )
+    slope_in_contact = Sliding.slope_in_contact
+    extrapolated_times = number(
+        checks.extrapolated_times,
+        "",
+        "1",
+        "share of the times, by their logarithm, at which no modulus was measured",
+        warns=checks.BEYOND_TIMES,
+    )
+    largest_step = CyclicSliding.largest_step
+    path_after_rest = number(
+        checks.path_after_rest,
+        "",
+        "1",
+        "path after a rest, over the cell",
+        warns=checks.PASSES_ITS_REST,
+    )
+    error, num_fft_pairs = Sliding.error, Sliding.num_fft_pairs
+
+    def neighbours(self) -> neighbours.Neighbours:
+        return of_steps.neighbours_of(self)
+
+    @property
+    def times(self) -> Float[Array, " nt"]:
+        """Ends of the steps [s]."""
+        return self.problem.times
+
+    @property
+    def displacement(self) -> Float[Array, "*kept"]:
+        """Displacement of the block at the kept times [m]."""
+        return self.contact.displacement
+
+    @property
+    def moved(self) -> Float[Array, "nt components"]:
+        """The displacement s of the surface, its components on the second axis [m]."""
+        return self.problem.moved
+
+    def table(self, most: int = 25) -> str:
+        """Returns the numbers over time in columns, of at most so many times."""
+        rows = np.unique(np.linspace(0, len(self.times) - 1, most).round().astype(int))
+        shown_of = ("friction", "contact_area", "mean_gap", "load", "work_done")
+        heads = ["time [s]", *(n + in_brackets(NUMBERS[n].unit) for n in shown_of)]
+        columns = [[f"{t:.4g}" for t in np.asarray(self.times)[rows]]]
+        for name in shown_of:
+            values = np.asarray(self.recorded[name])[rows].reshape(len(rows), -1)
+            columns.append([" ".join(in_digits(v, ".4g") for v in row) for row in values])
+        widths = [max(map(len, (head, *rest))) for head, rest in zip(heads, columns, strict=True)]
+        lines = [heads, *zip(*columns, strict=True)]
+        return "\n".join(
+            "  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True))
+            for line in lines
+        )
+
+    @property
+    def field_times(self) -> Float[Array, " kept"]:
+        """Times of the kept fields [s]."""
+        return self.times[np.array(self.kept_steps)]
