@@ -137,7 +137,7 @@ def test_ctrl_c_ends_a_run_that_the_same_command_continues(folder, tmp_path):
     while process.poll() is None and len(list(points.glob("*.npz"))) < 2:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=300)
     assert process.returncode == 130 and "same command" in said, said
     assert "Traceback" not in said
     done = len(list(points.glob("*.npz")))
