@@ -50,7 +50,8 @@ def optimum(
         nonlocal path
         for _ in range(0 if loss == "linear" else SOFTENINGS):
             theta, series, _ = find(data, *others)
-            data = dataclasses.replace(data, scale=robust_deviation(series, theta))
+            scale = jnp.asarray(robust_deviation(series, theta))
+            data = dataclasses.replace(data, scale=scale)
         theta, series, path = find(data, *others)
         expected = np.zeros(2) if series.isotherms is None else series.isotherms.penalty
         scale = np.inf if series.scale is None else series.scale
