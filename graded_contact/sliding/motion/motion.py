@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from ...core.checks import check_type, is_concrete, numbers, scalar
+from ...core.checks import check_type, is_concrete, numbers, optional, scalar
 from ...core.display import shown, with_unit
 from ...fields.grid import Grid
 
@@ -23,10 +23,6 @@ from ...fields.grid import Grid
 CHOSEN_STEP = 0.5
 LARGEST_STEP = 2.0
 _OPEN = 0.2  # of the extent of a record: a gap that its next row does not close
-
-
-def _if_given(convert):
-    return lambda value: None if value is None else convert(value)
 
 
 @shown("num_times", "times", "displacement", "period", "highest_speed", units=False, unset=False)
@@ -42,9 +38,9 @@ class Motion(eqx.Module):
     """
 
     displacement: Float[Array, "nt ..."] = eqx.field(converter=numbers("displacement"))
-    period: Float[Array, ""] | None = eqx.field(converter=_if_given(scalar("period")), default=None)
+    period: Float[Array, ""] | None = eqx.field(converter=optional(scalar("period")), default=None)
     times: Float[Array, " nt"] | None = eqx.field(
-        converter=_if_given(numbers("times")), default=None
+        converter=optional(numbers("times")), default=None
     )
 
     def __check_init__(self):
@@ -164,6 +160,6 @@ def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
         far = with_unit(float(np.linalg.norm(apart)), "m")
         raise ValueError(
             f"`displacement` is refused: its end is {far} from its start{beyond}, but a cycle ends "
-            "where it began. Use `slide_transient` (with `recorded_transient`) for a "
-            "transient motion, or let the surface advance by whole cells, see `slide_cycle`."
+            "where it began. Use `slide_transient` for a transient motion, or let the surface advance "
+            "by whole cells, see `slide_cycle`."
         )

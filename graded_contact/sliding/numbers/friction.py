@@ -80,10 +80,7 @@ def geometric_friction(found: Found) -> Array:
     heights = found.operator.on_cell(found.heights, "symmetric")
     if found.problem.counterface is not None:
         heights = heights - counterface_displacement(found, pressure)
-    tractions = tractions_of(found, pressure, jnp.broadcast_to(heights, pressure.shape))
-    if isinstance(found.problem, CycleProblem):
-        return over_load(found, tractions + sheared(found)[0])
-    return over_load(found, tractions) + shear_friction(found)
+    return over_load(found, tractions_of(found, pressure, heights)) + shear_friction(found)
 
 
 def traction(found: Found) -> Array:

@@ -41,11 +41,6 @@ def neighbours_of(found: Found) -> Neighbours:
     return Neighbours(same, on_grid(found, half, on_half, every), fewer, missing)
 
 
-def steps_with_errors(count: int) -> int:
-    """Returns how many steps a transient solve takes at most, with those of its neighbours."""
-    return 3 * count + (len(_halved_steps(count)) if count >= 2 * _LEAST_STEPS else 0)
-
-
 def _halved_steps(count: int) -> np.ndarray:
     """Every second step, with the last one."""
     return np.arange(count - 1, -1, -2)[::-1]
