@@ -109,9 +109,10 @@ def _given(
         # Relative to the first touch; means of neighbours are lower than their highest.
         lower = largest(found.heights) - largest(heights)
         load = {
-            "pressure": lambda: contact.mean_pressure, "mean_gap": lambda: contact.mean_gap,
+            "pressure": lambda: contact.mean_pressure,
+            "mean_gap": lambda: contact.mean_gap,
             "approach": lambda: found.compute("approach")[0] - lower,
-        }[found.problem.prescribed]()  # fmt: skip
+        }[found.problem.prescribed]()
     else:
         over = (num_times,)
         name = "load" if found.problem.prescribed == "pressure" else "mean_gap"

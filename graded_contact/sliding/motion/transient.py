@@ -61,9 +61,11 @@ def dwell(
 
 
 def ramp(
-    velocity: ScalarLike, duration: ScalarLike, grid: Grid | None = None,
+    velocity: ScalarLike,
+    duration: ScalarLike,
+    grid: Grid | None = None,
     num_times: int | None = None,
-) -> Motion:  # fmt: skip
+) -> Motion:
     """Returns a motion along x at one velocity, in equal steps.
 
     **Arguments:**
@@ -79,9 +81,12 @@ def ramp(
 
 
 def start(
-    velocity: ScalarLike, duration: ScalarLike, before: ScalarLike = 0.0,
-    grid: Grid | None = None, num_times: int | None = None,
-) -> Motion:  # fmt: skip
+    velocity: ScalarLike,
+    duration: ScalarLike,
+    before: ScalarLike = 0.0,
+    grid: Grid | None = None,
+    num_times: int | None = None,
+) -> Motion:
     """Returns a motion along x that goes smoothly from one velocity to another, such as from rest.
 
     The velocity is before + (v - before)(3x² - 2x³), x = t/duration: a brake if v = 0.

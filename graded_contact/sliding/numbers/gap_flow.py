@@ -205,9 +205,11 @@ def _gap_flow(gap, grid: Grid) -> GapFlow:
     dtype = weights.dtype
     shapes = jax.ShapeDtypeStruct((2, *cube.shape), dtype), jax.ShapeDtypeStruct((2,), bool)
     pressure, percolates = jax.pure_callback(
-        partial(_solve, dtype=dtype), shapes, *jax.lax.stop_gradient((weights, spacing)),
+        partial(_solve, dtype=dtype),
+        shapes,
+        *jax.lax.stop_gradient((weights, spacing)),
         vmap_method="sequential",
-    )  # fmt: skip
+    )
     rise = jnp.eye(2, dtype=dtype)[:, :, None, None] * spacing[:, None, None]
     drops = rise + jnp.stack([jnp.roll(pressure, -1, axis) - pressure for axis in (1, 2)], 1)
     area = cube.size * spacing[0] * spacing[1]

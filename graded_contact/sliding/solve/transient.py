@@ -41,9 +41,10 @@ def solve_transient(
         )
     good = found.failed < 0
     return dataclasses.replace(
-        found, recorded=required(found.recorded, good, found.result.error_if),
+        found,
+        recorded=required(found.recorded, good, found.result.error_if),
         contact=required(found.contact, good, found.result.error_if),
-    )  # fmt: skip
+    )
 
 
 def _steps_kept(fields_at: Any, count: int) -> tuple[int, ...]:

@@ -65,10 +65,11 @@ def _of_whole(problem: TransientProblem, numbers: dict[str, Array]) -> dict[str,
     shape, way = problem.displacement.shape, lengths(problem.steps[1])
     friction, path = over(numbers["traction"]), jnp.sum(load * way)
     return numbers | dict(
-        traction=numbers["traction"].reshape(shape), friction=friction.reshape(shape),
+        traction=numbers["traction"].reshape(shape),
+        friction=friction.reshape(shape),
         shear_friction=over(numbers["shear_traction"]).reshape(shape),
         # Without a way, or without a load on it, there is none.
         mean_friction=jnp.where(path > 0, numbers["work_done"][-1] / nonzero(path), jnp.nan),
         peak_friction=largest(jnp.where(load > 0, lengths(friction), 0)),
         slope_in_contact=largest(numbers["slope"]),
-    )  # fmt: skip
+    )
