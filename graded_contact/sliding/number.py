@@ -29,7 +29,6 @@ from ..core.warnings import WARN_ABOVE, Above, NumberOf, ResultWarning, warnings
 from ..fields.grid import Grid
 from .bodies import Coupling
 from .case import HEATED, WINDOW
-from .half_grid import grid_estimate
 from .problem import Problem
 from .shear import ShearStress
 
@@ -310,13 +309,6 @@ class AbstractSliding(eqx.Module):
         """Computes all numbers; returns the names of those that the contact does not show."""
         self.compute(*self.numbers)
         return beyond_contact(self)
-
-    @property
-    def grid_errors(self) -> str:
-        """Where the errors by the grid come from, in words; of a batch, those of its first."""
-        one = self.heights.reshape(-1, *self.grid.shape)[0]
-        grid = jax.tree.map(lambda sizes: sizes.reshape(-1, self.grid.ndim)[0], self.grid)
-        return grid_estimate(one, grid, WINDOW in self.facts)
 
     @property
     def warnings(self) -> tuple[str, ...]:

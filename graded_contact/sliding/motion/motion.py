@@ -65,18 +65,12 @@ class Motion(eqx.Module):
             return jnp.max(ways) * self.num_times / self.period
         return jnp.max(ways / jnp.diff(self.times, prepend=0))
 
-    @property
-    def rates(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """One over the last time, and one over the shortest step of a transient motion [1/s]."""
-        assert self.times is not None
-        return 1 / self.times[-1], 1 / jnp.min(jnp.diff(self.times, prepend=0))
-
     def largest_step(self, grid: Grid) -> Float[Array, ""]:
         """Returns the largest distance between neighbouring times, in spacings along x plus y [1].
 
         Above 1, take more times; above 2 a cycle refuses the motion.
         """
-        return _largest_step(self.displacement, grid.spacing, self.times is not None)
+        return largest_step(self.displacement, grid.spacing, self.times is not None)
 
     def then(self, other: "Motion") -> "Motion":
         """Returns this transient motion and then another one, which begins where this one ends."""
@@ -99,8 +93,8 @@ def _steps(displacement, from_rest: bool = False):
     return jnp.concatenate([abs(rows[:1]), steps]) if from_rest else steps
 
 
-def _largest_step(displacement, spacing, from_rest: bool = False):
-    """The largest distance, in spacings along x plus y; in NumPy of what NumPy has."""
+def largest_step(displacement, spacing, from_rest: bool = False):
+    """Returns the largest distance, in spacings along x plus y; in NumPy of what NumPy has."""
     moved = _steps(displacement, from_rest)
     return (moved / spacing[: moved.shape[1]]).sum(axis=1).max()
 
@@ -109,7 +103,7 @@ def step_of(displacement: Array | np.ndarray, grid: Grid) -> float | None:
     """`Motion.largest_step`, or None where the numbers are not known."""
     if not (is_concrete(displacement) and is_concrete(grid.size)):
         return None
-    return float(_largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
+    return float(largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
 
 
 def check_resolved(
@@ -160,6 +154,6 @@ def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
         far = with_unit(float(np.linalg.norm(apart)), "m")
         raise ValueError(
             f"`displacement` is refused: its end is {far} from its start{beyond}, but a cycle ends "
-            "where it began. Use `slide_transient` for a transient motion, or let the surface advance "
-            "by whole cells, see `slide_cycle`."
+            "where it began. Use `slide_transient` for a transient motion, or let the surface "
+            "advance by whole cells, see `slide_cycle`."
         )

@@ -44,7 +44,7 @@ def _enough(grid: Grid | None, dash: Array, least: Array | int) -> int | None:
     return fast(max(float(least), float(dash) / spacing / CHOSEN_STEP))
 
 
-def _chosen(num_times: int | None, enough: int | None, grid: Grid | None) -> int:
+def _chosen(num_times: int | None, enough: int | None) -> int:
     """The number of times: the one given, or what is enough if there is memory for it."""
     if num_times is not None:
         return num_times
@@ -82,7 +82,7 @@ def sinusoidal(
     check_values("stroke", stroke, "a stroke [m] must be finite and not negative", at_least=0)
     check_positive("frequency", frequency, "[Hz]")
     enough = _enough(grid, np.pi * stroke, _FEWEST)
-    count = _chosen(num_times, enough, grid)
+    count = _chosen(num_times, enough)
     displacement = _sine(stroke, count)
     check_resolved(f"`num_times={count}`", displacement, grid, enough)
     return Motion(displacement, 1 / frequency)
@@ -121,7 +121,7 @@ def start_stop(
     period = 2 * (moving + dwell)
     ways = period / moving
     enough = _enough(grid, 15 / 8 * stroke * ways, _OF_A_WAY * ways)
-    count = _chosen(num_times, enough, grid)
+    count = _chosen(num_times, enough)
     displacement = _there_and_back(stroke, moving, dwell, count)
     check_resolved(f"`num_times={count}`", displacement, grid, enough)
     return Motion(displacement, period)
@@ -218,7 +218,7 @@ def recorded(
         # More times keep more of the noise, so that they are not known beforehand.
         while (step := step_of(moved, grid)) is None or step > CHOSEN_STEP:
             enough = None if step is None else fast(max(count + 1, count * step / CHOSEN_STEP))
-            count = _chosen(None, enough, grid)
+            count = _chosen(None, enough)
             moved = _resampled(times, table, period, count)
     check_resolved(f"`num_times={count}`", moved, grid)
     return Motion(moved, period)

@@ -25,14 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ...core.checks import (
-    Numbers,
-    as_float,
-    check_positive,
-    check_shape,
-    check_type,
-    check_values,
-)
+from ...core.checks import Numbers, as_float, check_positive, check_shape, check_type, check_values
 from ...core.compilation import compiled
 from ...core.display import shown
 from ...fields.grid import Grid

@@ -19,7 +19,7 @@ from ..problem import CycleProblem
 from .steady import Sliding
 
 
-@shown("contact", "grid_errors", "warnings")
+@shown("contact", "warnings")
 class CyclicSliding(AbstractSliding):
     """Friction, contact area and fields over a cycle.
 

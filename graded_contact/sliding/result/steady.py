@@ -18,7 +18,7 @@ from ..numbers import traction as tractions
 from ..problem import SteadyProblem
 
 
-@shown("contact", "grid_errors", "warnings")
+@shown("contact", "warnings")
 class Sliding(AbstractSliding):
     """Friction, contact area and fields of a sliding contact.
 

@@ -22,7 +22,7 @@ from .cycle import CyclicSliding
 from .steady import Sliding
 
 
-@shown("contact", "failed", "grid_errors", "warnings")
+@shown("contact", "failed", "warnings")
 class TransientSliding(AbstractSliding):
     """Friction, contact area and fields in a transient motion.
 

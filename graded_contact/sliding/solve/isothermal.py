@@ -35,10 +35,7 @@ _LOOSER = 10  # tolerance of the traction over that of the pressure, whose noise
 
 
 def solve_isothermal(
-    case: Case,
-    how: Numerics,
-    start: Numbers | None = None,
-    solution: ContactSolution | None = None,
+    case: Case, how: Numerics, start: Numbers | None = None, solution: ContactSolution | None = None
 ) -> Sliding | CyclicSliding:
     """Returns the contact of a case without its heat; arguments as of `slide_case`."""
     pose = cycle_problem if case.velocity is None else steady_problem

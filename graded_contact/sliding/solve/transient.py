@@ -12,8 +12,7 @@ from ...fields.devices import required
 from ..case import Case
 from ..numerics import Numerics
 from ..result import TransientSliding
-from ..transient.pose import contact_of_steps, transient_problem
-from ..transient.run import run_transient
+from ..transient.pose import solved, transient_problem
 
 
 def solve_transient(
@@ -22,15 +21,7 @@ def solve_transient(
     """Returns the contact of a case with displacements at times; see `slide_transient`."""
     count = len(case.times)
     kept = _steps_kept(fields_at, count)
-    problem = transient_problem(case)
-    state, numbers = run_transient(problem, how, kept)
-    found = TransientSliding(
-        contact=contact_of_steps(state, numbers),
-        problem=problem,
-        recorded=numbers,
-        failed=state.failed,
-        kept_steps=kept,
-    )
+    found = TransientSliding(**solved(transient_problem(case), how, kept))
     if not how.throw:
         return found
     if is_concrete(found.failed) and np.ndim(found.failed) == 0 and found.failed >= 0:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -111,19 +112,20 @@ def on_grid(
     solver = DouglasRachford(newton=is_concrete(problem.given))
     how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
     kept = found.kept_steps if len(chosen) == len(found.times) else (len(chosen) - 1,)
+    return dataclasses.replace(found, **solved(problem, how, kept))
+
+
+def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> dict[str, Any]:
+    """Returns the fields of the result of a transient solve."""
     state, numbers = run_transient(problem, how, kept)
-    return dataclasses.replace(
-        found,
-        contact=contact_of_steps(state, numbers),
-        problem=problem,
-        recorded=numbers,
-        failed=state.failed,
-        kept_steps=kept,
+    contact = _contact_of(state, numbers)
+    return dict(
+        contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept
     )
 
 
-def contact_of_steps(state: TransientState, numbers: dict[str, Array]) -> ContactSolution:
-    """Returns the kept fields of a transient solve, and the errors of all steps."""
+def _contact_of(state: TransientState, numbers: dict[str, Array]) -> ContactSolution:
+    """The kept fields of a transient solve, and the errors of all steps."""
     pressure, gap, displacement, correction = state.kept
     over = tuple(range(1, pressure.ndim))
     return ContactSolution(
