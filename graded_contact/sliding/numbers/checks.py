@@ -121,13 +121,6 @@ def _sum_of(parts: Iterable[Array]) -> Array:
     return functools.reduce(jnp.add, parts)
 
 
-def _share_unmeasured(found: Found, weight: Array) -> Array:
-    """The share of a weight on points that were not measured."""
-    if found.problem.measured is None:
-        return jnp.zeros((), found.pressure.dtype)
-    return jnp.sum(weight * (1 - found.problem.measured)) / nonzero(jnp.sum(weight))
-
-
 def energy_imbalance(found: Found) -> Array:
     """Work of hysteresis, and of the load, against dissipation in both bodies, relative [1].
 
@@ -159,10 +152,13 @@ def unmeasured_friction(found: Found) -> Array:
 
     Tractions up and down the slopes nearly cancel in friction.
     """
+    if found.problem.measured is None:
+        return jnp.zeros((), found.pressure.dtype)
     pressure, displacement = displaced(found)
     (q,) = along_motion(found)
     slope = to_field(1j * q * to_spectrum(displacement), pressure.shape)
-    return _share_unmeasured(found, found.operator.on_surface(jnp.abs(pressure * slope)))
+    weight = found.operator.on_surface(jnp.abs(pressure * slope))
+    return jnp.sum(weight * (1 - found.problem.measured)) / nonzero(jnp.sum(weight))
 
 
 def extrapolated_friction(found: Found) -> Array:

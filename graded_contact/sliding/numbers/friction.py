@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ...contacts.estimates import error_of
-from ..energy import dissipation_of_waves
+from ..energy import losses
 from ..errors.grid import OF_FORCE, beside_changes, by_grid
 from ..errors.parts import changes_by_kernel, solver_errors, with_chance
 from ..formulas import (
@@ -136,7 +136,7 @@ def _friction_by_solver(found: Found) -> Array:
 def _beside(found: Found) -> Array:
     """`beside_changes`, and a part of the difference of the frictions by the two slopes [1]."""
     by_slopes = jnp.abs(geometric_friction(found) - friction(found))
-    by_slopes = jnp.where(jnp.any(dissipation_of_waves(found) != 0), by_slopes, 0)
+    by_slopes = jnp.where(jnp.any(losses(found)[0] != 0), by_slopes, 0)
     return beside_changes(found) + _BY_SLOPES * by_slopes
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -38,16 +37,12 @@ def solve_transient(
     )
 
 
-def _steps_kept(fields_at: Any, count: int) -> tuple[int, ...]:
+def _steps_kept(fields_at: Sequence[int], count: int) -> tuple[int, ...]:
     """The numbers of the steps whose fields are kept, from 0."""
-    steps = np.asarray(fields_at)
-    if steps.ndim != 1 or not steps.size or not np.issubdtype(steps.dtype, np.integer):
+    try:
+        return tuple(np.arange(count)[np.asarray(fields_at)].tolist())
+    except (IndexError, TypeError):
         raise ValueError(
-            f"`fields_at={short(fields_at)}` must be a tuple of numbers of steps, such as (0, -1)."
-        )
-    for step in steps[(steps < -count) | (steps >= count)]:
-        raise ValueError(
-            f"`fields_at={step}` is refused: the {count} steps are 0 to {count - 1}, or -1 to "
-            f"{-count} from the last."
-        )
-    return tuple((steps % count).tolist())
+            f"`fields_at={short(fields_at)}` must be a tuple of numbers of steps, such as (0, -1); "
+            f"the {count} steps are 0 to {count - 1}, or -1 to {-count} from the last."
+        ) from None
