@@ -58,7 +58,7 @@ def tabulated(
 
 @with_keys_of(SelfAffine)
 def self_affine(
-    grid: Grid, amplitudes: str = "exact", q_low: float | None = None, **spectrum: Any
+    grid: Grid, amplitudes: Any = "exact", q_low: float | None = None, **spectrum: Any
 ) -> DrawSurface:
     """Returns a function that draws a random surface, see `SelfAffine` and `random_surface`.
 
