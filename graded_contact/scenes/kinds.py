@@ -33,7 +33,7 @@ from ..sliding import (
     dwell,
     listed,
     ramp,
-    recorded_transient,
+    recorded,
     sinusoidal,
     start,
     start_stop,
@@ -101,7 +101,7 @@ def measured(
 def read_transient(path: os.PathLike, grid: Grid) -> Motion:
     """Returns the motion of a table "time [s], displacement [m]" that need not close."""
     times, displacement = read_over_time(path, "displacements")
-    return recorded_transient(times, displacement, grid)
+    return recorded(times, displacement, grid=grid)
 
 
 MATERIALS = {
