@@ -44,11 +44,3 @@ def test_whole_scenes_of_a_page_are_read(page):
         if "[surface]" in text and "[base]" in text and "path" not in text:
             scene = parse_scene(text)
             scene.case(scene.first)
-
-
-def test_every_public_name_has_a_docstring():
-    modules = filter(inspect.ismodule, (getattr(gc, name) for name in gc.__all__))
-    for room in modules:
-        for name in getattr(room, "__all__", ()):
-            made = getattr(room, name)
-            assert not callable(made) or inspect.getdoc(made), f"{room.__name__}.{name}"

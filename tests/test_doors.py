@@ -1,6 +1,5 @@
 """Nonsense is refused at the door by the name of the argument, whatever kind of nonsense it is."""
 
-import dataclasses
 import warnings
 
 import jax
@@ -9,37 +8,8 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.sliding.number import AbstractSliding
 
-
-class Odd:
-    """An object of a class that nobody expects."""
-
-
-NONSENSE = {
-    "text": "fast",
-    "none": None,
-    "dict": {"a": 1},
-    "ragged": [[1.0, 2.0], [3.0]],
-    "endless": 10**400,
-    "2^64": 2**64,
-    "nan": np.nan,
-    "infinite": np.inf,
-    "negative": -1.0,
-    "complex": 1j,
-    "block": np.ones((2, 3, 4)),
-    "empty": [],
-    "object": Odd(),
-    "true": True,
-    "bytes": b"1",
-    "texts": ["rough"],
-    "tiny": 5e-324,
-    "set": {1.0},
-    "some nan": [1.0, np.nan],
-    "class": float,
-    "stack": gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.3))),
-}
-FEW = ("text", "ragged", "endless", "nan", "complex", "block", "object", "true")
+NONSENSE = {"text": "fast", "nan": np.nan, "complex": 1j, "block": np.ones((2, 3, 4))}
 
 
 def calls():
@@ -192,35 +162,33 @@ BROADCAST = {"q", "qx", "qy", "omega", "depth"}
 ITS_OWN = "minimise.upper minimise.objective slide.mean_gap"
 
 
-def outcomes(kinds, names=None):
-    """What every argument of every public function answers to nonsense, if not as it should."""
+def is_number(value) -> bool:
+    """Whether an argument takes a number or an array of numbers."""
+    return not isinstance(value, bool) and (
+        isinstance(value, int | float | np.ndarray)
+        or (isinstance(value, list) and all(isinstance(one, float) for one in value))
+    )
+
+
+def outcomes():
+    """What every numerical argument of every public function answers to nonsense, if wrong."""
     wrong = []
     for function, arguments in calls():
-        for name in arguments if names is None else names & arguments.keys():
-            for kind in kinds:
+        for name in (name for name, value in arguments.items() if is_number(value)):
+            for kind, nonsense in NONSENSE.items():
                 of_caller = f"{function.__qualname__}.{name}" in ITS_OWN.split()
-                shaped = kind == "block" and name in BROADCAST and kinds is FEW
-                if of_caller or shaped or NONSENSE[kind] is arguments[name]:
+                if of_caller or (kind == "block" and name in BROADCAST):
                     continue
                 place = f"{function.__qualname__}({name}={kind})"
                 try:
                     with warnings.catch_warnings(action="ignore"):
-                        result = function(**{**arguments, name: NONSENSE[kind]})
-                except FileNotFoundError:
-                    continue
+                        result = function(**{**arguments, name: nonsense})
                 except ValueError as error:
                     if f"`{name}" not in str(error):
                         wrong.append(f"{place} is not named: {error}")
-                except RuntimeError as error:
-                    # 2^64 Pa is a number. The solver may say that its rounding hides the gaps.
-                    if kind != "2^64" or "gaps may be wrong" not in str(error):
-                        wrong.append(f"{place} ended in {type(error).__name__}: {error}"[:200])
                 except BaseException as error:
                     wrong.append(f"{place} ended in {type(error).__name__}: {str(error)[:200]}")
                 else:
-                    if isinstance(result, AbstractSliding):  # a range may be without an end
-                        problem = dataclasses.replace(result.problem, measured_range=None)
-                        result = dataclasses.replace(result, problem=problem)
                     leaves = [x for x in jax.tree.leaves(result) if isinstance(x, jax.Array)]
                     numbers = [x for x in leaves if jnp.issubdtype(x.dtype, jnp.inexact)]
                     if not all(bool(jnp.all(jnp.isfinite(x))) for x in numbers):
@@ -229,8 +197,9 @@ def outcomes(kinds, names=None):
 
 
 def test_nonsense_is_refused_by_name(unchecked_types):
-    """Eight kinds of nonsense in each of 200 arguments; what is accepted gives finite numbers."""
-    assert outcomes(FEW) == []
+    """Four kinds of nonsense in each numerical argument; what is accepted gives finite numbers."""
+    wrong = outcomes()
+    assert not wrong, "\n".join(wrong)
 
 
 POSITIVE = {
@@ -256,8 +225,3 @@ def test_negative_numbers_are_refused_where_they_mean_nothing(unchecked_types):
             shape = np.shape(arguments[name])
             with pytest.raises(ValueError, match=f"`{name}"):
                 function(**arguments | {name: np.full(shape, -1.5) if shape else -1.5})
-
-
-@pytest.mark.slow
-def test_nonsense_of_every_kind_is_refused_by_name(unchecked_types):
-    assert outcomes(NONSENSE) == []

@@ -111,7 +111,7 @@ def check_profile(name: str, profile: Any, omega: Inexact[Array, "..."]) -> None
             f"{s.shape} and omega of shape {omega.shape}: {error}"
         ) from None
     modulus, poisson = moduli
-    good = (modulus.real > 0) & (poisson.real > -1) & (poisson.real <= 0.5 + 1e-6)
+    good = (np.real(modulus) > 0) & (np.real(poisson) > -1) & (np.real(poisson) <= 0.5 + 1e-6)
     for i, j in np.argwhere(~(good & np.isfinite(modulus) & np.isfinite(poisson)))[:1]:
         raise ValueError(
             f"`{name}` at s={float(s[i, 0]):g}, omega={float(omega[j]):g}: E={modulus[i, j]:g} Pa, "

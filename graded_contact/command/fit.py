@@ -1,7 +1,7 @@
 """The job `fit`: measured moduli as a material of a scene."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -59,7 +59,8 @@ def fit(
             raise ValueError(error.with_remedy(f"Options to add: {error.flags}")) from error
         if kind not in (None, measured.kind):
             raise ValueError(f"`kind` is {kind}, but the files are of kind {measured.kind}.")
-        isotherms, given = measured.isotherms(), dict(terms=terms, poisson=poisson, loss=loss)
+        isotherms = measured.isotherms()
+        given: dict[str, Any] = {"terms": terms, "poisson": poisson, "loss": loss}
         if len(isotherms) == 1:
             x, values = measured.abscissa, measured.values
             found = fit_prony(x, values, kind=measured.kind, **given)
@@ -76,9 +77,9 @@ def fit(
     typer.echo("\n".join([*measured.history, found.report(), "", table, f"wrote {folder}"]))
 
 
-def pairs(option: str, texts: list[str] | None) -> dict[str, str | int] | None:
+def pairs(option: str, texts: list[str] | None) -> dict[str, Any] | None:
     """Returns the names and values of an option that is given as NAME=VALUE."""
-    found: dict[str, str | int] = {}
+    found = {}
     for text in texts or ():
         name, equals, value = text.partition("=")
         if not equals:

@@ -17,7 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.linalg
+import scipy
 from jax.core import ShapedArray
 from jax.extend.core import Primitive
 from jax.interpreters import mlir

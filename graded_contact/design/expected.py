@@ -103,7 +103,7 @@ def minimise_expected(
 
         slope, (value, limits) = jax.grad(lagrangian, has_aux=True)(u)
         updates, state = optimiser.update(slope, state, u)
-        u = jnp.clip(optax.apply_updates(u, updates), low, high)
+        u = jnp.clip(jnp.asarray(optax.apply_updates(u, updates)), low, high)
         return u, state, jnp.maximum(multipliers - RISE * stiffness * limits, 0), value
 
     def work(stop: threading.Event) -> ExpectedDesign:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..blocks.stack import Stack
-from ..core.checks import Numbers, as_float, check_positive
+from ..core.checks import Numbers, as_float, as_scalar, check_positive, check_rows, check_values
 from ..mean_field.mean_field import MeanField, mean_field_friction
 from ..response.compliance import effective_modulus
 from ..surfaces.spectrum_table import Spectrum
@@ -67,7 +67,7 @@ def friction_curve(
     spectrum: Spectrum,
     *,
     pressure: ScalarLike,
-    velocities: Float[Array, " n"],
+    velocities: Numbers,
     strain_per_slope: ScalarLike | None = None,
 ) -> MeanField:
     """Returns the mean field at each velocity, along a first axis of every array of it.
@@ -85,5 +85,11 @@ def friction_curve(
             stack, spectrum, pressure=pressure, velocity=velocity, strain_per_slope=strain_per_slope
         )
 
+    speeds = as_float(velocities, "velocities")
+    check_rows(1, velocities=speeds)
+    check_values("velocities", speeds, "velocities are finite")
+    for name, number in (("pressure", pressure), ("strain_per_slope", strain_per_slope)):
+        if number is not None:
+            check_positive(name, as_scalar(number, name), "")
     # Not `vmap`: the data of one velocity stay in the cache.
-    return jax.lax.map(at, as_float(velocities, "velocities"))
+    return jax.lax.map(at, speeds)

@@ -20,6 +20,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import jit
 from ..core.display import shown
 from ..studies.points import bytes_of, code_of, digest, patiently, read_point, write_point
@@ -168,6 +169,10 @@ def minimise(
     **Raises:** `ValueError` for bounds that are refused, for an objective or constraint that is
     not finite, and if no start satisfies the constraints.
     """
+    check_whole("num_starts", num_starts, 1)
+    check_whole("seed", seed, 0)
+    check_whole("max_steps", max_steps, 1)
+    check_tolerance("rtol", rtol, jnp.zeros(()))
     from scipy.stats import qmc  # takes 0.4 s to import
 
     box = box_of(lower, upper)

@@ -215,10 +215,9 @@ def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) 
         "counterface",
     )  # fmt: skip
     given: dict[str, Any] = {name: getattr(case, name) for name in names} | options
-    if spectrum is None:
-        rough = case.surface
-        spectrum = isotropic_spectrum(rough) if isinstance(rough, Surface) else rough
-    return mean_field_friction(case.stack, spectrum, **given)
+    rough: Any = case.surface if spectrum is None else spectrum
+    waves = isotropic_spectrum(rough) if isinstance(rough, Surface) else rough
+    return mean_field_friction(case.stack, waves, **given)
 
 
 def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:

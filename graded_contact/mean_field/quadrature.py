@@ -117,7 +117,7 @@ def integrate(
         omega = sliding_frequency(q[:, None, None] * along, 0.0, speed)
         lost = _over_angles(jnp.where(is_unknown(omega, known), rates[1], 0), weights)
         share = _share(lost / jnp.where(averages[1] == 0, 1, averages[1]), friction)
-    return q, x, friction, jax.lax.stop_gradient(_error(*ends, product)), share
+    return q, x, friction, jax.lax.stop_gradient(_error(ends, product)), share
 
 
 def _over_angles(rate, weights):
@@ -182,8 +182,9 @@ def _share(part, friction):
     return jnp.sum(step * (part[1:] + part[:-1]) / 2) / jnp.where(total == 0, 1, total)
 
 
-def _error(result, fewer_angles, fewer_wavenumbers, product):
+def _error(ends, product):
     """The largest relative error of friction and area; `product` is that of rounding's size."""
+    result, fewer_angles, fewer_wavenumbers = ends
 
     def change(other):
         # Relative to whichever is smaller.

@@ -32,7 +32,7 @@ from ..sliding import (
     dwell,
     listed,
     ramp,
-    recorded_transient,
+    recorded,
     sinusoidal,
     start,
     start_stop,
@@ -58,7 +58,7 @@ def tabulated(
 
 @with_keys_of(SelfAffine)
 def self_affine(
-    grid: Grid, amplitudes: str = "exact", q_low: float | None = None, **spectrum: Any
+    grid: Grid, amplitudes: Any = "exact", q_low: float | None = None, **spectrum: Any
 ) -> DrawSurface:
     """Returns a function that draws a random surface, see `SelfAffine` and `random_surface`.
 
@@ -100,7 +100,7 @@ def measured(
 def read_transient(path: os.PathLike, grid: Grid) -> Motion:
     """Returns the motion of a table "time [s], displacement [m]" that need not close."""
     times, displacement = read_over_time(path, "displacements")
-    return recorded_transient(times, displacement, grid)
+    return recorded(times, displacement, grid=grid)
 
 
 MATERIALS = {

@@ -37,8 +37,8 @@ class LoadOverTime(NamedTuple):
 
     def at(self, motion: Motion) -> np.ndarray:
         """Returns the ratios at the times of a motion."""
-        if not motion.repeats:
-            return np.interp(motion.times, self.times, self.ratios)
+        if motion.times is not None:
+            return np.asarray(np.interp(motion.times, self.times, self.ratios))
         times = np.arange(motion.num_times) / motion.num_times
         return np.interp(times, self.times, self.ratios, period=1.0)
 

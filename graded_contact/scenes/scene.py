@@ -230,7 +230,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
             raise ValueError("[load] `velocity` is not for [[motion]], which has its own.")
     elif motion is None and "velocity" not in axes:
         raise ValueError("[load] lacks the key `velocity`.")
-    block_surface = None
+    block_surface: Any = None
     if "block_surface" in tables:
         own = {"seed": 1, **tables["block_surface"]}  # another surface with the same spectrum
         block_surface, _ = surface_of(builder, "block_surface", own, first.grid)

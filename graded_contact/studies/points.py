@@ -15,7 +15,7 @@ import zipfile
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import jax
 import jax.numpy as jnp
@@ -79,7 +79,7 @@ def write_point(file: Path, point: Point) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     partial = file.with_name(f"{uuid.uuid4().hex}.partial")
     with open(partial, "wb") as opened:
-        np.savez(opened, **point)
+        np.savez(opened, **cast(Any, point))
     os.replace(partial, file)
 
 
@@ -89,7 +89,8 @@ def patiently(work: Callable[[threading.Event], T]) -> T:
     Inside compiled code `KeyboardInterrupt` would crash the process, so the main thread waits.
     """
     stop, result = threading.Event(), Future()
-    precision = jax.config.jax_enable_x64  # may be set for the calling thread only
+    # It may be set for the calling thread only.
+    precision = jax.config.jax_enable_x64  # pyright: ignore[reportAttributeAccessIssue]
 
     def run() -> None:
         try:

@@ -14,7 +14,7 @@ import os
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -97,7 +97,7 @@ def sweep(
         if not left:
             return _dataset(axes, like, found, last)
         if client is None and workers is None:
-            engine = here(program, left)
+            engine: Any = here(program, left)
         else:
             engine = on_workers(workers, client, function, left)
         with (
@@ -278,7 +278,7 @@ def _local_workers(workers: int | None) -> Iterator[Any]:
             threads_per_worker=1,
             memory_limit=0,
             silence_logs=50,
-            dashboard_address=None,
+            dashboard_address=cast(Any, None),
             preload=[deaf],
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
