@@ -23,6 +23,7 @@ from ..materials import (
     Tabulated,
     tyre_tread,
 )
+from ..materials.coverage import MeasuredRange
 from ..materials.shift import LAWS
 from ..readers import read_moduli, read_surface
 from ..readers.recorded_motion import read_motion, read_over_time
@@ -136,7 +137,13 @@ SHAPES = {
     "error_function": ErrorFunction,
 }
 GRADED_SOLVERS = {"layering": Layering, "riccati": Riccati}
-NESTED = {"shift": LAWS, "shape": SHAPES, "graded_solver": GRADED_SOLVERS}
+RANGES = {"range": MeasuredRange}
+NESTED = {
+    "shift": LAWS,
+    "measured": RANGES,
+    "shape": SHAPES,
+    "graded_solver": GRADED_SOLVERS,
+}
 SHEAR_LAWS = SHEARS
 
 
