@@ -33,6 +33,7 @@ def new_figure(title: str, x: str, y: str, **more: Any) -> Any:
     tools = "pan,wheel_zoom,box_zoom,reset,save"
     new = figure(title=title, x_axis_label=x, y_axis_label=y, tools=tools, **WIDTHS, **more)
     new.toolbar.autohide, new.toolbar.logo = True, None
+    new.title.text_font_size = "12px"
     new.axis.axis_label_text_font_style = "normal"
     new.grid.grid_line_color, new.outline_line_color = "#eceef1", None
     return new

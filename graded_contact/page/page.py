@@ -138,7 +138,10 @@ class Page(pn.viewable.Viewer):
         self._maps = Maps(curves.surface) if steady_maps else None
         self._pictures = pn.Column(**WIDE)
         self._bars = Bars(SHOWN[curves.kind][0])
-        self._bars_pane = pn.pane.Bokeh(self._bars.figure, visible=False, **WIDE)
+        self._bars_pane, self._bars_place = (
+            pn.pane.Bokeh(self._bars.figure, **WIDE),
+            pn.Column(**WIDE),
+        )
         self.pin = pn.widgets.Toggle(label="Pin to compare", **WIDE)
         self.ask = pn.widgets.Toggle(label="What matters here?", **WIDE)
         self.file_name = pn.widgets.TextInput(label="Save as", value="explored.toml", **WIDE)
@@ -170,7 +173,7 @@ class Page(pn.viewable.Viewer):
             "head": (title, self._head, self._busy),
             "curves": (self._said, side_by_side(self._lines)),
             "side": (*cards, *below),
-            "maps": (side_by_side(maps), self._pictures, self._bars_pane),
+            "maps": (side_by_side(maps), self._pictures, self._bars_place),
         }
         parts = [pn.Column(*some, css_classes=[name], **WIDE) for name, some in areas.items()]
         return pn.Column(*parts, stylesheets=[GRID], **WIDE)
@@ -249,7 +252,7 @@ class Page(pn.viewable.Viewer):
         self.change = self.curves.what_matters(values) if self.ask.value else None
 
         def show() -> None:
-            self._bars_pane.visible = self.change is not None
+            self._bars_place[:] = [] if self.change is None else [self._bars_pane]
             self._bars.show(self.change or {})
 
         return show
