@@ -25,7 +25,7 @@ from ..core.checks import (
 from ..core.compilation import compiled
 from ..materials.measured import Measured
 from .alignment import first_shifts
-from .lengths import SEARCH, Length, best_spectrum, choose, criterion
+from .lengths import SEARCH, Length, best_path, choose, criterion
 from .observations import Observations, Unknowns, observe
 from .series import SeriesProblem, problem_of
 from .shifts import Isotherms, LawKind
@@ -135,7 +135,8 @@ def _end(data, shifts):
     """The criterion of the minimum that is reached from a start, and its unknowns."""
     series = problem_of(data)
     alone = series.at(shifts)
-    theta, _ = best_spectrum(alone)
+    terms = max(len(alone.time_grid(1)) - 1, 1)  # one a decade, whatever the shifts
+    theta, _ = best_path(alone, terms, terms)[terms]
     unknowns, cost = np.concatenate([theta, shifts]), np.inf
     # The residuals' variance is known only once the shifts are: the law holds less and less.
     for _ in range(3):
