@@ -4,12 +4,11 @@
 
 Errors are root mean squares of ln(fit/measured) over all storage and loss moduli, which the package
 minimises, and of fit/measured - 1. The floor of the latter is that of non-negative least squares
-(SciPy) on a dense grid of times. Data and peers: `prony_peers.py`. Draws docs/bench_fit.png.
+(SciPy) on a dense grid of times. Data and peers: `prony_peers.py`.
 """
 
 import numpy as np
 import prony_peers as peers
-from matplotlib.figure import Figure
 from prony_peers import (
     ISOTHERMS,
     MASTER_CURVES,
@@ -21,24 +20,22 @@ from prony_peers import (
     fit_measured,
     read_sets,
 )
-from rows import ROOT, goal, run, show
+from rows import goal, run, show
 
 import graded_contact as gc
 from graded_contact.fitting.master import master_curve
-from graded_contact.plot.style import COLOURS, PAGE, styled
 
 # errors -------------------------------------------------------------------------------------
 
 
-def errors(plot=str(ROOT / "docs" / "bench_fit.png")):
+def errors():
     """Errors over numbers of terms, on open data."""
     print("master curves; rms of ln(fit/measured) and of fit/measured - 1, in %")
-    panels, gains, ratios = [], [], []
+    gains, ratios = [], []
     for name, measured in read_sets(MASTER_CURVES | RELAXATIONS):
         floors = peers.floor_by_nnls(measured)
         rows, best = rows_of(measured)
         print_rows(name, measured, rows, floors)
-        panels.append((name, best, [row for row in rows if row[0].startswith("pyvisco")]))
         if PLAIN in {label for label, *_ in rows}:
             gains.append((gain_at_equal_length(rows), name))
         if measured.kind == "frequency":
@@ -52,8 +49,6 @@ def errors(plot=str(ROOT / "docs" / "bench_fit.png")):
             f"{ratio:.3f} with {terms} terms, {per_decade:.2f} per decade",
         )
     shifted_isotherms()
-    if panels:
-        plot_errors(panels, plot)
 
 
 def rows_of(measured):
@@ -125,31 +120,6 @@ def fitted_to_shifted(isotherms, log10_shifts):
     pairs = list(zip(isotherms, log10_shifts, strict=True))
     omega = np.concatenate([part.abscissa * 10**shift for part, shift in pairs])
     return gc.fit_prony(omega, np.concatenate([part.values for part, _ in pairs]))
-
-
-@styled
-def plot_errors(panels, target):
-    columns = 4
-    rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(PAGE, 1.8 * rows + 0.3))
-    axes = figure.subplots(rows, columns, squeeze=False)
-    for panel in axes.flat[len(panels) :]:
-        panel.set_axis_off()
-    for panel, (name, best, others) in zip(axes.flat, panels, strict=False):
-        found = {length.terms: 100 * length.error for length in best.path}
-        panel.semilogy(found.keys(), found.values(), ".-", color=COLOURS[0], label="package")
-        mark = {"markersize": 7, "fillstyle": "none", "label": "number of terms by BIC"}
-        panel.plot(best.terms, found[best.terms], "o", color=COLOURS[0], **mark)
-        for label, number, log, _ in others:
-            colour = COLOURS[1] if label == PLAIN else COLOURS[4]
-            panel.plot(number, 100 * log, "s", color=colour, label=label)
-        panel.set(title=name, xlabel="number of terms")
-    for row in axes:
-        row[0].set_ylabel("rms of ln(fit/measured) [%]")
-    handles, labels = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-    figure.savefig(target)
-    print(f"# {target}")
 
 
 if __name__ == "__main__":

@@ -26,15 +26,25 @@ FOLDER = pathlib.Path(__file__).parents[2] / "shared" / "data" / "rheology"
 PER_DECADE = 10  # times of the dense grid, which goes one decade beyond the data on either side
 PACKAGE, PLAIN, OPTIMISED = "package", "pyvisco", "pyvisco, optimised"
 
-_BARE = {"kind": "relaxation", "units": {"time": "s", "modulus": "Pa"}}
+_PASCAL = {"units": {"time": "s", "modulus": "Pa"}, "deformation": "tension"}
+_BARE = _PASCAL | {"columns": {"time": 1, "modulus": 2}}
 MASTER_CURVES = {
     "NREL polymer": ("pyvisco_freq_user_master.csv", {}),
     "Eplexor polymer": ("pyvisco_eplexor_master.csv", {}),
-    "polyisoprene melt": ("reptate_PI_634k_T-35.tts", {}),
+    "polyisoprene melt": (
+        "reptate_PI_634k_T-35.tts",
+        {
+            "layout": {"header": 1},
+            "columns": {"frequency": 1, "storage": 2, "loss": 3},
+            "units": {"frequency": "rad/s", "modulus": "Pa"},
+            "deformation": "shear",
+            "poisson": 0.5,
+        },
+    ),
 }
 RELAXATIONS = {
     "NREL E(t)": ("pyvisco_time_user_master.csv", {}),
-    "polypropylene": ("pp_stress_relaxation.csv", _BARE),
+    "polypropylene": ("pp_stress_relaxation.csv", _PASCAL),
     "bimodal, noisy": ("respect_time_test1.dat", _BARE),
     "twin-peaked": ("respect_time_test3.dat", _BARE),
     "ring polymer": ("respect_time_test6.dat", _BARE),
@@ -43,7 +53,10 @@ ISOTHERMS = {
     "NREL polymer": ("pyvisco_freq_user_raw.csv", {}),
     "EPDM rubber": ("epdm70_tf_015p.csv", {"poisson": 0.5}),
     "vinyl foam": ("vinylfoam_dma_raw.csv", {"units": {"modulus": "MPa"}}),
-    "polyisoprene melt": ("reptate_PI600k_raw_isotherms.csv", {"poisson": 0.5}),
+    "polyisoprene melt": (
+        "reptate_PI600k_raw_isotherms.csv",
+        {"columns": {"temperature": "T_set"}, "poisson": 0.5},
+    ),
 }
 
 

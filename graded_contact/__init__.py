@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from . import design, fitting, page, plot, readers, scenes, studies
     from .design import minimise
     from .fitting import fit_prony, master_curve
+    from .page import explore
     from .readers import read_moduli, read_surface
     from .scenes import read_results, read_scene, run_scene
     from .studies import propagate, sensitivity, sweep
@@ -54,7 +55,7 @@ __all__ = [  # noqa: RUF022 (in the order in which data flow; the rooms last)
     "slide", "slide_cycle", "slide_transient", "Sliding", "Case", "mean_field_friction",
     "read_moduli", "fit_prony", "master_curve",
     "sweep", "propagate", "sensitivity", "minimise", "with_values", "jit",
-    "read_scene", "run_scene", "read_results",
+    "read_scene", "run_scene", "read_results", "explore",
     "materials", "blocks", "response", "kernels", "surfaces", "contacts", "sliding", "mean_field",
     "fitting", "readers", "studies", "design", "scenes", "plot", "page", "fields", "core",
 ]  # fmt: skip
@@ -67,7 +68,7 @@ _LATE = {
     "design": ("minimise",),
     "scenes": ("read_scene", "run_scene", "read_results"),
     "plot": (),
-    "page": (),
+    "page": ("explore",),
 }
 
 

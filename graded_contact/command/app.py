@@ -44,7 +44,7 @@ def explore(
     from ..page import serve
 
     with refusing():
-        serve(scene_file, output, port=port, show=browser)
+        serve(scene_file, output, port, browser)
 
 
 def _print_version(chosen: bool) -> bool:

@@ -17,7 +17,6 @@ from .lengths import non_negative
 from .series import SeriesProblem
 from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms
 
-NUM_STARTS = 3
 OVERLAPS = LN10 * np.arange(-1.0, 8.0, 0.05)  # trial distances of neighbours in ln a
 DISTANCES = LN10 * np.arange(-0.5, 6.0, 0.25)  # the same by spectra, each of which is a fit
 UNPAIRED = 0.1  # log difference that a point without a partner on the other curve counts as
@@ -25,7 +24,7 @@ UNSEEN = 0.01  # weight of a step between curves without overlap in the law
 
 
 def first_shifts(series: SeriesProblem, isotherms: Isotherms) -> list[np.ndarray]:
-    """Returns `NUM_STARTS` sets of unknowns of the shifts."""
+    """Returns three sets of unknowns of the shifts."""
     steps, paired = _by_overlap(series, isotherms)
     law = _nearest_law(isotherms, steps, np.where(paired, 1, UNSEEN))
     fitted = _by_spectra(series, isotherms)

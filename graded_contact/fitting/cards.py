@@ -36,7 +36,7 @@ def toml_table(material: Prony, name: str) -> str:
         kind = type(material.shift).__name__.lower().removesuffix("shift")
         entries["shift"] = {"kind": kind, **_fields(material.shift)}
     if material.measured is not None:
-        entries["measured"] = _fields(material.measured)
+        entries["measured"] = {"kind": "range", **_fields(material.measured)}
     lines = [f"{key} = {_in_toml(entry)}" for key, entry in entries.items()]
     bare = name.isascii() and name.replace("-", "_").isidentifier()
     return "\n".join([f"[materials.{name if bare else json.dumps(name)}]", *lines, ""])

@@ -1,12 +1,13 @@
-"""The optimum of a search in differentiable programs.
+"""The optimum of a fit in differentiable programs.
 
-At the optimum θ of an objective f its gradient vanishes, so that dθ = -f_θθ⁻¹ f_θd dd for a change
+At the optimum θ of the cost f its gradient vanishes, so that dθ = -f_θθ⁻¹ f_θd dd for a change
 dd of anything observed or known. Unknowns at a bound stay there. With more terms than the data
 determine f_θθ is nearly singular: single terms then have no useful derivative, but E(ω) has.
 """
 
+import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 import equinox as eqx
 import jax
@@ -14,49 +15,90 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core.checks import is_concrete
+from ..core.checks import check_type, is_concrete
 from ..core.compilation import compiled
+from .lengths import Length
+from .observations import Loss, Observations, Unknowns
+from .series import SeriesProblem, problem_of, robust_deviation
 
+SOFTENINGS = 2  # the first scale has the bad values' pull on the fit in it
 RIDGE = 1e-13  # relative to the diagonal of the Hessian: far below what data determine
 
 
-def search(find: Callable[..., tuple], sizes: tuple[int, ...], *arguments: Any) -> tuple:
-    """Returns the arrays that `find(*arguments)` finds in NumPy, also under `jit` and `grad`.
+def optimum(
+    find: Callable[..., tuple[np.ndarray, SeriesProblem, tuple[Length, ...]]],
+    num_unknowns: int | None,
+    loss: Loss,
+    data: Observations,
+    *others: Any,
+) -> tuple[Unknowns, Observations, tuple[Length, ...]]:
+    """Returns the unknowns of a fit with their derivatives, the data, and all lengths tried.
 
-    `arguments` are pytrees of arrays. `find` returns the unknowns, of shape `(sizes[0],)`, which of
-    them are at no bound, and float arrays of the other `sizes`. No derivatives are attached.
+    **Arguments:**
+
+    - `find`: the search in NumPy: of the data and `others`, it returns the unknowns, the problem
+      that they solve, and all lengths tried.
+    - `num_unknowns`: needed under `jit` and `grad`.
+    - `loss`: as in `fit_prony`.
+    - `data`, `others`: pytrees of arrays. The data that are returned hold the scale of the loss,
+      and what the search expected of shifts.
     """
-    arguments = jax.lax.stop_gradient(arguments)
+    check_type("loss", loss, *get_args(Loss))
+    path = ()
+
+    def searched(data, *others):
+        nonlocal path
+        for _ in range(0 if loss == "linear" else SOFTENINGS):
+            theta, series, _ = find(data, *others)
+            scale = jnp.asarray(robust_deviation(series, theta))
+            data = dataclasses.replace(data, scale=scale)
+        theta, series, path = find(data, *others)
+        expected = np.zeros(2) if series.isotherms is None else series.isotherms.penalty
+        scale = np.inf if series.scale is None else series.scale
+        return theta, series.within_bounds(theta), np.asarray(expected), np.asarray(scale)
+
+    arguments = jax.lax.stop_gradient((data, *others))
     if all(is_concrete(leaf) for leaf in jax.tree.leaves(arguments)):
-        return tuple(map(jnp.asarray, find(*arguments)))
-    unknowns, *others = (jax.ShapeDtypeStruct((size,), np.float64) for size in sizes)
-    free = jax.ShapeDtypeStruct((sizes[0],), np.bool_)
-    return jax.pure_callback(find, (unknowns, free, *others), *arguments, vmap_method="sequential")
+        found = map(jnp.asarray, searched(*arguments))
+    else:
+        unknowns = jax.ShapeDtypeStruct((num_unknowns,), np.float64)
+        free = jax.ShapeDtypeStruct((num_unknowns,), np.bool_)
+        expected, scale = (jax.ShapeDtypeStruct(shape, np.float64) for shape in ((2,), ()))
+        shapes = (unknowns, free, expected, scale)
+        found = jax.pure_callback(searched, shapes, *arguments, vmap_method="sequential")
+    theta, free, expected, scale = found
+    if data.isotherms is not None:
+        data = eqx.tree_at(lambda data: data.isotherms.penalty, data, expected)
+    if loss != "linear":
+        data = dataclasses.replace(data, scale=scale)
+    return attach_derivative(theta, free, data), data, path
+
+
+def cost(theta: Unknowns, data: Observations) -> Float[Array, ""]:
+    """Returns the cost that a fit minimises."""
+    return problem_of(data, jnp).total_cost(theta)
 
 
 @eqx.filter_custom_jvp
 def attach_derivative(
-    objective: Callable[[Array, Any], Array],
-    theta: Float[Array, " unknowns"],
-    free: Bool[Array, " unknowns"],
-    data: Any,
-) -> Float[Array, " unknowns"]:
+    theta: Unknowns, free: Bool[Array, " unknowns"], data: Observations
+) -> Unknowns:
     """Returns `theta` unchanged, with its derivatives by every number in `data`.
 
-    `theta` must minimise `objective(theta, data)` in its `free` entries; this is not checked.
+    `theta` must minimise `cost(theta, data)` in its `free` entries; this is not checked.
     """
     return theta
 
 
 @attach_derivative.def_jvp
 def _attach_derivative_jvp(primals, tangents):
-    objective, theta, free, data = primals
-    return theta, _change_of_optimum(objective, theta, free, data, tangents[3])
+    theta, free, data = primals
+    return theta, _change_of_optimum(theta, free, data, tangents[2])
 
 
 @compiled
-def _change_of_optimum(objective, theta, free, data, d_data):
-    gradient = jax.grad(objective)
+def _change_of_optimum(theta, free, data, d_data):
+    gradient = jax.grad(cost)
     _, forcing = eqx.filter_jvp(lambda data: gradient(theta, data), (data,), (d_data,))
 
     def column(direction):

@@ -8,10 +8,8 @@ put where it lowers the error most. Down alone ends in poor local minima now and
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 import scipy
 
@@ -19,15 +17,13 @@ from ..core.checks import check_whole
 from ..core.display import shown
 from .minimum import Fitted
 from .observations import Observations, concrete
-from .series import SeriesProblem, problem_of, robust_deviation
+from .series import SeriesProblem
 
 SEARCH = 1e-5  # relative tolerance of the cost
 WALK = 1e-4  # that of each length along a walk: its neighbours follow
 MOST_POINTS_SEARCHED = 400  # that a search goes through
-MANY = 2000  # rows, from which on an orthogonal reduction of them pays
 TIMES_PER_DECADE = 10
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
-SOFTENINGS = 2  # the first scale has the bad values' pull on the fit in it
 RESOLUTION = 1e-6  # of measured values, relative
 
 
@@ -70,7 +66,7 @@ def check_terms(data: Observations, terms: int | None) -> None:
 def choose(series: SeriesProblem, terms: int | None) -> tuple[np.ndarray, tuple[Length, ...]]:
     """Returns the unknowns of `terms` branches, or of the least criterion and all lengths tried."""
     if terms is not None:
-        return best_of_length(series, terms)[0], ()
+        return series.minimise(best_path(series, terms, terms)[terms][0], rtol=0)[0], ()
     count = np.sum(series.measured)
     fitted = best_path(series, max(int(count - 1 - len(series.static)) // 2, 1))
     path = []
@@ -78,7 +74,7 @@ def choose(series: SeriesProblem, terms: int | None) -> tuple[np.ndarray, tuple[
         bic = criterion(series, len(theta), cost)
         path.append(Length(length, series.rms(theta), bic))
     chosen = min(path, key=lambda length: length.bic)
-    return fitted[chosen.terms][0], tuple(path)
+    return series.minimise(fitted[chosen.terms][0], rtol=0)[0], tuple(path)
 
 
 def criterion(series: SeriesProblem, unknowns: int, cost: float) -> float:
@@ -91,24 +87,13 @@ def criterion(series: SeriesProblem, unknowns: int, cost: float) -> float:
     return float(count * np.log(2 * cost / total + RESOLUTION**2) + unknowns * np.log(count))
 
 
-def softened(data: Observations, find: Callable[[Observations], np.ndarray]) -> Observations:
-    """Returns the data whose bad values count less, by the scale of the others.
-
-    `find` returns the unknowns of a fit, first of all values alike.
-    """
-    for _ in range(SOFTENINGS):
-        scale = robust_deviation(problem_of(data), find(data))
-        data = dataclasses.replace(data, scale=jnp.asarray(scale))
-    return data
-
-
 # The best series --------------------------------------------------------------------------------
 
 
 def best_spectrum(series: SeriesProblem) -> Fitted:
     """Returns the positive spectrum nearest to the data, which no series is nearer to."""
     few = thinned(series)
-    theta, cost = few.minimise(_dense_start(few, TIMES_PER_DECADE), rtol=SEARCH)
+    theta, cost = few.minimise(_dense_start(few), rtol=SEARCH)
     for _ in range(MOST_ADDED):
         gain, longer = _with_branch(few, _without_faint(few, theta))
         if gain < 1e-4 * cost:
@@ -121,20 +106,11 @@ def best_spectrum(series: SeriesProblem) -> Fitted:
     return theta, float(series.total_cost(theta))
 
 
-def best_of_length(series: SeriesProblem, terms: int) -> Fitted:
-    """Returns the best series of exactly `terms` branches found from two starts."""
-    few = thinned(series)
-    # Each start leads to the lower minimum on about half of the measured sets.
-    starts, dense = [_spaced_start(few, terms)], _dense_start(few, TIMES_PER_DECADE / 2)
-    if terms and few.terms(dense):
-        starts.append(_of_length(few, dense, terms))
-    tried = [few.minimise(start, rtol=SEARCH) for start in starts]
-    theta, _ = min(tried, key=lambda fitted: fitted[1])
-    return series.minimise(theta, rtol=0)
+def best_path(series: SeriesProblem, most: int, least: int = 0) -> dict[int, Fitted]:
+    """Returns the best series found of each length up to that of the floor.
 
-
-def best_path(series: SeriesProblem, most: int) -> dict[int, Fitted]:
-    """Returns the best series found of each length up to that of the floor, or to `most`."""
+    The longest has at most `most` terms, and at least `least`.
+    """
     few = thinned(series)
     theta, cost = best_spectrum(few)
     # The path ends at the shortest series that is within 0.05 % of the floor: no data show less.
@@ -156,14 +132,14 @@ def best_path(series: SeriesProblem, most: int) -> dict[int, Fitted]:
     for length in range(terms, shortest, -1):
         for shorter in _one_fewer(few, path[length][0]):
             keep(shorter)
-    for length in range(shortest, terms):
+    for length in range(shortest, max(terms, least)):
         keep(_with_branch(few, path[length][0])[1])
     thetas = {terms: theta for terms, (theta, _) in sorted(path.items())}
     return {terms: (theta, float(series.total_cost(theta))) for terms, theta in thetas.items()}
 
 
 def thinned(series: SeriesProblem) -> SeriesProblem:
-    """Returns much the same problem with at most `MOST_POINTS` points, by averaging neighbours.
+    """Returns much the same problem of fewer points, by averaging neighbours.
 
     A search through it costs no more than one through few data.
     """
@@ -190,20 +166,9 @@ def thinned(series: SeriesProblem) -> SeriesProblem:
     )
 
 
-def _spaced_start(series, terms):
-    """Times evenly spaced in their logarithm over the data."""
-    shortest, longest = series.time_limits()
-    before, after = np.log(np.minimum(series.reach, np.exp((longest - shortest) / 4)))
-    ends = shortest + before, longest - after
-    log_times = np.linspace(*ends, terms) if terms != 1 else np.array([np.mean(ends)])
-    faint = np.exp(series.faintest()) * 1e3
-    strengths = np.log(np.maximum(non_negative(series, log_times), faint))
-    return np.concatenate([strengths[:terms], log_times, strengths[terms:]])
-
-
-def _dense_start(series, per_decade):
+def _dense_start(series):
     """Non-negative least squares of relative errors on a dense grid, neighbours merged."""
-    log_times, faint = series.time_grid(per_decade), np.exp(series.faintest())
+    log_times, faint = series.time_grid(TIMES_PER_DECADE), np.exp(series.faintest())
     strengths = non_negative(series, log_times)
     branches, static = np.split(strengths, [len(log_times)])
     # A time between two of the grid becomes a branch at each: a run of them is one branch.
@@ -231,10 +196,7 @@ def non_negative(series: SeriesProblem, log_times: np.ndarray) -> np.ndarray:
     norms = np.linalg.norm(matrix, axis=1)
     norms[norms == 0] = 1
     matrix = (matrix / norms[:, None]).T
-    if len(matrix) > MANY:
-        q, matrix = np.linalg.qr(matrix)
-        target = q.T @ target
-    strengths, _ = scipy.optimize.nnls(matrix, target, maxiter=30 * matrix.shape[1])
+    strengths, _ = scipy.optimize.nnls(matrix, target, maxiter=30 * len(norms))
     return strengths / norms
 
 
@@ -253,25 +215,10 @@ def _with_branch(series, theta):
     stiffness = effect**2 @ series.weights + 1e-300
     gains = np.where(pull < 0, pull**2 / (2 * stiffness), 0)
     best = np.argmax(gains)
-    if gains[best] == 0:
-        return 0.0, theta
     s, known_times, c = series.split(theta)
-    strength = -0.3 * pull[best] / stiffness[best]
+    strength = max(-0.3 * pull[best] / stiffness[best], 1e3 * np.exp(series.faintest()))
     theta = np.concatenate([s, [np.log(strength)], known_times, [log_times[best]], c])
     return gains[best], theta
-
-
-def _of_length(series, theta, terms):
-    """The series with branches joined, dropped or split in two until there are `terms`."""
-    while series.terms(theta) > terms:
-        theta = _one_fewer(series, theta)[0]
-    while series.terms(theta) < terms:
-        s, log_times, c = series.split(theta)
-        strongest = np.arange(len(s)) == np.argmax(s)
-        s, log_times = s - np.log(2) * strongest, log_times - 0.1 * strongest
-        twin, twin_time = s[strongest], log_times[strongest] + 0.2
-        theta = np.concatenate([s, twin, log_times, twin_time, c])
-    return theta
 
 
 def _one_fewer(series, theta):

@@ -8,7 +8,7 @@ amount expected beforehand, and their uncertainty is reported.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +19,6 @@ from ..core.checks import (
     Numbers,
     as_scalar,
     check_poisson,
-    check_type,
     check_values,
     is_concrete,
 )
@@ -29,15 +28,15 @@ from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
-from .implicit import attach_derivative, search
+from .implicit import optimum
 from .lengths import check_terms
 from .observations import Loss
 from .prony import AbstractFit, PronyFit, deviation
-from .report import far_values
-from .series import objective
-from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series, with_expected
-from .shifts import LN10, Isotherms
+from .report import report_of
+from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series
+from .shifts import LAW_LIMITS, LN10, Isotherms
 
+AT_BOUND = 1e-3  # of the logarithm of a constant of a law
 SERVES = 1.05  # times the error with the fitted shifts: a law that does no worse replaces them
 
 
@@ -58,7 +57,7 @@ class MasterCurve(AbstractFit):
     def fit(self) -> PronyFit:
         """The series, fitted to all data shifted to the reference temperature.
 
-        Its errors and floor are those of the master curve; its `confidence` takes the shifts as
+        Its errors are those of the master curve; its `confidence` takes the shifts as
         known.
         """
         series = self.theta[: len(self.theta) - self.data.num_shifts]
@@ -108,10 +107,11 @@ class MasterCurve(AbstractFit):
     def exported(self) -> Prony:
         """Returns the material for export: with the law alone if it fits as well.
 
-        It does where `law_error` is at most 1.05 times the error with the fitted shifts.
+        It does where `law_error` is at most 1.05 times the error with the fitted shifts, and none
+        of its constants is at the end of its range.
         """
         serves = self.law_error() <= SERVES * self.fit.errors().total
-        return self._with_shift(self.law if serves else self.shift)
+        return self._with_shift(self.law if serves and not self._law_at_bound() else self.shift)
 
     @property
     def temperatures(self) -> Float[Array, " isotherms"]:
@@ -148,11 +148,19 @@ class MasterCurve(AbstractFit):
             header=["T [K]", "log10 a_T", "+-", "b_T", "+-"],
             formatters=[f"{{:.{digits}f}}".format for digits in (2, 3, 3, 4, 4)],
         )
-        return "\n".join([str(self.law), "", table, "", self.fit.report()])
+        return "\n".join([str(self.law), "", table, "", report_of(self.fit, self.warnings())])
 
     def warnings(self) -> tuple[str, ...]:
-        """Returns a sentence on the values beyond five robust deviations, if there are any."""
-        return far_values(*self._problem())
+        """Returns sentences on what makes the fit doubtful, such as values far from it."""
+        said = super().warnings()
+        if self._law_at_bound():
+            said += (f"{self.law} has a constant at the end of its range: no such law holds.",)
+        return said
+
+    def _law_at_bound(self) -> bool:
+        p = np.asarray(self.isotherms.split(self.theta)[0])
+        lower, upper = np.log(LAW_LIMITS[self.isotherms.law]).T
+        return bool(np.any((p < lower + AT_BOUND) | (p > upper - AT_BOUND)))
 
 
 @compiled
@@ -212,18 +220,10 @@ def master_curve(
         isotherms, kind, law, (LN10 * along, across), reference, weights, equilibrium
     )
     check_terms(data, terms)
-    check_type("loss", loss, *get_args(Loss))
-    path = ()
 
     def find(data):
-        nonlocal path
-        found, path = shifts_and_series(data, terms, loss)
-        return found
+        return shifts_and_series(data, terms)
 
-    if terms is None:
-        theta, free, expected = map(jnp.asarray, find(data))
-    else:
-        theta, free, expected = search(find, (data.num_unknowns(terms), 3), data)
-    data = with_expected(data, expected, loss)
-    theta = attach_derivative(objective, theta, free, data)
+    num_unknowns = None if terms is None else data.num_unknowns(terms)
+    theta, data, path = optimum(find, num_unknowns, loss, data)
     return MasterCurve(theta, data, poisson, path)

@@ -15,7 +15,6 @@ the best of one kind is the best of the other, and `fit.material.creep()` is exa
 
 import abc
 import dataclasses
-from typing import get_args
 
 import equinox as eqx
 import jax
@@ -24,17 +23,17 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Complex, Float
 
-from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive, check_type
+from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive
 from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
 from .covariance import covariance
-from .implicit import attach_derivative, search
-from .lengths import Length, best_of_length, check_terms, choose, softened
+from .implicit import optimum
+from .lengths import Length, check_terms, choose
 from .observations import Loss, Observations, Unknowns, concrete, observe
 from .report import FitErrors, far_values, fit_errors, report_of
-from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, objective, problem_of
+from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, problem_of
 
 FLOW_AT = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
 
@@ -71,6 +70,10 @@ class AbstractFit(eqx.Module):
         """Returns the covariance of `theta`; errors of neighbours, on an isotherm, may be
         correlated."""
         return covariance(*self._problem())
+
+    def warnings(self) -> tuple[str, ...]:
+        """Returns sentences on what makes the fit doubtful, such as values far from it."""
+        return far_values(*self._problem())
 
     def with_unknowns(self, theta: Unknowns) -> "AbstractFit":
         """Returns the fit with another `theta`."""
@@ -156,11 +159,7 @@ class PronyFit(AbstractFit):
 
     def report(self) -> str:
         """Returns the fit as text: terms, errors, warnings and the lengths tried."""
-        return report_of(self)
-
-    def warnings(self) -> tuple[str, ...]:
-        """Returns a sentence on the values beyond five robust deviations, if there are any."""
-        return far_values(*self._problem())
+        return report_of(self, self.warnings())
 
 
 def fit_prony(
@@ -205,7 +204,7 @@ def fit_prony(
     **Returns:** the material, and how well it is known.
     """
     data = observe(kind, x, values, weights, equilibrium, glassy)
-    poisson, path, begin = as_scalar(poisson, "poisson"), (), None
+    poisson, begin = as_scalar(poisson, "poisson"), None
     check_poisson("poisson", poisson)
     if start is not None:
         if terms is not None:
@@ -217,29 +216,16 @@ def fit_prony(
             )
         begin, terms = start.theta, start.terms
     check_terms(data, terms)
-    check_type("loss", loss, *get_args(Loss))
-    if terms is None:
-        if loss != "linear":
-            data = softened(data, lambda data: choose(problem_of(data), None)[0])
-        begin, path = choose(series := problem_of(data), None)
-        terms = series.terms(begin)
-
-    def fitted(data, begin):
-        if begin is None:
-            return best_of_length(problem_of(data), terms)[0]
-        return problem_of(data).minimise(np.asarray(begin), rtol=0)[0]
 
     def find(data, begin):
-        if loss != "linear" and data.scale is None:
-            data = softened(data, lambda data: fitted(data, begin))
-        series, theta = problem_of(data), fitted(data, begin)
-        scale = np.inf if series.scale is None else series.scale
-        return theta, series.within_bounds(theta), np.reshape(scale, 1)
+        series = problem_of(data)
+        if begin is not None:
+            return series.minimise(np.asarray(begin), rtol=0)[0], series, ()
+        theta, path = choose(series, terms)
+        return theta, series, path
 
-    theta, free, scale = search(find, (data.num_unknowns(terms), 1), data, begin)
-    if loss != "linear":
-        data = dataclasses.replace(data, scale=scale[0])
-    theta = attach_derivative(objective, theta, free, data)
+    num_unknowns = None if terms is None else data.num_unknowns(terms)
+    theta, data, path = optimum(find, num_unknowns, loss, data, begin)
     return PronyFit(theta=theta, data=data, poisson=poisson, path=path)
 
 

@@ -60,8 +60,8 @@ def far_values(series: SeriesProblem, theta: np.ndarray) -> tuple[str, ...]:
     )
 
 
-def report_of(fit: Any) -> str:
-    """Returns the report of a `PronyFit`: end values, errors and the lengths tried."""
+def report_of(fit: Any, warnings: tuple[str, ...]) -> str:
+    """Returns the report of a `PronyFit`: end values, errors, warnings and the lengths tried."""
     import pandas as pd
 
     material, (lowest, highest) = fit.material, fit.material.coverage()
@@ -72,7 +72,7 @@ def report_of(fit: Any) -> str:
         f"Measured from {float(lowest):.4g} to {float(highest):.4g} rad/s; beyond, the series is "
         "an extrapolation.",
         "rms of ln(fit/measured): " + ", ".join(f"{k} {v}" for k, v in errors.items()),
-        *(f"Warning: {sentence}" for sentence in fit.warnings()),
+        *(f"Warning: {sentence}" for sentence in warnings),
     ]
     if fit.path:
         path = pd.DataFrame(fit.path).rename(columns={"bic": "BIC"})

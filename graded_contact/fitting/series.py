@@ -23,12 +23,10 @@ measured value: a spectrum there that no added branch improves is the best of al
 import dataclasses
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from .minimum import Fitted, least_squares
-from .observations import ModuliKind, Observations, Unknowns
+from .observations import ModuliKind, Observations
 from .shifts import Isotherms
 
 FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
@@ -319,8 +317,3 @@ def fixed_columns(data: Observations, x: Any, xp: Any) -> tuple[Any, Any]:
     static = [constant] if data.known_start is None else []
     static += [x / xp.max(xp.asarray(data.x))] if data.flows else []
     return known, xp.stack(static) if static else xp.zeros((0, rows))
-
-
-def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
-    """Returns the cost that a fit minimises, in JAX."""
-    return problem_of(data, jnp).total_cost(theta)

@@ -1,7 +1,7 @@
 """Isotherms checked and joined, and the search for their shifts and series together (NumPy).
 
 The search starts from several alignments of neighbours, fits law, departures and series at once,
-and keeps the end of the least criterion. Ends that are about as good are its rivals.
+and keeps the end of the least criterion.
 """
 
 import dataclasses
@@ -25,9 +25,9 @@ from ..core.checks import (
 from ..core.compilation import compiled
 from ..materials.measured import Measured
 from .alignment import first_shifts
-from .lengths import SEARCH, Length, best_of_length, choose, criterion, softened
-from .observations import Loss, Observations, Unknowns, observe
-from .series import problem_of
+from .lengths import SEARCH, Length, best_path, choose, criterion
+from .observations import Observations, Unknowns, observe
+from .series import SeriesProblem, problem_of
 from .shifts import Isotherms, LawKind
 
 COLDEST_SET = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
@@ -49,8 +49,6 @@ def joined_curves(
         raise ValueError(f"`law={law!r}` is refused: use one of {get_args(LawKind)}.")
     if isinstance(isotherms, Measured):
         isotherms = isotherms.isotherms()
-    if not isinstance(isotherms, Sequence):
-        raise ValueError(f"`isotherms={short(isotherms)}` must be a list of isotherms.")
     curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
     if len(curves) < 2:
         raise ValueError(f"`isotherms` holds {len(curves)}; at least 2 are needed.")
@@ -115,29 +113,10 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
 # Shifts and series ------------------------------------------------------------------------------
 
 
-def with_expected(data: Observations, expected: Any, loss: Loss) -> Observations:
-    """Returns the data with `expected`: the weights of departures and of ln b, and the scale."""
-    data = eqx.tree_at(lambda data: data.isotherms.penalty, data, expected[:2])
-    return data if loss == "linear" else dataclasses.replace(data, scale=expected[2])
-
-
 def shifts_and_series(
-    data: Observations, terms: int | None, loss: Loss
-) -> tuple[tuple, tuple[Length, ...]]:
-    """Returns unknowns, which of them are free, and what is expected, see `with_expected`; and
-    all lengths tried.
-    """
-    if loss != "linear":
-        data = softened(data, lambda data: _fitted(data, terms)[0])
-    unknowns, series, path = _fitted(data, terms)
-    assert series.isotherms is not None
-    scale = np.inf if series.scale is None else series.scale
-    expected = np.append(series.isotherms.penalty, scale)
-    return (unknowns, series.within_bounds(unknowns), expected), path
-
-
-def _fitted(data, terms):
-    """Unknowns, the problem that they solve, and all lengths tried."""
+    data: Observations, terms: int | None
+) -> tuple[np.ndarray, SeriesProblem, tuple[Length, ...]]:
+    """Returns the unknowns, the problem that they solve, and all lengths tried."""
     series, path = problem_of(data), ()
     ends = [_end(data, start) for start in first_shifts(series, data.isotherms)]
     _, unknowns = min(ends, key=lambda end: end[0])
@@ -156,7 +135,8 @@ def _end(data, shifts):
     """The criterion of the minimum that is reached from a start, and its unknowns."""
     series = problem_of(data)
     alone = series.at(shifts)
-    theta, _ = best_of_length(alone, max(len(alone.time_grid(1)) - 1, 1))
+    terms = max(len(alone.time_grid(1)) - 1, 1)  # one a decade, whatever the shifts
+    theta, _ = best_path(alone, terms, terms)[terms]
     unknowns, cost = np.concatenate([theta, shifts]), np.inf
     # The residuals' variance is known only once the shifts are: the law holds less and less.
     for _ in range(3):

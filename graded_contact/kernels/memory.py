@@ -30,7 +30,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..blocks.stack import GradedLayer, Stack, moduli_of
 from ..core.checks import is_concrete
-from ..core.compilation import compiled
+from ..core.compilation import compiled_loop
 from ..core.derivative import derivative_apart
 from ..response.compliance import compliance_or_nan, compliance_parts
 from ..response.grading import check_profiles, graded_tolerance
@@ -138,7 +138,7 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
 
 
 @derivative_apart
-@compiled
+@compiled_loop
 def _creep(stack: Stack, ends: Array, steps: Array, rtol: float, coupled: bool) -> Creep:
     log_q = jnp.log(ends)
     angle = np.pi * (np.arange(_WAVES) + 0.5) / _WAVES

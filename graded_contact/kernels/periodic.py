@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..blocks.stack import Stack, check_at_rest
-from ..core.compilation import compiled
+from ..core.compilation import compiled_loop
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid
 from ..response.compliance import compliance_or_nan
@@ -55,7 +55,7 @@ def period_frequencies(num_times: int, period: Float[Array, ""]) -> Float[Array,
 
 
 @derivative_apart
-@compiled
+@compiled_loop
 def _kernel(stack, grid: Grid, num_times: int, period, rtol):
     """The kernel and the error of its table."""
     points = (num_times // 2 + 1) * int(np.prod([n // 2 + 1 for n in grid.shape]))

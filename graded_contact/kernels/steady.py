@@ -31,7 +31,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..core.compilation import compiled
+from ..core.compilation import compiled_loop
 from ..core.derivative import derivative_apart
 from ..fields.devices import required, spread, whole_along
 from ..fields.frequency import sliding_frequency
@@ -126,7 +126,7 @@ def is_dear(stack: Stack, num_points: int) -> bool:
 
 
 @derivative_apart
-@compiled
+@compiled_loop
 def _direct_kernel(stack, grid, velocity, rtol, strain):
     def response(block, q, omega):
         return [compliance_or_nan(block, q, omega, rtol)]
@@ -163,7 +163,7 @@ def of_waves(
 
 
 @derivative_apart
-@compiled
+@compiled_loop
 def _interpolated_kernel(stack, grid, velocity, rtol):
     """The kernel by its table, and the error of that."""
     lowest = 2 * np.pi / grid.size

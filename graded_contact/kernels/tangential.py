@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from ..blocks.stack import Stack, check_at_rest, is_graded
-from ..core.compilation import compiled
+from ..core.compilation import compiled_loop
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, Waves, nyquist_lines, wavenumber, wavevector, zero_mode
 from ..response.compliance import compliance_parts
@@ -67,13 +67,13 @@ def _response(rtol, block, q, omega):
 
 
 @derivative_apart
-@compiled
+@compiled_loop
 def _steady_parts(stack, grid, velocity, rtol, strain):
     return of_waves(partial(_response, rtol), stack, grid, velocity, strain)
 
 
 @derivative_apart
-@compiled
+@compiled_loop
 def _periodic_parts(stack, grid, num_times: int, period, rtol):
     response = partial(_response, rtol, stack)
     parts = of_period(response, grid, num_times, period)
@@ -82,7 +82,7 @@ def _periodic_parts(stack, grid, num_times: int, period, rtol):
     return parts
 
 
-@compiled
+@compiled_loop
 def _along(parts, grid: Grid, direction):
     c11, c12, c_t = parts
     a = sum(e * n for e, n in zip(direction, _directions(grid), strict=False))
@@ -90,7 +90,7 @@ def _along(parts, grid: Grid, direction):
     return jnp.where(kept, 1j * c12 * a, 0), jnp.where(kept, c11 * a**2 + c_t * (1 - a**2), 0)
 
 
-@compiled
+@compiled_loop
 def _over_axes(parts, grid: Grid, axes: int):
     c11, c12, c_t = parts
     n = _directions(grid)[:axes]

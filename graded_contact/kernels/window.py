@@ -28,7 +28,7 @@ from jaxtyping import Array, Inexact
 
 from ..blocks.stack import HalfSpace, Rigid, Stack
 from ..core.checks import Numbers
-from ..core.compilation import compiled
+from ..core.compilation import compiled_loop
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum, zero_mode
 from .steady import stack_kernel
@@ -78,7 +78,7 @@ def long_cell(grid: Grid) -> Grid:
 
 
 @derivative_apart
-@compiled
+@compiled_loop
 def without_images(near: Array, far: Array, grid: Grid, ground: bool) -> tuple[Array, Array]:
     """Returns the kernel of a window and its two estimated errors [m/Pa], see above.
 

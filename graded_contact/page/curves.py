@@ -15,10 +15,9 @@ import numpy as np
 from ..contacts import HardWall
 from ..contacts.solution import RESULTS
 from ..core.compilation import compiled
-from ..fields.frequency import velocity_along
 from ..mean_field.mean_field import mean_field_of
 from ..scenes.scene import Scene
-from ..sliding import slide_case
+from ..sliding import Case, slide_case
 from ..surfaces import isotropic_spectrum
 from .numbers import middle_of, numbers_of
 
@@ -30,7 +29,7 @@ SHOWN = {
     "cycle": ("mean_friction", "peak_friction"),
     "transient": ("friction", "contact_area", "mean_gap"),
 }
-Values = Mapping[str, float]
+Values = Mapping[str, Any]
 
 
 class Curve(NamedTuple):
@@ -42,7 +41,7 @@ class Curve(NamedTuple):
 
 
 class Curves:
-    """The compiled functions of a scene.
+    """The compiled functions of a scene; values are numbers [SI] by their names.
 
     **Fields:**
 
@@ -56,28 +55,21 @@ class Curves:
 
     def __init__(self, scene: Scene):
         self.scene, self.numbers = scene, numbers_of(scene)
-        self._middle = middle_of(scene)
-        first = scene.case(self._middle)
+        first = scene.case(middle_of(scene))
         self.surface = first.rough
-        self.kind = "steady" if scene.motion is None else "cycle"
-        self.kind = self.kind if first.times is None else "transient"
-        hard = isinstance(first.law, HardWall) and first.law.hardness is None
-        moves = self.kind == "steady" and bool(np.any(first.velocity))
-        given = first.pressure is not None and first.block_surface is None
-        rough = first.rough.periodic and first.rough.grid.ndim == 2
-        self.has_curve = moves and hard and given and rough
-        self._spectrum = isotropic_spectrum(self.surface) if self.has_curve else None
+        self.kind = "transient" if first.times is not None else "cycle"
+        self.kind = "steady" if scene.motion is None else self.kind
+        self.has_curve = self.kind == "steady" and _has_mean_field(first)
+        spectrum = isotropic_spectrum(self.surface) if self.has_curve else None
         numerics = dataclasses.replace(scene.numerics, rtol=PAGE_RTOL)
-        cool = {name: at for name, at in scene.options.items() if name != "heating"}
-        without_heat = dataclasses.replace(scene, options=cool)
 
         def contact(values):
-            return slide_case(scene.case(self.point(values)), numerics)
+            return slide_case(self.case(values), numerics)
 
         def curve(values):
             def at(speed):
-                case = without_heat.case(self.point({**values, "velocity": speed}))
-                found = mean_field_of(case, self._spectrum, throw=False)
+                case = self.case({**values, "velocity": speed})
+                found = mean_field_of(case, spectrum, heating=None, throw=False)
                 return found.friction, found.contact_area
 
             return jax.lax.map(at, self._speeds())
@@ -88,30 +80,14 @@ class Curves:
         self._contact, self._curve = compiled(contact), compiled(curve)
         self._slopes = compiled(jax.value_and_grad(decisive))
 
-    @property
-    def values(self) -> dict[str, float]:
-        """The values of the numbers in the scene [SI]."""
-        return {name: number.value for name, number in self.numbers.items()}
-
-    def point(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Returns the point of `Scene.case` for values of the numbers, which JAX may trace."""
-        given = {path: value for name, value in values.items() for path in self.numbers[name].paths}
-        return self._middle | given
-
-    def check(self, values: Values) -> None:
-        """Raises `ValueError` for values that a constructor refuses."""
-        self.scene.case(self.point(values))
-
-    def velocity(self, values: Values) -> Any:
-        """Returns the velocity of the surface [m/s]; 0 for a motion."""
-        direction = self._middle.get("direction", 0.0)
-        speed = values.get("velocity", 0.0) if self.kind == "steady" else 0.0
-        return velocity_along(speed, direction)
+    def case(self, values: Values) -> Case:
+        """Returns the case of values, which JAX may trace, or raises `ValueError`."""
+        point = {path: value for name, value in values.items() for path in self.numbers[name].paths}
+        return self.scene.case(middle_of(self.scene) | point)
 
     def curve(self, values: Values) -> Curve:
         """Returns the curve of the mean field."""
-        friction, area = self._curve(_traced(values))
-        return Curve(np.asarray(self._speeds()), np.asarray(friction), np.asarray(area))
+        return Curve(*map(np.asarray, (self._speeds(), *self._curve(_traced(values)))))
 
     def _speeds(self) -> jax.Array:
         middle = np.log10(self.numbers["velocity"].value)
@@ -135,6 +111,13 @@ class Curves:
             for name, slope in slopes.items()
         }
         return dict(sorted(change.items(), key=lambda one: -abs(one[1])))
+
+
+def _has_mean_field(case: Case) -> bool:
+    hard = isinstance(case.law, HardWall) and case.law.hardness is None
+    pressed = case.pressure is not None and bool(np.any(case.velocity))
+    rough = case.rough.periodic and case.rough.grid.ndim == 2
+    return hard and pressed and rough and case.block_surface is None
 
 
 def _traced(values: Values) -> dict[str, jax.Array]:

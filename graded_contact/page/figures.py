@@ -1,6 +1,5 @@
 """The figures of a page, drawn in the browser by Bokeh: only numbers travel when a slider moves."""
 
-import io
 from typing import Any
 
 import bokeh.models as bokeh
@@ -16,8 +15,8 @@ from ..plot.sweeps import title_of
 from ..surfaces import Surface
 from .curves import Curve, Curves
 
-HEIGHT, NARROW, BAR = 230, 280, 22  # pixels; the width below which figures stand below each other
-GREY, INK = "#8a8f98", "#2b2f36"
+WIDTHS: dict[str, Any] = {"sizing_mode": "stretch_width", "min_width": 280}
+BAR = 22  # pixels
 SHOWN_SHARE = 0.995  # of the points within a scale of colours
 FINEST = 256  # points of a map along an edge
 MOST_BARS = 12
@@ -27,18 +26,15 @@ MAPS = {
     "pressure": ("contact pressure", "Pa", viridis(256)),
     "gap": ("gap", "m", magma(256)),
 }
-WIDTHS: dict[str, Any] = {"sizing_mode": "stretch_width", "min_width": NARROW}
 
 
 def new_figure(title: str, x: str, y: str, **more: Any) -> Any:
     """Returns an empty figure in the style of the page."""
     tools = "pan,wheel_zoom,box_zoom,reset,save"
-    new = figure(title=title, x_axis_label=x, y_axis_label=y, tools=tools, **more)
+    new = figure(title=title, x_axis_label=x, y_axis_label=y, tools=tools, **WIDTHS, **more)
     new.toolbar.autohide, new.toolbar.logo = True, None
-    new.title.text_font_size, new.title.text_color = "12px", INK
-    for axis in new.axis:
-        axis.axis_label_text_font_size = axis.major_label_text_font_size = "11px"
-        axis.axis_label_text_font_style = "normal"
+    new.title.text_font_size = "12px"
+    new.axis.axis_label_text_font_style = "normal"
     new.grid.grid_line_color, new.outline_line_color = "#eceef1", None
     return new
 
@@ -53,80 +49,79 @@ class Lines:
 
     def __init__(self, name: str, colour: str):
         self.name, title = name, f"{title_of(name)}: mean field, ● contact"
-        self.figure = new_figure(
-            title,
-            "sliding velocity [m/s]",
-            "",
-            height=HEIGHT,
-            x_axis_type="log",
-            y_range=bokeh.DataRange1d(start=0),
-            **WIDTHS,
-        )
+        log: Any = {"x_axis_type": "log", "y_range": bokeh.DataRange1d(start=0)}
+        self.figure = new_figure(title, "sliding velocity [m/s]", "", height=230, **log)
         self.curve, self.pinned, self.contact = (source("x", "y") for _ in range(3))
-        self.figure.line("x", "y", source=self.pinned, color=GREY, line_dash="dashed", width=2)
+        self.figure.line("x", "y", source=self.pinned, color="gray", line_dash="dashed", width=2)
         self.figure.line("x", "y", source=self.curve, color=colour, width=2)
         self.figure.scatter("x", "y", source=self.contact, color=colour, size=9)
 
     def show(self, curve: Curve, pinned: Curve | None) -> None:
         """Draws the curve, and the pinned one if there is one."""
-        for of, line in ((self.curve, curve), (self.pinned, pinned)):
-            empty = line is None
-            x, y = ([], []) if empty else (line.velocity, getattr(line, self.name))
-            of.data = {"x": x, "y": y}
+        self.curve.data = {"x": curve.velocity, "y": getattr(curve, self.name)}
+        there = pinned is not None
+        self.pinned.data = {
+            "x": pinned.velocity if there else [],
+            "y": getattr(pinned, self.name) if there else [],
+        }
 
 
 class Map:
     """A field of the contact over a period; white where there is none."""
 
     def __init__(self, name: str, surface: Surface):
-        words, self.base, palette = MAPS[name]
+        self.words, self.base, palette = MAPS[name]
         unit, factor = unit_of("m", float(np.max(surface.grid.size)))
-        self.size = tuple(factor * float(length) for length in surface.grid.size)
-        ranges = {"x_range": (0, self.size[0]), "y_range": (0, self.size[1])}
+        self.size = width, height = factor * np.asarray(surface.grid.size)
         places = f"x [{unit}]", f"y [{unit}]"
-        self.words = words
-        self.figure = new_figure(
-            words, *places, aspect_ratio=0.9, match_aspect=True, max_width=420, **ranges, **WIDTHS
-        )
-        self.image, self.outline = source("image"), source("x", "y")
+        ranges: Any = {"x_range": (0, width), "y_range": (0, height), "match_aspect": True}
+        self.figure = new_figure(self.words, *places, aspect_ratio=0.9, max_width=420, **ranges)
+        self.image, self.outline = source("image"), source("xs", "ys")
         self.colours = bokeh.LinearColorMapper(palette, nan_color="white")
-        whole = {"x": 0, "y": 0, "dw": self.size[0], "dh": self.size[1]}
+        whole = {"x": 0, "y": 0, "dw": width, "dh": height}
         self.figure.image("image", source=self.image, color_mapper=self.colours, **whole)
-        self.figure.multi_line("x", "y", source=self.outline, color="black", line_width=0.7)
+        self.figure.multi_line(source=self.outline, color="black", line_width=0.7)
         self.figure.add_layout(bokeh.ColorBar(color_mapper=self.colours, height=10), "below")
 
-    def show(self, values: np.ndarray, level: np.ndarray | None = None) -> None:
-        """Draws values [SI], and an outline where a level crosses 0."""
-        step = -(-max(values.shape) // FINEST)
+    def show(self, values: np.ndarray) -> None:
+        """Draws values [SI]."""
         low, high = np.nanquantile(values, [1 - SHOWN_SHARE, SHOWN_SHARE])
-        low = low if low < 0 else 0.0
-        unit, factor = unit_of(self.base, max(abs(low), abs(high)))
+        low = min(low, 0.0)
+        unit, factor = unit_of(self.base, max(-low, high))
         self.figure.title.text = f"{self.words} [{unit}]"
         self.colours.update(low=factor * low, high=factor * high)
-        self.image.data = {"image": [factor * values[::step, ::step].T]}
-        if level is not None:
-            x, y = (
-                (np.arange(n) + 0.5) * length / n
-                for n, length in zip(level.shape, self.size, strict=True)
-            )
-            found = contour_generator(x[::step], y[::step], level[::step, ::step].T).lines(0.0)
-            lines: Any = found
-            self.outline.data = {"x": [at[:, 0] for at in lines], "y": [at[:, 1] for at in lines]}
+        self.image.data = {"image": [factor * coarse(values).T]}
+
+    def show_outline(self, level: np.ndarray) -> None:
+        """Draws lines where a level crosses 0."""
+        level = coarse(level)
+        x, y = (
+            (np.arange(n) + 0.5) * edge / n for n, edge in zip(level.shape, self.size, strict=True)
+        )
+        lines: Any = contour_generator(x, y, level.T).lines(0.0)
+        self.outline.data = {"xs": [at[:, 0] for at in lines], "ys": [at[:, 1] for at in lines]}
+
+
+def coarse(values: np.ndarray) -> np.ndarray:
+    """Returns the values at no more points than a map shows."""
+    step = -(-max(values.shape) // FINEST)
+    return values[::step, ::step]
 
 
 class Maps:
     """Heights with the outline of the contact, pressure and gap."""
 
     def __init__(self, surface: Surface):
-        self.heights = np.asarray(surface.heights - np.mean(np.asarray(surface.heights)))
         self.maps = {name: Map(name, surface) for name in MAPS}
+        heights = np.asarray(surface.heights)
+        self.maps["heights"].show(heights - np.mean(heights))
 
     def show(self, found: Any) -> None:
         """Draws a contact."""
         pressure, gap = np.asarray(found.pressure), np.asarray(found.gap)
         touches = pressure > 0
         level = pressure / (np.std(pressure) or 1) - gap / (np.std(gap) or 1)
-        self.maps["heights"].show(self.heights, level)
+        self.maps["heights"].show_outline(level)
         self.maps["pressure"].show(np.where(touches, pressure, np.nan))
         self.maps["gap"].show(gap if np.all(touches) else np.where(touches, np.nan, gap))
 
@@ -137,31 +132,25 @@ class Bars:
     def __init__(self, of: str):
         self.names = bokeh.FactorRange()
         title = f"change of the {title_of(of)} by +1 % of each number [%]"
-        self.figure = new_figure(title, "", "", y_range=self.names, **WIDTHS)
+        self.figure = new_figure(title, "", "", y_range=self.names)
         self.source = source("name", "change")
         self.figure.hbar("name", right="change", source=self.source, height=0.6, color=COLOURS[0])
 
     def show(self, change: dict[str, float]) -> None:
         """Draws the largest changes."""
-        largest = dict(list(change.items())[:MOST_BARS])
-        self.names.factors = list(largest)[::-1]
-        self.figure.height = 90 + BAR * len(largest)
-        self.source.data = {"name": list(largest), "change": list(largest.values())}
+        names = list(change)[:MOST_BARS]
+        self.names.factors = names[::-1]
+        self.figure.height = 90 + BAR * len(names)
+        self.source.data = {"name": names, "change": [change[name] for name in names]}
 
 
-def pictures_of(curves: Curves, found: Any, velocity: Any) -> list[pn.pane.PNG]:
+def pictures_of(curves: Curves, found: Any) -> list[pn.pane.Matplotlib]:
     """Returns pictures of a motion, or of a profile."""
     if curves.kind == "cycle":
         figures = plot_cycle(found), plot_film(found, curves.surface)
     elif curves.kind == "transient":
         figures = plot_transient(found), plot_film(found, curves.surface)
     else:
-        figures = (plot_sliding(found, curves.surface, velocity),)
-    return [picture(one) for one in figures]
-
-
-def picture(drawn: Any) -> pn.pane.PNG:
-    """Returns a Matplotlib figure as a picture that shrinks with the page."""
-    content = io.BytesIO()
-    drawn.savefig(content, dpi=160)
-    return pn.pane.PNG(content.getvalue(), max_width=900, sizing_mode="scale_width", margin=0)
+        figures = (plot_sliding(found, curves.surface),)
+    how: Any = {"dpi": 160, "max_width": 900, "sizing_mode": "scale_width", "margin": 0}
+    return [pn.pane.Matplotlib(one, **how) for one in figures]

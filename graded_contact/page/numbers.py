@@ -12,8 +12,8 @@ import tomlkit
 
 from ..core.display import unit_of
 from ..core.parameters import paths
-from ..core.quantities import quantity_of
-from ..plot.sweeps import ZERO_CELSIUS, title_of
+from ..core.quantities import in_brackets, quantity_of
+from ..plot.sweeps import title_of
 from ..scenes.scene import Scene
 
 STEPS = 400  # of a slider
@@ -21,6 +21,7 @@ FACTOR, FACTOR_OF_VELOCITY = 30.0, 1e3  # a slider goes from 1/factor to factor 
 KELVINS = 40.0  # up and down
 MOST_ENTRIES = 12  # of an array whose entries have sliders
 NOT_VARIED = ("seed", "direction")
+ENTRY = re.compile(r"(.*\.(?!layers)\w+)\[(\d+)\]")  # of an array: "base.material.times[2]"
 
 Place = tuple[str | int, ...]
 
@@ -34,7 +35,6 @@ class Number(NamedTuple):
     - `place`: keys in the scene file.
     - `group`, `label`: where and how the page shows it.
     - `unit`, `factor`: in which the page shows it, and 1 SI in it.
-    - `si`: the SI unit.
     - `value`, `low`, `high`: in the scene, and the range of its slider [SI].
     - `logarithmic`: whether the slider is.
     """
@@ -45,15 +45,15 @@ class Number(NamedTuple):
     label: str
     unit: str
     factor: float
-    si: str
     value: float
     low: float
     high: float
     logarithmic: bool
 
     @property
-    def name(self) -> str:
-        return self.paths[0]
+    def title(self) -> str:
+        """The label with the unit."""
+        return self.label + in_brackets(self.unit)
 
     def at(self, step: int) -> float:
         """Returns the number [SI] at a step of the slider, to four digits in the shown unit."""
@@ -66,54 +66,30 @@ class Number(NamedTuple):
 
     def step_of(self, value: float) -> int:
         """Returns the nearest step of the slider; an end of it for a number beyond."""
-        low, high, at = self.low, self.high, min(max(value, self.low), self.high)
-        if self.logarithmic:
-            low, high, at = np.log([low / low, high / low, at / low])
+        scale = np.log if self.logarithmic else float
+        low, high, at = map(scale, (self.low, self.high, np.clip(value, self.low, self.high)))
         return round(STEPS * (at - low) / (high - low))
 
-    def text(self, value: float) -> str:
-        """Returns a number [SI] as its field shows it."""
-        return f"{value * self.factor:.6g}"
-
-    def hint(self, value: float) -> str:
-        """Returns the number in SI, if the field shows another unit; a temperature in °C."""
-        if self.si == "K":
-            return f"{value - ZERO_CELSIUS:.4g} °C"
-        return "" if self.unit == self.si else f"{value:.4g} {self.si}"
-
-    def read(self, text: str) -> float:
-        """Returns the number [SI] of the text in its field."""
-        try:
-            value = float(text.strip().replace(",", ".")) / self.factor
-        except ValueError:
-            raise ValueError(f"{text.strip()!r} is not a number.") from None
-        if not np.isfinite(value):
-            raise ValueError("the number must be finite.")
-        return value
+    def shown(self, value: float) -> float:
+        """Returns a number [SI] in the shown unit, to six digits."""
+        return float(f"{value * self.factor:.6g}")
 
 
 def numbers_of(scene: Scene) -> dict[str, Number]:
     """Returns the numbers that a page varies, by their names: loads, then those of the bodies."""
-    document = tomlkit.parse(scene.text).unwrap()
-    middle, found = middle_of(scene), dict[Place, list[str]]()
-    varied = [name for name in middle if name not in NOT_VARIED]
-    values = {name: float(middle[name]) for name in varied}
-    for path, number in paths(scene.bodies).items():
-        name, whole = path.removeprefix("stack."), paths_of_whole(path)
-        entries = 0 if whole is None else paths(scene.bodies)[whole].size
+    document, middle = tomlkit.parse(scene.text).unwrap(), middle_of(scene)
+    values = {name: float(at) for name, at in middle.items() if name not in NOT_VARIED}
+    of_bodies = paths(scene.bodies)
+    for path, number in of_bodies.items():
+        name, entry = path.removeprefix("stack."), ENTRY.fullmatch(path)
+        long = entry is not None and of_bodies[entry[1]].size > MOST_ENTRIES
         idle = ".shift." in name and "temperature" not in scene.axes
-        if number.ndim == 0 and float(number) != 0 and entries <= MOST_ENTRIES and not idle:
+        if number.ndim == 0 and number != 0 and not long and not idle:
             values.setdefault(name, float(number))
+    found: dict[Place, list[str]] = {}
     for name in values:
         found.setdefault(place_of(document, name), []).append(name)
-    numbers = (number_at(place, names, values[names[0]]) for place, names in found.items())
-    return {number.name: number for number in numbers}
-
-
-def paths_of_whole(path: str) -> str | None:
-    """Returns the path of the array of an entry, "times" for "times[2]"; else None."""
-    entry = re.fullmatch(r"(.*\.\w+)\[\d+\]", path)
-    return None if entry is None or entry[1].endswith("layers") else entry[1]
+    return {n[0]: number_at(place, tuple(n), values[n[0]]) for place, n in found.items()}
 
 
 def middle_of(scene: Scene) -> dict[str, Any]:
@@ -140,41 +116,25 @@ def place_of(document: dict[str, Any], name: str) -> Place:
     return place
 
 
-def number_at(place: Place, names: list[str], value: float) -> Number:
+def number_at(place: Place, names: tuple[str, ...], value: float) -> Number:
     """Returns a number of a scene with its words, its unit and its range."""
-    name = names[0]
-    quantity = quantity_of(name)
-    si = "1" if quantity is None else quantity.unit
-    unit, factor = unit_of(si, abs(value)) if si in ("m", "Pa", "s") else (si, 1.0)
-    low, high, logarithmic = range_of(name, si, value)
-    group, label = "load", title_of(name)
-    if place[0] == "materials":
-        words = str(place[-1]) if quantity is None else quantity.meaning
-        if isinstance(place[-1], int):
-            words = f"{words} {place[-1] + 1}"
-        group, label = str(place[1]), f"{place[1]}: {words}"
-    elif place[0] != "load":
-        group = "layers" if "layers" in name else str(place[0])
-    if paths_of_whole(name) is not None:
-        group = f"{group}: more"
-    return Number(
-        paths=tuple(names),
-        place=place,
-        group=group,
-        label=label,
-        unit=unit,
-        factor=factor,
-        si=si,
-        value=value,
-        low=low,
-        high=high,
-        logarithmic=logarithmic,
-    )
+    name, entry, quantity = names[0], ENTRY.fullmatch(names[0]), quantity_of(names[0])
+    unit, factor = "1" if quantity is None else quantity.unit, 1.0
+    group, label = str(place[0]), title_of(name)
+    if group == "materials":
+        group = str(place[1])
+        words = str(place[2]) if quantity is None else quantity.meaning
+        label = f"{group}: {words}" + (f" {int(entry[2]) + 1}" if entry else "")
+    low, high, logarithmic = range_of(name, unit, value)
+    if unit in ("m", "Pa", "s"):
+        unit, factor = unit_of(unit, abs(value))
+    group += ": more" if entry else ""
+    return Number(names, place, group, label, unit, factor, value, low, high, logarithmic)
 
 
-def range_of(name: str, si: str, value: float) -> tuple[float, float, bool]:
+def range_of(name: str, unit: str, value: float) -> tuple[float, float, bool]:
     """Returns the ends of a slider, and whether it is logarithmic."""
-    if si == "K":
+    if unit == "K":
         return value - KELVINS, value + KELVINS, False
     if name.endswith("poisson"):
         return 0.0, 0.5, False

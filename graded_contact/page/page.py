@@ -7,8 +7,7 @@ slider ──> update ──> curve ──> contact ──> errors and warnings 
 import asyncio
 import html
 import os
-from collections.abc import Callable
-from importlib import resources
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +15,17 @@ import numpy as np
 import panel as pn
 import param
 
-from ..core.display import UNKNOWN, unit_of, with_error
+from ..core.display import with_error
 from ..core.quantities import quantity_of
 from ..plot import COLOURS
 from ..plot.sweeps import title_of
-from ..scenes.scene import Scene, parse_scene, read_scene
+from ..scenes.scene import Scene, read_scene
 from .curves import SHOWN, Curves
 from .figures import WIDTHS, Bars, Lines, Maps, pictures_of
 from .numbers import STEPS, Number
 from .save import save
 
-REST = 0.3  # s without a move before errors and derivatives are computed
+DEMO = Path(__file__).parents[1] / "scenes" / "demo.toml"
 EXPECTED = (ValueError, RuntimeError, OSError, MemoryError)
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
 # The numbers stay in sight; on a phone the curves stand above the sliders, the maps below.
@@ -67,47 +66,40 @@ class Slider(pn.viewable.Viewer):
     def __init__(self, number: Number, check: Callable[[float], None]):
         super().__init__(value=number.value)
         self.number, self._check = number, check
-        unit = "" if number.unit == "1" else f" [{number.unit}]"
         self._slider = pn.widgets.IntSlider(
-            label=number.label + unit, start=0, end=STEPS, show_value=False, **WIDE
+            label=number.title, start=0, end=STEPS, show_value=False, **WIDE
         )
-        self.field = pn.widgets.TextInput(width=86, margin=(0, 0, 0, 8))
-        self._hint = pn.pane.HTML(width=86, margin=(0, 0, 0, 8), stylesheets=[TEXT])
+        self.field = pn.widgets.FloatInput(width=94, margin=(12, 0, 0, 8))
         self.refusal = pn.pane.HTML(visible=False, stylesheets=[TEXT], **WIDE)
-        self._shown = False  # whether the widgets show `value`
         self._show()
         self._slider.param.watch(lambda event: self._slid(event.new), "value")
-        self.field.param.watch(lambda event: self.enter(event.new), "value")
+        self.field.param.watch(lambda event: self._typed(event.new), "value")
         self.param.watch(lambda _: self._show(), "value")
 
     def __panel__(self) -> Any:
-        beside = pn.Column(self._hint, self.field, margin=0, width=94)
-        return pn.Column(pn.Row(self._slider, beside, **WIDE), self.refusal, **WIDE)
+        return pn.Column(pn.Row(self._slider, self.field, **WIDE), self.refusal, **WIDE)
 
-    def enter(self, text: str) -> None:
-        """Takes the text of the field, or says why not; the field then keeps it."""
-        if self._shown:
+    def _typed(self, shown: float | None) -> None:
+        """Takes the number of the field, or says why not; the field then keeps it."""
+        if shown is None or shown == self.number.shown(self.value):
+            self._show()
             return
+        value = shown / self.number.factor
         try:
-            value = self.number.read(text)
             self._check(value)
         except ValueError as error:
-            self.refusal.param.update(object=paragraph(str(error), "refused"), visible=True)
-            return
-        self.value = value
-        self._show()
+            self.refusal.param.update(object=paragraph(error, "refused"), visible=True)
+        else:
+            self.value = value
 
     def _slid(self, step: int) -> None:
-        if not self._shown:
+        if step != self.number.step_of(self.value):
             self.value = self.number.at(step)
 
     def _show(self) -> None:
-        self._shown, number = True, self.number
-        self._slider.value = number.step_of(self.value)
-        self.field.value = number.text(self.value)
-        self._hint.object = f"<span>{number.hint(self.value) or '&nbsp;'}</span>"
+        self._slider.value = self.number.step_of(self.value)
+        self.field.value = self.number.shown(self.value)
         self.refusal.visible = False
-        self._shown = False
 
 
 class Page(pn.viewable.Viewer):
@@ -117,6 +109,7 @@ class Page(pn.viewable.Viewer):
 
     - `sliders`: by the names of the numbers, such as "velocity" and "layers[0].thickness".
     - `curve`, `contact`, `change`: what was computed last, or None.
+    - `numbers`: of the contact, with their errors, NaN until these are known.
     - `pinned`: curve and numbers to compare with, or None.
 
     **Arguments:**
@@ -129,35 +122,36 @@ class Page(pn.viewable.Viewer):
         super().__init__()
         self.curves, self.folder = curves, Path(folder)
         self.curve = self.contact = self.change = self.pinned = None
-        self._known: dict[str, tuple[float, float]] = {}
-        self._call, self._turn, self._compiled = 0, asyncio.Lock(), set()
+        self.numbers: dict[str, tuple[float, float]] = {}
+        self._call, self._turn = 0, asyncio.Lock()
         self.sliders = {
             name: Slider(number, lambda value, name=name: self._check(name, value))
             for name, number in curves.numbers.items()
         }
-        html_pane: Any = {"stylesheets": [TEXT], **WIDE}
-        self._head, self._said = pn.pane.HTML(**html_pane), pn.pane.HTML(**html_pane)
+        self._head, self._said, self.saved = (
+            pn.pane.HTML(stylesheets=[TEXT], **WIDE) for _ in range(3)
+        )
         self._busy = pn.indicators.LoadingSpinner(size=18, value=True, margin=(2, 8))
-        self._status = pn.pane.HTML(**html_pane)
         named = zip(("friction", "contact_area"), COLOURS, strict=False)
         self._lines = [Lines(*line) for line in named] if curves.has_curve else []
         steady_maps = curves.kind == "steady" and curves.surface.grid.ndim == 2
         self._maps = Maps(curves.surface) if steady_maps else None
         self._pictures = pn.Column(**WIDE)
         self._bars = Bars(SHOWN[curves.kind][0])
-        self._bars_pane = pn.pane.Bokeh(self._bars.figure, visible=False, **WIDE)
+        self._bars_pane, self._bars_place = (
+            pn.pane.Bokeh(self._bars.figure, **WIDE),
+            pn.Column(**WIDE),
+        )
         self.pin = pn.widgets.Toggle(label="Pin to compare", **WIDE)
         self.ask = pn.widgets.Toggle(label="What matters here?", **WIDE)
-        self.file_name = pn.widgets.TextInput(label="Save as", value="explored", **WIDE)
+        self.file_name = pn.widgets.TextInput(label="Save as", value="explored.toml", **WIDE)
         self.save_button = pn.widgets.Button(label="Save the scene", **WIDE)
-        self.saved = pn.pane.HTML(**html_pane)
         self._layout = self._laid_out()
         for slider in self.sliders.values():
             slider.param.watch(self.update, "value")
         self.ask.param.watch(self.update, "value")
         self.pin.param.watch(lambda event: self._pin(event.new), "value")
         self.save_button.on_click(lambda _: self.save())
-        self._show_numbers()
 
     def __panel__(self) -> Any:
         pn.state.onload(self.update)
@@ -173,22 +167,16 @@ class Page(pn.viewable.Viewer):
         ]
         title = f"<h1>{html.escape(self.curves.scene.title)}</h1>{VIEWPORT}"
         title = pn.pane.HTML(title, stylesheets=[TEXT], **WIDE)
-        head = pn.Column(title, self._head, pn.Row(self._busy, self._status, **WIDE), **WIDE)
         below = (self.pin, self.ask, self.file_name, self.save_button, self.saved)
-        side = pn.Column(*cards, *below, **WIDE)
-        flow: Any = {"stylesheets": [FLOW], **WIDE}
         maps = [] if self._maps is None else self._maps.maps.values()
         areas = {
-            "head": head,
-            "curves": pn.Column(self._said, pn.Column(*(panes(self._lines)), **flow), **WIDE),
-            "side": side,
-            "maps": pn.Column(
-                pn.Column(*panes(maps), **flow), self._pictures, self._bars_pane, **WIDE
-            ),
+            "head": (title, self._head, self._busy),
+            "curves": (self._said, side_by_side(self._lines)),
+            "side": (*cards, *below),
+            "maps": (side_by_side(maps), self._pictures, self._bars_place),
         }
-        for name, part in areas.items():
-            part.css_classes = [name]
-        return pn.Column(*areas.values(), stylesheets=[GRID], **WIDE)
+        parts = [pn.Column(*some, css_classes=[name], **WIDE) for name, some in areas.items()]
+        return pn.Column(*parts, stylesheets=[GRID], **WIDE)
 
     @property
     def values(self) -> dict[str, float]:
@@ -196,40 +184,31 @@ class Page(pn.viewable.Viewer):
         return {name: slider.value for name, slider in self.sliders.items()}
 
     def _check(self, name: str, value: float) -> None:
-        self.curves.check(self.values | {name: value})
+        self.curves.case(self.values | {name: value})
 
     async def update(self, *_: Any) -> None:
         """Computes what the sliders ask for; a later call ends this one between two stages."""
         self._call += 1
         call, values = self._call, self.values
-        for stage in (self._compute_curve, self._compute_contact, self._judge, self._ask_what):
-            if stage == self._judge:
-                await asyncio.sleep(REST)
+        stages = {
+            "Mean field": self._compute_curve,
+            "Contact": self._compute_contact,
+            "Errors": self._compute_errors,
+            "Derivatives": self._compute_change,
+        }
+        for words, stage in stages.items():
             async with self._turn:
                 if call != self._call:
                     return
-                self._say_busy(stage)
+                self._busy.param.update(visible=True, label=f"{words} …")
                 try:
                     show = await asyncio.to_thread(stage, values)
                 except EXPECTED as error:
-                    self._said.object = paragraph(str(error), "refused")
+                    self._said.object = paragraph(error, "refused")
                     break
                 if call == self._call:
                     pn.state.execute(show, schedule=True)
-                self._compiled.add(stage)
-        self._busy.param.update(value=False, visible=False)
-        self._status.object = ""
-
-    def _say_busy(self, stage: Callable) -> None:
-        first = "" if stage in self._compiled else ": the first time takes some seconds"
-        words = {
-            self._compute_curve: "Computing the mean field",
-            self._compute_contact: "Computing the contact",
-            self._judge: "Estimating its errors",
-            self._ask_what: "Computing derivatives",
-        }
-        self._busy.param.update(value=True, visible=True)
-        self._status.object = paragraph(f"{words[stage]}{first}.")
+        self._busy.visible = False
 
     # The stages: each computes in a thread, and returns what shows it.
 
@@ -240,112 +219,100 @@ class Page(pn.viewable.Viewer):
     def _compute_contact(self, values: dict[str, float]) -> Callable[[], None]:
         self.contact = found = self.curves.contact(values)
         names = SHOWN[self.curves.kind]
-        numbers = [float(np.ravel(at)[-1]) for at in found.compute(*names)]
-        drawn = []
-        if self._maps is None:
-            drawn = pictures_of(self.curves, found, self.curves.velocity(values))
+        self.numbers = {
+            name: (at, np.nan) for name, at in zip(names, last_of(found, names), strict=True)
+        }
+        drawn = [] if self._maps else pictures_of(self.curves, found)
 
         def show() -> None:
-            self._known = {n: (at, np.nan) for n, at in zip(names, numbers, strict=True)}
             self._said.object = ""
             self._show_numbers()
             for line in self._lines:
-                y = self._known[line.name][0]
+                y = self.numbers[line.name][0]
                 line.contact.data = {"x": [values["velocity"]], "y": [y]}
-            if self._maps is None:
-                self._pictures[:] = drawn
-            else:
+            if self._maps:
                 self._maps.show(found)
+            self._pictures[:] = drawn
 
         return show
 
-    def _judge(self, _: dict[str, float]) -> Callable[[], None]:
-        errors = [
-            float(np.ravel(at)[-1])
-            for at in self.contact.compute(*(f"{name}_error" for name in self._known))
-        ]
-        warnings = self.contact.warnings
+    def _compute_errors(self, _: dict[str, float]) -> Callable[[], None]:
+        errors = last_of(self.contact, [f"{name}_error" for name in self.numbers])
+        pairs = zip(self.numbers.items(), errors, strict=True)
+        self.numbers = {name: (number, error) for (name, (number, _)), error in pairs}
+        warnings = "".join(paragraph(f"Warning: {text}") for text in self.contact.warnings)
 
         def show() -> None:
-            pairs = zip(self._known.items(), errors, strict=True)
-            self._known = {name: (number, error) for (name, (number, _)), error in pairs}
-            self._said.object = "".join(paragraph(f"Warning: {text}") for text in warnings)
+            self._said.object = warnings
             self._show_numbers()
 
         return show
 
-    def _ask_what(self, values: dict[str, float]) -> Callable[[], None]:
-        asked = self.ask.value
-        self.change = self.curves.what_matters(values) if asked else None
+    def _compute_change(self, values: dict[str, float]) -> Callable[[], None]:
+        self.change = self.curves.what_matters(values) if self.ask.value else None
 
         def show() -> None:
-            self._bars_pane.visible = asked
-            if self.change is not None:
-                self._bars.show(self.change)
+            self._bars_place[:] = [] if self.change is None else [self._bars_pane]
+            self._bars.show(self.change or {})
 
         return show
 
     def _show_lines(self) -> None:
         for line in self._lines:
-            line.show(self.curve, None if self.pinned is None else self.pinned[0])
+            line.show(self.curve, self.pinned and self.pinned[0])
 
     def _show_numbers(self) -> None:
         pinned = {} if self.pinned is None else self.pinned[1]
         cells = []
-        for name in SHOWN[self.curves.kind]:
-            text = "…" if name not in self._known else in_words(name, *self._known[name])
+        for name, (number, error) in self.numbers.items():
             words = title_of(name)
-            if name in pinned and name in self._known:
-                change = 100 * (self._known[name][0] / pinned[name][0] - 1)
+            if name in pinned:
+                change = 100 * (number / pinned[name][0] - 1)
                 words += f", {change:+.1f} % of the pinned {in_words(name, *pinned[name])}"
+            text = in_words(name, number, error)
             cells.append(f"<div><b>{text}</b><span>{words}</span></div>")
         self._head.object = f"<div class=numbers>{''.join(cells)}</div>"
 
     def _pin(self, pinned: bool) -> None:
-        self.pinned = (self.curve, self._known) if pinned else None
+        self.pinned = (self.curve, self.numbers) if pinned else None
         self._show_numbers()
         self._show_lines()
 
     def save(self) -> None:
         """Saves the scene with the values of the sliders, or says why not."""
+        path = self.folder / self.file_name.value
         try:
-            path = save(
-                self.curves.scene,
-                self.curves.numbers,
-                self.values,
-                self.folder,
-                self.file_name.value,
-            )
+            save(self.curves.scene, self.values, path)
         except (ValueError, OSError) as error:
             self.saved.object = paragraph(f"Not saved: {error}", "refused")
-            return
-        self.saved.object = paragraph(f"Saved {path}.")
+        else:
+            self.saved.object = paragraph(f"Saved {path}.")
 
 
-def panes(figures: Any) -> list[pn.pane.Bokeh]:
-    """Returns figures as parts of a page."""
-    return [pn.pane.Bokeh(one.figure, margin=0, **WIDTHS) for one in figures]
+def side_by_side(figures: Any) -> pn.Column:
+    """Returns figures beside each other, or on a phone below each other."""
+    shown = [pn.pane.Bokeh(one.figure, margin=0, **WIDTHS) for one in figures]
+    return pn.Column(*shown, stylesheets=[FLOW], **WIDE)
 
 
-def paragraph(text: str, kind: str = "") -> str:
+def paragraph(text: object, kind: str = "") -> str:
     """Returns a text as HTML."""
-    return f'<p class="{kind}">{html.escape(text)}</p>'
+    return f'<p class="{kind}">{html.escape(str(text))}</p>'
+
+
+def last_of(found: Any, names: Sequence[str]) -> list[float]:
+    """Returns numbers of a contact, those over time at its end."""
+    return [float(np.ravel(at)[-1]) for at in found.compute(*names)]
 
 
 def in_words(name: str, number: float, error: float) -> str:
-    """Returns a number of a contact with its error, if it is known, in a unit that suits it."""
+    """Returns a number of a contact with its error in a unit that suits it."""
     quantity = quantity_of(name)
     assert quantity is not None
-    unit = "" if quantity.unit == "1" else quantity.unit
-    if np.isfinite(error):
-        return with_error(number, error, unit)
-    unit, factor = unit_of(unit, abs(number)) if unit else ("", 1.0)
-    return UNKNOWN if np.isnan(number) else f"{factor * number:.4g} {unit}"
+    return with_error(number, error, "" if quantity.unit == "1" else quantity.unit)
 
 
-def explore(
-    scene: Scene | str | os.PathLike | None = None, folder: str | os.PathLike = "."
-) -> Page:
+def explore(scene: Scene | str | os.PathLike = DEMO, folder: str | os.PathLike = ".") -> Page:
     """Returns a page with a slider for every number of a scene, for a notebook.
 
     **Arguments:**
@@ -354,33 +321,14 @@ def explore(
     - `folder`: where scenes are saved.
     """
     pn.extension()
-    return Page(Curves(opened(scene)), folder)
+    return Page(Curves(scene if isinstance(scene, Scene) else read_scene(scene)), folder)
 
 
 def serve(
-    scene_file: str | os.PathLike | None,
-    folder: str | os.PathLike,
-    *,
-    port: int = 5006,
-    show: bool = True,
+    scene_file: str | os.PathLike | None, folder: str | os.PathLike, port: int, show: bool
 ) -> None:
     """Shows the page of a scene in the browser of this machine, until Ctrl-C."""
-    curves = Curves(opened(scene_file))
-    pn.extension()
-    pn.serve(
-        lambda: Page(curves, folder),
-        address="localhost",
-        port=port,
-        show=show,
-        title=curves.scene.title or "graded_contact",
-    )
-
-
-def opened(scene: Scene | str | os.PathLike | None) -> Scene:
-    """Returns a scene, read from its file if it is a path."""
-    if isinstance(scene, Scene):
-        return scene
-    if scene is None:
-        text = resources.files("graded_contact.scenes").joinpath("demo.toml").read_text("utf-8")
-        return parse_scene(text)
-    return read_scene(scene)
+    first = explore(scene_file or DEMO, folder)
+    title = first.curves.scene.title or "graded_contact"
+    how: dict[str, Any] = {"address": "localhost", "port": port, "show": show, "title": title}
+    pn.serve(lambda: Page(first.curves, folder), **how)

@@ -6,7 +6,7 @@ and you need not close them. Save one with `figure.savefig("name.pdf")`, or give
 """
 
 from .contact import plot_dissipation, plot_distributions, plot_sliding
-from .materials import plot_fit, plot_master_curve, plot_response, plot_sensitivity
+from .materials import plot_fit, plot_master_curve, plot_response
 from .motion import plot_cycle, plot_film, plot_transient
 from .search import plot_search
 from .style import COLOURS, COLUMN, PAGE, STYLE
@@ -25,7 +25,6 @@ __all__ = [
     "plot_master_curve",
     "plot_response",
     "plot_search",
-    "plot_sensitivity",
     "plot_sliding",
     "plot_sweep",
     "plot_transient",

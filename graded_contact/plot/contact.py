@@ -17,10 +17,8 @@ from .style import (
     PAGE,
     PRESSURES,
     colours_of,
-    entitle,
     few_powers_of_ten,
     finished,
-    mosaic_of,
     panels,
 )
 
@@ -41,7 +39,6 @@ BINS = 50
 SHOWN_SHARE = 0.999  # of the points of a distribution
 SHOWN_DEVIATIONS = 4.0  # standard deviations of the theory that a figure shows
 STEPS_PER_DECADE = 10  # steps of the friction per ln q
-FULL_CONTACT = "full contact: there is no gap"
 
 
 @finished
@@ -55,15 +52,15 @@ def plot_sliding(
     """Returns a figure of heights, contact pressure and gap: maps, or lines of a profile.
 
     The contact has an outline on the map of the heights, and is thick on a profile. Pressure is
-    white out of contact; gap is white in contact, and has no panel in full contact. The colours of
-    the pressure follow the square root. Labels give the range of outliers beyond the scale.
+    white out of contact; gap is white in contact. The colours of the pressure follow the square
+    root. Colour bars have arrows where outliers are beyond the scale.
 
     **Arguments:**
 
     - `sliding`: a result of `slide`, or anything else with `pressure` [Pa] and `gap` [m].
     - `surface`: the surface that slides.
     - `velocity`: of the surface [m/s], as in `slide`. An arrow shows its direction if it is not 0.
-    - `axes`: three panels to draw in (two in full contact), by default those of a new figure.
+    - `axes`: three panels to draw in, by default those of a new figure.
     """
     heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
     pressure, gap = np.asarray(sliding.pressure), np.asarray(sliding.gap)
@@ -73,25 +70,17 @@ def plot_sliding(
         "pressure": np.where(touches, pressure, np.nan),
         "gap": np.where(touches, np.nan, np.maximum(gap, 0)),
     }
-    if np.all(touches):
-        del fields["gap"]
-    count = len(fields)
     if heights.ndim == 1:
-        whole = (PAGE, 0.5 + 1.3 * count)
-        shown = panels(axes, mosaic_of(count, 1), whole, sharex=True)
+        shown = panels(axes, "a;b;c", (PAGE, 4.4), sharex=True)
     else:
         tall = 1.0 + 2.1 * float(np.clip(size[1] / size[0], 0.5, 2.0))
-        whole = (PAGE * count / 3, tall)
-        shown = panels(axes, mosaic_of(count, count), whole, sharex=True, sharey=True)
+        shown = panels(axes, "abc", (PAGE, tall), sharex=True, sharey=True)
     for panel, (name, values) in zip(shown, fields.items(), strict=True):
         _draw_field(panel, name, values, size)
         panel.label_outer()
     _draw_outline(shown[0], pressure, gap, size)
     _draw_direction(shown[1], np.atleast_1d(as_float(velocity, "velocity")))
-    figure = shown[0].get_figure(root=True)
-    if "gap" not in fields:
-        entitle(figure, FULL_CONTACT)
-    return figure
+    return shown[0].get_figure(root=True)
 
 
 def _draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -> None:
@@ -103,15 +92,11 @@ def _draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -
     from matplotlib.ticker import MaxNLocator
 
     words, _, base, colours, exponent, colour = LOOKS[name]
-    low, high, extend, outliers = _range_of(values, base)
+    low, high, extend = _range_of(values)
     unit, scale = unit_of(base, max(abs(low), abs(high)))
-    label = f"[{unit}]{outliers}"
     if values.ndim == 1:
         draw_profile(axes, scale * np.nan_to_num(values), size, color=colour)
-        if outliers:
-            low, margin = min(low, 0), 0.05 * (high - min(low, 0))
-            axes.set_ylim(scale * (low - margin), scale * (high + margin))
-        axes.set_ylabel(f"{words}\n{label}")
+        axes.set_ylabel(f"{words}\n[{unit}]")
         return
     norm = PowerNorm(exponent, scale * low, scale * high)
     image = draw_map(axes, scale * values, size, cmap=colours, norm=norm)
@@ -123,29 +108,23 @@ def _draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -
         pad=0.02,
         ticks=MaxNLocator(5),
         extend=extend,
-        label=f"{words} {label}",
+        label=f"{words} [{unit}]",
     )
 
 
-def _range_of(values: np.ndarray, base: str) -> tuple[float, float, str, str]:
-    """Returns the range to draw, and the ends with outliers: as colour bars name them, in words.
+def _range_of(values: np.ndarray) -> tuple[float, float, str]:
+    """Returns the range to draw, and the ends with outliers as colour bars name them.
 
     Outliers are further from the median than twice the distance within which 99 % of points lie.
     """
     finite = values[np.isfinite(values)]
     if not finite.size:
-        return 0.0, 0.0, "neither", ""
+        return 0.0, 0.0, "neither"
     least, lower, median, upper, most = np.quantile(finite, [0, 0.005, 0.5, 0.995, 1])
     low, high = max(least, 2 * lower - median), min(most, 2 * upper - median)
     low = 0 if 0 <= low < 0.05 * high else low  # a scale from zero reads better
-    first, last = (with_unit(end, base) for end in (least, most))
-    if low > least and high < most:
-        return low, high, "both", f",\noutliers from {first} to {last}"
-    if low > least:
-        return low, high, "min", f",\noutliers down to {first}"
-    if high < most:
-        return low, high, "max", f",\noutliers up to {last}"
-    return low, high, "neither", ""
+    ends = {(False, False): "neither", (True, False): "min", (False, True): "max"}
+    return low, high, ends.get((low > least, high < most), "both")
 
 
 def draw_profile(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -> None:
@@ -222,20 +201,19 @@ def plot_distributions(
 ) -> "Figure":
     """Returns a figure of the distributions of contact pressure and gap.
 
-    Densities are over the nominal area: the integral of the first is the contact area. In full
-    contact the gap has no panel. In Persson's theory the pressure has a Gaussian distribution less
-    its mirror image; the theory is for Gaussian heights.
+    Densities are over the nominal area: the integral of the first is the contact area. In
+    Persson's theory the pressure has a Gaussian distribution less its mirror image; the theory is
+    for Gaussian heights.
 
     **Arguments:**
 
     - `sliding`: as in `plot_sliding`.
     - `mean_field`: the result of `mean_field_friction` for the same contact, to compare with.
-    - `axes`: two panels to draw in (one in full contact), by default those of a new figure.
+    - `axes`: two panels to draw in, by default those of a new figure.
     """
     pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)
     open_points = (pressure <= 0) & (gap > 0)
-    count = 1 + bool(np.any(open_points))
-    left, *right = shown = panels(axes, mosaic_of(count, count), (PAGE * count / 2, 2.7))
+    left, right = panels(axes, "ab", (PAGE, 2.7))
     reach = 0.0
     if mean_field is not None:
         # The axis shows the theory too, whose tail may go beyond the contact's.
@@ -246,17 +224,13 @@ def plot_distributions(
         stress = np.linspace(0, high, 400)
         density = np.asarray(pressure_distribution(mean_field, stress))[-1]
         left.plot(scale * stress, density / scale, color=COLOURS[1], label="Persson's theory")
-    for panel in right:
-        _, scale = _draw_density(panel, "gap", gap, open_points)
-        label = f"mean gap {with_unit(float(np.mean(gap)), 'm')}"
-        # The mean is over all points, in contact or not.
-        panel.axvline(scale * np.mean(gap), color="0.3", lw=0.8, linestyle="--", label=label)
-    for panel in shown:
+    _, scale = _draw_density(right, "gap", gap, open_points)
+    mean = float(np.mean(gap))  # over all points, in contact or not
+    label = f"mean gap {with_unit(mean, 'm')}"
+    right.axvline(scale * mean, color="0.3", lw=0.8, linestyle="--", label=label)
+    for panel in (left, right):
         panel.set(xlim=(0, None), ylim=(0, None))
-    figure = left.get_figure(root=True)
-    if not right:
-        entitle(figure, FULL_CONTACT)
-    return figure
+    return left.get_figure(root=True)
 
 
 def _draw_density(axes, name, values, counted, high=0.0, label=None) -> tuple[float, float]:

@@ -1,6 +1,6 @@
-"""Figures of materials and blocks: responses, fits, master curves, sensitivities."""
+"""Figures of materials and blocks: responses, fits, master curves."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -12,7 +12,6 @@ from ..core.checks import as_float, check_positive
 from ..fitting.master import MasterCurve
 from ..fitting.prony import PronyFit
 from ..response.compliance import effective_modulus
-from ..studies.uncertainty import Sensitivity
 from .style import PAGE, TEMPERATURES, colours_of, finished, ordered, panels
 from .sweeps import ZERO_CELSIUS, kelvin
 
@@ -166,33 +165,3 @@ def _draw_shifts(beside: "list[Axes]", curve: MasterCurve, colours: Any) -> None
     by_law = jax.vmap(curve.law.log_factor)(between) / np.log(10)
     label = f"{type(curve.law).__name__} law"
     beside[0].plot(between - ZERO_CELSIUS, by_law, color="0.4", linewidth=0.8, label=label)
-
-
-@finished
-def plot_sensitivity(
-    sensitivity: Sensitivity | Mapping[str, Sensitivity],
-    *,
-    of: str = "friction",
-    axes: Any = None,
-) -> "Figure":
-    """Returns a figure of the parts of a master curve on which a quantity depends.
-
-    One panel shows loss moduli, the other storage moduli, over the frequency. The area under a
-    curve is the relative change of the quantity over the relative change of all these moduli.
-
-    **Arguments:**
-
-    - `sensitivity`: the result of `sensitivity`; or several, by their labels.
-    - `of`: name of the quantity.
-    - `axes`: two panels to draw in, by default those of a new figure.
-    """
-    by_label = sensitivity if isinstance(sensitivity, Mapping) else {"": sensitivity}
-    shown = panels(axes, "ab", (PAGE, 2.9), sharex=True, sharey=True)
-    channels = (("loss", "loss modulus $E''$"), ("storage", "storage modulus $E'$"))
-    for panel, (name, title) in zip(shown, channels, strict=True):
-        for (label, curve), colour in zip(by_label.items(), colours_of(len(by_label)), strict=True):
-            panel.semilogx(curve.omega, getattr(curve, name), color=colour, label=label)
-        panel.axhline(0, color="0.6", linewidth=0.8, zorder=0)
-        panel.set(xlabel=r"angular frequency $\omega$ [rad/s]", title=title)
-    shown[0].set_ylabel(f"relative change of the {of} over that of\nthe moduli of a decade")
-    return shown[0].get_figure(root=True)

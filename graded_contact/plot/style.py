@@ -59,8 +59,11 @@ STYLE = {
 }
 
 
-def styled(draw: "Callable[P, Figure]") -> "Callable[P, Figure]":
-    """Returns a function that draws its figure in the style, on top of Matplotlib's defaults."""
+def finished(draw: "Callable[P, Figure]") -> "Callable[P, Figure]":
+    """Returns a function whose figure has the style, letters of its panels, and a legend below.
+
+    The style is on top of Matplotlib's defaults. Given `axes` get the style alone.
+    """
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> "Figure":
@@ -68,6 +71,9 @@ def styled(draw: "Callable[P, Figure]") -> "Callable[P, Figure]":
 
         with matplotlib.style.context(["default", STYLE]):
             figure = draw(*args, **kwargs)
+            if kwargs.get("axes") is None:
+                _letter_panels(figure)
+                _draw_legend(figure)
             # Ticks are made when a figure is drawn, later perhaps, in the style of the user.
             for axes in figure.axes:
                 axes.tick_params(labelsize=STYLE["xtick.labelsize"])
@@ -75,23 +81,6 @@ def styled(draw: "Callable[P, Figure]") -> "Callable[P, Figure]":
             return figure
 
     return drawn
-
-
-def finished(draw: "Callable[P, Figure]") -> "Callable[P, Figure]":
-    """Returns a function whose figure has the style, letters of its panels, and a legend below.
-
-    Given `axes` get the style alone.
-    """
-
-    @functools.wraps(draw)
-    def drawn(*args: P.args, **kwargs: P.kwargs) -> "Figure":
-        figure = draw(*args, **kwargs)
-        if kwargs.get("axes") is None:
-            _letter_panels(figure)
-            _draw_legend(figure)
-        return figure
-
-    return styled(drawn)
 
 
 def panels(axes: Any, mosaic: str, size: tuple[float, float], **layout: Any) -> "list[Axes]":

@@ -23,6 +23,7 @@ from ..materials import (
     Tabulated,
     tyre_tread,
 )
+from ..materials.coverage import MeasuredRange
 from ..materials.shift import LAWS
 from ..readers import read_moduli, read_surface
 from ..readers.recorded_motion import read_motion, read_over_time
@@ -32,7 +33,7 @@ from ..sliding import (
     dwell,
     listed,
     ramp,
-    recorded_transient,
+    recorded,
     sinusoidal,
     start,
     start_stop,
@@ -100,7 +101,7 @@ def measured(
 def read_transient(path: os.PathLike, grid: Grid) -> Motion:
     """Returns the motion of a table "time [s], displacement [m]" that need not close."""
     times, displacement = read_over_time(path, "displacements")
-    return recorded_transient(times, displacement, grid)
+    return recorded(times, displacement, grid=grid)
 
 
 MATERIALS = {
@@ -136,7 +137,13 @@ SHAPES = {
     "error_function": ErrorFunction,
 }
 GRADED_SOLVERS = {"layering": Layering, "riccati": Riccati}
-NESTED = {"shift": LAWS, "shape": SHAPES, "graded_solver": GRADED_SOLVERS}
+RANGES = {"range": MeasuredRange}
+NESTED = {
+    "shift": LAWS,
+    "measured": RANGES,
+    "shape": SHAPES,
+    "graded_solver": GRADED_SOLVERS,
+}
 SHEAR_LAWS = SHEARS
 
 

@@ -6,7 +6,7 @@ from .interior.heat_source import heat_depths, heat_source
 from .interior.stress import ContactStress, LargestStress, contact_stress
 from .motion.motion import Motion
 from .motion.periodic import recorded, sinusoidal, start_stop, steady
-from .motion.transient import dwell, listed, ramp, recorded_transient, start
+from .motion.transient import dwell, listed, ramp, start
 from .numbers.gap_flow import Fluid, GapFlow, gap_flow
 from .numbers.stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 from .numerics import Numerics
@@ -21,6 +21,6 @@ __all__ = [
     "Sliding", "TransientSliding", "area_against_cutoff", "contact_conductance",
     "contact_stiffness", "contact_stiffness_error", "contact_stress", "cumulative_friction",
     "dwell", "flash_temperature", "gap_flow", "heat_depths", "heat_source", "listed", "ramp",
-    "recorded", "recorded_transient", "sinusoidal", "slide", "slide_case", "slide_cycle",
+    "recorded", "sinusoidal", "slide", "slide_case", "slide_cycle",
     "slide_transient", "start", "start_stop", "steady",
 ]  # fmt: skip

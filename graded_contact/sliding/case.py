@@ -3,7 +3,6 @@
 Facts of a case decide which numbers of its contact are printed and stored.
 """
 
-from collections.abc import Callable
 from typing import Any, get_args
 
 import equinox as eqx
@@ -14,8 +13,6 @@ from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import AbstractLaw, HardWall
 from ..core.checks import (
     Numbers,
-    as_float,
-    as_scalar,
     check_increasing,
     check_positive,
     check_rows,
@@ -23,6 +20,8 @@ from ..core.checks import (
     check_values,
     is_concrete,
     numbers,
+    optional,
+    scalar,
     short,
     within,
 )
@@ -77,10 +76,6 @@ class Heating(eqx.Module):
         check_values("counterface_conductivity", self.counterface_conductivity, allowed, at_least=0)
 
 
-def _if_given(convert: Callable[[Any, str], Any], name: str) -> Callable[[Any], Any]:
-    return lambda value: None if value is None else convert(value, name)
-
-
 @shown(units=False)
 class Case(eqx.Module):
     """A block, a rough surface, a load and a motion; see `slide` and `slide_cycle`.
@@ -106,10 +101,10 @@ class Case(eqx.Module):
 
     stack: Stack
     surface: Surface | Spectrum | tuple[Any, Any]
-    velocity: Any = eqx.field(converter=_if_given(as_float, "velocity"), default=None)
-    displacement: Any = eqx.field(converter=_if_given(as_float, "displacement"), default=None)
-    period: Any = eqx.field(converter=_if_given(as_scalar, "period"), default=None)
-    times: Any = eqx.field(converter=_if_given(as_float, "times"), default=None)
+    velocity: Any = eqx.field(converter=optional(numbers("velocity")), default=None)
+    displacement: Any = eqx.field(converter=optional(numbers("displacement")), default=None)
+    period: Any = eqx.field(converter=optional(scalar("period")), default=None)
+    times: Any = eqx.field(converter=optional(numbers("times")), default=None)
     pressure: Numbers | None = None
     mean_gap: Numbers | None = None
     approach: Numbers | None = None

@@ -85,11 +85,6 @@ def losses(found: Found) -> list[Array]:
     return lost
 
 
-def dissipation_of_waves(found: Found) -> Array:
-    """Returns the power lost in the block, as in `losses`."""
-    return losses(found)[0]
-
-
 @shared
 def exchange(found: Found) -> tuple[Array, Array]:
     """Power that the pressure exchanges with the bodies, and the sum of its sizes [W/m²]."""

@@ -19,17 +19,6 @@ def halved(shape: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(n if n < 2 * _FEWEST else n // 2 for n in shape)
 
 
-def grid_estimate(heights: Float[Array, "*shape"], grid: Grid, window: bool) -> str:
-    """Returns in words where the errors by the grid of a contact come from."""
-    half = halved(heights.shape)
-    if half == heights.shape:
-        return "not known: the grid has too few points"
-    missing = float(heights_on(heights, grid, half, window)[2])
-    if missing <= NOTHING_LACKS:
-        return "from half the grid"
-    return f"from half the grid, and from the waves it lacks ({missing:.0%} of the squared slope)"
-
-
 @compiled
 def heights_on(
     heights: Array, grid: Grid, half: tuple[int, ...], window: bool

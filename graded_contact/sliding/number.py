@@ -1,7 +1,7 @@
 """Numbers of results: attributes that are computed when they are read, and then kept.
 
     class Sliding(AbstractSliding):
-        friction = number(friction, r"\\mu", "1", "friction coefficient")
+        friction = number(friction, "friction coefficient", r"\\mu")
         friction_error = error_of(friction, {"solver": ..., "grid": ...})
 
 `s.friction` runs one program. `s.compute("friction", "contact_area")` computes both in one.
@@ -29,7 +29,6 @@ from ..core.warnings import WARN_ABOVE, Above, NumberOf, ResultWarning, warnings
 from ..fields.grid import Grid
 from .bodies import Coupling
 from .case import HEATED, WINDOW
-from .half_grid import grid_estimate
 from .problem import Problem
 from .shear import ShearStress
 
@@ -54,7 +53,7 @@ class number(property):
     **Arguments:**
 
     - `formula`: of a result; its docstring is that of the attribute.
-    - `symbol`, `unit`, `meaning`: see `Quantity`. Several surfaces have the mean of a number with a
+    - `meaning`, `symbol`, `unit`: see `Quantity`. Several surfaces have the mean of a number with a
       symbol, and the largest of an error or of a check without one.
     - `over_time`: whether there is one number at each time.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
@@ -66,9 +65,9 @@ class number(property):
     def __init__(
         self,
         formula: Formula,
-        symbol: str,
-        unit: str,
         meaning: str,
+        symbol: str = "",
+        unit: str = "1",
         *,
         over_time: bool = False,
         stored: bool = True,
@@ -114,7 +113,7 @@ def error_of(
     own: number,
     parts: Mapping[str, Formula],
     *,
-    over: Callable[[NumberOf], Any] | None = None,
+    over: Callable[[str, NumberOf], Any] | None = None,
     needs: Collection[str] = (),
 ) -> number:
     """Returns the estimated error of a number, the sum of its parts.
@@ -124,7 +123,8 @@ def error_of(
     - `own`: the number.
     - `parts`: formulas by their causes: "solver", "grid", "time", "memory", "kernel" (of a window)
       or "temperature". `error_parts` of a result returns them.
-    - `over`: the relative error; above `WARN_ABOVE` there is a warning. None: there is none.
+    - `over`: the relative error of a number by its name; above `WARN_ABOVE` there is a warning.
+      None: there is none.
     - `needs`: facts of the contacts that have the error, beside those that have the number.
     """
 
@@ -141,12 +141,12 @@ def error_of(
             f"The {meaning} has an error of about {{value:.0%}}: take {', or '.join(remedies)}. "
             "`error_parts` returns the causes."
         )
-        warns = Above(WARN_ABOVE, sentence, over)
+        warns = Above(WARN_ABOVE, sentence, lambda number: over(own.name, number))
     return number(
         errors,
+        f"estimated error of the {meaning}",
         rf"\delta {symbol}",
         unit,
-        f"estimated error of the {meaning}",
         over_time=own.over_time,
         stored=own.stored,
         needs=(*own.needs, *needs),
@@ -309,13 +309,6 @@ class AbstractSliding(eqx.Module):
         """Computes all numbers; returns the names of those that the contact does not show."""
         self.compute(*self.numbers)
         return beyond_contact(self)
-
-    @property
-    def grid_errors(self) -> str:
-        """Where the errors by the grid come from, in words; of a batch, those of its first."""
-        one = self.heights.reshape(-1, *self.grid.shape)[0]
-        grid = jax.tree.map(lambda sizes: sizes.reshape(-1, self.grid.ndim)[0], self.grid)
-        return grid_estimate(one, grid, WINDOW in self.facts)
 
     @property
     def warnings(self) -> tuple[str, ...]:

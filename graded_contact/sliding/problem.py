@@ -65,6 +65,7 @@ class AbstractProblem(eqx.Module):
     - `facts`: of the contact, see `facts_of`. Static.
     """
 
+    operator: eqx.AbstractVar[AbstractOperator]
     heights: Field
     grid: Grid
     law: AbstractLaw
@@ -79,6 +80,11 @@ class AbstractProblem(eqx.Module):
     def shape(self) -> tuple[int, ...]:
         """Of the fields."""
         return self.grid.shape
+
+    @property
+    def block(self) -> AbstractOperator:
+        """The operator of the block alone."""
+        return of_block(self.operator, self.counterface)
 
     @property
     def roughness(self) -> tuple[Field, ...]:
@@ -111,11 +117,6 @@ class SteadyProblem(AbstractProblem):
     measured_range: Range | None = None
     kernel_error: Inexact[Array, "..."] | None = None
     thickness: Float[Array, "..."] | None = None
-
-    @property
-    def block(self) -> AbstractOperator:
-        """The operator of the block alone."""
-        return of_block(self.operator, self.counterface)
 
     @property
     def between(self) -> Field:
@@ -178,11 +179,6 @@ class CycleProblem(AbstractProblem):
     def shape(self) -> tuple[int, ...]:
         """Of the fields over time."""
         return (len(self.displacement), *self.grid.shape)
-
-    @property
-    def block(self) -> AbstractOperator:
-        """The operator of the block alone."""
-        return of_block(self.operator, self.counterface)
 
     @property
     def passing(self) -> Field:

@@ -27,14 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
 from ..contacts import area
-from ..core.checks import (
-    check_positive,
-    check_type,
-    check_values,
-    is_concrete,
-    scalar,
-    short,
-)
+from ..core.checks import check_positive, check_type, check_values, is_concrete, scalar, short
 from ..core.derivative import still
 from ..core.display import shown
 from ..fields.frequency import direction_and_speed

@@ -85,6 +85,6 @@ def test_no_number_of_a_failed_solve_is_printed(end):
     first, *rows = (row.strip() for row in repr(failed).splitlines())
     assert first == "Sliding (failed: no numbers)"
     words = {row.partition("  ")[0]: row.partition("  ")[2].strip() for row in rows}
-    others = ("contact", "result", "grid_errors", "warnings")
+    others = ("contact", "result", "warnings")
     assert {words[name] for name in words if name not in others} == {"—", "16 × 12 float64"}
     assert words["friction"] == words["contact_area"] == "—" and words["warnings"] == "none"

@@ -9,6 +9,7 @@ A window has no waves of its own: the heights of half the grid are means of neig
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -59,23 +60,29 @@ class Neighbours(eqx.Module):
 
 def neighbours_of(found: Found) -> Neighbours:
     """Returns the contacts on half the grid, and of a cycle with half the times."""
-    shape = found.grid.shape
-    half = halved(shape)
     pressure = found.contact.mean_pressure
     if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
         # Without a contact there is nothing to compare.
         return Neighbours(None, found, found, jnp.zeros_like(pressure))
     times = len(found.displacement) if isinstance(found.problem, CycleProblem) else 0
-    rough, window = found.problem.roughness, WINDOW in found.facts
-    on_half, cut, missing = roughness_on(rough, found.grid, half, window)
-    same = fewer = None
-    if not (is_concrete(missing) and missing <= NOTHING_LACKS):
-        same = _solved(found, shape, cut, times)
+    fewer = None
     if times >= 2 * _LEAST_TIMES:
-        fewer = _solved(found, shape, rough, times // 2)
+        fewer = _solved(found, found.grid.shape, found.problem.roughness, times // 2)
+    return neighbours_by(found, lambda *given: _solved(found, *given, times), fewer)
+
+
+def neighbours_by(found: Found, solve: Callable[..., Found], fewer: Found | None) -> Neighbours:
+    """Returns the neighbours of a contact; `solve` takes the shape of a grid and heights on it."""
+    shape = found.grid.shape
+    half = halved(shape)
+    window = WINDOW in found.facts
+    on_half, cut, missing = roughness_on(found.problem.roughness, found.grid, half, window)
+    same = None
+    if not (is_concrete(missing) and missing <= NOTHING_LACKS):
+        same = solve(shape, cut)
     if half == shape:  # nothing is known of the error of the grid
         missing = missing * jnp.nan
-    return Neighbours(same, _solved(found, half, on_half, times), fewer, missing)
+    return Neighbours(same, solve(half, on_half), fewer, missing)
 
 
 def _solved(
@@ -109,9 +116,10 @@ def _given(
         # Relative to the first touch; means of neighbours are lower than their highest.
         lower = largest(found.heights) - largest(heights)
         load = {
-            "pressure": lambda: contact.mean_pressure, "mean_gap": lambda: contact.mean_gap,
+            "pressure": lambda: contact.mean_pressure,
+            "mean_gap": lambda: contact.mean_gap,
             "approach": lambda: found.compute("approach")[0] - lower,
-        }[found.problem.prescribed]()  # fmt: skip
+        }[found.problem.prescribed]()
     else:
         over = (num_times,)
         name = "load" if found.problem.prescribed == "pressure" else "mean_gap"

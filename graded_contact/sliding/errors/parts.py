@@ -5,7 +5,6 @@ the errors by the grid and by the times from neighbours (`neighbours.py`).
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -75,24 +74,16 @@ def gap_by_solver(found: Found) -> Array:
     return found.contact.gap_error * jnp.std(found.problem.between)
 
 
-def over_friction(name: str) -> Callable[[NumberOf], Any]:
-    """Returns the relative error of a friction [1] by its name; 0 where nothing is dissipated."""
-
-    def share(number):
-        friction, wrong, slope = map(number, (name, f"{name}_error", "slope_in_contact"))
-        scale = np.maximum(np.abs(friction), _IDLE * slope)
-        idle = np.abs(friction) <= NO_FRICTION * slope
-        return np.where(idle, 0.0, np.minimum(wrong / np.where(scale == 0, 1, scale), _MEANINGLESS))
-
-    return share
+def over_friction(name: str, number: NumberOf):
+    """Returns the relative error of a friction [1]; 0 where nothing is dissipated."""
+    friction, wrong, slope = map(number, (name, f"{name}_error", "slope_in_contact"))
+    scale = np.maximum(np.abs(friction), _IDLE * slope)
+    idle = np.abs(friction) <= NO_FRICTION * slope
+    return np.where(idle, 0.0, np.minimum(wrong / np.where(scale == 0, 1, scale), _MEANINGLESS))
 
 
-def over_number(name: str) -> Callable[[NumberOf], Any]:
-    """Returns the relative error of a number [1] by its name; 0 where the number is 0."""
-
-    def share(number):
-        size, wrong = np.abs(number(name)), number(f"{name}_error")
-        part = np.minimum(wrong / np.where(size > 0, size, 1), _MEANINGLESS)
-        return np.where(size > 0, part, 0.0)
-
-    return share
+def over_number(name: str, number: NumberOf):
+    """Returns the relative error of a number [1]; 0 where the number is 0."""
+    size, wrong = np.abs(number(name)), number(f"{name}_error")
+    part = np.minimum(wrong / np.where(size > 0, size, 1), _MEANINGLESS)
+    return np.where(size > 0, part, 0.0)

@@ -132,8 +132,9 @@ def of_parts(heating: Heating, stack: Stack, counterface: Stack | None) -> list[
     """
     found = []
     for body, names in (
-        (stack, ("conductivity", "diffusivity")), (counterface, ("counterface_conductivity",)),
-    ):  # fmt: skip
+        (stack, ("conductivity", "diffusivity")),
+        (counterface, ("counterface_conductivity",)),
+    ):
         layers = 0 if body is None else len(body.layers)
         for name in names:
             value = getattr(heating, name)

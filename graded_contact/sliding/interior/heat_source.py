@@ -80,11 +80,7 @@ def gauss_within(
     return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
 
 
-def heat_source(
-    sliding: Sliding,
-    stack: Stack,
-    depths: Numbers,
-) -> Float[Array, "depths *shape"]:
+def heat_source(sliding: Sliding, stack: Stack, depths: Numbers) -> Float[Array, "depths *shape"]:
     """Returns the heat that hysteresis makes in the block at some depths [W/m³].
 
     Differentiable in the contact, in every leaf of `stack` and in `depths`.

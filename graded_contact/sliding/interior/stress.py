@@ -225,6 +225,7 @@ def _with_depth(values: Array, depths: Depths) -> tuple[Array, Array]:
 
 # Each gives the largest stress [Pa] in a block under a contact, and the depth at which it acts [m].
 STRESSES = {
-    "tension": _in_block("tension"), "von_mises": _in_block("von_mises"),
+    "tension": _in_block("tension"),
+    "von_mises": _in_block("von_mises"),
     "interface_shear": _between_layers,
-}  # fmt: skip
+}

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from ...core.checks import check_type, is_concrete, numbers, scalar
+from ...core.checks import check_type, is_concrete, numbers, optional, scalar
 from ...core.display import shown, with_unit
 from ...fields.grid import Grid
 
@@ -23,10 +23,6 @@ from ...fields.grid import Grid
 CHOSEN_STEP = 0.5
 LARGEST_STEP = 2.0
 _OPEN = 0.2  # of the extent of a record: a gap that its next row does not close
-
-
-def _if_given(convert):
-    return lambda value: None if value is None else convert(value)
 
 
 @shown("num_times", "times", "displacement", "period", "highest_speed", units=False, unset=False)
@@ -42,9 +38,9 @@ class Motion(eqx.Module):
     """
 
     displacement: Float[Array, "nt ..."] = eqx.field(converter=numbers("displacement"))
-    period: Float[Array, ""] | None = eqx.field(converter=_if_given(scalar("period")), default=None)
+    period: Float[Array, ""] | None = eqx.field(converter=optional(scalar("period")), default=None)
     times: Float[Array, " nt"] | None = eqx.field(
-        converter=_if_given(numbers("times")), default=None
+        converter=optional(numbers("times")), default=None
     )
 
     def __check_init__(self):
@@ -69,18 +65,12 @@ class Motion(eqx.Module):
             return jnp.max(ways) * self.num_times / self.period
         return jnp.max(ways / jnp.diff(self.times, prepend=0))
 
-    @property
-    def rates(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """One over the last time, and one over the shortest step of a transient motion [1/s]."""
-        assert self.times is not None
-        return 1 / self.times[-1], 1 / jnp.min(jnp.diff(self.times, prepend=0))
-
     def largest_step(self, grid: Grid) -> Float[Array, ""]:
         """Returns the largest distance between neighbouring times, in spacings along x plus y [1].
 
         Above 1, take more times; above 2 a cycle refuses the motion.
         """
-        return _largest_step(self.displacement, grid.spacing, self.times is not None)
+        return largest_step(self.displacement, grid.spacing, self.times is not None)
 
     def then(self, other: "Motion") -> "Motion":
         """Returns this transient motion and then another one, which begins where this one ends."""
@@ -103,8 +93,8 @@ def _steps(displacement, from_rest: bool = False):
     return jnp.concatenate([abs(rows[:1]), steps]) if from_rest else steps
 
 
-def _largest_step(displacement, spacing, from_rest: bool = False):
-    """The largest distance, in spacings along x plus y; in NumPy of what NumPy has."""
+def largest_step(displacement, spacing, from_rest: bool = False):
+    """Returns the largest distance, in spacings along x plus y; in NumPy of what NumPy has."""
     moved = _steps(displacement, from_rest)
     return (moved / spacing[: moved.shape[1]]).sum(axis=1).max()
 
@@ -113,7 +103,7 @@ def step_of(displacement: Array | np.ndarray, grid: Grid) -> float | None:
     """`Motion.largest_step`, or None where the numbers are not known."""
     if not (is_concrete(displacement) and is_concrete(grid.size)):
         return None
-    return float(_largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
+    return float(largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
 
 
 def check_resolved(
@@ -164,6 +154,6 @@ def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
         far = with_unit(float(np.linalg.norm(apart)), "m")
         raise ValueError(
             f"`displacement` is refused: its end is {far} from its start{beyond}, but a cycle ends "
-            "where it began. Use `slide_transient` (with `recorded_transient`) for a "
-            "transient motion, or let the surface advance by whole cells, see `slide_cycle`."
+            "where it began. Use `slide_transient` for a transient motion, or let the surface "
+            "advance by whole cells, see `slide_cycle`."
         )

@@ -12,7 +12,6 @@ from jaxtyping import Array, Float, ScalarLike
 
 from ...core.checks import (
     Numbers,
-    as_float,
     as_scalar,
     check_positive,
     check_values,
@@ -22,6 +21,7 @@ from ...core.checks import (
 from ...core.compilation import compiled
 from ...fields.grid import Grid
 from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, step_of
+from .transient import in_steps, table_of
 
 _USUAL = 128  # times, where the grid is not known
 _FEWEST = 32  # times that are chosen
@@ -44,7 +44,7 @@ def _enough(grid: Grid | None, dash: Array, least: Array | int) -> int | None:
     return fast(max(float(least), float(dash) / spacing / CHOSEN_STEP))
 
 
-def _chosen(num_times: int | None, enough: int | None, grid: Grid | None) -> int:
+def _chosen(num_times: int | None, enough: int | None) -> int:
     """The number of times: the one given, or what is enough if there is memory for it."""
     if num_times is not None:
         return num_times
@@ -82,7 +82,7 @@ def sinusoidal(
     check_values("stroke", stroke, "a stroke [m] must be finite and not negative", at_least=0)
     check_positive("frequency", frequency, "[Hz]")
     enough = _enough(grid, np.pi * stroke, _FEWEST)
-    count = _chosen(num_times, enough, grid)
+    count = _chosen(num_times, enough)
     displacement = _sine(stroke, count)
     check_resolved(f"`num_times={count}`", displacement, grid, enough)
     return Motion(displacement, 1 / frequency)
@@ -121,7 +121,7 @@ def start_stop(
     period = 2 * (moving + dwell)
     ways = period / moving
     enough = _enough(grid, 15 / 8 * stroke * ways, _OF_A_WAY * ways)
-    count = _chosen(num_times, enough, grid)
+    count = _chosen(num_times, enough)
     displacement = _there_and_back(stroke, moving, dwell, count)
     check_resolved(f"`num_times={count}`", displacement, grid, enough)
     return Motion(displacement, period)
@@ -173,42 +173,43 @@ def steady(velocity: ScalarLike, grid: Grid, num_times: int | None = None) -> Mo
 def recorded(
     times: Numbers,
     displacement: Numbers,
-    period: ScalarLike,
+    period: ScalarLike | None = None,
     num_times: int | None = None,
     grid: Grid | None = None,
 ) -> Motion:
-    """Returns a measured motion at equally spaced times, without frequencies that these alias.
+    """Returns a measured motion, from a table that is interpolated linearly.
 
-    The table is interpolated linearly over the period; then frequencies above that of `num_times`
-    are cut, and with them most of the noise. It must end where it began.
+    With a period it has equally spaced times, without the frequencies that these alias: those above
+    that of `num_times` are cut, and with them most of the noise. The table must end where it began.
+
+    Without a period the motion is transient and need not close. Each interval of the table is cut
+    into equal steps, in which the surface moves by at most half a spacing.
 
     **Arguments:**
 
-    - `times`: t [s], shape `(n,)`, ascending, less than a period from the first to the last.
-    - `displacement`: s [m] at these times, shape `(n,)` or `(n, 2)`.
-    - `period`: T [s].
+    - `times`: t [s], shape `(n,)`, ascending; in a cycle less than a period from first to last.
+    - `displacement`: s [m] at these times, shape `(n,)` or `(n, 2)`; counted from the first, unless
+      there is a period.
+    - `period`: T [s]; None for a transient motion.
     - `num_times`: times in a period, at least 4; None for 128, or with a grid for more, until the
       surface moves by at most half a spacing from one to the next.
-    - `grid`: of the surface.
+    - `grid`: of the surface; needed by a transient motion.
 
     **Returns:** the motion; its first time is the first of the table.
 
     **Raises:** `ValueError` for a refused argument.
     """
-    times, table = as_float(times, "times"), as_float(displacement, "displacement")
-    period = as_scalar(period, "period")
+    rows = table_of(times, displacement, 2)
+    if period is None:
+        if grid is None:
+            raise ValueError("`period` is needed, or for a transient motion the `grid`.")
+        return in_steps(rows, grid)
+    times, table, period = rows.times, rows.displacement, as_scalar(period, "period")
     check_positive("period", period, "[s]")
-    check_values("displacement", table, "a displacement [m] must be finite")
-    if times.ndim != 1 or table.ndim not in (1, 2) or len(table) != len(times) or len(times) < 2:
+    if is_concrete(times) and is_concrete(period) and not times[-1] - times[0] < period:
         raise ValueError(
-            f"`times` has shape {times.shape} and `displacement` shape {table.shape}; one time for "
-            "each row of the displacement is needed."
-        )
-    known = is_concrete(times) and is_concrete(period)
-    if known and not (np.all(np.diff(times) > 0) and times[-1] - times[0] < period):
-        raise ValueError(
-            f"`times` from {times[0]:g} to {times[-1]:g} s are refused: they must ascend within "
-            f"one `period` of {period:g} s, whose end is not listed."
+            f"`times` from {times[0]:g} to {times[-1]:g} s are refused: they must be within one "
+            f"`period` of {period:g} s, whose end is not listed."
         )
     check_closed(table, grid, cells=False)
     count = _USUAL if num_times is None else num_times
@@ -217,7 +218,7 @@ def recorded(
         # More times keep more of the noise, so that they are not known beforehand.
         while (step := step_of(moved, grid)) is None or step > CHOSEN_STEP:
             enough = None if step is None else fast(max(count + 1, count * step / CHOSEN_STEP))
-            count = _chosen(None, enough, grid)
+            count = _chosen(None, enough)
             moved = _resampled(times, table, period, count)
     check_resolved(f"`num_times={count}`", moved, grid)
     return Motion(moved, period)

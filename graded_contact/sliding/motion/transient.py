@@ -1,4 +1,4 @@
-"""Transient motions: from rest, at a velocity, to rest, one after the other, and recorded.
+"""Transient motions: from rest, at a velocity, to rest, one after the other, and given ones.
 
 A motion is s(t) at the ends of steps, from s = 0 at t = 0. While the surface moves, a step leads it
 by about half a spacing of the grid; while it rests, each step is a fixed part of the time so far.
@@ -22,6 +22,7 @@ from ...core.checks import (
 )
 from ...fields.grid import Grid
 from .motion import CHOSEN_STEP, Motion
+from .over_period import components
 
 _STEPS = 128  # of a motion, where the grid is not known
 _A_DECADE = 10  # steps of a rest, whose error is then below 1e-3
@@ -60,9 +61,11 @@ def dwell(
 
 
 def ramp(
-    velocity: ScalarLike, duration: ScalarLike, grid: Grid | None = None,
+    velocity: ScalarLike,
+    duration: ScalarLike,
+    grid: Grid | None = None,
     num_times: int | None = None,
-) -> Motion:  # fmt: skip
+) -> Motion:
     """Returns a motion along x at one velocity, in equal steps.
 
     **Arguments:**
@@ -78,9 +81,12 @@ def ramp(
 
 
 def start(
-    velocity: ScalarLike, duration: ScalarLike, before: ScalarLike = 0.0,
-    grid: Grid | None = None, num_times: int | None = None,
-) -> Motion:  # fmt: skip
+    velocity: ScalarLike,
+    duration: ScalarLike,
+    before: ScalarLike = 0.0,
+    grid: Grid | None = None,
+    num_times: int | None = None,
+) -> Motion:
     """Returns a motion along x that goes smoothly from one velocity to another, such as from rest.
 
     The velocity is before + (v - before)(3x² - 2x³), x = t/duration: a brake if v = 0.
@@ -124,39 +130,23 @@ def listed(times: Numbers, displacement: Numbers) -> Motion:
 
     **Raises:** `ValueError` for a refused argument.
     """
-    motion = _table(times, displacement, 1)
+    motion = table_of(times, displacement, 1)
     check_positive("times", motion.times, "[s]")
     return motion
 
 
-def recorded_transient(times: Numbers, displacement: Numbers, grid: Grid) -> Motion:
-    """Returns a measured motion that need not close, in steps that the grid resolves.
-
-    The table is interpolated linearly. Each of its intervals is cut into equal steps, in which the
-    surface moves by at most half a spacing.
-
-    **Arguments:**
-
-    - `times`: t [s], shape `(n,)`, ascending; the first is the time 0 of the motion.
-    - `displacement`: s [m] at these times, shape `(n,)` or `(n, 2)`; counted from the first.
-    - `grid`: of the surface.
-
-    **Returns:** the motion.
-
-    **Raises:** `ValueError` for a refused argument.
-    """
-    table = _table(times, displacement, 2)
-    rows = table.displacement.reshape(len(table.times), -1)
+def in_steps(table: Motion, grid: Grid) -> Motion:
+    """Returns a measured motion from its first row on, in steps that the grid resolves."""
+    rows = components(table.displacement)
     ways = jnp.abs(jnp.diff(rows, axis=0)) / grid.spacing[: rows.shape[1]]
     counts = np.maximum(np.ceil(_known("grid", jnp.sum(ways, axis=1)) / CHOSEN_STEP), 1)
     place = np.concatenate([i + np.arange(1, n + 1) / n for i, n in enumerate(counts)])
     at = lambda column: jnp.interp(place, np.arange(len(column)), column - column[0])  # noqa: E731
     moved = jnp.stack([at(column) for column in rows.T], axis=1)
-    moved = moved.reshape(-1, *table.displacement.shape[1:])
-    return Motion(moved, times=at(table.times))
+    return Motion(moved.reshape(-1, *table.displacement.shape[1:]), times=at(table.times))
 
 
-def _table(times: Numbers, displacement: Numbers, least: int) -> Motion:
+def table_of(times: Numbers, displacement: Numbers, least: int) -> Motion:
     """Times and displacements, at least so many, of which the times ascend."""
     table = Motion(displacement, times=times)
     check_rows(least, times=table.times)

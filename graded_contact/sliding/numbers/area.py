@@ -39,11 +39,6 @@ def mean_gap(found: Found) -> Array:
     return gap
 
 
-def contact_indicator(found: Found) -> Array:
-    """How far points are inside contact or outside [Pa], see `AbstractLaw.contact_indicator`."""
-    return indicator_of(found)
-
-
 def _area_in_doubt(found: Found, change: Array) -> Array:
     """The share of points that a change of the pressure may have put on the wrong side."""
     return area_in_doubt(indicator_of(found), jnp.abs(change))

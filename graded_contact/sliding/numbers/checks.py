@@ -23,9 +23,9 @@ from ..formulas import (
     moved_where_loaded,
     slopes,
 )
-from ..motion.motion import Motion
+from ..motion import motion
 from ..number import Found
-from ..problem import TransientProblem
+from ..problem import TransientProblem, steps_of
 from .load import approach
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
@@ -121,13 +121,6 @@ def _sum_of(parts: Iterable[Array]) -> Array:
     return functools.reduce(jnp.add, parts)
 
 
-def _share_unmeasured(found: Found, weight: Array) -> Array:
-    """The share of a weight on points that were not measured."""
-    if found.problem.measured is None:
-        return jnp.zeros((), found.pressure.dtype)
-    return jnp.sum(weight * (1 - found.problem.measured)) / nonzero(jnp.sum(weight))
-
-
 def energy_imbalance(found: Found) -> Array:
     """Work of hysteresis, and of the load, against dissipation in both bodies, relative [1].
 
@@ -159,10 +152,13 @@ def unmeasured_friction(found: Found) -> Array:
 
     Tractions up and down the slopes nearly cancel in friction.
     """
+    if found.problem.measured is None:
+        return jnp.zeros((), found.pressure.dtype)
     pressure, displacement = displaced(found)
     (q,) = along_motion(found)
     slope = to_field(1j * q * to_spectrum(displacement), pressure.shape)
-    return _share_unmeasured(found, found.operator.on_surface(jnp.abs(pressure * slope)))
+    weight = found.operator.on_surface(jnp.abs(pressure * slope))
+    return jnp.sum(weight * (1 - found.problem.measured)) / nonzero(jnp.sum(weight))
 
 
 def extrapolated_friction(found: Found) -> Array:
@@ -192,7 +188,8 @@ def extrapolated_times(found: Found) -> Array:
 
     Counted by the logarithm of t; the larger one of both bodies.
     """
-    rates = _motion(found).rates
+    times = found.problem.times
+    rates = 1 / times[-1], 1 / jnp.min(steps_of(times))
     known = [one for body in found.problem.bodies if (one := coverage(body)) is not None]
     shares = [unknown_share(*rates, one) for one in known]
     return jax.lax.stop_gradient(functools.reduce(jnp.maximum, shares, jnp.zeros_like(rates[0])))
@@ -226,14 +223,8 @@ def rim_load(found: Found) -> Array:
 
 def largest_step(found: Found) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
-    return _motion(found).largest_step(found.grid)
-
-
-def _motion(found: Found) -> Motion:
-    problem = found.problem
-    if isinstance(problem, TransientProblem):
-        return Motion(problem.displacement, times=problem.times)
-    return Motion(problem.displacement, problem.period)
+    from_rest = isinstance(found.problem, TransientProblem)
+    return motion.largest_step(found.problem.displacement, found.grid.spacing, from_rest)
 
 
 def stroke_over_cell(found: Found) -> Array:

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
-from ..energy import dissipation_of_waves, exchange, losses
+from ..energy import exchange, losses
 from ..errors.grid import OF_FORCE, beside_changes, by_grid, unseen_power
 from ..errors.parts import by_times, solver_errors
 from ..formulas import (
@@ -56,7 +56,7 @@ def load_work(found: Found) -> Array:
 
 def dissipated_power(found: Found) -> Array:
     """Mean power lost in the block per area [W/m²]."""
-    return jnp.sum(dissipation_of_waves(found))
+    return jnp.sum(losses(found)[0])
 
 
 def counterface_power(found: Found) -> Array:

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ...contacts.estimates import error_of
-from ..energy import dissipation_of_waves
+from ..energy import losses
 from ..errors.grid import OF_FORCE, beside_changes, by_grid
 from ..errors.parts import changes_by_kernel, solver_errors, with_chance
 from ..formulas import (
@@ -80,10 +80,7 @@ def geometric_friction(found: Found) -> Array:
     heights = found.operator.on_cell(found.heights, "symmetric")
     if found.problem.counterface is not None:
         heights = heights - counterface_displacement(found, pressure)
-    tractions = tractions_of(found, pressure, jnp.broadcast_to(heights, pressure.shape))
-    if isinstance(found.problem, CycleProblem):
-        return over_load(found, tractions + sheared(found)[0])
-    return over_load(found, tractions) + shear_friction(found)
+    return over_load(found, tractions_of(found, pressure, heights)) + shear_friction(found)
 
 
 def traction(found: Found) -> Array:
@@ -139,7 +136,7 @@ def _friction_by_solver(found: Found) -> Array:
 def _beside(found: Found) -> Array:
     """`beside_changes`, and a part of the difference of the frictions by the two slopes [1]."""
     by_slopes = jnp.abs(geometric_friction(found) - friction(found))
-    by_slopes = jnp.where(jnp.any(dissipation_of_waves(found) != 0), by_slopes, 0)
+    by_slopes = jnp.where(jnp.any(losses(found)[0] != 0), by_slopes, 0)
     return beside_changes(found) + _BY_SLOPES * by_slopes
 
 

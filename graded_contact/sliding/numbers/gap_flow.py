@@ -25,14 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ...core.checks import (
-    Numbers,
-    as_float,
-    check_positive,
-    check_shape,
-    check_type,
-    check_values,
-)
+from ...core.checks import Numbers, as_float, check_positive, check_shape, check_type, check_values
 from ...core.compilation import compiled
 from ...core.display import shown
 from ...fields.grid import Grid
@@ -205,9 +198,11 @@ def _gap_flow(gap, grid: Grid) -> GapFlow:
     dtype = weights.dtype
     shapes = jax.ShapeDtypeStruct((2, *cube.shape), dtype), jax.ShapeDtypeStruct((2,), bool)
     pressure, percolates = jax.pure_callback(
-        partial(_solve, dtype=dtype), shapes, *jax.lax.stop_gradient((weights, spacing)),
+        partial(_solve, dtype=dtype),
+        shapes,
+        *jax.lax.stop_gradient((weights, spacing)),
         vmap_method="sequential",
-    )  # fmt: skip
+    )
     rise = jnp.eye(2, dtype=dtype)[:, :, None, None] * spacing[:, None, None]
     drops = rise + jnp.stack([jnp.roll(pressure, -1, axis) - pressure for axis in (1, 2)], 1)
     area = cube.size * spacing[0] * spacing[1]

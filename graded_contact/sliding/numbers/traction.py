@@ -30,14 +30,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool
 
 from ...blocks.stack import Stack
-from ...contacts.operators.operator import first_mode
 from ...core.checks import as_float
 from ...fields.frequency import direction_and_speed
-from ...fields.grid import Grid, Waves, wavenumber
+from ...fields.grid import Grid, Waves
 from ...kernels.tangential import tangential_kernels
 from ...kernels.window import without_images
 from ..bodies import Coupling
@@ -75,22 +73,6 @@ def steady_coupling(
         along, _ = without_images(along, far_along, window, False)
         good = good & far_good
     return Coupling((lift,), ((along,),), isinstance(case.shear, Coulomb)), error, good
-
-
-def check_positive_kernel(kernel: Waves, cell: Grid, coefficient: Array) -> None:
-    """Raises `ValueError` if Re(M_zz + f M_ze) is not positive for all waves."""
-    waves = ~first_mode(kernel.shape)
-    given_way = waves & ~(kernel.real > 0) & jnp.isfinite(kernel)
-    if jnp.any(given_way):
-        share = np.where(np.asarray(given_way), np.asarray(kernel.real / jnp.abs(kernel)), 1)
-        q = np.asarray(wavenumber(cell)).ravel()[np.argmin(share)]
-        raise ValueError(
-            f"`shear` with the coefficient {float(coefficient):g} is refused: at the wavelength "
-            f"{2 * np.pi / q:.3g} m the traction outweighs the stiffness of the block (the real "
-            "part of M_zz + f M_zx is not positive), and a traction that lags did not settle. This "
-            "is a limit of the method; a periodic state may exist. Lower the coefficient, or pass "
-            "`coupled=False`."
-        )
 
 
 def slip(found: Found) -> Array:

@@ -41,4 +41,4 @@ __all__ = [
     "result_of",
     "warnings_of",
     "with_observables",
-]  # fmt: skip
+]

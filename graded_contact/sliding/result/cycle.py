@@ -19,7 +19,7 @@ from ..problem import CycleProblem
 from .steady import Sliding
 
 
-@shown("contact", "grid_errors", "warnings")
+@shown("contact", "warnings")
 class CyclicSliding(AbstractSliding):
     """Friction, contact area and fields over a cycle.
 
@@ -41,95 +41,78 @@ class CyclicSliding(AbstractSliding):
     heated: HeatedContact | None = None
     kind: ClassVar[str] = CYCLE
 
-    friction = number(of_friction.friction, r"\mu", "1", "friction coefficient", over_time=True)
-    mean_friction = number(
-        cycle.mean_friction, r"\bar\mu", "1", "work of friction over load and path"
-    )
-    mean_friction_error = error_of(
-        mean_friction, cycle.MEAN_ERRORS, over=parts.over_friction("mean_friction")
-    )
+    friction = number(of_friction.friction, "friction coefficient", r"\mu", over_time=True)
+    mean_friction = number(cycle.mean_friction, "work of friction over load and path", r"\bar\mu")
+    mean_friction_error = error_of(mean_friction, cycle.MEAN_ERRORS, over=parts.over_friction)
     peak_friction = number(
-        cycle.peak_friction, r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle"
+        cycle.peak_friction, "largest friction coefficient of a cycle", r"\mu_\mathrm{max}"
     )
     peak_friction_error = error_of(peak_friction, cycle.PEAK_ERRORS)
     mean_shear_friction = number(
         cycle.mean_shear_friction,
-        r"\bar\mu_\mathrm{shear}",
-        "1",
         "part of the mean friction from shear in the contact",
+        r"\bar\mu_\mathrm{shear}",
         needs=[facts.SHEARED],
     )
-    geometric_friction = number(
-        of_friction.geometric_friction,
-        r"\mu_\mathrm{geo}",
-        "1",
-        "friction coefficient from the surface slope",
-        over_time=True,
-        stored=False,
-    )
     traction = number(
-        of_friction.traction, r"\tau", "Pa", "shear stress that opposes the motion", over_time=True
+        of_friction.traction, "shear stress that opposes the motion", r"\tau", "Pa", over_time=True
     )
     load = number(
         of_friction.load,
+        "mean pressure at each time",
         r"\sigma_0",
         "Pa",
-        "mean pressure at each time",
         over_time=True,
         warns=checks.NEVER_LOADED,
     )
-    work = number(cycle.work, "W", "J/m²", "work of friction in a cycle")
+    work = number(cycle.work, "work of friction in a cycle", "W", "J/m²")
     work_error = error_of(work, cycle.WORK_ERRORS)
-    load_work = number(cycle.load_work, r"W_\sigma", "J/m²", "work of the load in a cycle")
+    load_work = number(cycle.load_work, "work of the load in a cycle", r"W_\sigma", "J/m²")
     load_work_error = error_of(load_work, cycle.LOAD_WORK_ERRORS)
     dissipated_power = number(
-        cycle.dissipated_power, "P", "W/m²", "mean power that the block dissipates"
+        cycle.dissipated_power, "mean power that the block dissipates", "P", "W/m²"
     )
     dissipated_power_error = error_of(dissipated_power, cycle.POWER_ERRORS)
     counterface_power = number(
         cycle.counterface_power,
+        "mean power that the counterface dissipates",
         r"P_\mathrm{c}",
         "W/m²",
-        "mean power that the counterface dissipates",
         needs=[facts.COUNTERFACE],
     )
     interface_power = number(
         tractions.interface_power,
+        "mean power that heats the interface",
         r"P_\mathrm{int}",
         "W/m²",
-        "mean power that heats the interface",
         needs=[facts.COUPLED],
     )
     phase = number(
-        cycle.phase, r"\delta", "1", "phase of the traction before the displacement, in radians"
+        cycle.phase, "phase of the traction before the displacement, in radians", r"\delta"
     )
     surface_rise = number(
         of_friction.surface_rise,
+        "temperature of the contact above the bulk",
         r"\Delta T",
         "K",
-        "temperature of the contact above the bulk",
         needs=[facts.HEATED],
         warns=checks.WARMS,
     )
-    contact_area = number(area.contact_area, "A/A_0", "1", "contact area fraction", over_time=True)
+    contact_area = number(area.contact_area, "contact area fraction", "A/A_0", over_time=True)
     contact_area_pixels = number(
-        area.contact_area_pixels, "A/A_0", "1", "share of points in contact", over_time=True
+        area.contact_area_pixels, "share of points in contact", "A/A_0", over_time=True
     )
-    mean_gap = number(area.mean_gap, r"\bar u", "m", "mean gap", over_time=True)
+    mean_gap = number(area.mean_gap, "mean gap", r"\bar u", "m", over_time=True)
     energy_imbalance = Sliding.energy_imbalance
     slope_in_contact = Sliding.slope_in_contact
     extrapolated_friction = Sliding.extrapolated_friction
     largest_step = number(
         checks.largest_step,
-        "",
-        "1",
         "largest step from one time to the next, in spacings of the grid",
         warns=checks.TOO_FAST,
     )
     stroke_over_cell = number(
         checks.stroke_over_cell,
-        "",
-        "1",
         "extent of the motion that comes back, over the cell",
         warns=checks.TOO_FAR,
     )

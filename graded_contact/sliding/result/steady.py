@@ -18,7 +18,7 @@ from ..numbers import traction as tractions
 from ..problem import SteadyProblem
 
 
-@shown("contact", "grid_errors", "warnings")
+@shown("contact", "warnings")
 class Sliding(AbstractSliding):
     """Friction, contact area and fields of a sliding contact.
 
@@ -45,153 +45,125 @@ class Sliding(AbstractSliding):
     kind: ClassVar[str] = STEADY
 
     mean_pressure = number(
-        load.mean_pressure, r"\bar\sigma", "Pa", "mean contact pressure", needs=[facts.LOAD_FOLLOWS]
+        load.mean_pressure, "mean contact pressure", r"\bar\sigma", "Pa", needs=[facts.LOAD_FOLLOWS]
     )
     mean_pressure_error = error_of(mean_pressure, load.PRESSURE_ERRORS)
-    approach = number(load.approach, r"\delta", "m", "approach", needs=[facts.GROUND])
+    approach = number(load.approach, "approach", r"\delta", "m", needs=[facts.GROUND])
     approach_error = error_of(approach, load.APPROACH_ERRORS, needs=[facts.GIVEN_LOAD])
     moment = number(
         load.moment,
+        "moment of the pressure about the middle of the window",
         "M",
         "N m",
-        "moment of the pressure about the middle of the window",
         stored=False,
     )
-    friction = number(of_friction.friction, r"\mu", "1", "friction coefficient", warns=checks.APART)
-    friction_error = error_of(
-        friction, of_friction.FRICTION_ERRORS, over=parts.over_friction("friction")
-    )
+    friction = number(of_friction.friction, "friction coefficient", r"\mu", warns=checks.APART)
+    friction_error = error_of(friction, of_friction.FRICTION_ERRORS, over=parts.over_friction)
     hysteresis_friction = number(
         of_friction.hysteresis_friction,
-        r"\mu_\mathrm{hys}",
-        "1",
         "friction from the slopes, without coupling the hysteresis",
+        r"\mu_\mathrm{hys}",
     )
     shear_friction = number(
         of_friction.shear_friction,
-        r"\mu_\mathrm{shear}",
-        "1",
         "friction coefficient of shear in the contact",
+        r"\mu_\mathrm{shear}",
         warns=checks.NO_SHEAR,
     )
     block_friction = number(
         tractions.block_friction,
-        r"\mu_\mathrm{block}",
-        "1",
         "friction lost in the block",
+        r"\mu_\mathrm{block}",
         needs=[facts.COUPLED],
     )
     interface_friction = number(
         tractions.interface_friction,
-        r"\mu_\mathrm{int}",
-        "1",
         "friction that heats the interface",
+        r"\mu_\mathrm{int}",
         needs=[facts.COUPLED],
     )
     geometric_friction = number(
         of_friction.geometric_friction,
-        r"\mu_\mathrm{geo}",
-        "1",
         "friction coefficient from the surface slope",
+        r"\mu_\mathrm{geo}",
         stored=False,
     )
     surface_rise = number(
         of_friction.surface_rise,
+        "temperature of the contact above the bulk",
         r"\Delta T",
         "K",
-        "temperature of the contact above the bulk",
         needs=[facts.HEATED],
     )
-    contact_area = number(area.contact_area, "A/A_0", "1", "contact area fraction")
-    contact_area_error = error_of(
-        contact_area, area.AREA_ERRORS, over=parts.over_number("contact_area")
-    )
-    contact_area_pixels = number(
-        area.contact_area_pixels, "A/A_0", "1", "share of points in contact"
-    )
-    contact_indicator = number(
-        area.contact_indicator,
-        "",
-        "Pa",
-        "how far points are inside contact or outside",
-        stored=False,
-    )
-    mean_gap = number(area.mean_gap, r"\bar u", "m", "mean gap")
+    contact_area = number(area.contact_area, "contact area fraction", "A/A_0")
+    contact_area_error = error_of(contact_area, area.AREA_ERRORS, over=parts.over_number)
+    contact_area_pixels = number(area.contact_area_pixels, "share of points in contact", "A/A_0")
+    mean_gap = number(area.mean_gap, "mean gap", r"\bar u", "m")
     mean_gap_error = error_of(mean_gap, area.GAP_ERRORS)
     flow_along_x = number(
         gap_flow.flow_along_x,
+        "conductance of the gap for a fluid along x",
         "K_x",
         "m³",
-        "conductance of the gap for a fluid along x",
         needs=[facts.FLOW],
     )
     flow_along_x_error = error_of(flow_along_x, gap_flow.flow_errors(0, "solver", "grid"))
     flow_along_y = number(
         gap_flow.flow_along_y,
+        "conductance of the gap for a fluid along y",
         "K_y",
         "m³",
-        "conductance of the gap for a fluid along y",
         needs=[facts.FLOW],
     )
     flow_along_y_error = error_of(flow_along_y, gap_flow.flow_errors(1, "solver", "grid"))
     contact_stiffness = number(
-        stiffness.contact_stiffness, "k", "Pa/m", "contact stiffness", needs=[facts.STIFFNESS]
+        stiffness.contact_stiffness, "contact stiffness", "k", "Pa/m", needs=[facts.STIFFNESS]
     )
     contact_stiffness_error = error_of(
         contact_stiffness, {"grid": stiffness.contact_stiffness_error}
     )
     specific_conductance = number(
         stiffness.specific_conductance,
+        "contact conductance times the sum of both resistivities",
         r"G\varrho",
         "1/m",
-        "contact conductance times the sum of both resistivities",
         needs=[facts.CONDUCTANCE],
     )
     specific_conductance_error = error_of(
         specific_conductance, {"grid": stiffness.specific_conductance_error}
     )
     energy_imbalance = number(
-        checks.energy_imbalance, "", "1", "relative difference of friction work and dissipation"
+        checks.energy_imbalance, "relative difference of friction work and dissipation"
     )
     slope_in_contact = number(
         checks.slope_in_contact,
-        "",
-        "1",
         "rms slope of the bodies, weighted by the pressure",
         warns=checks.TOO_STEEP,
     )
     unmeasured_friction = number(
         checks.unmeasured_friction,
-        "",
-        "1",
         "share of the hysteresis on filled or tapered points",
         warns=checks.NOT_MEASURED,
     )
     extrapolated_friction = number(
         checks.extrapolated_friction,
-        "",
-        "1",
         "share of the friction where no modulus was measured",
         warns=checks.BEYOND_FREQUENCIES,
     )
     compression = number(
         checks.compression,
-        "",
-        "1",
         "approach over the thickness of layers on a rigid base",
         needs=[facts.WINDOW],
         warns=checks.COMPRESSED,
     )
     rim_load = number(
         checks.rim_load,
-        "",
-        "1",
         "share of the load on the rim of the window",
         needs=[facts.WINDOW],
         warns=checks.ON_THE_RIM,
     )
-    error = number(checks.error, "", "1", "estimated relative error of the contact pressure")
-    num_fft_pairs = number(checks.num_fft_pairs, "", "1", "FFT pairs of the solve")
+    error = number(checks.error, "estimated relative error of the contact pressure")
+    num_fft_pairs = number(checks.num_fft_pairs, "FFT pairs of the solve")
 
     def neighbours(self) -> neighbours.Neighbours:
         return neighbours.neighbours_of(self)

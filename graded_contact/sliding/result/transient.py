@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ...blocks.heated_stack import HeatedContact
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
-from ...core.quantities import NUMBERS, TRANSIENT, in_brackets
+from ...core.quantities import TRANSIENT
 from .. import case as facts
 from ..errors import neighbours, parts
 from ..number import AbstractSliding, error_of, number
@@ -22,7 +22,7 @@ from .cycle import CyclicSliding
 from .steady import Sliding
 
 
-@shown("contact", "failed", "grid_errors", "warnings")
+@shown("contact", "failed", "warnings")
 class TransientSliding(AbstractSliding):
     """Friction, contact area and fields in a transient motion.
 
@@ -54,9 +54,8 @@ class TransientSliding(AbstractSliding):
     friction_error = error_of(friction, of_steps.FRICTION_ERRORS)
     shear_friction = number(
         of_friction.shear_friction,
-        r"\mu_\mathrm{shear}",
-        "1",
         "friction coefficient of shear in the contact",
+        r"\mu_\mathrm{shear}",
         over_time=True,
         warns=checks.NO_SHEAR,
     )
@@ -65,24 +64,22 @@ class TransientSliding(AbstractSliding):
     peak_friction = CyclicSliding.peak_friction
     peak_friction_error = error_of(peak_friction, of_steps.PEAK_ERRORS)
     traction, load = CyclicSliding.traction, CyclicSliding.load
-    work_done = number(transient.work_done, "W", "J/m²", "work of friction so far", over_time=True)
+    work_done = number(transient.work_done, "work of friction so far", "W", "J/m²", over_time=True)
     work_done_error = error_of(work_done, of_steps.WORK_ERRORS)
     load_work_done = number(
-        transient.load_work_done, r"W_\sigma", "J/m²", "work of the load so far", over_time=True
+        transient.load_work_done, "work of the load so far", r"W_\sigma", "J/m²", over_time=True
     )
     load_work_done_error = error_of(load_work_done, of_steps.LOAD_WORK_ERRORS)
     shear_work_done = number(
         transient.shear_work_done,
+        "work of shear in the contact so far",
         r"W_\mathrm{shear}",
         "J/m²",
-        "work of shear in the contact so far",
         over_time=True,
         needs=[facts.SHEARED],
     )
     contact_area = CyclicSliding.contact_area
-    contact_area_error = error_of(
-        contact_area, of_steps.AREA_ERRORS, over=parts.over_number("contact_area")
-    )
+    contact_area_error = error_of(contact_area, of_steps.AREA_ERRORS, over=parts.over_number)
     contact_area_pixels = CyclicSliding.contact_area_pixels
     mean_gap = CyclicSliding.mean_gap
     mean_gap_error = error_of(mean_gap, of_steps.GAP_ERRORS)
@@ -96,18 +93,12 @@ class TransientSliding(AbstractSliding):
     slope_in_contact = Sliding.slope_in_contact
     extrapolated_times = number(
         checks.extrapolated_times,
-        "",
-        "1",
         "share of the times, by their logarithm, at which no modulus was measured",
         warns=checks.BEYOND_TIMES,
     )
     largest_step = CyclicSliding.largest_step
     path_after_rest = number(
-        checks.path_after_rest,
-        "",
-        "1",
-        "path after a rest, over the cell",
-        warns=checks.PASSES_ITS_REST,
+        checks.path_after_rest, "path after a rest, over the cell", warns=checks.PASSES_ITS_REST
     )
     error, num_fft_pairs = Sliding.error, Sliding.num_fft_pairs
 
@@ -128,22 +119,6 @@ class TransientSliding(AbstractSliding):
     def moved(self) -> Float[Array, "nt components"]:
         """The displacement s of the surface, its components on the second axis [m]."""
         return self.problem.moved
-
-    def table(self, most: int = 25) -> str:
-        """Returns the numbers over time in columns, of at most so many times."""
-        rows = np.unique(np.linspace(0, len(self.times) - 1, most).round().astype(int))
-        shown_of = ("friction", "contact_area", "mean_gap", "load", "work_done")
-        heads = ["time [s]", *(n + in_brackets(NUMBERS[n].unit) for n in shown_of)]
-        columns = [[f"{t:.4g}" for t in np.asarray(self.times)[rows]]]
-        for name in shown_of:
-            values = np.asarray(self.recorded[name])[rows].reshape(len(rows), -1)
-            columns.append([" ".join(in_digits(v, ".4g") for v in row) for row in values])
-        widths = [max(map(len, (head, *rest))) for head, rest in zip(heads, columns, strict=True)]
-        lines = [heads, *zip(*columns, strict=True)]
-        return "\n".join(
-            "  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True))
-            for line in lines
-        )
 
     @property
     def field_times(self) -> Float[Array, " kept"]:

@@ -55,9 +55,12 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
             other, traction, good = _response(case, case.counterface)
         reached = reached & good
         counterface = Counterface(
-            at_rest(other), middle_of(other), traction, lags=jnp.iscomplexobj(other),
+            at_rest(other),
+            middle_of(other),
+            traction,
+            lags=jnp.iscomplexobj(other),
             measured_range=coverage(case.counterface),
-        )  # fmt: skip
+        )
     sheared = shear_stress(case.shear, jnp.zeros((), heights.dtype), case.temperature)
     # Under `jit` only the program itself can raise.
     if how.throw:

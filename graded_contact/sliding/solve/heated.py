@@ -38,7 +38,7 @@ from ...materials.shift import HOTTEST, as_temperature
 from ...materials.softening import at_strain
 from ...surfaces.surface import check_periodic
 from ..case import Case, Heating, facts_of
-from ..formulas import lengths
+from ..formulas import indicator_of, lengths
 from ..interior.conduction import Heat, over_contact, pressure_weight, temperatures
 from ..interior.heat_source import check_series, gauss_within, heat_where, intervals, shear_heat
 from ..motion.over_period import refined
@@ -189,21 +189,15 @@ def _of_mean(case: Case, cycle: CyclicSliding) -> tuple[Case, Array]:
 
 def _errors(s: Sliding | CyclicSliding, closer: Sliding | CyclicSliding):
     """The errors of friction and contact area, from a contact of less error."""
-    names = (
-        "mean_friction" if isinstance(s, CyclicSliding) else "friction",
-        "contact_area",
-        "contact_indicator",
-    )
-    return _differences(*((*one.compute(*names), one.pressure) for one in (s, closer)))
+    names = "mean_friction" if isinstance(s, CyclicSliding) else "friction", "contact_area"
+    changes = zip(s.compute(*names), closer.compute(*names), strict=True)
+    by_friction, by_area = (_SAFETY * jnp.max(jnp.abs(a - b)) for a, b in changes)
+    return by_friction, jnp.maximum(by_area, _in_doubt(s, closer.pressure - s.pressure))
 
 
 @compiled
-def _differences(found, closer):
-    """The errors of friction and area from both, indicators and pressures."""
-    by_friction, by_area = (
-        _SAFETY * jnp.max(jnp.abs(a - b)) for a, b in zip(found[:2], closer[:2], strict=True)
-    )
-    return by_friction, jnp.maximum(by_area, area_in_doubt(found[2], closer[3] - found[3]))
+def _in_doubt(s: Sliding | CyclicSliding, change: Array) -> Array:
+    return area_in_doubt(indicator_of(s), change)
 
 
 @compiled

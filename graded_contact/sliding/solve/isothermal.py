@@ -15,7 +15,6 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from ...contacts.solution import RESULTS, ContactSolution, ended
 from ...core.checks import Numbers, is_concrete
@@ -23,15 +22,12 @@ from ...core.compilation import compiled
 from ...core.derivative import still
 from ...core.fixed_point import attach_fixed_field, find_fixed_point
 from ...fields.devices import required
-from ...fields.frequency import wave_frequencies
 from ..bodies import lags
 from ..case import Case
 from ..formulas import lift
-from ..numbers.traction import check_positive_kernel
 from ..numerics import Numerics
 from ..problem import Posed, Prescribed, Problem
 from ..result import CyclicSliding, Sliding, result_of
-from ..shear import Coulomb
 from .cycle import cycle_problem
 from .steady import steady_problem
 
@@ -39,10 +35,7 @@ _LOOSER = 10  # tolerance of the traction over that of the pressure, whose noise
 
 
 def solve_isothermal(
-    case: Case,
-    how: Numerics,
-    start: Numbers | None = None,
-    solution: ContactSolution | None = None,
+    case: Case, how: Numerics, start: Numbers | None = None, solution: ContactSolution | None = None
 ) -> Sliding | CyclicSliding:
     """Returns the contact of a case without its heat; arguments as of `slide_case`."""
     pose = cycle_problem if case.velocity is None else steady_problem
@@ -66,27 +59,6 @@ def solve_posed(
         return found
     contact = ended(found.contact, reached, RESULTS.inaccurate_kernel)
     return dataclasses.replace(found, contact=contact)
-
-
-def _check_speeds(cycle: CyclicSliding) -> None:
-    """Raises `ValueError` if the kernel of steady sliding at the speed of some time is refused.
-
-    Of a cycle that did not settle, under Coulomb's law. Its kernels have the frequencies of the
-    period: the nearest takes the place of -q·v.
-    """
-    stress, coupling = cycle.shear, cycle.coupling
-    if stress is None or coupling is None or not isinstance(stress.law, Coulomb):
-        return
-    coefficient, kernel = stress.law.coefficient, cycle.operator.kernel
-    rates = cycle.motion_of_surface[0]
-    last = (len(kernel) - 1) // 2
-    for i in np.argsort(-np.linalg.norm(rates, axis=1)):  # the highest speed first
-        turns = wave_frequencies(cycle.grid, rates[i]) * cycle.period / (2 * np.pi)
-        turns = jnp.clip(jnp.round(turns), -last, last).astype(int) % len(kernel)
-        turns = jnp.broadcast_to(turns, kernel.shape[1:])[None]
-        along = zip(cycle.directions, coupling.lift, strict=True)
-        pushed = kernel + coefficient * sum(part[i] * lift for part, lift in along)
-        check_positive_kernel(jnp.take_along_axis(pushed, turns, 0)[0], cycle.grid, coefficient)
 
 
 def _lagged(
@@ -129,8 +101,6 @@ def _lagged(
         found = solve(given, x, None, contact)
     contact = found.contact
     if how.throw:
-        if isinstance(found, CyclicSliding) and is_concrete(settled) and not settled:
-            _check_speeds(found)
         contact = required(contact, settled, RESULTS.not_settled.error_if)
     contact = ended(contact, settled, RESULTS.not_settled)
     moved = contact.displacement + x

@@ -50,10 +50,12 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
         if kernel_error is not None and other.error is not None:
             kernel_error = kernel_error + other.error
         counterface = Counterface(
-            operator_of(other.kernel, surface.heights.shape), other.kernel, other.coupling,
+            operator_of(other.kernel, surface.heights.shape),
+            other.kernel,
+            other.coupling,
             measured_range=_coverage(case.counterface),
             thickness=_thickness(case.counterface, surface),
-        )  # fmt: skip
+        )
     sheared = shear_stress(case.shear, case.velocity, case.temperature)
     kernel = unless_negative(kernel, sheared)
     problem = SteadyProblem(

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,8 +11,7 @@ from ...fields.devices import required
 from ..case import Case
 from ..numerics import Numerics
 from ..result import TransientSliding
-from ..transient.pose import contact_of_steps, transient_problem
-from ..transient.run import run_transient
+from ..transient.pose import solved, transient_problem
 
 
 def solve_transient(
@@ -22,15 +20,7 @@ def solve_transient(
     """Returns the contact of a case with displacements at times; see `slide_transient`."""
     count = len(case.times)
     kept = _steps_kept(fields_at, count)
-    problem = transient_problem(case)
-    state, numbers = run_transient(problem, how, kept)
-    found = TransientSliding(
-        contact=contact_of_steps(state, numbers),
-        problem=problem,
-        recorded=numbers,
-        failed=state.failed,
-        kept_steps=kept,
-    )
+    found = TransientSliding(**solved(transient_problem(case), how, kept))
     if not how.throw:
         return found
     if is_concrete(found.failed) and np.ndim(found.failed) == 0 and found.failed >= 0:
@@ -41,21 +31,18 @@ def solve_transient(
         )
     good = found.failed < 0
     return dataclasses.replace(
-        found, recorded=required(found.recorded, good, found.result.error_if),
+        found,
+        recorded=required(found.recorded, good, found.result.error_if),
         contact=required(found.contact, good, found.result.error_if),
-    )  # fmt: skip
+    )
 
 
-def _steps_kept(fields_at: Any, count: int) -> tuple[int, ...]:
+def _steps_kept(fields_at: Sequence[int], count: int) -> tuple[int, ...]:
     """The numbers of the steps whose fields are kept, from 0."""
-    steps = np.asarray(fields_at)
-    if steps.ndim != 1 or not steps.size or not np.issubdtype(steps.dtype, np.integer):
+    try:
+        return tuple(np.arange(count)[np.asarray(fields_at)].tolist())
+    except (IndexError, TypeError):
         raise ValueError(
-            f"`fields_at={short(fields_at)}` must be a tuple of numbers of steps, such as (0, -1)."
-        )
-    for step in steps[(steps < -count) | (steps >= count)]:
-        raise ValueError(
-            f"`fields_at={step}` is refused: the {count} steps are 0 to {count - 1}, or -1 to "
-            f"{-count} from the last."
-        )
-    return tuple((steps % count).tolist())
+            f"`fields_at={short(fields_at)}` must be a tuple of numbers of steps, such as (0, -1); "
+            f"the {count} steps are 0 to {count - 1}, or -1 to {-count} from the last."
+        ) from None

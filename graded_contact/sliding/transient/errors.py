@@ -11,13 +11,10 @@ import numpy as np
 from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
-from ...core.checks import is_concrete
 from ...fields.grid import to_field, to_spectrum
-from ..case import WINDOW
 from ..errors.grid import OF_FORCE, OF_PLACE, area_by_grid, by_grid
-from ..errors.neighbours import Neighbours
+from ..errors.neighbours import Neighbours, neighbours_by
 from ..formulas import lengths, shared
-from ..half_grid import NOTHING_LACKS, halved, roughness_on
 from ..number import Formula, Found
 from .pose import on_grid
 
@@ -27,23 +24,11 @@ _KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many s
 
 def neighbours_of(found: Found) -> Neighbours:
     """Returns the transient solves on half the grid, and in half as many steps."""
-    shape, every = found.grid.shape, np.arange(len(found.times))
-    half = halved(shape)
-    rough = found.problem.roughness
-    on_half, cut, missing = roughness_on(rough, found.grid, half, WINDOW in found.facts)
-    same = fewer = None
-    if not (is_concrete(missing) and missing <= NOTHING_LACKS):
-        same = on_grid(found, shape, cut, every)
-    if len(every) >= 2 * _LEAST_STEPS:
-        fewer = on_grid(found, shape, rough, _halved_steps(len(every)))
-    if half == shape:  # nothing is known of the error of the grid
-        missing = missing * jnp.nan
-    return Neighbours(same, on_grid(found, half, on_half, every), fewer, missing)
-
-
-def steps_with_errors(count: int) -> int:
-    """Returns how many steps a transient solve takes at most, with those of its neighbours."""
-    return 3 * count + (len(_halved_steps(count)) if count >= 2 * _LEAST_STEPS else 0)
+    count, fewer = len(found.times), None
+    if count >= 2 * _LEAST_STEPS:
+        fewer = on_grid(found, found.grid.shape, found.problem.roughness, _halved_steps(count))
+    every = np.arange(count)
+    return neighbours_by(found, lambda *given: on_grid(found, *given, every), fewer)
 
 
 def _halved_steps(count: int) -> np.ndarray:

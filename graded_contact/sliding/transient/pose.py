@@ -2,13 +2,13 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Array
 
-from ...blocks.stack import Stack
 from ...contacts.inputs import loading_of
 from ...contacts.law import check_one_law
 from ...contacts.operators.operator import Field
@@ -25,7 +25,7 @@ from ..motion.over_period import components
 from ..number import Found
 from ..numerics import Numerics
 from ..problem import TransientProblem, steps_of
-from ..shear import ShearLaw, is_coupled, shear_stress, unless_negative
+from ..shear import is_coupled, shear_stress, unless_negative
 from .run import run_transient
 from .steps import OF_STEPS, TransientState
 
@@ -49,9 +49,8 @@ def transient_problem(case: Case) -> TransientProblem:
         shear=stress, prescribed=case.prescribed, facts=facts_of(case), path=path,
         block_heights=None if case.block_surface is None else case.block_surface.heights,
     )  # fmt: skip
-    fields = fields_of_transient(case.counterface, case.shear, case.displacement)
-    if path is not None:
-        fields *= _WINDOW
+    forces = 1 + components(case.displacement).shape[1] if is_coupled(case.shear) else 1
+    fields = _MEMORY * forces * len(case.bodies) * (1 if path is None else _WINDOW)
     shape, itemsize = problem.memory_grid.shape, surface.heights.dtype.itemsize
     check_memory("surface", "a transient solve", fields, shape, itemsize)
     return _with_creeps(problem)
@@ -113,25 +112,20 @@ def on_grid(
     solver = DouglasRachford(newton=is_concrete(problem.given))
     how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
     kept = found.kept_steps if len(chosen) == len(found.times) else (len(chosen) - 1,)
+    return dataclasses.replace(found, **solved(problem, how, kept))
+
+
+def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> dict[str, Any]:
+    """Returns the fields of the result of a transient solve."""
     state, numbers = run_transient(problem, how, kept)
-    return dataclasses.replace(
-        found,
-        contact=contact_of_steps(state, numbers),
-        problem=problem,
-        recorded=numbers,
-        failed=state.failed,
-        kept_steps=kept,
+    contact = _contact_of(state, numbers)
+    return dict(
+        contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept
     )
 
 
-def fields_of_transient(counterface: Stack | None, shear: ShearLaw | None, moved: Array) -> float:
-    """Returns how many fields a transient solve takes: for each force on each body."""
-    forces = 1 + components(moved).shape[1] if is_coupled(shear) else 1
-    return _MEMORY * forces * (1 if counterface is None else 2)
-
-
-def contact_of_steps(state: TransientState, numbers: dict[str, Array]) -> ContactSolution:
-    """Returns the kept fields of a transient solve, and the errors of all steps."""
+def _contact_of(state: TransientState, numbers: dict[str, Array]) -> ContactSolution:
+    """The kept fields of a transient solve, and the errors of all steps."""
     pressure, gap, displacement, correction = state.kept
     over = tuple(range(1, pressure.ndim))
     return ContactSolution(

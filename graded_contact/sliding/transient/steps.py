@@ -189,14 +189,17 @@ class Advance(eqx.Module):
         rise = (contact.pressure - state.pressure) / given.length
         good, ends_well = state.result == RESULTS.successful, contact.result == RESULTS.successful
         return TransientState(
-            pasts=tuple(pasts), pressure=contact.pressure,
+            pasts=tuple(pasts),
+            pressure=contact.pressure,
             # What a load that begins adds in the first step does not go on.
             rise=jax.lax.stop_gradient(jnp.where(given.index > 0, rise, 0)),
             shares=contact_shares(indicator_of(one), edges_of(one)) if ahead else state.shares,
-            traction=traction, works=works, kept=tuple(kept),
+            traction=traction,
+            works=works,
+            kept=tuple(kept),
             result=RESULTS.where(good, contact.result, state.result),
             failed=jnp.where(good & ~ends_well, given.index, state.failed),
-        ), numbers  # fmt: skip
+        ), numbers
 
     def _surfaces(self, passing: Field, pasts: list[Past], turns: list[Any]) -> tuple[Array, Array]:
         """The displacement of the block, and the interface, on the cell of the memory [m]."""

@@ -12,14 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ...fields.grid import (
-    Grid,
-    both_signs,
-    mode_numbers,
-    multiplicity,
-    to_field,
-    wavevector,
-)
+from ...fields.grid import Grid, both_signs, mode_numbers, multiplicity, to_field, wavevector
 from ...kernels.periodic import quadrant
 from ..problem import TransientProblem, on_half
 
