@@ -31,7 +31,7 @@ MAPS = {
 def new_figure(title: str, x: str, y: str, **more: Any) -> Any:
     """Returns an empty figure in the style of the page."""
     tools = "pan,wheel_zoom,box_zoom,reset,save"
-    new = figure(title=title, x_axis_label=x, y_axis_label=y, tools=tools, **WIDTHS, **more)
+    new: Any = figure(title=title, x_axis_label=x, y_axis_label=y, tools=tools, **WIDTHS, **more)
     new.toolbar.autohide, new.toolbar.logo = True, None
     new.title.text_font_size = "12px"
     new.axis.axis_label_text_font_style = "normal"
@@ -77,7 +77,7 @@ class Map:
         ranges: Any = {"x_range": (0, width), "y_range": (0, height), "match_aspect": True}
         self.figure = new_figure(self.words, *places, aspect_ratio=0.9, max_width=420, **ranges)
         self.image, self.outline = source("image"), source("xs", "ys")
-        self.colours = bokeh.LinearColorMapper(palette, nan_color="white")
+        self.colours = bokeh.LinearColorMapper(palette=palette, nan_color="white")
         whole = {"x": 0, "y": 0, "dw": width, "dh": height}
         self.figure.image("image", source=self.image, color_mapper=self.colours, **whole)
         self.figure.multi_line(source=self.outline, color="black", line_width=0.7)

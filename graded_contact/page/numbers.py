@@ -105,7 +105,7 @@ def place_of(document: dict[str, Any], name: str) -> Place:
     place: Place = ()
     table: Any = document
     for word in re.findall(r"\w+", name):
-        key = int(word) if word.isdigit() else word
+        key: Any = int(word) if word.isdigit() else word
         if key == "profile" and "profile" not in table:
             continue  # the materials of a graded layer stand in its own table
         place += (key,)

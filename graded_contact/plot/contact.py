@@ -18,6 +18,7 @@ from .style import (
     PRESSURES,
     colours_of,
     few_powers_of_ten,
+    figure_of,
     finished,
     panels,
 )
@@ -80,7 +81,7 @@ def plot_sliding(
         panel.label_outer()
     _draw_outline(shown[0], pressure, gap, size)
     _draw_direction(shown[1], np.atleast_1d(as_float(velocity, "velocity")))
-    return shown[0].get_figure(root=True)
+    return figure_of(shown[0])
 
 
 def _draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -> None:
@@ -100,7 +101,7 @@ def _draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -
         return
     norm = PowerNorm(exponent, scale * low, scale * high)
     image = draw_map(axes, scale * values, size, cmap=colours, norm=norm)
-    axes.get_figure(root=True).colorbar(
+    figure_of(axes).colorbar(
         image,
         ax=axes,
         orientation="horizontal",
@@ -230,7 +231,7 @@ def plot_distributions(
     right.axvline(scale * mean, color="0.3", lw=0.8, linestyle="--", label=label)
     for panel in (left, right):
         panel.set(xlim=(0, None), ylim=(0, None))
-    return left.get_figure(root=True)
+    return figure_of(left)
 
 
 def _draw_density(axes, name, values, counted, high=0.0, label=None) -> tuple[float, float]:
@@ -283,4 +284,4 @@ def plot_dissipation(
         panel.set_xlabel("wavenumber $q$ [rad/m]")
     every = np.concatenate([np.asarray(curve.cutoff) for curve in by_label.values()])
     few_powers_of_ten(total.xaxis, np.min(every), np.max(every))
-    return total.get_figure(root=True)
+    return figure_of(total)

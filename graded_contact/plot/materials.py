@@ -12,7 +12,7 @@ from ..core.checks import as_float, check_positive
 from ..fitting.master import MasterCurve
 from ..fitting.prony import PronyFit
 from ..response.compliance import effective_modulus
-from .style import PAGE, TEMPERATURES, colours_of, finished, ordered, panels
+from .style import PAGE, TEMPERATURES, colours_of, figure_of, finished, ordered, panels
 from .sweeps import ZERO_CELSIUS, kelvin
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def plot_response(
     words = "wavenumber $q$ [rad/m]"
     stiffness.set(xlabel=words, ylabel="effective modulus $|2/(q M_{zz})|$ [Pa]")
     loss.set(xlabel=words, ylabel="loss tangent", ylim=(0, None))
-    return loss.get_figure(root=True)
+    return figure_of(loss)
 
 
 @finished
@@ -96,7 +96,7 @@ def plot_fit(fit: PronyFit, *, axes: Any = None) -> "Figure":
     below.axhline(0, color="black", linewidth=0.6)
     words = r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]"
     below.set(xlabel=words, ylabel="ln(fit/measured)\n[%]")
-    return above.get_figure(root=True)
+    return figure_of(above)
 
 
 @finished
@@ -141,7 +141,7 @@ def plot_master_curve(curve: MasterCurve, *, axes: Any = None) -> "Figure":
     after.sharey(before)
     after.tick_params(labelleft=False)
     _draw_shifts(beside, curve, colours)
-    return before.get_figure(root=True)
+    return figure_of(before)
 
 
 def _draw_shifts(beside: "list[Axes]", curve: MasterCurve, colours: Any) -> None:

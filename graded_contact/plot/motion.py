@@ -8,7 +8,7 @@ import numpy as np
 from ..core.display import unit_of, with_time, with_unit
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
-from .style import PAGE, entitle, finished, mosaic_of, panels
+from .style import PAGE, entitle, figure_of, finished, mosaic_of, panels
 from .sweeps import MOVING, draw_line, lines_of, place_of, plot_sweep, shown_in
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset", *, axes: Any = None) -> "Figure
     for panel in (friction, area):
         panel.set_xlabel("time over the period")
     area.set(ylabel=share.label, ylim=(0, None))
-    figure = loop.get_figure(root=True)
+    figure = figure_of(loop)
     entitle(figure, place_of(results))
     return figure
 
@@ -139,7 +139,7 @@ def plot_film(
         when = f"$t/T$ = {i / count:.3g}" if seconds is None else with_time(float(seconds[i]))
         panel.set_title(f"{when}, {with_unit(float(loads[i]), 'Pa')}" if changes else when)
         panel.label_outer()
-    figure = shown[0].get_figure(root=True)
+    figure = figure_of(shown[0])
     if is_map:
         figure.colorbar(image, ax=shown, label=label, shrink=0.9)
     return figure

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from .style import COLOURS, PAGE, few_powers_of_ten, finished, panels
+from .style import COLOURS, PAGE, few_powers_of_ten, figure_of, finished, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,7 +32,9 @@ def plot_search(design: "Design", *, axes: Any = None) -> "Figure":
     shown = panels(axes, "abc" if constrained else "ab", (PAGE, 2.9))
     value, *limits, parameters = shown
     for run in design.runs:
-        style = {"color": COLOURS[0], "zorder": 3} if run is best else {"color": "0.7"}
+        style: dict[str, Any] = (
+            {"color": COLOURS[0], "zorder": 3} if run is best else {"color": "0.7"}
+        )
         value.plot(np.arange(1, 1 + len(run.values)), run.values, ".-", **style)
     tried = np.concatenate([run.values for run in design.runs])
     # A logarithmic axis needs positive values, and is worth it from two decades on.
@@ -59,7 +61,7 @@ def plot_search(design: "Design", *, axes: Any = None) -> "Figure":
     for panel in shown:
         panel.xaxis.set_major_locator(MaxNLocator(5, integer=True))
         panel.set_xlabel("evaluation")
-    return value.get_figure(root=True)
+    return figure_of(value)
 
 
 def _names(parameters: Any) -> list[str]:

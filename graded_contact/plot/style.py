@@ -8,7 +8,7 @@ import functools
 import string
 import textwrap
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, Any, ParamSpec, cast
 
 import numpy as np
 
@@ -139,6 +139,11 @@ def _draw_legend(figure: "Figure") -> None:
     lines = -(-len(found) // columns)
     figure.set_figheight(figure.get_figheight() + LINE_HEIGHT * (lines + 0.5))
     figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=columns)
+
+
+def figure_of(axes: "Axes") -> "Figure":
+    """Returns the figure of axes."""
+    return cast("Figure", axes.get_figure(root=True))
 
 
 def at_bottom(axes: "Axes") -> dict[str, Any]:

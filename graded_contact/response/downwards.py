@@ -141,8 +141,8 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     h, m = lower_face(g, turned)
     inverse = reciprocal(m)
     up = upwards(g, [part * inverse for part in h], turned)
-    plane = (own + part for own, part in zip(s.g[:3], up[:3], strict=True))
-    stiffness = Compliance(*plane, (s.g.det + up.det) * inverse)
+    a, b, c = (own + part for own, part in zip(s.g[:3], up[:3], strict=True))
+    stiffness = Compliance(a, b, c, (s.g.det + up.det) * inverse)
     t, n = release(s.q, g, (t, n), 1, inverse)
     # 1/cosh x = 2 e^-x/(1 + e^-2x) does not overflow.
     tanh, decay = jnp.tanh(x), jnp.exp(-x)
