@@ -5,7 +5,7 @@ number there, and one slider.
 """
 
 import re
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import tomlkit
@@ -109,8 +109,8 @@ def place_of(document: dict[str, Any], name: str) -> Place:
         if key == "profile" and "profile" not in table:
             continue  # the materials of a graded layer stand in its own table
         place += (key,)
-        known = isinstance(table, dict | list)
-        table = table[key] if known and (isinstance(key, int) or key in table) else {}
+        known: Any = isinstance(table, dict | list)
+        table = cast(Any, table)[key] if known and (isinstance(key, int) or key in table) else {}
         if isinstance(table, str) and table in document["materials"]:
             place, table = ("materials", table), document["materials"][table]
     return place

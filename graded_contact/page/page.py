@@ -9,7 +9,7 @@ import html
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import panel as pn
@@ -240,7 +240,9 @@ class Page(pn.viewable.Viewer):
         errors = last_of(self.contact, [f"{name}_error" for name in self.numbers])
         pairs = zip(self.numbers.items(), errors, strict=True)
         self.numbers = {name: (number, error) for (name, (number, _)), error in pairs}
-        warnings = "".join(paragraph(f"Warning: {text}") for text in self.contact.warnings)
+        warnings = "".join(
+            paragraph(f"Warning: {text}") for text in cast(Any, self.contact).warnings
+        )
 
         def show() -> None:
             self._said.object = warnings
@@ -259,7 +261,7 @@ class Page(pn.viewable.Viewer):
 
     def _show_lines(self) -> None:
         for line in self._lines:
-            line.show(self.curve, self.pinned and self.pinned[0])
+            line.show(cast(Any, self.curve), self.pinned and self.pinned[0])
 
     def _show_numbers(self) -> None:
         pinned = {} if self.pinned is None else self.pinned[1]

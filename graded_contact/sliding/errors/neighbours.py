@@ -68,7 +68,7 @@ def neighbours_of(found: Found) -> Neighbours:
     fewer = None
     if times >= 2 * _LEAST_TIMES:
         fewer = _solved(found, found.grid.shape, found.problem.roughness, times // 2)
-    return neighbours_by(found, lambda *given: _solved(found, *given, times), fewer)
+    return neighbours_by(found, lambda shape, rough: _solved(found, shape, rough, times), fewer)
 
 
 def neighbours_by(found: Found, solve: Callable[..., Found], fewer: Found | None) -> Neighbours:

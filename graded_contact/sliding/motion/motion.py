@@ -61,9 +61,9 @@ class Motion(eqx.Module):
     def highest_speed(self) -> Float[Array, ""]:
         """The largest distance from one time to the next over the time between them [m/s]."""
         ways = jnp.sqrt(jnp.sum(_steps(self.displacement, self.times is not None) ** 2, axis=1))
-        if self.times is None:
+        if self.period is not None:
             return jnp.max(ways) * self.num_times / self.period
-        return jnp.max(ways / jnp.diff(self.times, prepend=0))
+        return jnp.max(ways / jnp.diff(jnp.asarray(self.times), prepend=0))
 
     def largest_step(self, grid: Grid) -> Float[Array, ""]:
         """Returns the largest distance between neighbouring times, in spacings along x plus y [1].

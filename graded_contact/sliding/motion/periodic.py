@@ -204,22 +204,22 @@ def recorded(
         if grid is None:
             raise ValueError("`period` is needed, or for a transient motion the `grid`.")
         return in_steps(rows, grid)
-    times, table, period = rows.times, rows.displacement, as_scalar(period, "period")
+    at, table, period = jnp.asarray(rows.times), rows.displacement, as_scalar(period, "period")
     check_positive("period", period, "[s]")
-    if is_concrete(times) and is_concrete(period) and not times[-1] - times[0] < period:
+    if is_concrete(at) and is_concrete(period) and not at[-1] - at[0] < period:
         raise ValueError(
-            f"`times` from {times[0]:g} to {times[-1]:g} s are refused: they must be within one "
+            f"`times` from {at[0]:g} to {at[-1]:g} s are refused: they must be within one "
             f"`period` of {period:g} s, whose end is not listed."
         )
     check_closed(table, grid, cells=False)
     count = _USUAL if num_times is None else num_times
-    moved = _resampled(times, table, period, count)
+    moved = _resampled(at, table, period, count)
     if num_times is None and grid is not None:
         # More times keep more of the noise, so that they are not known beforehand.
         while (step := step_of(moved, grid)) is None or step > CHOSEN_STEP:
             enough = None if step is None else fast(max(count + 1, count * step / CHOSEN_STEP))
             count = _chosen(None, enough)
-            moved = _resampled(times, table, period, count)
+            moved = _resampled(at, table, period, count)
     check_resolved(f"`num_times={count}`", moved, grid)
     return Motion(moved, period)
 

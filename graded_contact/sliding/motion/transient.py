@@ -131,7 +131,7 @@ def listed(times: Numbers, displacement: Numbers) -> Motion:
     **Raises:** `ValueError` for a refused argument.
     """
     motion = table_of(times, displacement, 1)
-    check_positive("times", motion.times, "[s]")
+    check_positive("times", jnp.asarray(motion.times), "[s]")
     return motion
 
 
@@ -149,10 +149,11 @@ def in_steps(table: Motion, grid: Grid) -> Motion:
 def table_of(times: Numbers, displacement: Numbers, least: int) -> Motion:
     """Times and displacements, at least so many, of which the times ascend."""
     table = Motion(displacement, times=times)
-    check_rows(least, times=table.times)
-    check_increasing("times", table.times)
+    ends = jnp.asarray(table.times)
+    check_rows(least, times=ends)
+    check_increasing("times", ends)
     check_values("displacement", table.displacement, "a displacement [m] must be finite")
-    count, shape = len(table.times), table.displacement.shape
+    count, shape = len(ends), table.displacement.shape
     if shape not in ((count,), (count, 2)):
         raise ValueError(
             f"`displacement` has shape {shape}; `({count},)` or `({count}, 2)` is needed, one for "

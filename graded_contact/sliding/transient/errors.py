@@ -28,7 +28,7 @@ def neighbours_of(found: Found) -> Neighbours:
     if count >= 2 * _LEAST_STEPS:
         fewer = on_grid(found, found.grid.shape, found.problem.roughness, _halved_steps(count))
     every = np.arange(count)
-    return neighbours_by(found, lambda *given: on_grid(found, *given, every), fewer)
+    return neighbours_by(found, lambda shape, rough: on_grid(found, shape, rough, every), fewer)
 
 
 def _halved_steps(count: int) -> np.ndarray:

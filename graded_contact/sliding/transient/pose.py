@@ -43,7 +43,7 @@ def transient_problem(case: Case) -> TransientProblem:
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
     loading = loading_of(case.law, surface.heights[None], count, **load)
     given = next(value for value in loading if value is not None).reshape(count)
-    problem = TransientProblem(
+    problem = TransientProblem(  # pyright: ignore[reportCallIssue] (`operator` is a property)
         bodies=case.bodies, creeps=(), heights=surface.heights, grid=grid, law=case.law,
         times=times, displacement=case.displacement, given=unless_negative(given, stress),
         shear=stress, prescribed=case.prescribed, facts=facts_of(case), path=path,
