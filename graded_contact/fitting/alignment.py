@@ -114,5 +114,5 @@ def _restricted(series, points):
     rows = np.tile(points, len(series.weights) // len(series.x))
     parts = {name: getattr(series, name)[rows] for name in ("log_values", "weights", "known")}
     return dataclasses.replace(
-        series, x=series.x[points], static=series.static[:, rows], num_ends=0, **parts
+        series, x=series.x[points], static=series.static[:, rows], **parts
     )

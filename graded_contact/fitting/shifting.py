@@ -25,7 +25,7 @@ from ..core.checks import (
 from ..core.compilation import compiled
 from ..materials.measured import Measured
 from .alignment import first_shifts
-from .lengths import SEARCH, Length, best_path, choose, criterion
+from .lengths import SEARCH, Length, best_of_length, choose, criterion
 from .observations import Observations, Unknowns, observe
 from .series import SeriesProblem, problem_of
 from .shifts import Isotherms, LawKind
@@ -137,8 +137,7 @@ def _end(data, shifts):
     series = problem_of(data)
     alone = series.at(shifts)
     terms = max(len(alone.time_grid(1)) - 1, 1)  # one a decade, whatever the shifts
-    theta, _ = best_path(alone, terms, terms)[terms]
-    unknowns, cost = np.concatenate([theta, shifts]), np.inf
+    unknowns, cost = np.concatenate([best_of_length(alone, terms), shifts]), np.inf
     # The residuals' variance is known only once the shifts are: the law holds less and less.
     for _ in range(3):
         series = _expecting(data, series.noise(unknowns))

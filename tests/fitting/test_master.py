@@ -273,9 +273,3 @@ def test_errors_of_the_shifts_are_as_large_as_reported():
         error = np.asarray(curve.log10_shifts) - wlf(TEMPERATURES)
         scores.append(error[others] / curve.shift_deviations()[0][others])
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
-
-
-# Derivatives ------------------------------------------------------------------------------------
-
-
-# Refusals ---------------------------------------------------------------------------------------
