@@ -23,7 +23,8 @@ SEARCH = 1e-5  # relative tolerance of the cost
 WALK = 1e-4  # that of each length along a walk: its neighbours follow
 MOST_POINTS_SEARCHED = 400  # that a search goes through
 TIMES_PER_DECADE = 10
-LEAST_GAIN = 1e-3  # by a branch more and one fewer, to go on with it
+ROUNDS = 3  # of a branch more and one fewer, to a given length
+LEAST_GAIN = 1e-3  # of such a round, to go on
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
 RESOLUTION = 1e-6  # of measured values, relative
 
@@ -120,17 +121,14 @@ def best_of_length(series: SeriesProblem, terms: int) -> np.ndarray:
     while few.terms(joined) < terms:
         joined = _with_branch(few, joined)[1]
     tried = [few.minimise(start, rtol=SEARCH) for start in (joined, _spaced_start(few, terms))]
-    theta, cost = min(tried, key=lambda fitted: fitted[1])
-    while terms:
-        longer, _ = few.minimise(_with_branch(few, theta)[1], rtol=WALK)
-        tried = [few.minimise(start, rtol=SEARCH) for start in _one_fewer(few, longer)]
-        other, lower = min(tried, key=lambda fitted: fitted[1])
-        if not lower < cost:
+    best = min(tried, key=lambda fitted: fitted[1])
+    for _ in range(ROUNDS if terms else 0):
+        longer, _ = few.minimise(_with_branch(few, best[0])[1], rtol=WALK)
+        tried = [few.minimise(start, rtol=WALK) for start in _one_fewer(few, longer)]
+        before, best = best[1], min([best, *tried], key=lambda fitted: fitted[1])
+        if best[1] > (1 - LEAST_GAIN) * before:
             break
-        theta, gain, cost = other, 1 - lower / cost, lower
-        if gain < LEAST_GAIN:
-            break
-    return theta
+    return best[0]
 
 
 def best_path(series: SeriesProblem, most: int) -> dict[int, Fitted]:

@@ -26,7 +26,7 @@ import numpy as np
 
 from .minimum import Fitted, least_squares
 from .observations import ModuliKind, Observations
-from .shifts import Isotherms
+from .shifts import Isotherms, log_shifts, shift_slopes
 
 FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
 NEGLIGIBLE_STRENGTH = 1e-9  # of the smallest measured value: a strength that changes nothing
@@ -133,7 +133,7 @@ class SeriesProblem:
 
     def at(self, theta: Any) -> "SeriesProblem":
         """Returns the problem of a single isotherm that remains once the shifts are known."""
-        return self.shifted(*self.isotherms.shifts(theta)) if self.isotherms else self
+        return self.shifted(*log_shifts(self.isotherms, theta)) if self.isotherms else self
 
     def shifted(self, along: Any, across: Any) -> "SeriesProblem":
         """Returns the problem with ln a and ln b of the isotherms given."""
@@ -213,8 +213,11 @@ class SeriesProblem:
 
         def expand(theta):
             residual, jacobian = self.derivatives(theta)
+            jacobian *= root
+            if not self.isotherms:
+                return root * residual, jacobian
             rows = np.append(root * residual, tied * theta)
-            return rows, np.concatenate([root * jacobian, np.diag(tied)], axis=1)
+            return rows, np.concatenate([jacobian, np.diag(tied)], axis=1)
 
         theta, cost = least_squares(expand, theta, *self.bounds(theta), **choices)
         s, log_times, _ = self.split(theta)
@@ -232,10 +235,9 @@ class SeriesProblem:
         parts = [value * relative, by_time, self.static * (static[:, None] / model)]
         if self.isotherms:
             # A shift moves every branch as a change of its time does.
-            along, across = map(self._at_rows, self.isotherms.slopes(theta))
+            along, across = map(self._at_rows, shift_slopes(self.isotherms, theta))
             parts += [along * np.sum(by_time, axis=0), across]
         jacobian = np.concatenate(parts)
-        jacobian[:, self.weights == 0] = 0
         residual = series.residual(model)
         if self.scale is not None:
             reach = self._reach(residual)

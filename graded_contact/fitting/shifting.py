@@ -28,7 +28,7 @@ from .alignment import first_shifts
 from .lengths import SEARCH, Length, best_of_length, choose, criterion
 from .observations import Observations, Unknowns, observe
 from .series import SeriesProblem, problem_of
-from .shifts import Isotherms, LawKind
+from .shifts import Isotherms, LawKind, log_shifts
 
 COLDEST_SET = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
 ROUNDS = 4  # of choosing the number of terms
@@ -66,7 +66,8 @@ def joined_curves(
     middle = len(curves) // 2
     if reference is not None:
         as_scalar(reference, "reference")
-        allowed = f"isotherms are from {coldest:g} to {hottest:g} K"
+        measured = f"isotherms are from {coldest:g} to {hottest:g} K"
+        allowed = f'{measured}. With `law="wlf"` take `exported().at(temperature)` of the result'
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
     data = observe(kinds[0], jnp.concatenate(x), jnp.concatenate(values), weights, equilibrium)
@@ -157,7 +158,7 @@ def at_reference(unknowns: Unknowns, data: Observations) -> Observations:
     """Returns all measurements as if made at the reference temperature."""
     isotherms = data.isotherms
     assert isotherms is not None
-    along, across = (jnp.exp(part)[isotherms.group] for part in isotherms.shifts(unknowns))
+    along, across = (jnp.exp(part)[isotherms.group] for part in log_shifts(isotherms, unknowns))
     x = data.x * along if data.kind == "frequency" else data.x / along
     values = jnp.where(data.weights > 0, data.values / across, 1)
     return dataclasses.replace(data, x=x, values=values, isotherms=None)
