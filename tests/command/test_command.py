@@ -1,11 +1,9 @@
 """The command runs a scene, writes its results, continues, and refuses bad input in one line."""
 
-import os
+import importlib
 import shutil
 import signal
-import subprocess
-import sys
-import time
+import threading
 from importlib.metadata import version
 
 import numpy as np
@@ -17,6 +15,7 @@ import graded_contact as gc
 from graded_contact.command import app as command_app
 from graded_contact.scenes import read_results
 
+sweeps = importlib.import_module("graded_contact.studies.sweep")  # `studies.sweep` is a function
 SCENE = BARE.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4")
 
 
@@ -127,23 +126,21 @@ def test_a_dry_run_prints_the_scene_and_solves_nothing(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
-def test_ctrl_c_ends_a_run_that_the_same_command_continues(folder, tmp_path):
+def test_ctrl_c_ends_a_run_that_the_same_command_continues(again, folder, tmp_path, monkeypatch):
     text = SCENE.replace("[0.01, 1.0]", "{from = 1e-2, to = 1.0, points = 40}")
-    (tmp_path / "small.toml").write_text(text)
-    words = [sys.executable, "-m", "graded_contact", "run", "small.toml", "-o", "out"]
-    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-    points = tmp_path / "out" / "small.points"
-    while process.poll() is None and len(list(points.glob("*.npz"))) < 2:
-        time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=300)
-    assert process.returncode == 130 and "same command" in said, said
-    assert "Traceback" not in said
-    done = len(list(points.glob("*.npz")))
-    assert 2 <= done < 40
-    result = command("run", tmp_path / "small.toml", "-o", tmp_path / "out")
-    assert result.exit_code == 0 and len(list(points.glob("*.npz"))) == 40
+    points, write = tmp_path / "out" / "small.points", sweeps.write_point
+
+    def interrupted(*given):
+        write(*given)
+        if len(list(points.glob("*.npz"))) == 4:
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sweeps, "write_point", interrupted)
+        result = again(text)
+    assert result.exit_code == 130 and "same command" in result.stderr, result.output
+    assert 4 <= len(list(points.glob("*.npz"))) < 40
+    assert again(text).exit_code == 0 and len(list(points.glob("*.npz"))) == 40
     ends = read_results(tmp_path / "out" / "small.h5").friction[:, [0, -1]]
     before = read_results(folder / "out" / "small.h5").friction
     np.testing.assert_allclose(ends, before, rtol=1e-9)

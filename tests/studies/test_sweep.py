@@ -149,21 +149,18 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_a_sweep_goes_on_after_its_end(tmp_path, number):
+def test_a_sweep_goes_on_after_its_process_was_killed(tmp_path):
+    """Ctrl-C is in the tests of the command."""
     script, store = tmp_path / "slow.py", tmp_path / "points"
     script.write_text(SLOW)
     command = [sys.executable, str(script), str(store)]
     child = subprocess.Popen(command, stderr=subprocess.PIPE)
     while child.poll() is None and not any(store.glob("*.npz")):
         time.sleep(0.01)
-    child.send_signal(number)
+    child.kill()
     child.communicate(timeout=60)
     finished = times(store)
-    if number == signal.SIGINT:
-        assert child.returncode == 0 and np.isfinite(np.load(store / "found.npy")).sum() < 12
     subprocess.run(command, check=True, stderr=subprocess.PIPE)
-    finished.pop("found.npy", None)
     assert finished.items() <= times(store).items()
     whole = [0.999**8_000_000 * x + 1 / (1 - 0.999) for x in range(12)]
     np.testing.assert_allclose(np.load(store / "found.npy"), whole, rtol=1e-9)
