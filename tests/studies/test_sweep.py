@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import graded_contact as gc
 from graded_contact.contacts.solution import RESULTS
 from graded_contact.studies import sweep
 
@@ -118,24 +117,6 @@ def test_what_cannot_be_swept_is_refused():
         sweep(lambda point: point, AXES)
     with pytest.raises(ValueError, match="workers"):
         sweep(draw, AXES, workers=0)
-
-
-def test_a_sweep_of_contacts_equals_slide():
-    grid, q0 = gc.Grid((16, 16), 1e-3), 2 * np.pi / 1e-3
-    spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=q0, q_roll=q0, q_high=4 * q0)
-    stack = gc.Stack(base=gc.HalfSpace(gc.tyre_tread()))
-
-    def rub(point):
-        surface = gc.random_surface(spectrum, grid, jax.random.key(point["seed"]))
-        rubber = stack.at(point["temperature"])
-        plain = gc.contacts.DouglasRachford(newton=False)  # compiles in two thirds of the time
-        return gc.slide(rubber, surface, pressure=1e5, velocity=0.1, throw=False, solver=plain)
-
-    study = sweep(rub, {"temperature": [293.0, 313.0], "seed": [0, 1]})
-    alone = rub({"temperature": 313.0, "seed": 1})
-    np.testing.assert_allclose(study.friction[1, 1], alone.friction, rtol=1e-9)
-    assert study["contact.pressure"].shape == (2, 2, 16, 16) and (study.message == "").all()
-    assert study["contact.pressure"].units == "Pa"
 
 
 SLOW = """
