@@ -102,8 +102,8 @@ def _by_spectra(series, isotherms):
             part = _restricted(series.shifted(shifts, np.zeros(count)), pair)
             log_times = part.time_grid(4)
             strengths = non_negative(part, log_times)
-            columns = np.concatenate([part.branches(log_times), part.static])
-            relative = (part.known + strengths @ columns) / np.exp(part.log_values) - 1
+            model = part.known + strengths @ part.columns(log_times)
+            relative = model / np.exp(part.log_values) - 1
             costs.append(part.weights @ relative**2)
         steps.append(DISTANCES[np.argmin(costs)])
     return np.array(steps)
