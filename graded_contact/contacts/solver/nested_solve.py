@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...core.checks import check_type, check_whole, is_concrete
-from ...core.compilation import compiled, compiled_loop
+from ...core.compilation import compiled, compiled_loop, varying
 from ...fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from ..law import AbstractLaw, HardWall
 from .abstract_solver import (
@@ -240,7 +240,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
         slow &= jnp.mean(y > 0, dtype=y.dtype) < _SMALL**y.ndim
         return state._replace(next=jnp.where(slow, _NEWTON_NEXT, _EPOCH_NEXT))
 
-    return jax.lax.while_loop(lambda state: state.next == _EPOCH_NEXT, epoch, state)
+    return jax.lax.while_loop(lambda state: state.next == _EPOCH_NEXT, epoch, varying(state))
 
 
 @compiled_loop
@@ -269,7 +269,7 @@ def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) 
         state = jax.lax.cond(state.next == _NEWTON_NEXT, newton, lambda same: same, state)
         return _epochs(problem, state, settings)
 
-    return jax.lax.while_loop(lambda state: state.next != _NOTHING, turn, state)
+    return jax.lax.while_loop(lambda state: state.next != _NOTHING, turn, varying(state))
 
 
 @compiled
