@@ -111,7 +111,7 @@ def test_contact_obeys_its_conditions_with_a_dense_matrix():
 def test_force_is_what_the_block_and_the_interface_lose(velocity):
     s, f = rub(Coulomb(0.8), velocity), 0.8
     parts = "friction", "block_friction", "interface_friction"
-    s.compute(*parts, "hysteresis_friction", "energy_imbalance")
+    s.compute(*parts, "pressure_friction", "energy_imbalance")
     matrix, kept, omega = compliances(ROAD.grid, velocity)
     load = np.append(f * np.append(np.atleast_1d(velocity), 0.0)[:2] / s.speed, 1.0)
     lost = -omega * np.imag(np.einsum("i,...ij,j->...", load, matrix, load))
