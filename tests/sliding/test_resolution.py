@@ -81,7 +81,7 @@ def test_near_full_contact_errors_contain_what_the_points_do_not_see():
 
 
 def test_friction_at_a_gap_of_zero_has_the_error_of_its_load():
-    """The least pressure that closes the contact is that of its lowest point, between the points."""
+    """The least pressure that closes the contact has its lowest value between the points."""
     heights = lambda x: sum(1e-6 * np.cos(2 * np.pi * k * x + 0.7 * k * k) / k for k in (1, 3, 8))  # noqa: E731
     found = slide(gc.Surface(heights(np.arange(64) / 64 + 1 / 128), gc.Grid((64,), CELL)), None,
                   mean_gap=0.0)  # fmt: skip
