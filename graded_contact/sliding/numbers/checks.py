@@ -198,8 +198,9 @@ def last_octave_friction(found: Found) -> Array:
     """
     lowest, highest = _wavenumbers(found)
     lost = _sum_of(jnp.abs(body) for body in losses(found))
-    last = jnp.sum(jnp.where(wavenumber(found.grid) > highest / 2, lost, 0))
-    return jnp.where(lowest <= highest / 2, last / nonzero(jnp.sum(lost)), 0)
+    half = highest / 2 * (1 + 1e-6)  # a wave of twice the length belongs to the octave before
+    last = jnp.sum(jnp.where(wavenumber(found.grid) > half, lost, 0))
+    return jnp.where(lowest <= half, last / nonzero(jnp.sum(lost)), 0)
 
 
 @observable("share of the friction where no modulus was measured", warns=BEYOND_FREQUENCIES)

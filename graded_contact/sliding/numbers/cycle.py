@@ -10,7 +10,6 @@ from ..errors.grid import OF_FORCE, beside_changes, by_grid, friction_by_grid, u
 from ..errors.parts import by_times, over_friction, solver_errors
 from ..formulas import (
     all_tractions,
-    friction_of_cycle,
     frictions,
     indicator_of,
     loaded,
@@ -23,6 +22,7 @@ from ..formulas import (
 )
 from ..number import Found, observable
 from .checks import WARMS
+from .friction import friction
 
 
 @observable("work of friction over load and path", r"\bar\mu")
@@ -118,7 +118,7 @@ def _of_frictions(name: str, index: int):
     """The parts of the error of mean or peak friction."""
     return {
         "grid": friction_by_grid(name, beside_changes),
-        "time": by_times(name, friction_of_cycle),
+        "time": by_times(name, friction),
         "solver": lambda found: solver_errors(found)[index],
         "temperature": lambda found: _by_temperature(found, index),
     }

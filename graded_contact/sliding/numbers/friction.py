@@ -13,14 +13,12 @@ from jaxtyping import Array
 
 from ...contacts.estimates import error_of
 from ..case import HEATED
-from ..energy import losses
 from ..errors.grid import beside_changes, friction_by_grid
 from ..errors.parts import changes_by_kernel, over_friction, solver_errors, with_chance
 from ..formulas import (
     all_tractions,
     counterface_displacement,
     edges_of,
-    friction_of_cycle,
     frictions,
     indicator_of,
     loaded,
@@ -37,6 +35,8 @@ from ..shear import shear_over_load
 from .checks import APART, NEVER_LOADED, NO_SHEAR
 
 _BY_SLOPES = 0.08  # weight of the difference of `friction` and `geometric_friction`
+# Of the friction: that of a nearly elastic block is far less than the error of the surface's slope.
+_MOST_BY_SLOPES = 0.1
 
 
 @observable("friction coefficient", r"\mu")
@@ -47,7 +47,7 @@ def friction(found: Found) -> Array:
     positive where it opposes a motion along +x; over the displacement it draws the hysteresis loop.
     """
     if isinstance(found.problem, CycleProblem):
-        return friction_of_cycle(found)
+        return over_load(found, all_tractions(found))
     return pressure_friction(found) + shear_friction(found)
 
 
@@ -145,9 +145,9 @@ def _friction_by_solver(found: Found) -> Array:
 
 def _beside(found: Found) -> Array:
     """`beside_changes`, and a part of the difference of the frictions by the two slopes [1]."""
-    by_slopes = jnp.abs(geometric_friction(found) - friction(found))
-    by_slopes = jnp.where(jnp.any(losses(found)[0] != 0), by_slopes, 0)
-    return beside_changes(found) + _BY_SLOPES * by_slopes
+    by_slopes = _BY_SLOPES * jnp.abs(geometric_friction(found) - friction(found))
+    most = _MOST_BY_SLOPES * jnp.abs(pressure_friction(found))
+    return beside_changes(found) + jnp.minimum(by_slopes, most)
 
 
 friction_error = friction.error(
