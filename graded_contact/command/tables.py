@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 WIDTH = 80  # letters of a line
 MAIN = (
-    "friction", "mean_friction", "peak_friction", "contact_area", "mean_gap", "mean_pressure",
-    "approach", "contact_stiffness", "specific_conductance", "flow_along_x", "flow_along_y",
-    "leakage_along_x", "leakage_along_y", "tension", "von_mises", "interface_shear",
+    "friction", "mean_friction", "peak_friction", "time_to_peak", "contact_area", "mean_gap",
+    "mean_pressure", "approach", "contact_stiffness", "specific_conductance", "flow_along_x",
+    "flow_along_y", "leakage_along_x", "leakage_along_y", "tension", "von_mises", "interface_shear",
 )  # fmt: skip
 INSTEAD = {"flow_along_x": "leakage_along_x", "flow_along_y": "leakage_along_y"}
 

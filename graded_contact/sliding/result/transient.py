@@ -52,7 +52,8 @@ class TransientSliding(AbstractSliding):
     shear_friction = of_friction.shear_friction
     mean_friction, mean_friction_error = cycle.mean_friction, of_steps.mean_friction_error
     peak_friction, peak_friction_error = cycle.peak_friction, of_steps.peak_friction_error
-    traction, load = of_friction.traction, of_friction.load
+    time_to_peak, time_since_change = transient.time_to_peak, transient.time_since_change
+    traction, load, load_error = of_friction.traction, of_friction.load, of_steps.load_error
     work_done, work_done_error = transient.work_done, of_steps.work_done_error
     load_work_done, load_work_done_error = transient.load_work_done, of_steps.load_work_done_error
     shear_work_done = transient.shear_work_done

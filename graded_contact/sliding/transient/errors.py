@@ -12,6 +12,7 @@ from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
 from ...fields.grid import to_field, to_spectrum
+from ..case import LOAD_FOLLOWS
 from ..errors.grid import OF_FORCE, OF_PLACE, area_by_grid, by_grid, friction_by_grid
 from ..errors.neighbours import Neighbours, neighbours_by
 from ..errors.parts import over_number
@@ -19,7 +20,7 @@ from ..formulas import lengths, shared
 from ..number import Formula, Found
 from ..numbers.area import contact_area, mean_gap
 from ..numbers.cycle import mean_friction, peak_friction
-from ..numbers.friction import friction
+from ..numbers.friction import friction, load
 from .numbers import load_work_done, work_done
 from .pose import on_grid
 
@@ -93,6 +94,10 @@ def _roughness(found: Found) -> Array:
 
 def _heights(found: Found) -> Array:
     return _roughness(found) * jnp.ones_like(found.times)
+
+
+def _load(found: Found) -> Array:
+    return found.recorded["load"]
 
 
 def _area(found: Found) -> Array:
@@ -172,6 +177,7 @@ load_work_done_error = load_work_done.error(
 contact_area_error = contact_area.error(
     _parts_of("contact_area", _area, area_by_grid), over=over_number
 )
+load_error = load.error(_parts_of("load", _load, by_grid("load", OF_PLACE)), needs=[LOAD_FOLLOWS])
 mean_gap_error = mean_gap.error(
     _parts_of("mean_gap", _heights, by_grid("mean_gap", OF_PLACE), "step_gap_error")
 )
