@@ -113,6 +113,4 @@ def _restricted(series, points):
     """The problem of some of the points, given as a mask."""
     rows = np.tile(points, len(series.weights) // len(series.x))
     parts = {name: getattr(series, name)[rows] for name in ("log_values", "weights", "known")}
-    return dataclasses.replace(
-        series, x=series.x[points], static=series.static[:, rows], **parts
-    )
+    return dataclasses.replace(series, x=series.x[points], static=series.static[:, rows], **parts)
