@@ -45,7 +45,7 @@ class Sliding(AbstractSliding):
     kind: ClassVar[str] = STEADY
 
     mean_pressure, mean_pressure_error = load.mean_pressure, load.mean_pressure_error
-    approach, approach_error, moment = load.approach, load.approach_error, load.moment
+    approach, approach_error = load.approach, load.approach_error
     friction, friction_error = of_friction.friction, of_friction.friction_error
     pressure_friction = of_friction.pressure_friction
     shear_friction = of_friction.shear_friction
@@ -81,11 +81,6 @@ class Sliding(AbstractSliding):
     def directions(self) -> list[float]:
         """The unit vector of the traction, by its components: one, along the velocity."""
         return [1.0]
-
-    @property
-    def at_approach(self) -> bool:
-        """Whether the approach was given, not the load."""
-        return self.problem.prescribed == "approach"
 
     @property
     def speed(self) -> Float[Array, ""]:
