@@ -59,7 +59,8 @@ class Sliding(AbstractSliding):
     flow_along_x, flow_along_y = gap_flow.flow_along_x, gap_flow.flow_along_y
     flow_along_x_error = flow_along_x.error(gap_flow.flow_errors(0, "solver", "grid"))
     flow_along_y_error = flow_along_y.error(gap_flow.flow_errors(1, "solver", "grid"))
-    contact_stiffness, contact_stiffness_error = stiffness.stiffness, stiffness.stiffness_error
+    contact_stiffness = stiffness.contact_stiffness
+    contact_stiffness_error = stiffness.contact_stiffness_error
     specific_conductance = stiffness.specific_conductance
     specific_conductance_error = stiffness.specific_conductance_error
     energy_imbalance = checks.energy_imbalance
