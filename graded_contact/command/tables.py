@@ -25,8 +25,8 @@ INSTEAD = {"flow_along_x": "leakage_along_x", "flow_along_y": "leakage_along_y"}
 def print_results(results: "Dataset", full: bool = False) -> None:
     """Prints a row for each solve, then warnings, and why solves failed.
 
-    Over seeds a row has means ± their standard errors. Of a transient motion the numbers are those
-    at its end. A solve that did not converge has no numbers here.
+    Over seeds a row has means ± their standard errors. Numbers of a transient motion belong
+    to its end. A solve that did not converge has no numbers here.
     """
     shown, heading = results, place_of(results)
     if "time" in results.dims:
@@ -46,7 +46,7 @@ def print_results(results: "Dataset", full: bool = False) -> None:
 
 
 def table_of(results: "Dataset", full: bool) -> "DataFrame":
-    """Returns the table of solves: the index is what varies, each number has its error."""
+    """Returns the table of solves: the index are the axes, each number has its error."""
     import pandas
 
     axes = results["message"].dims

@@ -1,4 +1,4 @@
-"""What a page computes: curves of the mean field, the contact, and what matters for friction.
+"""Computations of a page: curves of the mean field, the contact, and derivatives of friction.
 
 The numbers of the sliders are traced by JAX: each function compiles once, moving a slider compiles
 nothing.
@@ -23,7 +23,7 @@ from .numbers import middle_of, numbers_of
 
 PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
 SPEEDS, DECADES = 25, 3.0  # of a curve, to both sides of the velocity of the scene
-# What the head of the page shows of each kind of contact; the first is what matters.
+# Numbers at the head of the page for each kind of contact; derivatives are of the first.
 SHOWN = {
     "steady": ("friction", "contact_area", "mean_gap"),
     "cycle": ("mean_friction", "peak_friction"),
@@ -46,7 +46,7 @@ class Curves:
     **Fields:**
 
     - `scene`: as it was read.
-    - `numbers`: what varies, see `numbers_of`.
+    - `numbers`: that vary, see `numbers_of`.
     - `surface`: of the contacts.
     - `kind`: of the contacts, one of `SHOWN`.
     - `has_curve`: whether there is a mean field: of steady sliding of one periodic surface with a

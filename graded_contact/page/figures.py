@@ -127,7 +127,7 @@ class Maps:
 
 
 class Bars:
-    """What matters: the change of a number by +1 % of each of the others."""
+    """Bars: the change of a number by +1 % of each of the others."""
 
     def __init__(self, of: str):
         self.names = bokeh.FactorRange()

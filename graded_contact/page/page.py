@@ -1,6 +1,6 @@
-"""A scene with sliders in the browser: friction, contact, and what matters.
+"""A scene with sliders in the browser: friction, contact, and derivatives.
 
-slider ──> update ──> curve ──> contact ──> errors and warnings ──> what matters
+slider ──> update ──> curve ──> contact ──> errors and warnings ──> derivatives
               └── a later move ends the computation between two of these stages
 """
 
@@ -57,7 +57,7 @@ class Slider(pn.viewable.Viewer):
 
     **Arguments:**
 
-    - `number`: what it varies.
+    - `number`: that it varies.
     - `check`: raises `ValueError` for a value that is refused.
     """
 
@@ -108,7 +108,7 @@ class Page(pn.viewable.Viewer):
     **Fields:**
 
     - `sliders`: by the names of the numbers, such as "velocity" and "layers[0].thickness".
-    - `curve`, `contact`, `change`: what was computed last, or None.
+    - `curve`, `contact`, `change`: the latest, or None.
     - `numbers`: of the contact, with their errors, NaN until these are known.
     - `pinned`: curve and numbers to compare with, or None.
 
@@ -187,7 +187,7 @@ class Page(pn.viewable.Viewer):
         self.curves.case(self.values | {name: value})
 
     async def update(self, *_: Any) -> None:
-        """Computes what the sliders ask for; a later call ends this one between two stages."""
+        """Computes curve and contact of the sliders; a later call ends this one between two stages."""
         self._call += 1
         call, values = self._call, self.values
         stages = {
@@ -303,7 +303,7 @@ def paragraph(text: object, kind: str = "") -> str:
 
 
 def last_of(found: Any, names: Sequence[str]) -> list[float]:
-    """Returns numbers of a contact, those over time at its end."""
+    """Returns numbers of a contact, of a motion at its end."""
     return [float(np.ravel(at)[-1]) for at in found.compute(*names)]
 
 

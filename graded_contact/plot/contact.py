@@ -61,7 +61,7 @@ def plot_sliding(
     - `sliding`: a result of `slide`, or anything else with `pressure` [Pa] and `gap` [m].
     - `surface`: the surface that slides.
     - `velocity`: of the surface [m/s], as in `slide`. An arrow shows its direction if it is not 0.
-    - `axes`: three panels to draw in, by default those of a new figure.
+    - `axes`: three panels to draw in, by default of a new figure.
     """
     heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
     pressure, gap = np.asarray(sliding.pressure), np.asarray(sliding.gap)
@@ -210,7 +210,7 @@ def plot_distributions(
 
     - `sliding`: as in `plot_sliding`.
     - `mean_field`: the result of `mean_field_friction` for the same contact, to compare with.
-    - `axes`: two panels to draw in, by default those of a new figure.
+    - `axes`: two panels to draw in, by default of a new figure.
     """
     pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)
     open_points = (pressure <= 0) & (gap > 0)
@@ -244,7 +244,7 @@ def _draw_density(axes, name, values, counted, high=0.0, label=None) -> tuple[fl
     words, symbol, base, *_ = LOOKS[name]
     unit, scale = unit_of(base, high)
     counts, edges = np.histogram(scale * found, BINS, (0, scale * high or 1))
-    # Over all points, not over those that count: the integral is their share of the area.
+    # Divided by all points: the integral is the share of the area.
     density = counts / (len(values) * np.diff(edges))
     axes.stairs(density, edges, fill=True, color=COLOURS[0], alpha=0.35)
     axes.stairs(density, edges, color=COLOURS[0], linewidth=0.8, label=label)
@@ -264,7 +264,7 @@ def plot_dissipation(
 
     - `curves`: the result of `cumulative_friction` or `area_against_cutoff`, or `against_cutoff` of
       a mean field; or several, by their labels.
-    - `axes`: two panels to draw in, by default those of a new figure.
+    - `axes`: two panels to draw in, by default of a new figure.
     """
     by_label = curves if isinstance(curves, Mapping) else {"": curves}
     total, each = panels(axes, "ab", (PAGE, 2.7), sharex=True)

@@ -43,13 +43,13 @@ def plot_response(
     - `stack`: the block.
     - `q`: wavenumbers [rad/m], shape `(n,)`, positive.
     - `velocity`: one or more sliding velocities [m/s], positive; the frequency is q v.
-    - `axes`: two panels to draw in, by default those of a new figure.
+    - `axes`: two panels to draw in, by default of a new figure.
     """
     q, speeds = as_float(q, "q"), np.atleast_1d(as_float(velocity, "velocity"))
     check_positive("velocity", speeds, "[m/s]")
     stiffness, loss = panels(axes, "ab", (PAGE, 2.9), sharex=True)
     for speed, colour in zip(speeds, colours_of(len(speeds)), strict=True):
-        # Waves along the motion: those across it see lower frequencies.
+        # Waves along the motion; waves across it see lower frequencies.
         modulus = np.asarray(effective_modulus(stack, q, q * speed))
         label = f"sliding velocity {speed:.3g} m/s"
         stiffness.loglog(q, np.abs(modulus), color=colour, label=label)
@@ -69,7 +69,7 @@ def plot_fit(fit: PronyFit, *, axes: Any = None) -> "Figure":
     **Arguments:**
 
     - `fit`: the result of `fit_prony`.
-    - `axes`: two panels to draw in, by default those of a new figure.
+    - `axes`: two panels to draw in, by default of a new figure.
     """
     above, below = panels(axes, "a;b", (PAGE, 3.8), sharex=True, height_ratios=(3, 1))
     x = np.asarray(fit.data.x)
@@ -108,7 +108,7 @@ def plot_master_curve(curve: MasterCurve, *, axes: Any = None) -> "Figure":
     **Arguments:**
 
     - `curve`: the result of `master_curve`.
-    - `axes`: panels to draw in, by default those of a new figure: as measured, shifted, a_T and,
+    - `axes`: panels to draw in, by default of a new figure: as measured, shifted, a_T and,
       with vertical shifts, b_T.
     """
     measured, shifted = curve.data, curve.fit.data
@@ -137,7 +137,7 @@ def plot_master_curve(curve: MasterCurve, *, axes: Any = None) -> "Figure":
         xlabel=r"$\omega\,a_T$ [rad/s]" if frequency else "$t/a_T$ [s]",
         title=f"shifted to {kelvin(reference)}",
     )
-    # With one ordinate the eye sees what the shift alone did.
+    # One ordinate shows the shift alone.
     after.sharey(before)
     after.tick_params(labelleft=False)
     _draw_shifts(beside, curve, colours)
@@ -152,7 +152,7 @@ def _draw_shifts(beside: "list[Axes]", curve: MasterCurve, colours: Any) -> None
     rows = [(r"$\log_{10} a_T$", curve.log10_shifts, 1.0), ("$b_T$", factors, factors)]
     bars_are = "two standard deviations"
     for panel, (label, values, unit), deviation in zip(beside, rows, deviations, strict=False):
-        bars = 2 * np.asarray(deviation) * unit  # the deviation of b_T is that of its logarithm
+        bars = 2 * np.asarray(deviation) * unit  # of ln b_T
         for *point, colour in zip(celsius, np.asarray(values), bars, colours, strict=True):
             panel.errorbar(*point, fmt="o", capsize=2, color=colour, label=bars_are)
         panel.set_ylabel(label)

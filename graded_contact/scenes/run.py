@@ -35,16 +35,16 @@ FLOWS = ("flow_along_x", "flow_along_y")
 
 
 def run_scene(scene: Scene, **engine: Any) -> "Dataset":
-    """Returns friction, contact area and more at every combination of what a scene varies.
+    """Returns friction, contact area and more at every point of the axes of a scene.
 
     **Arguments:**
 
-    - `scene`: what to compute.
+    - `scene`: as read.
     - `engine`: `store`, `workers`, `client` and `progress`, see `sweep`.
 
     **Returns:** a dataset over the axes of the scene, with the text of the scene and the version of
-    this package as attributes. Fields are those of the last point, or of all points if the scene
-    stores these.
+    this package as attributes. It has the fields of the last point, or of all points if the
+    scene stores these.
     """
     stored = () if scene.output.fields is None else fields_of(scene)
     last = stored if scene.output.fields == "last" else ()

@@ -2,8 +2,8 @@
 
     read_scene  ──>  Scene  ──case(point)──>  Case  ──sweep──>  xarray.Dataset
 
-Keys are the names of arguments of this package, in SI units, angles in radians; a `kind` names what
-takes them. Paths are relative to the scene file, or begin with `~`.
+Keys are the names of arguments of this package, in SI units, angles in radians; a `kind` names the
+constructor. Paths are relative to the scene file, or begin with `~`.
 """
 
 import dataclasses
@@ -96,7 +96,7 @@ class Observe:
 
 @dataclasses.dataclass(frozen=True)
 class Output:
-    """What is stored beside the numbers.
+    """The fields that are stored beside the numbers.
 
     **Fields:**
 
@@ -123,13 +123,13 @@ class Scene:
     - `text`, `title`: of the file.
     - `bodies`: the block, and the counterface or None.
     - `surface`, `block_surface`: rough surfaces, or the function that draws them from a seed.
-    - `axes`: values of what varies, by name: paths of numbers of the bodies, such as
+    - `axes`: values of the numbers that vary, by name: paths of numbers of the bodies, such as
       "layers[0].thickness", "seed", and the loads. Each has at least one value.
     - `motion`: in place of steady sliding a cycle or a transient motion; else None.
     - `load_over_time`: of a motion whose load varies; else None.
     - `options`: `law`, `shear`, `heating` and `strain_per_slope` of the `Case`.
     - `fluid`: whose leakage is a result, or None.
-    - `observe`, `output`: optional outputs, and what is stored.
+    - `observe`, `output`: optional outputs, and the fields to store.
     - `numerics`: how a contact is computed.
     """
 
@@ -318,7 +318,7 @@ def surface_of(
     if isinstance(made, Surface):
         return made, {}
     with in_table(place):
-        first = made(seed)  # refuses here what no grid resolves
+        first = made(seed)  # refuses waves that no grid resolves
     return (first, {}) if count == 1 else (made, {"seed": seed + np.arange(count)})
 
 
