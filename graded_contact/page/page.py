@@ -187,7 +187,7 @@ class Page(pn.viewable.Viewer):
         self.curves.case(self.values | {name: value})
 
     async def update(self, *_: Any) -> None:
-        """Computes curve and contact of the sliders; a later call ends this one between two stages."""
+        """Computes curve and contact; a later call ends this one between two stages."""
         self._call += 1
         call, values = self._call, self.values
         stages = {

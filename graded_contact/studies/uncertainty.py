@@ -45,7 +45,7 @@ class Sensitivity(eqx.Module):
 
     - `omega`: angular frequencies [rad/s], shape `(points,)`.
     - `storage`, `loss`: ∂ ln f/∂ ln E' and ∂ ln f/∂ ln E'' around each ω per decade of ω [1], same
-      shape. Integrated over log10 ω they are the relative change of f per relative change of E' or E''.
+      shape. Integrated over log10 ω they are ∂ ln f/∂ ln E' or E''.
     """
 
     omega: Float[Array, " points"]
