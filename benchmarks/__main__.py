@@ -7,10 +7,13 @@ Single sections with other options: `bench_contact.py`, `bench_response.py`, `be
 """
 
 import importlib.util
+import resource
 import subprocess
 import sys
 import time
 from pathlib import Path
+
+import numpy as np
 
 FOLDER = Path(__file__).parent
 SECTIONS = {
@@ -30,15 +33,23 @@ PEERS = ("tamaas", "ContactMechanics")
 def main() -> None:
     """Runs each section in a process of its own."""
     missing = [name for name in PEERS if importlib.util.find_spec(name) is None]
-    begun = time.perf_counter()
+    begun = spent()
     for title, section in SECTIONS.items():
         script, *options = section.split()
         if missing and title.startswith(("Elastic", "Total")):
             print(f"\n## {title}: left out, {', '.join(missing)} is not installed")
             continue
         print(f"\n## {title}", flush=True)
+        before = spent()
         subprocess.run([sys.executable, FOLDER / f"{script}.py", *options], check=True)
-    print(f"\n{time.perf_counter() - begun:.0f} s")
+        print("# {:.0f} s, {:.0f} s of a core".format(*spent() - before))
+    print("\n{:.0f} s, {:.0f} s of a core".format(*spent() - begun))
+
+
+def spent() -> np.ndarray:
+    """Returns the time, and the time of all cores in the processes that ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return np.array([time.perf_counter(), used.ru_utime + used.ru_stime])
 
 
 if __name__ == "__main__":

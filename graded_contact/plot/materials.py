@@ -1,17 +1,12 @@
-"""Figures of materials and blocks: responses, fits, master curves."""
+"""Figures of materials: fits and master curves."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
-from jaxtyping import ArrayLike
 
-from ..blocks.stack import Stack
-from ..core.checks import as_float, check_positive
 from ..fitting.master import MasterCurve
 from ..fitting.prony import PronyFit
-from ..response.compliance import effective_modulus
 from .style import PAGE, TEMPERATURES, colours_of, figure_of, finished, ordered, panels
 from .sweeps import ZERO_CELSIUS, kelvin
 
@@ -30,34 +25,6 @@ ORDINATES = {
     "relaxation": "modulus [Pa]",
     "creep": "compliance [1/Pa]",
 }
-
-
-@finished
-def plot_response(
-    stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[float], *, axes: Any = None
-) -> "Figure":
-    """Returns a figure of the effective modulus and the loss tangent of a stack.
-
-    **Arguments:**
-
-    - `stack`: the block.
-    - `q`: wavenumbers [rad/m], shape `(n,)`, positive.
-    - `velocity`: one or more sliding velocities [m/s], positive; the frequency is q v.
-    - `axes`: two panels to draw in, by default of a new figure.
-    """
-    q, speeds = as_float(q, "q"), np.atleast_1d(as_float(velocity, "velocity"))
-    check_positive("velocity", speeds, "[m/s]")
-    stiffness, loss = panels(axes, "ab", (PAGE, 2.9), sharex=True)
-    for speed, colour in zip(speeds, colours_of(len(speeds)), strict=True):
-        # Waves along the motion; waves across it see lower frequencies.
-        modulus = np.asarray(effective_modulus(stack, q, q * speed))
-        label = f"sliding velocity {speed:.3g} m/s"
-        stiffness.loglog(q, np.abs(modulus), color=colour, label=label)
-        loss.semilogx(q, np.imag(modulus) / np.real(modulus), color=colour, label=label)
-    words = "wavenumber $q$ [rad/m]"
-    stiffness.set(xlabel=words, ylabel="effective modulus $|2/(q M_{zz})|$ [Pa]")
-    loss.set(xlabel=words, ylabel="loss tangent", ylim=(0, None))
-    return figure_of(loss)
 
 
 @finished

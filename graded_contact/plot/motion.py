@@ -108,7 +108,7 @@ def plot_film(
     from matplotlib.colors import PowerNorm
 
     pressure, size = np.asarray(moving.pressure), np.asarray(surface.grid.size)
-    words, _, base, colours, exponent, colour = LOOKS["pressure"]
+    words, base, colours, exponent, colour = LOOKS["pressure"]
     count, high = len(pressure), float(np.max(pressure))
     seconds = getattr(moving, "field_times", getattr(moving, "field_time", None))
     # Quarters show both directions of a motion to and fro.
