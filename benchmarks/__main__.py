@@ -18,14 +18,17 @@ import numpy as np
 FOLDER = Path(__file__).parent
 SECTIONS = {
     "Elastic contact at equal true error": (
-        "bench_contact elastic --sizes 256 512 --targets 1e-4 --loads 0.01 0.1 --repeat 3"
+        "bench_contact elastic --sizes 256 512 --targets 1e-4 --loads 0.01 0.1"
+        " --mechanics-up-to 256 --tries 2 --repeat 3"
     ),
     "Friction and its gradient": (
         "bench_contact gradient --sizes 256 --bodies tread+coat --loads 0.1"
     ),
-    "Kernels of layered blocks": "bench_response speed --sizes 1024",
-    "Total error against seconds": "bench_contact total --sizes 64 128 256 --finest 1024",
-    "First calls": "bench_contact first",
+    "Kernels of layered blocks": (
+        "bench_response speed --sizes 1024 --bodies 1_layer 3_layers graded --repeat 3"
+    ),
+    "Total error against seconds": "bench_contact total --sizes 64 128 --finest 512",
+    "First calls": "bench_contact first --calls slide gradient total_error",
 }
 PEERS = ("tamaas", "ContactMechanics")
 

@@ -85,8 +85,10 @@ class Curves:
         point = {path: value for name, value in values.items() for path in self.numbers[name].paths}
         return self.scene.case(middle_of(self.scene) | point)
 
-    def curve(self, values: Values) -> Curve:
-        """Returns the curve of the mean field."""
+    def curve(self, values: Values) -> Curve | None:
+        """Returns the curve of the mean field, if there is one."""
+        if not self.has_curve:
+            return None
         return Curve(*map(np.asarray, (self._speeds(), *self._curve(_traced(values)))))
 
     def _speeds(self) -> jax.Array:
@@ -102,6 +104,15 @@ class Curves:
         if found.result != RESULTS.successful:
             raise ValueError(RESULTS[found.result])
         return found
+
+    def shown(self, found: Any, end: str = "") -> dict[str, float]:
+        """Returns the numbers at the head of the page, or with "_error" their errors.
+
+        Of a number over time it is the last.
+        """
+        names = SHOWN[self.kind]
+        numbers = found.compute(*(name + end for name in names))
+        return {n: float(np.ravel(at)[-1]) for n, at in zip(names, numbers, strict=True)}
 
     def what_matters(self, values: Values) -> dict[str, float]:
         """Returns the change of friction [%] by +1 % of each number, by labels; largest first."""

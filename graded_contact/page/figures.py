@@ -5,12 +5,13 @@ from typing import Any
 import bokeh.models as bokeh
 import numpy as np
 import panel as pn
-from bokeh.palettes import cividis, magma, viridis
+from bokeh import palettes
 from bokeh.plotting import figure
 from contourpy import contour_generator
 
 from ..core.display import unit_of
 from ..plot import COLOURS, plot_cycle, plot_film, plot_sliding, plot_transient
+from ..plot.contact import LOOKS, edge_level
 from ..plot.sweeps import title_of
 from ..surfaces import Surface
 from .curves import Curve, Curves
@@ -20,12 +21,6 @@ BAR = 22  # pixels
 SHOWN_SHARE = 0.995  # of the points within a scale of colours
 FINEST = 256  # points of a map along an edge
 MOST_BARS = 12
-# Words, unit and colours of the maps.
-MAPS = {
-    "heights": ("height into the solid", "m", cividis(256)),
-    "pressure": ("contact pressure", "Pa", viridis(256)),
-    "gap": ("gap", "m", magma(256)),
-}
 
 
 def new_figure(title: str, x: str, y: str, **more: Any) -> Any:
@@ -70,7 +65,8 @@ class Map:
     """A field of the contact over a period; white where there is none."""
 
     def __init__(self, name: str, surface: Surface):
-        self.words, self.base, palette = MAPS[name]
+        self.words, self.base, colours, *_ = LOOKS[name]
+        palette = getattr(palettes, colours)(256)
         unit, factor = unit_of("m", float(np.max(surface.grid.size)))
         self.size = width, height = factor * np.asarray(surface.grid.size)
         places = f"x [{unit}]", f"y [{unit}]"
@@ -112,7 +108,7 @@ class Maps:
     """Heights with the outline of the contact, pressure and gap."""
 
     def __init__(self, surface: Surface):
-        self.maps = {name: Map(name, surface) for name in MAPS}
+        self.maps = {name: Map(name, surface) for name in LOOKS}
         heights = np.asarray(surface.heights)
         self.maps["heights"].show(heights - np.mean(heights))
 
@@ -120,8 +116,7 @@ class Maps:
         """Draws a contact."""
         pressure, gap = np.asarray(found.pressure), np.asarray(found.gap)
         touches = pressure > 0
-        level = pressure / (np.std(pressure) or 1) - gap / (np.std(gap) or 1)
-        self.maps["heights"].show_outline(level)
+        self.maps["heights"].show_outline(edge_level(pressure, gap))
         self.maps["pressure"].show(np.where(touches, pressure, np.nan))
         self.maps["gap"].show(gap if np.all(touches) else np.where(touches, np.nan, gap))
 

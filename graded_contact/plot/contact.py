@@ -153,9 +153,7 @@ def _draw_outline(axes: "Axes", pressure: np.ndarray, gap: np.ndarray, size: np.
         touching = np.where(pressure > 0, heights, np.nan)
         axes.plot(x, touching, ".-", color=COLOURS[1], linewidth=2.5)
         return
-    # Pressure and gap are scaled alike, so that the outline lies between their points.
-    gap = np.maximum(gap, 0)
-    level = pressure / (np.std(pressure) or 1) - gap / (np.std(gap) or 1)
+    level = edge_level(pressure, gap)
     if np.any(level > 0) and np.any(level < 0):
         factor, step = unit_of("m", np.max(size))[1], -(-max(level.shape) // FINEST_OUTLINE)
         x, y = (
@@ -164,6 +162,12 @@ def _draw_outline(axes: "Axes", pressure: np.ndarray, gap: np.ndarray, size: np.
         )
         level = level[::step, ::step]  # an outline finer than the picture takes long to draw
         axes.contour(x, y, level.T, levels=[0.0], colors="black", linewidths=0.5)
+
+
+def edge_level(pressure: np.ndarray, gap: np.ndarray) -> np.ndarray:
+    """Returns a field that is 0 at the edge of the contact, between the points."""
+    gap = np.maximum(gap, 0)
+    return pressure / (np.std(pressure) or 1) - gap / (np.std(gap) or 1)
 
 
 def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
