@@ -15,10 +15,23 @@ if TYPE_CHECKING:
 
 WIDTH = 80  # letters of a line
 MAIN = (
-    "friction", "mean_friction", "peak_friction", "contact_area", "mean_gap", "mean_pressure",
-    "approach", "contact_stiffness", "specific_conductance", "flow_along_x", "flow_along_y",
-    "leakage_along_x", "leakage_along_y", "tension", "von_mises", "interface_shear",
-)  # fmt: skip
+    "friction",
+    "mean_friction",
+    "peak_friction",
+    "contact_area",
+    "mean_gap",
+    "mean_pressure",
+    "approach",
+    "contact_stiffness",
+    "specific_conductance",
+    "flow_along_x",
+    "flow_along_y",
+    "leakage_along_x",
+    "leakage_along_y",
+    "tension",
+    "von_mises",
+    "interface_shear",
+)
 INSTEAD = {"flow_along_x": "leakage_along_x", "flow_along_y": "leakage_along_y"}
 
 
@@ -99,13 +112,8 @@ def warnings_in(results: "Dataset") -> list[str]:
     """Returns the warnings about surfaces, and about numbers of solves that succeeded."""
     solved = results["message"] == ""
     zero = np.zeros(results["message"].shape)
-    kind = (
-        STEADY
-        if "time" not in results.dims
-        else TRANSIENT
-        if "field_time" in results.dims
-        else CYCLE
-    )
+    kind = STEADY if "time" not in results.dims else CYCLE
+    kind = TRANSIENT if "field_time" in results.dims else kind
     known = lambda name: results[name].where(solved).values if name in results else zero  # noqa: E731
     of_surfaces = [*filter(None, results.attrs["warnings"].split("\n"))]
     return of_surfaces + [warning.sentence for warning in warnings_of(known, kind)]

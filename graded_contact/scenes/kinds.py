@@ -137,10 +137,9 @@ SHAPES = {
     "error_function": ErrorFunction,
 }
 GRADED_SOLVERS = {"layering": Layering, "riccati": Riccati}
-RANGES = {"range": MeasuredRange}
 NESTED = {
     "shift": LAWS,
-    "measured": RANGES,
+    "measured": {"range": MeasuredRange},
     "shape": SHAPES,
     "graded_solver": GRADED_SOLVERS,
 }

@@ -53,9 +53,22 @@ from .loads import (
 
 NEEDED = ("surface", "materials", "base", "load")
 TABLES = (
-    *NEEDED, "title", "grid", "block_surface", "layers", "counterface", "sweep", "motion", "law",
-    "shear", "heating", "fluid", "observe", "solver", "output",
-)  # fmt: skip
+    *NEEDED,
+    "title",
+    "grid",
+    "block_surface",
+    "layers",
+    "counterface",
+    "sweep",
+    "motion",
+    "law",
+    "shear",
+    "heating",
+    "fluid",
+    "observe",
+    "solver",
+    "output",
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -234,12 +247,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     if "block_surface" in tables:
         own = {"seed": 1, **tables["block_surface"]}  # another surface with the same spectrum
         block_surface, _ = surface_of(builder, "block_surface", own, first.grid)
-    counterface = tables.get("counterface")
     bodies = TwoBodies(
         body_of(builder, "", tables, graded_solver),
-        None
-        if counterface is None
-        else body_of(builder, "counterface.", counterface, graded_solver),
+        body_of(builder, "counterface.", tables.get("counterface"), graded_solver),
     )
     scene = Scene(
         text=text,
@@ -286,8 +296,10 @@ def options_of(builder: Builder, tables: dict[str, Any]) -> dict[str, Any]:
     return options
 
 
-def body_of(builder: Builder, owner: str, tables: dict[str, Any], graded_solver: Any) -> Stack:
-    """Returns the body of the tables `layers` and `base`."""
+def body_of(builder: Builder, owner: str, tables: Any, graded_solver: Any) -> Any:
+    """Returns the body of the tables `layers` and `base`, or None without tables."""
+    if tables is None:
+        return None
     if owner:
         check_table(owner[:-1], tables, ("layers", "base"))
     if "base" not in tables:

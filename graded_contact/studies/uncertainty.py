@@ -143,9 +143,8 @@ def sensitivity(
         raise ValueError(
             f"`material` has a Poisson's ratio of shape {poisson.shape}, not a number."
         )
-    table = Tabulated(
-        omega, material.modulus(omega), poisson, shift=getattr(material, "shift", None),
-    )  # fmt: skip
+    shift = getattr(material, "shift", None)
+    table = Tabulated(omega, material.modulus(omega), poisson, shift=shift)
 
     def quantity(logarithms):
         values = jax.tree.map(jnp.exp, logarithms)
