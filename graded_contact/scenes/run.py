@@ -202,5 +202,7 @@ def read_results(path: str | os.PathLike) -> "Dataset":
         results = xarray.load_dataset(path, engine="h5netcdf")
         _ = results["message"], results.attrs["scene"]
     except (OSError, ValueError, KeyError) as error:
-        raise ValueError(f"`path={path}` has no results of a scene: {error}") from error
+        raise ValueError(
+            f"`path={path}` is not a result file of `graded-contact run`: {error}"
+        ) from error
     return results

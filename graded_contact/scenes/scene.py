@@ -71,6 +71,7 @@ TABLES = (
 )
 
 
+@shown("asked", unset=False)
 @dataclasses.dataclass(frozen=True)
 class Observe:
     """Optional outputs, off by default because they take longer.

@@ -296,6 +296,17 @@ def test_a_transient_is_drawn_over_time_and_at_rest_without_friction():
     assert len(gc.plot.plot_transient(moving).axes) == 3
 
 
+def test_a_leakage_over_time_has_bars_where_it_is_known():
+    leakage = np.array([np.nan, 2e-9, np.nan, 1e-9, 0.0])
+    numbers = {"leakage_along_x": leakage, "leakage_along_x_error": 0.1 * leakage}
+    results = xarray.Dataset({name: ("time", at) for name, at in numbers.items()})
+    results = results.assign(message=((), "")).assign_coords(time=np.arange(1.0, 6.0))
+    (panel,) = gc.plot.plot_sweep(results, ["leakage_along_x"]).axes
+    (bars,) = panel.collections
+    ends = np.array([bar[:, 1] for bar in bars.get_segments() if len(bar)])
+    np.testing.assert_allclose(ends, [[1.8e-9, 2.2e-9], [0.9e-9, 1.1e-9]])
+
+
 @pytest.mark.parametrize("shape", [(16,), (8, 8)])
 def test_a_film_has_one_scale(shape):
     pressure = np.random.default_rng(0).uniform(-1, 1, (8, *shape)).clip(0) * 4e6
