@@ -121,5 +121,7 @@ def test_pages_claim_what_is_stored():
         text = (ROOT / page).read_text(encoding="utf-8")
         assert not [claim for claim in claims if claim not in text], page
     text = (ROOT / "docs/performance.md").read_text(encoding="utf-8")
+    (peak,), (whole,) = (stored("contact-largest", f"peak {of}[GB]") for of in ("", "with it "))
+    assert f"{peak:.0f} GB ({whole:.0f} GB with the error" in text.replace("\n", " ")
     for call in ("slide", "gradient"):
         assert f"{stored('contact-first', 'time [s]', call=call)[0]:.0f} s for" in text, call
