@@ -53,8 +53,6 @@ class Rule(NamedTuple):
         return self.half_space is None
 
 
-# Unrolled layers run faster and scanned ones compile faster.
-UNROLLED_LAYERS = 4
 # The effect of what lies deeper than x = q × depth is less than 2 (1 + 2x)² e^-2x.
 _WINDOW = 22.0
 
@@ -197,11 +195,6 @@ def scan_layers(step, face: Any, layers: tuple[Any, ...], *, reverse: bool) -> A
 
     The carry of a scan keeps its shapes and dtypes: it has from the start those of its end.
     """
-    count = len(layers[0])
-    if count <= UNROLLED_LAYERS:
-        for i in reversed(range(count)) if reverse else range(count):
-            face = step(face, jax.tree.map(lambda part, i=i: part[i], layers))
-        return face
     like = stable_shape(lambda face: step(face, jax.tree.map(lambda part: part[0], layers)), face)
     # A derivative computes a step again: to store and load its numbers takes longer.
     add = jax.checkpoint(lambda *given: (cast_like(step(*given), like), None), prevent_cse=False)

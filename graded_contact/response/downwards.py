@@ -76,7 +76,7 @@ def depth_climb(
     surface = Face(Above(nothing, zero, traction), one, one)
 
     def climb(add_graded):
-        start = base_face(column, zero)
+        start = base_face(column.base, zero)
         lower = climb_through(column, start, FULL, add_graded, below, heights)
         whole = _with_base(column)
         upper = climb_through(whole, surface, _ABOVE, add_graded, above, heights)

@@ -105,9 +105,12 @@ def in_units(c: Compliance, ratio: Inexact[Array, "..."]) -> Compliance:
     return Compliance(c11, c12, c22, times(ratio * ratio, c.det))
 
 
-def factors(x: Array, e: Array) -> Slab:
-    """Returns the factors of a slab of x = q d [1] and `e` = 1 - 2ν; real for real `e`."""
-    t = _terms(x, e)
+def factors(x: Array, e: Array, known: Hyperbolic | None = None) -> Slab:
+    """Returns the factors of a slab of x = q d [1] and `e` = 1 - 2ν; real for real `e`.
+
+    `known` is `hyperbolic(x)` if it is at hand.
+    """
+    t = _terms(x, e, known)
     x, e1, e2, om = t.x, t.e1, t.e2, t.om
     b = 1 + e
     inverse = reciprocal(t.delta)
@@ -191,9 +194,9 @@ def reciprocal(value):
 _Terms = namedtuple("_Terms", "x e1 e2 om psi s2 sc x1 x2 f1 f2 delta")
 
 
-def _terms(x, e) -> _Terms:
+def _terms(x, e, known) -> _Terms:
     x = jnp.minimum(x, DEEP)
-    e1, om, psi = hyperbolic(x)
+    e1, om, psi = hyperbolic(x) if known is None else known
     e2 = e1 * e1
     s2 = om * om
     x2 = 4 * x * x * e2

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Inexact
 
 from ..blocks.stack import Free, Rigid
-from .column import Column, Face, Rule, face_in
+from .column import Face, Rule, face_in
 from .slab import Compliance, factors, in_units, lower_face, times, upwards
 
 
@@ -32,16 +32,16 @@ class Below(NamedTuple):
     c_t: Any = None
 
 
-def base_face(column: Column, like: Array) -> Face:
-    """Returns the state of the base's face, of the shape and dtype of `like`."""
+def base_face(base: Any, like: Array) -> Face:
+    """Returns the state of the face of a base of `Column`, of the shape and dtype of `like`."""
     none, one = jnp.zeros_like(like), jnp.ones_like(like)
     # A rigid base has no compliance; that of a free face is infinite: n = 0, and det = 1.
-    if isinstance(column.base, Rigid):
+    if isinstance(base, Rigid):
         return Face(Below(one, Compliance(none, none, none, none), one, none), one, one)
-    if isinstance(column.base, Free):
+    if isinstance(base, Free):
         return Face(Below(none, Compliance(none, none, none, one), none, one), one, one)
     # Moduli keep their shape: often one for each row of waves.
-    face = _half_space(*column.base)
+    face = _half_space(*base)
     return face._replace(state=jax.tree.map(lambda part: part + none, face.state))
 
 
@@ -56,15 +56,20 @@ def _half_space(reduced: Array, e: Array) -> Face:
     return face_in(Below(one, c, one, one), reduced, e)
 
 
-def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
-    """The state of a slab's upper face from that of its lower face."""
-    above = face_in(None, reduced, e)
-    ratio, s = reduced / face.reduced, factors(x, e)
-    n, c, n_t, c_t = face.state
+def met(face: Face, reduced: Array) -> tuple[Array, Compliance]:
+    """Returns n and c of a face, in units of the slab above it of this E_r."""
+    n, c = face.state[:2]
     # Only ratios of coordinates matter; those of hundreds of layers would overflow. Those that are
     # given are at hand: the size of the new ones would be computed again for each of them.
     unit = _inverse_size((n, *c))
-    n, c = unit * n, in_units(Compliance(*(unit * part for part in c)), ratio)
+    return unit * n, in_units(Compliance(*(unit * part for part in c)), reduced / face.reduced)
+
+
+def _add(face: Face, x: Array, reduced: Array, e: Array, known: Any = None) -> Face:
+    """The state of a slab's upper face from that of its lower face; `known` as in `factors`."""
+    above, s = face_in(None, reduced, e), factors(x, e, known)
+    n, c = met(face, reduced)
+    _, _, n_t, c_t = face.state
     h, m = lower_face(c, s, n)
     # The slab's own part, of 1/m as the rest.
     own = (times(part, by) for part, by in zip(s.q, (m, m, m, n), strict=True))
