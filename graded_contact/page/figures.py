@@ -73,7 +73,7 @@ class Map:
         ranges: Any = {"x_range": (0, width), "y_range": (0, height), "match_aspect": True}
         self.figure = new_figure(self.words, *places, aspect_ratio=0.9, max_width=420, **ranges)
         self.image, self.outline = source("image"), source("xs", "ys")
-        self.colours = bokeh.LinearColorMapper(palette=palette, nan_color="white")
+        self.colours = bokeh.LinearColorMapper(palette=palette, low=0, high=1, nan_color="white")
         whole = {"x": 0, "y": 0, "dw": width, "dh": height}
         self.figure.image("image", source=self.image, color_mapper=self.colours, **whole)
         self.figure.multi_line(source=self.outline, color="black", line_width=0.7)

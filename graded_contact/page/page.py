@@ -38,7 +38,10 @@ GRID = """
   :host {grid-template: "head" auto "curves" auto "side" auto "maps" auto / minmax(0, 1fr)}
 }
 """
-FLOW = ":host {display: flex !important; flex-flow: row wrap; gap: 4px 12px} * {flex: 1 1 280px}"
+FLOW = """
+:host {display: grid !important; gap: 4px 12px;
+  grid-template-columns: repeat(auto-fit, minmax(280px, 1fr))}
+"""
 # Phones draw a page without this line as wide as on a desk.
 VIEWPORT = """<script>document.head.insertAdjacentHTML("beforeend",
 '<meta name="viewport" content="width=device-width, initial-scale=1">')</script>"""
