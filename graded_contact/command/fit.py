@@ -16,9 +16,7 @@ Pairs = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="May
 
 
 def fit(
-    moduli_files: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", exists=True, dir_okay=False)
-    ],
+    moduli_files: Annotated[list[Path], typer.Argument(metavar="FILE...")],
     output: Output = None,
     terms: Annotated[int | None, typer.Option(help="Number (default: lowest BIC).")] = None,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio.")] = 0.5,

@@ -22,9 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-SceneFile = Annotated[
-    Path, typer.Argument(metavar="SCENE.toml", exists=True, dir_okay=False, help="Scene file.")
-]
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="Scene file.")]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")]
 Full = Annotated[bool, typer.Option("--full", help="Show all numbers in the table.")]
 Format = Annotated[
@@ -74,9 +72,7 @@ def run(
 
 
 def info(
-    result_file: Annotated[
-        Path, typer.Argument(metavar="RESULT.h5", exists=True, dir_okay=False, help="Result file.")
-    ],
+    result_file: Annotated[Path, typer.Argument(metavar="RESULT.h5", help="Result file.")],
     full: Full = False,
 ) -> None:
     """Prints a result file: the scene, the version that ran it, and the table of results."""

@@ -20,6 +20,7 @@ from ..blocks import Stack
 from ..contacts import DouglasRachford, HardWall
 from ..core.checks import as_float, check_tolerance, check_type, check_whole, within
 from ..core.display import shown
+from ..core.files import read_file
 from ..core.parameters import with_values
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
@@ -211,7 +212,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
     A missing file raises `FileNotFoundError`. An error in the file raises `ValueError` with the
     table and the key.
     """
-    text = Path(path).read_text("utf-8")
+    text = read_file(path).decode()
     with within(f"{path}:"):
         return parse_scene(text, Path(path).parent)
 
