@@ -64,6 +64,7 @@ def run(
     with refusing():
         scene = read_scene(scene_file)
         if dry_run:
+            scene.case(scene.first)
             jax.eval_shape(lambda point: numbers_at(scene, point), scene.first)
             typer.echo(scene)
             return

@@ -18,6 +18,7 @@ MAIN = (
     "friction",
     "mean_friction",
     "peak_friction",
+    "time_to_peak",
     "contact_area",
     "mean_gap",
     "mean_pressure",

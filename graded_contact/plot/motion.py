@@ -70,7 +70,8 @@ def plot_transient(
     """Returns a figure of friction, contact area, load and mean gap over time.
 
     Results of a seal have their leakage, or flow, as well. A surface that rests has no friction.
-    Time is logarithmic if the last step is more than ten times as long as the first.
+    Time is logarithmic if the last step is more than ten times as long as the first. After a long
+    rest it is the time since the last start or stop, and lines at rest have dashes.
 
     **Arguments:**
 
@@ -79,7 +80,8 @@ def plot_transient(
     - `names`: of the numbers over time, in place of these.
     - `axes`: a panel for each name to draw in, by default of a new figure.
     """
-    return plot_sweep(_over_time(transient, names or MOVING), names, "time", axes=axes)
+    shown = (*(names or MOVING), "time_since_change")
+    return plot_sweep(_over_time(transient, shown), names, "time", axes=axes)
 
 
 @finished

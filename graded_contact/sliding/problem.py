@@ -287,7 +287,8 @@ class TransientProblem(AbstractProblem):
     - `bodies`, `creeps`: the block and the counterface, unless it is rigid, and their memories.
     - `times`: ends of the steps [s], shape `(nt,)`.
     - `displacement`: s of the surface at these times [m], since t = 0, shape `(nt,)` or `(nt, 2)`.
-    - `given`: pressure [Pa] or mean gap [m] at these times.
+    - `given`: at these times the pressure [Pa] or the mean gap [m], or of an approach the place of
+      the block's undeformed surface in the frame of the heights [m].
     - `path`: points of the part of the block over which a window moves, or None. Static.
     """
 

@@ -160,6 +160,7 @@ def slide_transient(
     displacement: Numbers,
     pressure: Numbers | None = None,
     mean_gap: Numbers | None = None,
+    approach: Numbers | None = None,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
@@ -172,8 +173,8 @@ def slide_transient(
 
     Start from rest, dwell, braking, steps of the load, unloading. Before t = 0 nothing touches; in
     the first step the pressure grows from 0. Differentiable in every leaf of `stack`, `surface`,
-    `law` and `shear`, in times and motion and in the prescribed load or gap; works under `jit` and
-    `vmap`.
+    `law` and `shear`, in times and motion and in the prescribed load, gap or approach; works under
+    `jit` and `vmap`.
 
     **Arguments:**
 
@@ -188,7 +189,9 @@ def slide_transient(
       `(nt, 2)`; see `start`, `ramp`, `dwell`, `listed`.
     - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
-      heights; not on a window.
+      heights; not on a window; or
+    - `approach`: of a body on a window [m], a number or one at each time: how far it moved into the
+      block since its first touch. In the first step it grows from the first touch.
     - `law`: of contact; it has no history.
     - `shear`, `temperature`: as in `slide`. The law holds at the pressure of each time and the mean
       speed of its step, and the traction has the direction of that step. At rest there is none.
@@ -204,7 +207,7 @@ def slide_transient(
     """
     case = Case(
         stack=stack, surface=surface, displacement=displacement, times=times, pressure=pressure,
-        mean_gap=mean_gap, law=law, shear=shear, temperature=temperature,
+        mean_gap=mean_gap, approach=approach, law=law, shear=shear, temperature=temperature,
         counterface=counterface, block_surface=block_surface,
     )  # fmt: skip
     how, _ = numerics_of("slide_transient", numerics)

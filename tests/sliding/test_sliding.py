@@ -3,7 +3,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from hypothesis import given, settings
-from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact.contacts.solve import RTOL
@@ -97,24 +96,6 @@ def test_units_scale_out(length, stress, time):
     np.testing.assert_allclose(other.mean_gap, one.mean_gap * length, rtol=1e-5)
 
 
-def test_gradients_by_every_leaf_match_central_differences():
-    """Of friction and smooth area, by stack, spectrum of the surface, pressure and velocity."""
-    stack = gc.Stack(
-        layers=(gc.Layer(gc.Prony(3e6, [2e7, 1e7], [1e-4, 1e-2], 0.45), 200e-6),),
-        base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49)),
-    )
-
-    def value(stack, spectrum, pressure, velocity):
-        surface = gc.random_surface(spectrum, GRID, jax.random.key(0))
-        s = gc.slide(stack, surface, pressure=pressure, velocity=velocity, rtol=1e-11)
-        return jnp.log(s.friction) + 0.7 * jnp.log(s.contact_area)
-
-    arguments = (stack, SPECTRUM, jnp.asarray(4e5), jnp.asarray(0.1))
-    slopes, differences = np.transpose(elasticities(value, arguments, step=2e-6))
-    np.testing.assert_allclose(slopes, differences, rtol=2e-5, atol=2e-7)
-    assert np.sum(np.abs(differences) > 2e-5) >= 16
-
-
 def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
     line = SURFACE.heights[:, 0]
     profile = gc.Surface(line, gc.Grid((64,), CELL))
@@ -167,9 +148,6 @@ def test_soft_law_slides_nearly_as_the_hard_wall():
     np.testing.assert_allclose(
         soft.pressure, 4e5 * (law.range / soft.gap) ** 9, atol=1e-4 * soft.pressure.max()
     )
-
-
-TEMPERATURES, LOG10 = np.array([260.0, 280.0, 300.0, 330.0]), np.array([4.0, 1.5, 0.0, -1.5])
 
 
 def test_the_mean_gap_of_full_contact_is_accepted():

@@ -63,7 +63,21 @@ class TransientSliding(AbstractSliding):
     mean_friction_error = error_of(mean_friction, of_steps.MEAN_ERRORS)
     peak_friction = CyclicSliding.peak_friction
     peak_friction_error = error_of(peak_friction, of_steps.PEAK_ERRORS)
+    time_to_peak = number(
+        transient.time_to_peak,
+        "time from the last start or stop to the largest friction",
+        r"t_\mathrm{max}",
+        "s",
+    )
+    time_since_change = number(
+        transient.time_since_change,
+        "time since the last start or stop",
+        r"t - t_0",
+        "s",
+        over_time=True,
+    )
     traction, load = CyclicSliding.traction, CyclicSliding.load
+    load_error = error_of(load, of_steps.LOAD_ERRORS, needs=[facts.LOAD_FOLLOWS])
     work_done = number(transient.work_done, "work of friction so far", "W", "J/m²", over_time=True)
     work_done_error = error_of(work_done, of_steps.WORK_ERRORS)
     load_work_done = number(

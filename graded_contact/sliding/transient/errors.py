@@ -90,6 +90,10 @@ def _heights(found: Found) -> Array:
     return _roughness(found) * jnp.ones_like(found.times)
 
 
+def _load(found: Found) -> Array:
+    return found.recorded["load"]
+
+
 def _area(found: Found) -> Array:
     return found.recorded["contact_area"]
 
@@ -143,4 +147,5 @@ PEAK_ERRORS = _of_force("peak_friction", _mean_forces)
 WORK_ERRORS = _of_force("work_done", _works)
 LOAD_WORK_ERRORS = _of_force("load_work_done", _work_of_load)
 AREA_ERRORS = _parts_of("contact_area", _area, area_by_grid)
+LOAD_ERRORS = _parts_of("load", _load, by_grid("load", OF_PLACE))
 GAP_ERRORS = _parts_of("mean_gap", _heights, by_grid("mean_gap", OF_PLACE), "step_gap_error")

@@ -1,7 +1,10 @@
 """Numbers that only a transient motion has; all are recorded step by step."""
 
+import jax
+import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..formulas import lengths
 from ..number import Found
 
 
@@ -23,3 +26,18 @@ def load_work_done(found: Found) -> Array:
 def shear_work_done(found: Found) -> Array:
     """The part of `work_done` by shear in the contact [J/m²]."""
     return found.recorded["shear_work_done"]
+
+
+def time_since_change(found: Found) -> Array:
+    """Time since the surface last started or stopped [s]; before that since t = 0."""
+    steps, way = found.problem.steps
+    ends, moves = found.times, lengths(way) > 0
+    changes = jnp.append(False, moves[1:] != moves[:-1])
+    return ends - jax.lax.cummax(jnp.where(changes, ends - steps, 0))
+
+
+def time_to_peak(found: Found) -> Array:
+    """Time from the last start or stop of the surface to the largest friction [s]."""
+    sizes = lengths(found.recorded["friction"].reshape(len(found.times), -1))
+    peak = jnp.argmax(jnp.where(found.recorded["load"] > 0, sizes, -1))
+    return time_since_change(found)[peak]
