@@ -15,7 +15,7 @@ import numpy as np
 import panel as pn
 import param
 
-from ..core.display import with_error
+from ..core.display import UNKNOWN, with_error
 from ..core.quantities import quantity_of
 from ..plot import COLOURS
 from ..plot.sweeps import title_of
@@ -38,9 +38,10 @@ GRID = """
   :host {grid-template: "head" auto "curves" auto "side" auto "maps" auto / minmax(0, 1fr)}
 }
 """
-FLOW = """
+ROW = """
 :host {display: grid !important; gap: 4px 12px;
-  grid-template-columns: repeat(auto-fit, minmax(280px, 1fr))}
+  grid-template-columns: repeat(COUNT, minmax(0, 1fr))}
+@media (max-width: 800px) {:host {grid-template-columns: minmax(0, 1fr)}}
 """
 # Phones draw a page without this line as wide as on a desk.
 VIEWPORT = """<script>document.head.insertAdjacentHTML("beforeend",
@@ -280,7 +281,7 @@ class Page(pn.viewable.Viewer):
 def side_by_side(figures: Any) -> pn.Column:
     """Returns figures beside each other, or on a phone below each other."""
     shown = [pn.pane.Bokeh(one.figure, margin=0, **WIDTHS) for one in figures]
-    return pn.Column(*shown, stylesheets=[FLOW], **WIDE)
+    return pn.Column(*shown, stylesheets=[ROW.replace("COUNT", str(len(shown)))], **WIDE)
 
 
 def paragraph(text: object, kind: str = "") -> str:
@@ -292,7 +293,8 @@ def in_words(name: str, number: float, error: float) -> str:
     """Returns a number of a contact with its error in a unit that suits it."""
     quantity = quantity_of(name)
     assert quantity is not None
-    return with_error(number, error, "" if quantity.unit == "1" else quantity.unit)
+    words = with_error(number, error, "" if quantity.unit == "1" else quantity.unit)
+    return words.replace(f"± {UNKNOWN}", "± …")  # it is computed after the number
 
 
 def explore(scene: Scene | str | os.PathLike = DEMO, folder: str | os.PathLike = ".") -> Page:

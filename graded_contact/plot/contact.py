@@ -3,9 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike
 
+from ..contacts.law import HardWall
 from ..core.checks import as_float
 from ..core.display import unit_of
 from ..sliding.result import Sliding
@@ -54,14 +56,15 @@ def plot_sliding(
 
     **Arguments:**
 
-    - `sliding`: a result of `slide`, or anything else with `pressure` [Pa] and `gap` [m].
+    - `sliding`: a result of `slide`, or anything else with `pressure` [Pa], `gap` [m] and, unless
+      that is the hard wall, the `law` of contact.
     - `surface`: the surface that slides.
     - `velocity`: of the surface [m/s], as in `slide`. An arrow shows its direction if it is not 0.
     - `axes`: three panels to draw in, by default of a new figure.
     """
     heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
-    pressure, gap = np.asarray(sliding.pressure), np.asarray(sliding.gap)
-    touches = pressure > 0
+    pressure, gap, level = np.asarray(sliding.pressure), np.asarray(sliding.gap), level_of(sliding)
+    touches = level > 0
     fields = {
         "heights": heights - np.mean(heights),
         "pressure": np.where(touches, pressure, np.nan),
@@ -75,7 +78,7 @@ def plot_sliding(
     for panel, (name, values) in zip(shown, fields.items(), strict=True):
         _draw_field(panel, name, values, size)
         panel.label_outer()
-    _draw_outline(shown[0], pressure, gap, size)
+    _draw_outline(shown[0], level, size)
     _draw_direction(shown[1], np.atleast_1d(as_float(velocity, "velocity")))
     return figure_of(shown[0])
 
@@ -146,14 +149,22 @@ def draw_map(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -
     return image
 
 
-def _draw_outline(axes: "Axes", pressure: np.ndarray, gap: np.ndarray, size: np.ndarray) -> None:
+def level_of(found: Any) -> np.ndarray:
+    """Returns how far points are inside contact by its law, outside negative; 0 at the edge."""
+    pressure, gap = np.asarray(found.pressure), np.asarray(found.gap)
+    # Gaps are scaled as the pressure is, so that an outline lies between the points.
+    scale = np.std(pressure) / (np.std(gap) or 1)
+    law = getattr(found, "law", HardWall())
+    return np.asarray(law.contact_indicator(jnp.asarray(pressure), jnp.asarray(gap), scale))
+
+
+def _draw_outline(axes: "Axes", level: np.ndarray, size: np.ndarray) -> None:
     """Draws the contact on a panel of the heights."""
-    if pressure.ndim == 1:
+    if level.ndim == 1:
         x, heights = axes.lines[0].get_data()
-        touching = np.where(pressure > 0, heights, np.nan)
+        touching = np.where(level > 0, heights, np.nan)
         axes.plot(x, touching, ".-", color=COLOURS[1], linewidth=2.5)
         return
-    level = edge_level(pressure, gap)
     if np.any(level > 0) and np.any(level < 0):
         factor, step = unit_of("m", np.max(size))[1], -(-max(level.shape) // FINEST_OUTLINE)
         x, y = (
@@ -162,12 +173,6 @@ def _draw_outline(axes: "Axes", pressure: np.ndarray, gap: np.ndarray, size: np.
         )
         level = level[::step, ::step]  # an outline finer than the picture takes long to draw
         axes.contour(x, y, level.T, levels=[0.0], colors="black", linewidths=0.5)
-
-
-def edge_level(pressure: np.ndarray, gap: np.ndarray) -> np.ndarray:
-    """Returns a field that is 0 at the edge of the contact, between the points."""
-    gap = np.maximum(gap, 0)
-    return pressure / (np.std(pressure) or 1) - gap / (np.std(gap) or 1)
 
 
 def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:

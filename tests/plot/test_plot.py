@@ -198,6 +198,18 @@ def test_a_contact_has_an_outline_on_maps_and_is_thick_on_a_profile():
     np.testing.assert_array_equal(contact[touching], heights[touching])
 
 
+def test_a_figure_takes_the_contact_of_the_law():
+    """A soft wall has pressure everywhere, and contact where the gap is below its edge."""
+    law, gap = gc.RepulsiveLJ(1e-6, 1e5), 1e-6 * np.linspace(1.0, 4.0, 16)
+    fields = SimpleNamespace(pressure=1e5 * (1e-6 / gap) ** 9, gap=gap, law=law)
+    surface = gc.Surface(gap, gc.Grid((16,), 1.0))
+    contact = gc.plot.plot_sliding(fields, surface).axes[0].lines[1].get_ydata()
+    touches = gap < float(law.contact_gap) * 1e-6
+    np.testing.assert_array_equal(np.isfinite(contact), touches)
+    shown = gc.plot.plot_sliding(fields, surface).axes[2].lines[0].get_ydata()
+    np.testing.assert_allclose(shown, np.where(touches, 0, 1e6 * gap))
+
+
 def test_dissipation_is_the_slope_of_the_friction_and_encloses_it():
     q = np.geomspace(1e3, 1e6, 64)
     curve = gc.surfaces.CutoffCurve(jnp.asarray(q), jnp.asarray(0.1 * np.log(q / 1e3)))
