@@ -174,8 +174,8 @@ class MasterCurve(AbstractFit):
             said += (f"{self.law} has a constant at the end of its range: no such law holds.",)
         elif any(self.isotherms.stds) and not self.law_serves():
             said += (
-                f"With {self.law} alone the error is {self.law_error():.2g}: the export has a table "
-                "of shifts, which ends at the temperatures that were measured.",
+                f"With {self.law} alone the error is {self.law_error():.2g}: the export has a "
+                "table of shifts, which ends at the temperatures that were measured.",
             )
         return said
 
