@@ -126,7 +126,7 @@ class Bars:
 
     def __init__(self, of: str):
         self.names = bokeh.FactorRange()
-        title = f"change of the {title_of(of)} by +1 % of each number [%]"
+        title = f"change of the {title_of(of)}\nby +1 % of each number [%]"
         self.figure = new_figure(title, "", "", y_range=self.names)
         self.source = source("name", "change")
         self.figure.hbar("name", right="change", source=self.source, height=0.6, color=COLOURS[0])
