@@ -299,6 +299,7 @@ def test_a_transient_is_drawn_over_time_and_at_rest_without_friction():
     moving.problem = SimpleNamespace(displacement=np.array([0.0, 1e-4, 2e-4]), times=times)
     moving.friction, moving.contact_area = np.array([0.1, 0.2, 0.3]), np.array([0.1, 0.1, 0.2])
     moving.load, moving.mean_gap = np.full(3, 2e5), np.array([3e-6, 2e-6, 1e-6])
+    moving.time_since_change = times
     figure = gc.plot.plot_transient(moving)
     check_labels(figure)
     np.testing.assert_allclose(figure.axes[0].lines[0].get_xydata()[-1], [1.0, 0.3])
