@@ -29,7 +29,7 @@ from ...blocks.stack import Stack
 from ...contacts.area import area_in_doubt
 from ...contacts.solution import RESULTS, ended
 from ...core.checks import Numbers, is_concrete
-from ...core.compilation import compiled
+from ...core.compilation import compiled, say_compiling
 from ...core.derivative import derivative_apart, still
 from ...core.fixed_point import attach_fixed_point, find_fixed_point, has_reached
 from ...fields.devices import required
@@ -59,6 +59,7 @@ def solve_heated(
     """Returns the contact of a `Case` at the temperatures that it causes; see `slide`."""
     grid, dtype = case.rough.grid, case.rough.grid.size.dtype
     temperature = _bulk_of(case)
+    say_compiling("a heated contact: minutes on large grids")
     edges, padded, finer = _cells(grid, NUM_CELLS)
     given = dataclasses.replace(case, temperature=temperature)
     fixed = still(given)
