@@ -80,17 +80,10 @@ def paraboloid(
     layers: Layers, base: Base, curvature: float, *, load=None, approach=None
 ) -> Paraboloid:
     """Returns the contact of z = r²/(2R), R the `curvature` [m], at a load [N] or approach [m]."""
-    x, weight = np.polynomial.legendre.leggauss(32)
-    last = LAST / min(thickness for _, _, thickness in layers)
-    edges = last * np.linspace(0, 1, PANELS + 1) ** 2
-    half = np.diff(edges)[:, None] / 2
-    q, weight = (edges[:-1, None] + half * (1 + x)).ravel(), (half * weight).ravel()
-    weight = weight * (relative_compliance(q, layers, base) - 1)
-
-    modulus = _reduced(layers)
+    modulus, beside = _reduced(layers), _beside_half_space(layers, base)
 
     def at(radius):
-        return _contact(radius, curvature, modulus, q, weight)
+        return _contact(radius, curvature, modulus, *beside)
 
     def excess(log_radius):
         found = at(np.exp(log_radius))
@@ -100,8 +93,37 @@ def paraboloid(
     return at(np.exp(brentq(excess, np.log(scale / 5), np.log(scale * 5), xtol=1e-12)))
 
 
+def punch_stiffness(radius: float, layers: Layers, base: Base) -> float:
+    """Returns the load of a flat round punch over that on a half space of the top layer.
+
+    At one approach: κ of W. C. Hayes et al., J. Biomech. 5 (1972) 541.
+    """
+    parts, width = _parts(radius, *_beside_half_space(layers, base))[:2]
+    return np.pi / 2 * width @ parts[:, 0] / radius
+
+
+def _beside_half_space(layers, base):
+    """Nodes q, and their weights times `relative_compliance` less 1."""
+    x, weight = np.polynomial.legendre.leggauss(32)
+    last = LAST / min(thickness for _, _, thickness in layers)
+    edges = last * np.linspace(0, 1, PANELS + 1) ** 2
+    half = np.diff(edges)[:, None] / 2
+    q, weight = (edges[:-1, None] + half * (1 + x)).ravel(), (half * weight).ravel()
+    return q, weight * (relative_compliance(q, layers, base) - 1)
+
+
 def _contact(radius, curvature, modulus, q, weight):
     """The contact of a given radius; `weight` is g times that of the nodes `q`."""
+    parts, width, t, at_edge = _parts(radius, q, weight)
+    approach = at_edge[1] / at_edge[0] / curvature
+    phi = parts @ [approach, -1 / curvature]
+    # φ is a smooth function of t², so that φ'(t)/t is one too.
+    slope = np.polynomial.Chebyshev.fit(t**2, phi, 16, domain=[0, radius**2]).deriv()(t**2)
+    return Paraboloid(radius, approach, np.pi * modulus * width @ phi, -modulus * width @ slope)
+
+
+def _parts(radius, q, weight):
+    """φ_1 and φ_2 at nodes, the weights of these, the nodes, and both at the edge."""
     nodes, width = np.polynomial.legendre.leggauss(NODES)
     t, width = radius * (nodes + 1) / 2, radius * width / 2
     cosines = np.cos(np.outer(np.append(t, radius), q))
@@ -109,12 +131,7 @@ def _contact(radius, curvature, modulus, q, weight):
     # φ = δ φ_1 - φ_2/R, with the right sides 1 and t².
     sides = 2 / np.pi * np.stack([np.ones(NODES + 1), np.append(t, radius) ** 2], 1)
     parts = np.linalg.solve(np.eye(NODES) + kernel[:-1], sides[:-1])
-    at_edge = sides[-1] - kernel[-1] @ parts
-    approach = at_edge[1] / at_edge[0] / curvature
-    phi = parts @ [approach, -1 / curvature]
-    # φ is a smooth function of t², so that φ'(t)/t is one too.
-    slope = np.polynomial.Chebyshev.fit(t**2, phi, 16, domain=[0, radius**2]).deriv()(t**2)
-    return Paraboloid(radius, approach, np.pi * modulus * width @ phi, -modulus * width @ slope)
+    return parts, width, t, sides[-1] - kernel[-1] @ parts
 
 
 def adhesive_pull_off(tabor: float, rings: int = 400) -> float:

@@ -4,6 +4,7 @@ Sources and verdicts are on the site's page "Published results"; `bench_publishe
 rows, and `tests/test_published.py` checks them.
 """
 
+import axisymmetric
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -65,6 +66,41 @@ def bonded_layer(poisson: float, points: int = 256) -> float:
     """The load of a sphere of 1 m, 0.5 µm deep in a bonded layer of 2 mm and 10 GPa [N]."""
     slab = gc.Stack(layers=(gc.Layer(gc.Elastic(1e10, poisson), 2e-3),), base=gc.Rigid())
     return load_of(press(slab, ball(points, 2.4e-3, 1.0), approach=0.5e-6))
+
+
+CARTILAGE = gc.Stack(layers=(gc.Layer(gc.Elastic(1.0, 0.5), 1.0),), base=gc.Rigid())
+
+
+def punch_on_a_layer(radius: float, points: int) -> tuple[float, float]:
+    """κ of a flat round punch on a bonded layer of thickness 1 and ν = 1/2, and its error [1].
+
+    W. C. Hayes, L. M. Keer, G. Herrmann, L. F. Mockros, J. Biomech. 5 (1972) 541: the load over 8/3
+    E a δ. As many points are inside as the area has.
+    """
+    grid = gc.Grid((points, points), 2.4 * radius)
+    x = np.asarray(grid.spacing)[0] * (np.arange(points) - (points - 1) / 2)
+    inside = x[:, None] ** 2 + x**2 < radius**2
+    surface = gc.Surface(np.where(inside, 0.0, -1.0), grid, periodic=False)
+    found = press(CARTILAGE, surface, approach=1e-3)
+    cell = float(jnp.prod(grid.size))
+    unit = 8 / 3 * np.sqrt(np.mean(inside) * cell / np.pi) * 1e-3 / cell
+    return float(found.mean_pressure) / unit, float(found.mean_pressure_error) / unit
+
+
+def sphere_on_a_layer(chi: float, points: int) -> tuple[float, float, float]:
+    """The load of a sphere on that layer over that of the integral, its error, and of a formula.
+
+    E. K. Dimitriadis et al., Biophys. J. 82 (2002) 2798, by χ = √(R δ)/h.
+    """
+    curvature = 100.0
+    approach = chi**2 / curvature
+    exact = axisymmetric.paraboloid([(1.0, 0.5, 1.0)], None, curvature, approach=approach)
+    surface = ball(points, 2.4 * exact.radius, curvature)
+    found = press(CARTILAGE, surface, approach=approach)
+    unit = exact.load / float(jnp.prod(surface.grid.size))
+    series = np.polynomial.Polynomial([1, 1.133, 1.283, 0.769, 0.0975])(chi)
+    printed = 16 / 9 * np.sqrt(curvature) * approach**1.5 * series / exact.load
+    return float(found.mean_pressure) / unit, float(found.mean_pressure_error) / unit, printed
 
 
 class PowerGradient(eqx.Module):

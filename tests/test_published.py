@@ -57,6 +57,31 @@ def test_a_load_at_rest_deflects_three_layers_as_ellea1():
     np.testing.assert_allclose(1e3 * found, published.AT_REST, atol=1e-4)
 
 
+HAYES = {0.2: 1.2806, 0.4: 1.6837, 0.6: 2.2129, 0.8: 2.8602, 1: 3.6187, 1.5: 6.0030, 2: 9.1495,
+         3: 18.157, 5: 50.140, 8: 146.32}  # fmt: skip
+
+
+def test_a_punch_on_a_bonded_layer_is_that_of_hayes():
+    """κ by another solution of its integral equation; the printed table is up to 5.9 % below."""
+    layer = [(1.0, 0.5, 1.0)]
+    found = [axisymmetric.punch_stiffness(radius, layer, None) for radius in HAYES]
+    np.testing.assert_allclose(found, list(HAYES.values()), rtol=5e-5)
+    for radius in (0.4, 1, 2, 5):
+        factor, error = published.punch_on_a_layer(radius, 24)
+        assert abs(factor - HAYES[radius]) < error < 0.13 * factor
+        assert factor == pytest.approx(HAYES[radius], rel=0.04)
+
+
+def test_a_sphere_on_a_bonded_layer_is_that_of_the_integral_and_dimitriadis_is_below():
+    formulas = []
+    for chi in (0.1, 0.5, 1.0, 1.5):
+        load, error, formula = published.sphere_on_a_layer(chi, 24)
+        assert abs(load - 1) < min(error, 5e-3)
+        assert error < 0.03
+        formulas.append(formula)
+    np.testing.assert_allclose(formulas, (0.998, 0.923, 0.837, 0.842), atol=1e-3)
+
+
 @pytest.mark.slow
 def test_a_load_that_moves_deflects_a_viscoelastic_road_as_ellva_vd():
     """By E. Levenberg (2018), as ALVA tables it: E(t) = 1/D(t) is nearer to it at its peak."""

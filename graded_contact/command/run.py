@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import jax
@@ -41,14 +42,10 @@ def refusing() -> Iterator[None]:
         raise typer.Exit(2) from error
 
 
-def demo(output: Output = None, resolution: Annotated[
-    int, typer.Option(min=256, help="Points along each edge; same surface.")
-] = 256, form: Format = "png") -> None:  # fmt: skip
+def demo(output: Output = None, form: Format = "png") -> None:
     """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
     text = resources.files("graded_contact.scenes").joinpath("demo.toml").read_text("utf-8")
-    text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
-    name = "demo" if resolution == 256 else f"demo-{resolution}"
-    run_into(output or Path("graded-contact-demo"), name, parse_scene(text), form)
+    run_into(output or Path("graded-contact-demo"), "demo", parse_scene(text), form)
 
 
 def run(
@@ -68,6 +65,7 @@ def run(
     with refusing():
         scene = read_scene(scene_file)
         if dry_run:
+            scene.case(scene.first)
             jax.eval_shape(lambda point: numbers_at(scene, point), scene.first)
             typer.echo(scene)
             return
@@ -158,6 +156,7 @@ def figures_of(scene: Scene, results: "Dataset") -> "Iterator[tuple[str, Figure]
     fields = last[["contact_pressure", "gap"]].drop_vars("pressure", errors="ignore")
     fields = fields.rename(contact_pressure="pressure")
     if scene.motion is None:
-        yield "contact", plot.plot_sliding(fields, case.rough, case.velocity)
+        found = SimpleNamespace(pressure=fields.pressure, gap=fields.gap, law=case.law)
+        yield "contact", plot.plot_sliding(found, case.rough, case.velocity)
     else:
         yield "film", plot.plot_film(fields, case.rough)

@@ -91,23 +91,36 @@ def loading_on(
 
     **Raises:** `ValueError` unless one of the two that the operator allows is given.
     """
+    # Not by JAX: a loop would trace it.
+    known = approach is not None and is_concrete(operator.kernel)
+    ground = not known or bool(np.asarray(operator.kernel).flat[0] != 0)
     on_window = isinstance(operator, Window)
-    gaps = {"mean_gap": mean_gap, "approach": approach}
+    given = check_gap(on_window, ground, pressure, mean_gap=mean_gap, approach=approach)
+    return loading_of(law, heights, None, **given)
+
+
+def check_gap(
+    on_window: bool, ground: bool, pressure: Numbers | None, **gaps: Numbers | None
+) -> dict[str, Numbers | None]:
+    """Returns the pressure, and the approach on a window, else the mean gap, as prescribed.
+
+    `ground` tells whether the displacement of the block has a limit far away.
+
+    **Raises:** `ValueError` for the other one, and for an approach without such a limit.
+    """
     own, other = ("approach", "mean_gap") if on_window else ("mean_gap", "approach")
     if gaps[other] is not None:
         only = "in a periodic cell" if on_window else "on a window (see `Surface.periodic`)"
         raise ValueError(
             f"`{other}={gaps[other]}` is refused: only a body {only} has one. Prescribe `{own}`."
         )
-    loading = loading_of(law, heights, None, pressure=pressure, **{own: gaps[own]})
-    known = approach is not None and is_concrete(operator.kernel)
-    if known and np.asarray(operator.kernel).flat[0] == 0:  # not by JAX: a loop would trace it
+    if gaps["approach"] is not None and not ground:
         raise ValueError(
-            f"`approach={approach}` is refused: the displacement of this block has no limit far "
-            "away, as of all blocks in one dimension but slabs on a `Rigid()` base. Prescribe "
-            "`pressure`."
+            f"`approach={gaps['approach']}` is refused: the displacement of this block has no "
+            "limit far away, as of all blocks in one dimension but slabs on a `Rigid()` base. "
+            "Prescribe `pressure`."
         )
-    return loading
+    return {"pressure": pressure, own: gaps[own]}
 
 
 PARTED = "; where the surfaces part, prescribe `mean_gap`"  # of a load over time

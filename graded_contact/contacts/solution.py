@@ -35,8 +35,8 @@ class RESULTS(eqx.Enumeration):
     not_finite = (
         "The solve failed: the kernel, the heights, the pressure or the approach is not finite or "
         "too large (a negative thickness, modulus or shear, a liquid (`equilibrium=0`) at rest, "
-        "heat that grows without end, times that do not ascend, an approach beyond the window's "
-        "length). In float32, enable `jax_enable_x64`."
+        "heat that grows without end, times that do not ascend). In float32, enable "
+        "`jax_enable_x64`."
     )
     unresolved = (
         "The attraction of the law rises too steeply for the grid: the computed equilibrium may be "
@@ -113,7 +113,8 @@ class ContactSolution(eqx.Module):
       the error of σ in the soft waves, which would magnify it.
     - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
     - `mean_pressure`: mean of σ [Pa].
-    - `mean_gap`: mean of the gap ū [m]; of a periodic motion one for each time.
+    - `mean_gap`: mean of the gap ū [m], 0 where the body flows (`hardness`); of a periodic motion
+      one for each time.
     - `correction`: estimated change of the pressure to that of the exact contact [Pa], see
       `contacts/estimates.py`. Without a derivative.
     - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no

@@ -27,8 +27,8 @@ from threadpoolctl import ThreadpoolController
 from .checks import is_concrete
 
 F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
 
-COMPILING = "compiling (first run only)"
 LESS_WORK = {
     "xla_cpu_use_fusion_emitters": False,  # the older generator
     "xla_cpu_parallel_codegen_split_count": 4,  # parts of a program, each with work of its own
@@ -73,12 +73,17 @@ def jit(function: F, small: int = WITH_LOOPS) -> F:
                     programs[key] = _program(function, arrays, others, small)
                 with one_thread_of_lapack:
                     numbers, rest = jax.block_until_ready(programs[key](arrays))
-        except (RuntimeError, ValueError) as error:  # the cause, without the frames around it
-            cause = str(error).rpartition("EquinoxRuntimeError: ")[2].partition("\n\n\n---")[0]
-            raise (RuntimeError(cause) if cause != str(error) else error) from None
+        except (RuntimeError, ValueError) as error:
+            reason = reason_of(error)
+            raise (RuntimeError(reason) if reason != str(error) else error) from None
         return eqx.combine(numbers, rest.value)
 
     return cast(F, run)
+
+
+def reason_of(error: Exception) -> str:
+    """Returns why a program failed, without the frames around it."""
+    return str(error).rpartition("EquinoxRuntimeError: ")[2].partition("\n\n\n---")[0]
 
 
 compiled_loop = jit
@@ -160,8 +165,6 @@ mlir.register_lowering(_probe_p, _of_probe)
 @functools.cache
 def options(level: int) -> dict[str, Any]:
     """Options of `jax.jit` that this XLA knows and the environment does not set."""
-    if level == 2:
-        logging.getLogger("graded_contact").info(COMPILING)
     keep_small_programs()
     flags, usual = os.environ.get("XLA_FLAGS", ""), LESS_WORK | {_LEVEL: level}
     return {name: v for name, v in usual.items() if name not in flags and _is_known(name, v)}
@@ -175,6 +178,24 @@ def _is_known(name: str, value: Any) -> bool:
     except jax.errors.JaxRuntimeError:
         return False
     return True
+
+
+def varying(state: T) -> T:
+    """Returns the state of a loop, under `jax.shard_map` marked as different on each device.
+
+    So is all that steps return if any of their numbers is, and JAX asks for it at the start, too.
+    """
+    axes = get_abstract_mesh().manual_axes
+    if not axes:
+        return state
+    here = sum(jax.lax.axis_index(axis) for axis in axes)
+    return jax.tree.map(lambda leaf: jnp.where(here >= 0, leaf, leaf), state)
+
+
+@functools.cache
+def say_compiling(what: str) -> None:
+    """Prints to the standard error, once, that this compiles for long."""
+    logging.getLogger("graded_contact").warning("compiling %s (first call only)", what)
 
 
 def keep_small_programs() -> None:

@@ -6,11 +6,12 @@ transform is M(q, ω = -is). On a hyperbola around all relaxation rates, for t0 
     K(q, t) = Re Σ_k w_k M(q, -i s_k) exp(s_k t),
 
 whatever the layers and their laws are: a node k is one equation y' = s_k y + p of first order. The
-nodes are those of Weideman & Trefethen in closed form; the angle is the best of a row. `NODES` of
-them leave errors of an exponential of any rate, relative to its start, of 1e-8, 6e-7, 1e-5, 8e-5
-for T/t0 = 1e2, 1e3, 1e4, 1e5 (`tests/sliding/test_slide_transient.py`). For one time alone 14 are
-enough for rounding: so the creep under a constant pressure, J = ∫K, and its integral are computed
-for the length of each step.
+nodes are those of Weideman & Trefethen in closed form; the angle is the best of a row. 32 of them
+leave errors of an exponential of any rate, relative to its start, of 1e-8, 6e-7, 1e-5, 8e-5 for
+T/t0 = 1e2, 1e3, 1e4, 1e5. Eight more for each two decades beyond keep them below 3e-4, up to 64
+nodes for 1e12 (`tests/sliding/test_slide_transient.py`). For one time alone 14 are enough for
+rounding: so the creep under a constant pressure, J = ∫K, and its integral are computed for the
+length of each step.
 
 M depends on |q| only, and M over the creep at the last time is smooth in log |q|: all is computed
 at few wavenumbers and interpolated by polynomials through Chebyshev nodes. So a response on a grid
@@ -20,6 +21,7 @@ J. A. C. Weideman & L. N. Trefethen, Math. Comp. 76 (2007) 1341,
 doi:10.1090/S0025-5718-07-01945-X.
 """
 
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -31,13 +33,13 @@ from jaxtyping import Array, Complex, Float
 from ..blocks.stack import GradedLayer, Stack, moduli_of
 from ..core.checks import is_concrete
 from ..core.compilation import compiled_loop
-from ..core.derivative import derivative_apart
+from ..core.derivative import derivative_apart, still
 from ..response.compliance import compliance_or_nan, compliance_parts
 from ..response.grading import check_profiles, graded_tolerance
 from .table import barycentric
 
-NODES, _NODES_OF_STEP = 32, 14
-LONGEST = 1e8  # longest time over shortest; the error is 5e-3 there
+_FEWEST, _NODES_OF_STEP = 32, 14
+LONGEST = 1e12  # longest time over shortest: rounding of a double moves the shortest step by 1e-4
 _WAVES = 64  # wavenumbers in the table; five decades of them leave 1e-7
 _ANGLES = np.linspace(np.pi / 4, np.pi / 2, 402)[1:-1]
 _CHECKED = 24  # times at which the memory is compared with that of a single time
@@ -61,6 +63,15 @@ def contour(first: Float[Array, ""], last: Float[Array, ""], count: int) -> Cont
     scale = (4 * np.pi * angle - np.pi**2) / width * count / last
     x = 1j * (jnp.arange(count, dtype=last.dtype) + 0.5) * width / count - angle
     return Contour(scale * (1 + jnp.sin(x)), scale * width / (count * np.pi) * jnp.cos(x))
+
+
+def node_count(steps: Float[Array, " steps"]) -> int:
+    """Returns how many nodes the memory of steps [s] needs; the fewest if they are not known."""
+    steps = still(steps)
+    if not is_concrete(steps):
+        return _FEWEST
+    decades = np.log10(np.sum(steps) / np.min(steps))
+    return _FEWEST + 8 * max(0, math.ceil((decades - 5) / 2))
 
 
 class Creep(eqx.Module):
@@ -106,7 +117,8 @@ def creep_of(
     """
     check_profiles(stack, -1j * jnp.ones(1, ends.dtype))
     _check_analytic(stack, steps)
-    return _creep(stack, ends, steps, graded_tolerance(stack, None, ends), coupled)
+    tolerance = graded_tolerance(stack, None, ends)
+    return _creep(stack, ends, steps, tolerance, coupled, node_count(steps))
 
 
 def _check_analytic(stack: Stack, steps: Array) -> None:
@@ -139,12 +151,14 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
 
 @derivative_apart
 @compiled_loop
-def _creep(stack: Stack, ends: Array, steps: Array, rtol: float, coupled: bool) -> Creep:
+def _creep(
+    stack: Stack, ends: Array, steps: Array, rtol: float, coupled: bool, count: int
+) -> Creep:
     log_q = jnp.log(ends)
     angle = np.pi * (np.arange(_WAVES) + 0.5) / _WAVES
     q = jnp.exp(jnp.mean(log_q) + jnp.cos(angle) * (log_q[1] - log_q[0]) / 2).astype(ends.dtype)
     shortest, whole = jnp.min(steps), jnp.sum(steps)
-    nodes, weights = contour(shortest, whole, NODES)
+    nodes, weights = contour(shortest, whole, count)
 
     def compliance(q, s):
         """|q| M along z of a pressure, and if `coupled` of a traction, but for i q·e/|q|."""

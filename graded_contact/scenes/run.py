@@ -20,7 +20,7 @@ from ..fields.frequency import velocity_along
 from ..materials.shift import shifts_in
 from ..sliding import slide_case
 from ..sliding.interior.stress import STRESSES
-from ..sliding.result import numbers_of
+from ..sliding.number import numbers_of
 from ..sliding.solve.transient import solve_transient
 from ..studies.sweep import sweep
 from .scene import Scene
@@ -35,16 +35,16 @@ FLOWS = ("flow_along_x", "flow_along_y")
 
 
 def run_scene(scene: Scene, **engine: Any) -> "Dataset":
-    """Returns friction, contact area and more at every combination of what a scene varies.
+    """Returns friction, contact area and more at every point of the axes of a scene.
 
     **Arguments:**
 
-    - `scene`: what to compute.
+    - `scene`: as read.
     - `engine`: `store`, `workers`, `client` and `progress`, see `sweep`.
 
     **Returns:** a dataset over the axes of the scene, with the text of the scene and the version of
-    this package as attributes. Fields are those of the last point, or of all points if the scene
-    stores these.
+    this package as attributes. It has the fields of the last point, or of all points if the
+    scene stores these.
     """
     stored = () if scene.output.fields is None else fields_of(scene)
     last = stored if scene.output.fields == "last" else ()
@@ -85,7 +85,7 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     else:
         contact = slide_case(case, scene.numerics)
     asked = {*scene.observe.asked, *([] if scene.fluid is None else ["flow"])}
-    names = [n for n in numbers_of(contact.kind, contact.facts | asked) if n not in scene.axes]
+    names = [n for n in numbers_of(type(contact), contact.facts | asked) if n not in scene.axes]
     found = dict(zip(names, contact.compute(*names), strict=True))
     stack = case.stack if contact.heated is None else contact.heated.stack
     for name in asked & STRESSES.keys():
@@ -202,5 +202,7 @@ def read_results(path: str | os.PathLike) -> "Dataset":
         results = xarray.load_dataset(path, engine="h5netcdf")
         _ = results["message"], results.attrs["scene"]
     except (OSError, ValueError, KeyError) as error:
-        raise ValueError(f"`path={path}` has no results of a scene: {error}") from error
+        raise ValueError(
+            f"`path={path}` is not a result file of `graded-contact run`: {error}"
+        ) from error
     return results

@@ -13,9 +13,9 @@ import graded_contact as gc
 from graded_contact import contacts
 from graded_contact.contacts import DouglasRachford
 from graded_contact.kernels import window_kernel
-from graded_contact.kernels.memory import NODES, contour, creep_of
+from graded_contact.kernels.memory import contour, creep_of, node_count
 from graded_contact.materials import StrainSoftening, Tabulated
-from graded_contact.sliding import Case, ConstantShear, dwell, ramp, recorded, start
+from graded_contact.sliding import Case, ConstantShear, Coulomb, dwell, ramp, recorded, start
 from graded_contact.sliding.transient.pose import transient_problem
 
 RUBBER = gc.Prony(1e6, [4e6, 8e6], [1e-2, 1e-3], 0.49)
@@ -67,9 +67,13 @@ def test_moduli_at_complex_frequencies_are_those_of_the_laplace_transform():
     np.testing.assert_allclose(found, 2 * (1 - 0.49**2) / (1e4 * expected), rtol=1e-13)
 
 
-@pytest.mark.parametrize("ratio, most", [(1e2, 1e-8), (1e3, 1e-6), (1e5, 2e-4)])
-def test_the_nodes_sum_up_to_exponentials_of_every_rate(ratio, most):
-    nodes, weights = map(np.asarray, contour(jnp.asarray(1.0), jnp.asarray(ratio), NODES))
+@pytest.mark.parametrize(
+    "ratio, count, most",
+    [(1e2, 32, 1e-8), (1e3, 32, 1e-6), (1e5, 32, 2e-4), (1e8, 48, 2e-4), (1e12, 64, 2e-4)],
+)
+def test_the_nodes_sum_up_to_exponentials_of_every_rate(ratio, count, most):
+    assert node_count(jnp.asarray([1.0, ratio - 1])) == count
+    nodes, weights = map(np.asarray, contour(jnp.asarray(1.0), jnp.asarray(ratio), count))
     times, rates = np.geomspace(1, ratio, 40), np.append(0, np.geomspace(1e-3 / ratio, 1e4, 60))
     found = (np.exp(np.outer(times, nodes)) * weights @ (1 / (nodes[:, None] + rates))).real
     assert np.max(np.abs(found - np.exp(-np.outer(times, rates)))) < most
@@ -149,6 +153,44 @@ def test_a_block_that_is_unloaded_has_taken_energy():
     taken = np.asarray(found.work_done + found.load_work_done)
     assert np.all(taken > 0)
     assert taken[-1] > 0.05 * taken[39]
+
+
+def test_work_of_shear_has_the_load_of_both_ends_and_its_error_sees_that_the_load_begins_at_once():
+    """Coulomb's law on an elastic block: 0.25 J/m² under the whole load, less half of a step."""
+    steps, load, path = 8, 4e3, 1.25e-4
+    wave = gc.Surface(2e-6 * np.cos(2 * np.pi * np.arange(16) / 16), gc.Grid((16,), 1e-3))
+    part = np.arange(1, steps + 1) / steps
+    law = Coulomb(0.5, coupled=False)
+    found = run(elastic(1e6), part, path * part, np.full(steps, load), wave, shear=law)
+    exact = 0.5 * load * path * (part - 0.5 / steps)
+    np.testing.assert_allclose(found.work_done, exact, rtol=1e-9)
+    np.testing.assert_allclose(found.shear_work_done, exact, rtol=1e-9)
+    assert found.mean_friction == pytest.approx(0.5, rel=1e-9)
+    assert np.all(found.work_done_error > 0.5 * load * path * 0.5 / steps)
+
+
+def test_after_a_rest_of_1000_hours_it_slides_as_after_one_in_which_all_relaxed():
+    """3.6e9 times as long as the shortest step; the retardation time of the block is 9 ms."""
+    block = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [8e6], [1e-3], 0.49)))
+    go = ramp(1e-2, 0.02, num_times=STEPS // 2)
+    found, exact = (
+        run(block, (motion := dwell(rest, STEPS // 2, first=1e-3).then(go)).times,
+            motion.displacement, 1e5)
+        for rest in (3.6e6, 1.0)
+    )  # fmt: skip
+    moving = slice(STEPS // 2, None)
+    np.testing.assert_allclose(found.friction[moving], exact.friction[moving], atol=3e-4)
+    np.testing.assert_allclose(found.contact_area[moving], exact.contact_area[moving], atol=3e-3)
+    assert found.peak_friction > 0.02
+    np.testing.assert_allclose(found.time_since_change[moving], go.times, rtol=1e-5)
+    assert found.time_to_peak == pytest.approx(float(exact.time_to_peak), rel=1e-5)
+    slow = gc.Prony(1e6, [4e6], [1e5], 0.49)
+    rest = dwell(3.6e6, STEPS, first=1e-3)
+    crept = run(gc.Stack(base=gc.HalfSpace(slow)), rest.times, rest.displacement, 1e5)
+    for i in (40, 63):  # 7 h, 1000 h; the retardation time is 139 h
+        soft = elastic(1 / (1e-6 - 0.8e-6 * np.exp(-rest.times[i] / 5e5)))
+        expected = gc.slide(soft, SURFACE, pressure=1e5, velocity=0.0, rtol=1e-6)
+        assert crept.mean_gap[i] == pytest.approx(float(expected.mean_gap), rel=2e-3)
 
 
 def test_a_transient_of_gaps_returns_the_loads():
@@ -242,6 +284,8 @@ def test_errors_contain_the_change_to_a_finer_grid_and_more_steps():
         exact = np.interp(coarse.times, fine.times, fine.recorded[name])
         missed = np.abs(coarse.recorded[name] - exact) > getattr(coarse, f"{name}_error")
         assert np.mean(missed) < 0.05, name
+    peak = np.argmax(np.abs(coarse.friction))
+    assert coarse.peak_friction_error >= coarse.friction_error[peak]
     for name in ("mean_friction", "peak_friction"):
         change = abs(getattr(coarse, name) - getattr(fine, name))
         assert change < getattr(coarse, f"{name}_error")

@@ -41,6 +41,17 @@ def by_times(name: str, trace: Callable[[Found], Array]) -> Callable[[Found], Ar
     return of_times
 
 
+def area_by_times(found: Found) -> Array:
+    """The error of the contact area by the times, at each time of a cycle [1]."""
+    own, fewer = value_of("contact_area", found), found.near.fewer
+    if fewer is None:  # too few times to be halved
+        return jnp.abs(own)
+    after = value_of("contact_area", fewer)
+    change = jnp.abs(interpolate(own, after.shape) - after)
+    at = np.arange(len(own)) * len(after) // len(own)
+    return change[at] / 2 + 0.15 * jnp.mean(change)
+
+
 # By the solver, and by the kernel of a window.
 
 
@@ -60,7 +71,7 @@ def changes_by_kernel(found: Found) -> list[Array]:
     if found.problem.kernel_error is None:
         return []
     assert isinstance(found.operator, Window)
-    given = found.pressure, touching(found), found.at_approach
+    given = found.pressure, touching(found), found.problem.prescribed == "approach"
     return [found.operator.change_by(error, *given) for error in found.problem.kernel_error]
 
 

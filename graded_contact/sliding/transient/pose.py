@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array
 
-from ...contacts.inputs import loading_of
+from ...contacts.inputs import check_gap, loading_of
 from ...contacts.law import check_one_law
 from ...contacts.operators.operator import Field
 from ...contacts.solution import ContactSolution
@@ -18,18 +18,18 @@ from ...core.checks import is_concrete, within
 from ...core.derivative import still
 from ...core.memory import check_memory
 from ...fields.grid import Grid
-from ...kernels.memory import NODES, creep_of
-from ..case import COUPLED, Case, facts_of
+from ...kernels.memory import creep_of, node_count
+from ..case import COUPLED, GROUND, Case, facts_of
 from ..errors.neighbours import NEIGHBOURS_RTOL
 from ..motion.over_period import components
 from ..number import Found
 from ..numerics import Numerics
-from ..problem import TransientProblem, steps_of
 from ..shear import is_coupled, shear_stress, unless_negative
+from ..transient_problem import TransientProblem, steps_of
 from .run import run_transient
 from .steps import OF_STEPS, TransientState
 
-_MEMORY = 4 * NODES + 30  # fields of a body
+_FIELDS = 4, 30  # of a body: for each node of its memory, and beside them
 _WINDOW = 1.4  # times these on a window, for the responses of its table
 
 
@@ -38,19 +38,25 @@ def transient_problem(case: Case) -> TransientProblem:
     surface, times = case.rough, case.times
     check_one_law(case.law)
     grid, count = surface.grid, len(times)
+    facts = facts_of(case)
     path = None if surface.periodic else _path_of(case)
     stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
-    load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
+    gaps = {"mean_gap": case.mean_gap, "approach": case.approach}
+    load = check_gap(not surface.periodic, GROUND in facts, case.pressure, **gaps)
     loading = loading_of(case.law, surface.heights[None], count, **load)
     given = next(value for value in loading if value is not None).reshape(count)
+    if case.approach is not None:  # by the lowest place, which half the grid lacks
+        given = given + jnp.mean(surface.heights)
     problem = TransientProblem(  # pyright: ignore[reportCallIssue] (`operator` is a property)
         bodies=case.bodies, creeps=(), heights=surface.heights, grid=grid, law=case.law,
         times=times, displacement=case.displacement, given=unless_negative(given, stress),
-        shear=stress, prescribed=case.prescribed, facts=facts_of(case), path=path,
+        shear=stress, prescribed=case.prescribed, facts=facts, path=path,
         block_heights=None if case.block_surface is None else case.block_surface.heights,
     )  # fmt: skip
     forces = 1 + components(case.displacement).shape[1] if is_coupled(case.shear) else 1
-    fields = _MEMORY * forces * len(case.bodies) * (1 if path is None else _WINDOW)
+    of_node, others = _FIELDS
+    of_body = of_node * node_count(steps_of(times)) + others
+    fields = of_body * forces * len(case.bodies) * (1 if path is None else _WINDOW)
     shape, itemsize = problem.memory_grid.shape, surface.heights.dtype.itemsize
     check_memory("surface", "a transient solve", fields, shape, itemsize)
     return _with_creeps(problem)
@@ -58,11 +64,6 @@ def transient_problem(case: Case) -> TransientProblem:
 
 def _path_of(case: Case) -> tuple[int, ...]:
     """The points of the part of the block over which the window of a case moves."""
-    if case.mean_gap is not None:
-        raise ValueError(
-            "`mean_gap` is refused: only a surface in a periodic cell has one. Prescribe "
-            "`pressure`."
-        )
     # Inside of a program what is known stays known only if nothing of JAX's touches it.
     moved, size = (
         given if is_concrete(given) else still(given)
@@ -118,19 +119,20 @@ def on_grid(
 def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> dict[str, Any]:
     """Returns the fields of the result of a transient solve."""
     state, numbers = run_transient(problem, how, kept)
-    contact = _contact_of(state, numbers)
+    contact = _contact_of(state, numbers, kept)
     return dict(
         contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept
     )
 
 
-def _contact_of(state: TransientState, numbers: dict[str, Array]) -> ContactSolution:
+def _contact_of(
+    state: TransientState, numbers: dict[str, Array], kept: tuple[int, ...]
+) -> ContactSolution:
     """The kept fields of a transient solve, and the errors of all steps."""
     pressure, gap, displacement, correction = state.kept
-    over = tuple(range(1, pressure.ndim))
     return ContactSolution(
         pressure=pressure, gap=gap, displacement=displacement, correction=correction,
-        mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(gap, axis=over),
+        mean_pressure=jnp.mean(pressure), mean_gap=numbers["mean_gap"][np.array(kept)],
         result=state.result, **{
             name: (jnp.sum if name.startswith("num_") else jnp.max)(numbers[f"step_{name}"])
             for name in OF_STEPS

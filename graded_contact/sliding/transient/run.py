@@ -16,7 +16,7 @@ from ...core.compilation import compiled_loop
 from ...core.derivative import largest
 from ..formulas import lengths
 from ..numerics import Numerics
-from ..problem import TransientProblem
+from ..transient_problem import TransientProblem
 from .steps import STEP_CONTACT, Advance, TransientState, steps_given
 from .waves import TransientWaves
 
@@ -62,8 +62,10 @@ def _of_whole(problem: TransientProblem, numbers: dict[str, Array]) -> dict[str,
     def over(traction):
         return jnp.where(load > 0, traction.T / jnp.where(load > 0, load, 1), jnp.nan).T
 
+    # Load and tractions grow linearly in each step.
+    loads = (load + jnp.append(0, load[:-1])) / 2
     shape, way = problem.displacement.shape, lengths(problem.steps[1])
-    friction, path = over(numbers["traction"]), jnp.sum(load * way)
+    friction, path = over(numbers["traction"]), jnp.sum(loads * way)
     return numbers | dict(
         traction=numbers["traction"].reshape(shape),
         friction=friction.reshape(shape),

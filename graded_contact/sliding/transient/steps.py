@@ -41,8 +41,9 @@ from ..formulas import edges_of, indicator_of, touching_at, weighted_slope
 from ..number import AbstractSliding
 from ..numbers.area import contact_area, contact_area_pixels
 from ..numerics import Numerics
-from ..problem import SteadyProblem, TransientProblem
+from ..problem import SteadyProblem
 from ..shear import Coulomb, shear_over_load, shear_parts
+from ..transient_problem import TransientProblem
 from .waves import TransientWaves
 
 
@@ -63,7 +64,8 @@ class TransientState(NamedTuple):
     """What a transient solve carries from step to step.
 
     The past of each force; the pressure, and how fast it rises; the share of contact at each point;
-    traction; works; the kept fields; the first failure.
+    the traction of slopes, and that of shear at the speed of the next step; works; the kept fields;
+    the first failure.
     """
 
     pasts: tuple[Past, ...]
@@ -71,6 +73,7 @@ class TransientState(NamedTuple):
     rise: Array
     shares: Array
     traction: Array
+    sheared: Array
     works: Array
     kept: Any
     result: RESULTS
@@ -83,6 +86,8 @@ class _Step(NamedTuple):
     length: Array
     shift: Array  # s [m], along each component
     way: Array  # how far the surface moves [m]
+    next_length: Array  # of the step after this one
+    next_way: Array
     given: Array
     tables: tuple[Array, ...]  # `now`, `whole` and `aged` of the `Creep` of each force
     decay: Array  # exp(s_k Δ)
@@ -115,11 +120,11 @@ class Advance(eqx.Module):
         dtype, memories = problem.heights.dtype, self.waves.memories
         rest = jnp.zeros_like(memories[0][0])
         nodes = jnp.zeros((len(memories[0]), 2, *rest.shape), dtype)
-        field = jnp.zeros(problem.shape, dtype)
+        field, none = jnp.zeros(problem.shape, dtype), jnp.zeros(problem.moved.shape[1], dtype)
         return TransientState(
             pasts=(Past((nodes, nodes), rest, rest, rest),) * len(memories),
             pressure=field, rise=field, shares=field,
-            traction=jnp.zeros(problem.moved.shape[1], dtype), works=jnp.zeros(3, dtype),
+            traction=none, sheared=none, works=jnp.zeros(3, dtype),
             kept=tuple(jnp.zeros((kept, *problem.shape), dtype) for _ in range(4)),
             result=RESULTS.successful, failed=jnp.full((), -1, int),
         )  # fmt: skip
@@ -142,7 +147,10 @@ class Advance(eqx.Module):
         heights = problem.heights + passing - left
         together = _sum_of_products(factors, kernels)
         operator = problem.operator_of(together[0], together[1].real)
-        loading = (given.given, None) if problem.prescribed == "pressure" else (None, given.given)
+        gap = given.given
+        if problem.prescribed == "approach":
+            gap = gap - jnp.mean(heights)
+        loading = (given.given, None) if problem.prescribed == "pressure" else (None, gap)
         inputs = Inputs(operator, heights, problem.law, Loading(*loading))
         # As the pressure went on in the step before: two thirds of the FFT pairs.
         start = jnp.maximum(state.pressure + given.length * state.rise, problem.law.bounds[0])
@@ -168,7 +176,9 @@ class Advance(eqx.Module):
             velocity=jnp.ones((), heights.dtype), prescribed=problem.prescribed,
             facts=problem.facts & {WINDOW},
         ))  # fmt: skip
-        traction, numbers = self._numbers(one, profile, moved, given)
+        traction, numbers = self._numbers(one, profile, moved)
+        sheared = self._sheared(one, given.way, given.length)
+        numbers |= dict(traction=traction + sheared, shear_traction=sheared)
         # Of the pressure on each body, also where traction moves it.
         pairs = list(zip(pasts, state.pasts, strict=True))
         loads = [(new.pressed + old.pressed) / 2 for new, old in pairs[:bodies]]
@@ -177,7 +187,7 @@ class Advance(eqx.Module):
             for load, (new, old) in zip(itertools.cycle(loads), pairs, strict=False)
         )
         by_slopes = jnp.sum((traction + state.traction) / 2 * given.way)
-        by_shear = jnp.sum(numbers["shear_traction"] * given.way)
+        by_shear = jnp.sum((sheared + state.sheared) / 2 * given.way)
         works = state.works + jnp.stack([by_slopes + by_shear, work - by_slopes, by_shear])
         names = ("work_done", "load_work_done", "shear_work_done")
         numbers |= dict(zip(names, works, strict=True))
@@ -195,6 +205,7 @@ class Advance(eqx.Module):
             rise=jax.lax.stop_gradient(jnp.where(given.index > 0, rise, 0)),
             shares=contact_shares(indicator_of(one), edges_of(one)) if ahead else state.shares,
             traction=traction,
+            sheared=self._sheared(one, given.next_way, given.next_length),
             works=works,
             kept=tuple(kept),
             result=RESULTS.where(good, contact.result, state.result),
@@ -256,23 +267,25 @@ class Advance(eqx.Module):
         known = jax.lax.complex(*total) + waves.split(whole - now) * past.pressed
         return jnp.stack([now, aged]), known, nodes
 
-    def _numbers(self, one: _OfStep, profile: Array, moved: Array, given: _Step):
+    def _sheared(self, one: _OfStep, way: Array, length: Array) -> Array:
+        """The traction of shear on a contact at the speed of a step [Pa]."""
+        if self.problem.shear is None:
+            return jnp.zeros_like(way)
+        load, (unit, far) = jnp.mean(one.pressure), _direction(way)
+        stress = dataclasses.replace(self.problem.shear, speed=far / length)
+        size = shear_over_load(one.pressure, indicator_of(one), edges_of(one), stress)
+        return unit * jnp.where(load > 0, size * load, 0)
+
+    def _numbers(self, one: _OfStep, profile: Array, moved: Array):
         """The traction by slopes [Pa], and the numbers of the contact of a step."""
-        problem, waves, contact = self.problem, self.waves, one.contact
+        waves, contact = self.waves, one.contact
         pressure, on_grid = contact.pressure, waves.on_grid(contact.pressure)
-        axes = odd_wavevector(waves.grid)[: len(given.way)]
+        axes = odd_wavevector(waves.grid)[: self.problem.moved.shape[1]]
         traction = jnp.stack([jnp.sum(work_of_waves(on_grid, profile, q)) for q in axes])
         traction = traction / waves.part
-        load, sheared = jnp.mean(pressure), jnp.zeros_like(traction)
-        if problem.shear is not None:
-            unit, far = _direction(given.way)
-            speed = far / given.length
-            stress = dataclasses.replace(problem.shear, speed=speed)
-            size = shear_over_load(pressure, indicator_of(one), edges_of(one), stress)
-            sheared = unit * jnp.where(load > 0, size * load, 0)
         of_contact = {f"step_{name}": getattr(contact, name) for name in OF_STEPS}
         return traction, of_contact | dict(
-            traction=traction + sheared, shear_traction=sheared, load=load,
+            load=jnp.mean(pressure),
             contact_area=contact_area(one), contact_area_pixels=contact_area_pixels(one),
             mean_gap=contact.mean_gap, slope=weighted_slope(on_grid, moved, waves.grid),
             spread=jnp.sqrt(jnp.mean(pressure**2)), unseen_area=unseen_area(one),
@@ -316,6 +329,7 @@ def steps_given(problem: TransientProblem, kept: tuple[int, ...]) -> _Step:
     slots[list(kept)] = np.arange(len(kept))
     return _Step(
         length=lengths, shift=problem.moved, way=way, given=problem.given,
+        next_length=jnp.roll(lengths, -1), next_way=jnp.roll(way, -1, axis=0),
         tables=tables, decay=jnp.exp(z), from_old=before(lengths[:, None] * (once - twice)),
         from_new=before(lengths[:, None] * twice), slot=jnp.asarray(slots),
         index=jnp.arange(count), counts=jnp.ones(count, bool),
