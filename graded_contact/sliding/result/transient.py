@@ -60,6 +60,7 @@ class TransientSliding(AbstractSliding):
         warns=checks.NO_SHEAR,
     )
     mean_friction = CyclicSliding.mean_friction
+    mean_shear_friction = CyclicSliding.mean_shear_friction
     mean_friction_error = error_of(mean_friction, of_steps.MEAN_ERRORS)
     peak_friction = CyclicSliding.peak_friction
     peak_friction_error = error_of(peak_friction, of_steps.PEAK_ERRORS)

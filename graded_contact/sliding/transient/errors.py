@@ -20,6 +20,7 @@ from .pose import on_grid
 
 _LEAST_STEPS = 2  # of the transient solve in half as many
 _KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many steps
+_OF_FIRST_STEP = 0.5  # of the work of the load: half of it is what a block of fluid loses more
 
 
 def neighbours_of(found: Found) -> Neighbours:
@@ -54,6 +55,11 @@ def _by_steps(name: str):
         return _KEPT_BY_TIMES * moved + _MEAN_BY_TIMES * jnp.mean(change, axis=0)
 
     return error
+
+
+def _of_first_step(found: Found) -> Array:
+    """The error of the work of a load that begins at once: how its pressures rise is not known."""
+    return _OF_FIRST_STEP * jnp.abs(found.recorded["load_work_done"][0])
 
 
 @shared
@@ -137,15 +143,17 @@ def _parts_of(name: str, scale: Formula, by: Formula, solver: str = "step_error"
     }
 
 
-def _of_force(name: str, scale: Formula):
-    return _parts_of(name, scale, by_grid(name, OF_FORCE))
+def _of_force(name: str, scale: Formula, shear: str | None = None):
+    return _parts_of(name, scale, by_grid(name, OF_FORCE, shear=shear))
 
 
-FRICTION_ERRORS = _of_force("friction", _forces)
-MEAN_ERRORS = _of_force("mean_friction", _mean_forces)
-PEAK_ERRORS = _of_force("peak_friction", _mean_forces)
-WORK_ERRORS = _of_force("work_done", _works)
-LOAD_WORK_ERRORS = _of_force("load_work_done", _work_of_load)
+FRICTION_ERRORS = _of_force("friction", _forces, "shear_friction")
+MEAN_ERRORS = _of_force("mean_friction", _mean_forces, "mean_shear_friction")
+PEAK_ERRORS = _of_force("peak_friction", _mean_forces, "mean_shear_friction")
+WORK_ERRORS = _of_force("work_done", _works, "shear_work_done")
+LOAD_WORK_ERRORS = _of_force("load_work_done", _work_of_load) | {
+    "time": lambda found: _by_steps("load_work_done")(found) + _of_first_step(found)
+}
 AREA_ERRORS = _parts_of("contact_area", _area, area_by_grid)
 LOAD_ERRORS = _parts_of("load", _load, by_grid("load", OF_PLACE))
 GAP_ERRORS = _parts_of("mean_gap", _heights, by_grid("mean_gap", OF_PLACE), "step_gap_error")
