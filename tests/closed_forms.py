@@ -20,12 +20,6 @@ from numpy.typing import ArrayLike
 
 Values = np.ndarray | np.inexact  # NumPy returns scalars for arrays without axes
 
-PERIMETER_COEFFICIENT = (math.pi - 1 + math.log(2)) / 24
-"""Share of a contact's pixel perimeter, times the pixel, that pixel counting adds to its area [1].
-
-V. A. Yastrebov, G. Anciaux, J.-F. Molinari, arXiv:1701.02727.
-"""
-
 
 class GlidingCylinder(NamedTuple):
     """The contact of a cylinder that glides.
@@ -81,25 +75,6 @@ def slab_on_rigid_compliance(
     top = -k * np.expm1(-4 * x) - 4 * x * decay
     bottom = k * (1 + decay**2) + 2 * decay * (2 * x**2 + 4 * poisson * (2 * poisson - 3) + 5)
     return half_space_compliance(q, modulus, poisson) * top / bottom
-
-
-def free_slab_compliance(
-    q: ArrayLike, thickness: ArrayLike, modulus: ArrayLike, poisson: ArrayLike
-) -> Values:
-    """Returns M_zz [m/Pa] of a slab whose lower face is free.
-
-    With x = q d, relative to a half space, m = (sinh x cosh x + x)/(sinh² x - x²), for any ν;
-    a thin slab bends as a plate, M_zz = 12/(E_r d³ q⁴). Scaraggi & Comingio (on.air.fixedni)
-    with its leading 1 corrected to tanh x.
-
-    Loses digits in thin slabs: the relative error is about ε/x².
-
-    **Arguments:** as `slab_on_rigid_compliance`.
-    """
-    x = _depth(q, thickness)
-    decay = np.exp(-2 * x)
-    m = (-np.expm1(-4 * x) + 4 * x * decay) / (np.expm1(-2 * x) ** 2 - 4 * x**2 * decay)
-    return half_space_compliance(q, modulus, poisson) * m
 
 
 def coated_half_space_compliance(
@@ -195,37 +170,6 @@ def westergaard_pressure(
     inside = np.maximum(0, ratio - np.sin(psi) ** 2)
     touching = 2 * pressure * np.abs(np.cos(psi)) * np.sqrt(inside) / ratio
     return np.where(ratio < 1, touching, pressure * (1 + np.cos(2 * psi) / ratio))
-
-
-def double_sinusoid_area(
-    pressure: ArrayLike, amplitude: ArrayLike, wavelength: ArrayLike, reduced_modulus: ArrayLike
-) -> tuple[Values, Values]:
-    """Returns the area fraction [1] of D cos(2π x/λ) cos(2π y/λ), light and nearly full contact.
-
-    With p* = √2 π E* D/λ: light load A/A0 = π (3p/(8π p*))^(2/3) (Hertz, two crests a cell);
-    near full contact 1 - A/A0 = (3/(2π)) (1 - p/p*). K. L. Johnson, J. A. Greenwood,
-    J. G. Higginson, Int. J. Mech. Sci. 27 (1985) 383. Arguments as `westergaard_area`.
-    """
-    ratio = _wave_ratio(pressure, amplitude, wavelength, reduced_modulus) / math.sqrt(2)
-    light = np.pi * (3 * ratio / (8 * np.pi)) ** (2 / 3)
-    return light, 1 - 3 / (2 * np.pi) * (1 - ratio)
-
-
-def full_contact_friction(
-    amplitude: ArrayLike, q: ArrayLike, compliance: ArrayLike, pressure: ArrayLike
-) -> Values:
-    """Returns the friction coefficient [1] of the wave D cos(q x) sliding in full contact.
-
-    The surface imposes u = D cos(q(x - v t)), so p = p0 + Re[(D/M(-q v)) exp(iq(x - v t))] and
-    μ = -<p ∂u/∂x>/p0 = (D² q/(2 p0)) Im[1/M(q v)], for any stack. On a half space 1/M = q E_r/2
-    and μ = D² q² Im E_r(q v)/(4 p0), with E_r = E/(1 - ν²). Waves of several q add up.
-
-    **Arguments:** `amplitude` D [m]; `q` along the velocity [rad/m]; `compliance` M_zz(q, +q v)
-    [m/Pa], whose imaginary part is negative for v > 0; mean `pressure` p0 [Pa]. Where p0 < D/|M|
-    contact is not full.
-    """
-    amplitude, stiffness = np.asarray(amplitude), 1 / np.asarray(compliance)
-    return amplitude**2 * q * stiffness.imag / (2 * np.asarray(pressure))
 
 
 def persson_contact_area(

@@ -1,7 +1,8 @@
-"""What the pages and examples call exists and takes its arguments; their scenes are read."""
+"""What pages, notebooks and examples call exists and takes its arguments; scenes are read."""
 
 import ast
 import inspect
+import json
 import re
 from pathlib import Path
 
@@ -12,10 +13,16 @@ from graded_contact.scenes import parse_scene
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("docs/*.md"), ROOT / "README.md"])
+SCRIPTS = sorted([*ROOT.glob("notebooks/*.ipynb"), *ROOT.glob("examples/**/*.py")])
 
 
 def blocks(page: Path, language: str) -> list[str]:
     text = page.read_text(encoding="utf-8")
+    if page.suffix == ".py":
+        return [text]
+    if page.suffix == ".ipynb":
+        cells = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
+        return ["".join(cell["source"]).replace("%matplotlib", "#") for cell in cells]
     return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
 
 
@@ -27,7 +34,7 @@ def called(node: ast.AST) -> object:
     return None if owner is None else getattr(owner, node.attr)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES + SCRIPTS, ids=lambda page: page.stem)
 def test_what_a_page_calls_exists_and_takes_its_arguments(page):
     for block in blocks(page, "python"):
         for node in ast.walk(ast.parse(block)):

@@ -1,7 +1,11 @@
-"""Nonsense is refused at the door by the name of the argument, whatever kind of nonsense it is."""
+"""Public calls, four ways: nonsense, single precision, `jit` and `vmap`.
+
+Nonsense is refused at the door by the name of the argument, whatever kind of nonsense it is.
+"""
 
 import warnings
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,6 +41,7 @@ def calls():
     vector = dict(stack=stack, qx=[1e3], qy=[1e3], omega=[1.0])
     sweep = dict(material=solid, strain=[1e-3, 1e-1], storage=[1.0, 0.5], loss=[1.0, 0.7])
     soft = gc.Stack(base=gc.HalfSpace(gc.materials.StrainSoftening(**sweep)))
+    strain = np.array([1e3, 1e4]), np.array([0.1, 0.2])
     job = dict(stack=stack, surface=surface, pressure=1e5, velocity=0.1)
     how = dict(law=gc.HardWall(), solver=gc.contacts.DouglasRachford(), rtol=1e-6, throw=True)
     contact = dict(kernel=kernel, heights=surface.heights)
@@ -97,7 +102,7 @@ def calls():
         (gc.effective_modulus, wave),
         (gc.surface_compliance_matrix, vector),
         (gc.stack_kernel, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
-        (gc.stack_kernel, dict(stack=soft, grid=grid, strain=([1e3, 1e4], [0.1, 0.2]))),
+        (gc.stack_kernel, dict(stack=soft, grid=grid, velocity=0.1, strain=strain)),
         (gc.slide, job | dict(stack=soft, strain_per_slope=1)),
         (gc.blocks.interface_depths, dict(stack=stack)),
         (gc.response.interior_fields, vector | dict(depth=1e-4, traction=[0.0, 0.0, 1.0])),
@@ -225,3 +230,45 @@ def test_negative_numbers_are_refused_where_they_mean_nothing(unchecked_types):
             shape = np.shape(arguments[name])
             with pytest.raises(ValueError, match=f"`{name}"):
                 function(**arguments | {name: np.full(shape, -1.5) if shape else -1.5})
+
+
+# Plain numbers decide what is computed. Fits and searches need double precision; materials that
+# have numbers of their own keep these in double.
+PLAIN = {"rtol", "relaxation"}
+IN_DOUBLE = {
+    "fit_prony", "master_curve", "minimise", "tyre_tread", "StrainSoftening", "from_sweep",
+}  # fmt: skip
+
+
+def numbers_of(function, arguments):
+    """A function of the numbers in all arguments of a call, and these numbers."""
+    if isinstance(owner := getattr(function, "__self__", None), eqx.Module):
+        function, arguments = getattr(type(owner), function.__name__), {"self": owner} | arguments
+    given = {
+        name: np.asarray(value) if is_number(value) and not isinstance(value, int) else value
+        for name, value in arguments.items()
+        if name not in PLAIN
+    }
+    numbers, rest = eqx.partition(given, eqx.is_inexact_array)
+    return lambda x: eqx.filter(function(**eqx.combine(x, rest)), eqx.is_array), numbers
+
+
+def two_in_single(number):
+    kind = jnp.complex64 if jnp.iscomplexobj(number) else jnp.float32
+    return jnp.broadcast_to(jnp.asarray(number, kind), (2, *np.shape(number)))
+
+
+def test_numbers_may_be_batches_in_single_precision_under_jit():
+    """All numbers in all arguments at once, which give no double precision; nothing compiles."""
+    wrong = []
+    for function, arguments in calls():
+        value, numbers = numbers_of(function, arguments)
+        if function.__name__ in IN_DOUBLE or not jax.tree.leaves(numbers):
+            continue
+        numbers = jax.tree.map(two_in_single, numbers)
+        with warnings.catch_warnings(action="ignore"):
+            found = eqx.filter_eval_shape(jax.vmap(jax.jit(value)), numbers)
+        for path, leaf in jax.tree_util.tree_leaves_with_path(found):
+            if leaf.dtype in (jnp.float64, jnp.complex128):
+                wrong.append(f"{function.__qualname__}{jax.tree_util.keystr(path)}")
+    assert not wrong, wrong

@@ -15,7 +15,7 @@ import scipy
 
 from .lengths import non_negative
 from .series import SeriesProblem
-from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms
+from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, law_shifts
 
 OVERLAPS = LN10 * np.arange(-1.0, 8.0, 0.05)  # trial distances of neighbours in ln a
 DISTANCES = LN10 * np.arange(-0.5, 6.0, 0.25)  # the same by spectra, each of which is a fit
@@ -31,14 +31,14 @@ def first_shifts(series: SeriesProblem, isotherms: Isotherms) -> list[np.ndarray
     by_spectra = _nearest_law(isotherms, fitted, np.ones(len(fitted)))
     return [
         _unknowns(isotherms, law, _summed_steps(isotherms, steps)),
-        _unknowns(isotherms, law, isotherms.law_shifts(law)),
+        _unknowns(isotherms, law, law_shifts(isotherms, law)),
         _unknowns(isotherms, by_spectra, _summed_steps(isotherms, fitted)),
     ]
 
 
 def _unknowns(isotherms, law, log_shift):
     _, departures, lifts = isotherms.counts
-    apart = isotherms.others[:departures] @ (log_shift - isotherms.law_shifts(law))
+    apart = isotherms.others[:departures] @ (log_shift - law_shifts(isotherms, law))
     return np.concatenate([law, apart, np.zeros(lifts)])
 
 
@@ -51,7 +51,7 @@ def _summed_steps(isotherms, steps):
 def _nearest_law(isotherms, steps, weights):
     """The law nearest to most of the steps; one that is wrong moves it little."""
     return scipy.optimize.least_squares(
-        lambda p: weights * (np.diff(isotherms.law_shifts(p)) + steps),
+        lambda p: weights * (np.diff(law_shifts(isotherms, p)) + steps),
         np.log(LAW_TYPICAL[isotherms.law]),
         bounds=np.log(LAW_LIMITS[isotherms.law]).T,
         loss="soft_l1",
@@ -113,6 +113,4 @@ def _restricted(series, points):
     """The problem of some of the points, given as a mask."""
     rows = np.tile(points, len(series.weights) // len(series.x))
     parts = {name: getattr(series, name)[rows] for name in ("log_values", "weights", "known")}
-    return dataclasses.replace(
-        series, x=series.x[points], static=series.static[:, rows], num_ends=0, **parts
-    )
+    return dataclasses.replace(series, x=series.x[points], static=series.static[:, rows], **parts)

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_type, is_concrete
-from ..core.compilation import compiled
+from ..core.compilation import compiled, one_thread_of_lapack
 from .lengths import Length
 from .observations import Loss, Observations, Unknowns
 from .series import SeriesProblem, problem_of, robust_deviation
@@ -48,11 +48,13 @@ def optimum(
 
     def searched(data, *others):
         nonlocal path
-        for _ in range(0 if loss == "linear" else SOFTENINGS):
-            theta, series, _ = find(data, *others)
-            scale = jnp.asarray(robust_deviation(series, theta))
-            data = dataclasses.replace(data, scale=scale)
-        theta, series, path = find(data, *others)
+        # On matrices of this size more threads gain nothing; on a busy machine they cost much.
+        with one_thread_of_lapack:
+            for _ in range(0 if loss == "linear" else SOFTENINGS):
+                theta, series, _ = find(data, *others)
+                scale = jnp.asarray(robust_deviation(series, theta))
+                data = dataclasses.replace(data, scale=scale)
+            theta, series, path = find(data, *others)
         expected = np.zeros(2) if series.isotherms is None else series.isotherms.penalty
         scale = np.inf if series.scale is None else series.scale
         return theta, series.within_bounds(theta), np.asarray(expected), np.asarray(scale)

@@ -36,7 +36,7 @@ class Observations(eqx.Module):
     - `values`: storage and loss modulus [Pa], or one channel of moduli [Pa] or compliances
       [1/Pa]; shape `(channels, points)`; 1 where nothing was measured.
     - `weights`: of the squared log residuals [1], shape `(channels, points)`.
-    - `equilibrium`, `glassy`: E_eq and E_inf [Pa] where they are known.
+    - `equilibrium`: E_eq [Pa] where it is known.
     - `kind`, `flows`: the measurement; whether a compliance is that of a liquid. Static.
     - `isotherms`: the temperatures, if shifts are unknown.
     - `scale`: log residual [1] from which on values count linearly, or None.
@@ -46,30 +46,15 @@ class Observations(eqx.Module):
     values: Float[Array, "channels points"]
     weights: Float[Array, "channels points"]
     equilibrium: Float[Array, ""] | None
-    glassy: Float[Array, ""] | None
     kind: ModuliKind = eqx.field(static=True)
     flows: bool = eqx.field(static=True)
     isotherms: Isotherms | None = None
     scale: Float[Array, ""] | None = None
 
     @property
-    def known_start(self) -> Float[Array, ""] | None:
-        """The known value of a series without its branches: E_eq, or 1/E_inf of compliances."""
-        if self.kind != "creep":
-            return self.equilibrium
-        return None if self.glassy is None else 1 / self.glassy
-
-    @property
-    def known_end(self) -> Float[Array, ""] | None:
-        """The known value of a complete series: E_inf, or 1/E_eq of compliances."""
-        if self.kind != "creep":
-            return self.glassy
-        return None if self.equilibrium is None or self.flows else 1 / self.equilibrium
-
-    @property
     def num_extras(self) -> int:
         """The number of unknowns of strengths without a time."""
-        return int(self.known_start is None) + int(self.flows)
+        return int(self.equilibrium is None) + 2 * int(self.flows)
 
     @property
     def num_shifts(self) -> int:
@@ -87,7 +72,6 @@ def observe(
     values: Numbers,
     weights: tuple[Numbers, Numbers],
     equilibrium: Numbers | None = None,
-    glassy: Numbers | None = None,
 ) -> Observations:
     """Returns the observations, checked. Values that are NaN count as not measured.
 
@@ -110,19 +94,17 @@ def observe(
         check_values("x", x, "it must be zero or a positive number [s]", at_least=0)
         parts = {"values": values}
     # Of the number as given: inside `jit` a converted one is not concrete.
-    stated = equilibrium is not None and is_concrete(equilibrium)
-    flows = kind == "creep" and stated and not np.any(np.asarray(equilibrium))
+    flows = kind == "creep" and equilibrium is not None
+    if flows and not (is_concrete(equilibrium) and np.all(np.asarray(equilibrium) == 0)):
+        raise ValueError("`equilibrium` of creep must be 0, for a liquid, or None.")
     if equilibrium is not None:
         equilibrium = as_float(equilibrium, "equilibrium")
         allowed = "it must be zero or a positive number [Pa]"
         check_values("equilibrium", equilibrium, allowed, at_least=0)
-    if glassy is not None:
-        glassy = as_float(glassy, "glassy")
-        check_positive("glassy", glassy, "[Pa]")
     channels = zip(parts.items(), weights, strict=False)
     measured = [_channel(*part, weight, x) for part, weight in channels]
     rows, sizes = (jnp.stack(parts) for parts in zip(*measured, strict=True))
-    data = Observations(x, rows, sizes, equilibrium, glassy, kind, flows)
+    data = Observations(x, rows, sizes, equilibrium, kind, flows)
     if concrete(data):
         _check_content(data)
     return data
@@ -161,8 +143,3 @@ def _check_content(data):
         )
     if not np.any(np.asarray(data.x) > 0):
         raise ValueError("`x` has no time above 0.")
-    glassy, equilibrium = data.glassy, data.equilibrium
-    if glassy is not None and equilibrium is not None and float(glassy) <= float(equilibrium):
-        raise ValueError(
-            f"`glassy={float(glassy):g}` must exceed `equilibrium={float(equilibrium):g}`."
-        )

@@ -25,10 +25,10 @@ from ..core.checks import (
 from ..core.compilation import compiled
 from ..materials.measured import Measured
 from .alignment import first_shifts
-from .lengths import SEARCH, Length, best_path, choose, criterion
+from .lengths import SEARCH, Length, best_of_length, choose, criterion
 from .observations import Observations, Unknowns, observe
 from .series import SeriesProblem, problem_of
-from .shifts import Isotherms, LawKind
+from .shifts import Isotherms, LawKind, log_shifts
 
 COLDEST_SET = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
 ROUNDS = 4  # of choosing the number of terms
@@ -66,7 +66,8 @@ def joined_curves(
     middle = len(curves) // 2
     if reference is not None:
         as_scalar(reference, "reference")
-        allowed = f"isotherms are from {coldest:g} to {hottest:g} K"
+        measured = f"isotherms are from {coldest:g} to {hottest:g} K"
+        allowed = f'{measured}. With `law="wlf"` take `exported().at(temperature)` of the result'
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
     data = observe(kinds[0], jnp.concatenate(x), jnp.concatenate(values), weights, equilibrium)
@@ -137,8 +138,7 @@ def _end(data, shifts):
     series = problem_of(data)
     alone = series.at(shifts)
     terms = max(len(alone.time_grid(1)) - 1, 1)  # one a decade, whatever the shifts
-    theta, _ = best_path(alone, terms, terms)[terms]
-    unknowns, cost = np.concatenate([theta, shifts]), np.inf
+    unknowns, cost = np.concatenate([best_of_length(alone, terms), shifts]), np.inf
     # The residuals' variance is known only once the shifts are: the law holds less and less.
     for _ in range(3):
         series = _expecting(data, series.noise(unknowns))
@@ -158,7 +158,7 @@ def at_reference(unknowns: Unknowns, data: Observations) -> Observations:
     """Returns all measurements as if made at the reference temperature."""
     isotherms = data.isotherms
     assert isotherms is not None
-    along, across = (jnp.exp(part)[isotherms.group] for part in isotherms.shifts(unknowns))
+    along, across = (jnp.exp(part)[isotherms.group] for part in log_shifts(isotherms, unknowns))
     x = data.x * along if data.kind == "frequency" else data.x / along
     values = jnp.where(data.weights > 0, data.values / across, 1)
     return dataclasses.replace(data, x=x, values=values, isotherms=None)

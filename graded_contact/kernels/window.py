@@ -22,6 +22,8 @@ R. W. Hockney, Methods Comput. Phys. 9 (1970) 135; S. Liu, Q. Wang & G. Liu, Wea
 doi:10.1016/S0043-1648(00)00427-0.
 """
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Inexact
@@ -110,10 +112,11 @@ def _images(far, grid: Grid, points: int, length: int):
     """
     size = _WINDOWS[grid.ndim] * points
     # One point of the long cell loads as much as so many of the window.
-    share = np.prod([points / n for n in grid.shape])
+    share = math.prod(points / n for n in grid.shape)
     # 1 for long waves and 0 for the shortest, without a step.
     along = np.exp(-36 * np.abs(2 * np.fft.fftfreq(size)) ** 8)
     damping = along[: size // 2 + 1] if grid.ndim == 1 else np.outer(along, along[: size // 2 + 1])
+    damping = jnp.asarray(damping, far.real.dtype)
     green = to_field(far * damping * share + 0j, (size,) * grid.ndim)
     blocks = green.reshape((size // (length * points), length * points) * grid.ndim)
     folded = jnp.sum(blocks, axis=tuple(range(0, 2 * grid.ndim, 2)))

@@ -84,7 +84,8 @@ class StrainSoftening(AbstractMaterial):
     def factors(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns f and g [1] at the amplitude."""
         # Clipped before its logarithm, which at 0 has no derivative.
-        at = jnp.log(jnp.clip(self.amplitude, self.strain[0], self.strain[-1]))
+        amplitude = self.amplitude.astype(self.strain.dtype)
+        at = jnp.log(jnp.clip(amplitude, self.strain[0], self.strain[-1]))
         nodes, rows = jnp.log(self.strain), (self.storage, self.loss)
         storage, loss = (jnp.exp(monotone_cubic(nodes, jnp.log(row), at)) for row in rows)
         return storage, loss

@@ -163,6 +163,8 @@ def _history(source: Source, found: Heights, edges: np.ndarray, marks: int) -> t
     if np.max(pixel) > 1.05 * np.min(pixel):
         told = " x ".join(f"{step:.3g} m" for step in pixel)
         notes.append(f"Its pixels of {told} are not square: is the file cut short?")
+    if found.heights.ndim == 1:
+        notes.append("Contact treats a profile as ridges without end across it.")
     if marks:
         notes.append(f"{marks} heights are marks of missing points.")
     return tuple(notes)

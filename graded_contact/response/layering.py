@@ -299,6 +299,7 @@ def sliced(stack: Stack, num_slices: int) -> Stack:
         if isinstance(layer, Layer):
             layers.append(layer)
             continue
-        heights, thickness = 1 - (jnp.arange(num_slices) + 0.5) / num_slices, layer.thickness
+        thickness = layer.thickness
+        heights = 1 - (jnp.arange(num_slices, dtype=thickness.dtype) + 0.5) / num_slices
         layers += [Layer(_AtHeight(layer.profile, s), thickness / num_slices) for s in heights]
     return dataclasses.replace(stack, layers=layers)

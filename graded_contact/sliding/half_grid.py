@@ -1,6 +1,7 @@
 """Heights and fields on half the grid of a surface, and what of the surface it lacks."""
 
 import functools
+import math
 
 import jax.numpy as jnp
 import numpy as np
@@ -28,7 +29,7 @@ def heights_on(
     The share is of the squared slope [1].
     """
     if window:
-        return _means(heights, half), heights, jnp.zeros(())
+        return _means(heights, half), heights, jnp.zeros((), heights.dtype)
     less = resampled(heights, half)
     cut = resampled(less, heights.shape)
     axes = range(heights.ndim)
@@ -51,7 +52,7 @@ def roughness_on(
 def resampled(field: Float[Array, "*shape"], shape: tuple[int, ...]) -> Float[Array, "*new"]:
     """Returns a periodic field on another grid, with the waves that both resolve."""
     waves = resample_spectrum(to_spectrum(field), field.shape, shape)
-    return to_field(waves, shape) * (np.prod(shape) / field.size)
+    return to_field(waves, shape) * (math.prod(shape) / field.size)
 
 
 def _means(heights: Array, shape: tuple[int, ...]) -> Array:

@@ -1,5 +1,6 @@
 """The same surface with other heights, or on another number of points."""
 
+import math
 from functools import partial
 
 import jax
@@ -65,7 +66,7 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
 @partial(jax.jit, static_argnums=1)
 def _resampled(heights: Array, shape: tuple[int, ...]) -> Array:
     modes = resample_spectrum(to_spectrum(heights), heights.shape, shape)
-    return to_field(modes, shape) * (np.prod(shape) / heights.size)
+    return to_field(modes, shape) * (math.prod(shape) / heights.size)
 
 
 def _changed(surface: Surface, note: str, heights, grid: Grid, measured) -> Surface:

@@ -2,8 +2,6 @@ import pytest
 
 import graded_contact as gc
 
-STEEL = gc.Elastic(2e11, 0.3)
-
 
 @pytest.mark.slow
 def test_slices_of_a_graded_layer_converge_to_it_two_orders_better_when_extrapolated():

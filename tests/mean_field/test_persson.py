@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from oracles import elasticities, gauss_over_angles, maxwell, persson
+from oracles import gauss_over_angles, maxwell, persson
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import erf
@@ -233,23 +233,3 @@ def test_unreached_tolerance_is_not_passed_as_converged():
 
 
 coarse = jax.jit(partial(mean_field_friction, num_wavenumbers=4, num_angles=4, throw=False))
-
-
-# Derivatives and transformations
-
-
-COAT = gc.Layer(gc.Prony(3e6, [2e7], [1e-4], 0.45), 2e-4)
-
-
-def test_gradient_by_every_leaf_matches_central_differences():
-    """Every leaf of stack and spectrum, pressure, and both components of the velocity."""
-    stack = gc.Stack(layers=(COAT,), base=gc.HalfSpace(RUBBER))
-    roughness = gc.SelfAffine(rms_height=1e-4, hurst=0.7, q_low=Q0, q_roll=3.3 * Q0, q_high=90 * Q0)
-
-    def value(stack, roughness, pressure, velocity):
-        s = mean_field(stack, roughness, pressure=pressure, velocity=velocity)
-        return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
-
-    arguments = (stack, roughness, jnp.asarray(2e5), jnp.array([0.04, 0.02]))
-    for slope, difference in elasticities(value, arguments):
-        assert abs(difference - slope) <= 1e-6 * abs(difference) + 1e-8

@@ -46,6 +46,8 @@ material = "rubber"
 [load]
 pressure = 1e5
 velocity = [0.01, 0.1, 1.0]
+[solver]
+newton = false   # compiles in two thirds of the time
 """
 COAT = "layers[0].material.modulus"
 
@@ -97,9 +99,11 @@ def test_a_page_shows_the_contact_of_its_sliders_and_pins_a_curve(page, curves):
     update(page)
     case = curves.scene.case({"pressure": 1e5, "velocity": 1.0, COAT: 12e6,
                               "layers[1].material.modulus": 12e6})  # fmt: skip
-    found = gc.slide(case.stack, case.surface, pressure=1e5, velocity=1.0, rtol=1e-8)
-    for name in ("friction", "contact_area", "mean_gap"):
-        assert page.numbers[name][0] == pytest.approx(float(getattr(found, name)), rel=1e-3)
+    how = {"rtol": 1e-8, "solver": curves.scene.numerics.solver}
+    found = gc.slide(case.stack, case.surface, pressure=1e5, velocity=1.0, **how)
+    names = "friction", "contact_area", "mean_gap"
+    for name, number in zip(names, found.compute(*names), strict=True):
+        assert page.numbers[name][0] == pytest.approx(float(number), rel=1e-3)
     spectrum = gc.surfaces.isotropic_spectrum(case.surface)
     theory = gc.mean_field_friction(case.stack, spectrum, pressure=1e5, velocity=0.1)
     lines = page._lines[0]

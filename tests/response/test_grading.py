@@ -117,7 +117,6 @@ def test_estimate_is_honest_on_meshes_that_are_too_coarse():
 
 
 RUBBER = gc.Prony(2e6, [3e7, 4e6], [1e-4, 1e-2], 0.49)
-HARD = gc.Prony(1e7, [2e8, 5e7], [3e-4, 1e-2], 0.4)
 GLASS = gc.Prony(5e8, [1e9], [1e-3], 0.3)
 BASE = {"halfspace": gc.HalfSpace(gc.Elastic(3e6, 0.45)), "rigid": gc.Rigid(), "free": gc.Free()}
 Q, OMEGA = np.geomspace(1e1, 1e6, 6), np.geomspace(1, 1e6, 6)[::-1].copy()

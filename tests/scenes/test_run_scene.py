@@ -2,14 +2,14 @@
 
 from importlib.metadata import version
 
+import jax
 import numpy as np
 import pytest
 from scene_texts import BARE, changed
 
 import graded_contact as gc
 from graded_contact.scenes import parse_scene, read_results, run_scene
-from graded_contact.scenes.run import write_results
-from graded_contact.sliding import gap_flow
+from graded_contact.scenes.run import CONTACT_FIELDS, numbers_at, write_results
 
 SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")
 STILL = SMALL.replace("velocity = [0.01, 1.0]\n", "")
@@ -23,6 +23,12 @@ VARIED = changed(
 )  # fmt: skip
 
 
+def traced(text):
+    """Shapes of what a scene computes at a point, by name; nothing is compiled."""
+    scene = parse_scene(text)
+    return jax.eval_shape(lambda point: numbers_at(scene, point), scene.first)
+
+
 @pytest.fixture(scope="module")
 def varied():
     scene = parse_scene(VARIED)
@@ -31,30 +37,28 @@ def varied():
 
 def test_all_axes_are_those_of_slide(varied):
     scene, results = varied
-    names = [
-        "layers[0].thickness", "seed", "temperature", "direction", "pressure", "velocity",
-    ]  # fmt: skip
+    names = ["layers[0].thickness", "seed", "temperature", "direction", "pressure", "velocity"]
     assert list(results.message.dims) == names and np.all(results.message == "")
-    assert results.friction.shape == (2, 2, 2, 1, 1, 2) and results["seed"].values.tolist() == [
-        3,
-        4,
-    ]
+    assert results.friction.shape == (2, 2, 2, 1, 1, 2)
+    assert results["seed"].values.tolist() == [3, 4]
     assert results["layers[0].thickness"].units == "m" and results.mean_gap.units == "m"
     block = gc.with_values(scene.bodies.stack, {"layers[0].thickness": 1e-5}).at(273.15)
     surface = scene.surface(4)
     given = {"pressure": 2e5, "velocity": [0.0, 0.1], "rtol": 1e-6}
     sliding = gc.slide(block, surface, solver=scene.numerics.solver, **given)
-    last = results.isel(dict.fromkeys(names, -1))
-    for name in ("friction", "contact_area", "mean_gap"):
-        np.testing.assert_allclose(last[name], getattr(sliding, name), rtol=1e-6)
+    last, compared = (
+        results.isel(dict.fromkeys(names, -1)),
+        ("friction", "contact_area", "mean_gap"),
+    )
+    for name, number in zip(compared, sliding.compute(*compared), strict=True):
+        np.testing.assert_allclose(last[name], number, rtol=1e-6)
     # Only the last solve has fields.
     assert results.contact_pressure.dims == ("x", "y")
     np.testing.assert_allclose(results.contact_pressure, sliding.pressure, rtol=1e-3, atol=1)
     np.testing.assert_allclose(results.contact_heights, surface.heights, atol=1e-15)
     np.testing.assert_allclose(results.heights, scene.surface(3).heights, atol=1e-15)
-    assert results.attrs["scene"] == VARIED and results.attrs["version"] == version(
-        "graded_contact"
-    )
+    assert results.attrs["scene"] == VARIED
+    assert results.attrs["version"] == version("graded_contact")
 
 
 def test_a_velocity_has_its_place_on_a_master_curve(varied):
@@ -80,36 +84,39 @@ def test_results_come_back_bit_for_bit_and_damaged_ones_are_refused(varied, tmp_
             read_results(damaged)
 
 
-def test_every_solve_may_keep_its_fields_or_none():
-    text = SMALL.replace("[16, 16]", "[32]") + "[output]\nfields = "
-    every, none = (run_scene(parse_scene(f"{text}'{kept}'")) for kept in ("every", "none"))
-    assert every.contact_pressure.dims == ("pressure", "velocity", "x")
-    np.testing.assert_allclose(every.contact_pressure.mean("x"), 2e5, rtol=1e-6)
-    assert "gap" not in none
-    np.testing.assert_allclose(none.friction, every.friction, rtol=1e-6)
-
-
-def test_a_solve_that_does_not_converge_says_so():
+def test_a_solve_that_does_not_converge_says_so_and_every_solve_may_keep_its_fields():
     text = SMALL.replace("newton = false", "newton = false\nmax_steps = 2")
-    results = run_scene(parse_scene(text.replace("[16, 16]", "[32]")))
+    text = text.replace("[16, 16]", "[32]") + "[output]\nfields = "
+    results = run_scene(parse_scene(f"{text}'every'"))
     assert np.all(results.message.str.contains("max_steps")) and np.all(results.error > 1e-6)
+    assert results.contact_pressure.dims == ("pressure", "velocity", "x")
+    np.testing.assert_allclose(results.contact_pressure.mean("x"), 2e5, rtol=1e-6)
+    assert not {*CONTACT_FIELDS} & {*traced(f"{text}'none'")}
 
 
-CYCLE = STILL.replace(
-    "pressure = 2e5", "pressure = 2e5\npressure_ratio = [1.0, 1.5]\ndirection = 0.5"
-) + ('[motion]\nkind = "sinusoidal"\nstroke = 4e-5\nfrequency = 20.0\nnum_times = 8\n')
+CYCLE = """[motion]
+kind = "sinusoidal"
+stroke = 4e-5
+frequency = 20.0
+num_times = 8
+"""
 
 
-def test_a_motion_has_friction_over_time_along_its_direction():
-    scene = parse_scene(CYCLE)
+def test_a_motion_has_friction_over_time():
+    text = STILL.replace("pressure = 2e5", "pressure = 2e5\npressure_ratio = [1.0, 1.5]")
+    scene = parse_scene(text.replace("[16, 16]", "[32]") + CYCLE)
     results = run_scene(scene)
     assert np.all(results.message == "")
-    assert results.traction.dims == ("direction", "pressure", "time")
-    assert results.gap.dims == ("time", "x", "y")
+    assert results.traction.dims == ("pressure", "time") and results.gap.dims == ("time", "x")
     np.testing.assert_array_equal(results.time, np.arange(8) / 8)
     ratio = [1, 1.125, 1.25, 1.375, 1.5, 1.375, 1.25, 1.125]
     np.testing.assert_allclose(results["load"].squeeze(), 2e5 * np.array(ratio), rtol=1e-6)
-    np.testing.assert_array_equal(results.surface_displacement, scene.motion.displacement)
+    moved = results.surface_displacement.values
+    np.testing.assert_array_equal(moved, scene.motion.displacement)
+    # The work is that of the traction along the path, whose rate has no highest frequency.
+    speed = np.fft.irfft(2j * np.pi * np.arange(5) / 0.05 * np.fft.rfft(moved))
+    work = 0.05 * np.mean(results.traction.values.squeeze() * speed)
+    np.testing.assert_allclose(results.work.values.squeeze(), work, rtol=1e-9)
     np.testing.assert_allclose(results.period, 0.05)
 
 
@@ -126,23 +133,20 @@ duration = 1e-3
 kind = "dwell"
 duration = 0.1
 num_times = 6
-[fluid]
-viscosity = 2e-3
-pressure_difference = 1e4
 [output]
 frames = 3
 """
+FLUID = "[fluid]\nviscosity = 2e-3\npressure_difference = 1e4\n"
 
 
-def test_a_transient_is_over_time_and_leaks_at_its_frames():
+def test_a_transient_is_over_time_along_its_direction_with_fields_at_its_frames():
     text = STILL.replace('kind = "tyre_tread"', RUBBER).replace("8e4", "4e4")
-    text = text.replace(
-        "pressure = 2e5", "pressure = 2e5\nratio_times = [0.0, 2e-3]\npressure_ratio = [1.0, 1.5]"
-    )
-    scene = parse_scene(text + BRAKE)
+    ratio = "ratio_times = [0.0, 2e-3]\npressure_ratio = [1.0, 1.5]\ndirection = 0.5"
+    text = text.replace("pressure = 2e5", f"pressure = 2e5\n{ratio}") + BRAKE
+    scene = parse_scene(text)
     times = np.asarray(scene.motion.times)
     results = run_scene(scene)
-    one = results.isel(pressure=0)
+    one = results.isel(pressure=0, direction=0)
     assert np.all(results.message == "") and one.friction.dims == ("time",)
     np.testing.assert_array_equal(one.time, times)
     np.testing.assert_allclose(one["load"], 2e5 * np.interp(times, [0, 2e-3], [1, 1.5]), rtol=1e-8)
@@ -152,40 +156,26 @@ def test_a_transient_is_over_time_and_leaks_at_its_frames():
     np.testing.assert_allclose(one.work_done, np.cumsum(steps), rtol=1e-8)
     frames = [i for i, time in enumerate(times) if time in one.field_time]
     assert len(frames) == 3 and frames[-1] == len(times) - 1
-    np.testing.assert_allclose(
-        one.contact_pressure.mean(["x", "y"]), one["load"][frames], rtol=1e-6
-    )
-    leakage = one.leakage_along_x.values
-    assert np.flatnonzero(np.isfinite(leakage)).tolist() == frames
-    for gap, pressure, volume in zip(
-        one.gap.values, one.contact_pressure.values, leakage[frames], strict=True
-    ):
-        flow = gap_flow(gap, scene.surface.grid, contact=pressure > 0).conductance[0]
-        np.testing.assert_allclose(volume, flow * 1e4 / (12 * 2e-3), rtol=1e-9)
+    pressure = one.contact_pressure
+    np.testing.assert_allclose(pressure.mean(["x", "y"]), one["load"][frames], rtol=1e-6)
+    assert traced(text + FLUID)["leakage_along_x"].shape == times.shape
 
 
-def test_optional_outputs_are_computed_when_asked_for():
+def test_optional_outputs_are_there_when_asked_for():
+    """Their values are tested in the rooms that compute them."""
     asked = "stiffness = true\nconductance = true\nflow = true\ntension = true\nvon_mises = true\n"
-    fluid = "[fluid]\nviscosity = 2e-3\npressure_difference = 1e4\n"
-    text = STILL.replace("pressure = 2e5", "pressure = [2e5, 2.02e5]\nvelocity = 0.1")
-    text = text.replace("size = 1e-3", "size = [1e-3, 5e-4]")
-    results = run_scene(parse_scene(text + f"[observe]\n{asked}{fluid}"))
-    lower, at = (results.isel(pressure=i, velocity=0) for i in (0, 1))
-    stiffness = (at.contact_stiffness + lower.contact_stiffness) / 2
-    closer = lower.mean_gap - at.mean_gap
-    np.testing.assert_allclose(stiffness, 0.02e5 / closer, rtol=0.05)
-    assert at.specific_conductance > 0
-    for axis, across in (("x", 0.5), ("y", 2.0)):
-        expected = at[f"flow_along_{axis}"] * 1e4 / (12 * 2e-3) * across
-        np.testing.assert_allclose(at[f"leakage_along_{axis}"], expected, rtol=1e-12)
-    assert 0 < at.tension < at.von_mises < results.contact_pressure.max()
-    assert 0 <= at.tension_depth <= at.von_mises_depth
+    text = STILL.replace("pressure = 2e5", "pressure = 2e5\nvelocity = 0.1")
+    more = traced(text + f"[observe]\n{asked}{FLUID}").keys() - traced(text).keys()
+    assert more >= {
+        "contact_stiffness", "specific_conductance", "flow_along_x", "leakage_along_y_error",
+        "tension", "tension_depth", "von_mises", "von_mises_depth",
+    }  # fmt: skip
 
 
-def test_a_sphere_at_an_approach_has_its_load():
+def test_a_body_may_be_pressed_to_an_approach():
     text = '[surface]\nkind = "sphere"\nradius = 2e-2\n[grid]' + STILL.split("[grid]")[1]
     text = text.replace("pressure = 2e5", "approach = [1e-6, 2e-6]\nvelocity = 0.1")
-    results = run_scene(parse_scene(text))
-    assert results.message.dims == ("approach", "velocity") and np.all(results.message == "")
-    load = results.mean_pressure.values[:, 0]
-    np.testing.assert_allclose(load[1] / load[0], 2**1.5, rtol=0.1)  # Hertz
+    scene = parse_scene(text)
+    case = scene.case(scene.first)
+    assert list(scene.axes) == ["approach", "velocity"]
+    assert case.approach == 1e-6 and case.pressure is None and not case.surface.periodic

@@ -176,24 +176,3 @@ def test_a_fixed_point_is_found_where_the_map_falls_or_rises(slope):
     exact = point.x[0] / (1 - slope / jnp.cosh(point.x[0]) ** 2)
     np.testing.assert_allclose(jax.grad(root)(1.0), exact, rtol=1e-9)
     np.testing.assert_allclose(jax.jvp(root, (1.0,), (1.0,))[1], exact, rtol=1e-9)
-
-
-PROFILE = np.array([1.0, 0.9, 0.7, 0.4, 0.1, -0.1])
-HOT = 700.0
-
-
-def warmer(heat, softening, tilt, peak=0.0):
-    """Rises by a heat that falls as exp(-rise/softening), or has a peak; the profile changes."""
-
-    def image(x, _):
-        x = np.asarray(x)
-        assert np.all(np.isfinite(x)) and np.max(x) <= HOT * (1 + 1e-12)
-        ruling = x[0] + 0.3 * x[3]
-        made = heat * np.exp(-(((ruling - peak) / softening) ** (2 if peak else 1)))
-        return jnp.asarray(made * PROFILE * np.exp(-tilt * ruling / HOT * np.arange(6))), None
-
-    return image
-
-
-def sought(image):
-    return find_fixed_point(image, jnp.zeros(6), None, jnp.asarray(1e-6), jnp.asarray(HOT))

@@ -8,8 +8,6 @@ from graded_contact.sliding import sinusoidal, slide_cycle, start_stop
 
 GRID = gc.Grid((32,), 1.0)
 WAVES = gc.Surface(0.02 * np.cos(2 * np.pi * np.arange(32) / 32), GRID)
-# What needs the errors by the grid and the times, five programs, is on eight points at 128 times.
-FEW = gc.Surface(WAVES.heights[::4], gc.Grid((8,), 1.0))
 RUBBER = gc.Stack(base=gc.HalfSpace(gc.Prony(1.0, [3.0], [0.01], 0.3)))
 
 

@@ -3,7 +3,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from hypothesis import given, settings
-from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact.contacts.solve import RTOL
@@ -97,24 +96,6 @@ def test_units_scale_out(length, stress, time):
     np.testing.assert_allclose(other.mean_gap, one.mean_gap * length, rtol=1e-5)
 
 
-def test_gradients_by_every_leaf_match_central_differences():
-    """Of friction and smooth area, by stack, spectrum of the surface, pressure and velocity."""
-    stack = gc.Stack(
-        layers=(gc.Layer(gc.Prony(3e6, [2e7, 1e7], [1e-4, 1e-2], 0.45), 200e-6),),
-        base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49)),
-    )
-
-    def value(stack, spectrum, pressure, velocity):
-        surface = gc.random_surface(spectrum, GRID, jax.random.key(0))
-        s = gc.slide(stack, surface, pressure=pressure, velocity=velocity, rtol=1e-11)
-        return jnp.log(s.friction) + 0.7 * jnp.log(s.contact_area)
-
-    arguments = (stack, SPECTRUM, jnp.asarray(4e5), jnp.asarray(0.1))
-    slopes, differences = np.transpose(elasticities(value, arguments, step=2e-6))
-    np.testing.assert_allclose(slopes, differences, rtol=2e-5, atol=2e-7)
-    assert np.sum(np.abs(differences) > 2e-5) >= 16
-
-
 def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
     line = SURFACE.heights[:, 0]
     profile = gc.Surface(line, gc.Grid((64,), CELL))
@@ -169,9 +150,6 @@ def test_soft_law_slides_nearly_as_the_hard_wall():
     )
 
 
-TEMPERATURES, LOG10 = np.array([260.0, 280.0, 300.0, 330.0]), np.array([4.0, 1.5, 0.0, -1.5])
-
-
 def test_the_mean_gap_of_full_contact_is_accepted():
     """It is 0 at every pressure that closes the contact; the least of them is found."""
     n, cell = 32, 1e-3
@@ -196,3 +174,13 @@ def test_the_mean_gap_of_full_contact_is_accepted():
         np.testing.assert_allclose(pressure(1e6, gap), least, rtol=1e-6)
     slope = (pressure(1.001e6) - pressure(0.999e6)) / 2e3
     np.testing.assert_allclose(jax.grad(pressure)(1e6), slope, rtol=1e-2)
+    # In a cycle, too.
+    steps = 2 * np.pi * np.arange(24) / 24
+    motion = dict(displacement=cell / 20 * np.sin(steps), period=1e-2)
+    cycle = gc.slide_cycle(block(), surface, pressure=4 * least, **motion)
+    assert np.all(cycle.mean_gap >= 0)
+    again = gc.slide_cycle(block(), surface, mean_gap=cycle.mean_gap, **motion)
+    assert again.num_fft_pairs <= 12
+    np.testing.assert_allclose(np.min(again.pressure, axis=1), 0, atol=1e-6 * least)
+    lower = np.asarray(cycle.pressure - again.pressure)
+    np.testing.assert_allclose(lower, np.broadcast_to(lower[:, :1], lower.shape), rtol=1e-4)

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from closed_forms import hertz_line, hertz_pressure, hertz_sphere
-from oracles import directional
 
 import graded_contact as gc
 from graded_contact.core.display import with_error
@@ -103,25 +102,6 @@ def test_energy_is_balanced_on_a_window(sliding):
     assert sliding.pressure.shape == sliding.gap.shape == (64, 64)
     np.testing.assert_allclose(jnp.mean(sliding.pressure), 0.02)
     np.testing.assert_allclose(jnp.mean(sliding.gap), sliding.mean_gap)
-
-
-@pytest.mark.parametrize(
-    "stack, name",
-    [(COATED, "pressure"), pytest.param(SLAB, "approach", marks=pytest.mark.slow)],
-)
-def test_derivatives_on_a_window_match_differences(stack, name):
-    surface = cylinder(64, bumps=0.004)
-
-    def friction(thickness, velocity, load, heights):
-        block = eqx.tree_at(lambda b: b.layers[0].thickness, stack, thickness)
-        rough = gc.Surface(heights, surface.grid, periodic=False)
-        given = {name: load, "rtol": 1e-11, "solver": PLAIN}
-        return gc.slide(block, rough, velocity=velocity, **given).friction
-
-    at = [jnp.asarray(a) for a in (0.05, 1.0, 0.02)] + [surface.heights]
-    ahead = [jnp.asarray(a) for a in (0.01, 0.3, -0.004)]
-    ahead.append(1e-3 * jnp.sin(9 * surface.heights * 40))
-    np.testing.assert_allclose(*directional(friction, at, ahead), rtol=1e-5)
 
 
 @pytest.mark.parametrize(

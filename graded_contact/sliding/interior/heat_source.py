@@ -62,8 +62,8 @@ def heat_depths(
 
 def intervals(first: Array, last: Array, number: int) -> Float[Array, " edges"]:
     """Returns the edges of intervals from 0 to `last` [m] that grow geometrically from `first`."""
-    t = np.arange(number) / (number - 1)
-    return jnp.append(0.0, first * (last / first) ** t)
+    t = jnp.arange(number, dtype=last.dtype) / (number - 1)
+    return jnp.append(jnp.zeros_like(last), first * (last / first) ** t)
 
 
 def gauss_within(
