@@ -183,7 +183,7 @@ def test_a_load_cycle_without_motion_loses_what_load_and_approach_do():
         t = np.arange(count) / count
         load = LOAD * (1 + 0.5 * np.sin(2 * np.pi * t))
         found = cycle(s=0 * t, pressure=load)
-        assert found.mean_friction == 0 and found.phase == 0 and abs(found.work) < 1e-14
+        assert found.mean_friction == 0 and abs(found.work) < 1e-14
         np.testing.assert_allclose(found.load, load, rtol=1e-12)
         np.testing.assert_allclose(found.load_work, found.dissipated_power, rtol=1e-9)
         assert found.energy_imbalance < 1e-10
@@ -193,6 +193,7 @@ def test_a_load_cycle_without_motion_loses_what_load_and_approach_do():
     assert abs(lost[1]) < 3e-3 and abs(lost[1]) < 0.3 * abs(lost[0])
 
 
+@pytest.mark.slow
 def test_a_constant_load_does_no_work_and_a_moving_block_leaves_and_enters():
     steady = cycle()
     assert abs(steady.load_work) < 0.05 * steady.dissipated_power
@@ -204,7 +205,7 @@ def test_a_constant_load_does_no_work_and_a_moving_block_leaves_and_enters():
     assert np.isfinite(entering.mean_friction) and entering.energy_imbalance < 1e-10
 
 
-@pytest.mark.parametrize("control", ["pressure", "mean_gap"])
+@pytest.mark.parametrize("control", ["pressure", pytest.param("mean_gap", marks=pytest.mark.slow)])
 def test_claimed_errors_hold(control):
     """The gap nearly closes at some times: a mean gap that is off costs far more load there."""
     for seed, contrast in enumerate((2.0, 30.0)):
@@ -238,6 +239,7 @@ def test_moduli_far_apart_and_light_contacts_converge():
         assert found.contact.num_fft_pairs < 2000
 
 
+@pytest.mark.slow
 def test_a_table_of_a_graded_kernel_is_as_good_as_it_says(monkeypatch):
     from graded_contact.kernels import steady as kernels
     from graded_contact.kernels.periodic import periodic_kernel
@@ -285,18 +287,19 @@ def pressure_by_steps(surface, displacement, tau, branch, num_cycles=3):
     return np.asarray(pressures)
 
 
+@pytest.mark.slow
 def test_time_steps_go_to_the_cycle_with_second_order():
     """An odd count of points: steps treat waves on Nyquist lines in another way."""
     surface = rough(gc.Grid((33,), 1.0), cut=6)
     stack = rubber(9.0, 0.05, 0.0)
-    fine = 0.2 * np.sin(2 * np.pi * np.arange(128) / 128)
+    fine = 0.2 * np.sin(2 * np.pi * np.arange(256) / 256)
     best = np.asarray(cycle(stack, surface, fine).pressure)
     errors = []
     for every in (4, 2):
         stepped = pressure_by_steps(surface, fine[::every], 0.05, 9.0)
         wrong = np.linalg.norm(stepped - best[::every]) / np.linalg.norm(best[::every])
         errors.append(wrong)
-    assert errors[1] < 2e-2
+    assert errors[1] < 5e-3
     np.testing.assert_allclose(errors[0] / errors[1], 4, rtol=0.2)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.contacts import DouglasRachford
-from graded_contact.sliding import Coulomb, PeakedShear
+from graded_contact.sliding import Coulomb
 from graded_contact.sliding.shear import AbstractShear
 
 NUM, STEPS, LOAD = 16, 16, 0.2  # points and steps of all histories: they share a program
