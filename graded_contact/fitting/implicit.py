@@ -21,7 +21,8 @@ from .lengths import Length
 from .observations import Loss, Observations, Unknowns
 from .series import SeriesProblem, problem_of, robust_deviation
 
-SOFTENINGS = 2  # the first scale has the bad values' pull on the fit in it
+SOFTENINGS = 5  # at most: the first scales have the bad values' pull on the fit in them
+SETTLED = 0.9  # times the scale before
 RIDGE = 1e-13  # relative to the diagonal of the Hessian: far below what data determine
 
 
@@ -50,11 +51,14 @@ def optimum(
         nonlocal path
         # On matrices of this size more threads gain nothing; on a busy machine they cost much.
         with one_thread_of_lapack:
-            for _ in range(0 if loss == "linear" else SOFTENINGS):
-                theta, series, _ = find(data, *others)
-                scale = jnp.asarray(robust_deviation(series, theta))
-                data = dataclasses.replace(data, scale=scale)
             theta, series, path = find(data, *others)
+            for _ in range(0 if loss == "linear" else SOFTENINGS):
+                before = np.inf if series.scale is None else float(series.scale)
+                scale = robust_deviation(series, theta)
+                data = dataclasses.replace(data, scale=jnp.asarray(scale))
+                theta, series, path = find(data, *others)
+                if scale > SETTLED * before:
+                    break
         expected = np.zeros(2) if series.isotherms is None else series.isotherms.penalty
         scale = np.inf if series.scale is None else series.scale
         return theta, series.within_bounds(theta), np.asarray(expected), np.asarray(scale)

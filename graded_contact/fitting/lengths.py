@@ -25,6 +25,7 @@ MOST_POINTS_SEARCHED = 400  # that a search goes through
 TIMES_PER_DECADE = 10
 ROUNDS = 3  # of a branch more and one fewer, to a given length
 LEAST_GAIN = 1e-3  # of such a round, to go on
+REWEIGHTED = 3  # times, so that bad values do not lead the start
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
 RESOLUTION = 1e-6  # of measured values, relative
 
@@ -198,7 +199,11 @@ def _spaced_start(series, terms):
 def _dense_start(series):
     """Non-negative least squares of relative errors on a dense grid, neighbours merged."""
     log_times, faint = series.time_grid(TIMES_PER_DECADE), np.exp(series.faintest())
-    strengths = non_negative(series, log_times)
+    strengths, columns = non_negative(series, log_times), series.columns(log_times)
+    for _ in range(0 if series.scale is None else REWEIGHTED):
+        model = np.maximum(series.known + strengths @ columns, np.exp(series.log_values) / 1e3)
+        weights = series.pulling(series.residual(model))
+        strengths = non_negative(dataclasses.replace(series, weights=weights), log_times)
     branches, static = np.split(strengths, [len(log_times)])
     # A time between two of the grid becomes a branch at each: a run of them is one branch.
     present = np.flatnonzero(branches > faint)
@@ -214,7 +219,7 @@ def non_negative(series: SeriesProblem, log_times: np.ndarray) -> np.ndarray:
     They minimise the sum of squared relative errors.
     """
     rows = series.weights > 0
-    columns = np.concatenate([series.branches(log_times), series.static])[:, rows]
+    columns = series.columns(log_times)[:, rows]
     if not len(columns):  # SciPy's nnls corrupts memory
         return np.zeros(0)
     scale = np.sqrt(series.weights[rows])
@@ -239,9 +244,9 @@ def _with_branch(series, theta):
     """The most a new branch lowers the cost to second order, and the series with it."""
     log_times, model = series.time_grid(TIMES_PER_DECADE), series.model(theta)
     residual = series.residual(model)
-    effect = series.branches(log_times) / model
-    pull = effect @ (series.weights * residual)
-    stiffness = effect**2 @ series.weights + 1e-300
+    effect, weights = series.branches(log_times) / model, series.pulling(residual)
+    pull = effect @ (weights * residual)
+    stiffness = effect**2 @ weights + 1e-300
     gains = np.where(pull < 0, pull**2 / (2 * stiffness), 0)
     best = np.argmax(gains)
     s, known_times, c = series.split(theta)

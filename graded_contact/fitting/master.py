@@ -28,12 +28,12 @@ from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
+from .alignment import at_reference, shifts_and_series
 from .implicit import optimum
 from .lengths import check_terms, criterion
-from .observations import Loss
+from .observations import Isotherm, Loss, joined_curves
 from .prony import AbstractFit, PronyFit, deviation
-from .report import report_of
-from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series
+from .quality import report_of
 from .shifts import LAW_LIMITS, LN10, Isotherms, law_shifts, log_shifts, split_shifts
 
 AT_BOUND = 1e-3  # of the logarithm of a constant of a law
@@ -174,8 +174,8 @@ class MasterCurve(AbstractFit):
             said += (f"{self.law} has a constant at the end of its range: no such law holds.",)
         elif any(self.isotherms.stds) and not self.law_serves():
             said += (
-                f"With {self.law} alone the error is {self.law_error():.2g}: the export has a table "
-                "of shifts, which ends at the temperatures that were measured.",
+                f"With {self.law} alone the error is {self.law_error():.2g}: the export has a "
+                "table of shifts, which ends at the temperatures that were measured.",
             )
         return said
 

@@ -28,11 +28,10 @@ from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
-from .covariance import covariance
 from .implicit import optimum
 from .lengths import Length, check_terms, choose
 from .observations import Loss, Observations, Unknowns, concrete, observe
-from .report import FitErrors, far_values, fit_errors, report_of
+from .quality import FitErrors, covariance, far_values, fit_errors, report_of
 from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, problem_of
 
 FLOW_AT = 1e12  # a retardation time this much beyond the data is viscous flow to rounding

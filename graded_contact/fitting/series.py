@@ -155,6 +155,10 @@ class SeriesProblem:
         """Returns φ at every row, shape `(terms, rows)`."""
         return branches(self.xp, self.kind, self.x, self.xp.exp(log_times))[0]
 
+    def columns(self, log_times: Any) -> Any:
+        """Returns all columns of which the model is a sum with positive strengths."""
+        return self.xp.concatenate([self.branches(log_times), self.static])
+
     def model(self, theta: Any) -> Any:
         """Returns m at every row, at the shifts in `theta` if there are isotherms."""
         s, log_times, c = self.split(theta)
@@ -179,6 +183,10 @@ class SeriesProblem:
         if self.scale is None:
             return residual
         return residual * self.xp.sqrt(2 / (1 + self._reach(residual)))
+
+    def pulling(self, residual: Any) -> Any:
+        """Returns the weights with which the residuals pull at the unknowns."""
+        return self.weights if self.scale is None else self.weights / self._reach(residual)
 
     def _reach(self, residual):
         return self.xp.sqrt(1 + (residual / self.scale) ** 2)

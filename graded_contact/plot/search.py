@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 def plot_search(design: "Design", *, axes: Any = None) -> "Figure":
     """Returns a figure of a search: objective, constraints and parameters of each evaluation.
 
-    All starts are in the first panel, the best in colour. Constraints and parameters are those of
+    All starts are in the first panel, the best in colour. Constraints and parameters belong to
     the best start; parameters are divided by their results.
 
     **Arguments:**
 
     - `design`: the result of `minimise`.
-    - `axes`: to draw in, by default those of a new figure.
+    - `axes`: to draw in, by default of a new figure.
     """
     from matplotlib.ticker import MaxNLocator
 

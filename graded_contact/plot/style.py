@@ -152,7 +152,7 @@ def at_bottom(axes: "Axes") -> dict[str, Any]:
 
 
 def colours_of(count: int, scale: str = PRESSURES) -> Any:
-    """Returns this many colours: those of `COLOURS`, or if there are more, from dark to light."""
+    """Returns this many colours: of `COLOURS`, or if there are more, from dark to light."""
     return COLOURS[:count] if count <= len(COLOURS) else ordered(count, scale)
 
 

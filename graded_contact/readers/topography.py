@@ -15,8 +15,7 @@ from ..core.display import with_unit
 from ..core.files import is_hdf5, read_file
 from ..surfaces.preparation import Periodic, surface_from_heights
 from ..surfaces.surface import Surface
-from .arrays import read_array, read_hdf5
-from .heights import Heights
+from .arrays import Heights, read_array, read_hdf5
 from .instruments import Unknown, read_instrument
 from .opencrg import is_road, read_road
 from .source import Layout, Source, damage_named, source_of

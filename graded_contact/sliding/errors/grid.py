@@ -31,7 +31,8 @@ from ..case import WINDOW
 from ..energy import frequencies
 from ..formulas import loaded, loaded_path, mean_load, shared, touching
 from ..number import Found, value_of
-from ..problem import CycleProblem, SteadyProblem, TransientProblem
+from ..problem import CycleProblem, SteadyProblem
+from ..transient_problem import TransientProblem
 
 
 class Weights(NamedTuple):

@@ -15,9 +15,9 @@ from ..errors import neighbours
 from ..number import AbstractSliding
 from ..numbers import area, checks, cycle, gap_flow
 from ..numbers import friction as of_friction
-from ..problem import TransientProblem
 from ..transient import errors as of_steps
 from ..transient import numbers as transient
+from ..transient_problem import TransientProblem
 
 
 @shown("contact", "failed", "warnings")

@@ -16,7 +16,7 @@ from ...core.compilation import compiled_loop
 from ...core.derivative import largest
 from ..formulas import lengths
 from ..numerics import Numerics
-from ..problem import TransientProblem
+from ..transient_problem import TransientProblem
 from .steps import STEP_CONTACT, Advance, TransientState, steps_given
 from .waves import TransientWaves
 
