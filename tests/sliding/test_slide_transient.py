@@ -279,25 +279,6 @@ def test_errors_contain_the_change_to_a_finer_grid_and_more_steps():
         assert change < getattr(coarse, f"{name}_error")
 
 
-def test_a_derivative_by_times_and_motion_is_the_difference_and_batches_are_single_solves():
-    motion = dwell(0.1, 4).then(start(0.02, 0.002, num_times=4))
-    wave = gc.Surface(SURFACE.heights[::4], gc.Grid((16,), 1e-3))
-
-    def number(times, moved, load=1e5):
-        found = run(BLOCK, times, moved, load, wave, rtol=1e-9)
-        return 10 * found.friction[-1] + 1e5 * found.mean_gap[-1] + found.work_done[-1]
-
-    at = motion.times, motion.displacement
-    slopes = jax.grad(number, argnums=(0, 1))(*at)
-    for i in range(2):
-        way = 1e-4 * at[i] * np.random.default_rng(i).uniform(0.5, 1, 8)
-        above, below = (number(*at[:i], at[i] + sign * way, *at[i + 1 :]) for sign in (1, -1))
-        assert jnp.sum(slopes[i] * way) == pytest.approx((above - below) / 2, rel=2e-3)
-    loads = jnp.asarray([1e5, 2e5])
-    both = jax.vmap(lambda load: number(*at, load))(loads)
-    np.testing.assert_allclose(both, [number(*at, load) for load in loads], rtol=1e-6)
-
-
 def test_the_response_on_the_path_of_a_window_is_that_of_a_window_kernel():
     """Under a constant pressure a block is elastic, of the creep compliance of that time."""
     grid, times = gc.Grid((8,), 1e-3), jnp.asarray([1e-3, 2e-3, 4e-3])

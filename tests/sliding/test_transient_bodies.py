@@ -6,7 +6,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.contacts import DouglasRachford
-from graded_contact.sliding import Coulomb
+from graded_contact.sliding import Coulomb, PeakedShear
 from graded_contact.sliding.shear import AbstractShear
 
 NUM, STEPS, LOAD = 16, 16, 0.2  # points and steps of all histories: they share a program
@@ -86,19 +86,20 @@ def test_traction_of_coulomb_moves_elastic_surfaces_as_in_steady_sliding_both_wa
     np.testing.assert_allclose(found.mean_gap[np.array([0, 2, -1])], still.mean_gap, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_traction_of_coulomb_moves_surfaces_as_in_a_cycle_with_an_error_of_second_order():
     period, law, errors = 0.4, Coulomb(0.5), []
     coat = gc.Stack(layers=(gc.Layer(gc.Elastic(5.0, 0.2), 0.1),), base=rubber().base)
     bodies = dict(counterface=rubber(6.0, 0.03, 2.0), shear=law, pressure=0.05)
-    phase = 2 * np.pi * np.arange(64) / 64
+    phase = 2 * np.pi * np.arange(256) / 256
     cycle = gc.slide_cycle(
         coat, ROUGH, **bodies, displacement=0.3 * np.sin(phase), period=period, rtol=1e-7
     )
-    for count in (16, 32):
-        times = np.arange(1, 3 * count + 1) * period / count
+    for count in (32, 64):
+        times = np.arange(1, 5 * count + 1) * period / count
         moved = 0.3 * np.sin(2 * np.pi * times / period)
         found = run(coat, own=None, times=times, displacement=moved, **bodies)
-        place = np.arange(64 // count, 65, 64 // count) % 64
+        place = np.arange(256 // count, 257, 256 // count) % 256
         errors.append(np.median(np.abs(found.mean_gap[-count:] - cycle.mean_gap[place])))
     free = run(coat, own=None, times=times, displacement=moved, **bodies | {"shear": None})
     change = np.median(np.abs(found.mean_gap - free.mean_gap)[-count:])
@@ -115,20 +116,41 @@ class Proportional(AbstractShear):
         return 0.5 * pressure
 
 
-def test_traction_of_any_law_lags_and_its_error_falls_with_the_steps():
-    period, errors, law = 0.4, [], Proportional()
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [Proportional(), PeakedShear(0.05, 2.0, 0.5, coupled=True)])
+def test_traction_of_any_law_lags_and_its_error_falls_with_the_steps(law):
+    period, errors = 0.4, []
     bodies = dict(counterface=rubber(6.0, 0.03, 2.0), shear=law, pressure=0.05)
-    phase = 2 * np.pi * np.arange(64) / 64
+    phase = 2 * np.pi * np.arange(256) / 256
     cycle = gc.slide_cycle(
         rubber(), ROUGH, **bodies, displacement=0.3 * np.sin(phase), period=period, rtol=1e-7
     )
-    for count in (16, 64):
-        times = np.arange(1, 3 * count + 1) * period / count
+    for count in (32, 128):
+        times = np.arange(1, 5 * count + 1) * period / count
         moved = 0.3 * np.sin(2 * np.pi * times / period)
         found = run(rubber(), own=None, times=times, displacement=moved, **bodies)
-        place = np.arange(64 // count, 65, 64 // count) % 64
+        place = np.arange(256 // count, 257, 256 // count) % 256
         errors.append(np.median(np.abs(found.mean_gap[-count:] - cycle.mean_gap[place])))
     free = run(rubber(), own=None, times=times, displacement=moved, **bodies | {"shear": None})
     change = np.median(np.abs(found.mean_gap - free.mean_gap)[-count:])
     assert errors[1] < 0.1 * change
     assert errors[1] < 0.4 * errors[0]
+
+
+@pytest.mark.slow
+def test_after_some_periods_it_is_the_cycle_with_an_error_of_second_order():
+    period, errors = 0.4, []
+    bodies = dict(counterface=rubber(6.0, 0.03, 2.0), block_surface=OTHER)
+    phase = 2 * np.pi * np.arange(256) / 256
+    cycle = gc.slide_cycle(
+        rubber(), ROUGH, **bodies, displacement=0.3 * np.sin(phase), period=period, pressure=LOAD,
+        rtol=1e-8,
+    )  # fmt: skip
+    for count in (32, 64):
+        times = np.arange(1, 5 * count + 1) * period / count
+        moved = 0.3 * np.sin(2 * np.pi * times / period)
+        found = run(rubber(), bodies["counterface"], times=times, displacement=moved)
+        place = np.arange(256 // count, 257, 256 // count) % 256
+        errors.append(np.median(np.abs(found.friction[-count:] - cycle.friction[place])))
+    assert errors[1] < 0.01 * float(cycle.peak_friction)
+    assert errors[1] < 0.35 * errors[0]
