@@ -29,7 +29,9 @@ SECTIONS = {
     "Kernels of layered blocks": (
         "bench_response speed --sizes 1024 --bodies 1_layer 3_layers graded --repeat 3"
     ),
-    "Total error against seconds": "bench_contact total --sizes 64 128 --finest 512",
+    "Total error against seconds": (
+        "bench_contact total --sizes 64 128 --finest 512 --numbers contact_area"
+    ),
     "First calls": "bench_contact first --calls slide gradient total_error",
 }
 PEERS = ("tamaas", "ContactMechanics")

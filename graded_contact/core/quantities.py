@@ -133,7 +133,6 @@ OF_RESULTS = _table([
       for entry in ((name, r"\sigma", "Pa", f"largest {what}"),
                     (f"{name}_depth", "z", "m", f"depth of the largest {what}"))),
     ("GapFlow.conductance", "K", "m³", "conductance of the gap along x and along y"),
-    ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),
     ("rms_slope_along", "", "1", "rms slope along each axis"),

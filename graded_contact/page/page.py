@@ -26,7 +26,6 @@ from .numbers import STEPS, Number
 from .save import save
 
 DEMO = Path(__file__).parents[1] / "scenes" / "demo.toml"
-EXPECTED = (ValueError, RuntimeError, OSError, MemoryError)
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
 # The numbers stay in sight; on a phone the curves stand above the sliders, the maps below.
 GRID = """
@@ -206,7 +205,7 @@ class Page(pn.viewable.Viewer):
                 self._busy.param.update(visible=True, label=f"{words} …")
                 try:
                     await asyncio.to_thread(compute, values)
-                except EXPECTED as error:
+                except (ValueError, RuntimeError, OSError, MemoryError) as error:
                     self._said.object = paragraph(error, "refused")
                     break
                 if call == self._call:

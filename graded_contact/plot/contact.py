@@ -1,6 +1,6 @@
-"""Figures of one contact: fields, and the waves that make friction."""
+"""The figure of one contact: heights, pressure and gap."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
@@ -11,14 +11,11 @@ from ..contacts.law import HardWall
 from ..core.checks import as_float
 from ..core.display import unit_of
 from ..sliding.result import Sliding
-from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface
 from .style import (
     COLOURS,
     PAGE,
     PRESSURES,
-    colours_of,
-    few_powers_of_ten,
     figure_of,
     finished,
     panels,
@@ -37,7 +34,6 @@ LOOKS = {
     "gap": ("gap", "m", "magma", 1.0, COLOURS[2]),
 }
 FINEST_OUTLINE = 1024  # points along an edge that an outline can show
-STEPS_PER_DECADE = 10  # steps of the friction per ln q
 
 
 @finished
@@ -199,38 +195,3 @@ def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
         zorder=5,
         arrowprops={"arrowstyle": "-|>", "color": "black", "path_effects": halo},
     )
-
-
-@finished
-def plot_dissipation(
-    curves: CutoffCurve | Mapping[str, CutoffCurve], *, axes: Any = None
-) -> "Figure":
-    """Returns a figure of friction over the wavenumber: up to each, and per ln q.
-
-    The area under the steps, over ln q, is the friction that the curve gains.
-
-    **Arguments:**
-
-    - `curves`: the result of `cumulative_friction` or `area_against_cutoff`, or `against_cutoff` of
-      a mean field; or several, by their labels.
-    - `axes`: two panels to draw in, by default of a new figure.
-    """
-    by_label = curves if isinstance(curves, Mapping) else {"": curves}
-    total, each = panels(axes, "ab", (PAGE, 2.7), sharex=True)
-    for (label, curve), colour in zip(by_label.items(), colours_of(len(by_label)), strict=True):
-        q, friction = np.asarray(curve.cutoff), np.asarray(curve.friction)
-        total.plot(q, friction, color=colour, label=label)
-        # Steps of equal length on the logarithm, none finer than the curve.
-        count = max(1, min(len(q) - 1, round(STEPS_PER_DECADE * np.log10(q[-1] / q[0]))))
-        edges = np.geomspace(q[0], q[-1], count + 1)
-        # The curve's own steps are uneven and would make the derivative noisy.
-        steps = np.diff(np.interp(np.log(edges), np.log(q), friction)) / np.diff(np.log(edges))
-        each.stairs(steps, edges, color=colour, linewidth=1.2, label=label)
-    total.set(xscale="log", ylabel="friction of waves up to $q$")
-    each.set_ylabel(r"$\mathrm{d}\mu/\mathrm{d}\ln q$")
-    for panel in (total, each):
-        panel.axhline(0, color="0.6", linewidth=0.6, zorder=0)
-        panel.set_xlabel("wavenumber $q$ [rad/m]")
-    every = np.concatenate([np.asarray(curve.cutoff) for curve in by_label.values()])
-    few_powers_of_ten(total.xaxis, np.min(every), np.max(every))
-    return figure_of(total)

@@ -52,19 +52,6 @@ class Sensitivity(eqx.Module):
     storage: Float[Array, " points"]
     loss: Float[Array, " points"]
 
-    def decisive(self, share: float = 0.9) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """Returns the frequencies [rad/s] between which this `share` of all sensitivity lies.
-
-        Half of the rest is below, half above.
-        """
-        decades = jnp.log10(self.omega)
-        density = jnp.abs(self.storage) + jnp.abs(self.loss)
-        parts = (density[1:] + density[:-1]) / 2 * jnp.diff(decades)
-        total = jnp.concatenate([jnp.zeros(1), jnp.cumsum(parts)])
-        ends = total[-1] * jnp.array([(1 - share) / 2, (1 + share) / 2])
-        low, high = 10 ** jnp.interp(ends, total, decades)
-        return low, high
-
 
 def propagate(
     function: Callable[[Any], Float[Array, "*shape"]],

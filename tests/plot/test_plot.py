@@ -4,7 +4,6 @@ import functools
 import re
 from types import SimpleNamespace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray
@@ -155,8 +154,7 @@ def test_a_fit_in_time_shows_what_was_measured():
 BARE = (
     "", "evaluation", "objective", "constraint (0 or more allowed)", "parameter / result",
     "friction coefficient", "contact area fraction", "time over the period",
-    "friction of waves up to $q$",
-    r"$\mathrm{d}\mu/\mathrm{d}\ln q$", r"$\log_{10} a_T$", "$b_T$", "loss tangent",
+    r"$\log_{10} a_T$", "$b_T$", "loss tangent",
 )  # fmt: skip
 
 
@@ -208,18 +206,6 @@ def test_a_figure_takes_the_contact_of_the_law():
     np.testing.assert_array_equal(np.isfinite(contact), touches)
     shown = gc.plot.plot_sliding(fields, surface).axes[2].lines[0].get_ydata()
     np.testing.assert_allclose(shown, np.where(touches, 0, 1e6 * gap))
-
-
-def test_dissipation_is_the_slope_of_the_friction_and_encloses_it():
-    q = np.geomspace(1e3, 1e6, 64)
-    curve = gc.surfaces.CutoffCurve(jnp.asarray(q), jnp.asarray(0.1 * np.log(q / 1e3)))
-    figure = gc.plot.plot_dissipation({"contact": curve, "mean field": curve})
-    check_labels(figure)
-    total, each = figure.axes
-    np.testing.assert_allclose(total.lines[0].get_ydata(), curve.friction)
-    steps = each.patches[0].get_data()
-    np.testing.assert_allclose(steps.values, 0.1, rtol=1e-6)
-    assert len(steps.edges) == 31 and steps.edges[0] == 1e3
 
 
 OMEGA, TEMPERATURES = np.geomspace(0.1, 10, 6), (290.0, 300.0, 310.0)
