@@ -96,7 +96,6 @@ def errors_and_estimates(solver, rtol):
     ("solver", "rtol"),
     [
         (FAST, 1e-10),
-        pytest.param(FAST, 1e-4, marks=pytest.mark.slow),
         pytest.param(Riccati(), 1e-9, marks=pytest.mark.slow),
     ],
 )
@@ -205,9 +204,10 @@ def test_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():
         stack = Stack(layers=(GradedLayer(profile, 1e-2),), base=gc.HalfSpace(ends[0]))
         (found, claim), (fine, rest) = (
             surface_compliance(by(Layering(num_cells=n), stack), q, 0.0, error=True)
-            for n in (12, 120)
+            for n in (4, 120)
         )
         error = np.abs(found / fine - 1)
+        assert np.max(error) > 1e-6
         assert np.all(error <= 3 * claim + rest)
 
 
