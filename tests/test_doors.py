@@ -130,7 +130,6 @@ def calls():
          heating=gc.sliding.Heating(0.25, 1e-7), depths=[0.0])),
         (gc.sliding.PeakedShear, dict(peak=1e6, velocity=1e-2, steepness=0.1, shift=wlf)),
         (gc.solve_contact, contact | dict(pressure=1e5) | how),
-        (gc.sliding.area_against_cutoff, job | dict(cutoffs=[2 * q0, 3 * q0])),
         (gc.sliding.cumulative_friction, dict(pressure=sliding.pressure,
          displacement=sliding.displacement, grid=grid, velocity=0.1, num_wavenumbers=5)),
         (gc.mean_field_friction, dict(stack=soft, spectrum=spectrum, pressure=1e5, velocity=0.1,

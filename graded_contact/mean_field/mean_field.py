@@ -60,7 +60,7 @@ from ..materials.shift import HOTTEST, as_temperature
 from ..materials.softening import as_strain_per_slope
 from ..response.grading import check_profiles
 from ..sliding.case import Case, Heating
-from ..sliding.shear import ShearLaw, shear_stress, unless_negative
+from ..sliding.shear import ShearLaw, shear_stress
 from ..surfaces.spectrum import CutoffCurve, SelfAffine
 from ..surfaces.spectrum_table import Spectrum, SpectrumTable
 from ..surfaces.statistics import isotropic_spectrum
@@ -230,9 +230,9 @@ def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
     pressure = as_scalar(pressure, "pressure")
     check_positive("pressure", pressure, "[Pa]")
     # Early, so that a bad law is named before anything is compiled.
-    stress = shear_stress(shear, velocity, temperature)
+    shear_stress(shear, velocity, temperature)
     # On input the value is unknown if the pressure is traced.
-    load = unless_negative(jnp.where(pressure > 0, pressure, jnp.nan), stress)
+    load = jnp.where(pressure > 0, pressure, jnp.nan)
     check_type("spectrum", spectrum, SelfAffine, SpectrumTable)
     check_type("own_roughness", own_roughness, SelfAffine, SpectrumTable, type(None))
     if heating is not None:

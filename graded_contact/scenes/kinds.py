@@ -31,7 +31,6 @@ from ..response import Layering, Riccati
 from ..sliding import (
     Motion,
     dwell,
-    listed,
     ramp,
     recorded,
     sinusoidal,
@@ -106,7 +105,6 @@ TRANSIENTS = {
     "start": start,
     "ramp": ramp,
     "dwell": dwell,
-    "listed": listed,
     "recorded": read_transient,
 }
 CONTACT_LAWS = {

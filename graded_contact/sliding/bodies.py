@@ -116,7 +116,7 @@ class Counterface(eqx.Module):
     - `in_kernel`: the part of M that the kernel of the contact contains [m/Pa].
     - `coupling`: how the traction on the counterface moves its surface, or None.
     - `lags`: whether `in_kernel` is not all of M. Static.
-    - `measured_range`, `thickness`: as in `SteadyProblem`, of the counterface.
+    - `measured_range`: as in `SteadyProblem`, of the counterface.
     """
 
     operator: AbstractOperator
@@ -124,7 +124,6 @@ class Counterface(eqx.Module):
     coupling: Coupling | None = None
     lags: bool = eqx.field(default=False, static=True)
     measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
-    thickness: Float[Array, "..."] | None = None
 
     def beside(self, block: SpaceTime) -> SpaceTime:
         """Returns the operator of the contact from that of the block."""
@@ -158,7 +157,7 @@ class Counterface(eqx.Module):
         axes = self.in_kernel.ndim
         kept = resample_spectrum(self.in_kernel, old[-axes:], new[-axes:])
         coupling = coupling_on(self.coupling, old, new)
-        return Counterface(operator, kept, coupling, self.lags, self.measured_range, self.thickness)
+        return Counterface(operator, kept, coupling, self.lags, self.measured_range)
 
 
 def of_block(both: AbstractOperator, counterface: Counterface | None) -> AbstractOperator:

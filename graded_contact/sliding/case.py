@@ -30,7 +30,7 @@ from ..fields.frequency import as_velocity
 from ..kernels.memory import LONGEST
 from ..kernels.window import has_ground
 from ..surfaces.spectrum_table import Spectrum
-from ..surfaces.surface import Surface
+from ..surfaces.surface import Surface, check_periodic
 from .motion.motion import check_closed, check_resolved
 from .shear import ShearLaw, is_coupled
 
@@ -175,17 +175,13 @@ class Case(eqx.Module):
                 "`heating` is refused with a `block_surface`: the heat of a cycle is that of "
                 "steady sliding, which two rough surfaces do not have."
             )
+        for surface in (own, self.rough):
+            with within("`block_surface`:"):
+                check_periodic(surface)
         grid, other = self.rough.grid, own.grid
-        for name, one in (("block_surface", own), ("surface", self.rough)):
-            if not one.periodic:
-                raise ValueError(
-                    f"`{name}` is on a window and is refused where the block is rough, too: a "
-                    "periodic one is needed."
-                )
-        same = other.shape == grid.shape
-        if same and is_concrete(grid.size) and is_concrete(other.size):
-            same = np.allclose(np.asarray(grid.size), np.asarray(other.size), rtol=1e-6)
-        if not same:
+        known = is_concrete(grid.size) and is_concrete(other.size)
+        same = not known or np.allclose(np.asarray(grid.size), np.asarray(other.size), rtol=1e-6)
+        if other.shape != grid.shape or not same:
             raise ValueError(
                 f"`block_surface` is on {short(other.shape)} points over {short(other.size)} m; "
                 f"the grid of `surface`, {short(grid.shape)} over {short(grid.size)} m, is needed."
@@ -215,12 +211,11 @@ class Case(eqx.Module):
             whole = np.concatenate([np.zeros_like(known[:1]), known])  # it begins at 0
             check_resolved(f"`displacement` in {len(known)} steps", whole, grid)
         if is_concrete(times):
-            known = np.asarray(times)
-            steps = np.diff(known, prepend=0)
-            if known[-1] > LONGEST * np.min(steps):
+            last, least = float(times[-1]), float(np.min(np.diff(np.asarray(times), prepend=0)))
+            if last > LONGEST * least:
                 raise ValueError(
-                    f"`times` up to {known[-1]:.3g} s with a step of {np.min(steps):.3g} s are "
-                    f"refused: the last time is at most {LONGEST:.0e} times the shortest step."
+                    f"`times` up to {last:.3g} s with a step of {least:.3g} s are refused: the "
+                    f"last time is at most {LONGEST:.0e} times the shortest step."
                 )
 
     @property

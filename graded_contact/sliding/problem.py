@@ -23,7 +23,6 @@ from ..contacts.operators.window import operator_of
 from ..contacts.solution import ContactSolution
 from ..contacts.solve import contact_of, solve_contact
 from ..contacts.solver.abstract_solver import Inputs
-from ..core.checks import Numbers
 from ..fields.grid import Grid, resample_spectrum
 from .bodies import Counterface, Coupling, coupling_on, of_block
 from .half_grid import resampled
@@ -94,7 +93,6 @@ class SteadyProblem(AbstractProblem):
     - `measured`: share of each height that was measured [1], or None, see `Surface`.
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     - `kernel_error`: two estimated errors of the kernel of a window [m/Pa]; None if periodic.
-    - `thickness`: of the layers between a window and a rigid base [m], else None.
     """
 
     operator: AbstractOperator
@@ -102,7 +100,6 @@ class SteadyProblem(AbstractProblem):
     measured: Float[Array, "..."] | None = None
     measured_range: Range | None = None
     kernel_error: Inexact[Array, "..."] | None = None
-    thickness: Float[Array, "..."] | None = None
 
     @property
     def between(self) -> Field:
@@ -110,19 +107,12 @@ class SteadyProblem(AbstractProblem):
         return self.heights
 
     def contact(
-        self,
-        load: Prescribed,
-        shift: Field | None,
-        how: Numerics,
-        start: Numbers | None,
-        solution: ContactSolution | None = None,
+        self, load: Prescribed, how: Numerics, shift=None, start=None, solution=None
     ) -> ContactSolution:
-        """Returns the contact of the heights less a shift [m]; see `solve_contact`."""
+        """Returns the contact of the heights less a shift [m], from a start or of a solution."""
         heights = self.heights if shift is None else self.heights - shift
-        return solve_contact(
-            self.operator.kernel, heights, **load, law=self.law, solver=how.solver,
-            adjoint=how.adjoint, rtol=how.rtol, start=start, solution=solution, throw=how.throw,
-        )  # fmt: skip
+        given = dict(load) | dict(law=self.law, start=start, solution=solution)
+        return solve_contact(self.operator.kernel, heights, **given, **vars(how))
 
     def on(self, shape: tuple[int, ...], num_times: int | None = None) -> "SteadyProblem":
         """Returns the problem on another grid, without heights; its errors are not known."""
@@ -203,14 +193,9 @@ class CycleProblem(AbstractProblem):
         return rate_of(back, self.period) + drift / self.period, back
 
     def contact(
-        self,
-        load: Prescribed,
-        shift: Field | None,
-        how: Numerics,
-        start: Numbers | None,
-        solution: ContactSolution | None = None,
+        self, load: Prescribed, how: Numerics, shift=None, start=None, solution=None
     ) -> ContactSolution:
-        """Returns the contact at all times of the heights less a shift [m]."""
+        """Returns the contact at all times, as of a `SteadyProblem`."""
         heights = jnp.broadcast_to(self.between, self.shape)
         start = as_start(start, heights, self.law)
         loading = loading_of(self.law, heights, self.shape[0], **load)

@@ -27,8 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
 from ..contacts import area
-from ..core.checks import check_positive, check_type, check_values, is_concrete, scalar, short
-from ..core.derivative import still
+from ..core.checks import check_positive, check_type, check_values, scalar, short
 from ..core.display import shown
 from ..fields.frequency import direction_and_speed
 from ..materials.shift import AbstractShift, as_temperature
@@ -196,19 +195,6 @@ def shear_stress(
             f"[m/s] and a temperature [K] or None; it gave {type(error).__name__}: {error}."
         ) from None
     return bound
-
-
-def unless_negative(value: Array, stress: ShearStress | None) -> Array:
-    """Returns `value`, or NaN if a law of shear has a negative stress that tracing hid."""
-    if stress is None:
-        return value
-    law = still(stress.law)
-    if all(map(is_concrete, jax.tree.leaves(law))):
-        return value
-    # At rest, as the stress of a cycle is bound, a law of the speed has no stress.
-    speed = jnp.where(stress.speed == 0, 1, stress.speed)
-    least = ShearStress(law, speed, stress.temperature)(jnp.ones((), stress.speed.dtype))
-    return jnp.where(still(least) >= 0, value, jnp.nan)
 
 
 def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Array, Array]:

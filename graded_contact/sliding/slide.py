@@ -10,7 +10,6 @@ from jaxtyping import ScalarLike
 
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
-from ..contacts.solution import ContactSolution
 from ..core.checks import Numbers
 from ..surfaces.surface import Surface
 from .case import Case, Heating
@@ -37,7 +36,6 @@ def slide(
     strain_per_slope: ScalarLike | None = None,
     counterface: Stack | None = None,
     start: Numbers | None = None,
-    solution: ContactSolution | None = None,
     **numerics: Any,
 ) -> Sliding:
     """Returns friction, contact area and fields of a rough surface sliding on a block.
@@ -76,7 +74,7 @@ def slide(
       exchange them: `stack` is then the smooth body, `counterface` the rough one, and the velocity
       that of the rough body over the smooth one.
     - `law`: of contact.
-    - `start`, `solution`: see `slide_case`.
+    - `start`: a pressure field [Pa] to start from, see `solve_contact`.
     - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
 
     With `throw=False`, `.result` also reports a graded layer whose kernel misses its tolerance; all
@@ -91,8 +89,7 @@ def slide(
         velocity=velocity, law=law, shear=shear, temperature=temperature, heating=heating,
         strain_per_slope=strain_per_slope, counterface=counterface,
     )  # fmt: skip
-    how = Numerics(**numerics)
-    return cast(Sliding, slide_case(case, how, start=start, solution=solution))
+    return cast(Sliding, slide_case(case, Numerics(**numerics), start=start))
 
 
 def slide_cycle(
@@ -123,7 +120,7 @@ def slide_cycle(
     - `stack`: the block, see `Stack`. `stack.at(temperature)` is the block at another temperature.
     - `surface`: the rough surface; heights count into the block.
     - `displacement`: s [m] of the surface at equally spaced times of a period, shape `(nt,)` (along
-      x) or `(nt, 2)`, nt at least 4; see `sinusoidal`, `start_stop`, `steady`, `recorded`. Over a
+      x) or `(nt, 2)`, nt at least 4; see `sinusoidal`, `start_stop`, `recorded`. Over a
       period the surface may advance by whole cells; their number follows from the last step, which
       must be like its neighbours.
     - `period`: T [s].
@@ -188,7 +185,7 @@ def slide_transient(
       all rests, each may be a fixed part of the time so far. While the surface moves, a step leads
       it by about half a spacing of the grid at most.
     - `displacement`: s [m] of the surface at these times since t = 0, shape `(nt,)` (along x) or
-      `(nt, 2)`; see `start`, `ramp`, `dwell`, `listed`.
+      `(nt, 2)`; see `start`, `ramp`, `dwell`.
     - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
       heights; not on a window; or
@@ -221,7 +218,6 @@ def slide_case(
     how: Numerics = Numerics(),  # noqa: B008 (immutable)
     *,
     start: Numbers | None = None,
-    solution: ContactSolution | None = None,
 ) -> Sliding | CyclicSliding | TransientSliding:
     """Returns the contact of a case: a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
 
@@ -230,21 +226,14 @@ def slide_case(
     - `case`: block, surface, load and motion.
     - `how`: tolerance and solvers.
     - `start`: a pressure field [Pa] to start from, see `solve_contact`.
-    - `solution`: `.contact` of an earlier solve of this case. Nothing is solved then: the same
-      numbers are returned, with derivatives.
 
     **Returns:** friction, areas, errors and the contact itself.
 
     **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
     """
     how = how.of(case.bodies, case.rough, case.block_surface)
-    # With heat several contacts are solved, and a motion has one at each time.
-    if solution is not None and (case.heating is not None or case.velocity is None):
-        raise ValueError(
-            "`solution` is refused with `heating` or a motion: it holds steady contacts alone."
-        )
     if case.times is not None:
         return solve_transient(case, how)
     if case.heating is not None:
         return solve_heated(case, how, start)
-    return solve_isothermal(case, how, start, solution)
+    return solve_isothermal(case, how, start)

@@ -169,7 +169,7 @@ class CutoffCurve(eqx.Module):
     """Friction and contact area up to each cut-off.
 
     Which waves count depends on the function: `cumulative_friction` adds up the waves of one
-    contact, `area_against_cutoff` and `mean_field_friction` leave out those of the surface.
+    contact, `mean_field_friction` leaves out those of the surface.
 
     **Fields:**
 

@@ -87,18 +87,12 @@ def test_traction_along_both_axes_is_in_equilibrium():
         np.testing.assert_allclose(stress, without_mean, atol=1e-4 * np.max(np.abs(stress)))
 
 
-def test_largest_values_and_their_places():
+def test_tension_and_shear_are_those_of_the_tensor():
     s = gc.slide(BLOCK, ROAD, pressure=5e4, velocity=[0.1, 0.2], shear=Coulomb(0.6))
     depths = jnp.append(jnp.array([0.0, 1e-4]), interface_depths(BLOCK))
     found = contact_stress(s, BLOCK, depths, side="above")
     principal = np.linalg.eigvalsh(found.stress)[..., -1]
     np.testing.assert_allclose(found.tension, principal, atol=1e-9 * np.max(principal))
-    for kind, field in (("tension", principal), ("opening", found.stress[..., 2, 2])):
-        largest = found.largest(kind)
-        k, i, j = np.unravel_index(np.argmax(field), field.shape)
-        place = [i * GRID.spacing[0], j * GRID.spacing[1], depths[k]]
-        np.testing.assert_allclose(largest.value, field[k, i, j], rtol=1e-9)
-        np.testing.assert_allclose(largest.place, place)
     # At the surface the shear is f σ along the motion.
     np.testing.assert_allclose(found.shear[0], 0.6 * s.pressure, atol=1e-3 * np.max(s.pressure))
     pushed = found.stress[0][..., 1, 2] / np.minimum(found.stress[0][..., 0, 2], -1e3)

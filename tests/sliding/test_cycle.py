@@ -11,11 +11,16 @@ from graded_contact.sliding import (
     PeakedShear,
     sinusoidal,
     slide_cycle,
-    steady,
 )
 
 N = 32
 GRID = gc.Grid((N,), 1.0)
+
+
+def steady(velocity, grid):
+    """Steady sliding over one cell."""
+    moved = np.sign(velocity) * grid.size[0] * np.arange(grid.shape[0]) / grid.shape[0]
+    return gc.sliding.Motion(moved, grid.size[0] / abs(velocity))
 
 
 def rough(grid, cut, seed=0):

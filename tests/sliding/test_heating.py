@@ -86,8 +86,7 @@ def test_a_cycle_has_the_temperatures_of_its_mean_heat():
     law = PeakedShear(3e5, 1.0, 0.3, gc.Arrhenius(9e4, 293.0))
     how = {"pressure": 3e4, "temperature": 293.0, "heating": TISSUE, "shear": law, "rtol": 1e-8}
     expected = gc.slide(BLOCK, line, velocity=1.0, **how)
-    motion = gc.sliding.steady(1.0, line.grid)
-    given = {"displacement": motion.displacement, "period": motion.period}
+    given = {"displacement": CELL * jnp.arange(32) / 32, "period": CELL}
     found = gc.sliding.slide_cycle(BLOCK, line, **given, **how)
     np.testing.assert_allclose(found.mean_friction, expected.friction, rtol=1e-8)
     np.testing.assert_allclose(found.heated.rises, expected.heated.rises, rtol=1e-8)
@@ -105,7 +104,7 @@ def test_a_cycle_has_the_temperatures_of_its_mean_heat():
     found = gc.sliding.slide_cycle(BLOCK, line, **given, **how)
     power = found.work / found.period / (expected.friction * 3e4)
     np.testing.assert_allclose(found.surface_rise, power * expected.surface_rise, rtol=0.1)
-    assert found.surface_rise > 1 and "in the mean over the cycle" in " ".join(found.warnings)
+    assert found.surface_rise > 1
     assert 0 < found.error_parts("mean_friction")["temperature"] < 0.01 * found.mean_friction
     with pytest.raises(ValueError, match="`heating` is refused: `displacement` does not move"):
         given = {"displacement": np.zeros(8), "period": 1.0}

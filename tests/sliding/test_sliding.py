@@ -109,34 +109,6 @@ def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
     np.testing.assert_allclose(two.pressure[:, 0], one.pressure, atol=1e-5 * one.pressure.max())
 
 
-def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
-    """Smoother surfaces touch more; the waves of the surface end at 8.3 q0."""
-    cutoffs = Q0 * np.array([2.0, 4.0, 8.3])
-    law = dict(pressure=4e5, velocity=0.1, rtol=1e-8)
-    curve_of = jax.jit(
-        lambda d: gc.sliding.area_against_cutoff(coated(d), SURFACE, cutoffs, throw=False, **law)
-    )
-    curve = curve_of(1e-4)
-    whole = gc.slide(coated(), SURFACE, **law)
-    np.testing.assert_allclose(curve.cutoff, cutoffs)
-    np.testing.assert_allclose(curve.friction[-1], whole.friction, rtol=1e-6)
-    np.testing.assert_allclose(curve.contact_area[-1], whole.contact_area)
-    np.testing.assert_allclose(curve.contact_area[-1], whole.contact_area, rtol=1e-5)
-    assert np.all(np.diff(curve.contact_area) < 0)
-    # The middle one, by a surface smoothed outside the package.
-    k = np.fft.fftfreq(64, 1 / 64)
-    spectrum = np.fft.fft2(SURFACE.heights)
-    low = np.where(np.hypot(k[:, None], k) <= 4.0, spectrum, 0)
-    smooth = gc.Surface(jnp.asarray(np.fft.ifft2(low).real), GRID)
-    middle = gc.slide(coated(), smooth, **law)
-    np.testing.assert_allclose(curve.friction[1], middle.friction, rtol=1e-6)
-    # A kernel that fails, which is known only when it runs, leaves the cut-offs.
-    failed = curve_of(-1e-4)
-    np.testing.assert_array_equal(failed.cutoff, cutoffs)
-    for found in (failed.friction, failed.contact_area):
-        np.testing.assert_array_equal(found, np.full(3, np.nan))
-
-
 def test_soft_law_slides_nearly_as_the_hard_wall():
     """The area of a law without a sharp edge is its own, not that of pixels."""
     law = gc.RepulsiveLJ(0.01 * float(jnp.std(SURFACE.heights)), 4e5)

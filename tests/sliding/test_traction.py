@@ -16,7 +16,6 @@ from graded_contact.sliding import (
     heat_depths,
     heat_source,
     slide_cycle,
-    steady,
 )
 from graded_contact.sliding.case import Case
 from graded_contact.sliding.interior.heat_source import shear_heat
@@ -45,6 +44,12 @@ class Proportional(AbstractShear):
 def rub(shear, velocity=0.3, stack=BLOCK, surface=ROAD, **how):
     how = {"pressure": LOAD, "rtol": 1e-9} | how
     return gc.slide(stack, surface, velocity=velocity, shear=shear, **how)
+
+
+def steady(velocity, grid):
+    """Steady sliding over one cell."""
+    moved = np.sign(velocity) * grid.size[0] * np.arange(grid.shape[0]) / grid.shape[0]
+    return gc.sliding.Motion(moved, grid.size[0] / abs(velocity))
 
 
 def compliances(grid, velocity):

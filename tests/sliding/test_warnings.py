@@ -25,7 +25,6 @@ def told(**changed):
     [
         ({}, []),
         ({"friction": np.nan, "friction_error": np.nan}, []),
-        ({"friction": np.nan, "shear_friction": np.nan}, ["`shear` returned NaN"]),
         ({"friction": 0.0, "friction_error": 2e-5}, []),  # at rest
         ({"friction": 2.8e-18, "friction_error": 1.9e-4}, []),  # elastic: rounding
         ({"friction": 0.3, "friction_error": 0.04}, ["an error of about 13%"]),

@@ -95,7 +95,7 @@ def _solved(
     solver = DouglasRachford(newton=is_concrete(load))
     how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
     # The displacement by a traction that is no part of the kernel stays as it is.
-    contact = problem.contact({found.problem.prescribed: load}, shift, how, start)
+    contact = problem.contact({found.problem.prescribed: load}, how, shift, start)
     # A number that is not known must not show a small change. What may be unstable on half the grid
     # is close to what the whole grid resolves.
     good = (contact.result == RESULTS.successful) | (contact.result == RESULTS.gap_unresolved)

@@ -15,7 +15,7 @@ from ...core.compilation import compiled
 from ...core.derivative import derivative_apart, largest
 from ...core.display import shown
 from ...fields.frequency import wave_frequencies
-from ...fields.grid import Grid, coordinates, wavenumber
+from ...fields.grid import wavenumber
 from ...materials.softening import softens
 from ...response.compliance import surface_compliance
 from ...response.downwards import Side
@@ -26,22 +26,8 @@ from ..result import Sliding
 from .heat_source import as_depths, shear_traction
 
 _SAME = 1e-3  # relative difference of two kernels of one block, in float32 and of tables
-StressKind = Literal["von_mises", "tension", "shear", "opening"]
+StressKind = Literal["von_mises", "tension", "shear"]
 Depths = Float[Array, " depths"]
-
-
-@shown()
-class LargestStress(eqx.Module):
-    """The largest value of a stress, and where it acts.
-
-    **Fields:**
-
-    - `value`: [Pa], with a derivative.
-    - `place`: x (and y) on the grid, and the depth z [m].
-    """
-
-    value: Float[Array, ""]
-    place: Float[Array, " axes"]
 
 
 @shown(units=False)
@@ -52,12 +38,10 @@ class ContactStress(eqx.Module):
 
     - `stress`: σ [Pa], shape `(depths, *grid.shape, 3, 3)`, along (x, y, z).
     - `depths`: z [m], shape `(depths,)`.
-    - `grid`: of the surface.
     """
 
     stress: Float[Array, "depths *shape 3 3"]
     depths: Float[Array, " depths"]
-    grid: Grid
 
     @property
     def von_mises(self) -> Float[Array, "depths *shape"]:
@@ -74,26 +58,6 @@ class ContactStress(eqx.Module):
         """The shear stress in the plane z = constant [Pa], which slides a layer off another."""
         squared = self.stress[..., 0, 2] ** 2 + self.stress[..., 1, 2] ** 2
         return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
-
-    @property
-    def opening(self) -> Float[Array, "depths *shape"]:
-        """σ_zz [Pa]: where it is positive, it pulls a layer off another."""
-        return self.stress[..., 2, 2]
-
-    def largest(self, kind: StressKind) -> LargestStress:
-        """Returns the largest value of "von_mises", "tension", "shear" or "opening".
-
-        The largest of the points: between them it may be more.
-        """
-        return _largest(getattr(self, kind), self.depths, self.grid)
-
-
-@compiled
-def _largest(field: Array, depths: Array, grid: Grid) -> LargestStress:
-    index = jnp.unravel_index(jnp.argmax(field), field.shape)
-    axes = [axis.ravel() for axis in coordinates(grid)]
-    place = [axis[i] for axis, i in zip(axes, index[1:], strict=True)]
-    return LargestStress(largest(field), jnp.stack([*place, depths[index[0]]]))
 
 
 def contact_stress(
@@ -119,7 +83,7 @@ def contact_stress(
     - `body`: "block" or "counterface". The z axis is into the body: that of the counterface is
       opposite.
 
-    **Returns:** stresses, and their largest values with their places, see `ContactStress`.
+    **Returns:** stresses, see `ContactStress`.
 
     **Raises:** `ValueError` for a refused argument, such as another block than that of the contact.
     """
@@ -129,7 +93,7 @@ def contact_stress(
     if body == "counterface" and sliding.problem.counterface is None:
         raise ValueError('`body="counterface"` is refused: the contact has a rigid counterface.')
     _check_body(sliding, stack, body)
-    return ContactStress(_stress_apart(sliding, stack, depths, side, body), depths, sliding.grid)
+    return ContactStress(_stress_apart(sliding, stack, depths, side, body), depths)
 
 
 def _check_body(sliding: Sliding, stack: Stack, body: BodyName) -> None:
@@ -187,9 +151,8 @@ def _at_depths(
     found: Sliding, stack: Stack, kind: StressKind, depths: Depths, side: Side
 ) -> Depths:
     # One depth after another, also in the derivative: the stresses of all would fill the memory.
-    at = jax.checkpoint(
-        lambda z: contact_stress(found, stack, z[None], side=side).largest(kind).value
-    )
+    of = lambda z: getattr(contact_stress(found, stack, z[None], side=side), kind)  # noqa: E731
+    at = jax.checkpoint(lambda z: largest(of(z)))
     return jax.lax.map(at, depths)
 
 

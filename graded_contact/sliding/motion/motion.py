@@ -77,11 +77,6 @@ class Motion(eqx.Module):
         check_type("other", other, Motion)
         if self.times is None or other.times is None:
             raise ValueError("`other` must be a transient motion that follows a transient motion.")
-        if other.displacement.ndim != self.displacement.ndim:
-            raise ValueError(
-                f"`other` has displacements of shape {other.displacement.shape} after those of "
-                f"shape {self.displacement.shape}: both must be along x, or both along x and y."
-            )
         moved = jnp.concatenate([self.displacement, self.displacement[-1] + other.displacement])
         return Motion(moved, times=jnp.concatenate([self.times, self.times[-1] + other.times]))
 
@@ -99,28 +94,16 @@ def largest_step(displacement, spacing, from_rest: bool = False):
     return (moved / spacing[: moved.shape[1]]).sum(axis=1).max()
 
 
-def step_of(displacement: Array | np.ndarray, grid: Grid) -> float | None:
-    """`Motion.largest_step`, or None where the numbers are not known."""
-    if not (is_concrete(displacement) and is_concrete(grid.size)):
-        return None
-    return float(largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
-
-
-def check_resolved(
-    given: str, displacement: Array | np.ndarray, grid: Grid | None, enough: int | None = None
-) -> None:
+def check_resolved(given: str, displacement: Array | np.ndarray, grid: Grid | None) -> None:
     """Raises `ValueError` if the times cannot resolve how the waves of a grid move.
 
-    **Arguments:**
-
-    - `given`: what is refused, in words.
-    - `displacement`: s [m] at the times.
-    - `grid`: of the surface; None for no check.
-    - `enough`: number of times that resolve it; None to estimate it from the steps.
+    `given` tells in words what is refused.
     """
-    step = None if grid is None else step_of(displacement, grid)
-    if step is not None and step > LARGEST_STEP:
-        enough = enough or fast(len(displacement) * step / CHOSEN_STEP)
+    if grid is None or not (is_concrete(displacement) and is_concrete(grid.size)):
+        return
+    step = largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape)
+    if step > LARGEST_STEP:
+        enough = fast(len(displacement) * step / CHOSEN_STEP)
         raise ValueError(
             f"{given} is refused: the surface moves by up to {step:.3g} spacings of the grid from "
             f"one time to the next, and {LARGEST_STEP:g} are the most. A motion without jumps "

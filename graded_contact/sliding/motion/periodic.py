@@ -1,4 +1,4 @@
-"""Usual periodic motions of a surface: reciprocating, start and stop, steady, and recorded ones.
+"""Usual periodic motions of a surface: reciprocating, start and stop, and recorded ones.
 
 A motion is s(t) at equally spaced times over one period. A wave of the surface at q excites the
 block at the frequencies of exp(-i q·s(t)): up to q v, v being the highest speed. So a motion is
@@ -20,8 +20,8 @@ from ...core.checks import (
 )
 from ...core.compilation import compiled
 from ...fields.grid import Grid
-from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, step_of
-from .transient import in_steps, table_of
+from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, largest_step
+from .transient import in_steps, known, table_of
 
 _USUAL = 128  # times, where the grid is not known
 _FEWEST = 32  # times that are chosen
@@ -31,29 +31,17 @@ _OF_A_WAY = 32
 _FINE = 16  # times between two of a recorded motion, before the highest frequencies are cut
 
 
-def _enough(grid: Grid | None, dash: Array, least: Array | int) -> int | None:
-    """How many times resolve a motion along x, or None where its numbers are not known.
+def _count(num_times: int | None, grid: Grid | None, dash: Array, least: Array | int) -> int:
+    """The number of times: the one given, or what resolves a motion along x.
 
     `dash` is how far its highest speed leads in a period [m], `least` the fewest times.
     """
-    if grid is None:
-        return fast(max(_USUAL, float(least))) if is_concrete(least) else _USUAL
-    if not all(map(is_concrete, (dash, least, grid.size))):
-        return None
-    spacing = np.asarray(grid.size)[0] / grid.shape[0]
-    return fast(max(float(least), float(dash) / spacing / CHOSEN_STEP))
-
-
-def _chosen(num_times: int | None, enough: int | None) -> int:
-    """The number of times: the one given, or what is enough if there is memory for it."""
     if num_times is not None:
         return num_times
-    if enough is None:
-        raise ValueError(
-            "`num_times=None` is refused inside of a program (`jit`, `vmap`, `grad`), where the "
-            "motion is not known. Give a number."
-        )
-    return enough
+    least = float(known("num_times", least))
+    if grid is None:
+        return fast(max(_USUAL, least))
+    return fast(max(least, float(known("num_times", dash / grid.spacing[0])) / CHOSEN_STEP))
 
 
 def sinusoidal(
@@ -81,10 +69,9 @@ def sinusoidal(
     stroke, frequency = as_scalar(stroke, "stroke"), as_scalar(frequency, "frequency")
     check_values("stroke", stroke, "a stroke [m] must be finite and not negative", at_least=0)
     check_positive("frequency", frequency, "[Hz]")
-    enough = _enough(grid, np.pi * stroke, _FEWEST)
-    count = _chosen(num_times, enough)
+    count = _count(num_times, grid, np.pi * stroke, _FEWEST)
     displacement = _sine(stroke, count)
-    check_resolved(f"`num_times={count}`", displacement, grid, enough)
+    check_resolved(f"`num_times={count}`", displacement, grid)
     return Motion(displacement, 1 / frequency)
 
 
@@ -120,10 +107,9 @@ def start_stop(
     check_values("dwell", dwell, "a time [s] must be finite and not negative", at_least=0)
     period = 2 * (moving + dwell)
     ways = period / moving
-    enough = _enough(grid, 15 / 8 * stroke * ways, _OF_A_WAY * ways)
-    count = _chosen(num_times, enough)
+    count = _count(num_times, grid, 15 / 8 * stroke * ways, _OF_A_WAY * ways)
     displacement = _there_and_back(stroke, moving, dwell, count)
-    check_resolved(f"`num_times={count}`", displacement, grid, enough)
+    check_resolved(f"`num_times={count}`", displacement, grid)
     return Motion(displacement, period)
 
 
@@ -143,31 +129,6 @@ def _there_and_back(stroke, moving, dwell, count: int):
 def _least_jerk(x):
     x = jnp.clip(x, 0, 1)
     return x**3 * (10 - 15 * x + 6 * x**2)
-
-
-def steady(velocity: ScalarLike, grid: Grid, num_times: int | None = None) -> Motion:
-    """Returns steady sliding along x over one cell, s = v t. It is what `slide` solves faster.
-
-    **Arguments:**
-
-    - `velocity`: v [m/s], not 0.
-    - `grid`: the cell that the surface crosses in a period.
-    - `num_times`: times in a period; None for one for each point of the grid along x, with which
-      the friction is that of `slide`.
-
-    **Returns:** the motion, with period L/|v|.
-
-    **Raises:** `ValueError` for a refused argument.
-    """
-    velocity = as_scalar(velocity, "velocity")
-    if is_concrete(velocity) and velocity == 0:
-        raise ValueError("`velocity=0` is refused: a surface at rest has no period. Use `slide`.")
-    check_values("velocity", velocity, "a velocity [m/s] must be finite")
-    length = grid.size[0] * jnp.sign(velocity)
-    count = grid.shape[0] if num_times is None else num_times
-    displacement = length * _times(count, length)
-    check_resolved(f"`num_times={count}`", displacement, grid)
-    return Motion(displacement, length / velocity)
 
 
 def recorded(
@@ -199,7 +160,7 @@ def recorded(
 
     **Raises:** `ValueError` for a refused argument.
     """
-    rows = table_of(times, displacement, 2)
+    rows = table_of(times, displacement)
     if period is None:
         if grid is None:
             raise ValueError("`period` is needed, or for a transient motion the `grid`.")
@@ -216,9 +177,8 @@ def recorded(
     moved = _resampled(at, table, period, count)
     if num_times is None and grid is not None:
         # More times keep more of the noise, so that they are not known beforehand.
-        while (step := step_of(moved, grid)) is None or step > CHOSEN_STEP:
-            enough = None if step is None else fast(max(count + 1, count * step / CHOSEN_STEP))
-            count = _chosen(None, enough)
+        while (step := float(known("num_times", largest_step(moved, grid.spacing)))) > CHOSEN_STEP:
+            count = fast(max(count + 1, count * step / CHOSEN_STEP))
             moved = _resampled(at, table, period, count)
     check_resolved(f"`num_times={count}`", moved, grid)
     return Motion(moved, period)

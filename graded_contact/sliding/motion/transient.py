@@ -1,4 +1,4 @@
-"""Transient motions: from rest, at a velocity, to rest, one after the other, and given ones.
+"""Transient motions: from rest, at a velocity, to rest, one after the other.
 
 A motion is s(t) at the ends of steps, from s = 0 at t = 0. While the surface moves, a step leads it
 by about half a spacing of the grid; while it rests, each step is a fixed part of the time so far.
@@ -51,7 +51,7 @@ def dwell(
     if is_concrete(ratio) and not ratio > 1:
         raise ValueError(f"`first={first:g}` s must be less than `duration={duration:g}` s.")
     if num_times is None:
-        num_times = math.ceil(_A_DECADE * math.log10(_known("num_times", ratio))) + 1
+        num_times = math.ceil(_A_DECADE * math.log10(known("num_times", ratio))) + 1
     check_whole("num_times", num_times, 2)
     # Equal steps as long as the first one, then in proportion: no step is shorter than the first.
     part = jnp.linspace(0, 1, num_times, dtype=duration.dtype)
@@ -110,7 +110,7 @@ def start(
         check_values(name, value, "a velocity [m/s] must be finite")
     if num_times is None and grid is not None:  # the longest step is at the higher velocity
         way = jnp.maximum(jnp.abs(velocity), jnp.abs(before)) * duration
-        num_times = max(math.ceil(_known("num_times", way / grid.spacing[0]) / CHOSEN_STEP), 1)
+        num_times = max(math.ceil(known("num_times", way / grid.spacing[0]) / CHOSEN_STEP), 1)
     num_times = _STEPS if num_times is None else num_times
     check_whole("num_times", num_times, 1)
     part = jnp.arange(1, num_times + 1, dtype=duration.dtype) / num_times
@@ -118,39 +118,22 @@ def start(
     return Motion(duration * moved, times=duration * part)
 
 
-def listed(times: Numbers, displacement: Numbers) -> Motion:
-    """Returns the motion of given times and displacements, one for each step.
-
-    **Arguments:**
-
-    - `times`: ends of the steps [s], shape `(nt,)`, positive and ascending.
-    - `displacement`: s [m] at these times since t = 0, shape `(nt,)` or `(nt, 2)`.
-
-    **Returns:** the motion.
-
-    **Raises:** `ValueError` for a refused argument.
-    """
-    motion = table_of(times, displacement, 1)
-    check_positive("times", jnp.asarray(motion.times), "[s]")
-    return motion
-
-
 def in_steps(table: Motion, grid: Grid) -> Motion:
     """Returns a measured motion from its first row on, in steps that the grid resolves."""
     rows = components(table.displacement)
     ways = jnp.abs(jnp.diff(rows, axis=0)) / grid.spacing[: rows.shape[1]]
-    counts = np.maximum(np.ceil(_known("grid", jnp.sum(ways, axis=1)) / CHOSEN_STEP), 1)
+    counts = np.maximum(np.ceil(known("grid", jnp.sum(ways, axis=1)) / CHOSEN_STEP), 1)
     place = np.concatenate([i + np.arange(1, n + 1) / n for i, n in enumerate(counts)])
     at = lambda column: jnp.interp(place, np.arange(len(column)), column - column[0])  # noqa: E731
     moved = jnp.stack([at(column) for column in rows.T], axis=1)
     return Motion(moved.reshape(-1, *table.displacement.shape[1:]), times=at(table.times))
 
 
-def table_of(times: Numbers, displacement: Numbers, least: int) -> Motion:
-    """Times and displacements, at least so many, of which the times ascend."""
+def table_of(times: Numbers, displacement: Numbers) -> Motion:
+    """Times and displacements, at least two, of which the times ascend."""
     table = Motion(displacement, times=times)
     ends = jnp.asarray(table.times)
-    check_rows(least, times=ends)
+    check_rows(2, times=ends)
     check_increasing("times", ends)
     check_values("displacement", table.displacement, "a displacement [m] must be finite")
     count, shape = len(ends), table.displacement.shape
@@ -162,8 +145,8 @@ def table_of(times: Numbers, displacement: Numbers, least: int) -> Motion:
     return table
 
 
-def _known(name: str, number: Array) -> np.ndarray:
-    """What a number of steps follows from, which must be known."""
+def known(name: str, number: Array) -> np.ndarray:
+    """Returns what a number of times follows from, which must be known."""
     if not is_concrete(number):
         raise ValueError(
             f"`{name}` is needed inside of a program (`jit`, `vmap`, `grad`), where the motion is "

@@ -20,14 +20,12 @@ from ..formulas import (
     counterface_displacement,
     displaced,
     loaded,
-    moved_where_loaded,
     shared,
     slopes,
 )
 from ..motion import motion
 from ..number import Found, observable
 from ..transient_problem import TransientProblem, steps_of
-from .load import approach
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
 _ABSENT = 1e-9  # part of the largest squared slope of a wave below which there is no wave
@@ -62,11 +60,6 @@ BEYOND_TIMES = Above(
     "A material was not measured at {value:.0%} of the times between the shortest step and the "
     "end, by their logarithm: its modulus there is an extrapolation.",
 )
-COMPRESSED = Above(
-    0.2 - 1e-3,  # from 20 % on, whatever the error of the solve
-    "The body moved into the layers by {value:.0%} of their thickness above the rigid base. The "
-    f"model assumes small strains: above 20% the neglected terms exceed {WARN_ABOVE:.0%}.",
-)
 ON_THE_RIM = Above(
     1e-3,
     "{value:.2g} of the load acts on the rim of the window. Take a larger window, unless the body "
@@ -83,26 +76,10 @@ TOO_FAR = Above(
     "next copy of each asperity follows in its track before it turns. Take a larger cell or a "
     "shorter stroke.",
 )
-PASSES_ITS_REST = Above(
-    1 + 1e-3,
-    "After a rest the surface moves by {value:.3g} times the cell: it is periodic, so that after "
-    "each cell it meets what it left where it rested, and friction and gap change once more. Trust "
-    "the times before, or take a larger cell or a shorter path.",
-)
-WARMS = Above(
-    1.0,  # less changes the moduli of a rubber by a few per cent
-    "The contact is {value:.2g} K above the bulk in the mean over the cycle. Within the cycle it "
-    "is warmer at the highest speed and colder at a turn; this, and heat that is left when the "
-    "next pass comes, are neglected.",
-)
 
 
 def _apart(number: NumberOf):
     return np.isnan(number("friction")) & (number("slope_in_contact") == 0)
-
-
-def _no_shear(number: NumberOf):
-    return np.isnan(number("shear_friction")) & (number("slope_in_contact") > 0)
 
 
 def _never_loaded(number: NumberOf):
@@ -111,11 +88,6 @@ def _never_loaded(number: NumberOf):
 
 APART = Above(
     0, "The surfaces do not touch: there is no load, so friction is not defined.", of=_apart
-)
-NO_SHEAR = Above(
-    0,
-    "The friction of shear is not a number: `shear` returned NaN under a pressure of this contact.",
-    of=_no_shear,
 )
 NEVER_LOADED = Above(
     0, "The surfaces never touch: without a load there is no friction.", of=_never_loaded
@@ -239,26 +211,6 @@ def extrapolated_times(found: Found) -> Array:
     return jax.lax.stop_gradient(functools.reduce(jnp.maximum, shares, jnp.zeros_like(rates[0])))
 
 
-@observable("approach over the thickness of the layers", needs=[WINDOW], warns=COMPRESSED)
-def compression(found: Found) -> Array:
-    """How far a body on a window moved into layers on a rigid base, over their thickness [1].
-
-    0 on another base. With a counterface the larger of both: each has its share of the approach.
-    """
-    problem, none = found.problem, jnp.zeros((), found.pressure.dtype)
-    counterface = problem.counterface
-    if counterface is None:
-        return none if problem.thickness is None else approach(found) / problem.thickness
-    bodies = (problem.block, problem.thickness), (counterface.operator, counterface.thickness)
-    whole = jnp.sum(moved_where_loaded(found, found.operator))
-    parts = (
-        jnp.sum(moved_where_loaded(found, operator)) / nonzero(whole) / thickness
-        for operator, thickness in bodies
-        if thickness is not None
-    )
-    return approach(found) * functools.reduce(jnp.maximum, parts, none)
-
-
 @observable("share of the load on the rim of the window", needs=[WINDOW], warns=ON_THE_RIM)
 def rim_load(found: Found) -> Array:
     """Share of the load on the outermost points of a window [1]; NaN without a load."""
@@ -282,21 +234,6 @@ def stroke_over_cell(found: Found) -> Array:
     """
     back = found.motion_of_surface[1]
     return jnp.max(jnp.ptp(back, axis=0) / found.grid.size[: back.shape[1]])
-
-
-@observable("path after a rest, over the cell", warns=PASSES_ITS_REST)
-def path_after_rest(found: Found) -> Array:
-    """The largest distance from where a surface rested, later, over the edge of the cell [1].
-
-    Along one axis, the larger one; 0 without a rest, and on a window.
-    """
-    if WINDOW in found.facts:
-        return jnp.zeros((), found.grid.size.dtype)
-    x = found.problem.displacement.reshape(len(found.problem.displacement), -1)
-    rested = jnp.all(jnp.diff(x, axis=0) == 0, axis=1)[:, None]
-    last = [jax.lax.cummax(sign * x[1:], reverse=True) - sign * x[1:] for sign in (1, -1)]
-    far = jnp.where(rested, jnp.maximum(*last), 0)
-    return jnp.max(jnp.max(far, axis=0, initial=0) / found.grid.size[: x.shape[1]])
 
 
 @observable("estimated relative error of the contact pressure")

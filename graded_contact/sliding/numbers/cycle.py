@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
-from ..case import COUNTERFACE, HEATED, SHEARED
+from ..case import COUNTERFACE, SHEARED
 from ..energy import exchange, losses
 from ..errors.grid import OF_FORCE, beside_changes, by_grid, friction_by_grid, unseen_power
 from ..errors.parts import by_times, over_friction, solver_errors
@@ -21,7 +21,6 @@ from ..formulas import (
     shear_power,
 )
 from ..number import Found, observable
-from .checks import WARMS
 from .friction import friction
 
 
@@ -71,14 +70,6 @@ def dissipated_power(found: Found) -> Array:
 def counterface_power(found: Found) -> Array:
     """Mean power lost in the counterface per area [W/m²]; 0 if it is rigid."""
     return sum(map(jnp.sum, losses(found)[1:]), jnp.zeros((), found.pressure.dtype))
-
-
-@observable(
-    "temperature of the contact above the bulk", r"\Delta T", "K", needs=[HEATED], warns=WARMS
-)
-def surface_rise(found: Found) -> Array:
-    """Mean temperature of the contact above the bulk over a cycle, with heating [K]."""
-    return found.heated.surface_rise
 
 
 def _work_over_time(found: Found) -> Array:

@@ -32,7 +32,7 @@ from ..formulas import (
 from ..number import Found, observable
 from ..problem import CycleProblem
 from ..shear import shear_over_load
-from .checks import APART, NEVER_LOADED, NO_SHEAR
+from .checks import APART, NEVER_LOADED
 
 _BY_SLOPES = 0.08  # weight of the difference of `friction` and `geometric_friction`
 # Of the friction: that of a nearly elastic block is far less than the error of the surface's slope.
@@ -61,7 +61,7 @@ def pressure_friction(found: Found) -> Array:
     return over_load(found, own_tractions(found))
 
 
-@observable("friction coefficient of shear in the contact", r"\mu_\mathrm{shear}", warns=NO_SHEAR)
+@observable("friction coefficient of shear in the contact", r"\mu_\mathrm{shear}")
 def shear_friction(found: Found) -> Array:
     """The part from shear in the contact area [1]; 0 without `shear`."""
     if isinstance(found.problem, CycleProblem):

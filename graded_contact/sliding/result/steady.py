@@ -68,7 +68,7 @@ class Sliding(AbstractSliding):
     unmeasured_friction = checks.unmeasured_friction
     shortest_wave, last_octave_friction = checks.shortest_wave, checks.last_octave_friction
     extrapolated_friction = checks.extrapolated_friction
-    compression, rim_load = checks.compression, checks.rim_load
+    rim_load = checks.rim_load
     error, num_fft_pairs = checks.error, checks.num_fft_pairs
 
     velocity = property(attrgetter("problem.velocity"))

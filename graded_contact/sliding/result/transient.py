@@ -65,7 +65,7 @@ class TransientSliding(AbstractSliding):
     flow_along_y_error = flow_along_y.error(gap_flow.flow_errors(1, *of_steps.CAUSES))
     slope_in_contact = checks.slope_in_contact
     extrapolated_times = checks.extrapolated_times
-    largest_step, path_after_rest = checks.largest_step, checks.path_after_rest
+    largest_step = checks.largest_step
     error, num_fft_pairs = checks.error, checks.num_fft_pairs
 
     times = property(attrgetter("problem.times"))

@@ -34,7 +34,7 @@ from ..case import Case, facts_of
 from ..motion.over_period import components
 from ..numerics import Numerics
 from ..problem import CycleProblem, Posed
-from ..shear import is_coupled, shear_stress, unless_negative
+from ..shear import is_coupled, shear_stress
 
 
 def cycle_problem(case: Case, how: Numerics) -> Posed:
@@ -67,7 +67,7 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
         kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
     own = None if case.block_surface is None else case.block_surface.heights
     problem = CycleProblem(
-        operator=_operator(unless_negative(kernel, sheared), counterface, case.displacement, grid),
+        operator=_operator(kernel, counterface, case.displacement, grid),
         heights=surface.heights, grid=grid, law=law, displacement=case.displacement,
         period=case.period, shear=sheared, coupling=coupling, counterface=counterface,
         block_heights=own,

@@ -26,7 +26,7 @@ from ..bodies import lags
 from ..case import Case
 from ..formulas import lift
 from ..numerics import Numerics
-from ..problem import Posed, Prescribed, Problem
+from ..problem import Prescribed, Problem
 from ..result import CyclicSliding, Sliding, result_of
 from .cycle import cycle_problem
 from .steady import steady_problem
@@ -37,24 +37,14 @@ _LOOSER = 10  # tolerance of the traction over that of the pressure, whose noise
 def solve_isothermal(
     case: Case, how: Numerics, start: Numbers | None = None, solution: ContactSolution | None = None
 ) -> Sliding | CyclicSliding:
-    """Returns the contact of a case without its heat; arguments as of `slide_case`."""
+    """Returns the contact of a case without its heat; arguments as of `solve_contact`."""
     pose = cycle_problem if case.velocity is None else steady_problem
-    return solve_posed(pose(case, how), how, start, solution)
-
-
-def solve_posed(
-    posed: Posed,
-    how: Numerics,
-    start: Numbers | None = None,
-    solution: ContactSolution | None = None,
-) -> Sliding | CyclicSliding:
-    """Returns the contact of a problem with its load; arguments as of `slide_case`."""
-    problem, load, reached = posed
+    problem, load, reached = pose(case, how)
     counterface = problem.counterface
     if lags(problem.coupling) or (counterface is not None and counterface.lags):
         found = _lagged(problem, load, how, start, solution)
     else:
-        found = result_of(problem, problem.contact(load, None, how, start, solution))
+        found = result_of(problem, problem.contact(load, how, None, start, solution))
     if reached is True:
         return found
     contact = ended(found.contact, reached, RESULTS.inaccurate_kernel)
@@ -73,7 +63,7 @@ def _lagged(
 
     def solve(given, shift, start, solution):
         problem, load = given
-        return result_of(problem, problem.contact(load, shift, how, start, solution))
+        return result_of(problem, problem.contact(load, how, shift, start, solution))
 
     fixed, tolerance = still(given), jnp.asarray(_LOOSER * how.rtol, none.dtype)
     pairs, settled = jnp.zeros((), none.dtype), jnp.asarray(True)

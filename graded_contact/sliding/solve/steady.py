@@ -4,31 +4,32 @@ In the frame of the surface the contact is steady, and every wavevector q of the
 the block at the frequency ω = -q·v, and the counterface at rest.
 """
 
+import functools
+import operator
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Array
 
-from ...blocks.stack import Rigid, Stack, interface_depths
+from ...blocks.stack import Stack
 from ...contacts.operators.window import operator_of
 from ...contacts.solution import RESULTS
 from ...core.checks import is_concrete, within
 from ...core.compilation import compiled
 from ...core.memory import SLIDING, check_memory
 from ...fields.devices import num_devices, required
-from ...fields.grid import Grid
-from ...kernels.steady import attempted_kernel, stack_kernel
+from ...kernels.steady import attempted_kernel
 from ...kernels.window import doubled, has_ground, long_cell, without_images
 from ...materials.coverage import coverage
 from ...materials.softening import as_strain_per_slope, softens
 from ...surfaces.statistics import slope_up_to
-from ...surfaces.surface import Surface, check_periodic
+from ...surfaces.surface import check_periodic
 from ..bodies import Counterface, Coupling
 from ..case import Case, facts_of
 from ..numbers.traction import steady_coupling
 from ..numerics import Numerics
 from ..problem import Posed, SteadyProblem
-from ..shear import is_coupled, shear_stress, unless_negative
+from ..shear import is_coupled, shear_stress
 
 
 def steady_problem(case: Case, how: Numerics) -> Posed:
@@ -37,12 +38,12 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
     itemsize = surface.heights.dtype.itemsize
     check_memory("surface", "sliding", SLIDING, grid.shape, itemsize, num_devices(grid.size))
     strain = _strain_of(case)
-    block = _response(case, stack, case.velocity, strain, how)
+    block = _response(case, stack, case.velocity, strain)
     kernel, kernel_error, reached = block.kernel, block.error, block.reached
     counterface = None
     if case.counterface is not None:
         with within("`counterface`:"):
-            other = _response(case, case.counterface, np.zeros(()), strain, how, opposite=True)
+            other = _response(case, case.counterface, np.zeros(()), strain, opposite=True)
         kernel, reached = kernel + other.kernel, reached & other.reached
         if kernel_error is not None and other.error is not None:
             kernel_error = kernel_error + other.error
@@ -51,30 +52,23 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
             other.kernel,
             other.coupling,
             measured_range=_coverage(case.counterface),
-            thickness=_thickness(case.counterface, surface),
         )
     sheared = shear_stress(case.shear, case.velocity, case.temperature)
-    kernel = unless_negative(kernel, sheared)
+    if how.throw:
+        kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
     problem = SteadyProblem(
         operator=operator_of(kernel, surface.heights.shape), heights=surface.heights,
         measured=surface.measured, grid=surface.grid, velocity=case.velocity, law=case.law,
         shear=sheared, coupling=block.coupling, counterface=counterface,
         measured_range=_coverage(stack),
         kernel_error=kernel_error, prescribed=case.prescribed,
-        thickness=_thickness(stack, surface),
         facts=facts_of(case),
     )  # fmt: skip
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)
-    return Posed(problem, load, reached)
+    return Posed(problem, load, True if how.throw else reached)
 
 
 _coverage = compiled(coverage)
-
-
-def _thickness(stack: Stack, surface: Surface) -> Array | None:
-    """The thickness of the layers between a window and a rigid base [m], else None."""
-    on_rigid = not surface.periodic and isinstance(stack.base, Rigid)
-    return interface_depths(stack)[-1] if on_rigid else None
 
 
 def _strain_of(case: Case) -> tuple[Array, Array] | None:
@@ -104,9 +98,7 @@ class _Response(NamedTuple):
     reached: Array | bool
 
 
-def _response(
-    case: Case, stack: Stack, velocity: Any, strain, how: Numerics, opposite: bool = False
-) -> _Response:
+def _response(case: Case, stack: Stack, velocity: Any, strain, opposite: bool = False) -> _Response:
     """The response of a body of a case over which the surface has this velocity.
 
     `opposite` if the traction on the body is opposite to that on the block.
@@ -116,29 +108,19 @@ def _response(
     # If the velocity is known to be 0, the kernel is real.
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
 
-    def kernel_on(cell: Grid):
-        if how.throw:
-            kernel, reached = stack_kernel(stack, cell, velocity, strain=strain), True
-        else:
-            kernel, reached = attempted_kernel(stack, cell, velocity, strain=strain)
-        return kernel.real if at_rest else kernel, reached
-
     cells = (grid,) if surface.periodic else (doubled(grid), long_cell(grid))
-    found = [kernel_on(cell) for cell in cells]
-    kernel, error = found[0][0], None
+    found = [attempted_kernel(stack, cell, velocity, strain=strain) for cell in cells]
+    kernels = [kernel.real if at_rest else kernel for kernel, _ in found]
+    reached = functools.reduce(operator.and_, (good for _, good in found))
+    kernel, error = kernels[0], None
     if not surface.periodic:
         # Cells of two sizes give the kernel of a window without the images of its load.
-        near, far = (one for one, _ in found)
         grounded = all(has_ground(body, grid) for body in case.bodies)
-        kernel, error = without_images(near, far, grid, grounded)
-    reached = found[0][1] if surface.periodic else found[0][1] & found[1][1]
+        kernel, error = without_images(*kernels, grid, grounded)
     if not is_coupled(case.shear):
         return _Response(kernel, error, None, reached)
     coupling, lift_error, good = steady_coupling(case, stack, velocity, cells, strain)
-    if how.throw:
-        coupling = required(coupling, good, RESULTS.inaccurate_kernel.error_if)
-    else:
-        reached = reached & good
+    reached = reached & good
     coefficient = getattr(case.shear, "coefficient", None) if coupling.in_kernel else None
     # Without friction a real kernel stays real.
     if coefficient is None or (is_concrete(coefficient) and np.asarray(coefficient) == 0):

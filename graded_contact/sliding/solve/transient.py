@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...contacts.solution import RESULTS
-from ...core.checks import is_concrete, short
+from ...core.checks import is_concrete
 from ...fields.devices import required
 from ..case import Case
 from ..numerics import Numerics
@@ -19,7 +19,7 @@ def solve_transient(
 ) -> TransientSliding:
     """Returns the contact of a case with displacements at times; see `slide_transient`."""
     count = len(case.times)
-    kept = _steps_kept(fields_at, count)
+    kept = tuple(np.arange(count)[np.atleast_1d(fields_at)].tolist())
     found = TransientSliding(**solved(transient_problem(case), how, kept))
     if not how.throw:
         return found
@@ -35,14 +35,3 @@ def solve_transient(
         recorded=required(found.recorded, good, found.result.error_if),
         contact=required(found.contact, good, found.result.error_if),
     )
-
-
-def _steps_kept(fields_at: Sequence[int], count: int) -> tuple[int, ...]:
-    """The numbers of the steps whose fields are kept, from 0."""
-    try:
-        return tuple(np.arange(count)[np.asarray(fields_at)].tolist())
-    except (IndexError, TypeError):
-        raise ValueError(
-            f"`fields_at={short(fields_at)}` must be a tuple of numbers of steps, such as (0, -1); "
-            f"the {count} steps are 0 to {count - 1}, or -1 to {-count} from the last."
-        ) from None

@@ -94,20 +94,8 @@ def _forces(found: Found) -> Array:
 
 
 def _roughness(found: Found) -> Array:
-    """The rms roughness of both bodies, at most [m]."""
-    return sum(map(jnp.std, found.problem.roughness), jnp.zeros(()))
-
-
-def _heights(found: Found) -> Array:
-    return _roughness(found) * jnp.ones_like(found.times)
-
-
-def _load(found: Found) -> Array:
-    return found.recorded["load"]
-
-
-def _area(found: Found) -> Array:
-    return found.recorded["contact_area"]
+    """The rms roughness of both bodies, at most [m], at each time."""
+    return sum(map(jnp.std, found.problem.roughness), jnp.zeros(found.times.shape))
 
 
 def _works(found: Found) -> Array:
@@ -118,12 +106,16 @@ def _works(found: Found) -> Array:
 
 def _work_of_load(found: Found) -> Array:
     gap = found.recorded["mean_gap"]
-    closed = jnp.abs(jnp.diff(gap, prepend=gap[:1] + 3 * _roughness(found)))
+    closed = jnp.abs(jnp.diff(gap, prepend=gap[:1] + 3 * _roughness(found)[:1]))
     return _works(found) + jnp.cumsum(found.recorded["load"] * closed)
 
 
 def _mean_forces(found: Found) -> Array:
     return jnp.max(_forces(found))
+
+
+def _itself(name: str) -> Formula:
+    return lambda found: found.recorded[name]
 
 
 def _parts_of(name: str, scale: Formula, by: Formula, solver: str = "step_error"):
@@ -184,9 +176,11 @@ load_work_done_error = load_work_done.error(
     | {"time": lambda found: _by_steps("load_work_done")(found) + _of_first_step(found)}
 )
 contact_area_error = contact_area.error(
-    _parts_of("contact_area", _area, area_by_grid), over=over_number
+    _parts_of("contact_area", _itself("contact_area"), area_by_grid), over=over_number
 )
-load_error = load.error(_parts_of("load", _load, by_grid("load", OF_PLACE)), needs=[LOAD_FOLLOWS])
+load_error = load.error(
+    _parts_of("load", _itself("load"), by_grid("load", OF_PLACE)), needs=[LOAD_FOLLOWS]
+)
 mean_gap_error = mean_gap.error(
-    _parts_of("mean_gap", _heights, by_grid("mean_gap", OF_PLACE), "step_gap_error")
+    _parts_of("mean_gap", _roughness, by_grid("mean_gap", OF_PLACE), "step_gap_error")
 )

@@ -7,7 +7,6 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Array
 
 from ...contacts.inputs import check_gap, loading_of
 from ...contacts.law import check_one_law
@@ -24,10 +23,10 @@ from ..errors.neighbours import NEIGHBOURS_RTOL
 from ..motion.over_period import components
 from ..number import Found
 from ..numerics import Numerics
-from ..shear import is_coupled, shear_stress, unless_negative
+from ..shear import is_coupled, shear_stress
 from ..transient_problem import TransientProblem, steps_of
 from .run import run_transient
-from .steps import OF_STEPS, TransientState
+from .steps import OF_STEPS
 
 _FIELDS = 4, 30  # of a body: for each node of its memory, and beside them
 _WINDOW = 1.4  # times these on a window, for the responses of its table
@@ -49,7 +48,7 @@ def transient_problem(case: Case) -> TransientProblem:
         given = given + jnp.mean(surface.heights)
     problem = TransientProblem(  # pyright: ignore[reportCallIssue] (`operator` is a property)
         bodies=case.bodies, creeps=(), heights=surface.heights, grid=grid, law=case.law,
-        times=times, displacement=case.displacement, given=unless_negative(given, stress),
+        times=times, displacement=case.displacement, given=given,
         shear=stress, prescribed=case.prescribed, facts=facts, path=path,
         block_heights=None if case.block_surface is None else case.block_surface.heights,
     )  # fmt: skip
@@ -117,24 +116,21 @@ def on_grid(
 
 
 def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> dict[str, Any]:
-    """Returns the fields of the result of a transient solve."""
+    """Returns the fields of the result of a transient solve.
+
+    The contact has the kept fields, and the errors of all steps.
+    """
     state, numbers = run_transient(problem, how, kept)
-    contact = _contact_of(state, numbers, kept)
+    pressure, gap, displacement, correction = state.kept
+    of_steps = {
+        name: (jnp.sum if name.startswith("num_") else jnp.max)(numbers[f"step_{name}"])
+        for name in OF_STEPS
+    }
+    contact = ContactSolution(
+        pressure=pressure, gap=gap, displacement=displacement, correction=correction,
+        mean_pressure=jnp.mean(pressure), mean_gap=numbers["mean_gap"][np.array(kept)],
+        result=state.result, **of_steps,
+    )  # fmt: skip
     return dict(
         contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept
     )
-
-
-def _contact_of(
-    state: TransientState, numbers: dict[str, Array], kept: tuple[int, ...]
-) -> ContactSolution:
-    """The kept fields of a transient solve, and the errors of all steps."""
-    pressure, gap, displacement, correction = state.kept
-    return ContactSolution(
-        pressure=pressure, gap=gap, displacement=displacement, correction=correction,
-        mean_pressure=jnp.mean(pressure), mean_gap=numbers["mean_gap"][np.array(kept)],
-        result=state.result, **{
-            name: (jnp.sum if name.startswith("num_") else jnp.max)(numbers[f"step_{name}"])
-            for name in OF_STEPS
-        },
-    )  # fmt: skip
