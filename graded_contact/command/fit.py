@@ -20,7 +20,9 @@ def fit(
     output: Output = None,
     terms: Annotated[int | None, typer.Option(help="Number (default: lowest BIC).")] = None,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio.")] = 0.5,
-    law: Annotated[Literal["wlf", "arrhenius"], typer.Option(help="Shift of isotherms.")] = "wlf",
+    law: Annotated[
+        Literal["wlf", "arrhenius", "table"], typer.Option(help="Of the shifts of isotherms.")
+    ] = "wlf",
     kind: Annotated[
         Literal["frequency", "relaxation", "creep"] | None,
         typer.Option(help="Refuse files of another kind."),

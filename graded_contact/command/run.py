@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import jax
@@ -159,6 +160,7 @@ def figures_of(scene: Scene, results: "Dataset") -> "Iterator[tuple[str, Figure]
     fields = last[["contact_pressure", "gap"]].drop_vars("pressure", errors="ignore")
     fields = fields.rename(contact_pressure="pressure")
     if scene.motion is None:
-        yield "contact", plot.plot_sliding(fields, case.rough, case.velocity)
+        found = SimpleNamespace(pressure=fields.pressure, gap=fields.gap, law=case.law)
+        yield "contact", plot.plot_sliding(found, case.rough, case.velocity)
     else:
         yield "film", plot.plot_film(fields, case.rough)

@@ -7,7 +7,8 @@ import numpy as np
 from ..core.display import UNKNOWN, unit_of, with_error
 from ..core.quantities import CYCLE, STEADY, TRANSIENT, in_brackets
 from ..plot.sweeps import SEED_ERROR, over_seeds, place_of
-from ..sliding.result import warnings_of
+from ..sliding.number import warnings_of
+from ..sliding.result import RESULTS
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -108,4 +109,4 @@ def warnings_in(results: "Dataset") -> list[str]:
     )
     known = lambda name: results[name].where(solved).values if name in results else zero  # noqa: E731
     of_surfaces = [*filter(None, results.attrs["warnings"].split("\n"))]
-    return of_surfaces + [warning.sentence for warning in warnings_of(known, kind)]
+    return of_surfaces + [warning.sentence for warning in warnings_of(RESULTS[kind], known)]

@@ -31,7 +31,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.checks import check_tolerance, check_whole
-from ..core.compilation import one_by_one
+from ..core.compilation import one_by_one, varying
 from ..core.fixed_point import solve_lagged
 from .operators.operator import AbstractOperator, Field, Scalar, Solid, nonzero
 from .solver.abstract_solver import Inputs, iterates_for, run_steps, slope
@@ -116,12 +116,12 @@ def _on_few(operator: AbstractOperator, weights, root, sign, rhs, free_mean: boo
     few = jnp.sum(weights != 0) <= room
     total = None if free_mean else jnp.zeros((), rhs.dtype)
 
-    def eliminate(_):
+    def eliminate(state):
         found = solve_on_few(root, green, sign * (1 - weights), rhs, total, room)
-        return jnp.where(root > 0, found, rhs), jnp.asarray(False)
+        return jnp.where(root > 0, found, rhs), ~state[1]
 
     # A loop of one turn: under `vmap` both branches of a condition would be computed.
-    return few, jax.lax.while_loop(lambda state: state[1], eliminate, (rhs, few))[0]
+    return few, jax.lax.while_loop(lambda state: state[1], eliminate, varying((rhs, few)))[0]
 
 
 def _proximal(root, sign, rhs, v):

@@ -88,7 +88,8 @@ def solve_contact(
       The more precise of `heights` and `kernel` decides in which dtype all is computed.
     - `pressure`: mean pressure σ0 [Pa], within the bounds of the law; or
     - `mean_gap`: mean of the gap u [m], measured from the mean of the heights; at a hard wall 0 or
-      more. In full contact it is 0 at every pressure, and the least one is found; or
+      more. In full contact it is 0 at every pressure, and the least one is found. With a
+      `hardness` the depth of the flow counts as a negative gap; or
     - `approach`: on a window, how far the body moved into the block after its first touch [m],
       relative to the block far away. In one dimension only slabs on a rigid base have one.
     - `law`: of contact.
@@ -135,7 +136,7 @@ def contact_of(inputs: Inputs, solver, adjoint, rtol, start, solution, throw: bo
         return _contact_on_cell(inputs, solver, adjoint, rtol, start, solution, throw)
     whole, start, solution = on_whole(inputs, start, solution)
     found = _contact_on_cell(whole, solver, adjoint, rtol, start, solution, throw)
-    return on_part(found, inputs.operator)
+    return on_part(found, inputs)
 
 
 def _contact_on_cell(inputs: Inputs, solver, adjoint, rtol, start, solution, throw: bool):
@@ -241,6 +242,7 @@ def _solution(
         mean_gap = mean_gap + jax.lax.stop_gradient(jnp.maximum(-mean_gap, 0))
     heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
+    flown = jnp.where(pressure < inputs.law.bounds[1], 0, gap)  # below 0, by its depth
     # Errors have no derivative: that of a norm or of a maximum may be 0/0.
     known, opened = jax.lax.stop_gradient((pressure, gap))
     rms, mean = jnp.std(jax.lax.stop_gradient(heights)), jnp.mean(jnp.abs(known))
@@ -249,7 +251,7 @@ def _solution(
     result = _how_it_ended(inputs, finds_unstable, found, reached, gap_error)
     solution = ContactSolution(
         pressure=pressure, displacement=displacement, gap=gap,
-        mean_pressure=jnp.mean(pressure), mean_gap=mean_gap,
+        mean_pressure=jnp.mean(pressure), mean_gap=mean_gap - operator.mean(flown),
         correction=correction, error=error, gap_error=gap_error,
         load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
         complementarity_error=jnp.mean(jnp.abs(known * (opened - found.gap))) / (load * unit),

@@ -7,7 +7,7 @@ from jaxtyping import Array
 
 from ..core.compilation import compiled
 from .law import Windowed
-from .operators.window import Window, inside, with_ground
+from .operators.window import inside, with_ground
 from .solution import ContactSolution
 from .solver.abstract_solver import Inputs, Loading
 
@@ -28,14 +28,15 @@ def on_whole(inputs: Inputs, start: Array | None, known: ContactSolution | None)
 
 
 @compiled
-def on_part(found: ContactSolution, operator: Window) -> ContactSolution:
+def on_part(found: ContactSolution, inputs: Inputs) -> ContactSolution:
     """Returns the contact on a window, and its means there, from the contact on the cell."""
     fields = found.pressure, found.gap, found.displacement, found.correction
-    pressure, gap, moved, correction = map(operator.on_surface, fields)
+    pressure, gap, moved, correction = map(inputs.operator.on_surface, fields)
+    opened = jnp.where(pressure < inputs.law.bounds[1], gap, 0)  # 0 where the body flows
     moved = moved - jnp.mean(moved)  # of zero mean on the window
     return dataclasses.replace(
         found, pressure=pressure, gap=gap, displacement=moved, correction=correction,
-        mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(gap),
+        mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(opened),
     )  # fmt: skip
 
 
@@ -47,7 +48,7 @@ def _known_on_whole(known: ContactSolution, inputs: Inputs) -> ContactSolution:
     # Nothing is known of the gap around the window but that this pressure opens it.
     own, offset = operator.displace(pressure), inputs.loading.gap
     if offset is None:
-        offset = known.mean_gap - jnp.mean(operator.on_surface(own))
+        offset = jnp.mean(known.gap) - jnp.mean(operator.on_surface(own))
     within = inside(pressure.shape)
     gap = jnp.where(within, operator.on_cell(known.gap), own - heights + offset)
     displacement, correction = gap + heights - offset, operator.on_cell(known.correction)

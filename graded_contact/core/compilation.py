@@ -27,6 +27,7 @@ from threadpoolctl import ThreadpoolController
 from .checks import is_concrete
 
 F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
 
 COMPILING = "compiling (first run only)"
 LESS_WORK = {
@@ -73,12 +74,17 @@ def jit(function: F, small: int = WITH_LOOPS) -> F:
                     programs[key] = _program(function, arrays, others, small)
                 with one_thread_of_lapack:
                     numbers, rest = jax.block_until_ready(programs[key](arrays))
-        except (RuntimeError, ValueError) as error:  # the cause, without the frames around it
-            cause = str(error).rpartition("EquinoxRuntimeError: ")[2].partition("\n\n\n---")[0]
-            raise (RuntimeError(cause) if cause != str(error) else error) from None
+        except (RuntimeError, ValueError) as error:
+            reason = reason_of(error)
+            raise (RuntimeError(reason) if reason != str(error) else error) from None
         return eqx.combine(numbers, rest.value)
 
     return cast(F, run)
+
+
+def reason_of(error: Exception) -> str:
+    """Returns why a program failed, without the frames around it."""
+    return str(error).rpartition("EquinoxRuntimeError: ")[2].partition("\n\n\n---")[0]
 
 
 compiled_loop = jit
@@ -175,6 +181,18 @@ def _is_known(name: str, value: Any) -> bool:
     except jax.errors.JaxRuntimeError:
         return False
     return True
+
+
+def varying(state: T) -> T:
+    """Returns the state of a loop, under `jax.shard_map` marked as different on each device.
+
+    So is all that steps return if any of their numbers is, and JAX asks for it at the start, too.
+    """
+    axes = get_abstract_mesh().manual_axes
+    if not axes:
+        return state
+    here = sum(jax.lax.axis_index(axis) for axis in axes)
+    return jax.tree.map(lambda leaf: jnp.where(here >= 0, leaf, leaf), state)
 
 
 def keep_small_programs() -> None:

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from .anderson import Iterates, accelerate
 from .checks import is_concrete
-from .compilation import alone
+from .compilation import alone, varying
 from .derivative import still
 
 _MEMORY = 4
@@ -84,7 +84,7 @@ def find_fixed_point(
     running = lambda point: point.history.running  # noqa: E731
     point = step(_first(start)._replace(state=state))
     if not all(map(is_concrete, jax.tree.leaves(point))):
-        return jax.lax.while_loop(running, step, point)
+        return jax.lax.while_loop(running, step, varying(point))
     while running(point):
         point = step(point)
     return point
@@ -178,7 +178,7 @@ def _within(low: End, high: End) -> Array:
         grows = most + share * (least - most) > jnp.log(middle)
         return jnp.where(grows, middle, left), jnp.where(grows, right, middle)
 
-    left, right = jax.lax.fori_loop(0, 50, halve, (low.size, high.size))
+    left, right = jax.lax.fori_loop(0, 50, halve, varying((low.size, high.size)))
     return (left + right) / 2
 
 

@@ -19,6 +19,7 @@ from jax.sharding import AbstractMesh, Mesh, NamedSharding
 from jax.sharding import PartitionSpec as Spec
 
 from ..core.checks import is_concrete, short
+from ..core.compilation import reason_of
 
 T = TypeVar("T")
 ROWS = "rows"  # the only axis of our meshes
@@ -99,7 +100,10 @@ def required(tree: T, good: Array | bool, check: Callable[[Array, Array], Array]
     if is_concrete(good) and good:
         return tree
     # XLA takes what a check is put on to one device, whole: a number, which all fields then add.
-    nothing = check(jnp.asarray(-0.0), jnp.logical_not(good))
+    try:
+        nothing = check(jnp.asarray(-0.0), jnp.logical_not(good))
+    except RuntimeError as error:
+        raise RuntimeError(reason_of(error)) from None
     if is_concrete(nothing):
         return tree
     return jax.tree.map(lambda a: a if a.dtype == bool else a + nothing.astype(a.dtype), tree)

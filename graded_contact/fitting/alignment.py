@@ -1,7 +1,8 @@
-"""Shifts of isotherms from their neighbours, from which a search starts (NumPy).
+"""The search for the shifts of isotherms and their series together (NumPy).
 
-From a single start one of many isotherms ends decades off now and then: a curve that lies apart
-from its neighbours costs nothing, because branches of its own explain it. The starts are
+Law, departures and series are fitted at once, from several starts; the end of the least criterion
+is taken. From a single start one of many isotherms ends decades off now and then: a curve that lies
+apart from its neighbours costs nothing, because branches of its own explain it. The starts are
 
 - the shifts where neighbours, as measured, overlap with the least difference,
 - the law that is nearest to the shifts of neighbours that overlap,
@@ -10,17 +11,23 @@ from its neighbours costs nothing, because branches of its own explain it. The s
 
 import dataclasses
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import scipy
 
-from .lengths import non_negative
-from .series import SeriesProblem
-from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms
+from ..core.compilation import compiled
+from .lengths import SEARCH, Length, best_of_length, choose, criterion, non_negative
+from .observations import Observations, Unknowns
+from .series import SeriesProblem, problem_of
+from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, law_shifts, log_shifts
 
 OVERLAPS = LN10 * np.arange(-1.0, 8.0, 0.05)  # trial distances of neighbours in ln a
 DISTANCES = LN10 * np.arange(-0.5, 6.0, 0.25)  # the same by spectra, each of which is a fit
 UNPAIRED = 0.1  # log difference that a point without a partner on the other curve counts as
 UNSEEN = 0.01  # weight of a step between curves without overlap in the law
+ROUNDS = 4  # of choosing the number of terms
+SETTLED = 0.7  # times the error before: the number of terms then shows
 
 
 def first_shifts(series: SeriesProblem, isotherms: Isotherms) -> list[np.ndarray]:
@@ -31,14 +38,14 @@ def first_shifts(series: SeriesProblem, isotherms: Isotherms) -> list[np.ndarray
     by_spectra = _nearest_law(isotherms, fitted, np.ones(len(fitted)))
     return [
         _unknowns(isotherms, law, _summed_steps(isotherms, steps)),
-        _unknowns(isotherms, law, isotherms.law_shifts(law)),
+        _unknowns(isotherms, law, law_shifts(isotherms, law)),
         _unknowns(isotherms, by_spectra, _summed_steps(isotherms, fitted)),
     ]
 
 
 def _unknowns(isotherms, law, log_shift):
     _, departures, lifts = isotherms.counts
-    apart = isotherms.others[:departures] @ (log_shift - isotherms.law_shifts(law))
+    apart = isotherms.others[:departures] @ (log_shift - law_shifts(isotherms, law))
     return np.concatenate([law, apart, np.zeros(lifts)])
 
 
@@ -51,7 +58,7 @@ def _summed_steps(isotherms, steps):
 def _nearest_law(isotherms, steps, weights):
     """The law nearest to most of the steps; one that is wrong moves it little."""
     return scipy.optimize.least_squares(
-        lambda p: weights * (np.diff(isotherms.law_shifts(p)) + steps),
+        lambda p: weights * (np.diff(law_shifts(isotherms, p)) + steps),
         np.log(LAW_TYPICAL[isotherms.law]),
         bounds=np.log(LAW_LIMITS[isotherms.law]).T,
         loss="soft_l1",
@@ -102,8 +109,8 @@ def _by_spectra(series, isotherms):
             part = _restricted(series.shifted(shifts, np.zeros(count)), pair)
             log_times = part.time_grid(4)
             strengths = non_negative(part, log_times)
-            columns = np.concatenate([part.branches(log_times), part.static])
-            relative = (part.known + strengths @ columns) / np.exp(part.log_values) - 1
+            model = part.known + strengths @ part.columns(log_times)
+            relative = model / np.exp(part.log_values) - 1
             costs.append(part.weights @ relative**2)
         steps.append(DISTANCES[np.argmin(costs)])
     return np.array(steps)
@@ -113,6 +120,57 @@ def _restricted(series, points):
     """The problem of some of the points, given as a mask."""
     rows = np.tile(points, len(series.weights) // len(series.x))
     parts = {name: getattr(series, name)[rows] for name in ("log_values", "weights", "known")}
-    return dataclasses.replace(
-        series, x=series.x[points], static=series.static[:, rows], num_ends=0, **parts
-    )
+    return dataclasses.replace(series, x=series.x[points], static=series.static[:, rows], **parts)
+
+
+# Shifts and series ------------------------------------------------------------------------------
+
+
+def shifts_and_series(
+    data: Observations, terms: int | None
+) -> tuple[np.ndarray, SeriesProblem, tuple[Length, ...]]:
+    """Returns the unknowns, the problem that they solve, and all lengths tried."""
+    series, path = problem_of(data), ()
+    assert data.isotherms is not None
+    ends = [_end(data, start) for start in first_shifts(series, data.isotherms)]
+    _, unknowns = min(ends, key=lambda end: end[0])
+    for _ in range(ROUNDS):
+        series = _expecting(data, series.noise(unknowns))
+        theta, path = choose(series.at(unknowns), terms)
+        start = np.concatenate([theta, unknowns[len(unknowns) - series.num_shifts :]])
+        unknowns, _ = series.minimise(start, rtol=0)
+        # At wrong shifts the error hides how many terms the data show.
+        if series.rms(unknowns) > SETTLED * series.rms(start):
+            break
+    return unknowns, series, path
+
+
+def _end(data, shifts):
+    """The criterion of the minimum that is reached from a start, and its unknowns."""
+    series = problem_of(data)
+    alone = series.at(shifts)
+    terms = max(len(alone.time_grid(1)) - 1, 1)  # one a decade, whatever the shifts
+    unknowns, cost = np.concatenate([best_of_length(alone, terms), shifts]), np.inf
+    # The residuals' variance is known only once the shifts are: the law holds less and less.
+    for _ in range(3):
+        series = _expecting(data, series.noise(unknowns))
+        unknowns, cost = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
+    return criterion(series, len(unknowns), cost), unknowns
+
+
+def _expecting(data, error):
+    """The problem in which departures and ln b cost what is expected beside such errors."""
+    stds = data.isotherms.stds
+    penalty = np.array([(error / std) ** 2 if std > 0 else 0.0 for std in stds])
+    return problem_of(eqx.tree_at(lambda data: data.isotherms.penalty, data, penalty))
+
+
+@compiled
+def at_reference(unknowns: Unknowns, data: Observations) -> Observations:
+    """Returns all measurements as if made at the reference temperature."""
+    isotherms = data.isotherms
+    assert isotherms is not None
+    along, across = (jnp.exp(part)[isotherms.group] for part in log_shifts(isotherms, unknowns))
+    x = data.x * along if data.kind == "frequency" else data.x / along
+    values = jnp.where(data.weights > 0, data.values / across, 1)
+    return dataclasses.replace(data, x=x, values=values, isotherms=None)

@@ -16,12 +16,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_type, is_concrete
-from ..core.compilation import compiled
+from ..core.compilation import compiled, one_thread_of_lapack
 from .lengths import Length
 from .observations import Loss, Observations, Unknowns
 from .series import SeriesProblem, problem_of, robust_deviation
 
-SOFTENINGS = 2  # the first scale has the bad values' pull on the fit in it
+SOFTENINGS = 5  # at most: the first scales have the bad values' pull on the fit in them
+SETTLED = 0.9  # times the scale before
 RIDGE = 1e-13  # relative to the diagonal of the Hessian: far below what data determine
 
 
@@ -48,11 +49,16 @@ def optimum(
 
     def searched(data, *others):
         nonlocal path
-        for _ in range(0 if loss == "linear" else SOFTENINGS):
-            theta, series, _ = find(data, *others)
-            scale = jnp.asarray(robust_deviation(series, theta))
-            data = dataclasses.replace(data, scale=scale)
-        theta, series, path = find(data, *others)
+        # On matrices of this size more threads gain nothing; on a busy machine they cost much.
+        with one_thread_of_lapack:
+            theta, series, path = find(data, *others)
+            for _ in range(0 if loss == "linear" else SOFTENINGS):
+                before = np.inf if series.scale is None else float(series.scale)
+                scale = robust_deviation(series, theta)
+                data = dataclasses.replace(data, scale=jnp.asarray(scale))
+                theta, series, path = find(data, *others)
+                if scale > SETTLED * before:
+                    break
         expected = np.zeros(2) if series.isotherms is None else series.isotherms.penalty
         scale = np.inf if series.scale is None else series.scale
         return theta, series.within_bounds(theta), np.asarray(expected), np.asarray(scale)

@@ -23,6 +23,9 @@ SEARCH = 1e-5  # relative tolerance of the cost
 WALK = 1e-4  # that of each length along a walk: its neighbours follow
 MOST_POINTS_SEARCHED = 400  # that a search goes through
 TIMES_PER_DECADE = 10
+ROUNDS = 3  # of a branch more and one fewer, to a given length
+LEAST_GAIN = 1e-3  # of such a round, to go on
+REWEIGHTED = 3  # times, so that bad values do not lead the start
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
 RESOLUTION = 1e-6  # of measured values, relative
 
@@ -52,7 +55,7 @@ def check_terms(data: Observations, terms: int | None) -> None:
         if not concrete(data):
             raise ValueError(
                 "`terms=None` needs values that are concrete: under `jit`, `grad` or `vmap` give "
-                "`terms`, or `start` from a fit to similar data."
+                "`terms`."
             )
         return
     check_whole("terms", terms, int(not data.num_extras))
@@ -66,7 +69,7 @@ def check_terms(data: Observations, terms: int | None) -> None:
 def choose(series: SeriesProblem, terms: int | None) -> tuple[np.ndarray, tuple[Length, ...]]:
     """Returns the unknowns of `terms` branches, or of the least criterion and all lengths tried."""
     if terms is not None:
-        return series.minimise(best_path(series, terms, terms)[terms][0], rtol=0)[0], ()
+        return series.minimise(best_of_length(series, terms), rtol=0)[0], ()
     count = np.sum(series.measured)
     fitted = best_path(series, max(int(count - 1 - len(series.static)) // 2, 1))
     path = []
@@ -106,11 +109,31 @@ def best_spectrum(series: SeriesProblem) -> Fitted:
     return theta, float(series.total_cost(theta))
 
 
-def best_path(series: SeriesProblem, most: int, least: int = 0) -> dict[int, Fitted]:
-    """Returns the best series found of each length up to that of the floor.
+def best_of_length(series: SeriesProblem, terms: int) -> np.ndarray:
+    """Returns the best series found of exactly `terms` branches.
 
-    The longest has at most `most` terms, and at least `least`.
+    From evenly spaced branches, and from the best spectrum on a grid of times, whose branches are
+    joined. Then a branch more and one fewer, as long as that lowers the error.
     """
+    few = thinned(series)
+    joined = _dense_start(few)
+    while few.terms(joined) > terms:
+        joined = _one_fewer(few, joined)[0]
+    while few.terms(joined) < terms:
+        joined = _with_branch(few, joined)[1]
+    tried = [few.minimise(start, rtol=SEARCH) for start in (joined, _spaced_start(few, terms))]
+    best = min(tried, key=lambda fitted: fitted[1])
+    for _ in range(ROUNDS if terms else 0):
+        longer, _ = few.minimise(_with_branch(few, best[0])[1], rtol=WALK)
+        tried = [few.minimise(start, rtol=WALK) for start in _one_fewer(few, longer)]
+        before, best = best[1], min([best, *tried], key=lambda fitted: fitted[1])
+        if best[1] > (1 - LEAST_GAIN) * before:
+            break
+    return best[0]
+
+
+def best_path(series: SeriesProblem, most: int) -> dict[int, Fitted]:
+    """Returns the best series found of each length, up to `most` or to that of the floor."""
     few = thinned(series)
     theta, cost = best_spectrum(few)
     # The path ends at the shortest series that is within 0.05 % of the floor: no data show less.
@@ -132,7 +155,7 @@ def best_path(series: SeriesProblem, most: int, least: int = 0) -> dict[int, Fit
     for length in range(terms, shortest, -1):
         for shorter in _one_fewer(few, path[length][0]):
             keep(shorter)
-    for length in range(shortest, max(terms, least)):
+    for length in range(shortest, terms):
         keep(_with_branch(few, path[length][0])[1])
     thetas = {terms: theta for terms, (theta, _) in sorted(path.items())}
     return {terms: (theta, float(series.total_cost(theta))) for terms, theta in thetas.items()}
@@ -143,13 +166,10 @@ def thinned(series: SeriesProblem) -> SeriesProblem:
 
     A search through it costs no more than one through few data.
     """
-    count = len(series.x) - series.num_ends
-    if count <= MOST_POINTS_SEARCHED:
+    if len(series.x) <= MOST_POINTS_SEARCHED:
         return series
     log_x = np.log(np.maximum(series.x, 1e-2 * np.min(series.x[series.x > 0])))
-    first, last = np.min(log_x[:count]), np.max(log_x[:count])
-    place = np.floor((log_x - first) / (last - first) * MOST_POINTS_SEARCHED)
-    place[count:] = 2 * MOST_POINTS_SEARCHED + np.arange(series.num_ends)
+    place = np.floor((log_x - np.min(log_x)) / np.ptp(log_x) * MOST_POINTS_SEARCHED)
     member = (place[:, None] == np.unique(place)).astype(float)
 
     def sums(rows):
@@ -166,10 +186,24 @@ def thinned(series: SeriesProblem) -> SeriesProblem:
     )
 
 
+def _spaced_start(series, terms):
+    """Times evenly spaced in their logarithm over the data."""
+    shortest, longest = series.time_limits()
+    places = (np.arange(terms) + 0.5) / max(terms, 1)
+    log_times = shortest + (longest - shortest) * places
+    faint = np.exp(series.faintest()) * 1e3
+    strengths = np.log(np.maximum(non_negative(series, log_times), faint))
+    return np.concatenate([strengths[:terms], log_times, strengths[terms:]])
+
+
 def _dense_start(series):
     """Non-negative least squares of relative errors on a dense grid, neighbours merged."""
     log_times, faint = series.time_grid(TIMES_PER_DECADE), np.exp(series.faintest())
-    strengths = non_negative(series, log_times)
+    strengths, columns = non_negative(series, log_times), series.columns(log_times)
+    for _ in range(0 if series.scale is None else REWEIGHTED):
+        model = np.maximum(series.known + strengths @ columns, np.exp(series.log_values) / 1e3)
+        weights = series.pulling(series.residual(model))
+        strengths = non_negative(dataclasses.replace(series, weights=weights), log_times)
     branches, static = np.split(strengths, [len(log_times)])
     # A time between two of the grid becomes a branch at each: a run of them is one branch.
     present = np.flatnonzero(branches > faint)
@@ -185,7 +219,7 @@ def non_negative(series: SeriesProblem, log_times: np.ndarray) -> np.ndarray:
     They minimise the sum of squared relative errors.
     """
     rows = series.weights > 0
-    columns = np.concatenate([series.branches(log_times), series.static])[:, rows]
+    columns = series.columns(log_times)[:, rows]
     if not len(columns):  # SciPy's nnls corrupts memory
         return np.zeros(0)
     scale = np.sqrt(series.weights[rows])
@@ -210,9 +244,9 @@ def _with_branch(series, theta):
     """The most a new branch lowers the cost to second order, and the series with it."""
     log_times, model = series.time_grid(TIMES_PER_DECADE), series.model(theta)
     residual = series.residual(model)
-    effect = series.branches(log_times) / model
-    pull = effect @ (series.weights * residual)
-    stiffness = effect**2 @ series.weights + 1e-300
+    effect, weights = series.branches(log_times) / model, series.pulling(residual)
+    pull = effect @ (weights * residual)
+    stiffness = effect**2 @ weights + 1e-300
     gains = np.where(pull < 0, pull**2 / (2 * stiffness), 0)
     best = np.argmax(gains)
     s, known_times, c = series.split(theta)

@@ -28,16 +28,15 @@ from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
+from .alignment import at_reference, shifts_and_series
 from .implicit import optimum
-from .lengths import check_terms
-from .observations import Loss
+from .lengths import check_terms, criterion
+from .observations import Isotherm, Loss, joined_curves
 from .prony import AbstractFit, PronyFit, deviation
-from .report import report_of
-from .shifting import Isotherm, at_reference, joined_curves, shifts_and_series
-from .shifts import LAW_LIMITS, LN10, Isotherms
+from .quality import report_of
+from .shifts import LAW_LIMITS, LN10, Isotherms, law_shifts, log_shifts, split_shifts
 
 AT_BOUND = 1e-3  # of the logarithm of a constant of a law
-SERVES = 1.05  # times the error with the fitted shifts: a law that does no worse replaces them
 
 
 @shown("law", "temperatures", "log10_shifts", "vertical_shifts", "fit")
@@ -66,7 +65,7 @@ class MasterCurve(AbstractFit):
     @property
     def law(self) -> AbstractShift:
         """The fitted law about the reference temperature, without departures from it."""
-        return self.isotherms.law_of(self.isotherms.split(self.theta)[0])
+        return self.isotherms.law_of(split_shifts(self.isotherms, self.theta)[0])
 
     @property
     def shift(self) -> AbstractShift:
@@ -99,19 +98,35 @@ class MasterCurve(AbstractFit):
 
     def law_error(self) -> float:
         """Returns the rms log error on all isotherms of the series shifted by the law alone."""
+        alone, few = self._by_law_alone()
+        return alone.rms(few)
+
+    def law_serves(self) -> bool:
+        """Returns whether the law alone describes the data as well, for its few constants (BIC).
+
+        It does not with a constant at the end of its range.
+        """
         series, theta = self._problem()
-        by_law = self.isotherms.law_shifts(self.isotherms.split(theta)[0])
-        single = series.shifted(by_law, np.zeros_like(by_law))
-        return single.rms(theta[: len(theta) - series.num_shifts])
+        alone, few = self._by_law_alone()
+        _, departures, lifts = self.isotherms.counts
+        by_law = criterion(alone, len(theta) - departures - lifts, alone.total_cost(few))
+        free = criterion(series, len(theta), series.cost(series.misfit(theta)))
+        return bool(by_law <= free) and not self._law_at_bound()
+
+    def _by_law_alone(self):
+        """The problem of the data shifted by the law alone, and the unknowns of the series."""
+        series, theta = self._problem()
+        by_law = law_shifts(self.isotherms, split_shifts(self.isotherms, theta)[0])
+        few = theta[: len(theta) - series.num_shifts]
+        return series.shifted(by_law, np.zeros_like(by_law)), few
 
     def exported(self) -> Prony:
-        """Returns the material for export: with the law alone if it fits as well.
+        """Returns the material for export: with the law alone if it serves, else with a table.
 
-        It does where `law_error` is at most 1.05 times the error with the fitted shifts, and none
-        of its constants is at the end of its range.
+        With `law="table"` always with a table.
         """
-        serves = self.law_error() <= SERVES * self.fit.errors().total
-        return self._with_shift(self.law if serves and not self._law_at_bound() else self.shift)
+        by_law = self.isotherms.law != "table" and self.law_serves()
+        return self._with_shift(self.law if by_law else self.shift)
 
     @property
     def temperatures(self) -> Float[Array, " isotherms"]:
@@ -121,12 +136,12 @@ class MasterCurve(AbstractFit):
     @property
     def log10_shifts(self) -> Float[Array, " isotherms"]:
         """log10 a_T of the isotherms; 0 at the reference."""
-        return self.isotherms.shifts(self.theta)[0] / LN10
+        return log_shifts(self.isotherms, self.theta)[0] / LN10
 
     @property
     def vertical_shifts(self) -> Float[Array, " isotherms"]:
         """b_T of the isotherms: moduli there are b_T (creep: compliances) times the master's."""
-        return jnp.exp(self.isotherms.shifts(self.theta)[1])
+        return jnp.exp(log_shifts(self.isotherms, self.theta)[1])
 
     def shift_deviations(self) -> tuple[Float[Array, " isotherms"], Float[Array, " isotherms"]]:
         """Returns standard deviations of log10 a_T and of ln b_T.
@@ -153,12 +168,19 @@ class MasterCurve(AbstractFit):
     def warnings(self) -> tuple[str, ...]:
         """Returns sentences on what makes the fit doubtful, such as values far from it."""
         said = super().warnings()
+        if self.isotherms.law == "table":
+            return said
         if self._law_at_bound():
             said += (f"{self.law} has a constant at the end of its range: no such law holds.",)
+        elif any(self.isotherms.stds) and not self.law_serves():
+            said += (
+                f"With {self.law} alone the error is {self.law_error():.2g}: the export has a "
+                "table of shifts, which ends at the temperatures that were measured.",
+            )
         return said
 
     def _law_at_bound(self) -> bool:
-        p = np.asarray(self.isotherms.split(self.theta)[0])
+        p = np.asarray(split_shifts(self.isotherms, self.theta)[0])
         lower, upper = np.log(LAW_LIMITS[self.isotherms.law]).T
         return bool(np.any((p < lower + AT_BOUND) | (p > upper - AT_BOUND)))
 
@@ -166,7 +188,7 @@ class MasterCurve(AbstractFit):
 @compiled
 def _slopes(isotherms: Isotherms, theta):
     """Derivatives of ln a and ln b of each isotherm by all unknowns."""
-    return jax.jacfwd(isotherms.shifts)(theta)
+    return jax.jacfwd(lambda unknowns: log_shifts(isotherms, unknowns))(theta)
 
 
 def master_curve(
@@ -190,7 +212,8 @@ def master_curve(
     - `isotherms`: at least two, each `(temperature [K], x, values)` with frequencies or times `x`
       and moduli or compliances `values` as in `fit_prony`; or what `read_moduli(path)` returned.
     - `kind`: "frequency", "relaxation" or "creep"; files know their own.
-    - `law`: "wlf" or "arrhenius".
+    - `law`: "wlf" or "arrhenius", which an exported material has if it describes the data as well,
+      also beyond their temperatures; or "table" for the shifts of the isotherms.
     - `shift_std`: expected standard deviation of log10 a_T from the law [decades]; with 0 the
       shifts follow the law, with 3 they are practically free.
     - `vertical_shift_std`: expected standard deviation of ln b_T [1], such as 0.1; 0 for no

@@ -1,5 +1,7 @@
-"""Measured moduli or compliances prepared for a fit."""
+"""Measured moduli or compliances, and isotherms of them, checked and prepared for a fit."""
 
+import dataclasses
+from collections.abc import Sequence
 from typing import Any, Literal, get_args
 
 import equinox as eqx
@@ -12,18 +14,23 @@ from ..core.checks import (
     Numbers,
     as_float,
     as_numbers,
+    as_scalar,
     check_positive,
     check_rows,
     check_shape,
     check_values,
     is_concrete,
+    short,
 )
 from ..core.display import shown
-from .shifts import Isotherms
+from ..materials.measured import Measured
+from ..materials.shift import check_kelvin
+from .shifts import Isotherms, LawKind
 
 Loss = Literal["linear", "soft_l1"]
 ModuliKind = Literal["frequency", "relaxation", "creep"]
 Unknowns = Float[Array, " unknowns"]
+Isotherm = tuple[Numbers, Numbers, Numbers]
 
 
 @shown()
@@ -36,7 +43,7 @@ class Observations(eqx.Module):
     - `values`: storage and loss modulus [Pa], or one channel of moduli [Pa] or compliances
       [1/Pa]; shape `(channels, points)`; 1 where nothing was measured.
     - `weights`: of the squared log residuals [1], shape `(channels, points)`.
-    - `equilibrium`, `glassy`: E_eq and E_inf [Pa] where they are known.
+    - `equilibrium`: E_eq [Pa] where it is known.
     - `kind`, `flows`: the measurement; whether a compliance is that of a liquid. Static.
     - `isotherms`: the temperatures, if shifts are unknown.
     - `scale`: log residual [1] from which on values count linearly, or None.
@@ -46,30 +53,15 @@ class Observations(eqx.Module):
     values: Float[Array, "channels points"]
     weights: Float[Array, "channels points"]
     equilibrium: Float[Array, ""] | None
-    glassy: Float[Array, ""] | None
     kind: ModuliKind = eqx.field(static=True)
     flows: bool = eqx.field(static=True)
     isotherms: Isotherms | None = None
     scale: Float[Array, ""] | None = None
 
     @property
-    def known_start(self) -> Float[Array, ""] | None:
-        """The known value of a series without its branches: E_eq, or 1/E_inf of compliances."""
-        if self.kind != "creep":
-            return self.equilibrium
-        return None if self.glassy is None else 1 / self.glassy
-
-    @property
-    def known_end(self) -> Float[Array, ""] | None:
-        """The known value of a complete series: E_inf, or 1/E_eq of compliances."""
-        if self.kind != "creep":
-            return self.glassy
-        return None if self.equilibrium is None or self.flows else 1 / self.equilibrium
-
-    @property
     def num_extras(self) -> int:
         """The number of unknowns of strengths without a time."""
-        return int(self.known_start is None) + int(self.flows)
+        return int(self.equilibrium is None) + 2 * int(self.flows)
 
     @property
     def num_shifts(self) -> int:
@@ -87,7 +79,6 @@ def observe(
     values: Numbers,
     weights: tuple[Numbers, Numbers],
     equilibrium: Numbers | None = None,
-    glassy: Numbers | None = None,
 ) -> Observations:
     """Returns the observations, checked. Values that are NaN count as not measured.
 
@@ -110,19 +101,17 @@ def observe(
         check_values("x", x, "it must be zero or a positive number [s]", at_least=0)
         parts = {"values": values}
     # Of the number as given: inside `jit` a converted one is not concrete.
-    stated = equilibrium is not None and is_concrete(equilibrium)
-    flows = kind == "creep" and stated and not np.any(np.asarray(equilibrium))
+    flows = kind == "creep" and equilibrium is not None
+    if flows and not (is_concrete(equilibrium) and np.all(np.asarray(equilibrium) == 0)):
+        raise ValueError("`equilibrium` of creep must be 0, for a liquid, or None.")
     if equilibrium is not None:
         equilibrium = as_float(equilibrium, "equilibrium")
         allowed = "it must be zero or a positive number [Pa]"
         check_values("equilibrium", equilibrium, allowed, at_least=0)
-    if glassy is not None:
-        glassy = as_float(glassy, "glassy")
-        check_positive("glassy", glassy, "[Pa]")
     channels = zip(parts.items(), weights, strict=False)
     measured = [_channel(*part, weight, x) for part, weight in channels]
     rows, sizes = (jnp.stack(parts) for parts in zip(*measured, strict=True))
-    data = Observations(x, rows, sizes, equilibrium, glassy, kind, flows)
+    data = Observations(x, rows, sizes, equilibrium, kind, flows)
     if concrete(data):
         _check_content(data)
     return data
@@ -161,8 +150,75 @@ def _check_content(data):
         )
     if not np.any(np.asarray(data.x) > 0):
         raise ValueError("`x` has no time above 0.")
-    glassy, equilibrium = data.glassy, data.equilibrium
-    if glassy is not None and equilibrium is not None and float(glassy) <= float(equilibrium):
+
+
+# Isotherms --------- -----------------------------------------------------------------------------
+
+
+def joined_curves(
+    isotherms: Measured | Sequence[Measured | Isotherm], kind: Any, law: Any,
+    stds: tuple[float, float], reference: Any, weights: tuple[Numbers, Numbers],
+    equilibrium: Numbers | None,
+) -> Observations:  # fmt: skip
+    """Returns the data, checked and sorted by temperature; arguments as in `master_curve`."""
+    if law not in get_args(LawKind):
+        raise ValueError(f"`law={law!r}` is refused: use one of {get_args(LawKind)}.")
+    if isinstance(isotherms, Measured):
+        isotherms = isotherms.isotherms()
+    curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
+    if len(curves) < 2:
+        raise ValueError(f"`isotherms` holds {len(curves)}; at least 2 are needed.")
+    curves.sort(key=lambda curve: curve[1])
+    kinds, kelvin, x, values = zip(*curves, strict=True)
+    if len(set(kinds)) > 1:
+        raise ValueError("`isotherms` are of different kinds; all must be measured alike.")
+    temperatures, coldest, hottest = np.array(kelvin), kelvin[0], kelvin[-1]
+    check_kelvin("temperature", temperatures)
+    for twice in temperatures[1:][np.diff(temperatures) <= 0]:
+        raise ValueError(f"`isotherms` has {twice:g} K twice: join these first.")
+    middle = len(curves) // 2
+    if reference is not None:
+        as_scalar(reference, "reference")
+        measured = f"isotherms are from {coldest:g} to {hottest:g} K"
+        allowed = f'{measured}. With `law="wlf"` take `exported().at(temperature)` of the result'
+        check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
+        middle = int(np.argmin(np.abs(temperatures - float(reference))))
+    data = observe(kinds[0], jnp.concatenate(x), jnp.concatenate(values), weights, equilibrium)
+    if data.flows:
+        raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
+    known = Isotherms(
+        group=jnp.asarray(np.repeat(np.arange(len(x)), [len(points) for points in x])),
+        temperatures=jnp.asarray(temperatures),
+        penalty=jnp.zeros(2),
+        reference=middle,
+        law=law,
+        stds=stds,
+    )
+    return dataclasses.replace(data, isotherms=known)
+
+
+def _curve(number, isotherm, kind) -> tuple[Any, ...]:
+    """Kind, temperature, x and values of an isotherm."""
+    if isinstance(isotherm, Measured):
+        missing = ["`poisson`"] if isotherm.deformation != "tension" else []
+        missing += ["`temperature`"] if isotherm.temperature is None else []
+        if isotherm.temperature is None or missing:
+            raise ValueError(
+                f"`isotherms[{number}]` from {isotherm.path} must be in tension and have a "
+                f"temperature: read the file with {' and '.join(missing)}."
+            )
+        kind = isotherm.kind
+        isotherm = (np.mean(isotherm.temperature), isotherm.abscissa, isotherm.values)
+    if not isinstance(isotherm, Sequence) or len(isotherm) != 3:
+        needed = "`(temperature, x, values)` is needed"
+        raise ValueError(f"`isotherms[{number}]={short(isotherm)}` is refused: {needed}.")
+    temperature, x, values = isotherm
+    if not is_concrete(temperature):
+        raise ValueError(f"`isotherms[{number}]` must have a concrete temperature.")
+    x, values = as_float(x, "x"), as_numbers(values, "values")
+    if x.ndim != 1 or x.shape != values.shape:
         raise ValueError(
-            f"`glassy={float(glassy):g}` must exceed `equilibrium={float(equilibrium):g}`."
+            f"`isotherms[{number}]` has x of shape {x.shape} and values of {values.shape}; two "
+            "one-dimensional arrays of equal length are needed."
         )
+    return kind, float(temperature), x, values

@@ -28,11 +28,10 @@ from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
-from .covariance import covariance
 from .implicit import optimum
 from .lengths import Length, check_terms, choose
 from .observations import Loss, Observations, Unknowns, concrete, observe
-from .report import FitErrors, far_values, fit_errors, report_of
+from .quality import FitErrors, covariance, far_values, fit_errors, report_of
 from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, problem_of
 
 FLOW_AT = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
@@ -168,17 +167,15 @@ def fit_prony(
     *,
     kind: str = "frequency",
     terms: int | None = None,
-    start: PronyFit | None = None,
     equilibrium: Numbers | None = None,
-    glassy: Numbers | None = None,
     weights: tuple[Numbers, Numbers] = (1.0, 1.0),
     poisson: Numbers = 0.5,
     loss: Loss = "linear",
 ) -> PronyFit:
     """Returns the Prony series nearest to measured moduli or compliances, in logarithms.
 
-    Differentiable by every number given, if the number of terms does not depend on them (`terms` or
-    `start`); derivatives are those of the optimum (implicit).
+    Differentiable by every number given, if `terms` is given; derivatives are those of the optimum
+    (implicit).
 
     **Arguments:**
 
@@ -190,9 +187,8 @@ def fit_prony(
       compliance J(t) = 1/E_inf + Σ_j H_j (1 - exp(-t/t_j)) [1/Pa], with + t/η for a liquid
       (`equilibrium=0`), whose exact relaxation form is the material.
     - `terms`: number of terms. By default that of the least Bayes information criterion.
-    - `start`: instead, an earlier fit to similar data to begin from, whose length is kept.
-    - `equilibrium`: E_eq [Pa] if known, 0 for a liquid, such as a melt. By default fitted.
-    - `glassy`: E_inf [Pa] if known; by default it follows from the branches.
+    - `equilibrium`: E_eq [Pa] if known, 0 for a liquid, such as a melt; of creep only 0. By default
+      fitted.
     - `weights`: of the squared residuals of storage and of loss [1], each of shape `()` or
       `(points,)`; the first is that of all values in time. A weight of 0 leaves a value out.
     - `poisson`: Poisson's ratio of the material [1].
@@ -203,29 +199,18 @@ def fit_prony(
 
     **Returns:** the material, and how well it is known.
     """
-    data = observe(kind, x, values, weights, equilibrium, glassy)
-    poisson, begin = as_scalar(poisson, "poisson"), None
+    data = observe(kind, x, values, weights, equilibrium)
+    poisson = as_scalar(poisson, "poisson")
     check_poisson("poisson", poisson)
-    if start is not None:
-        if terms is not None:
-            raise ValueError("`terms` and `start` both set the number of terms: give one.")
-        if (start.data.kind, start.data.num_extras) != (data.kind, data.num_extras):
-            raise ValueError(
-                f"`start` is a fit of kind {start.data.kind!r} with other known end values; it "
-                "must be of the same form as this fit."
-            )
-        begin, terms = start.theta, start.terms
     check_terms(data, terms)
 
-    def find(data, begin):
+    def find(data):
         series = problem_of(data)
-        if begin is not None:
-            return series.minimise(np.asarray(begin), rtol=0)[0], series, ()
         theta, path = choose(series, terms)
         return theta, series, path
 
     num_unknowns = None if terms is None else data.num_unknowns(terms)
-    theta, data, path = optimum(find, num_unknowns, loss, data, begin)
+    theta, data, path = optimum(find, num_unknowns, loss, data)
     return PronyFit(theta=theta, data=data, poisson=poisson, path=path)
 
 
@@ -238,13 +223,14 @@ def prony_material(theta: Unknowns, data: Observations, poisson: Numbers) -> Pro
     ends = jnp.stack([jnp.min(jnp.where(used, x, jnp.inf)), jnp.max(jnp.where(used, x, 0))])
     ends = ends if data.kind == "frequency" else 1 / ends[::-1]  # a time t counts as 1/t
     common = {"poisson": poisson, "measured": MeasuredRange(ends)}
-    start = extras[0] if data.known_start is None else data.known_start
     if data.kind != "creep":
-        if data.known_start is None:  # exactly zero where the data need none
+        equilibrium = data.equilibrium
+        if equilibrium is None:  # exactly zero where the data need none
             smallest = jnp.min(jnp.where(data.weights > 0, data.values, jnp.inf))
-            start = jnp.where(start > 1.001 * NEGLIGIBLE_STRENGTH * smallest, start, 0)
-        return Prony(equilibrium=start, strengths=strengths, times=times, **common)
-    glassy = 1 / start
+            least = 1.001 * NEGLIGIBLE_STRENGTH * smallest
+            equilibrium = jnp.where(extras[0] > least, extras[0], 0)
+        return Prony(equilibrium=equilibrium, strengths=strengths, times=times, **common)
+    glassy = 1 / extras[0]
     if data.flows:
         last = FLOW_AT * jax.lax.stop_gradient(
             jnp.maximum(jnp.max(data.x), jnp.max(times, initial=0))

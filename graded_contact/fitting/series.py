@@ -8,8 +8,7 @@ strengths,
 with a basis φ for each kind of measurement and `static` columns B for strengths without a time:
 E_eq of moduli; 1/E_inf and, for a liquid, the fluidity 1/η of compliances. The unknowns are
 logarithms, θ = (s, ln τ, c), so that strengths are positive by construction; those of the shifts of
-isotherms follow (`shifts`). Known values are not part of θ; a known end value that is a sum of
-unknowns (E_inf of moduli, 1/E_eq of compliances) is a row of great weight.
+isotherms follow (`shifts`). A known E_eq is not part of θ.
 
 The model takes NumPy arrays in the search and JAX arrays where the optimum is differentiated by the
 data. A search expands the model hundreds of times at every length. With derivatives by JAX each
@@ -27,17 +26,14 @@ import numpy as np
 
 from .minimum import Fitted, least_squares
 from .observations import ModuliKind, Observations
-from .shifts import Isotherms
+from .shifts import Isotherms, log_shifts, shift_slopes
 
 FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
-# Where a branch of relative strength one counts fully: infinite frequency, or the end of creep.
-COMPLETE = {"frequency": 1e150, "relaxation": 0.0, "creep": 1e150}
 NEGLIGIBLE_STRENGTH = 1e-9  # of the smallest measured value: a strength that changes nothing
-END_WEIGHT = 1e6  # of an end value that is known, over that of all measured values
 # How far times may lie outside those of the data, before and after. Farther out strengths grow
 # without effect, and a slow branch replaces E_eq, so that a solid melts just below its data.
 TIMES_BEYOND = {"frequency": (3.0, 3.0), "relaxation": (2.5, 5.0), "creep": (10.0, 5.0)}
-REACH_TO_KNOWN = 1e3  # on the side of a known end value, which branches have to lead up to
+REACH_TO_KNOWN = 1e3  # after the data with a known E_eq, which branches have to lead down to
 STIFFEST = 30.0  # times the first secant modulus of creep: more shows in no measured strain
 
 
@@ -54,10 +50,8 @@ class SeriesProblem:
     - `static`: columns B, shape `(columns, rows)`.
     - `least`: logarithms of the least strengths of the static columns.
     - `reach`: factors by which times may lie outside those of the data, before and after.
-    - `num_ends`: how many of the last points are known end values instead of measurements.
     - `scale`: log residual from which on values count linearly, or None for least squares.
-    - `isotherms`: whose shifts are unknowns, or None; `group`: the isotherm of each point, -1 for
-      a known end value.
+    - `isotherms`: whose shifts are unknowns, or None; `group`: the isotherm of each point.
     """
 
     xp: Any
@@ -69,7 +63,6 @@ class SeriesProblem:
     static: Any
     least: np.ndarray
     reach: tuple[float, float]
-    num_ends: int
     scale: Any = None
     isotherms: Isotherms | None = None
     group: Any = None
@@ -77,8 +70,7 @@ class SeriesProblem:
     @property
     def measured(self) -> np.ndarray:
         """Which rows hold a measured value."""
-        last = len(self.x) - self.num_ends
-        return (self.weights > 0) & (np.arange(len(self.weights)) % len(self.x) < last)
+        return self.weights > 0
 
     def by_channel(self, rows: Any) -> Any:
         """Returns rows, the last axis, as channels and points."""
@@ -125,8 +117,7 @@ class SeriesProblem:
 
     def time_limits(self) -> tuple[float, float]:
         """Returns the logarithms of the shortest and the longest time that data determine."""
-        x = self.x[: len(self.x) - self.num_ends]
-        shortest, longest = np.min(x[x > 0]), np.max(x)
+        shortest, longest = np.min(self.x[self.x > 0]), np.max(self.x)
         if self.kind == "frequency":
             shortest, longest = 1 / longest, 1 / shortest
         before, after = self.reach
@@ -142,7 +133,7 @@ class SeriesProblem:
 
     def at(self, theta: Any) -> "SeriesProblem":
         """Returns the problem of a single isotherm that remains once the shifts are known."""
-        return self.shifted(*self.isotherms.shifts(theta)) if self.isotherms else self
+        return self.shifted(*log_shifts(self.isotherms, theta)) if self.isotherms else self
 
     def shifted(self, along: Any, across: Any) -> "SeriesProblem":
         """Returns the problem with ln a and ln b of the isotherms given."""
@@ -155,15 +146,18 @@ class SeriesProblem:
         )
 
     def _at_rows(self, values):
-        """Values of the isotherms, the last axis, at every row; 0 at a known end value."""
-        padded = self.xp.concatenate([values, self.xp.zeros_like(values[..., :1])], axis=-1)
-        return self.xp.tile(padded[..., self.group], len(self.weights) // len(self.x))
+        """Values of the isotherms, the last axis, at every row."""
+        return self.xp.tile(values[..., self.group], len(self.weights) // len(self.x))
 
     # The model and the cost ---------------------------------------------------------------------
 
     def branches(self, log_times: Any) -> Any:
         """Returns φ at every row, shape `(terms, rows)`."""
         return branches(self.xp, self.kind, self.x, self.xp.exp(log_times))[0]
+
+    def columns(self, log_times: Any) -> Any:
+        """Returns all columns of which the model is a sum with positive strengths."""
+        return self.xp.concatenate([self.branches(log_times), self.static])
 
     def model(self, theta: Any) -> Any:
         """Returns m at every row, at the shifts in `theta` if there are isotherms."""
@@ -189,6 +183,10 @@ class SeriesProblem:
         if self.scale is None:
             return residual
         return residual * self.xp.sqrt(2 / (1 + self._reach(residual)))
+
+    def pulling(self, residual: Any) -> Any:
+        """Returns the weights with which the residuals pull at the unknowns."""
+        return self.weights if self.scale is None else self.weights / self._reach(residual)
 
     def _reach(self, residual):
         return self.xp.sqrt(1 + (residual / self.scale) ** 2)
@@ -221,13 +219,15 @@ class SeriesProblem:
         """Returns the minimum reached from `theta`; `choices` as in `least_squares`."""
         root, tied = np.sqrt(self.weights), np.sqrt(self.penalty(theta))
 
-        def residuals(theta):
-            return np.append(root * self.softened(self.misfit(theta)), tied * theta)
+        def expand(theta):
+            residual, jacobian = self.derivatives(theta)
+            jacobian *= root
+            if not self.isotherms:
+                return root * residual, jacobian
+            rows = np.append(root * residual, tied * theta)
+            return rows, np.concatenate([jacobian, np.diag(tied)], axis=1)
 
-        def jacobian(theta):
-            return np.concatenate([root * self.derivatives(theta)[1], np.diag(tied)], axis=1).T
-
-        theta, cost = least_squares(residuals, jacobian, theta, *self.bounds(theta), **choices)
+        theta, cost = least_squares(expand, theta, *self.bounds(theta), **choices)
         s, log_times, _ = self.split(theta)
         order = np.argsort(-log_times)
         return np.concatenate([s[order], log_times[order], theta[2 * len(s) :]]), cost
@@ -243,10 +243,9 @@ class SeriesProblem:
         parts = [value * relative, by_time, self.static * (static[:, None] / model)]
         if self.isotherms:
             # A shift moves every branch as a change of its time does.
-            along, across = map(self._at_rows, self.isotherms.slopes(theta))
+            along, across = map(self._at_rows, shift_slopes(self.isotherms, theta))
             parts += [along * np.sum(by_time, axis=0), across]
         jacobian = np.concatenate(parts)
-        jacobian[:, self.weights == 0] = 0
         residual = series.residual(model)
         if self.scale is not None:
             reach = self._reach(residual)
@@ -278,19 +277,11 @@ def branches(xp: Any, kind: ModuliKind, x: Any, times: Any) -> tuple[Any, Any]:
 def problem_of(data: Observations, xp: Any = np) -> SeriesProblem:
     """Returns the least-squares problem of the observations, in arrays of the module `xp`."""
     x, values, weights = (xp.asarray(part) for part in (data.x, data.values, data.weights))
-    isotherms, num_ends = data.isotherms, int(data.known_end is not None)
     least = np.full(data.num_extras, -np.inf)
-    if xp is np and data.kind == "creep" and data.known_start is None:
+    if xp is np and data.kind == "creep":
         least[0] = np.log(np.min(values[weights > 0]) / STIFFEST)
-    if num_ends:
-        x = xp.append(x, COMPLETE[data.kind])
-        ends = np.ones((len(values), 1)) * xp.asarray(data.known_end)
-        values = xp.concatenate([values, ends], axis=1)
-        end_weights = np.eye(len(values), 1) * END_WEIGHT * xp.sum(weights)  # of the first channel
-        weights = xp.concatenate([weights, end_weights], axis=1)
     known, static = fixed_columns(data, x, xp)
     before, after = TIMES_BEYOND[data.kind]
-    before = before if data.glassy is None else REACH_TO_KNOWN
     after = after if data.equilibrium is None else REACH_TO_KNOWN
     return SeriesProblem(
         xp=xp,
@@ -302,10 +293,9 @@ def problem_of(data: Observations, xp: Any = np) -> SeriesProblem:
         static=static,
         least=least,
         reach=(before, after),
-        num_ends=num_ends,
         scale=None if data.scale is None else xp.asarray(data.scale),
-        isotherms=isotherms,
-        group=isotherms and xp.append(xp.asarray(isotherms.group), xp.full(num_ends, -1)),
+        isotherms=data.isotherms,
+        group=data.isotherms and xp.asarray(data.isotherms.group),
     )
 
 
@@ -313,7 +303,9 @@ def fixed_columns(data: Observations, x: Any, xp: Any) -> tuple[Any, Any]:
     """Returns the known part of a series at `x`, and the columns of strengths without a time."""
     rows = len(data.values) * len(x)
     constant = xp.asarray(np.arange(rows) < len(x), float)  # the first channel alone has it
-    known = constant * (0.0 if data.known_start is None else xp.asarray(data.known_start))
-    static = [constant] if data.known_start is None else []
-    static += [x / xp.max(xp.asarray(data.x))] if data.flows else []
-    return known, xp.stack(static) if static else xp.zeros((0, rows))
+    if data.flows:
+        static = [constant, x / xp.max(xp.asarray(data.x))]
+        return xp.zeros(rows), xp.stack(static)
+    if data.equilibrium is None:
+        return xp.zeros(rows), constant[None]
+    return constant * xp.asarray(data.equilibrium), xp.zeros((0, rows))

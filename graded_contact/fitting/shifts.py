@@ -21,10 +21,11 @@ from ..core.display import shown
 from ..materials.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
 
 LN10 = float(np.log(10))
-LawKind = Literal["wlf", "arrhenius"]
+LawKind = Literal["wlf", "arrhenius", "table"]  # a table is searched about a WLF law
 # Limits of exp(p), far beyond those of any material, and values of a usual polymer.
-LAW_LIMITS = {"wlf": [(1e-4, 10), (1, 1e4)], "arrhenius": [(1e2, 1e6)]}
-LAW_TYPICAL = {"wlf": [0.1, 60.0], "arrhenius": [1e4]}
+_WLF, _ARRHENIUS = [(1e-4, 10), (1, 1e4)], [(1e2, 1e6)]
+LAW_LIMITS = {"wlf": _WLF, "table": _WLF, "arrhenius": _ARRHENIUS}
+LAW_TYPICAL = {"wlf": [0.1, 60.0], "table": [0.1, 60.0], "arrhenius": [1e4]}
 
 
 @shown()
@@ -59,11 +60,6 @@ class Isotherms(eqx.Module):
         """Which isotherm each unknown shift belongs to: all but the reference."""
         return np.delete(np.eye(len(self.temperatures)), self.reference, axis=0)
 
-    def split(self, unknowns: Any) -> tuple[Any, Any, Any]:
-        """Returns `(p, e, ln b)`: the last of the unknowns, by what they belong to."""
-        first, second, third = len(unknowns) - np.cumsum(self.counts[::-1])[::-1]
-        return unknowns[first:second], unknowns[second:third], unknowns[third:]
-
     def law_of(self, p: Any) -> AbstractShift:
         """Returns the law with the unknowns `p`, about the reference temperature."""
         base = self.temperatures[self.reference]
@@ -72,42 +68,6 @@ class Isotherms(eqx.Module):
         slope, distance = jnp.exp(p)
         c2 = base - self.temperatures[0] + distance
         return WLF(c1=slope * c2, c2=c2, reference=base)
-
-    def law_shifts(self, p: Any) -> Any:
-        """Returns ln a of each isotherm by the law."""
-        return self._by_law(p)[0]
-
-    def _by_law(self, p: Any) -> tuple[Any, Any]:
-        """ln a of each isotherm by the law, and its derivatives by `p`.
-
-        In closed form, because a search in NumPy asks for them at each step.
-        """
-        xp = jnp if isinstance(p, jax.Array) else np
-        temperatures = xp.asarray(self.temperatures)
-        base, factor = temperatures[self.reference], xp.exp(p)
-        if self.law == "arrhenius":
-            value = factor[0] * (1 / temperatures - 1 / base)
-            return value, value[None]
-        above, c2 = temperatures - base, base - temperatures[0] + factor[1]
-        value = -LN10 * factor[0] * c2 * above / (c2 + above)
-        by_distance = -LN10 * factor[0] * factor[1] * (above / (c2 + above)) ** 2
-        return value, xp.stack([value, by_distance])
-
-    def shifts(self, unknowns: Any) -> tuple[Any, Any]:
-        """Returns ln a and ln b of every isotherm."""
-        p, departures, lifts = self.split(unknowns)
-        along = self.law_shifts(p) + departures @ self.others[: len(departures)]
-        return along, lifts @ self.others[: len(lifts)]
-
-    def slopes(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the derivatives of ln a by (p, e), and those of ln b.
-
-        The isotherms are the last axis.
-        """
-        p, departures, lifts = self.split(unknowns)
-        _, first = self._by_law(p)
-        along = np.concatenate([first, self.others[: len(departures)]])
-        return along, self.others[: len(lifts)]
 
     def weights(self, xp: Any) -> Any:
         """Returns the weight of the square of each unknown in the cost."""
@@ -118,3 +78,52 @@ class Isotherms(eqx.Module):
         lower, upper = np.log(LAW_LIMITS[self.law]).T
         free = np.full(sum(self.counts[1:]), np.inf)
         return np.append(lower, -free), np.append(upper, free)
+
+
+# Functions, because a method of a Module costs more than a search in NumPy has to spare.
+
+
+def split_shifts(isotherms: Isotherms, unknowns: Any) -> tuple[Any, Any, Any]:
+    """Returns `(p, e, ln b)`: the last of the unknowns, by what they belong to."""
+    first, second, third = len(unknowns) - np.cumsum(isotherms.counts[::-1])[::-1]
+    return unknowns[first:second], unknowns[second:third], unknowns[third:]
+
+
+def law_shifts(isotherms: Isotherms, p: Any) -> Any:
+    """Returns ln a of each isotherm by the law."""
+    return _by_law(isotherms, p)[0]
+
+
+def _by_law(isotherms: Isotherms, p: Any) -> tuple[Any, Any]:
+    """ln a of each isotherm by the law, and its derivatives by `p`.
+
+    In closed form, because a search in NumPy asks for them at each step.
+    """
+    xp = jnp if isinstance(p, jax.Array) else np
+    temperatures = xp.asarray(isotherms.temperatures)
+    base, factor = temperatures[isotherms.reference], xp.exp(p)
+    if isotherms.law == "arrhenius":
+        value = factor[0] * (1 / temperatures - 1 / base)
+        return value, value[None]
+    above, c2 = temperatures - base, base - temperatures[0] + factor[1]
+    value = -LN10 * factor[0] * c2 * above / (c2 + above)
+    by_distance = -LN10 * factor[0] * factor[1] * (above / (c2 + above)) ** 2
+    return value, xp.stack([value, by_distance])
+
+
+def log_shifts(isotherms: Isotherms, unknowns: Any) -> tuple[Any, Any]:
+    """Returns ln a and ln b of every isotherm."""
+    p, departures, lifts = split_shifts(isotherms, unknowns)
+    along = law_shifts(isotherms, p) + departures @ isotherms.others[: len(departures)]
+    return along, lifts @ isotherms.others[: len(lifts)]
+
+
+def shift_slopes(isotherms: Isotherms, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the derivatives of ln a by (p, e), and those of ln b.
+
+    The isotherms are the last axis.
+    """
+    p, departures, lifts = split_shifts(isotherms, unknowns)
+    _, first = _by_law(isotherms, p)
+    along = np.concatenate([first, isotherms.others[: len(departures)]])
+    return along, isotherms.others[: len(lifts)]

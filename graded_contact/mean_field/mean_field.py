@@ -88,7 +88,7 @@ class MeanField(eqx.Module):
 
     - `friction`: force opposing the motion over the load [1], with all roughness; hysteresis and
       shear together.
-    - `hysteresis_friction`: the part of the friction that is dissipated in the block [1].
+    - `pressure_friction`: the part that the pressure exerts on slopes [1], lost in the block.
     - `shear_friction`: the part from shear in the contact [1]; 0 without `shear`.
     - `contact_area`: fraction of the nominal area in contact [1], with all roughness.
     - `against_cutoff`: with roughness up to each of `n` cut-offs only; friction there may ring by
@@ -103,7 +103,7 @@ class MeanField(eqx.Module):
     """
 
     friction: Float[Array, ""]
-    hysteresis_friction: Float[Array, ""]
+    pressure_friction: Float[Array, ""]
     shear_friction: Float[Array, ""]
     contact_area: Float[Array, ""]
     against_cutoff: CutoffCurve
@@ -259,7 +259,7 @@ def _field(field: FieldInputs, correction: Correction, nodes: Nodes, acting) -> 
     load = field.pressure
     return MeanField(
         friction=friction[-1] + sheared[-1],
-        hysteresis_friction=friction[-1],
+        pressure_friction=friction[-1],
         shear_friction=sheared[-1],
         contact_area=area(x[-1]),
         against_cutoff=CutoffCurve(q, friction + sheared, area(x)),

@@ -11,6 +11,7 @@ from contourpy import contour_generator
 
 from ..core.display import unit_of
 from ..plot import COLOURS, plot_cycle, plot_film, plot_sliding, plot_transient
+from ..plot.contact import level_of
 from ..plot.sweeps import title_of
 from ..surfaces import Surface
 from .curves import Curve, Curves
@@ -118,9 +119,8 @@ class Maps:
 
     def show(self, found: Any) -> None:
         """Draws a contact."""
-        pressure, gap = np.asarray(found.pressure), np.asarray(found.gap)
-        touches = pressure > 0
-        level = pressure / (np.std(pressure) or 1) - gap / (np.std(gap) or 1)
+        pressure, gap, level = np.asarray(found.pressure), np.asarray(found.gap), level_of(found)
+        touches = level > 0
         self.maps["heights"].show_outline(level)
         self.maps["pressure"].show(np.where(touches, pressure, np.nan))
         self.maps["gap"].show(gap if np.all(touches) else np.where(touches, np.nan, gap))

@@ -3,9 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike
 
+from ..contacts.law import HardWall
 from ..core.checks import as_float
 from ..core.display import unit_of, with_unit
 from ..mean_field.mean_field import MeanField, pressure_distribution
@@ -58,14 +60,15 @@ def plot_sliding(
 
     **Arguments:**
 
-    - `sliding`: a result of `slide`, or anything else with `pressure` [Pa] and `gap` [m].
+    - `sliding`: a result of `slide`, or anything else with `pressure` [Pa], `gap` [m] and, unless
+      that is the hard wall, the `law` of contact.
     - `surface`: the surface that slides.
     - `velocity`: of the surface [m/s], as in `slide`. An arrow shows its direction if it is not 0.
     - `axes`: three panels to draw in, by default those of a new figure.
     """
     heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
-    pressure, gap = np.asarray(sliding.pressure), np.asarray(sliding.gap)
-    touches = pressure > 0
+    pressure, gap, level = np.asarray(sliding.pressure), np.asarray(sliding.gap), level_of(sliding)
+    touches = level > 0
     fields = {
         "heights": heights - np.mean(heights),
         "pressure": np.where(touches, pressure, np.nan),
@@ -79,7 +82,7 @@ def plot_sliding(
     for panel, (name, values) in zip(shown, fields.items(), strict=True):
         _draw_field(panel, name, values, size)
         panel.label_outer()
-    _draw_outline(shown[0], pressure, gap, size)
+    _draw_outline(shown[0], level, size)
     _draw_direction(shown[1], np.atleast_1d(as_float(velocity, "velocity")))
     return figure_of(shown[0])
 
@@ -150,16 +153,22 @@ def draw_map(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -
     return image
 
 
-def _draw_outline(axes: "Axes", pressure: np.ndarray, gap: np.ndarray, size: np.ndarray) -> None:
+def level_of(found: Any) -> np.ndarray:
+    """Returns how far points are inside contact by its law, outside negative; 0 at the edge."""
+    pressure, gap = np.asarray(found.pressure), np.asarray(found.gap)
+    # Gaps are scaled as the pressure is, so that an outline lies between the points.
+    scale = np.std(pressure) / (np.std(gap) or 1)
+    law = getattr(found, "law", HardWall())
+    return np.asarray(law.contact_indicator(jnp.asarray(pressure), jnp.asarray(gap), scale))
+
+
+def _draw_outline(axes: "Axes", level: np.ndarray, size: np.ndarray) -> None:
     """Draws the contact on a panel of the heights."""
-    if pressure.ndim == 1:
+    if level.ndim == 1:
         x, heights = axes.lines[0].get_data()
-        touching = np.where(pressure > 0, heights, np.nan)
+        touching = np.where(level > 0, heights, np.nan)
         axes.plot(x, touching, ".-", color=COLOURS[1], linewidth=2.5)
         return
-    # Pressure and gap are scaled alike, so that the outline lies between their points.
-    gap = np.maximum(gap, 0)
-    level = pressure / (np.std(pressure) or 1) - gap / (np.std(gap) or 1)
     if np.any(level > 0) and np.any(level < 0):
         factor, step = unit_of("m", np.max(size))[1], -(-max(level.shape) // FINEST_OUTLINE)
         x, y = (
@@ -213,20 +222,20 @@ def plot_distributions(
     - `axes`: two panels to draw in, by default those of a new figure.
     """
     pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)
-    open_points = (pressure <= 0) & (gap > 0)
+    touches = np.ravel(level_of(sliding)) > 0
     left, right = panels(axes, "ab", (PAGE, 2.7))
     reach = 0.0
     if mean_field is not None:
         # The axis shows the theory too, whose tail may go beyond the contact's.
         deviation = float(mean_field.stress_variance[-1]) ** 0.5
         reach = float(np.nan_to_num(mean_field.pressure + SHOWN_DEVIATIONS * deviation))
-    high, scale = _draw_density(left, "pressure", pressure, pressure > 0, reach, "contact")
+    high, scale = _draw_density(left, "pressure", pressure, touches, reach, "contact")
     if mean_field is not None and reach:  # a theory that failed has no variance
         stress = np.linspace(0, high, 400)
         density = np.asarray(pressure_distribution(mean_field, stress))[-1]
         left.plot(scale * stress, density / scale, color=COLOURS[1], label="Persson's theory")
-    _, scale = _draw_density(right, "gap", gap, open_points)
-    mean = float(np.mean(gap))  # over all points, in contact or not
+    _, scale = _draw_density(right, "gap", gap, ~touches)
+    mean = float(np.mean(np.maximum(gap, 0)))  # over all points; 0 where the body flows
     label = f"mean gap {with_unit(mean, 'm')}"
     right.axvline(scale * mean, color="0.3", lw=0.8, linestyle="--", label=label)
     for panel in (left, right):

@@ -1,8 +1,8 @@
 """Measured files as objects. Nothing is guessed: what a file does not state, the caller gives."""
 
-from .friction import MeasuredFriction, read_friction
 from .moduli import read_moduli, read_strain_sweep
 from .prony import read_prony
+from .series import MeasuredFriction, read_friction
 from .source import NotPlain
 from .topography import read_surface
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .heights import Heights, from_lines
+from .arrays import Heights, from_lines
 from .source import Source
 from .units import metres
 

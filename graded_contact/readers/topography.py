@@ -15,8 +15,7 @@ from ..core.display import with_unit
 from ..core.files import is_hdf5, read_file
 from ..surfaces.preparation import Periodic, surface_from_heights
 from ..surfaces.surface import Surface
-from .arrays import read_array, read_hdf5
-from .heights import Heights
+from .arrays import Heights, read_array, read_hdf5
 from .instruments import Unknown, read_instrument
 from .opencrg import is_road, read_road
 from .source import Layout, Source, damage_named, source_of
@@ -163,6 +162,8 @@ def _history(source: Source, found: Heights, edges: np.ndarray, marks: int) -> t
     if np.max(pixel) > 1.05 * np.min(pixel):
         told = " x ".join(f"{step:.3g} m" for step in pixel)
         notes.append(f"Its pixels of {told} are not square: is the file cut short?")
+    if found.heights.ndim == 1:
+        notes.append("Contact treats a profile as ridges without end across it.")
     if marks:
         notes.append(f"{marks} heights are marks of missing points.")
     return tuple(notes)

@@ -26,7 +26,7 @@ from ..materials import (
 from ..materials.coverage import MeasuredRange
 from ..materials.shift import LAWS
 from ..readers import read_moduli, read_surface
-from ..readers.recorded_motion import read_motion, read_over_time
+from ..readers.series import read_motion, read_over_time
 from ..response import Layering, Riccati
 from ..sliding import (
     Motion,

@@ -11,7 +11,7 @@ from jaxtyping import ArrayLike, Float
 from ..core.checks import as_float, check_increasing, check_positive, check_rows, check_values
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
-from ..readers.recorded_motion import read_over_time
+from ..readers.series import read_over_time
 from ..sliding import Motion
 from .builder import Builder, check_table, in_table, tables_of
 from .kinds import CYCLES, TRANSIENTS

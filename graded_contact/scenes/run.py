@@ -20,7 +20,7 @@ from ..fields.frequency import velocity_along
 from ..materials.shift import shifts_in
 from ..sliding import slide_case
 from ..sliding.interior.stress import STRESSES
-from ..sliding.result import numbers_of
+from ..sliding.number import numbers_of
 from ..sliding.solve.transient import solve_transient
 from ..studies.sweep import sweep
 from .scene import Scene
@@ -85,7 +85,7 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     else:
         contact = slide_case(case, scene.numerics)
     asked = {*scene.observe.asked, *([] if scene.fluid is None else ["flow"])}
-    names = [n for n in numbers_of(contact.kind, contact.facts | asked) if n not in scene.axes]
+    names = [n for n in numbers_of(type(contact), contact.facts | asked) if n not in scene.axes]
     found = dict(zip(names, contact.compute(*names), strict=True))
     stack = case.stack if contact.heated is None else contact.heated.stack
     for name in asked & STRESSES.keys():

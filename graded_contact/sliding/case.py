@@ -34,7 +34,7 @@ from ..surfaces.surface import Surface
 from .motion.motion import check_closed, check_resolved
 from .shear import ShearLaw, is_coupled
 
-WINDOW = "window"  # the surface does not repeat
+PERIODIC, WINDOW = "periodic", "window"  # whether the surface repeats
 GROUND = "ground"  # the block of a window does not move far away
 LOAD_FOLLOWS = "load follows"  # from a mean gap or an approach
 GIVEN_LOAD = "given load"  # or a mean gap: the approach follows
@@ -241,6 +241,7 @@ def facts_of(case: Case) -> frozenset[str]:
     """Returns the facts of a case."""
     window = not case.rough.periodic
     known = {
+        PERIODIC: not window,
         WINDOW: window,
         GROUND: window and all(has_ground(body, case.rough.grid) for body in case.bodies),
         LOAD_FOLLOWS: case.prescribed != "pressure",

@@ -58,11 +58,6 @@ def mean_load(found: Found, pressure: Array | None = None) -> Array:
     return found.operator.at_each_time(jnp.mean, on_cell)
 
 
-def friction_of_cycle(found: Found) -> Array:
-    """The friction at each time of a cycle [1], hysteresis and shear together."""
-    return over_load(found, all_tractions(found))
-
-
 @shared
 def loaded(found: Found) -> tuple[Array, Array]:
     """The pressure on the cell, and the displacement of the block under it.

@@ -1,8 +1,10 @@
 """Numbers of results: attributes that are computed when they are read, and then kept.
 
+    @observable("friction coefficient", r"\\mu")
+    def friction(found): ...
+
     class Sliding(AbstractSliding):
-        friction = number(friction, "friction coefficient", r"\\mu")
-        friction_error = error_of(friction, {"solver": ..., "grid": ...})
+        friction, friction_error = friction, friction.error({"solver": ..., "grid": ...})
 
 `s.friction` runs one program. `s.compute("friction", "contact_area")` computes both in one.
 """
@@ -10,6 +12,7 @@
 import dataclasses
 import functools
 from collections.abc import Callable, Collection, Mapping
+from operator import attrgetter
 from typing import Any
 
 import equinox as eqx
@@ -18,19 +21,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..blocks.heated_stack import HeatedContact
-from ..contacts.law import AbstractLaw
-from ..contacts.operators.operator import AbstractOperator
-from ..contacts.solution import RESULTS, ContactSolution, if_known
+from ..contacts.solution import ContactSolution, if_known
 from ..core.checks import is_concrete
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.quantities import NUMBERS, TRANSIENT, Quantity
 from ..core.warnings import WARN_ABOVE, Above, NumberOf, ResultWarning, warnings_by
 from ..fields.grid import Grid
-from .bodies import Coupling
 from .case import HEATED, WINDOW
 from .problem import Problem
-from .shear import ShearStress
 
 # What formulas take: a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
 Found = Any
@@ -47,19 +46,17 @@ REMEDIES = {
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)} - {"load_error"}
 
 
-class number(property):
-    """A number of a result of sliding, or a field, as its attribute.
+class Observable(property):
+    """A number of a result of sliding, or a field over time, as its attribute.
 
     **Arguments:**
 
     - `formula`: of a result; its docstring is that of the attribute.
     - `meaning`, `symbol`, `unit`: see `Quantity`. Several surfaces have the mean of a number with a
       symbol, and the largest of an error or of a check without one.
-    - `over_time`: whether there is one number at each time.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
     - `warns`: when it is warned of, if there is a limit.
-    - `by_neighbours`: whether it needs the contacts on half the grid, see `errors/neighbours.py`.
     """
 
     def __init__(
@@ -69,15 +66,12 @@ class number(property):
         symbol: str = "",
         unit: str = "1",
         *,
-        over_time: bool = False,
         stored: bool = True,
         needs: Collection[str] = (),
         warns: Above | None = None,
-        by_neighbours: bool = False,
     ):
         super().__init__(formula)
-        self.formula, self.over_time, self.stored, self.needs = formula, over_time, stored, needs
-        self.warns, self.by_neighbours = warns, by_neighbours
+        self.formula, self.stored, self.needs, self.warns = formula, stored, needs, warns
         self.quantity = Quantity("", symbol, unit, meaning)
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -88,82 +82,79 @@ class number(property):
         if found is None:
             return self
         # Numbers of `contact` need no program.
-        return self.of(found) if self.name in _OF_CONTACT else found.compute(self.name)[0]
+        name = self.quantity.name
+        return self.of(found) if name in _OF_CONTACT else found.compute(name)[0]
+
+    def __call__(self, found: Found) -> Any:
+        return self.formula(found)
 
     @property
-    def name(self) -> str:
-        return self.quantity.name
-
-    @property
-    def has_derivative(self) -> bool:
-        """Whether it has one; estimated errors have none."""
-        return not self.name.endswith("_error")
-
-    def is_stored(self, facts: Collection[str]) -> bool:
-        """Returns whether contacts with these facts print and store it."""
-        return self.stored and {*self.needs} <= {*facts}
+    def is_error(self) -> bool:
+        """Whether it is an estimated error: without a derivative, and from `Neighbours`."""
+        return self.quantity.name.endswith("_error")
 
     def of(self, found: Found) -> Any:
         """Returns the number of a result; a transient solve recorded some of them step by step."""
-        recorded = getattr(found, "recorded", {})
-        return recorded[self.name] if self.name in recorded else self.formula(found)
+        recorded, name = getattr(found, "recorded", {}), self.quantity.name
+        return recorded[name] if name in recorded else self.formula(found)
+
+    def error(
+        self,
+        parts: Mapping[str, Formula],
+        *,
+        over: Callable[[str, NumberOf], Any] | None = None,
+        needs: Collection[str] = (),
+    ) -> "Observable":
+        """Returns the estimated error of the number, the sum of its parts.
+
+        **Arguments:**
+
+        - `parts`: formulas by their causes: "solver", "grid", "time", "memory", "kernel" (of a
+          window) or "temperature". `error_parts` of a result returns them.
+        - `over`: the relative error of a number by its name; above `WARN_ABOVE` there is a warning.
+          None: there is none.
+        - `needs`: facts of the contacts that have the error, beside those that have the number.
+        """
+
+        def errors(found):
+            known = (cause for cause in parts if {*NEEDED.get(cause, ())} <= found.facts)
+            return {cause: parts[cause](found) for cause in known}
+
+        symbol, unit, meaning = self.quantity[1:4]
+        errors.__doc__ = f"Estimated error of the {meaning} [{unit}]: the sum of its parts."
+        warns = None
+        if over is not None:
+            remedies = [REMEDIES[cause] for cause in parts if cause in REMEDIES]
+            sentence = (
+                f"The {meaning} has an error of about {{value:.0%}}: take "
+                f"{', or '.join(remedies)}. `error_parts` returns the causes."
+            )
+            warns = Above(WARN_ABOVE, sentence, lambda n: over(self.quantity.name, n))
+        words, symbol = f"estimated error of the {meaning}", rf"\delta {symbol}"
+        more: Any = {"needs": [*self.needs, *needs], "warns": warns}
+        return Observable(errors, words, symbol, unit, stored=self.stored, **more)
 
 
-def error_of(
-    own: number,
-    parts: Mapping[str, Formula],
-    *,
-    over: Callable[[str, NumberOf], Any] | None = None,
-    needs: Collection[str] = (),
-) -> number:
-    """Returns the estimated error of a number, the sum of its parts.
-
-    **Arguments:**
-
-    - `own`: the number.
-    - `parts`: formulas by their causes: "solver", "grid", "time", "memory", "kernel" (of a window)
-      or "temperature". `error_parts` of a result returns them.
-    - `over`: the relative error of a number by its name; above `WARN_ABOVE` there is a warning.
-      None: there is none.
-    - `needs`: facts of the contacts that have the error, beside those that have the number.
-    """
-
-    def errors(found):
-        known = (cause for cause in parts if {*NEEDED.get(cause, ())} <= found.facts)
-        return {cause: parts[cause](found) for cause in known}
-
-    symbol, unit, meaning = own.quantity[1:4]
-    errors.__doc__ = f"Estimated error of the {meaning} [{unit}]: the sum of its parts."
-    warns = None
-    if over is not None:
-        remedies = [REMEDIES[cause] for cause in parts if cause in REMEDIES]
-        sentence = (
-            f"The {meaning} has an error of about {{value:.0%}}: take {', or '.join(remedies)}. "
-            "`error_parts` returns the causes."
-        )
-        warns = Above(WARN_ABOVE, sentence, lambda number: over(own.name, number))
-    return number(
-        errors,
-        f"estimated error of the {meaning}",
-        rf"\delta {symbol}",
-        unit,
-        over_time=own.over_time,
-        stored=own.stored,
-        needs=(*own.needs, *needs),
-        warns=warns,
-        by_neighbours=True,
-    )
+def observable(*words: str, **more: Any) -> Callable[[Formula], Observable]:
+    """Makes an observable of a formula; arguments as of `Observable`."""
+    return lambda formula: Observable(formula, *words, **more)
 
 
 @functools.cache
-def numbers_in(kind: type) -> dict[str, number]:
+def numbers_in(kind: type) -> dict[str, Observable]:
     """Returns the numbers of a class of results by their names, in the order of prints."""
     return {
         name: entry
         for part in kind.__mro__
         for name, entry in vars(part).items()
-        if isinstance(entry, number)
+        if isinstance(entry, Observable)
     }
+
+
+def numbers_of(kind: type, facts: Collection[str]) -> tuple[str, ...]:
+    """Returns the names of the numbers that prints and results of such contacts contain."""
+    entries = numbers_in(kind).items()
+    return tuple(name for name, one in entries if one.stored and {*one.needs} <= {*facts})
 
 
 def value_of(name: str, found: Found) -> Any:
@@ -222,36 +213,18 @@ class AbstractSliding(eqx.Module):
                 self.kept.near = near
         return near
 
-    # What the problem has.
-
-    @property
-    def facts(self) -> frozenset[str]:
-        """What is known of this kind of contact, see `facts_of`."""
-        return self.problem.facts
-
-    @property
-    def operator(self) -> AbstractOperator:
-        return self.problem.operator
-
-    @property
-    def heights(self) -> Float[Array, "..."]:
-        return self.problem.heights
-
-    @property
-    def grid(self) -> Grid:
-        return self.problem.grid
-
-    @property
-    def law(self) -> AbstractLaw:
-        return self.problem.law
-
-    @property
-    def shear(self) -> ShearStress | None:
-        return self.problem.shear
-
-    @property
-    def coupling(self) -> Coupling | None:
-        return self.problem.coupling
+    facts = property(attrgetter("problem.facts"))  # see `facts_of`
+    operator = property(attrgetter("problem.operator"))
+    heights = property(attrgetter("problem.heights"))
+    grid = property(attrgetter("problem.grid"))
+    law = property(attrgetter("problem.law"))
+    shear = property(attrgetter("problem.shear"))
+    coupling = property(attrgetter("problem.coupling"))
+    pressure = property(attrgetter("contact.pressure"))
+    gap = property(attrgetter("contact.gap"))
+    result = property(attrgetter("contact.result"))
+    state = property(attrgetter("contact.state"))
+    noise = property(attrgetter("contact.noise"))
 
     @property
     def cell(self) -> Grid:
@@ -259,30 +232,9 @@ class AbstractSliding(eqx.Module):
         return self.operator.cell(self.grid)
 
     @property
-    def pressure(self) -> Float[Array, "*shape"]:
-        return self.contact.pressure
-
-    @property
-    def gap(self) -> Float[Array, "*shape"]:
-        return self.contact.gap
-
-    @property
-    def result(self) -> RESULTS:
-        return self.contact.result
-
-    @property
-    def state(self) -> str:
-        return self.contact.state
-
-    @property
-    def noise(self) -> dict[str, float]:
-        return self.contact.noise
-
-    @property
     def numbers(self) -> tuple[str, ...]:
         """The names of the numbers that prints and results contain."""
-        entries = numbers_in(type(self)).items()
-        return tuple(name for name, entry in entries if entry.is_stored(self.facts))
+        return numbers_of(type(self), self.facts)
 
     def compute(self, *names: str) -> list[Float[Array, "..."]]:
         """Returns the numbers of these names; one program computes those that are missing."""
@@ -314,11 +266,11 @@ class AbstractSliding(eqx.Module):
     def warnings(self) -> tuple[str, ...]:
         """Warnings about these numbers, one sentence each; not under `jit`."""
         known = dict(zip(self.numbers, self.compute(*self.numbers), strict=True))
-        found = warnings_in(type(self), lambda name: known.get(name, 0.0))
+        found = warnings_of(type(self), lambda name: known.get(name, 0.0))
         return tuple(warning.sentence for warning in found)
 
 
-def warnings_in(kind: type[AbstractSliding], number: NumberOf) -> tuple[ResultWarning, ...]:
+def warnings_of(kind: type[AbstractSliding], number: NumberOf) -> tuple[ResultWarning, ...]:
     """Returns the warnings of numbers of a class of results, see `warnings_by`."""
     entries = numbers_in(kind).items()
     rules = {name: entry.warns for name, entry in entries if entry.warns is not None}
@@ -354,7 +306,7 @@ def _in_programs(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, An
         return jax.lax.map(lambda one: _in_programs(one, names), found)
     # Outside of the program, so that Python reuses the programs of the contact.
     near = None
-    if any(numbers_in(type(found))[name].by_neighbours for name in names):
+    if any(numbers_in(type(found))[name].is_error for name in names):
         near = found.near
     return _computed(found, near, names)
 
@@ -366,7 +318,7 @@ def _computed(found: AbstractSliding, near: Any, names: tuple[str, ...]) -> dict
     for one, others in ((found, near), (still, near_still)):
         one.kept.formulas, one.kept.near = {}, others
     entries = {name: numbers_in(type(found))[name] for name in names}
-    numbers = {n: e.of(found if e.has_derivative else still) for n, e in entries.items()}
+    numbers = {n: e.of(still if e.is_error else found) for n, e in entries.items()}
     if found.kind == TRANSIENT:  # whose numbers before a failure are known
         return numbers
     return if_known(found.result, numbers)  # an area is a number even of a pressure that is none

@@ -24,7 +24,7 @@ from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from ..contacts.solution import RESULTS
 from ..core.compilation import WITH_LOOPS, jit
 from ..core.quantities import quantity_of
-from ..sliding.result import with_observables
+from ..sliding.number import with_observables
 from .points import Point, bytes_of, code_of, digest, patiently, read_point, write_point
 
 if TYPE_CHECKING:

@@ -164,18 +164,15 @@ def test_the_path_has_every_length_and_the_least_criterion_is_chosen(tread):
     assert alone.errors().total <= 1.02 * length.error
 
 
-# Weights, known ends --------- ------------------------------------------------------------------
+# Known ends -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", FITS)
-def test_known_ends_are_met(kind):
+@pytest.mark.parametrize("kind", ["frequency", "relaxation"])
+def test_a_known_equilibrium_modulus_is_met(kind):
     x, values = measured(kind)
-    truth = FITS[kind](x, values).material
-    low, high = 0.9 * float(truth.equilibrium), 1.2 * float(truth.glassy)
-    for known in ({"equilibrium": low}, {"glassy": high}, {"equilibrium": low, "glassy": high}):
-        material = FITS[kind](x, noisy(values, 0.02), terms=5, **known).material
-        for name, value in known.items():
-            np.testing.assert_allclose(getattr(material, name), value, rtol=1e-4)
+    fit = FITS[kind](x, noisy(values, 0.02), terms=5, equilibrium=0.9 * START)
+    assert float(fit.material.equilibrium) == 0.9 * START
+    assert fit.errors().total < 0.04
 
 
 def test_a_liquid_has_no_equilibrium_modulus():
@@ -215,21 +212,44 @@ def test_errors_are_those_of_the_material(tread):
 
 def test_bad_values_are_named_and_count_little_by_soft_l1():
     """Two of 120 values wreck least squares; by soft_l1 the fit is as near as without them."""
-    exact = modulus(OMEGA, START, STRENGTHS, TIMES)
-    good = noisy(exact, 0.01)
-    bad = good.copy()
-    bad[20] = 2 * bad[20].real + 1j * bad[20].imag
-    bad[40] = bad[40].real + 1j * bad[40].imag / 3
-    off = {}
-    for name, values, loss in (("good", good, "linear"), ("bad", bad, "linear"),
-                               ("soft", bad, "soft_l1")):  # fmt: skip
-        fit = fit_prony(OMEGA, values, terms=3, loss=loss)
-        off[name] = np.std(np.log(channels(young(fit.material)) / channels(exact)))
-        said = fit.warnings()
-        assert bool(said) == (name != "good")
-        if said:
-            assert f"storage at {OMEGA[20]:.4g} rad/s" in said[0] and said[0].startswith("2 values")
-    assert off["soft"] < 1.6 * off["good"] < 0.4 * off["bad"]
+    exact, off = modulus(OMEGA, START, STRENGTHS, TIMES), {"good": [], "bad": [], "soft": []}
+    for seed in range(5):
+        good = noisy(exact, 0.01, seed)
+        bad = good.copy()
+        bad[20] = 2 * bad[20].real + 1j * bad[20].imag
+        bad[40] = bad[40].real + 1j * bad[40].imag / 3
+        for name, values, loss in (("good", good, "linear"), ("bad", bad, "linear"),
+                                   ("soft", bad, "soft_l1")):  # fmt: skip
+            fit = fit_prony(OMEGA, values, terms=3, loss=loss)
+            off[name].append(np.log(channels(young(fit.material)) / channels(exact)))
+            said = fit.warnings()
+            assert bool(said) == (name != "good")
+            if said:
+                assert f"storage at {OMEGA[20]:.4g} rad/s" in said[0] and said[0].startswith("2")
+    good, bad, soft = (np.std(values) for values in off.values())
+    assert soft < 1.3 * good < 0.4 * bad
+
+
+def test_soft_l1_and_its_derivatives_are_those_of_scipy():
+    """At the scale of the fit, SciPy's minima of all values and of one that is changed."""
+    x, values = TIME[::3], noisy(measured("relaxation")[1], 0.03)[::3]
+    values[4] *= 1.5
+    fit = fit_relaxation(x, values, terms=2, loss="soft_l1")
+
+    def minimum(values):
+        return least_squares(
+            log_residual, fit.theta, "3-point", args=("relaxation", x, values), loss="soft_l1",
+            f_scale=float(fit.data.scale), xtol=1e-15, ftol=1e-15, gtol=1e-14,
+        ).x  # fmt: skip
+
+    np.testing.assert_allclose(minimum(values), fit.theta, rtol=1e-6)
+    slopes = jax.jacfwd(lambda values: fit_relaxation(x, values, terms=2, loss="soft_l1").theta)(
+        jnp.asarray(values)
+    )
+    for changed in (4, 7):
+        step = 1e-3 * values[changed] * np.eye(len(values))[changed]
+        difference = minimum(values + step) - minimum(values - step)
+        np.testing.assert_allclose(2 * slopes @ step, difference, rtol=1e-3, atol=1e-7)
 
 
 # Uncertainty ------------------------------------------------------------------------------------
@@ -273,19 +293,17 @@ def problem(kind):
     """A function of everything that a fit depends on, and a point to differentiate it at."""
     x, values = measured(kind)
     x, values = jnp.asarray(x[::3]), noisy(values, 0.03)[::3]
-    # In time a higher modulus asks for a branch before the data, whose time nothing determines.
-    glassy = {"frequency": 2e8, "relaxation": 1.3e8, "creep": 6e6}[kind]
     begin = {"real": values.real, "imag": values.imag, "storage": np.full(20, 1.1), "loss": 1.0}
-    begin |= {"x": x, "equilibrium": 4e6 if kind != "creep" else 5e5, "glassy": glassy}
+    begin |= {"x": x} | ({"equilibrium": 4e6} if kind != "creep" else {})
     begin = jax.tree.map(jnp.asarray, begin)
 
     def function(given):
-        known = {name: given[name] for name in ("equilibrium", "glassy")}
         data = given["real"]
         if kind == "frequency":
             data = jax.lax.complex(data, given["imag"])
         weights = (given["storage"], given["loss"])
-        fit = FITS[kind](given["x"], data, terms=3, weights=weights, **known)
+        fit = FITS[kind](given["x"], data, terms=3, weights=weights,
+                         equilibrium=given.get("equilibrium"))  # fmt: skip
         fitted = fit.material.modulus(jnp.array([0.01, 1.0, 1e2]))
         return jnp.log(jnp.stack([fitted.real, fitted.imag]))
 
@@ -306,28 +324,6 @@ def test_derivatives_by_everything_given_match_differences(kind):
     differences = (along(step) - along(-step)) / (2 * step)
     _, slopes = jax.jvp(along, (0.0,), (1.0,))
     np.testing.assert_allclose(slopes, differences, rtol=1e-4, atol=1e-6)
-
-
-# Robustness -------------------------------------------------------------------------------------
-
-
-FREQUENCY, CREEP = measured("frequency"), measured("creep")
-REFUSED = [
-    (fit_prony, OMEGA, np.where(np.arange(60) == 7, 0, 1) * FREQUENCY[1], {},
-     r"`values.real\[7\]=0` is refused"),
-    (fit_prony, OMEGA, FREQUENCY[1].conj(), {},
-     r"`values.imag\[0\]=-.*must be positive; NaN, or a weight of 0"),
-    (fit_prony, OMEGA, np.full(60, np.nan + 1j * np.nan), {}, r"holds 0 measured value\(s\)"),
-    (fit_prony, *FREQUENCY, {"terms": 61, "equilibrium": 0.0},
-     "`terms=61` has 122 unknowns, more than the 120"),
-    (fit_prony, *FREQUENCY, {"equilibrium": 2e6, "glassy": 1e6},
-     "`glassy=1e.06` must exceed `equilibrium=2e.06`"),
-    (fit_prony, *FREQUENCY, {"weights": (1.0, np.ones(3))},
-     r"`weight of values.imag` has shape \(3,\)"),
-    (fit_prony, np.append(0.0, OMEGA[1:]), OMEGA + 1j, {}, r"`x\[0\]=0` is refused"),
-    (fit_prony, OMEGA.astype(np.float32), OMEGA + 1j, {}, "double precision"),
-    (fit_relaxation, np.zeros(60), OMEGA, {}, "`x` has no time above 0"),
-]  # fmt: skip
 
 
 # Properties -------------------------------------------------------------------------------------

@@ -213,6 +213,18 @@ def test_a_contact_has_an_outline_on_maps_and_is_thick_on_a_profile():
     np.testing.assert_array_equal(contact[touching], heights[touching])
 
 
+def test_a_figure_takes_the_contact_of_the_law():
+    """A soft wall has pressure everywhere, and contact where the gap is below its edge."""
+    law, gap = gc.RepulsiveLJ(1e-6, 1e5), 1e-6 * np.linspace(1.0, 4.0, 16)
+    fields = SimpleNamespace(pressure=1e5 * (1e-6 / gap) ** 9, gap=gap, law=law)
+    surface = gc.Surface(gap, gc.Grid((16,), 1.0))
+    contact = gc.plot.plot_sliding(fields, surface).axes[0].lines[1].get_ydata()
+    touches = gap < float(law.contact_gap) * 1e-6
+    np.testing.assert_array_equal(np.isfinite(contact), touches)
+    shown = gc.plot.plot_sliding(fields, surface).axes[2].lines[0].get_ydata()
+    np.testing.assert_allclose(shown, np.where(touches, 0, 1e6 * gap))
+
+
 def theory(mean=4e5, spread=9e5):
     """A mean field whose pressure has spread this far."""
     zeros = {field.name: jnp.zeros(()) for field in dataclasses.fields(gc.mean_field.MeanField)}

@@ -7,7 +7,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.readers import NotPlain, read_friction, read_prony, read_strain_sweep
-from graded_contact.readers.recorded_motion import read_motion, read_over_time
+from graded_contact.readers.series import read_motion, read_over_time
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 measured_files = pytest.mark.skipif(

@@ -145,7 +145,6 @@ def test_derivatives_match_differences_and_batches_work():
     np.testing.assert_allclose(many[1], 8 * many[0], rtol=1e-10)
 
 
-@pytest.mark.slow
 def test_claimed_errors_of_the_conductance_contain_those_of_a_grid():
     """Beside four times as many points along each edge, up to close to percolation."""
     held = []
@@ -153,16 +152,16 @@ def test_claimed_errors_of_the_conductance_contain_those_of_a_grid():
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.49)))
     spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=q, q_roll=2 * q, q_high=8 * q)
     names = [f"flow_along_{axis}{end}" for end in ("", "_error") for axis in ("x", "y")]
-    for seed in range(20, 23):
+    for seed in range(20, 22):
         road = gc.random_surface(spectrum, gc.Grid((32, 32), 1e-3), jax.random.key(seed))
         finer = gc.Surface(resampled(road.heights, (128, 128)), gc.Grid((128, 128), 1e-3))
-        for pressure in (4e4, 1.2e5, 2e5):
+        for pressure in (4e4, 2e5):
             on_grid = gc.slide(block, road, pressure=pressure, velocity=0.0)
             found = np.reshape(on_grid.compute(*names), (2, 2))
             exact = gc.slide(block, finer, pressure=pressure, velocity=0.0).compute(*names[:2])
             held += [*(np.abs(found[0] - exact) <= found[1])]
             assert np.all(found[1] < 0.8 * found[0]) or pressure > 4e4
-    assert len(held) == 18 and np.sum(held) >= 16
+    assert len(held) == 8 and np.sum(held) >= 7
 
 
 def test_leakage_between_parallel_plates_is_that_of_poiseuille():

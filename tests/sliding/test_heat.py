@@ -43,7 +43,7 @@ def heat_over_depth(stack, **how):
     source = heat_source(s, stack, depths)
     assert np.min(source) >= 0
     made = np.sum(np.mean(source, (1, 2)) * np.asarray(weights))
-    return made / (float(s.hysteresis_friction) * 4e5 * 0.5)
+    return made / (float(s.pressure_friction) * 4e5 * 0.5)
 
 
 @pytest.mark.parametrize("stack", [CLAMPED, SOFTENED], ids=["clamped", "soft"])

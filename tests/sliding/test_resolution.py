@@ -51,6 +51,19 @@ def test_errors_contain_the_change_to_a_finer_grid(coarse):
     assert coarse.contact_area_pixels > 1.05 * fine.contact_area > coarse.contact_area
 
 
+def test_friction_of_the_last_octave_is_that_of_its_waves(coarse):
+    qx, qy = np.meshgrid(np.fft.fftfreq(32, 1 / 32), np.fft.fftfreq(32, 1 / 32), indexing="ij")
+    highest = (qx == -16) | (qy == -16)  # without a direction
+    q, rate = Q0 * np.hypot(qx, qy), 1j * Q0 * qx * np.where(highest, 0, 0.5)
+    q[0, 0] = np.inf
+    kernel = 2 * (1 - 0.49**2) / q / (1e6 + 9e6 * rate * 1e-3 / (1 + rate * 1e-3))
+    lost = np.abs(rate * kernel.imag * np.abs(np.fft.fft2(coarse.pressure)) ** 2)
+    share = np.sum(lost[(q > 2.001 * Q0) & np.isfinite(q)]) / np.sum(lost)
+    np.testing.assert_allclose(coarse.last_octave_friction, share, rtol=1e-9)
+    np.testing.assert_allclose(coarse.shortest_wave, CELL / 4, rtol=1e-9)
+    assert share > 0.1 and any("Waves shorter than 0.002 m" in one for one in coarse.warnings)
+
+
 def test_near_full_contact_errors_contain_what_the_points_do_not_see():
     """The contact without the waves that half the grid lacks is full on both grids."""
     rng, n = np.random.default_rng(1), 32
@@ -66,6 +79,24 @@ def test_near_full_contact_errors_contain_what_the_points_do_not_see():
             off = abs(getattr(found, name) - getattr(fine, name))
             assert off <= getattr(found, f"{name}_error") <= most * abs(getattr(found, name)) + 1e-9
     assert found.contact_area_error < 1e-12
+
+
+def test_friction_at_a_gap_of_zero_has_the_error_of_its_load():
+    """The least pressure that closes the contact has its lowest value between the points."""
+    heights = lambda x: sum(1e-6 * np.cos(2 * np.pi * k * x + 0.7 * k * k) / k for k in (1, 3, 8))  # noqa: E731
+    found = slide(gc.Surface(heights(np.arange(64) / 64 + 1 / 128), gc.Grid((64,), CELL)), None,
+                  mean_gap=0.0)  # fmt: skip
+    q = Q0 * np.arange(2049)
+    rate = -1j * q * 0.5
+    q[0] = np.inf  # its part of the pressure is free
+    modulus = (1e6 + 9e6 * rate * 1e-3 / (1 + rate * 1e-3)) / (1 - 0.49**2)
+    waves = np.fft.rfft(heights(np.arange(4096) / 4096)) * modulus / 2
+    full = np.fft.irfft(waves * np.where(np.isinf(q), 0, q))
+    traction = -np.mean(full * np.fft.irfft(1j * Q0 * np.arange(2049) * waves * 2 / modulus))
+    load = -np.min(full)
+    for name, true in (("mean_pressure", load), ("friction", traction / load)):
+        off = abs(getattr(found, name) - true)
+        assert 0.002 * true < off <= getattr(found, f"{name}_error") <= 0.1 * true
 
 
 def test_a_wave_of_two_points_has_an_error_of_friction():
@@ -87,20 +118,20 @@ def test_a_surface_with_waves_that_half_the_grid_lacks_has_an_error_too():
         assert off <= getattr(found, f"{name}_error") <= getattr(found, name)
 
 
-@pytest.mark.slow
 def test_a_body_on_a_window_has_the_error_of_its_grid():
     """Hertz: the approach R d = a² and the area."""
-    n, radius, a = 48, 0.05, 1.2e-3
+    n, radius, a = 24, 0.05, 1.2e-3
     x = ((np.arange(n) + 0.5) / n - 0.5) * CELL
     body = gc.Surface(-(x[:, None] ** 2 + x**2) / (2 * radius), gc.Grid((n, n), CELL),
                       periodic=False)  # fmt: skip
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.5)))
     load = 4 / 3 * (1e6 / 0.75) * a**3 / radius / CELL**2
-    found = known(gc.slide(block, body, pressure=load, velocity=0.0))
+    found = gc.slide(block, body, pressure=load, velocity=0.0)
+    found.compute("approach_error", "contact_area_error", "approach", "contact_area")
     off = abs(found.approach - a**2 / radius)
-    assert off <= found.approach_error <= 0.05 * found.approach
+    assert off <= found.approach_error <= 0.1 * found.approach
     off = abs(found.contact_area - np.pi * a**2 / CELL**2)
-    assert off <= found.contact_area_error <= 0.2 * found.contact_area
+    assert off <= found.contact_area_error <= 0.4 * found.contact_area
 
 
 def test_an_elastic_block_has_no_friction_on_any_grid_and_a_load_at_its_mean_gap():
@@ -122,6 +153,9 @@ def test_a_body_that_flows_touches_at_least_as_much_as_its_load_needs():
     found, fine = (gc.slide(block, s, **given) for s in (rough(32, 8), finer(rough(32, 8), 4)))
     found.compute("contact_area", "contact_area_error")
     assert found.contact_area >= 0.2 * (1 - 1e-9)
+    opened = np.where(found.pressure < 1e6, found.gap, 0)  # where it flows the gap is 0
+    np.testing.assert_allclose(found.mean_gap, np.mean(opened), rtol=1e-9)
+    assert np.min(found.gap) < -1e-6
     assert abs(found.contact_area - fine.contact_area) <= found.contact_area_error < 1
 
 
@@ -129,21 +163,26 @@ def cycle(num_times, stroke=2e-3):
     surface = rough(32, 4, ndim=1)
     motion = gc.sliding.sinusoidal(stroke, 100.0, num_times)
     return gc.slide_cycle(
-        RUBBER, surface, displacement=motion.displacement, period=motion.period, pressure=2e5
-    )
+        RUBBER, surface, displacement=motion.displacement, period=motion.period, pressure=2e5,
+        solver=gc.contacts.DouglasRachford(newton=False),
+    )  # fmt: skip
 
 
-@pytest.mark.slow
 def test_errors_of_a_cycle_contain_the_times():
-    found, fine = known(cycle(32)), known(cycle(64))
-    for name in ("mean_friction", "peak_friction", "work"):
-        off = abs(getattr(found, name) - getattr(fine, name))
+    found, fine = cycle(24), cycle(48)
+    names = "mean_friction", "peak_friction", "work", "contact_area"
+    found.compute(*names, *(f"{name}_error" for name in names))
+    numbers = dict(zip(names, fine.compute(*names), strict=True))
+    off = np.abs(found.contact_area - numbers["contact_area"][::2])
+    assert np.all(off <= found.error_parts("contact_area")["time"])
+    assert np.all(found.contact_area_error < found.contact_area)
+    for name in names[:3]:
+        off = abs(getattr(found, name) - numbers[name])
         assert off <= found.error_parts(name)["time"] <= 0.5 * abs(getattr(found, name))
         total = getattr(found, f"{name}_error")
         np.testing.assert_allclose(total, sum(found.error_parts(name).values()), rtol=1e-12)
 
 
-@pytest.mark.slow
 def test_claim_under_attraction_holds_where_half_the_grid_does_not_resolve_it():
     """And the contact is that of Johnson's wave: p = p* sin²(πa) - p* α √tan(πa), a range apart."""
     amplitude, modulus, alpha = 1e-5, 1e6, 0.2

@@ -24,14 +24,14 @@ def rubbed(shear, velocity=0.1, temperature=None, stack=BLOCK, **how):
 def test_constant_shear_adds_stress_times_area_over_load():
     alone = gc.slide(BLOCK, SURFACE, pressure=4e5, velocity=0.1, rtol=1e-10)
     s = rubbed(ConstantShear(3e5))
-    names = "friction", "hysteresis_friction", "shear_friction", "geometric_friction"
+    names = "friction", "pressure_friction", "shear_friction", "geometric_friction"
     s.compute(*names, "contact_area")
     alone.compute(*names)
     np.testing.assert_array_equal(s.pressure, alone.pressure)
-    np.testing.assert_allclose(s.hysteresis_friction, alone.friction, rtol=1e-14)
+    np.testing.assert_allclose(s.pressure_friction, alone.friction, rtol=1e-14)
     np.testing.assert_allclose(s.shear_friction, 3e5 * s.contact_area / 4e5, rtol=1e-14)
-    np.testing.assert_allclose(s.friction, s.hysteresis_friction + s.shear_friction, rtol=1e-14)
-    np.testing.assert_allclose(alone.hysteresis_friction, alone.friction, rtol=1e-14)
+    np.testing.assert_allclose(s.friction, s.pressure_friction + s.shear_friction, rtol=1e-14)
+    np.testing.assert_allclose(alone.pressure_friction, alone.friction, rtol=1e-14)
     assert alone.shear_friction == 0
     # The error of the grid is still the difference of the two.
     np.testing.assert_allclose(
@@ -75,7 +75,7 @@ def field(shear, temperature=None, **how):
 
 def test_mean_field_has_the_shear_of_its_area_and_of_its_pressures():
     alone, constant = field(None), field(ConstantShear(3e5))
-    np.testing.assert_allclose(constant.hysteresis_friction, alone.friction, rtol=1e-13)
+    np.testing.assert_allclose(constant.pressure_friction, alone.friction, rtol=1e-13)
     expected = 3e5 * alone.contact_area / 4e5
     np.testing.assert_allclose(constant.shear_friction, expected, rtol=1e-13)
     np.testing.assert_allclose(constant.against_cutoff.friction[-1], constant.friction, rtol=1e-13)

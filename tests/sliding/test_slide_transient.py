@@ -284,6 +284,8 @@ def test_errors_contain_the_change_to_a_finer_grid_and_more_steps():
         exact = np.interp(coarse.times, fine.times, fine.recorded[name])
         missed = np.abs(coarse.recorded[name] - exact) > getattr(coarse, f"{name}_error")
         assert np.mean(missed) < 0.05, name
+    peak = np.argmax(np.abs(coarse.friction))
+    assert coarse.peak_friction_error >= coarse.friction_error[peak]
     for name in ("mean_friction", "peak_friction"):
         change = abs(getattr(coarse, name) - getattr(fine, name))
         assert change < getattr(coarse, f"{name}_error")

@@ -174,3 +174,13 @@ def test_the_mean_gap_of_full_contact_is_accepted():
         np.testing.assert_allclose(pressure(1e6, gap), least, rtol=1e-6)
     slope = (pressure(1.001e6) - pressure(0.999e6)) / 2e3
     np.testing.assert_allclose(jax.grad(pressure)(1e6), slope, rtol=1e-2)
+    # In a cycle, too.
+    steps = 2 * np.pi * np.arange(24) / 24
+    motion = dict(displacement=cell / 20 * np.sin(steps), period=1e-2)
+    cycle = gc.slide_cycle(block(), surface, pressure=4 * least, **motion)
+    assert np.all(cycle.mean_gap >= 0)
+    again = gc.slide_cycle(block(), surface, mean_gap=cycle.mean_gap, **motion)
+    assert again.num_fft_pairs <= 12
+    np.testing.assert_allclose(np.min(again.pressure, axis=1), 0, atol=1e-6 * least)
+    lower = np.asarray(cycle.pressure - again.pressure)
+    np.testing.assert_allclose(lower, np.broadcast_to(lower[:, :1], lower.shape), rtol=1e-4)

@@ -82,7 +82,6 @@ def rubbed(pressure, shear):
     return gc.slide(block, WAVE, pressure=pressure, velocity=1.0, shear=shear, rtol=1e-9)
 
 
-@pytest.mark.slow
 def test_stiffness_under_a_traction_is_the_slope_of_loads_over_gaps():
     """Whether the kernel contains the traction or not, which alone changes it by a tenth."""
     shares = np.array([0.95, 1.0, 1.05])

@@ -9,15 +9,15 @@ import pytest
 import graded_contact as gc
 from graded_contact.contacts.operators.operator import Steady
 from graded_contact.contacts.solution import RESULTS, ContactSolution
+from graded_contact.sliding.number import warnings_of
 from graded_contact.sliding.problem import SteadyProblem
-from graded_contact.sliding.result import warnings_of
 
 
 def told(**changed):
     """The warnings of a sound solve, and of changes of it."""
     sound = {"friction": 0.3, "friction_error": 0.01, "slope_in_contact": 0.3}
     sound |= dict.fromkeys(["unmeasured_friction", "extrapolated_friction"], 0.0)
-    return warnings_of(lambda name: (sound | changed).get(name, 0.0), kind="steady")
+    return warnings_of(gc.Sliding, lambda name: (sound | changed).get(name, 0.0))
 
 
 @pytest.mark.parametrize(

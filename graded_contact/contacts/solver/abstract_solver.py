@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ...core.anderson import sums
+from ...core.compilation import varying
 from ..law import AbstractLaw
 from ..operators.operator import AbstractOperator, Field, Scalar, nonzero, root_mean_square
 
@@ -122,7 +123,7 @@ def run_steps(steps: Any, start: Array, max_steps: Array | int) -> Any:
     def running(state):
         return ~steps.done(state) & (state.num_steps < max_steps)
 
-    return jax.lax.while_loop(running, lambda state: steps.step(state), steps.init(start))
+    return jax.lax.while_loop(running, lambda state: steps.step(state), varying(steps.init(start)))
 
 
 def iterates_for(length: int, free_mean: bool) -> int:

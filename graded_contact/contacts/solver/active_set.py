@@ -21,6 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...core.compilation import varying
 from ...fields.devices import num_devices
 from ..operators.operator import AbstractOperator, Field, Scalar, nonzero
 from .splitting import DRAFTED_FROM
@@ -173,7 +174,7 @@ def _conjugate_residuals(operate, residual, goal, most):
         )
 
     start = (jnp.zeros_like(residual), residual, fields, fields, jnp.asarray(0))
-    change, *_, num = jax.lax.while_loop(running, body, start)
+    change, *_, num = jax.lax.while_loop(running, body, varying(start))
     return change, num
 
 

@@ -82,7 +82,7 @@ class GridProblem(eqx.Module):
     def splitting(self, state: "SolveState", settings: GridSettings) -> Splitting:
         return Splitting(
             self.solid_at(state.factor), state.shift, self.law_at(state.factor).proximal,
-            settings.rtol, relaxation=settings.relaxation, history_length=settings.history_length,
+            settings.rtol, relaxation=state.relaxation, history_length=settings.history_length,
         )  # fmt: skip
 
     def at_load(self, pressure):
@@ -91,10 +91,10 @@ class GridProblem(eqx.Module):
             return pressure
         return to_mean(self.grid.operator, pressure, self.mean, self.law.bounds)
 
-    def flattening(self) -> Field:
-        """Returns the pressure of zero mean that flattens the heights."""
+    def flattening(self, gap: Field | float = 0.0) -> Field:
+        """Returns the pressure of zero mean that closes all gaps, or leaves these."""
         solid = self.solid_at().scaled
-        return solid.filtered(solid.inverse, self.scaled_heights())
+        return solid.filtered(solid.inverse, self.scaled_heights() + gap)
 
     def meet(self, state: "SolveState"):
         """The pressures of solid and law, x and y, and the gap at which the law has y."""
@@ -110,6 +110,7 @@ class SolveState(NamedTuple):
     z: Array
     shift: Array  # of the splitting
     factor: Array  # the penalty over the first
+    relaxation: Array
     error: Array
     converged: Array
     next: Array  # an epoch, Newton steps, or nothing
@@ -154,14 +155,22 @@ def closed_or(problem: GridProblem, z):
     """Returns z of full contact where nearly no gap is prescribed, elsewhere z; and FFT pairs.
 
     The pressure is the least that closes the contact: where the gap is 0, any higher one would do.
+    If the points of this least pressure can have the whole gap, z is that of the solution.
     """
+    operator = problem.grid.operator
     closed = jnp.abs(problem.mean) <= _CLOSED * jnp.std(problem.scaled_heights())
 
     def close():
         flat = problem.flattening()
-        least = problem.grid.operator.at_each_time(jnp.min, flat)
-        least = least.reshape(jnp.shape(problem.mean))
-        return jnp.where(closed, flat - least, z), jnp.ones((), z.dtype)
+        lowest = operator.at_each_time(lambda p: p == jnp.min(p), flat).astype(z.dtype)
+        share = lowest / operator.mean(lowest)
+        gap = problem.mean * share
+        opened = problem.flattening(gap)
+        opened = jnp.where(lowest > 0, 0, opened - operator.mean(share * opened))
+        solved = operator.at_each_time(lambda p: jnp.full_like(p, jnp.min(p)), opened) >= 0
+        flat = flat - operator.mean(share * flat)
+        start = jnp.where(solved, opened + gap, flat)
+        return jnp.where(closed, start, z), 2 * jnp.ones((), z.dtype)
 
     return jax.lax.cond(jnp.any(closed), close, lambda: (z, jnp.zeros((), z.dtype)))
 

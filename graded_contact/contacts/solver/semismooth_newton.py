@@ -25,6 +25,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ...core.compilation import varying
 from ..law import AbstractLaw, Windowed, never_overlaps
 from ..operators.operator import AbstractOperator, Field, Scalar
 from .active_set import REDUCTION, Coated, green_of, pressure_on
@@ -118,5 +119,5 @@ def newton_round(operator: AbstractOperator, heights, load, z, x, coat, *, allow
             found=accepted & (lam == 0),
         )  # fmt: skip
 
-    last = jax.lax.while_loop(running, body, state)
+    last = jax.lax.while_loop(running, body, varying(state))
     return last.centre + last.centre_gap, last.coat, last.pairs, last.found

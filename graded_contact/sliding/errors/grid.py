@@ -31,7 +31,7 @@ from ..case import WINDOW
 from ..energy import frequencies
 from ..formulas import loaded, loaded_path, mean_load, shared, touching
 from ..number import Found, value_of
-from ..problem import CycleProblem, TransientProblem
+from ..problem import CycleProblem, SteadyProblem, TransientProblem
 
 
 class Weights(NamedTuple):
@@ -78,7 +78,8 @@ def by_grid(
     """
 
     def error(found):
-        if found.problem.prescribed == name:
+        exact = getattr(found.law, "hardness", None) is None  # where it flows the gap is 0
+        if exact and found.problem.prescribed == name:
             return jnp.zeros((), found.pressure.dtype)
         (own, moved, missed), lacking = _changes(name, found), found.near.lacking
         area, doubt = value_of("contact_area", found), _area_in_doubt(found)
@@ -94,6 +95,27 @@ def by_grid(
         total = weights.moved * moved + weights.lacking * missed
         total = total + jnp.abs(own) * (relative + opened)
         return total if also is None else total + also(found)
+
+    return error
+
+
+def friction_by_grid(name: str, also: Callable[[Found], Array] | None = None):
+    """Returns the formula of the error of a friction by the grid.
+
+    At a given gap or approach the load has an error, too. In full contact, where the traction does
+    not depend on the load, friction has the same.
+    """
+    of_force = by_grid(name, OF_FORCE, also)
+
+    def error(found):
+        own = of_force(found)
+        if found.problem.prescribed == "pressure":
+            return own
+        load = "mean_pressure" if isinstance(found.problem, SteadyProblem) else "load"
+        part = by_grid(load, OF_PLACE)(found) / nonzero(value_of(load, found))
+        part = part * value_of("contact_area", found) ** 2
+        part = part.reshape(-1, *[1] * (own.ndim - 1)) if own.ndim else jnp.mean(part)
+        return jnp.maximum(own, part * jnp.abs(value_of(name, found)))
 
     return error
 
@@ -136,7 +158,7 @@ def _changes(name: str, found: Found) -> tuple[Array, Array, Array]:
     # A neighbour may fail, or lose a contact of few points, and with it the number.
     changes = jnp.where(jnp.isnan(changes), jnp.abs(own), changes)
     # At one time they may cancel by chance.
-    if own.ndim and isinstance(found.problem, TransientProblem):
+    if own.ndim:
         changes = jnp.maximum(changes, jnp.mean(changes, axis=1, keepdims=True))
     moved, missed = jnp.where(jnp.isnan(near.lacking), jnp.nan, changes)
     return own, moved, missed

@@ -117,13 +117,13 @@ def _given(
         lower = largest(found.heights) - largest(heights)
         load = {
             "pressure": lambda: contact.mean_pressure,
-            "mean_gap": lambda: contact.mean_gap,
+            "mean_gap": lambda: jnp.mean(contact.gap),
             "approach": lambda: found.compute("approach")[0] - lower,
         }[found.problem.prescribed]()
     else:
         over = (num_times,)
-        name = "load" if found.problem.prescribed == "pressure" else "mean_gap"
-        load = interpolate(found.compute(name)[0], over)
+        given = found.pressure if found.problem.prescribed == "pressure" else found.gap
+        load = interpolate(found.operator.at_each_time(jnp.mean, given), over)
     start = jnp.clip(resampled(found.pressure, (*over, *shape)), low, high)
     shift = lift(found)
     shift = resampled(shift, (*over, *shape)) if shift.ndim else shift

@@ -41,6 +41,17 @@ def by_times(name: str, trace: Callable[[Found], Array]) -> Callable[[Found], Ar
     return of_times
 
 
+def area_by_times(found: Found) -> Array:
+    """The error of the contact area by the times, at each time of a cycle [1]."""
+    own, fewer = value_of("contact_area", found), found.near.fewer
+    if fewer is None:  # too few times to be halved
+        return jnp.abs(own)
+    after = value_of("contact_area", fewer)
+    change = jnp.abs(interpolate(own, after.shape) - after)
+    at = np.arange(len(own)) * len(after) // len(own)
+    return change[at] / 2 + 0.15 * jnp.mean(change)
+
+
 # By the solver, and by the kernel of a window.
 
 

@@ -7,12 +7,19 @@ from jaxtyping import Array
 from ...contacts.area import area_in_doubt, counted_area, sub_pixel_area
 from ...contacts.estimates import error_of
 from ..errors.grid import OF_PLACE, area_by_grid, by_grid
-from ..errors.parts import changes_by_kernel, gap_by_solver, with_chance
+from ..errors.parts import (
+    area_by_times,
+    changes_by_kernel,
+    gap_by_solver,
+    over_number,
+    with_chance,
+)
 from ..formulas import edges_of, indicator_of, share_of, touching
-from ..number import Found
+from ..number import Found, observable
 from ..problem import CycleProblem
 
 
+@observable("contact area fraction", "A/A_0")
 def contact_area(found: Found) -> Array:
     """Fraction of the surface in contact [1], with edges between the points."""
 
@@ -26,11 +33,13 @@ def contact_area(found: Found) -> Array:
     return share_of(found, share, indicator_of(found), found.pressure)
 
 
+@observable("share of points in contact", "A/A_0")
 def contact_area_pixels(found: Found) -> Array:
     """Fraction of the points in contact [1]: 4 to 20 % more than the area, without a derivative."""
     return share_of(found, counted_area, touching(found))
 
 
+@observable("mean gap", r"\bar u", "m")
 def mean_gap(found: Found) -> Array:
     """Mean of the gap [m]."""
     gap = found.contact.mean_gap
@@ -39,16 +48,16 @@ def mean_gap(found: Found) -> Array:
     return gap
 
 
-def _area_in_doubt(found: Found, change: Array) -> Array:
-    """The share of points that a change of the pressure may have put on the wrong side."""
-    return area_in_doubt(indicator_of(found), jnp.abs(change))
-
-
 def _area_by_solver(found: Found) -> Array:
-    indicator, edges, value = indicator_of(found), edges_of(found), contact_area(found)
-    of = lambda change: sub_pixel_area(indicator + change, edges)[None]  # noqa: E731
-    moved = error_of(of, value[None], found.contact.correction, value)[0]
-    return moved + _area_in_doubt(found, found.contact.correction)
+    edges = edges_of(found)
+
+    def error(indicator, change):
+        of = lambda change: sub_pixel_area(indicator + change, edges)[None]  # noqa: E731
+        value = of(jnp.zeros_like(change))
+        # Some points may be on the wrong side.
+        return error_of(of, value, change, value)[0] + area_in_doubt(indicator, change)
+
+    return share_of(found, error, indicator_of(found), found.contact.correction)
 
 
 def _area_by_kernel(found: Found) -> Array:
@@ -58,13 +67,15 @@ def _area_by_kernel(found: Found) -> Array:
         change += jnp.where(inside, jnp.abs(moved), in_contact)
     # Edges move between the points, too; what a change of both signs moves may cancel by chance.
     pull = jax.grad(sub_pixel_area)(indicator_of(found), edges_of(found))
-    return _area_in_doubt(found, change) + with_chance(pull * change)
+    return area_in_doubt(indicator_of(found), change) + with_chance(pull * change)
 
 
-AREA_ERRORS = {
+_ERRORS = {
     "solver": _area_by_solver,
     "grid": area_by_grid,
     "kernel": _area_by_kernel,
     "temperature": lambda found: found.heated.area_error,
 }
-GAP_ERRORS = {"solver": gap_by_solver, "grid": by_grid("mean_gap", OF_PLACE)}
+contact_area_error = contact_area.error(_ERRORS, over=over_number)
+area_error_of_cycle = contact_area.error(_ERRORS | {"time": area_by_times})
+mean_gap_error = mean_gap.error({"solver": gap_by_solver, "grid": by_grid("mean_gap", OF_PLACE)})

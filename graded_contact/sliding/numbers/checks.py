@@ -11,9 +11,9 @@ from jaxtyping import Array
 from ...contacts.operators.operator import nonzero
 from ...core.derivative import largest
 from ...core.warnings import WARN_ABOVE, Above, NumberOf
-from ...fields.grid import to_field, to_spectrum
+from ...fields.grid import to_field, to_spectrum, wavenumber
 from ...materials.coverage import coverage, is_unknown, unknown_share
-from ..case import WINDOW
+from ..case import PERIODIC, WINDOW
 from ..energy import exchange, frequencies, losses, powers_of_traction
 from ..formulas import (
     along_motion,
@@ -21,14 +21,16 @@ from ..formulas import (
     displaced,
     loaded,
     moved_where_loaded,
+    shared,
     slopes,
 )
 from ..motion import motion
-from ..number import Found
+from ..number import Found, observable
 from ..problem import TransientProblem, steps_of
 from .load import approach
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
+_ABSENT = 1e-9  # part of the largest squared slope of a wave below which there is no wave
 # Small strains neglect slope²/2, the excess of an arc over its chord.
 STEEPEST = (2 * WARN_ABOVE) ** 0.5
 
@@ -41,6 +43,14 @@ NOT_MEASURED = Above(
     WARN_ABOVE,
     "{value:.0%} of the friction arises on points that were filled or tapered, not measured. Crop "
     "to a part of the surface without them.",
+)
+BEYOND_SHORTEST = Above(
+    0,
+    "Waves shorter than {value:.2g} m add to friction, and the surface has none: the last octave "
+    f"of its waves makes more than {WARN_ABOVE:.0%}.",
+    of=lambda number: np.where(
+        number("last_octave_friction") > WARN_ABOVE, number("shortest_wave"), 0
+    ),
 )
 BEYOND_FREQUENCIES = Above(
     EXTRAPOLATED,
@@ -121,6 +131,7 @@ def _sum_of(parts: Iterable[Array]) -> Array:
     return functools.reduce(jnp.add, parts)
 
 
+@observable("relative difference of friction work and dissipation")
 def energy_imbalance(found: Found) -> Array:
     """Work of hysteresis, and of the load, against dissipation in both bodies, relative [1].
 
@@ -134,6 +145,7 @@ def energy_imbalance(found: Found) -> Array:
     return jax.lax.stop_gradient(imbalance)  # of rounding
 
 
+@observable("rms slope of the bodies, weighted by the pressure", warns=TOO_STEEP)
 def slope_in_contact(found: Found) -> Array:
     """Rms slope of a body where it carries the load [1], the largest of both and of all times.
 
@@ -147,6 +159,7 @@ def slope_in_contact(found: Found) -> Array:
     return jnp.maximum(steepest, largest(other))
 
 
+@observable("share of the hysteresis on filled or tapered points", warns=NOT_MEASURED)
 def unmeasured_friction(found: Found) -> Array:
     """Share on points that were filled or tapered of the tangential traction |σ ∂w/∂x_v| [1].
 
@@ -161,6 +174,36 @@ def unmeasured_friction(found: Found) -> Array:
     return jnp.sum(weight * (1 - found.problem.measured)) / nonzero(jnp.sum(weight))
 
 
+@shared
+def _wavenumbers(found: Found) -> tuple[Array, Array]:
+    """The lowest and the highest wavenumber of the rough surfaces [rad/m]."""
+    q, waves = wavenumber(found.grid), map(to_spectrum, found.problem.roughness)
+    squared = _sum_of(jnp.abs(q * one) ** 2 for one in waves)
+    present = squared > _ABSENT * jnp.max(squared)
+    return jnp.min(jnp.where(present, q, jnp.inf)), jnp.max(jnp.where(present, q, 0))
+
+
+@observable("shortest wave of the surface", unit="m", needs=[PERIODIC])
+def shortest_wave(found: Found) -> Array:
+    """The shortest wave of the rough surfaces [m]."""
+    return 2 * jnp.pi / _wavenumbers(found)[1]
+
+
+@observable("friction share of the last octave of waves", needs=[PERIODIC], warns=BEYOND_SHORTEST)
+def last_octave_friction(found: Found) -> Array:
+    """Share of the hysteresis from waves less than twice as long as the shortest [1].
+
+    It tells how much shorter waves, which were not measured, may add. 0 for roughness of a single
+    octave, which has a shape of its own.
+    """
+    lowest, highest = _wavenumbers(found)
+    lost = _sum_of(jnp.abs(body) for body in losses(found))
+    half = highest / 2 * (1 + 1e-6)  # a wave of twice the length belongs to the octave before
+    last = jnp.sum(jnp.where(wavenumber(found.grid) > half, lost, 0))
+    return jnp.where(lowest <= half, last / nonzero(jnp.sum(lost)), 0)
+
+
+@observable("share of the friction where no modulus was measured", warns=BEYOND_FREQUENCIES)
 def extrapolated_friction(found: Found) -> Array:
     """Share of the dissipation at frequencies at which a material was not measured [1].
 
@@ -183,6 +226,7 @@ def extrapolated_friction(found: Found) -> Array:
     return _sum_of(unknown) / nonzero(_sum_of(map(jnp.sum, lost)))
 
 
+@observable("logarithmic share of times without a measured modulus", warns=BEYOND_TIMES)
 def extrapolated_times(found: Found) -> Array:
     """Share of the times t, from the shortest step to the end, for which 1/t was not measured [1].
 
@@ -195,6 +239,7 @@ def extrapolated_times(found: Found) -> Array:
     return jax.lax.stop_gradient(functools.reduce(jnp.maximum, shares, jnp.zeros_like(rates[0])))
 
 
+@observable("approach over the thickness of the layers", needs=[WINDOW], warns=COMPRESSED)
 def compression(found: Found) -> Array:
     """How far a body on a window moved into layers on a rigid base, over their thickness [1].
 
@@ -214,6 +259,7 @@ def compression(found: Found) -> Array:
     return approach(found) * functools.reduce(jnp.maximum, parts, none)
 
 
+@observable("share of the load on the rim of the window", needs=[WINDOW], warns=ON_THE_RIM)
 def rim_load(found: Found) -> Array:
     """Share of the load on the outermost points of a window [1]; NaN without a load."""
     rim = np.full(found.grid.shape, WINDOW in found.facts)
@@ -221,12 +267,14 @@ def rim_load(found: Found) -> Array:
     return jnp.sum(found.pressure, where=rim) / jnp.sum(found.pressure)
 
 
+@observable("largest step from one time to the next, in spacings of the grid", warns=TOO_FAST)
 def largest_step(found: Found) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
     from_rest = isinstance(found.problem, TransientProblem)
     return motion.largest_step(found.problem.displacement, found.grid.spacing, from_rest)
 
 
+@observable("extent of the motion that comes back, over the cell", warns=TOO_FAR)
 def stroke_over_cell(found: Found) -> Array:
     """Extent of the motion along an axis over the edge of the cell [1], the larger one.
 
@@ -236,6 +284,7 @@ def stroke_over_cell(found: Found) -> Array:
     return jnp.max(jnp.ptp(back, axis=0) / found.grid.size[: back.shape[1]])
 
 
+@observable("path after a rest, over the cell", warns=PASSES_ITS_REST)
 def path_after_rest(found: Found) -> Array:
     """The largest distance from where a surface rested, later, over the edge of the cell [1].
 
@@ -250,11 +299,13 @@ def path_after_rest(found: Found) -> Array:
     return jnp.max(jnp.max(far, axis=0, initial=0) / found.grid.size[: x.shape[1]])
 
 
+@observable("estimated relative error of the contact pressure")
 def error(found: Found) -> Array:
     """Estimated relative error of the pressure [1]."""
     return found.contact.error
 
 
+@observable("FFT pairs of the solve")
 def num_fft_pairs(found: Found) -> Array:
     """FFT pairs of the solve [1]."""
     return found.contact.num_fft_pairs

@@ -4,12 +4,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
+from ..case import COUNTERFACE, HEATED, SHEARED
 from ..energy import exchange, losses
-from ..errors.grid import OF_FORCE, beside_changes, by_grid, unseen_power
-from ..errors.parts import by_times, solver_errors
+from ..errors.grid import OF_FORCE, beside_changes, by_grid, friction_by_grid, unseen_power
+from ..errors.parts import by_times, over_friction, solver_errors
 from ..formulas import (
     all_tractions,
-    friction_of_cycle,
     frictions,
     indicator_of,
     loaded,
@@ -20,9 +20,12 @@ from ..formulas import (
     power_of,
     shear_power,
 )
-from ..number import Found
+from ..number import Found, observable
+from .checks import WARMS
+from .friction import friction
 
 
+@observable("work of friction over load and path", r"\bar\mu")
 def mean_friction(found: Found) -> Array:
     """Work over ∮ load |v| dt [1]; under steady sliding the friction.
 
@@ -31,21 +34,25 @@ def mean_friction(found: Found) -> Array:
     return frictions(found, loaded(found)[0], indicator_of(found))[0]
 
 
+@observable("mean friction by shear in the contact", r"\bar\mu_\mathrm{shear}", needs=[SHEARED])
 def mean_shear_friction(found: Found) -> Array:
     """The part of `mean_friction` from shear in the contact area, with `shear` [1]."""
     return over_path(found, shear_power(found), mean_load(found))
 
 
+@observable("largest friction coefficient of a cycle", r"\mu_\mathrm{max}")
 def peak_friction(found: Found) -> Array:
     """The largest |friction|, also between the times [1]."""
     return frictions(found, loaded(found)[0], indicator_of(found))[1]
 
 
+@observable("work of friction in a cycle", "W", "J/m²")
 def work(found: Found) -> Array:
     """Work of friction per area and cycle, that of shear included [J/m²]."""
     return (power_of(found, own_tractions(found)) + shear_power(found)) * found.period
 
 
+@observable("work of the load in a cycle", r"W_\sigma", "J/m²")
 def load_work(found: Found) -> Array:
     """Work of the load on the block, and on the counterface, per area and cycle [J/m²].
 
@@ -54,16 +61,19 @@ def load_work(found: Found) -> Array:
     return (exchange(found)[0] - power_of(found, own_tractions(found))) * found.period
 
 
+@observable("mean power that the block dissipates", "P", "W/m²")
 def dissipated_power(found: Found) -> Array:
     """Mean power lost in the block per area [W/m²]."""
     return jnp.sum(losses(found)[0])
 
 
+@observable("mean power lost in the counterface", r"P_\mathrm{c}", "W/m²", needs=[COUNTERFACE])
 def counterface_power(found: Found) -> Array:
     """Mean power lost in the counterface per area [W/m²]; 0 if it is rigid."""
     return sum(map(jnp.sum, losses(found)[1:]), jnp.zeros((), found.pressure.dtype))
 
 
+@observable("phase of the traction before the displacement, in radians", r"\delta")
 def phase(found: Found) -> Array:
     """By which the first harmonic of the traction leads that of the displacement [rad].
 
@@ -74,6 +84,14 @@ def phase(found: Found) -> Array:
     lead = jnp.sum(force * jnp.conj(moved))
     # The angle of 0 has no derivative.
     return jnp.angle(jnp.where(jnp.abs(lead) > 0, lead, 1))
+
+
+@observable(
+    "temperature of the contact above the bulk", r"\Delta T", "K", needs=[HEATED], warns=WARMS
+)
+def surface_rise(found: Found) -> Array:
+    """Mean temperature of the contact above the bulk over a cycle, with heating [K]."""
+    return found.heated.surface_rise
 
 
 def _work_over_time(found: Found) -> Array:
@@ -99,24 +117,30 @@ def _beside_work(found: Found) -> Array:
 def _of_frictions(name: str, index: int):
     """The parts of the error of mean or peak friction."""
     return {
-        "grid": by_grid(name, OF_FORCE, beside_changes),
-        "time": by_times(name, friction_of_cycle),
+        "grid": friction_by_grid(name, beside_changes),
+        "time": by_times(name, friction),
         "solver": lambda found: solver_errors(found)[index],
         "temperature": lambda found: _by_temperature(found, index),
     }
 
 
-MEAN_ERRORS = _of_frictions("mean_friction", 0)
-PEAK_ERRORS = _of_frictions("peak_friction", 1)
-WORK_ERRORS = {
-    "grid": by_grid("work", OF_FORCE, _beside_work),
-    "time": by_times("work", _work_over_time),
-}
-LOAD_WORK_ERRORS = {
-    "grid": by_grid("load_work", OF_FORCE),
-    "time": by_times("load_work", _work_over_time),
-}
-POWER_ERRORS = {
-    "grid": by_grid("dissipated_power", OF_FORCE, unseen_power),
-    "time": by_times("dissipated_power", _power_over_time),
-}
+mean_friction_error = mean_friction.error(_of_frictions("mean_friction", 0), over=over_friction)
+peak_friction_error = peak_friction.error(_of_frictions("peak_friction", 1))
+work_error = work.error(
+    {
+        "grid": by_grid("work", OF_FORCE, _beside_work),
+        "time": by_times("work", _work_over_time),
+    }
+)
+load_work_error = load_work.error(
+    {
+        "grid": by_grid("load_work", OF_FORCE),
+        "time": by_times("load_work", _work_over_time),
+    }
+)
+dissipated_power_error = dissipated_power.error(
+    {
+        "grid": by_grid("dissipated_power", OF_FORCE, unseen_power),
+        "time": by_times("dissipated_power", _power_over_time),
+    }
+)

@@ -12,14 +12,13 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ...contacts.estimates import error_of
-from ..energy import losses
-from ..errors.grid import OF_FORCE, beside_changes, by_grid
-from ..errors.parts import changes_by_kernel, solver_errors, with_chance
+from ..case import HEATED
+from ..errors.grid import beside_changes, friction_by_grid
+from ..errors.parts import changes_by_kernel, over_friction, solver_errors, with_chance
 from ..formulas import (
     all_tractions,
     counterface_displacement,
     edges_of,
-    friction_of_cycle,
     frictions,
     indicator_of,
     loaded,
@@ -30,13 +29,17 @@ from ..formulas import (
     slopes,
     tractions_of,
 )
-from ..number import Found
+from ..number import Found, observable
 from ..problem import CycleProblem
 from ..shear import shear_over_load
+from .checks import APART, NEVER_LOADED, NO_SHEAR
 
 _BY_SLOPES = 0.08  # weight of the difference of `friction` and `geometric_friction`
+# Of the friction: that of a nearly elastic block is far less than the error of the surface's slope.
+_MOST_BY_SLOPES = 0.1
 
 
+@observable("friction coefficient", r"\mu")
 def friction(found: Found) -> Array:
     """Force opposing the motion over the load [1], hysteresis and shear together.
 
@@ -44,18 +47,21 @@ def friction(found: Found) -> Array:
     positive where it opposes a motion along +x; over the displacement it draws the hysteresis loop.
     """
     if isinstance(found.problem, CycleProblem):
-        return friction_of_cycle(found)
-    return hysteresis_friction(found) + shear_friction(found)
+        return over_load(found, all_tractions(found))
+    return pressure_friction(found) + shear_friction(found)
 
 
-def hysteresis_friction(found: Found) -> Array:
-    """The part of the friction from the slopes [1]; without coupling it is lost in the block.
+@observable("part of the friction by the pressure on slopes", r"\mu_\sigma", warns=APART)
+def pressure_friction(found: Found) -> Array:
+    """The part of the friction that the pressure exerts on slopes [1].
 
-    With coupling it may be negative: `block_friction` is the part that the block loses.
+    Without coupling the block loses it. With coupling it may be negative, and an elastic block may
+    have it: `block_friction` is the part that the block loses.
     """
     return over_load(found, own_tractions(found))
 
 
+@observable("friction coefficient of shear in the contact", r"\mu_\mathrm{shear}", warns=NO_SHEAR)
 def shear_friction(found: Found) -> Array:
     """The part from shear in the contact area [1]; 0 without `shear`."""
     if isinstance(found.problem, CycleProblem):
@@ -63,12 +69,14 @@ def shear_friction(found: Found) -> Array:
     return shear_over_load(found.pressure, indicator_of(found), edges_of(found), found.shear)
 
 
+@observable("temperature of the contact above the bulk", r"\Delta T", "K", needs=[HEATED])
 def surface_rise(found: Found) -> Array:
     """Temperature of the contact above the bulk, with heating [K]; the mean over a cycle."""
     assert found.heated is not None
     return found.heated.surface_rise
 
 
+@observable("friction coefficient from the surface slope", r"\mu_\mathrm{geo}", stored=False)
 def geometric_friction(found: Found) -> Array:
     """Friction with hysteresis from the surface's slope instead of the block's [1].
 
@@ -83,11 +91,13 @@ def geometric_friction(found: Found) -> Array:
     return over_load(found, tractions_of(found, pressure, heights)) + shear_friction(found)
 
 
+@observable("shear stress that opposes the motion", r"\tau", "Pa")
 def traction(found: Found) -> Array:
     """τ [Pa], the shear stress on the whole area, of hysteresis and shear together."""
     return all_tractions(found).reshape(found.displacement.shape)
 
 
+@observable("mean pressure at each time", r"\sigma_0", "Pa", warns=NEVER_LOADED)
 def load(found: Found) -> Array:
     """Mean pressure [Pa]."""
     return mean_load(found)
@@ -135,14 +145,17 @@ def _friction_by_solver(found: Found) -> Array:
 
 def _beside(found: Found) -> Array:
     """`beside_changes`, and a part of the difference of the frictions by the two slopes [1]."""
-    by_slopes = jnp.abs(geometric_friction(found) - friction(found))
-    by_slopes = jnp.where(jnp.any(losses(found)[0] != 0), by_slopes, 0)
-    return beside_changes(found) + _BY_SLOPES * by_slopes
+    by_slopes = _BY_SLOPES * jnp.abs(geometric_friction(found) - friction(found))
+    most = _MOST_BY_SLOPES * jnp.abs(pressure_friction(found))
+    return beside_changes(found) + jnp.minimum(by_slopes, most)
 
 
-FRICTION_ERRORS = {
-    "solver": _friction_by_solver,
-    "grid": by_grid("friction", OF_FORCE, _beside),
-    "kernel": _image_error,
-    "temperature": lambda found: found.heated.friction_error,
-}
+friction_error = friction.error(
+    {
+        "solver": _friction_by_solver,
+        "grid": friction_by_grid("friction", _beside),
+        "kernel": _image_error,
+        "temperature": lambda found: found.heated.friction_error,
+    },
+    over=over_friction,
+)

@@ -6,18 +6,20 @@ from jaxtyping import Array
 from ...contacts.estimates import error_of
 from ...core.derivative import largest
 from ...fields.grid import coordinates
-from ..case import WINDOW
+from ..case import GIVEN_LOAD, GROUND, LOAD_FOLLOWS, WINDOW
 from ..errors.grid import OF_PLACE, by_grid
 from ..errors.parts import changes_by_kernel, gap_by_solver, with_chance
 from ..formulas import moved_where_loaded
-from ..number import Found
+from ..number import Found, observable
 
 
+@observable("mean contact pressure", r"\bar\sigma", "Pa", needs=[LOAD_FOLLOWS])
 def mean_pressure(found: Found) -> Array:
     """Mean pressure [Pa]."""
     return found.contact.mean_pressure
 
 
+@observable("approach", r"\delta", "m", needs=[GROUND])
 def approach(found: Found) -> Array:
     """How far a body on a window moved into the block after its first touch [m].
 
@@ -31,6 +33,7 @@ def approach(found: Found) -> Array:
     return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
 
 
+@observable("moment of the pressure about the middle of the window", "M", "N m", stored=False)
 def moment(found: Found) -> Array:
     """Moment of the pressure about the middle of a window [N m], of a line [N].
 
@@ -60,13 +63,18 @@ def _pressure_by_kernel(found: Found) -> Array:
     return sum(map(with_chance, changes_by_kernel(found))) / found.pressure.size
 
 
-PRESSURE_ERRORS = {
-    "solver": _pressure_by_solver,
-    "grid": by_grid("mean_pressure", OF_PLACE),
-    "kernel": _pressure_by_kernel,
-}
-APPROACH_ERRORS = {
-    "solver": gap_by_solver,
-    "grid": by_grid("approach", OF_PLACE),
-    "kernel": _approach_by_kernel,
-}
+mean_pressure_error = mean_pressure.error(
+    {
+        "solver": _pressure_by_solver,
+        "grid": by_grid("mean_pressure", OF_PLACE),
+        "kernel": _pressure_by_kernel,
+    }
+)
+approach_error = approach.error(
+    {
+        "solver": gap_by_solver,
+        "grid": by_grid("approach", OF_PLACE),
+        "kernel": _approach_by_kernel,
+    },
+    needs=[GIVEN_LOAD],
+)

@@ -32,9 +32,9 @@ from ...core.checks import as_scalar, check_positive, check_type
 from ...core.compilation import compiled
 from ...fields.grid import wavenumber
 from ..bodies import lags
-from ..case import WINDOW
+from ..case import CONDUCTANCE, STIFFNESS, WINDOW
 from ..formulas import edges_of, indicator_of, lift
-from ..number import AbstractSliding
+from ..number import AbstractSliding, observable
 from ..problem import SteadyProblem
 
 _RTOL = 1e-8
@@ -127,6 +127,7 @@ def contact_conductance(
     return _stiffness(sliding, adjoint, kernel=kernel)
 
 
+@observable("contact conductance times both resistivities", r"G\varrho", "1/m", needs=[CONDUCTANCE])
 def specific_conductance(sliding: AbstractSliding) -> Float[Array, ""]:
     """`contact_conductance` times the sum of the resistivities of both bodies [1/m].
 
@@ -135,10 +136,20 @@ def specific_conductance(sliding: AbstractSliding) -> Float[Array, ""]:
     return contact_conductance(sliding, 1.0)
 
 
-def specific_conductance_error(sliding: AbstractSliding) -> Float[Array, ""]:
-    """Estimated error of `specific_conductance`, the same part of it as that of the stiffness."""
+@observable("contact stiffness", "k", "Pa/m", needs=[STIFFNESS])
+def stiffness(sliding: AbstractSliding) -> Float[Array, ""]:
+    """-dp/dū [Pa/m], see `contact_stiffness`."""
+    return contact_stiffness(sliding)
+
+
+def _conductance_by_grid(sliding: AbstractSliding) -> Float[Array, ""]:
+    """The same part of the conductance as that of the stiffness."""
     part = contact_stiffness_error(sliding) / contact_stiffness(sliding)
     return part * specific_conductance(sliding)
+
+
+stiffness_error = stiffness.error({"grid": contact_stiffness_error})
+specific_conductance_error = specific_conductance.error({"grid": _conductance_by_grid})
 
 
 def _check(sliding: AbstractSliding) -> None:

@@ -1,5 +1,6 @@
 """The result of a periodic motion."""
 
+from operator import attrgetter
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -9,14 +10,12 @@ from ...blocks.heated_stack import HeatedContact
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import CYCLE
-from .. import case as facts
-from ..errors import neighbours, parts
-from ..number import AbstractSliding, error_of, number
+from ..errors import neighbours
+from ..number import AbstractSliding
 from ..numbers import area, checks, cycle
 from ..numbers import friction as of_friction
 from ..numbers import traction as tractions
 from ..problem import CycleProblem
-from .steady import Sliding
 
 
 @shown("contact", "warnings")
@@ -41,82 +40,30 @@ class CyclicSliding(AbstractSliding):
     heated: HeatedContact | None = None
     kind: ClassVar[str] = CYCLE
 
-    friction = number(of_friction.friction, "friction coefficient", r"\mu", over_time=True)
-    mean_friction = number(cycle.mean_friction, "work of friction over load and path", r"\bar\mu")
-    mean_friction_error = error_of(mean_friction, cycle.MEAN_ERRORS, over=parts.over_friction)
-    peak_friction = number(
-        cycle.peak_friction, "largest friction coefficient of a cycle", r"\mu_\mathrm{max}"
-    )
-    peak_friction_error = error_of(peak_friction, cycle.PEAK_ERRORS)
-    mean_shear_friction = number(
-        cycle.mean_shear_friction,
-        "part of the mean friction from shear in the contact",
-        r"\bar\mu_\mathrm{shear}",
-        needs=[facts.SHEARED],
-    )
-    traction = number(
-        of_friction.traction, "shear stress that opposes the motion", r"\tau", "Pa", over_time=True
-    )
-    load = number(
-        of_friction.load,
-        "mean pressure at each time",
-        r"\sigma_0",
-        "Pa",
-        over_time=True,
-        warns=checks.NEVER_LOADED,
-    )
-    work = number(cycle.work, "work of friction in a cycle", "W", "J/m²")
-    work_error = error_of(work, cycle.WORK_ERRORS)
-    load_work = number(cycle.load_work, "work of the load in a cycle", r"W_\sigma", "J/m²")
-    load_work_error = error_of(load_work, cycle.LOAD_WORK_ERRORS)
-    dissipated_power = number(
-        cycle.dissipated_power, "mean power that the block dissipates", "P", "W/m²"
-    )
-    dissipated_power_error = error_of(dissipated_power, cycle.POWER_ERRORS)
-    counterface_power = number(
-        cycle.counterface_power,
-        "mean power that the counterface dissipates",
-        r"P_\mathrm{c}",
-        "W/m²",
-        needs=[facts.COUNTERFACE],
-    )
-    interface_power = number(
-        tractions.interface_power,
-        "mean power that heats the interface",
-        r"P_\mathrm{int}",
-        "W/m²",
-        needs=[facts.COUPLED],
-    )
-    phase = number(
-        cycle.phase, "phase of the traction before the displacement, in radians", r"\delta"
-    )
-    surface_rise = number(
-        of_friction.surface_rise,
-        "temperature of the contact above the bulk",
-        r"\Delta T",
-        "K",
-        needs=[facts.HEATED],
-        warns=checks.WARMS,
-    )
-    contact_area = number(area.contact_area, "contact area fraction", "A/A_0", over_time=True)
-    contact_area_pixels = number(
-        area.contact_area_pixels, "share of points in contact", "A/A_0", over_time=True
-    )
-    mean_gap = number(area.mean_gap, "mean gap", r"\bar u", "m", over_time=True)
-    energy_imbalance = Sliding.energy_imbalance
-    slope_in_contact = Sliding.slope_in_contact
-    extrapolated_friction = Sliding.extrapolated_friction
-    largest_step = number(
-        checks.largest_step,
-        "largest step from one time to the next, in spacings of the grid",
-        warns=checks.TOO_FAST,
-    )
-    stroke_over_cell = number(
-        checks.stroke_over_cell,
-        "extent of the motion that comes back, over the cell",
-        warns=checks.TOO_FAR,
-    )
-    error, num_fft_pairs = Sliding.error, Sliding.num_fft_pairs
+    friction = of_friction.friction
+    mean_friction, mean_friction_error = cycle.mean_friction, cycle.mean_friction_error
+    peak_friction, peak_friction_error = cycle.peak_friction, cycle.peak_friction_error
+    mean_shear_friction = cycle.mean_shear_friction
+    traction, load = of_friction.traction, of_friction.load
+    work, work_error = cycle.work, cycle.work_error
+    load_work, load_work_error = cycle.load_work, cycle.load_work_error
+    dissipated_power, dissipated_power_error = cycle.dissipated_power, cycle.dissipated_power_error
+    counterface_power, interface_power = cycle.counterface_power, tractions.interface_power
+    phase, surface_rise = cycle.phase, cycle.surface_rise
+    contact_area, contact_area_error = area.contact_area, area.area_error_of_cycle
+    contact_area_pixels, mean_gap = area.contact_area_pixels, area.mean_gap
+    energy_imbalance = checks.energy_imbalance
+    slope_in_contact = checks.slope_in_contact
+    shortest_wave, last_octave_friction = checks.shortest_wave, checks.last_octave_friction
+    extrapolated_friction = checks.extrapolated_friction
+    largest_step, stroke_over_cell = checks.largest_step, checks.stroke_over_cell
+    error, num_fft_pairs = checks.error, checks.num_fft_pairs
+
+    displacement = property(attrgetter("problem.displacement"))
+    period = property(attrgetter("problem.period"))
+    times = property(attrgetter("problem.times"))
+    moved = property(attrgetter("problem.moved"))
+    motion_of_surface = property(attrgetter("problem.motion_of_surface"))
 
     def neighbours(self) -> neighbours.Neighbours:
         return neighbours.neighbours_of(self)
@@ -134,31 +81,6 @@ class CyclicSliding(AbstractSliding):
         length = jnp.sqrt(jnp.where(moves, squared, 1))
         unit = jnp.where(moves[:, None], step / length[:, None], 0)
         return [part.reshape(-1, *[1] * self.grid.ndim) for part in unit.T]
-
-    @property
-    def displacement(self) -> Float[Array, "nt ..."]:
-        """s(t) of the surface [m]."""
-        return self.problem.displacement
-
-    @property
-    def period(self) -> Float[Array, ""]:
-        """T [s]."""
-        return self.problem.period
-
-    @property
-    def times(self) -> Float[Array, " nt"]:
-        """The times of all arrays over time [s]."""
-        return self.problem.times
-
-    @property
-    def moved(self) -> Float[Array, "nt components"]:
-        """The displacement, its components on the second axis [m]."""
-        return self.problem.moved
-
-    @property
-    def motion_of_surface(self) -> tuple[Float[Array, "nt axes"], Float[Array, "nt axes"]]:
-        """ds/dt [m/s], and the part of s [m] that comes back after each period."""
-        return self.problem.motion_of_surface
 
     @property
     def velocity(self) -> Float[Array, "nt ..."]:

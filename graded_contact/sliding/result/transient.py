@@ -1,5 +1,6 @@
 """The result of a transient motion."""
 
+from operator import attrgetter
 from typing import ClassVar
 
 import equinox as eqx
@@ -10,16 +11,13 @@ from ...blocks.heated_stack import HeatedContact
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import TRANSIENT
-from .. import case as facts
-from ..errors import neighbours, parts
-from ..number import AbstractSliding, error_of, number
-from ..numbers import checks, gap_flow
+from ..errors import neighbours
+from ..number import AbstractSliding
+from ..numbers import area, checks, cycle, gap_flow
 from ..numbers import friction as of_friction
 from ..problem import TransientProblem
 from ..transient import errors as of_steps
 from ..transient import numbers as transient
-from .cycle import CyclicSliding
-from .steady import Sliding
 
 
 @shown("contact", "failed", "warnings")
@@ -50,89 +48,32 @@ class TransientSliding(AbstractSliding):
     heated: HeatedContact | None = None
     kind: ClassVar[str] = TRANSIENT
 
-    friction = CyclicSliding.friction
-    friction_error = error_of(friction, of_steps.FRICTION_ERRORS)
-    shear_friction = number(
-        of_friction.shear_friction,
-        "friction coefficient of shear in the contact",
-        r"\mu_\mathrm{shear}",
-        over_time=True,
-        warns=checks.NO_SHEAR,
-    )
-    mean_friction = CyclicSliding.mean_friction
-    mean_friction_error = error_of(mean_friction, of_steps.MEAN_ERRORS)
-    peak_friction = CyclicSliding.peak_friction
-    peak_friction_error = error_of(peak_friction, of_steps.PEAK_ERRORS)
-    time_to_peak = number(
-        transient.time_to_peak,
-        "time from the last start or stop to the largest friction",
-        r"t_\mathrm{max}",
-        "s",
-    )
-    time_since_change = number(
-        transient.time_since_change,
-        "time since the last start or stop",
-        r"t - t_0",
-        "s",
-        over_time=True,
-    )
-    traction, load = CyclicSliding.traction, CyclicSliding.load
-    load_error = error_of(load, of_steps.LOAD_ERRORS, needs=[facts.LOAD_FOLLOWS])
-    work_done = number(transient.work_done, "work of friction so far", "W", "J/m²", over_time=True)
-    work_done_error = error_of(work_done, of_steps.WORK_ERRORS)
-    load_work_done = number(
-        transient.load_work_done, "work of the load so far", r"W_\sigma", "J/m²", over_time=True
-    )
-    load_work_done_error = error_of(load_work_done, of_steps.LOAD_WORK_ERRORS)
-    shear_work_done = number(
-        transient.shear_work_done,
-        "work of shear in the contact so far",
-        r"W_\mathrm{shear}",
-        "J/m²",
-        over_time=True,
-        needs=[facts.SHEARED],
-    )
-    contact_area = CyclicSliding.contact_area
-    contact_area_error = error_of(contact_area, of_steps.AREA_ERRORS, over=parts.over_number)
-    contact_area_pixels = CyclicSliding.contact_area_pixels
-    mean_gap = CyclicSliding.mean_gap
-    mean_gap_error = error_of(mean_gap, of_steps.GAP_ERRORS)
-    flow_along_x, flow_along_y = Sliding.flow_along_x, Sliding.flow_along_y
-    flow_along_x_error = error_of(
-        flow_along_x, gap_flow.flow_errors(0, "solver", "grid", "time", "memory")
-    )
-    flow_along_y_error = error_of(
-        flow_along_y, gap_flow.flow_errors(1, "solver", "grid", "time", "memory")
-    )
-    slope_in_contact = Sliding.slope_in_contact
-    extrapolated_times = number(
-        checks.extrapolated_times,
-        "share of the times, by their logarithm, at which no modulus was measured",
-        warns=checks.BEYOND_TIMES,
-    )
-    largest_step = CyclicSliding.largest_step
-    path_after_rest = number(
-        checks.path_after_rest, "path after a rest, over the cell", warns=checks.PASSES_ITS_REST
-    )
-    error, num_fft_pairs = Sliding.error, Sliding.num_fft_pairs
+    friction, friction_error = of_friction.friction, of_steps.friction_error
+    shear_friction = of_friction.shear_friction
+    mean_friction, mean_friction_error = cycle.mean_friction, of_steps.mean_friction_error
+    peak_friction, peak_friction_error = cycle.peak_friction, of_steps.peak_friction_error
+    time_to_peak, time_since_change = transient.time_to_peak, transient.time_since_change
+    traction, load, load_error = of_friction.traction, of_friction.load, of_steps.load_error
+    work_done, work_done_error = transient.work_done, of_steps.work_done_error
+    load_work_done, load_work_done_error = transient.load_work_done, of_steps.load_work_done_error
+    shear_work_done = transient.shear_work_done
+    contact_area, contact_area_error = area.contact_area, of_steps.contact_area_error
+    contact_area_pixels = area.contact_area_pixels
+    mean_gap, mean_gap_error = area.mean_gap, of_steps.mean_gap_error
+    flow_along_x, flow_along_y = gap_flow.flow_along_x, gap_flow.flow_along_y
+    flow_along_x_error = flow_along_x.error(gap_flow.flow_errors(0, *of_steps.CAUSES))
+    flow_along_y_error = flow_along_y.error(gap_flow.flow_errors(1, *of_steps.CAUSES))
+    slope_in_contact = checks.slope_in_contact
+    extrapolated_times = checks.extrapolated_times
+    largest_step, path_after_rest = checks.largest_step, checks.path_after_rest
+    error, num_fft_pairs = checks.error, checks.num_fft_pairs
+
+    times = property(attrgetter("problem.times"))
+    displacement = property(attrgetter("contact.displacement"))  # at the kept times
+    moved = property(attrgetter("problem.moved"))
 
     def neighbours(self) -> neighbours.Neighbours:
         return of_steps.neighbours_of(self)
-
-    @property
-    def times(self) -> Float[Array, " nt"]:
-        """Ends of the steps [s]."""
-        return self.problem.times
-
-    @property
-    def displacement(self) -> Float[Array, "*kept"]:
-        """Displacement of the block at the kept times [m]."""
-        return self.contact.displacement
-
-    @property
-    def moved(self) -> Float[Array, "nt components"]:
-        """The displacement s of the surface, its components on the second axis [m]."""
-        return self.problem.moved
 
     @property
     def field_times(self) -> Float[Array, " kept"]:

@@ -249,7 +249,7 @@ def _risen(factor, lost, s: Sliding, heating: Heating | None, bodies, nodes, sou
     weights = nodes[0][1]
     # A few depths miss some of the heat.
     made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
-    own = s.hysteresis_friction if s.coupling is None else s.block_friction
+    own = s.pressure_friction if s.coupling is None else s.block_friction
     power = factor * own * jnp.mean(s.pressure) * s.speed
     source = source * jnp.where(made > 0, jnp.abs(power) / jnp.where(made > 0, made, 1), 0)
     heat = Heat(source, weights, factor * shear_heat(s), lost)

@@ -12,10 +12,16 @@ from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
 from ...fields.grid import to_field, to_spectrum
-from ..errors.grid import OF_FORCE, OF_PLACE, area_by_grid, by_grid
+from ..case import LOAD_FOLLOWS
+from ..errors.grid import OF_FORCE, OF_PLACE, area_by_grid, by_grid, friction_by_grid
 from ..errors.neighbours import Neighbours, neighbours_by
+from ..errors.parts import over_number
 from ..formulas import lengths, shared
 from ..number import Formula, Found
+from ..numbers.area import contact_area, mean_gap
+from ..numbers.cycle import mean_friction, peak_friction
+from ..numbers.friction import friction, load
+from .numbers import load_work_done, work_done
 from .pose import on_grid
 
 _LEAST_STEPS = 2  # of the transient solve in half as many
@@ -137,15 +143,41 @@ def _parts_of(name: str, scale: Formula, by: Formula, solver: str = "step_error"
     }
 
 
-def _of_force(name: str, scale: Formula):
-    return _parts_of(name, scale, by_grid(name, OF_FORCE))
+def _of_friction(name: str, scale: Formula):
+    return _parts_of(name, scale, friction_by_grid(name))
 
 
-FRICTION_ERRORS = _of_force("friction", _forces)
-MEAN_ERRORS = _of_force("mean_friction", _mean_forces)
-PEAK_ERRORS = _of_force("peak_friction", _mean_forces)
-WORK_ERRORS = _of_force("work_done", _works)
-LOAD_WORK_ERRORS = _of_force("load_work_done", _work_of_load)
-AREA_ERRORS = _parts_of("contact_area", _area, area_by_grid)
-LOAD_ERRORS = _parts_of("load", _load, by_grid("load", OF_PLACE))
-GAP_ERRORS = _parts_of("mean_gap", _heights, by_grid("mean_gap", OF_PLACE), "step_gap_error")
+def _with_its_step(cause: str, own: Formula) -> Formula:
+    """The part of the error of the peak, at least that of the friction at its step."""
+
+    def error(found):
+        count = len(found.times)
+        size, at_steps = (
+            lengths(part.reshape(count, -1))
+            for part in (found.recorded["friction"], FRICTION_ERRORS[cause](found))
+        )
+        return jnp.maximum(own(found), at_steps[jnp.nanargmax(size)])
+
+    return error
+
+
+CAUSES = "solver", "grid", "time", "memory"
+FRICTION_ERRORS = _of_friction("friction", _forces)
+_PEAK_ERRORS = {
+    cause: _with_its_step(cause, own)
+    for cause, own in _of_friction("peak_friction", _mean_forces).items()
+}
+friction_error = friction.error(FRICTION_ERRORS)
+mean_friction_error = mean_friction.error(_of_friction("mean_friction", _mean_forces))
+peak_friction_error = peak_friction.error(_PEAK_ERRORS)
+work_done_error = work_done.error(_parts_of("work_done", _works, by_grid("work_done", OF_FORCE)))
+load_work_done_error = load_work_done.error(
+    _parts_of("load_work_done", _work_of_load, by_grid("load_work_done", OF_FORCE))
+)
+contact_area_error = contact_area.error(
+    _parts_of("contact_area", _area, area_by_grid), over=over_number
+)
+load_error = load.error(_parts_of("load", _load, by_grid("load", OF_PLACE)), needs=[LOAD_FOLLOWS])
+mean_gap_error = mean_gap.error(
+    _parts_of("mean_gap", _heights, by_grid("mean_gap", OF_PLACE), "step_gap_error")
+)

@@ -119,19 +119,20 @@ def on_grid(
 def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> dict[str, Any]:
     """Returns the fields of the result of a transient solve."""
     state, numbers = run_transient(problem, how, kept)
-    contact = _contact_of(state, numbers)
+    contact = _contact_of(state, numbers, kept)
     return dict(
         contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept
     )
 
 
-def _contact_of(state: TransientState, numbers: dict[str, Array]) -> ContactSolution:
+def _contact_of(
+    state: TransientState, numbers: dict[str, Array], kept: tuple[int, ...]
+) -> ContactSolution:
     """The kept fields of a transient solve, and the errors of all steps."""
     pressure, gap, displacement, correction = state.kept
-    over = tuple(range(1, pressure.ndim))
     return ContactSolution(
         pressure=pressure, gap=gap, displacement=displacement, correction=correction,
-        mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(gap, axis=over),
+        mean_pressure=jnp.mean(pressure), mean_gap=numbers["mean_gap"][np.array(kept)],
         result=state.result, **{
             name: (jnp.sum if name.startswith("num_") else jnp.max)(numbers[f"step_{name}"])
             for name in OF_STEPS

@@ -1,23 +1,35 @@
-"""Measured friction over velocity, from a table."""
+"""Friction over velocity, and motions and loads over time, from tables."""
 
 import os
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, ScalarLike
 
 from ..core.checks import check_positive
 from ..core.display import shown
+from ..fields.grid import Grid
+from ..sliding.motion.motion import Motion
+from ..sliding.motion.periodic import recorded
 from .columns import Quantity, understood
-from .source import Layout, source_of
+from .source import Layout, NotPlain, source_of
 from .tables import read_table
 
-_QUANTITIES = {
+_FRICTION = {
     "velocity": Quantity("velocity", r"v|velocity|speed|slidingvelocity|slidingspeed"),
     "friction": Quantity("ratio", r"µ|μ|mu|cof|friction(coefficient)?|coefficientoffriction", "1"),
     "error": Quantity("ratio", r"error|std|sd|uncertainty|errorof(friction|µ|μ|mu)", "1"),
     "temperature": Quantity("temperature", r"T|temp(erature)?"),
+}
+_OVER_TIME = {
+    "time": Quantity("time", r"t|times?"),
+    "displacements": Quantity("length", r"s|x|displacements?|position|way"),
+    "pressures": Quantity("pressure", r"p|pressures?|load"),
+}
+_HEADS = {
+    "displacements": "time [ms], displacement [mm]",
+    "pressures": "time [s], pressure [kPa]",
 }
 
 
@@ -67,6 +79,37 @@ def read_friction(
         source_of(path, "read_friction", columns=columns, units=units, layout=layout)
     )
     ways = [("velocity", "friction")]
-    found = understood(table, _QUANTITIES, ways, also=["error", "temperature"])
+    found = understood(table, _FRICTION, ways, also=["error", "temperature"])
     check_positive("velocity", found.numbers["velocity"], "[m/s]")
     return MeasuredFriction(**found.numbers, name=table.source.path.name)
+
+
+def read_motion(
+    path: os.PathLike,
+    period: ScalarLike,
+    num_times: int | None = None,
+    grid: Grid | None = None,
+) -> Motion:
+    """Returns the motion of a table, see `recorded`.
+
+    **Arguments:**
+
+    - `path`: of the table, text or Excel, that begins with "time [ms], displacement [mm]".
+    - `period`: T [s].
+    - `num_times`, `grid`: as in `recorded`.
+
+    **Raises:** `FileNotFoundError`; `ValueError` for another table.
+    """
+    return recorded(*read_over_time(path, "displacements"), period, num_times, grid)
+
+
+def read_over_time(
+    path: os.PathLike, what: str
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Returns the times [s] and the "displacements" [m] or "pressures" [Pa] of a table."""
+    try:
+        found = understood(read_table(source_of(path, "")), _OVER_TIME, [("time", what)])
+    except NotPlain as error:
+        remedy = f"Its first line must be such as: {_HEADS[what]}"
+        raise ValueError(error.with_remedy(remedy)) from None
+    return found.numbers["time"], found.numbers[what]
