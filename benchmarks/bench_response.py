@@ -156,11 +156,11 @@ def graded():
 
 # Name -> (stack, goal in FFT pairs at N = 2048)
 BODIES = {
-    "1 layer": (lambda: layered(1), None),
-    "3 layers": (lambda: layered(3), 1),
-    "30 layers": (lambda: layered(30), 8),
-    "300 layers": (lambda: layered(300), None),
-    "graded 1e-9": (graded, 4),
+    "1_layer": (lambda: layered(1), None),
+    "3_layers": (lambda: layered(3), 1),
+    "30_layers": (lambda: layered(30), 8),
+    "300_layers": (lambda: layered(300), None),
+    "graded": (graded, 4),
 }
 
 

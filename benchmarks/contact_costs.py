@@ -33,9 +33,9 @@ def gradient(sizes=(512, 1024), bodies=("single", "tread+coat"), loads=(0.01, 0.
                         stack, surface, pressure=load, velocity=SPEED, rtol=1e-6
                     ).friction
 
-                both = jax.jit(jax.value_and_grad(value))
+                both = gc.jit(jax.value_and_grad(value))
                 times = []
-                for function in (jax.jit(value), both):
+                for function in (gc.jit(value), both):
                     jax.block_until_ready(function(stack))
                     times.append(timed(partial(function, stack), repeat))
                 ratio = times[1] / times[0] - 1

@@ -19,9 +19,12 @@ import graded_contact as gc
 SPEED = 0.1  # m/s
 
 
-def first(n=64):
-    """Seconds of first calls, and over that of a minimal splitting, without a cache."""
-    for _, start in in_processes("first_of", list(_calls(n)), n=n):
+CALLS = ("slide", "gradient", "value_and_grad", "total_error", "attraction")
+
+
+def first(n=64, calls=CALLS):
+    """Seconds of first calls, and their ratio to a minimal splitting, without a cache."""
+    for _, start in in_processes("first_of", calls, n=n):
         start()
 
 
@@ -62,8 +65,8 @@ def _calls(n):
     return {
         "slide": partial(friction, stack),
         "gradient": partial(jax.grad(friction), stack),
-        "gc.jit(value_and_grad)": partial(gc.jit(jax.value_and_grad(friction)), stack),
-        "total error": total_error,
+        "value_and_grad": partial(gc.jit(jax.value_and_grad(friction)), stack),
+        "total_error": total_error,
         "attraction": attraction,
     }
 

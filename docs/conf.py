@@ -2,6 +2,7 @@
 
 import csv
 import importlib
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -46,8 +47,14 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_theme = "pydata_sphinx_theme"
 html_title = "graded_contact"
-html_theme_options = {"navigation_with_keys": False, "show_toc_level": 2}
-html_sidebars = {"index": []}
+html_theme_options = {
+    "navigation_with_keys": False,
+    "show_toc_level": 2,
+    "navbar_center": [],
+    "secondary_sidebar_items": ["page-toc"],
+}
+html_sidebars = {"**": ["globaltoc.html"]}  # all pages beside each page
+html_show_sourcelink = False
 html_math_renderer = "mathml"
 smartquotes = False  # quotes in keys and commands can be copied
 
@@ -88,12 +95,17 @@ def write_rows() -> None:
         lines = [
             columns,
             ["---"] * len(columns),
-            *([row[name] for name in columns] for row in rows),
+            *([unbroken(row[name]) for name in columns] for row in rows),
         ]
         table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
         command = path.stem.replace("-", ".py ", 1)
         note = f"`python benchmarks/{command}`, {rows[0]['measured']}"
         (folder / f"{path.stem}.md").write_text(f"{table}\n\n{note}\n", "utf-8")
+
+
+def unbroken(cell: str) -> str:
+    """Returns a number with a hyphen at which no line ends."""
+    return re.sub(r"(?<=\de)-", "\N{NON-BREAKING HYPHEN}", cell)
 
 
 def copy_notebooks() -> None:

@@ -80,5 +80,5 @@ gains = [
     for new in jax.random.split(key, SURFACES)
 ]
 error = np.std(gains, ddof=1) / np.sqrt(SURFACES)
-print(f"friction over that of the block on {SURFACES} new surfaces: ", end="")
+print(f"friction over friction of the initial block on {SURFACES} new surfaces: ", end="")
 print(f"{np.mean(gains):.3f} ± {error:.3f}")

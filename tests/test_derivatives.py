@@ -45,9 +45,8 @@ def cycle(block, heights, pressure, stress):
     return c.mean_friction + c.peak_friction + jnp.mean(c.contact_area) + 1e4 * gaps
 
 
-def transient(block, heights, pressure):
-    times = 1e-3 * np.arange(1, 6)
-    given = {"times": times, "displacement": 1e-2 * times, "pressure": pressure}
+def transient(block, heights, pressure, times, moved):
+    given = {"times": times, "displacement": moved, "pressure": pressure}
     found = gc.slide_transient(block, surface_of(heights), **given, rtol=1e-10, solver=PLAIN)
     return found.friction[-1]
 
@@ -72,6 +71,7 @@ def modulus(material, temperature, omega):
     return jnp.abs(material.at(temperature).modulus(omega))
 
 
+STEPS = 1e-3 * np.arange(1, 6)
 STEADY = (BLOCK, HEIGHTS, 2e4, 0.1)
 CASES = {
     "modulus": (modulus, (RUBBER, 310.0, 50.0)),
@@ -81,7 +81,7 @@ CASES = {
     "without a period": (lambda *given: slide(*given, periodic=False), STEADY),
     "of two bodies": (two_bodies, (BLOCK, BLOCK, HEIGHTS, 2e4)),
     "of a cycle": (cycle, (BLOCK, HEIGHTS, 2e4, 1e4)),
-    "friction of a transient": (transient, (BLOCK, HEIGHTS, 2e4)),
+    "friction of a transient": (transient, (BLOCK, HEIGHTS, 2e4, STEPS, 1e-2 * STEPS)),
     "mean field": (mean_field, (BLOCK, SPECTRUM, 2e4)),
 }
 

@@ -1,1 +1,1 @@
-"""What the command does, a file for each job."""
+"""The command `graded-contact`, a file for each job."""

@@ -23,10 +23,6 @@ def fit(
     law: Annotated[
         Literal["wlf", "arrhenius", "table"], typer.Option(help="Of the shifts of isotherms.")
     ] = "wlf",
-    kind: Annotated[
-        Literal["frequency", "relaxation", "creep"] | None,
-        typer.Option(help="Refuse files of another kind."),
-    ] = None,
     deformation: Annotated[
         Literal["tension", "shear"] | None, typer.Option(help="Where the files do not say it.")
     ] = None,
@@ -59,8 +55,6 @@ def fit(
             )
         except NotPlain as error:
             raise ValueError(error.with_remedy(f"Options to add: {error.flags}")) from error
-        if kind not in (None, measured.kind):
-            raise ValueError(f"`kind` is {kind}, but the files are of kind {measured.kind}.")
         isotherms = measured.isotherms()
         given: dict[str, Any] = {"terms": terms, "poisson": poisson, "loss": loss}
         if len(isotherms) == 1:

@@ -42,14 +42,10 @@ def refusing() -> Iterator[None]:
         raise typer.Exit(2) from error
 
 
-def demo(output: Output = None, resolution: Annotated[
-    int, typer.Option(min=256, help="Points along each edge; same surface.")
-] = 256, form: Format = "png") -> None:  # fmt: skip
+def demo(output: Output = None, form: Format = "png") -> None:
     """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
     text = resources.files("graded_contact.scenes").joinpath("demo.toml").read_text("utf-8")
-    text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
-    name = "demo" if resolution == 256 else f"demo-{resolution}"
-    run_into(output or Path("graded-contact-demo"), name, parse_scene(text), form)
+    run_into(output or Path("graded-contact-demo"), "demo", parse_scene(text), form)
 
 
 def run(

@@ -16,18 +16,32 @@ if TYPE_CHECKING:
 
 WIDTH = 80  # letters of a line
 MAIN = (
-    "friction", "mean_friction", "peak_friction", "time_to_peak", "contact_area", "mean_gap",
-    "mean_pressure", "approach", "contact_stiffness", "specific_conductance", "flow_along_x",
-    "flow_along_y", "leakage_along_x", "leakage_along_y", "tension", "von_mises", "interface_shear",
-)  # fmt: skip
+    "friction",
+    "mean_friction",
+    "peak_friction",
+    "time_to_peak",
+    "contact_area",
+    "mean_gap",
+    "mean_pressure",
+    "approach",
+    "contact_stiffness",
+    "specific_conductance",
+    "flow_along_x",
+    "flow_along_y",
+    "leakage_along_x",
+    "leakage_along_y",
+    "tension",
+    "von_mises",
+    "interface_shear",
+)
 INSTEAD = {"flow_along_x": "leakage_along_x", "flow_along_y": "leakage_along_y"}
 
 
 def print_results(results: "Dataset", full: bool = False) -> None:
     """Prints a row for each solve, then warnings, and why solves failed.
 
-    Over seeds a row has means ± their standard errors. Of a transient motion the numbers are those
-    at its end. A solve that did not converge has no numbers here.
+    Over seeds a row has means ± their standard errors. Numbers of a transient motion belong
+    to its end. A solve that did not converge has no numbers here.
     """
     shown, heading = results, place_of(results)
     if "time" in results.dims:
@@ -47,7 +61,7 @@ def print_results(results: "Dataset", full: bool = False) -> None:
 
 
 def table_of(results: "Dataset", full: bool) -> "DataFrame":
-    """Returns the table of solves: the index is what varies, each number has its error."""
+    """Returns the table of solves: the index are the axes, each number has its error."""
     import pandas
 
     axes = results["message"].dims
@@ -100,13 +114,8 @@ def warnings_in(results: "Dataset") -> list[str]:
     """Returns the warnings about surfaces, and about numbers of solves that succeeded."""
     solved = results["message"] == ""
     zero = np.zeros(results["message"].shape)
-    kind = (
-        STEADY
-        if "time" not in results.dims
-        else TRANSIENT
-        if "field_time" in results.dims
-        else CYCLE
-    )
+    kind = STEADY if "time" not in results.dims else CYCLE
+    kind = TRANSIENT if "field_time" in results.dims else kind
     known = lambda name: results[name].where(solved).values if name in results else zero  # noqa: E731
     of_surfaces = [*filter(None, results.attrs["warnings"].split("\n"))]
     return of_surfaces + [warning.sentence for warning in warnings_of(RESULTS[kind], known)]

@@ -35,8 +35,8 @@ class RESULTS(eqx.Enumeration):
     not_finite = (
         "The solve failed: the kernel, the heights, the pressure or the approach is not finite or "
         "too large (a negative thickness, modulus or shear, a liquid (`equilibrium=0`) at rest, "
-        "heat that grows without end, times that do not ascend, an approach beyond the window's "
-        "length). In float32, enable `jax_enable_x64`."
+        "heat that grows without end, times that do not ascend). In float32, enable "
+        "`jax_enable_x64`."
     )
     unresolved = (
         "The attraction of the law rises too steeply for the grid: the computed equilibrium may be "

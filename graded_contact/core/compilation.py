@@ -29,7 +29,6 @@ from .checks import is_concrete
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
 
-COMPILING = "compiling (first run only)"
 LESS_WORK = {
     "xla_cpu_use_fusion_emitters": False,  # the older generator
     "xla_cpu_parallel_codegen_split_count": 4,  # parts of a program, each with work of its own
@@ -166,8 +165,6 @@ mlir.register_lowering(_probe_p, _of_probe)
 @functools.cache
 def options(level: int) -> dict[str, Any]:
     """Options of `jax.jit` that this XLA knows and the environment does not set."""
-    if level == 2:
-        logging.getLogger("graded_contact").info(COMPILING)
     keep_small_programs()
     flags, usual = os.environ.get("XLA_FLAGS", ""), LESS_WORK | {_LEVEL: level}
     return {name: v for name, v in usual.items() if name not in flags and _is_known(name, v)}
@@ -193,6 +190,12 @@ def varying(state: T) -> T:
         return state
     here = sum(jax.lax.axis_index(axis) for axis in axes)
     return jax.tree.map(lambda leaf: jnp.where(here >= 0, leaf, leaf), state)
+
+
+@functools.cache
+def say_compiling(what: str) -> None:
+    """Prints to the standard error, once, that this compiles for long."""
+    logging.getLogger("graded_contact").warning("compiling %s (first call only)", what)
 
 
 def keep_small_programs() -> None:

@@ -133,7 +133,6 @@ OF_RESULTS = _table([
       for entry in ((name, r"\sigma", "Pa", f"largest {what}"),
                     (f"{name}_depth", "z", "m", f"depth of the largest {what}"))),
     ("GapFlow.conductance", "K", "m³", "conductance of the gap along x and along y"),
-    ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),
     ("rms_slope_along", "", "1", "rms slope along each axis"),
@@ -157,9 +156,6 @@ OF_RESULTS = _table([
     ("cutoff", "q", "rad/m", "cut-off of the roughness"),
     ("offset", "", "m", "offset of the middle of the contact"),
     ("elasticities", "", "1", "relative change of the objective over that of the parameter"),
-    ("band", "q", "rad/m", "band of wavenumbers"),
-    ("memory", "", "bytes", "memory"),
-    ("seconds", "", "s", "run time"),
     ("weights", "", "1", "weights of the measurements"),
     ("bic", "", "1", "Bayesian information criterion"),
     ("storage", "", "1", "relative error of the storage modulus"),
@@ -169,16 +165,10 @@ OF_RESULTS = _table([
 
 
 # Kinds of contacts: steady sliding, a periodic motion, and a transient motion.
-STEADY, CYCLE, TRANSIENT = KINDS = ("steady", "cycle", "transient")
+STEADY, CYCLE, TRANSIENT = ("steady", "cycle", "transient")
 
 # Of the numbers of results of sliding, by their names; their classes add them.
 NUMBERS: dict[str, Quantity] = {}
-
-
-def mean_over_seeds(name: str) -> bool:
-    """Returns whether several surfaces have the mean of a number; else they have the largest."""
-    known = quantity_of(name)
-    return bool(known and known.symbol) and not name.endswith("_error")
 
 
 # The pressure of an axis comes before that of a field.

@@ -5,6 +5,13 @@ from .objectives import distance, friction_curve, loss_tangent, ripple
 from .search import Descent, Design, minimise
 
 __all__ = [
-    "Descent", "Design", "ExpectedDesign", "distance", "friction_curve", "loss_tangent",
-    "minimise", "minimise_expected", "ripple",
-]  # fmt: skip
+    "Descent",
+    "Design",
+    "ExpectedDesign",
+    "distance",
+    "friction_curve",
+    "loss_tangent",
+    "minimise",
+    "minimise_expected",
+    "ripple",
+]

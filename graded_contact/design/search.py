@@ -2,8 +2,8 @@
 
 Every parameter is searched on the logarithm between its bounds, by SciPy's sequential quadratic
 programming (D. Kraft, DFVLR-FB 88-28, 1988), from several starts: the first is the one given, the
-others are spread evenly (Halton's sequence, shifted). Constraints c(parameters) >= 0 hold in what
-is returned, by a margin of 1e-8: write them relative, such as 1 - total/limit.
+others are spread evenly (Halton's sequence, shifted). Constraints c(parameters) >= 0 hold in the
+result, by a margin of 1e-8: write them relative, such as 1 - total/limit.
 """
 
 import contextlib
@@ -74,7 +74,7 @@ class Design(eqx.Module):
 
     - `parameters`: as `lower` and `upper` were given.
     - `value`: of the objective.
-    - `elasticities`: d ln|value|/d ln(parameter) [1], as `parameters`: what matters most.
+    - `elasticities`: d ln|value|/d ln(parameter) [1], as `parameters`.
     - `constraints`: their values, as the function gives them; near 0 where one is active.
     - `best`: the best run.
     - `runs`: from every start. Many of them near `value` mean a reliable minimum.
@@ -164,7 +164,7 @@ def minimise(
       repeats its steps from there.
     - `progress`: whether to show evaluations while they come.
 
-    **Returns:** the best parameters, what matters there, and the run from every start.
+    **Returns:** the best parameters, their elasticities, and the run from every start.
 
     **Raises:** `ValueError` for bounds that are refused, for an objective or constraint that is
     not finite, and if no start satisfies the constraints.
@@ -235,7 +235,7 @@ class Evaluations:
     ):
         def both(flat: Array) -> tuple[Array, Array]:
             values, pull = jax.vjp(lambda x: function(x)[0], flat)
-            # Not `vmap`: a solve of one row would last as long as that of the slowest.
+            # Not `vmap`: each row would last as long as the slowest.
             return values, jax.lax.map(lambda row: pull(row)[0], jnp.eye(len(values)))
 
         self.known: dict[bytes, Evaluation] = {}

@@ -48,7 +48,8 @@ _FEW_LAYERS, _FEW_POINTS = 6, 192**2
 
 _NOT_REACHED = (
     "The tolerance was not reached in a kernel: the profile of a graded layer varies too sharply. "
-    "Put boundaries at its jumps, list its kinks in `breaks`, or pass a larger `rtol`."
+    "Put boundaries at its jumps, list its kinks in `breaks`, take `graded_solver=Riccati()`, or "
+    "pass a larger `rtol`."
 )
 
 

@@ -1,4 +1,4 @@
-"""What a page computes: curves of the mean field, the contact, and what matters for friction.
+"""Computations of a page: curves of the mean field, the contact, and derivatives of friction.
 
 The numbers of the sliders are traced by JAX: each function compiles once, moving a slider compiles
 nothing.
@@ -23,7 +23,7 @@ from .numbers import middle_of, numbers_of
 
 PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
 SPEEDS, DECADES = 25, 3.0  # of a curve, to both sides of the velocity of the scene
-# What the head of the page shows of each kind of contact; the first is what matters.
+# Numbers at the head of the page for each kind of contact; derivatives are of the first.
 SHOWN = {
     "steady": ("friction", "contact_area", "mean_gap"),
     "cycle": ("mean_friction", "peak_friction"),
@@ -46,7 +46,7 @@ class Curves:
     **Fields:**
 
     - `scene`: as it was read.
-    - `numbers`: what varies, see `numbers_of`.
+    - `numbers`: that vary, see `numbers_of`.
     - `surface`: of the contacts.
     - `kind`: of the contacts, one of `SHOWN`.
     - `has_curve`: whether there is a mean field: of steady sliding of one periodic surface with a
@@ -85,8 +85,10 @@ class Curves:
         point = {path: value for name, value in values.items() for path in self.numbers[name].paths}
         return self.scene.case(middle_of(self.scene) | point)
 
-    def curve(self, values: Values) -> Curve:
-        """Returns the curve of the mean field."""
+    def curve(self, values: Values) -> Curve | None:
+        """Returns the curve of the mean field, if there is one."""
+        if not self.has_curve:
+            return None
         return Curve(*map(np.asarray, (self._speeds(), *self._curve(_traced(values)))))
 
     def _speeds(self) -> jax.Array:
@@ -102,6 +104,15 @@ class Curves:
         if found.result != RESULTS.successful:
             raise ValueError(RESULTS[found.result])
         return found
+
+    def shown(self, found: Any, end: str = "") -> dict[str, float]:
+        """Returns the numbers at the head of the page, or with "_error" their errors.
+
+        Of a number over time it is the last.
+        """
+        names = SHOWN[self.kind]
+        numbers = found.compute(*(name + end for name in names))
+        return {n: float(np.ravel(at)[-1]) for n, at in zip(names, numbers, strict=True)}
 
     def what_matters(self, values: Values) -> dict[str, float]:
         """Returns the change of friction [%] by +1 % of each number, by labels; largest first."""

@@ -5,13 +5,13 @@ from typing import Any
 import bokeh.models as bokeh
 import numpy as np
 import panel as pn
-from bokeh.palettes import cividis, magma, viridis
+from bokeh import palettes
 from bokeh.plotting import figure
 from contourpy import contour_generator
 
 from ..core.display import unit_of
 from ..plot import COLOURS, plot_cycle, plot_film, plot_sliding, plot_transient
-from ..plot.contact import level_of
+from ..plot.contact import LOOKS, level_of
 from ..plot.sweeps import title_of
 from ..surfaces import Surface
 from .curves import Curve, Curves
@@ -21,12 +21,6 @@ BAR = 22  # pixels
 SHOWN_SHARE = 0.995  # of the points within a scale of colours
 FINEST = 256  # points of a map along an edge
 MOST_BARS = 12
-# Words, unit and colours of the maps.
-MAPS = {
-    "heights": ("height into the solid", "m", cividis(256)),
-    "pressure": ("contact pressure", "Pa", viridis(256)),
-    "gap": ("gap", "m", magma(256)),
-}
 
 
 def new_figure(title: str, x: str, y: str, **more: Any) -> Any:
@@ -71,14 +65,15 @@ class Map:
     """A field of the contact over a period; white where there is none."""
 
     def __init__(self, name: str, surface: Surface):
-        self.words, self.base, palette = MAPS[name]
+        self.words, self.base, colours, *_ = LOOKS[name]
+        palette = getattr(palettes, colours)(256)
         unit, factor = unit_of("m", float(np.max(surface.grid.size)))
         self.size = width, height = factor * np.asarray(surface.grid.size)
         places = f"x [{unit}]", f"y [{unit}]"
         ranges: Any = {"x_range": (0, width), "y_range": (0, height), "match_aspect": True}
         self.figure = new_figure(self.words, *places, aspect_ratio=0.9, max_width=420, **ranges)
         self.image, self.outline = source("image"), source("xs", "ys")
-        self.colours = bokeh.LinearColorMapper(palette=palette, nan_color="white")
+        self.colours = bokeh.LinearColorMapper(palette=palette, low=0, high=1, nan_color="white")
         whole = {"x": 0, "y": 0, "dw": width, "dh": height}
         self.figure.image("image", source=self.image, color_mapper=self.colours, **whole)
         self.figure.multi_line(source=self.outline, color="black", line_width=0.7)
@@ -113,7 +108,7 @@ class Maps:
     """Heights with the outline of the contact, pressure and gap."""
 
     def __init__(self, surface: Surface):
-        self.maps = {name: Map(name, surface) for name in MAPS}
+        self.maps = {name: Map(name, surface) for name in LOOKS}
         heights = np.asarray(surface.heights)
         self.maps["heights"].show(heights - np.mean(heights))
 
@@ -127,11 +122,11 @@ class Maps:
 
 
 class Bars:
-    """What matters: the change of a number by +1 % of each of the others."""
+    """Bars: the change of a number by +1 % of each of the others."""
 
     def __init__(self, of: str):
         self.names = bokeh.FactorRange()
-        title = f"change of the {title_of(of)} by +1 % of each number [%]"
+        title = f"change of the {title_of(of)}\nby +1 % of each number [%]"
         self.figure = new_figure(title, "", "", y_range=self.names)
         self.source = source("name", "change")
         self.figure.hbar("name", right="change", source=self.source, height=0.6, color=COLOURS[0])

@@ -76,7 +76,7 @@ class Number(NamedTuple):
 
 
 def numbers_of(scene: Scene) -> dict[str, Number]:
-    """Returns the numbers that a page varies, by their names: loads, then those of the bodies."""
+    """Returns the numbers that a page varies, by their names: loads, then numbers of the bodies."""
     document, middle = tomlkit.parse(scene.text).unwrap(), middle_of(scene)
     values = {name: float(at) for name, at in middle.items() if name not in NOT_VARIED}
     of_bodies = paths(scene.bodies)

@@ -1,13 +1,13 @@
-"""A scene with sliders in the browser: friction, contact, and what matters.
+"""A scene with sliders in the browser: friction, contact, and derivatives.
 
-slider ──> update ──> curve ──> contact ──> errors and warnings ──> what matters
+slider ──> update ──> curve ──> contact ──> errors and warnings ──> derivatives
               └── a later move ends the computation between two of these stages
 """
 
 import asyncio
 import html
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
@@ -15,7 +15,7 @@ import numpy as np
 import panel as pn
 import param
 
-from ..core.display import with_error
+from ..core.display import UNKNOWN, with_error
 from ..core.quantities import quantity_of
 from ..plot import COLOURS
 from ..plot.sweeps import title_of
@@ -26,7 +26,6 @@ from .numbers import STEPS, Number
 from .save import save
 
 DEMO = Path(__file__).parents[1] / "scenes" / "demo.toml"
-EXPECTED = (ValueError, RuntimeError, OSError, MemoryError)
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
 # The numbers stay in sight; on a phone the curves stand above the sliders, the maps below.
 GRID = """
@@ -38,7 +37,11 @@ GRID = """
   :host {grid-template: "head" auto "curves" auto "side" auto "maps" auto / minmax(0, 1fr)}
 }
 """
-FLOW = ":host {display: flex !important; flex-flow: row wrap; gap: 4px 12px} * {flex: 1 1 280px}"
+ROW = """
+:host {display: grid !important; gap: 4px 12px;
+  grid-template-columns: repeat(COUNT, minmax(0, 1fr))}
+@media (max-width: 800px) {:host {grid-template-columns: minmax(0, 1fr)}}
+"""
 # Phones draw a page without this line as wide as on a desk.
 VIEWPORT = """<script>document.head.insertAdjacentHTML("beforeend",
 '<meta name="viewport" content="width=device-width, initial-scale=1">')</script>"""
@@ -57,7 +60,7 @@ class Slider(pn.viewable.Viewer):
 
     **Arguments:**
 
-    - `number`: what it varies.
+    - `number`: that it varies.
     - `check`: raises `ValueError` for a value that is refused.
     """
 
@@ -108,8 +111,9 @@ class Page(pn.viewable.Viewer):
     **Fields:**
 
     - `sliders`: by the names of the numbers, such as "velocity" and "layers[0].thickness".
-    - `curve`, `contact`, `change`: what was computed last, or None.
+    - `curve`, `contact`, `change`: the latest, or None.
     - `numbers`: of the contact, with their errors, NaN until these are known.
+    - `warnings`: about these numbers.
     - `pinned`: curve and numbers to compare with, or None.
 
     **Arguments:**
@@ -123,6 +127,7 @@ class Page(pn.viewable.Viewer):
         self.curves, self.folder = curves, Path(folder)
         self.curve = self.contact = self.change = self.pinned = None
         self.numbers: dict[str, tuple[float, float]] = {}
+        self.warnings, self._drawn = [], []
         self._call, self._turn = 0, asyncio.Lock()
         self.sliders = {
             name: Slider(number, lambda value, name=name: self._check(name, value))
@@ -136,12 +141,9 @@ class Page(pn.viewable.Viewer):
         self._lines = [Lines(*line) for line in named] if curves.has_curve else []
         steady_maps = curves.kind == "steady" and curves.surface.grid.ndim == 2
         self._maps = Maps(curves.surface) if steady_maps else None
-        self._pictures = pn.Column(**WIDE)
+        self._pictures, self._bars_place = pn.Column(**WIDE), pn.Column(**WIDE)
         self._bars = Bars(SHOWN[curves.kind][0])
-        self._bars_pane, self._bars_place = (
-            pn.pane.Bokeh(self._bars.figure, **WIDE),
-            pn.Column(**WIDE),
-        )
+        self._bars_pane = pn.pane.Bokeh(self._bars.figure, **WIDE)
         self.pin = pn.widgets.Toggle(label="Pin to compare", **WIDE)
         self.ask = pn.widgets.Toggle(label="What matters here?", **WIDE)
         self.file_name = pn.widgets.TextInput(label="Save as", value="explored.toml", **WIDE)
@@ -187,81 +189,60 @@ class Page(pn.viewable.Viewer):
         self.curves.case(self.values | {name: value})
 
     async def update(self, *_: Any) -> None:
-        """Computes what the sliders ask for; a later call ends this one between two stages."""
+        """Computes curve and contact; a later call ends this one between two stages."""
         self._call += 1
         call, values = self._call, self.values
-        stages = {
-            "Mean field": self._compute_curve,
-            "Contact": self._compute_contact,
-            "Errors": self._compute_errors,
-            "Derivatives": self._compute_change,
-        }
-        for words, stage in stages.items():
+        stages = (
+            ("Mean field", self._compute_curve, self._show_lines),
+            ("Contact", self._compute_contact, self._show_contact),
+            ("Errors", self._compute_errors, self._show_numbers),
+            ("Derivatives", self._compute_change, self._show_change),
+        )
+        for words, compute, show in stages:
             async with self._turn:
                 if call != self._call:
                     return
                 self._busy.param.update(visible=True, label=f"{words} …")
                 try:
-                    show = await asyncio.to_thread(stage, values)
-                except EXPECTED as error:
+                    await asyncio.to_thread(compute, values)
+                except (ValueError, RuntimeError, OSError, MemoryError) as error:
                     self._said.object = paragraph(error, "refused")
                     break
                 if call == self._call:
                     pn.state.execute(show, schedule=True)
         self._busy.visible = False
 
-    # The stages: each computes in a thread, and returns what shows it.
+    # The stages compute in a thread; the page then shows their results.
 
-    def _compute_curve(self, values: dict[str, float]) -> Callable[[], None]:
-        self.curve = self.curves.curve(values) if self.curves.has_curve else None
-        return self._show_lines
+    def _compute_curve(self, values: dict[str, float]) -> None:
+        self.curve = self.curves.curve(values)
 
-    def _compute_contact(self, values: dict[str, float]) -> Callable[[], None]:
-        self.contact = found = self.curves.contact(values)
-        names = SHOWN[self.curves.kind]
-        self.numbers = {
-            name: (at, np.nan) for name, at in zip(names, last_of(found, names), strict=True)
-        }
-        drawn = [] if self._maps else pictures_of(self.curves, found)
+    def _compute_contact(self, values: dict[str, float]) -> None:
+        self.contact, self.warnings = self.curves.contact(values), []
+        found = self.curves.shown(self.contact)
+        self.numbers = {name: (number, np.nan) for name, number in found.items()}
+        self._drawn = [] if self._maps else pictures_of(self.curves, self.contact)
 
-        def show() -> None:
-            self._said.object = ""
-            self._show_numbers()
-            for line in self._lines:
-                y = self.numbers[line.name][0]
-                line.contact.data = {"x": [values["velocity"]], "y": [y]}
-            if self._maps:
-                self._maps.show(found)
-            self._pictures[:] = drawn
+    def _compute_errors(self, _: dict[str, float]) -> None:
+        errors = self.curves.shown(self.contact, "_error")
+        self.numbers = {name: (at, errors[name]) for name, (at, _) in self.numbers.items()}
+        self.warnings = cast(Any, self.contact).warnings
 
-        return show
-
-    def _compute_errors(self, _: dict[str, float]) -> Callable[[], None]:
-        errors = last_of(self.contact, [f"{name}_error" for name in self.numbers])
-        pairs = zip(self.numbers.items(), errors, strict=True)
-        self.numbers = {name: (number, error) for (name, (number, _)), error in pairs}
-        warnings = "".join(
-            paragraph(f"Warning: {text}") for text in cast(Any, self.contact).warnings
-        )
-
-        def show() -> None:
-            self._said.object = warnings
-            self._show_numbers()
-
-        return show
-
-    def _compute_change(self, values: dict[str, float]) -> Callable[[], None]:
+    def _compute_change(self, values: dict[str, float]) -> None:
         self.change = self.curves.what_matters(values) if self.ask.value else None
-
-        def show() -> None:
-            self._bars_place[:] = [] if self.change is None else [self._bars_pane]
-            self._bars.show(self.change or {})
-
-        return show
 
     def _show_lines(self) -> None:
         for line in self._lines:
             line.show(cast(Any, self.curve), self.pinned and self.pinned[0])
+
+    def _show_contact(self) -> None:
+        self._show_numbers()
+        for line in self._lines:
+            y = self.numbers[line.name][0]
+            line.contact.data = {"x": [self.values["velocity"]], "y": [y]}
+        if self._maps:
+            self._maps.show(self.contact)
+        self._pictures[:] = self._drawn
 
     def _show_numbers(self) -> None:
         pinned = {} if self.pinned is None else self.pinned[1]
@@ -274,6 +255,11 @@ class Page(pn.viewable.Viewer):
             text = in_words(name, number, error)
             cells.append(f"<div><b>{text}</b><span>{words}</span></div>")
         self._head.object = f"<div class=numbers>{''.join(cells)}</div>"
+        self._said.object = "".join(paragraph(f"Warning: {text}") for text in self.warnings)
+
+    def _show_change(self) -> None:
+        self._bars_place[:] = [] if self.change is None else [self._bars_pane]
+        self._bars.show(self.change or {})
 
     def _pin(self, pinned: bool) -> None:
         self.pinned = (self.curve, self.numbers) if pinned else None
@@ -294,7 +280,7 @@ class Page(pn.viewable.Viewer):
 def side_by_side(figures: Any) -> pn.Column:
     """Returns figures beside each other, or on a phone below each other."""
     shown = [pn.pane.Bokeh(one.figure, margin=0, **WIDTHS) for one in figures]
-    return pn.Column(*shown, stylesheets=[FLOW], **WIDE)
+    return pn.Column(*shown, stylesheets=[ROW.replace("COUNT", str(len(shown)))], **WIDE)
 
 
 def paragraph(text: object, kind: str = "") -> str:
@@ -302,16 +288,12 @@ def paragraph(text: object, kind: str = "") -> str:
     return f'<p class="{kind}">{html.escape(str(text))}</p>'
 
 
-def last_of(found: Any, names: Sequence[str]) -> list[float]:
-    """Returns numbers of a contact, those over time at its end."""
-    return [float(np.ravel(at)[-1]) for at in found.compute(*names)]
-
-
 def in_words(name: str, number: float, error: float) -> str:
     """Returns a number of a contact with its error in a unit that suits it."""
     quantity = quantity_of(name)
     assert quantity is not None
-    return with_error(number, error, "" if quantity.unit == "1" else quantity.unit)
+    words = with_error(number, error, "" if quantity.unit == "1" else quantity.unit)
+    return words.replace(f"± {UNKNOWN}", "± …")  # it is computed after the number
 
 
 def explore(scene: Scene | str | os.PathLike = DEMO, folder: str | os.PathLike = ".") -> Page:

@@ -5,25 +5,21 @@ of a journal, and fonts that journals accept. Figures are made without pyplot: t
 and you need not close them. Save one with `figure.savefig("name.pdf")`, or give `axes` of your own.
 """
 
-from .contact import plot_dissipation, plot_distributions, plot_sliding
-from .materials import plot_fit, plot_master_curve, plot_response
+from .contact import plot_sliding
+from .materials import plot_fit, plot_master_curve
 from .motion import plot_cycle, plot_film, plot_transient
 from .search import plot_search
-from .style import COLOURS, COLUMN, PAGE, STYLE
+from .style import COLOURS, PAGE, STYLE
 from .sweeps import plot_sweep
 
 __all__ = [
     "COLOURS",
-    "COLUMN",
     "PAGE",
     "STYLE",
     "plot_cycle",
-    "plot_dissipation",
-    "plot_distributions",
     "plot_film",
     "plot_fit",
     "plot_master_curve",
-    "plot_response",
     "plot_search",
     "plot_sliding",
     "plot_sweep",

@@ -1,6 +1,6 @@
-"""Figures of one contact: fields, distributions, and the waves that make friction."""
+"""The figure of one contact: heights, pressure and gap."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
@@ -9,17 +9,13 @@ from jaxtyping import ArrayLike
 
 from ..contacts.law import HardWall
 from ..core.checks import as_float
-from ..core.display import unit_of, with_unit
-from ..mean_field.mean_field import MeanField, pressure_distribution
+from ..core.display import unit_of
 from ..sliding.result import Sliding
-from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface
 from .style import (
     COLOURS,
     PAGE,
     PRESSURES,
-    colours_of,
-    few_powers_of_ten,
     figure_of,
     finished,
     panels,
@@ -30,18 +26,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-# Words, symbol, unit, colours of a map, exponent of their scale, and the colour of a profile.
+# Words, unit, colours of a map, exponent of their scale, and the colour of a profile.
 LOOKS = {
-    "heights": ("height into the solid", "h", "m", "cividis", 1.0, COLOURS[0]),
+    "heights": ("height into the solid", "m", "cividis", 1.0, COLOURS[0]),
     # Most of the contact is far from its peak.
-    "pressure": ("contact pressure", r"\sigma", "Pa", PRESSURES, 0.5, COLOURS[1]),
-    "gap": ("gap", "u", "m", "magma", 1.0, COLOURS[2]),
+    "pressure": ("contact pressure", "Pa", PRESSURES, 0.5, COLOURS[1]),
+    "gap": ("gap", "m", "magma", 1.0, COLOURS[2]),
 }
 FINEST_OUTLINE = 1024  # points along an edge that an outline can show
-BINS = 50
-SHOWN_SHARE = 0.999  # of the points of a distribution
-SHOWN_DEVIATIONS = 4.0  # standard deviations of the theory that a figure shows
-STEPS_PER_DECADE = 10  # steps of the friction per ln q
 
 
 @finished
@@ -64,7 +56,7 @@ def plot_sliding(
       that is the hard wall, the `law` of contact.
     - `surface`: the surface that slides.
     - `velocity`: of the surface [m/s], as in `slide`. An arrow shows its direction if it is not 0.
-    - `axes`: three panels to draw in, by default those of a new figure.
+    - `axes`: three panels to draw in, by default of a new figure.
     """
     heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
     pressure, gap, level = np.asarray(sliding.pressure), np.asarray(sliding.gap), level_of(sliding)
@@ -95,7 +87,7 @@ def _draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -
     from matplotlib.colors import PowerNorm
     from matplotlib.ticker import MaxNLocator
 
-    words, _, base, colours, exponent, colour = LOOKS[name]
+    words, base, colours, exponent, colour = LOOKS[name]
     low, high, extend = _range_of(values)
     unit, scale = unit_of(base, max(abs(low), abs(high)))
     if values.ndim == 1:
@@ -203,94 +195,3 @@ def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
         zorder=5,
         arrowprops={"arrowstyle": "-|>", "color": "black", "path_effects": halo},
     )
-
-
-@finished
-def plot_distributions(
-    sliding: "Sliding | Dataset", mean_field: MeanField | None = None, *, axes: Any = None
-) -> "Figure":
-    """Returns a figure of the distributions of contact pressure and gap.
-
-    Densities are over the nominal area: the integral of the first is the contact area. In
-    Persson's theory the pressure has a Gaussian distribution less its mirror image; the theory is
-    for Gaussian heights.
-
-    **Arguments:**
-
-    - `sliding`: as in `plot_sliding`.
-    - `mean_field`: the result of `mean_field_friction` for the same contact, to compare with.
-    - `axes`: two panels to draw in, by default those of a new figure.
-    """
-    pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)
-    touches = np.ravel(level_of(sliding)) > 0
-    left, right = panels(axes, "ab", (PAGE, 2.7))
-    reach = 0.0
-    if mean_field is not None:
-        # The axis shows the theory too, whose tail may go beyond the contact's.
-        deviation = float(mean_field.stress_variance[-1]) ** 0.5
-        reach = float(np.nan_to_num(mean_field.pressure + SHOWN_DEVIATIONS * deviation))
-    high, scale = _draw_density(left, "pressure", pressure, touches, reach, "contact")
-    if mean_field is not None and reach:  # a theory that failed has no variance
-        stress = np.linspace(0, high, 400)
-        density = np.asarray(pressure_distribution(mean_field, stress))[-1]
-        left.plot(scale * stress, density / scale, color=COLOURS[1], label="Persson's theory")
-    _, scale = _draw_density(right, "gap", gap, ~touches)
-    mean = float(np.mean(np.maximum(gap, 0)))  # over all points; 0 where the body flows
-    label = f"mean gap {with_unit(mean, 'm')}"
-    right.axvline(scale * mean, color="0.3", lw=0.8, linestyle="--", label=label)
-    for panel in (left, right):
-        panel.set(xlim=(0, None), ylim=(0, None))
-    return figure_of(left)
-
-
-def _draw_density(axes, name, values, counted, high=0.0, label=None) -> tuple[float, float]:
-    """Draws the density over all points of the `values` that count, up to `high` at least.
-
-    Returns the end of the axis [SI] and the SI unit in units of the axis.
-    """
-    found = values[counted & np.isfinite(values)]
-    high = max(high, float(np.quantile(found, SHOWN_SHARE))) if found.size else high or 1.0
-    words, symbol, base, *_ = LOOKS[name]
-    unit, scale = unit_of(base, high)
-    counts, edges = np.histogram(scale * found, BINS, (0, scale * high or 1))
-    # Over all points, not over those that count: the integral is their share of the area.
-    density = counts / (len(values) * np.diff(edges))
-    axes.stairs(density, edges, fill=True, color=COLOURS[0], alpha=0.35)
-    axes.stairs(density, edges, color=COLOURS[0], linewidth=0.8, label=label)
-    axes.set(xlabel=f"{words} ${symbol}$ [{unit}]", ylabel=f"$P({symbol})$ [1/{unit}]")
-    return high, scale
-
-
-@finished
-def plot_dissipation(
-    curves: CutoffCurve | Mapping[str, CutoffCurve], *, axes: Any = None
-) -> "Figure":
-    """Returns a figure of friction over the wavenumber: up to each, and per ln q.
-
-    The area under the steps, over ln q, is the friction that the curve gains.
-
-    **Arguments:**
-
-    - `curves`: the result of `cumulative_friction` or `area_against_cutoff`, or `against_cutoff` of
-      a mean field; or several, by their labels.
-    - `axes`: two panels to draw in, by default those of a new figure.
-    """
-    by_label = curves if isinstance(curves, Mapping) else {"": curves}
-    total, each = panels(axes, "ab", (PAGE, 2.7), sharex=True)
-    for (label, curve), colour in zip(by_label.items(), colours_of(len(by_label)), strict=True):
-        q, friction = np.asarray(curve.cutoff), np.asarray(curve.friction)
-        total.plot(q, friction, color=colour, label=label)
-        # Steps of equal length on the logarithm, none finer than the curve.
-        count = max(1, min(len(q) - 1, round(STEPS_PER_DECADE * np.log10(q[-1] / q[0]))))
-        edges = np.geomspace(q[0], q[-1], count + 1)
-        # The curve's own steps are uneven and would make the derivative noisy.
-        steps = np.diff(np.interp(np.log(edges), np.log(q), friction)) / np.diff(np.log(edges))
-        each.stairs(steps, edges, color=colour, linewidth=1.2, label=label)
-    total.set(xscale="log", ylabel="friction of waves up to $q$")
-    each.set_ylabel(r"$\mathrm{d}\mu/\mathrm{d}\ln q$")
-    for panel in (total, each):
-        panel.axhline(0, color="0.6", linewidth=0.6, zorder=0)
-        panel.set_xlabel("wavenumber $q$ [rad/m]")
-    every = np.concatenate([np.asarray(curve.cutoff) for curve in by_label.values()])
-    few_powers_of_ten(total.xaxis, np.min(every), np.max(every))
-    return figure_of(total)

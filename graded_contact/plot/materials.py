@@ -1,17 +1,12 @@
-"""Figures of materials and blocks: responses, fits, master curves."""
+"""Figures of materials: fits and master curves."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
-from jaxtyping import ArrayLike
 
-from ..blocks.stack import Stack
-from ..core.checks import as_float, check_positive
 from ..fitting.master import MasterCurve
 from ..fitting.prony import PronyFit
-from ..response.compliance import effective_modulus
 from .style import PAGE, TEMPERATURES, colours_of, figure_of, finished, ordered, panels
 from .sweeps import ZERO_CELSIUS, kelvin
 
@@ -33,34 +28,6 @@ ORDINATES = {
 
 
 @finished
-def plot_response(
-    stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[float], *, axes: Any = None
-) -> "Figure":
-    """Returns a figure of the effective modulus and the loss tangent of a stack.
-
-    **Arguments:**
-
-    - `stack`: the block.
-    - `q`: wavenumbers [rad/m], shape `(n,)`, positive.
-    - `velocity`: one or more sliding velocities [m/s], positive; the frequency is q v.
-    - `axes`: two panels to draw in, by default those of a new figure.
-    """
-    q, speeds = as_float(q, "q"), np.atleast_1d(as_float(velocity, "velocity"))
-    check_positive("velocity", speeds, "[m/s]")
-    stiffness, loss = panels(axes, "ab", (PAGE, 2.9), sharex=True)
-    for speed, colour in zip(speeds, colours_of(len(speeds)), strict=True):
-        # Waves along the motion: those across it see lower frequencies.
-        modulus = np.asarray(effective_modulus(stack, q, q * speed))
-        label = f"sliding velocity {speed:.3g} m/s"
-        stiffness.loglog(q, np.abs(modulus), color=colour, label=label)
-        loss.semilogx(q, np.imag(modulus) / np.real(modulus), color=colour, label=label)
-    words = "wavenumber $q$ [rad/m]"
-    stiffness.set(xlabel=words, ylabel="effective modulus $|2/(q M_{zz})|$ [Pa]")
-    loss.set(xlabel=words, ylabel="loss tangent", ylim=(0, None))
-    return figure_of(loss)
-
-
-@finished
 def plot_fit(fit: PronyFit, *, axes: Any = None) -> "Figure":
     """Returns a figure of a fit: measured points and the series, and its log residuals.
 
@@ -69,7 +36,7 @@ def plot_fit(fit: PronyFit, *, axes: Any = None) -> "Figure":
     **Arguments:**
 
     - `fit`: the result of `fit_prony`.
-    - `axes`: two panels to draw in, by default those of a new figure.
+    - `axes`: two panels to draw in, by default of a new figure.
     """
     above, below = panels(axes, "a;b", (PAGE, 3.8), sharex=True, height_ratios=(3, 1))
     x = np.asarray(fit.data.x)
@@ -108,7 +75,7 @@ def plot_master_curve(curve: MasterCurve, *, axes: Any = None) -> "Figure":
     **Arguments:**
 
     - `curve`: the result of `master_curve`.
-    - `axes`: panels to draw in, by default those of a new figure: as measured, shifted, a_T and,
+    - `axes`: panels to draw in, by default of a new figure: as measured, shifted, a_T and,
       with vertical shifts, b_T.
     """
     measured, shifted = curve.data, curve.fit.data
@@ -137,7 +104,7 @@ def plot_master_curve(curve: MasterCurve, *, axes: Any = None) -> "Figure":
         xlabel=r"$\omega\,a_T$ [rad/s]" if frequency else "$t/a_T$ [s]",
         title=f"shifted to {kelvin(reference)}",
     )
-    # With one ordinate the eye sees what the shift alone did.
+    # One ordinate shows the shift alone.
     after.sharey(before)
     after.tick_params(labelleft=False)
     _draw_shifts(beside, curve, colours)
@@ -152,7 +119,7 @@ def _draw_shifts(beside: "list[Axes]", curve: MasterCurve, colours: Any) -> None
     rows = [(r"$\log_{10} a_T$", curve.log10_shifts, 1.0), ("$b_T$", factors, factors)]
     bars_are = "two standard deviations"
     for panel, (label, values, unit), deviation in zip(beside, rows, deviations, strict=False):
-        bars = 2 * np.asarray(deviation) * unit  # the deviation of b_T is that of its logarithm
+        bars = 2 * np.asarray(deviation) * unit  # of ln b_T
         for *point, colour in zip(celsius, np.asarray(values), bars, colours, strict=True):
             panel.errorbar(*point, fmt="o", capsize=2, color=colour, label=bars_are)
         panel.set_ylabel(label)

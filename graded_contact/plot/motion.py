@@ -31,7 +31,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset", *, axes: Any = None) -> "Figure
 
     - `cycle`: a solution of `slide_cycle` for a motion along x, or the results of a scene with
       [motion]: one line for each of its solves.
-    - `axes`: three panels to draw in, by default those of a new figure.
+    - `axes`: three panels to draw in, by default of a new figure.
     """
     results = _over_time(cycle, ("friction", "contact_area"))
     loop, friction, area = panels(axes, "abc", (PAGE, 2.6))
@@ -78,7 +78,7 @@ def plot_transient(
     - `transient`: a solution of `slide_transient` for a motion along x, or the results of a scene
       with a transient motion.
     - `names`: of the numbers over time, in place of these.
-    - `axes`: a panel for each name to draw in, by default those of a new figure.
+    - `axes`: a panel for each name to draw in, by default of a new figure.
     """
     shown = (*(names or MOVING), "time_since_change")
     return plot_sweep(_over_time(transient, shown), names, "time", axes=axes)
@@ -105,12 +105,12 @@ def plot_film(
     - `surface`: the surface that moves.
     - `times`: indices of the times whose pressure is stored; by default four, a quarter of the
       period T apart, or of a transient twelve at most, with the last.
-    - `axes`: a panel for each time to draw in, by default those of a new figure.
+    - `axes`: a panel for each time to draw in, by default of a new figure.
     """
     from matplotlib.colors import PowerNorm
 
     pressure, size = np.asarray(moving.pressure), np.asarray(surface.grid.size)
-    words, _, base, colours, exponent, colour = LOOKS["pressure"]
+    words, base, colours, exponent, colour = LOOKS["pressure"]
     count, high = len(pressure), float(np.max(pressure))
     seconds = getattr(moving, "field_times", getattr(moving, "field_time", None))
     # Quarters show both directions of a motion to and fro.

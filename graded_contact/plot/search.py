@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 def plot_search(design: "Design", *, axes: Any = None) -> "Figure":
     """Returns a figure of a search: objective, constraints and parameters of each evaluation.
 
-    All starts are in the first panel, the best in colour. Constraints and parameters are those of
+    All starts are in the first panel, the best in colour. Constraints and parameters belong to
     the best start; parameters are divided by their results.
 
     **Arguments:**
 
     - `design`: the result of `minimise`.
-    - `axes`: to draw in, by default those of a new figure.
+    - `axes`: to draw in, by default of a new figure.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -31,11 +31,9 @@ def plot_search(design: "Design", *, axes: Any = None) -> "Figure":
     constrained = best.margins.size > 0
     shown = panels(axes, "abc" if constrained else "ab", (PAGE, 2.9))
     value, *limits, parameters = shown
-    for run in design.runs:
-        style: dict[str, Any] = (
-            {"color": COLOURS[0], "zorder": 3} if run is best else {"color": "0.7"}
-        )
-        value.plot(np.arange(1, 1 + len(run.values)), run.values, ".-", **style)
+    for run in (*(run for run in design.runs if run is not best), best):  # the best on top
+        colour = COLOURS[0] if run is best else "0.7"
+        value.plot(np.arange(1, 1 + len(run.values)), run.values, ".-", color=colour)
     tried = np.concatenate([run.values for run in design.runs])
     # A logarithmic axis needs positive values, and is worth it from two decades on.
     if 0 < 100 * np.min(tried) < np.max(tried):

@@ -20,7 +20,7 @@ P = ParamSpec("P")
 
 # Of M. Okabe and K. Ito, for any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-COLUMN, PAGE = 3.54, 7.48  # inches, 90 and 190 mm
+PAGE = 7.48  # inches, 190 mm: two columns of a journal
 COLOUR_BAR = "<colorbar>"  # the label of Matplotlib for the axes of one
 KEY_WIDTH, LETTER_WIDTH, LINE_HEIGHT = 0.5, 0.058, 0.155  # inches, of legends
 LETTERS_PER_INCH = 15  # of a title
@@ -152,7 +152,7 @@ def at_bottom(axes: "Axes") -> dict[str, Any]:
 
 
 def colours_of(count: int, scale: str = PRESSURES) -> Any:
-    """Returns this many colours: those of `COLOURS`, or if there are more, from dark to light."""
+    """Returns this many colours: of `COLOURS`, or if there are more, from dark to light."""
     return COLOURS[:count] if count <= len(COLOURS) else ordered(count, scale)
 
 

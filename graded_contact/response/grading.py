@@ -28,8 +28,8 @@ from .layering import Layering
 
 _NOT_REACHED = (
     "The tolerance was not reached in a graded layer: its profile varies too sharply. Put "
-    "boundaries between layers at its jumps and list its kinks in `breaks`, pass a larger "
-    "`rtol`, or read `surface_compliance(..., error=True)`."
+    "boundaries between layers at its jumps and list its kinks in `breaks`, take "
+    "`graded_solver=Riccati()`, pass a larger `rtol`, or read `error=True`."
 )
 
 

@@ -11,7 +11,8 @@ wavenumber q hardly depends on the block below a few 1/q. Therefore the recursio
 layer starts at a depth that the wave can still see (`column.visible`), with the half space that has
 the moduli there. Above, the density of cells follows the changes of ln E and ν and the decay
 lengths of the wave, and decreases with depth. Beside a steep step the cells grow from its width in
-proportion to their distance: no tail of it hides in the last sublayer of a wide cell.
+proportion to their distance: no tail of it hides in the last sublayer of a wide cell. What may hide
+there, a jump, is looked for (`_missed`) and counts in the estimated error.
 
 Cells are needed for every q at once: the mesh is made for a few q, and the heights of its nodes, as
 fractions of the visible depth, are interpolated in log q. The result does not depend on the mesh,
@@ -19,6 +20,7 @@ so the mesh needs no derivative.
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -43,10 +45,12 @@ _MIDDLE = np.concatenate([(np.arange(n) + 0.5) / n for n in _REFINEMENT])
 _WIDTH = np.concatenate([np.full(n, 1 / n) for n in _REFINEMENT])
 _IS_FIRST = np.concatenate([np.arange(n) == 0 for n in _REFINEMENT])
 _LAST = np.cumsum(_REFINEMENT) - 1  # the last sublayer of each refinement
+# Just within the ends of a cell, where no sublayer has its middle.
+_ENDS, _FINEST = (1e-6, 1 - 1e-6), _MIDDLE[-_REFINEMENT[-1] :]
 # How much finer the mesh of a second attempt is.
 _SPLIT = 5
 # The mesh is made for so many wavenumbers and frequencies, from the profile at so many heights.
-_WAVENUMBERS, _FREQUENCIES, _POINTS, _REFINEMENTS = 48, 12, 128, 4
+_WAVENUMBERS, _FREQUENCIES, _POINTS, _REFINEMENTS = 48, 12, 128, 8
 # How fast cells grow beside a steep step: less makes them wider, more leaves few of them in it.
 _GROWTH = 1.0
 # Below it the mesh no longer depends on q d.
@@ -94,10 +98,15 @@ class Layering(AbstractGradedSolver):
         }
 
         def extrapolated(meshes):
-            def add(part, face, rule):
-                return add_layered(part, face, meshes[part.number], rule)
+            hidden = []
 
-            return _extrapolated(climb(add), measure, rounding(q))
+            def add(part, face, rule):
+                face, unseen = add_layered(part, face, meshes[part.number], rule)
+                hidden.append(unseen)
+                return face
+
+            values, error = _extrapolated(climb(add), measure, rounding(q))
+            return values, error + jax.lax.stop_gradient(sum(hidden))
 
         coarse = {i: mesh._replace(nodes=mesh.nodes[:, ::_SPLIT]) for i, mesh in meshes.items()}
         found = extrapolated(coarse)
@@ -131,10 +140,11 @@ def _extrapolated(levels, measure, floor):
     return tuple(values), jax.lax.stop_gradient(error) + floor
 
 
-def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
+def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> tuple[Face, Array]:
     """Returns the other face of a graded layer for every refinement, along a new first axis.
 
-    `face` may have that axis already.
+    `face` may have that axis already. Also returns the relative error of steps that no refinement
+    sees, as they lie between the end of a cell and the middle of its outermost sublayer.
     """
     x, seen, height = part.x, part.seen, part.height
     index, weight = _position(mesh, x)
@@ -142,7 +152,8 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
     middle = 1 - _MIDDLE if rule.down else _MIDDLE
     sublayers = (_LEVEL, _IS_FIRST, *(jnp.asarray(a, x.dtype) for a in (middle, _WIDTH)))
 
-    def add_cell(faces, cell):
+    def add_cell(carry, cell):
+        faces, unseen = carry
         *ends, bottom, top = cell
         low, high = (end[index] * (1 - weight) + end[index + 1] * weight for end in ends)
         length, deep = span(seen, bottom, top)
@@ -156,14 +167,20 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
             # All refinements of a cell in one scan: each starts from its own face.
             first = jax.tree.map(lambda leaf: leaf[level], faces)
             state = jax.tree.map(lambda a, b: jnp.where(is_first, a, b), first, state)
-            s = 1 - deep - length * (1 - low - (high - low) * middle)
-            depth = x * (length * (high - low) * width)
-            state = cast_like(rule.add(state, depth, *part.moduli(s)), state)
+            depth, moduli = x * (length * (high - low) * width), part.moduli(place(middle))
+            state = cast_like(rule.add(state, depth, *moduli), state)
             return state, state
+
+        def place(middle):
+            return 1 - deep - length * (1 - low - (high - low) * middle)
 
         replaced = jax.tree.map(lambda leaf: leaf[0], faces)
         _, found = jax.lax.scan(jax.checkpoint(add_sublayer), replaced, sublayers)
-        return jax.tree.map(lambda leaf: leaf[_LAST], found), None
+        # The outermost half of a sublayer is hidden. Its effect is at most as in `column`.
+        above = 2 * x * (deep + length * (1 - high))
+        effect = x * length * (high - low) / 4 * (1 + above) ** 2 * jnp.exp(-above)
+        unseen = unseen + effect * _missed(part, place)
+        return (jax.tree.map(lambda leaf: leaf[_LAST], found), unseen), None
 
     # A wave that does not see the bottom starts from a half space inside the layer.
     start = face
@@ -179,7 +196,36 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
     ends = (end.reshape(pieces * count, -1) for end in (mesh.nodes[:, :-1], mesh.nodes[:, 1:]))
     cells = *ends, jnp.repeat(mesh.edges[:-1], count), jnp.repeat(mesh.edges[1:], count)
     # A derivative keeps one state for each cell.
-    return jax.lax.scan(jax.checkpoint(add_cell), faces, cells, reverse=rule.down)[0]
+    start = faces, jnp.zeros(shape[1:], x.dtype)
+    return jax.lax.scan(jax.checkpoint(add_cell), start, cells, reverse=rule.down)[0]
+
+
+def _missed(part: GradedPart, place: Callable[[Array], Array]) -> Array:
+    """Returns by how much ln E and 4ν at the ends of a cell leave the polynomial of its inside."""
+
+    def numbers(middles):
+        middles = jnp.asarray(middles, part.x.dtype)
+        reduced, e = jax.vmap(lambda middle: part.moduli(place(middle)))(middles)
+        return jnp.log(reduced), 2 * e
+
+    missed = 0.0
+    for inside, ends in zip(numbers(_FINEST), numbers(_ENDS), strict=True):
+        # Beside a step all polynomials are wrong, in a smooth profile that of four values is.
+        wrong, rough = (
+            jnp.max(jnp.abs(ends - jnp.tensordot(_to_ends(count, inside.dtype), inside, 1)), axis=0)
+            for count in (8, 4)
+        )
+        missed += jnp.maximum(2 * wrong - rough, 0)
+    return missed
+
+
+def _to_ends(count: int, dtype: Any) -> Array:
+    """Returns weights of the values at `_FINEST` in the polynomials of the outermost `count`."""
+    rows = np.zeros((2, len(_FINEST)))
+    for row, end, near in zip(rows, _ENDS, (slice(count), slice(-count, None)), strict=True):
+        nodes = _FINEST[near]
+        row[near] = [np.prod([(end - b) / (a - b) for b in nodes if b != a]) for a in nodes]
+    return jnp.asarray(rows, dtype)
 
 
 def span(seen: Array, bottom: Array, top: Array) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 from .column import cast_like, scan_layers, stable_shape
 from .slab import Compliance, Slab, factors, hyperbolic, lower_face, reciprocal, release
-from .upwards import PLANE, base_face, in_plane, met
+from .upwards import PLANE, base_face, in_plane, inverse_size, met
 
 # So few layers run faster unrolled; more compile faster in a loop.
 _UNROLLED = 4
@@ -61,7 +61,9 @@ def _of_layers_jvp(primals, tangents):
         face, (x, reduced, e, known) = given
         slab, (n, c) = factors(x, e, known), met(face, reduced)
         (h11, h12, h22), m = lower_face(c, slab, n)
-        inverse = reciprocal(m)
+        # Of thin free slabs m is so small that float32 has no square of it.
+        unit = inverse_size((m,))
+        inverse = unit * reciprocal(unit * m)
         t, s = _pushed(slab, v)
         w = (h11 * t + h12 * s) * inverse, (h12 * t + h22 * s) * inverse
         below = release(c, slab.g, (t, s), n, inverse)

@@ -101,7 +101,7 @@ class Riccati(AbstractGradedSolver):
 
         x = part.x
         mesh = build_mesh(part.profile, x, part.omega, num_cells=4)
-        rough = add_layered(part, face, mesh, rule)
+        rough, _ = add_layered(part, face, mesh, rule)
         rough = jax.lax.stop_gradient(jax.tree.map(lambda leaf: leaf[-1], rough))
         reduced, e = part.moduli(jnp.ones_like(x))
         reference = jax.lax.stop_gradient(jnp.abs(reduced))

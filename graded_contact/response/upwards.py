@@ -61,7 +61,7 @@ def met(face: Face, reduced: Array) -> tuple[Array, Compliance]:
     n, c = face.state[:2]
     # Only ratios of coordinates matter; those of hundreds of layers would overflow. Those that are
     # given are at hand: the size of the new ones would be computed again for each of them.
-    unit = _inverse_size((n, *c))
+    unit = inverse_size((n, *c))
     return unit * n, in_units(Compliance(*(unit * part for part in c)), reduced / face.reduced)
 
 
@@ -78,7 +78,7 @@ def _add(face: Face, x: Array, reduced: Array, e: Array, known: Any = None) -> F
     if n_t is not None:
         # Antiplane a slab is a scalar: both its factors are tanh x.
         ratio_t, tanh = above.shear / face.shear, jnp.tanh(x)
-        unit_t = _inverse_size((n_t, c_t))
+        unit_t = inverse_size((n_t, c_t))
         n_t, c_t = unit_t * n_t, unit_t * ratio_t * c_t
         state = state._replace(n_t=n_t + tanh * c_t, c_t=c_t + tanh * n_t)
     return above._replace(state=state)
@@ -89,7 +89,7 @@ FULL = Rule(_add, _half_space)
 PLANE = Rule(_add, lambda reduced, e: in_plane(_half_space(reduced, e)))
 
 
-def _inverse_size(coordinates: tuple[Array, ...]) -> Any:
+def inverse_size(coordinates: tuple[Array, ...]) -> Any:
     """A constant that keeps homogeneous coordinates from overflowing."""
     parts = [part for x in coordinates for part in (x.real, x.imag)[: 1 + jnp.iscomplexobj(x)]]
     return 1 / sum(jnp.abs(jax.lax.stop_gradient(part)) for part in parts)

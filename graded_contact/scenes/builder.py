@@ -28,7 +28,7 @@ class Builder:
 
     **Arguments:**
 
-    - `folder`: what paths are relative to.
+    - `folder`: paths are relative to it.
     - `nested`: kinds of the tables that may stand under a key, such as "shift".
 
     **Fields:**

@@ -39,7 +39,7 @@ from ..sliding import (
     start_stop,
 )
 from ..sliding.shear import SHEARS
-from ..surfaces import SelfAffine, Surface, random_surface, rescale
+from ..surfaces import SelfAffine, Surface, random_surface
 from .builder import Builder, with_keys_of
 
 DrawSurface = Callable[[ArrayLike], Surface]  # from a seed
@@ -84,20 +84,6 @@ def sphere(grid: Grid, radius: float) -> Surface:
     return Surface(-squared / (2 * radius), grid, periodic=False)
 
 
-@with_keys_of(read_surface)
-def measured(
-    path: os.PathLike,
-    rms_height: float | None = None,
-    rms_slope: float | None = None,
-    **reading: Any,
-) -> Surface:
-    """Returns a measured surface, see `read_surface`, with another height or slope if given."""
-    surface = read_surface(path, **reading)
-    if rms_height is None and rms_slope is None:
-        return surface
-    return rescale(surface, rms_height=rms_height, rms_slope=rms_slope)
-
-
 def read_transient(path: os.PathLike, grid: Grid) -> Motion:
     """Returns the motion of a table "time [s], displacement [m]" that need not close."""
     times, displacement = read_over_time(path, "displacements")
@@ -114,7 +100,7 @@ MATERIALS = {
     "tabulated": tabulated,
 }
 BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
-SURFACES = {"self_affine": self_affine, "sphere": sphere, "file": measured}
+SURFACES = {"self_affine": self_affine, "sphere": sphere, "file": read_surface}
 CYCLES = {"sinusoidal": sinusoidal, "start_stop": start_stop, "recorded": read_motion}
 TRANSIENTS = {
     "start": start,
@@ -137,10 +123,9 @@ SHAPES = {
     "error_function": ErrorFunction,
 }
 GRADED_SOLVERS = {"layering": Layering, "riccati": Riccati}
-RANGES = {"range": MeasuredRange}
 NESTED = {
     "shift": LAWS,
-    "measured": RANGES,
+    "measured": {"range": MeasuredRange},
     "shape": SHAPES,
     "graded_solver": GRADED_SOLVERS,
 }

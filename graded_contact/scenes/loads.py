@@ -127,7 +127,7 @@ def motion_of(builder: Builder, table: Any, line: Grid) -> Motion | None:
 
 
 def line_along(grid: Grid, directions: ArrayLike) -> Grid:
-    """Returns points along x on which a step is that of the turned path on a grid.
+    """Returns points along x on which a step is as long as on the turned path on a grid.
 
     Of several directions [rad] it is the one in which a path crosses most points.
     """

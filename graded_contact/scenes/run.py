@@ -35,16 +35,16 @@ FLOWS = ("flow_along_x", "flow_along_y")
 
 
 def run_scene(scene: Scene, **engine: Any) -> "Dataset":
-    """Returns friction, contact area and more at every combination of what a scene varies.
+    """Returns friction, contact area and more at every point of the axes of a scene.
 
     **Arguments:**
 
-    - `scene`: what to compute.
+    - `scene`: as read.
     - `engine`: `store`, `workers`, `client` and `progress`, see `sweep`.
 
     **Returns:** a dataset over the axes of the scene, with the text of the scene and the version of
-    this package as attributes. Fields are those of the last point, or of all points if the scene
-    stores these.
+    this package as attributes. It has the fields of the last point, or of all points if the
+    scene stores these.
     """
     stored = () if scene.output.fields is None else fields_of(scene)
     last = stored if scene.output.fields == "last" else ()
@@ -202,5 +202,7 @@ def read_results(path: str | os.PathLike) -> "Dataset":
         results = xarray.load_dataset(path, engine="h5netcdf")
         _ = results["message"], results.attrs["scene"]
     except (OSError, ValueError, KeyError) as error:
-        raise ValueError(f"`path={path}` has no results of a scene: {error}") from error
+        raise ValueError(
+            f"`path={path}` is not a result file of `graded-contact run`: {error}"
+        ) from error
     return results

@@ -2,8 +2,8 @@
 
     read_scene  ──>  Scene  ──case(point)──>  Case  ──sweep──>  xarray.Dataset
 
-Keys are the names of arguments of this package, in SI units, angles in radians; a `kind` names what
-takes them. Paths are relative to the scene file, or begin with `~`.
+Keys are the names of arguments of this package, in SI units, angles in radians; a `kind` names the
+constructor. Paths are relative to the scene file, or begin with `~`.
 """
 
 import dataclasses
@@ -20,6 +20,7 @@ from ..blocks import Stack
 from ..contacts import DouglasRachford, HardWall
 from ..core.checks import as_float, check_tolerance, check_type, check_whole, within
 from ..core.display import shown
+from ..core.files import read_file
 from ..core.parameters import with_values
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
@@ -53,11 +54,25 @@ from .loads import (
 
 NEEDED = ("surface", "materials", "base", "load")
 TABLES = (
-    *NEEDED, "title", "grid", "block_surface", "layers", "counterface", "sweep", "motion", "law",
-    "shear", "heating", "fluid", "observe", "solver", "output",
-)  # fmt: skip
+    *NEEDED,
+    "title",
+    "grid",
+    "block_surface",
+    "layers",
+    "counterface",
+    "sweep",
+    "motion",
+    "law",
+    "shear",
+    "heating",
+    "fluid",
+    "observe",
+    "solver",
+    "output",
+)
 
 
+@shown("asked", unset=False)
 @dataclasses.dataclass(frozen=True)
 class Observe:
     """Optional outputs, off by default because they take longer.
@@ -96,7 +111,7 @@ class Observe:
 
 @dataclasses.dataclass(frozen=True)
 class Output:
-    """What is stored beside the numbers.
+    """The fields that are stored beside the numbers.
 
     **Fields:**
 
@@ -123,13 +138,13 @@ class Scene:
     - `text`, `title`: of the file.
     - `bodies`: the block, and the counterface or None.
     - `surface`, `block_surface`: rough surfaces, or the function that draws them from a seed.
-    - `axes`: values of what varies, by name: paths of numbers of the bodies, such as
+    - `axes`: values of the numbers that vary, by name: paths of numbers of the bodies, such as
       "layers[0].thickness", "seed", and the loads. Each has at least one value.
     - `motion`: in place of steady sliding a cycle or a transient motion; else None.
     - `load_over_time`: of a motion whose load varies; else None.
     - `options`: `law`, `shear`, `heating` and `strain_per_slope` of the `Case`.
     - `fluid`: whose leakage is a result, or None.
-    - `observe`, `output`: optional outputs, and what is stored.
+    - `observe`, `output`: optional outputs, and the fields to store.
     - `numerics`: how a contact is computed.
     """
 
@@ -197,7 +212,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
     A missing file raises `FileNotFoundError`. An error in the file raises `ValueError` with the
     table and the key.
     """
-    text = Path(path).read_text("utf-8")
+    text = read_file(path).decode()
     with within(f"{path}:"):
         return parse_scene(text, Path(path).parent)
 
@@ -234,12 +249,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     if "block_surface" in tables:
         own = {"seed": 1, **tables["block_surface"]}  # another surface with the same spectrum
         block_surface, _ = surface_of(builder, "block_surface", own, first.grid)
-    counterface = tables.get("counterface")
     bodies = TwoBodies(
         body_of(builder, "", tables, graded_solver),
-        None
-        if counterface is None
-        else body_of(builder, "counterface.", counterface, graded_solver),
+        body_of(builder, "counterface.", tables.get("counterface"), graded_solver),
     )
     scene = Scene(
         text=text,
@@ -286,8 +298,10 @@ def options_of(builder: Builder, tables: dict[str, Any]) -> dict[str, Any]:
     return options
 
 
-def body_of(builder: Builder, owner: str, tables: dict[str, Any], graded_solver: Any) -> Stack:
-    """Returns the body of the tables `layers` and `base`."""
+def body_of(builder: Builder, owner: str, tables: Any, graded_solver: Any) -> Any:
+    """Returns the body of the tables `layers` and `base`, or None without tables."""
+    if tables is None:
+        return None
     if owner:
         check_table(owner[:-1], tables, ("layers", "base"))
     if "base" not in tables:
@@ -318,7 +332,7 @@ def surface_of(
     if isinstance(made, Surface):
         return made, {}
     with in_table(place):
-        first = made(seed)  # refuses here what no grid resolves
+        first = made(seed)  # refuses waves that no grid resolves
     return (first, {}) if count == 1 else (made, {"seed": seed + np.arange(count)})
 
 

@@ -8,7 +8,6 @@ from .motion.motion import Motion
 from .motion.periodic import recorded, sinusoidal, start_stop, steady
 from .motion.transient import dwell, listed, ramp, start
 from .numbers.gap_flow import Fluid, GapFlow, gap_flow
-from .numbers.stiffness import contact_conductance, contact_stiffness, contact_stiffness_error
 from .numerics import Numerics
 from .result import CyclicSliding, Sliding, TransientSliding
 from .shear import AbstractShear, ConstantShear, Coulomb, PeakedShear
@@ -18,8 +17,7 @@ from .solve.magnification import area_against_cutoff, cumulative_friction
 __all__ = [
     "AbstractShear", "Case", "ConstantShear", "ContactStress", "Coulomb", "CyclicSliding",
     "Fluid", "GapFlow", "Heating", "LargestStress", "Motion", "Numerics", "PeakedShear",
-    "Sliding", "TransientSliding", "area_against_cutoff", "contact_conductance",
-    "contact_stiffness", "contact_stiffness_error", "contact_stress", "cumulative_friction",
+    "Sliding", "TransientSliding", "area_against_cutoff", "contact_stress", "cumulative_friction",
     "dwell", "flash_temperature", "gap_flow", "heat_depths", "heat_source", "listed", "ramp",
     "recorded", "sinusoidal", "slide", "slide_case", "slide_cycle",
     "slide_transient", "start", "start_stop", "steady",

@@ -32,12 +32,14 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 from ..blocks.stack import Stack
 from ..contacts.operators.operator import AbstractOperator, Field
 from ..contacts.operators.space_time import SpaceTime
+from ..core.display import shown
 from ..fields.grid import Waves, resample_spectrum
 
 BodyName = Literal["block", "counterface"]
 OF_COUNTERFACE = "counterface."  # begins the paths of its numbers beside those of a block
 
 
+@shown(unset=False)
 class TwoBodies(NamedTuple):
     """The block, and the counterface or None if it is rigid; values by paths are in both.
 

@@ -335,9 +335,6 @@ def edges_of(found: Found) -> area.Edges:
     return area.Edges(softest / stiffest, cuts)
 
 
-# Shear in the contact.
-
-
 @shared
 def sheared(found: Found) -> tuple[Array, Array]:
     """The tractions of shear along the motion at the times of a cycle [Pa], and the mean power."""

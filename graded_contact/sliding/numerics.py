@@ -42,19 +42,3 @@ class Numerics(eqx.Module):
         # The most precise of their numbers decides in which precision a contact is computed.
         leaves = jax.tree.leaves(eqx.filter(given, eqx.is_inexact_array))
         return dataclasses.replace(self, rtol=default_rtol(jnp.result_type(*leaves)))
-
-
-def numerics_of(
-    function: str, given: dict[str, Any], *others: str
-) -> tuple[Numerics, dict[str, Any]]:
-    """Returns the numerics of the keywords of a public function, and its `others`.
-
-    **Raises:** `TypeError` for a keyword that is neither.
-    """
-    names = [field.name for field in dataclasses.fields(Numerics)]
-    if unknown := [name for name in given if name not in (*names, *others)]:
-        known = ", ".join(f"`{name}`" for name in (*names, *others))
-        lacks = f"{function} has no argument `{unknown[0]}`"
-        raise TypeError(f"{lacks}; its numerics are {known}.")
-    numerics = Numerics(**{name: value for name, value in given.items() if name in names})
-    return numerics, {name: given[name] for name in others if name in given}

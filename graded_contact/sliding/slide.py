@@ -14,7 +14,7 @@ from ..contacts.solution import ContactSolution
 from ..core.checks import Numbers
 from ..surfaces.surface import Surface
 from .case import Case, Heating
-from .numerics import Numerics, numerics_of
+from .numerics import Numerics
 from .result import CyclicSliding, Sliding, TransientSliding
 from .shear import ShearLaw
 from .solve.heated import solve_heated
@@ -36,6 +36,8 @@ def slide(
     heating: Heating | None = None,
     strain_per_slope: ScalarLike | None = None,
     counterface: Stack | None = None,
+    start: Numbers | None = None,
+    solution: ContactSolution | None = None,
     **numerics: Any,
 ) -> Sliding:
     """Returns friction, contact area and fields of a rough surface sliding on a block.
@@ -74,8 +76,8 @@ def slide(
       exchange them: `stack` is then the smooth body, `counterface` the rough one, and the velocity
       that of the rough body over the smooth one.
     - `law`: of contact.
-    - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`; `start`
-      and `solution`, see `slide_case`.
+    - `start`, `solution`: see `slide_case`.
+    - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
 
     With `throw=False`, `.result` also reports a graded layer whose kernel misses its tolerance; all
     numbers are then NaN.
@@ -89,8 +91,8 @@ def slide(
         velocity=velocity, law=law, shear=shear, temperature=temperature, heating=heating,
         strain_per_slope=strain_per_slope, counterface=counterface,
     )  # fmt: skip
-    how, known = numerics_of("slide", numerics, "start", "solution")
-    return cast(Sliding, slide_case(case, how, **known))
+    how = Numerics(**numerics)
+    return cast(Sliding, slide_case(case, how, start=start, solution=solution))
 
 
 def slide_cycle(
@@ -107,6 +109,7 @@ def slide_cycle(
     heating: Heating | None = None,
     counterface: Stack | None = None,
     block_surface: Surface | None = None,
+    start: Numbers | None = None,
     **numerics: Any,
 ) -> CyclicSliding:
     """Returns friction, contact area and fields of a surface in periodic motion on a block.
@@ -137,7 +140,7 @@ def slide_cycle(
       its moduli at the frequencies of the period, and loses power, `counterface_power`.
     - `block_surface`: the heights of the block itself, which rest on it; heights count out of the
       block, so that those of both surfaces add up. At s = 0 the points of the two grids coincide.
-    - `numerics`: as in `slide`, without `solution`.
+    - `start`, `numerics`: as in `slide`.
 
     **Returns:** friction and areas over time, works, errors and the contact, see `CyclicSliding`.
 
@@ -148,8 +151,7 @@ def slide_cycle(
         mean_gap=mean_gap, law=law, shear=shear, temperature=temperature, heating=heating,
         counterface=counterface, block_surface=block_surface,
     )  # fmt: skip
-    how, known = numerics_of("slide_cycle", numerics, "start")
-    return cast(CyclicSliding, slide_case(case, how, **known))
+    return cast(CyclicSliding, slide_case(case, Numerics(**numerics), start=start))
 
 
 def slide_transient(
@@ -210,8 +212,8 @@ def slide_transient(
         mean_gap=mean_gap, approach=approach, law=law, shear=shear, temperature=temperature,
         counterface=counterface, block_surface=block_surface,
     )  # fmt: skip
-    how, _ = numerics_of("slide_transient", numerics)
-    return solve_transient(case, how.of(case.bodies, surface, block_surface), fields_at)
+    how = Numerics(**numerics).of(case.bodies, surface, block_surface)
+    return solve_transient(case, how, fields_at)
 
 
 def slide_case(

@@ -1,4 +1,4 @@
-"""Many solves: sweeps over axes, and what errors of materials do to results."""
+"""Many solves: sweeps over axes, and the effect of errors of materials."""
 
 from .sweep import sweep
 from .uncertainty import Estimate, Sensitivity, propagate, sensitivity

@@ -39,8 +39,8 @@ def digest(*parts: bytes | str) -> str:
 def code_of(program: ClosedJaxpr) -> str:
     """Returns a digest that differs if a traced function has other code.
 
-    The text of a jaxpr names the arrays that it closes over without their values. Those of the
-    functions inside count here; those of the program itself do not: they are its `consts`.
+    The text of a jaxpr names the arrays that it closes over without their values. Arrays of the
+    functions inside count here; arrays of the program itself do not: they are its `consts`.
     """
     return digest(_ADDRESS.sub("", str(program)), *map(bytes_of, _inner_arrays(program.jaxpr)))
 

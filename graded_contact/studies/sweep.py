@@ -74,7 +74,7 @@ def sweep(
     dimensions `<name>_0`, `<name>_1`, ... `message` is empty where a point succeeded.
 
     **Raises:** `ValueError` for axes without numbers, and for results with the name of an axis;
-    what JAX raises for a function that it cannot trace.
+    JAX's errors for a function that it cannot trace.
     """
     if workers is not None and (client is not None or workers < 1):
         raise ValueError("`workers` must be at least 1, and not be given beside `client`.")
@@ -134,7 +134,7 @@ def _dataset(
     found: list[Point | None],
     last: Collection[str],
 ) -> "Dataset":
-    """The results over the axes, with their units; NaN stands for what is missing."""
+    """The results over the axes, with their units; NaN for missing points."""
     import xarray
 
     shape = tuple(map(len, axes.values()))
@@ -162,7 +162,7 @@ class Program(NamedTuple):
     **Fields:**
 
     - `closed`: the jaxpr, and the arrays that the function closes over.
-    - `like`: shapes of what it returns: arrays by name, and a member of `RESULTS`.
+    - `like`: shapes of the results: arrays by name, and a member of `RESULTS`.
     - `code`: a digest of all but these arrays.
     """
 
@@ -193,14 +193,14 @@ def _named(found: Any) -> tuple[dict[str, jax.Array], Any]:
 
 
 def solver(program: Program) -> Callable[[Numbers], Point]:
-    """Returns what solves one point; a point that fails has its reason only."""
+    """Returns the function that solves one point; a point that fails has its reason only."""
     if program.code not in _COMPILED:
         if len(_COMPILED) == _MOST_COMPILED:  # the oldest goes
             del _COMPILED[next(iter(_COMPILED))]
         jaxpr = program.closed.jaxpr
         lifted = jaxpr.replace(constvars=[], invars=[*jaxpr.constvars, *jaxpr.invars])
         closed = ClosedJaxpr(lifted, [])
-        # Surfaces that the function draws count as those that it closes over.
+        # Surfaces count, closed over or drawn by the function.
         made = (variable.aval for equation in jaxpr.eqns for variable in equation.outvars)
         large = any(getattr(aval, "size", 0) > WITH_LOOPS for aval in (*closed.in_avals, *made))
         small = 0 if large else WITH_LOOPS
@@ -304,7 +304,7 @@ def _unpacked(packed: bytes) -> Callable[[Numbers], Point]:
 
 @contextlib.contextmanager
 def _bar(shown: bool, done: int, total: int) -> Iterator[Callable[[], None]]:
-    """Gives what is called after each point."""
+    """Gives the function to call after each point."""
     if not shown:
         yield lambda: None
         return

@@ -45,25 +45,12 @@ class Sensitivity(eqx.Module):
 
     - `omega`: angular frequencies [rad/s], shape `(points,)`.
     - `storage`, `loss`: ∂ ln f/∂ ln E' and ∂ ln f/∂ ln E'' around each ω per decade of ω [1], same
-      shape. Integrated over log10 ω they are the relative change of f per that of all of E' or E''.
+      shape. Integrated over log10 ω they are ∂ ln f/∂ ln E' or E''.
     """
 
     omega: Float[Array, " points"]
     storage: Float[Array, " points"]
     loss: Float[Array, " points"]
-
-    def decisive(self, share: float = 0.9) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """Returns the frequencies [rad/s] between which this `share` of all sensitivity lies.
-
-        Half of the rest is below, half above.
-        """
-        decades = jnp.log10(self.omega)
-        density = jnp.abs(self.storage) + jnp.abs(self.loss)
-        parts = (density[1:] + density[:-1]) / 2 * jnp.diff(decades)
-        total = jnp.concatenate([jnp.zeros(1), jnp.cumsum(parts)])
-        ends = total[-1] * jnp.array([(1 - share) / 2, (1 + share) / 2])
-        low, high = 10 ** jnp.interp(ends, total, decades)
-        return low, high
 
 
 def propagate(
@@ -73,7 +60,7 @@ def propagate(
 ) -> Estimate:
     """Returns a quantity that follows from a fitted material, or a stack, with its standard error.
 
-    To first order in the errors: of the unknowns of a fit (of a master curve, those of the shifts
+    To first order in the errors: of the unknowns of a fit (of a master curve, shifts
     included), or of numbers of any stack. The effect of a misfit of the whole
     series is not included, see `PronyFit.confidence`.
 
@@ -143,9 +130,8 @@ def sensitivity(
         raise ValueError(
             f"`material` has a Poisson's ratio of shape {poisson.shape}, not a number."
         )
-    table = Tabulated(
-        omega, material.modulus(omega), poisson, shift=getattr(material, "shift", None),
-    )  # fmt: skip
+    shift = getattr(material, "shift", None)
+    table = Tabulated(omega, material.modulus(omega), poisson, shift=shift)
 
     def quantity(logarithms):
         values = jax.tree.map(jnp.exp, logarithms)

@@ -153,7 +153,7 @@ def test_the_path_has_every_length_and_the_least_criterion_is_chosen(tread):
     lengths = [length.terms for length in fit.path]
     assert lengths == list(range(lengths[0], lengths[-1] + 1)) and lengths[0] == 1
     errors = np.array([length.error for length in fit.path])
-    assert np.all(np.diff(errors) <= 1e-3 * errors[1:])
+    assert np.all(np.diff(errors) <= 1e-4 * errors[1:])
     count = 2 * len(values)
     criteria = count * np.log(errors**2) + (2 * np.array(lengths) + 1) * np.log(count)
     np.testing.assert_allclose([length.bic for length in fit.path], criteria, rtol=1e-6)

@@ -8,7 +8,7 @@ import param
 import pytest
 
 import graded_contact as gc
-from graded_contact.page.curves import Curves
+from graded_contact.page.curves import SHOWN, Curves
 from graded_contact.page.numbers import numbers_of
 from graded_contact.page.page import Page
 from graded_contact.scenes import parse_scene
@@ -70,7 +70,7 @@ def page(curves, tmp_path):
 
 def update(page):
     """Updates without errors of the contact, which take long to compile."""
-    page._compute_errors = lambda values: lambda: None
+    page._compute_errors = lambda values: None
     asyncio.run(page.update())
 
 
@@ -119,10 +119,12 @@ def test_a_page_shows_the_contact_of_its_sliders_and_pins_a_curve(page, curves):
 
 
 def test_errors_and_warnings_are_shown(page):
-    page.numbers = {"friction": (0.1, np.nan)}
-    page.contact = SimpleNamespace(compute=lambda name: [0.02], warnings=("A & B",))
-    page._compute_errors(page.values)()
-    assert page.numbers == {"friction": (0.1, 0.02)}
+    page.numbers = dict.fromkeys(SHOWN["steady"], (0.1, np.nan))
+    compute = lambda *names: [0.02, 0.03, 0.04]  # noqa: E731
+    page.contact = SimpleNamespace(compute=compute, warnings=("A & B",))
+    page._compute_errors(page.values)
+    page._show_numbers()
+    assert page.numbers["contact_area"] == (0.1, 0.03)
     assert "0.100 ± 0.020" in page._head.object and "A &amp; B" in page._said.object
 
 
@@ -172,6 +174,7 @@ def test_numbers_that_a_scene_file_cannot_state_are_not_saved(tmp_path):
 def test_a_profile_is_drawn(tmp_path):
     text = SCENE.replace("[16, 16]", "[32]")
     page = Page(Curves(parse_scene(text)), tmp_path)
-    page._compute_contact(page.values)()
+    page._compute_contact(page.values)
+    page._show_contact()
     (picture,) = page._pictures
     assert len(picture.object.axes) == 3

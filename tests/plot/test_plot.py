@@ -1,17 +1,13 @@
 """Figures without a display: one style, units in every label, and in them what was computed."""
 
-import dataclasses
 import functools
-import math
 import re
 from types import SimpleNamespace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray
 from matplotlib.figure import Figure
-from scipy.integrate import trapezoid
 
 import graded_contact as gc
 from graded_contact.core.quantities import quantity_of
@@ -118,18 +114,6 @@ def test_several_results_axes_and_numbers_are_drawn_by_one_function():
         gc.plot.plot_sweep(results, ["friction"], axes=own)
 
 
-def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent():
-    tread = gc.tyre_tread()
-    q = np.geomspace(1e2, 1e6, 20)
-    figure = gc.plot.plot_response(gc.Stack(base=gc.HalfSpace(tread)), q, [0.1, 1.0])
-    stiffness, loss = figure.axes
-    modulus = np.asarray(tread.modulus(q * 0.1))
-    np.testing.assert_allclose(stiffness.lines[0].get_ydata(), np.abs(modulus) / 0.75, rtol=1e-12)
-    np.testing.assert_allclose(loss.lines[0].get_ydata(), modulus.imag / modulus.real, rtol=1e-10)
-    with pytest.raises(ValueError, match="`velocity"):
-        gc.plot.plot_response(gc.Stack(base=gc.HalfSpace(tread)), q, 0.0)
-
-
 def test_a_fit_shows_points_series_limits_and_residuals():
     omega, tread = np.geomspace(1e-2, 1e4, 20), gc.tyre_tread()
     values = np.asarray(tread.modulus(omega)) * np.exp(0.05 * np.sin(np.arange(20)))
@@ -170,8 +154,7 @@ def test_a_fit_in_time_shows_what_was_measured():
 BARE = (
     "", "evaluation", "objective", "constraint (0 or more allowed)", "parameter / result",
     "friction coefficient", "contact area fraction", "time over the period",
-    "friction of waves up to $q$",
-    r"$\mathrm{d}\mu/\mathrm{d}\ln q$", r"$\log_{10} a_T$", "$b_T$", "loss tangent",
+    r"$\log_{10} a_T$", "$b_T$", "loss tangent",
 )  # fmt: skip
 
 
@@ -223,46 +206,6 @@ def test_a_figure_takes_the_contact_of_the_law():
     np.testing.assert_array_equal(np.isfinite(contact), touches)
     shown = gc.plot.plot_sliding(fields, surface).axes[2].lines[0].get_ydata()
     np.testing.assert_allclose(shown, np.where(touches, 0, 1e6 * gap))
-
-
-def theory(mean=4e5, spread=9e5):
-    """A mean field whose pressure has spread this far."""
-    zeros = {field.name: jnp.zeros(()) for field in dataclasses.fields(gc.mean_field.MeanField)}
-    curve = gc.surfaces.CutoffCurve(jnp.array([1.0, 2.0]), jnp.zeros(2))
-    variance = jnp.array([0.0, spread**2])
-    known = {"against_cutoff": curve, "stress_variance": variance, "pressure": jnp.array(mean)}
-    return gc.mean_field.MeanField(**zeros | known | {"heated": None})
-
-
-def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():
-    """∫P dσ = erf(σ0/√(2V)) and ∫σ P dσ = σ0, in closed form."""
-    fields, _ = disc()
-    figure = gc.plot.plot_distributions(fields, theory())
-    check_labels(figure)
-    pressure, gap = figure.axes
-    touching = np.mean(fields.pressure > 0)
-    for axes, share in ((pressure, touching), (gap, 1 - touching)):
-        steps = axes.patches[1].get_data()
-        np.testing.assert_allclose(np.sum(steps.values * np.diff(steps.edges)), share, rtol=5e-3)
-    stress, density = pressure.lines[0].get_data()
-    assert pressure.get_xlabel().endswith("[MPa]")
-    area, load = trapezoid(density, stress), trapezoid(stress * density, stress)
-    np.testing.assert_allclose(area, math.erf(4e5 / 9e5 / math.sqrt(2)), rtol=1e-3)
-    np.testing.assert_allclose(load, 0.4, rtol=1e-3)
-    for without in (None, theory(spread=np.nan)):  # a mean field that failed is not drawn
-        assert not gc.plot.plot_distributions(fields, without).axes[0].lines
-
-
-def test_dissipation_is_the_slope_of_the_friction_and_encloses_it():
-    q = np.geomspace(1e3, 1e6, 64)
-    curve = gc.surfaces.CutoffCurve(jnp.asarray(q), jnp.asarray(0.1 * np.log(q / 1e3)))
-    figure = gc.plot.plot_dissipation({"contact": curve, "mean field": curve})
-    check_labels(figure)
-    total, each = figure.axes
-    np.testing.assert_allclose(total.lines[0].get_ydata(), curve.friction)
-    steps = each.patches[0].get_data()
-    np.testing.assert_allclose(steps.values, 0.1, rtol=1e-6)
-    assert len(steps.edges) == 31 and steps.edges[0] == 1e3
 
 
 OMEGA, TEMPERATURES = np.geomspace(0.1, 10, 6), (290.0, 300.0, 310.0)
@@ -342,6 +285,7 @@ def test_a_transient_is_drawn_over_time_and_at_rest_without_friction():
     moving.problem = SimpleNamespace(displacement=np.array([0.0, 1e-4, 2e-4]), times=times)
     moving.friction, moving.contact_area = np.array([0.1, 0.2, 0.3]), np.array([0.1, 0.1, 0.2])
     moving.load, moving.mean_gap = np.full(3, 2e5), np.array([3e-6, 2e-6, 1e-6])
+    moving.time_since_change = times
     figure = gc.plot.plot_transient(moving)
     check_labels(figure)
     np.testing.assert_allclose(figure.axes[0].lines[0].get_xydata()[-1], [1.0, 0.3])
@@ -349,6 +293,17 @@ def test_a_transient_is_drawn_over_time_and_at_rest_without_friction():
     assert figure.axes[0].get_xlabel() == "time [h]" and figure.axes[0].get_xscale() == "log"
     moving.problem.displacement = np.zeros(3)
     assert len(gc.plot.plot_transient(moving).axes) == 3
+
+
+def test_a_leakage_over_time_has_bars_where_it_is_known():
+    leakage = np.array([np.nan, 2e-9, np.nan, 1e-9, 0.0])
+    numbers = {"leakage_along_x": leakage, "leakage_along_x_error": 0.1 * leakage}
+    results = xarray.Dataset({name: ("time", at) for name, at in numbers.items()})
+    results = results.assign(message=((), "")).assign_coords(time=np.arange(1.0, 6.0))
+    (panel,) = gc.plot.plot_sweep(results, ["leakage_along_x"]).axes
+    (bars,) = panel.collections
+    ends = np.array([bar[:, 1] for bar in bars.get_segments() if len(bar)])
+    np.testing.assert_allclose(ends, [[1.8e-9, 2.2e-9], [0.9e-9, 1.1e-9]])
 
 
 @pytest.mark.parametrize("shape", [(16,), (8, 8)])

@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import mpmath
@@ -256,25 +255,14 @@ def test_after_many_periods_it_is_the_cycle_with_an_error_of_second_order():
     assert errors[1] < 0.35 * errors[0]
 
 
-@pytest.mark.slow
-def test_steady_sliding_is_its_limit():
-    velocity, count = 0.02, 640
-    steady = gc.slide(COAT, SURFACE, pressure=1e5, velocity=velocity)
-    times = np.arange(1, count + 1) * 0.2e-3 / 2
-    found = run(COAT, times, velocity * times, 1e5, rtol=1e-5)
-    assert found.friction[-1] == pytest.approx(float(steady.friction), rel=0.02)
-    assert found.contact_area[-1] == pytest.approx(float(steady.contact_area), rel=0.02)
-
-
-@pytest.mark.slow
 def test_errors_contain_the_change_to_a_finer_grid_and_more_steps():
-    rough = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=6284.0, q_roll=12566.0, q_high=50265.0)
+    rough = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=6284.0, q_roll=12566.0, q_high=37700.0)
 
     def at(factor):
-        grid = gc.Grid((64 * factor,), 1e-3)
+        grid = gc.Grid((32 * factor,), 1e-3)
         surface = gc.random_surface(rough, grid, jax.random.key(0))
-        motion = dwell(0.1, 31 * factor).then(start(0.02, 0.005, num_times=13 * factor))
-        motion = motion.then(ramp(0.02, 0.01, num_times=26 * factor))
+        motion = dwell(0.1, 12 * factor).then(start(0.02, 0.005, num_times=6 * factor))
+        motion = motion.then(ramp(0.02, 0.01, num_times=14 * factor))
         shear = ConstantShear(1e4)
         given = motion.times, motion.displacement, 1e5, surface
         return run(COAT, *given, rtol=5e-5 / factor**4, shear=shear)
@@ -289,36 +277,6 @@ def test_errors_contain_the_change_to_a_finer_grid_and_more_steps():
     for name in ("mean_friction", "peak_friction"):
         change = abs(getattr(coarse, name) - getattr(fine, name))
         assert change < getattr(coarse, f"{name}_error")
-
-
-@pytest.mark.slow
-def test_derivatives_are_those_of_differences_and_batches_are_single_solves():
-    motion = dwell(0.1, 10).then(start(0.02, 0.002, num_times=10))
-
-    def number(stack, times, moved, load, heights):
-        surface = gc.Surface(heights, GRID)
-        found = run(stack, times, moved, load, surface, rtol=1e-9)
-        return 10 * found.friction[-1] + 1e5 * found.mean_gap[-1] + found.work_done[-1]
-
-    args = COAT, motion.times, motion.displacement, jnp.full(20, 1e5), SURFACE.heights
-    slopes = jax.grad(number, argnums=(0, 1, 2, 3, 4))(*args)
-    rng = np.random.default_rng(0)
-    for i, given in enumerate(args):
-        leaves, structure = jax.tree.flatten(eqx.filter(given, eqx.is_inexact_array))
-        ways = [1e-5 * leaf * rng.uniform(0.5, 1, leaf.shape) for leaf in leaves]
-        way = structure.unflatten(ways)
-
-        def moved(sign, i=i, way=way):
-            changed = eqx.apply_updates(args[i], jax.tree.map(lambda w: sign * w, way))
-            return float(number(*args[:i], changed, *args[i + 1 :]))
-
-        expected = (moved(1) - moved(-1)) / 2
-        found = sum(jnp.sum(a * b) for a, b in zip(jax.tree.leaves(slopes[i]), ways, strict=True))
-        assert float(found) == pytest.approx(expected, rel=2e-3, abs=1e-9)
-    loads = jnp.asarray([1e5, 2e5])[:, None] * jnp.ones(20)
-    both = jax.vmap(lambda load: number(*args[:3], load, args[4]))(loads)
-    single = [number(*args[:3], load, args[4]) for load in loads]
-    np.testing.assert_allclose(both, single, rtol=1e-6)
 
 
 def test_the_response_on_the_path_of_a_window_is_that_of_a_window_kernel():
@@ -346,32 +304,3 @@ def test_the_response_on_the_path_of_a_window_is_that_of_a_window_kernel():
     np.testing.assert_allclose(cut, exact, atol=2e-3 * np.max(exact))
     with pytest.raises(ValueError, match="`displacement` must be known on a window"):
         jax.jit(lambda s: transient_problem(dataclasses.replace(case, displacement=s)).given)(moved)
-
-
-@pytest.mark.slow
-def test_a_sphere_under_a_load_that_begins_is_that_of_lee_and_radok():
-    """Radius a³ = 3/4 (1 - ν²) R F J(t), and the mean gap of Hertz's contact of this radius."""
-    rubber = gc.Prony(1.0, [4.0], [0.1], 0.5)
-    times, radius, force = np.geomspace(1e-3, 1, 16), 1.0, 0.02
-    creep = 1 - 0.8 * np.exp(-times / 0.5)
-    expected = (0.75 * 0.75 * radius * force * creep) ** (1 / 3)
-    size, n = 3 * expected[-1], 48
-    place = (np.arange(n) - n // 2) * size / n
-    away = np.hypot(place[:, None], place)
-    found = run(
-        gc.Stack(base=gc.HalfSpace(rubber)), times, 0 * times, force / size**2,
-        gc.Surface(-(away**2) / (2 * radius), gc.Grid((n, n), size), periodic=False), rtol=1e-5,
-    )  # fmt: skip
-    radii = size * np.sqrt(np.asarray(found.contact_area) / np.pi)
-    np.testing.assert_allclose(radii, expected, rtol=0.007)
-    for mean, error, a in zip(found.mean_gap, found.mean_gap_error, expected, strict=True):
-        r = np.maximum(away, a)
-        moved = ((2 * a**2 - r**2) * np.arcsin(a / r) + a * np.sqrt(r**2 - a**2)) / (np.pi * radius)
-        exact = np.mean(np.where(away > a, r**2 / 2 / radius - a**2 / radius + moved, 0))
-        assert mean == pytest.approx(exact, rel=1.5e-3)
-        assert abs(mean - exact) < 2 * error
-
-
-def coated(strength=4.0):
-    rubber = gc.HalfSpace(gc.Prony(1.0, [strength], [0.05], 0.4))
-    return gc.Stack(layers=(gc.Layer(gc.Elastic(3.0, 0.45), 0.05),), base=rubber)

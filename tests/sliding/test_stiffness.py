@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.sliding import (
-    AbstractShear,
-    Coulomb,
-    contact_conductance,
-    contact_stiffness,
-    contact_stiffness_error,
-)
+from graded_contact.sliding import AbstractShear, Coulomb
 
 BLOCK = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
 REDUCED = 1 / (1 - 0.3**2)
@@ -33,7 +27,8 @@ def stiffness_of(fraction):
 @jax.jit
 def stiffness(pressure, modulus=1.0):
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus, 0.3)))
-    return contact_stiffness(gc.slide(block, WAVE, pressure=pressure, velocity=0.0, rtol=1e-10))
+    given = {"pressure": pressure, "velocity": 0.0, "rtol": 1e-10}
+    return gc.slide(block, WAVE, **given).contact_stiffness
 
 
 @pytest.mark.parametrize("fraction", [0.2, 0.21, 0.22, 0.5, 0.8])
@@ -58,12 +53,12 @@ def test_stiffness_of_a_sphere_in_a_cell():
     found = slide(64)
     images = (3.900265 - 9.0336 / 3 * radius**2) / np.pi
     expected = REDUCED / (1 / (2 * radius) - images)
-    off = abs(contact_stiffness(found) / expected - 1)
-    assert off <= contact_stiffness_error(found) / expected <= 0.1
+    off = abs(found.contact_stiffness / expected - 1)
+    assert off <= found.contact_stiffness_error / expected <= 0.1
     assert off <= 0.005
     # The same contact conducts as Barber's analogy says.
-    barber = 2 * contact_stiffness(found) / (REDUCED * 0.7)
-    np.testing.assert_allclose(contact_conductance(found, 0.7), barber, rtol=1e-7)
+    barber = 2 * found.contact_stiffness / REDUCED
+    np.testing.assert_allclose(found.specific_conductance, barber, rtol=1e-7)
 
 
 class Adhered(AbstractShear):
@@ -89,7 +84,7 @@ def test_stiffness_under_a_traction_is_the_slope_of_loads_over_gaps():
         found = [rubbed(share * pressure_for(0.5), shear) for share in shares]
         low, middle, high = found
         slope = -(high.mean_pressure - low.mean_pressure) / (high.mean_gap - low.mean_gap)
-        np.testing.assert_allclose(contact_stiffness(middle), slope, rtol=0.015)
+        np.testing.assert_allclose(middle.contact_stiffness, slope, rtol=0.015)
 
 
 def test_full_contact_is_infinitely_stiff():

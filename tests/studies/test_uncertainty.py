@@ -76,8 +76,6 @@ def test_what_decides_friction_adds_up_to_what_pressure_does():
     excited = 0.1 * np.array([Q0, 50 * Q0])
     beyond = (omega < excited[0] / 30) | (omega > 30 * excited[1])
     assert np.all(np.abs(found.loss[beyond]) < 1e-3 * np.max(found.loss))
-    low, high = found.decisive()
-    assert excited[0] / 3 < low < high < 3 * excited[1]
     i, step, width = int(np.argmax(found.loss)), 1e-4, np.log10(omega[1] / omega[0])
     for part in ("storage", "loss"):
         below, above = (

@@ -31,7 +31,8 @@ from ..case import WINDOW
 from ..energy import frequencies
 from ..formulas import loaded, loaded_path, mean_load, shared, touching
 from ..number import Found, value_of
-from ..problem import CycleProblem, SteadyProblem, TransientProblem
+from ..problem import CycleProblem, SteadyProblem
+from ..transient_problem import TransientProblem
 
 
 class Weights(NamedTuple):
@@ -66,7 +67,10 @@ _DOUBT = 0.25  # of the dip between two points: how far the lowest pressure may 
 
 
 def by_grid(
-    name: str, weights: Weights, also: Callable[[Found], Array] | None = None
+    name: str,
+    weights: Weights,
+    also: Callable[[Found], Array] | None = None,
+    shear: str | None = None,
 ) -> Callable[[Found], Array]:
     """Returns the formula of the error of a number by the grid.
 
@@ -75,6 +79,7 @@ def by_grid(
     - `name`: of the number.
     - `weights`: `OF_FORCE`, `OF_SHEAR` or `OF_PLACE`.
     - `also`: what is added, such as the power that no point shows.
+    - `shear`: name of the part of the number by shear in the contact, which has its own error.
     """
 
     def error(found):
@@ -93,19 +98,24 @@ def by_grid(
         # At most 1: a contact that is full, or nearly so, may be open by all that is in doubt.
         opened = jnp.minimum(doubt / nonzero(1 - area), 1) * weights.relative_open
         total = weights.moved * moved + weights.lacking * missed
+        if shear is not None:
+            own = own - value_of(shear, found)
+            total = total + by_grid(shear, OF_SHEAR)(found)
         total = total + jnp.abs(own) * (relative + opened)
         return total if also is None else total + also(found)
 
     return error
 
 
-def friction_by_grid(name: str, also: Callable[[Found], Array] | None = None):
-    """Returns the formula of the error of a friction by the grid.
+def friction_by_grid(
+    name: str, also: Callable[[Found], Array] | None = None, shear: str | None = None
+):
+    """Returns the formula of the error of a friction by the grid, see `by_grid`.
 
     At a given gap or approach the load has an error, too. In full contact, where the traction does
     not depend on the load, friction has the same.
     """
-    of_force = by_grid(name, OF_FORCE, also)
+    of_force = by_grid(name, OF_FORCE, also, shear)
 
     def error(found):
         own = of_force(found)

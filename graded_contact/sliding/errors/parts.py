@@ -71,7 +71,7 @@ def changes_by_kernel(found: Found) -> list[Array]:
     if found.problem.kernel_error is None:
         return []
     assert isinstance(found.operator, Window)
-    given = found.pressure, touching(found), found.at_approach
+    given = found.pressure, touching(found), found.problem.prescribed == "approach"
     return [found.operator.change_by(error, *given) for error in found.problem.kernel_error]
 
 

@@ -26,7 +26,7 @@ from ..formulas import (
 )
 from ..motion import motion
 from ..number import Found, observable
-from ..problem import TransientProblem, steps_of
+from ..transient_problem import TransientProblem, steps_of
 from .load import approach
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured

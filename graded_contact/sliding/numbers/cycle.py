@@ -73,19 +73,6 @@ def counterface_power(found: Found) -> Array:
     return sum(map(jnp.sum, losses(found)[1:]), jnp.zeros((), found.pressure.dtype))
 
 
-@observable("phase of the traction before the displacement, in radians", r"\delta")
-def phase(found: Found) -> Array:
-    """By which the first harmonic of the traction leads that of the displacement [rad].
-
-    0 for a spring, π/2 for a dashpot; 0 without motion.
-    """
-    fields = all_tractions(found), found.motion_of_surface[1]
-    force, moved = (jnp.fft.rfft(a, axis=0)[1] for a in fields)
-    lead = jnp.sum(force * jnp.conj(moved))
-    # The angle of 0 has no derivative.
-    return jnp.angle(jnp.where(jnp.abs(lead) > 0, lead, 1))
-
-
 @observable(
     "temperature of the contact above the bulk", r"\Delta T", "K", needs=[HEATED], warns=WARMS
 )

@@ -115,7 +115,7 @@ def _image_error(found: Found) -> Array:
     sums = sum(jnp.abs(jnp.sum(tractions_of(found, pressure, w)) / mean_load(found)) for w in moved)
     steep = sum(slopes(found, pressure, w) for w in moved)
     by_kernel = sums + 2 * steep / jnp.sqrt(jnp.sum(pressure != 0))
-    if not found.at_approach:
+    if found.problem.prescribed != "approach":
         return by_kernel
     indicator, edges = indicator_of(found), edges_of(found)
 

@@ -32,7 +32,7 @@ from ...fields.grid import Grid
 from ..case import FLOW
 from ..formulas import indicator_of, shared
 from ..number import Found, observable, value_of
-from ..problem import TransientProblem
+from ..transient_problem import TransientProblem
 
 ALONG = {"entries": ("along x", "along y")}  # how arrays print
 # Of the changes of K with the grid, and with the gap by the errors of its mean. With these weights

@@ -1,11 +1,10 @@
-"""What presses a body on the block: load, approach, moment."""
+"""What presses a body on the block: load and approach."""
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from ...contacts.estimates import error_of
 from ...core.derivative import largest
-from ...fields.grid import coordinates
 from ..case import GIVEN_LOAD, GROUND, LOAD_FOLLOWS, WINDOW
 from ..errors.grid import OF_PLACE, by_grid
 from ..errors.parts import changes_by_kernel, gap_by_solver, with_chance
@@ -31,17 +30,6 @@ def approach(found: Found) -> Array:
     moved, mean = moved_where_loaded(found, found.operator, found.heights + found.gap)
     ground = found.kernel[(0,) * found.kernel.ndim] != 0
     return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
-
-
-@observable("moment of the pressure about the middle of the window", "M", "N m", stored=False)
-def moment(found: Found) -> Array:
-    """Moment of the pressure about the middle of a window [N m], of a line [N].
-
-    Force times distance along each axis.
-    """
-    forces = found.pressure * jnp.prod(found.grid.spacing)
-    arms = (place - jnp.mean(place) for place in coordinates(found.grid))
-    return jnp.stack([jnp.sum(forces * arm) for arm in arms])
 
 
 def _pressure_by_solver(found: Found) -> Array:

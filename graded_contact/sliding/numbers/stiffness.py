@@ -22,19 +22,18 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import Array, Float
 
-from ...contacts.adjoint import LinearSolver, LinearSplitting, opening_by_load
+from ...contacts.adjoint import LinearSplitting, opening_by_load
 from ...contacts.area import contact_shares, edge_stiffness
 from ...contacts.operators.operator import Steady, first_mode
 from ...contacts.solver.abstract_solver import penalty_for
-from ...core.checks import as_scalar, check_positive, check_type
 from ...core.compilation import compiled
 from ...fields.grid import wavenumber
 from ..bodies import lags
 from ..case import CONDUCTANCE, STIFFNESS, WINDOW
-from ..formulas import edges_of, indicator_of, lift
-from ..number import AbstractSliding, observable
+from ..formulas import edges_of, indicator_of, lift, shared
+from ..number import Found, observable
 from ..problem import SteadyProblem
 
 _RTOL = 1e-8
@@ -45,121 +44,61 @@ _FROM_HALF, _SOFTER = 0.75, 1.25
 _LACKING = 8.0  # times the share of the squared slope in waves that half the grid lacks
 
 
-def contact_stiffness(
-    sliding: AbstractSliding,
-    *,
-    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008 (immutable)
-) -> Float[Array, ""]:
-    """Returns -dp/dū [Pa/m], by which the mean pressure rises as the mean gap closes.
+@observable("contact stiffness", "k", "Pa/m", needs=[STIFFNESS])
+def contact_stiffness(found: Found) -> Float[Array, ""]:
+    """-dp/dū [Pa/m], by which the mean pressure rises as the mean gap closes.
 
-    The block acts as at the given velocity, at rest with its relaxed moduli; a traction that moves
-    the surface follows the pressure. Laws other than the hard wall enter by their contact area.
-    Differentiable.
-
-    **Arguments:**
-
-    - `sliding`: a contact on a periodic surface.
-    - `adjoint`: the linear solver, see `LinearSplitting`.
-
-    **Returns:** the stiffness of the whole surface per area; infinite in full contact.
-
-    **Raises:** `ValueError` for a surface on a window.
+    That of the whole surface per area; infinite in full contact. The block acts as at the given
+    velocity, at rest with its relaxed moduli; a traction that moves the surface follows the
+    pressure. Laws other than the hard wall enter by their contact area.
     """
-    _check(sliding)
-    return _stiffness(sliding, adjoint)
+    return _stiffness(_periodic(found))
 
 
-def contact_stiffness_error(
-    sliding: AbstractSliding,
-    *,
-    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008 (immutable)
-) -> Float[Array, ""]:
-    """Returns the estimated error of `contact_stiffness` by the grid [Pa/m].
+@observable("contact conductance times both resistivities", r"G\varrho", "1/m", needs=[CONDUCTANCE])
+def specific_conductance(found: Found) -> Float[Array, ""]:
+    """Contact conductance of two half spaces times the sum of their resistivities [1/m].
+
+    It is per area, and in excess of full contact. Current flows through the contact area only. Over
+    the sum of both 1/λ [m K/W] it is the thermal conductance [W/(m² K)]. For a homogeneous elastic
+    block it is 2k/E*, k being the `contact_stiffness` (Barber's analogy).
+    """
+    q = wavenumber(found.grid)
+    return _stiffness(_periodic(found), kernel=1 / jnp.where(first_mode(q.shape), 1, q))
+
+
+@shared
+def _error_by_grid(found: Found) -> Float[Array, ""]:
+    """The error of the stiffness by the grid [Pa/m].
 
     3/4 of the change from half as many points (see `sliding/errors/neighbours.py`), plus the change
     by springs at the edges that are a quarter softer.
-
-    **Arguments:**
-
-    - `sliding`: a contact on a periodic surface.
-    - `adjoint`: the linear solver.
-
-    **Returns:** the error; that of `contact_conductance` is the same part of its number.
-
-    **Raises:** `ValueError` for a surface on a window.
     """
-    _check(sliding)
-    near = sliding.near
-    same, half = near.both(sliding)
-    own, other = (_stiffness(s, adjoint) for s in (same, half))
-    softer = _stiffness(same, adjoint, _SOFTER)
+    near = found.near
+    same, half = near.both(_periodic(found))
+    own, other, softer = _stiffness(same), _stiffness(half), _stiffness(same, _SOFTER)
     missed = 1 + _LACKING * near.lacking
     return missed * (_FROM_HALF * jnp.abs(own - other) + jnp.abs(own - softer))
 
 
-def contact_conductance(
-    sliding: AbstractSliding,
-    resistivity: ScalarLike,
-    *,
-    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008 (immutable)
-) -> Float[Array, ""]:
-    """Returns the conductance of a contact between two half spaces, per area [S/m²].
-
-    Current flows through the contact area only. For a homogeneous elastic block the result is
-    2k/(E* ϱ), k being `contact_stiffness` (Barber's analogy).
-
-    **Arguments:**
-
-    - `sliding`: a contact on a periodic surface.
-    - `resistivity`: ϱ, the sum of both bodies' resistivities [Ω m]. With the sum of 1/λ of their
-      thermal conductivities [m K/W] the result is the thermal conductance [W/(m² K)].
-    - `adjoint`: the linear solver.
-
-    **Returns:** the current density over the drop of potential in excess of full contact.
-
-    **Raises:** `ValueError` for a refused argument.
-    """
-    _check(sliding)
-    resistivity = as_scalar(resistivity, "resistivity")
-    check_positive("resistivity", resistivity, "[Ω m]")
-    q = wavenumber(sliding.grid)
-    kernel = resistivity / jnp.where(first_mode(q.shape), 1, q)
-    return _stiffness(sliding, adjoint, kernel=kernel)
-
-
-@observable("contact conductance times both resistivities", r"G\varrho", "1/m", needs=[CONDUCTANCE])
-def specific_conductance(sliding: AbstractSliding) -> Float[Array, ""]:
-    """`contact_conductance` times the sum of the resistivities of both bodies [1/m].
-
-    Over the sum of 1/λ of their thermal conductivities it is the thermal conductance.
-    """
-    return contact_conductance(sliding, 1.0)
-
-
-@observable("contact stiffness", "k", "Pa/m", needs=[STIFFNESS])
-def stiffness(sliding: AbstractSliding) -> Float[Array, ""]:
-    """-dp/dū [Pa/m], see `contact_stiffness`."""
-    return contact_stiffness(sliding)
-
-
-def _conductance_by_grid(sliding: AbstractSliding) -> Float[Array, ""]:
+def _conductance_by_grid(found: Found) -> Float[Array, ""]:
     """The same part of the conductance as that of the stiffness."""
-    part = contact_stiffness_error(sliding) / contact_stiffness(sliding)
-    return part * specific_conductance(sliding)
+    return _error_by_grid(found) / contact_stiffness(found) * specific_conductance(found)
 
 
-stiffness_error = stiffness.error({"grid": contact_stiffness_error})
+contact_stiffness_error = contact_stiffness.error({"grid": _error_by_grid})
 specific_conductance_error = specific_conductance.error({"grid": _conductance_by_grid})
 
 
-def _check(sliding: AbstractSliding) -> None:
-    check_type("sliding", sliding, AbstractSliding)
-    if WINDOW in sliding.facts or not isinstance(sliding.problem, SteadyProblem):
-        raise ValueError("`sliding` must be steady sliding on a periodic surface.")
+def _periodic(found: Found) -> Found:
+    """The contact itself; raises `ValueError` unless it is steady on a periodic surface."""
+    if WINDOW in found.facts or not isinstance(found.problem, SteadyProblem):
+        raise ValueError("A stiffness needs steady sliding on a periodic surface.")
+    return found
 
 
 @compiled
-def _stiffness(sliding: AbstractSliding, adjoint: LinearSolver, softness: float = 1.0, kernel=None):
+def _stiffness(sliding: Found, softness: float = 1.0, kernel=None):
     """The stiffness of the block under its traction, or with a kernel in the place of both."""
     follows = kernel is None and lags(sliding.coupling)
     operator = sliding.operator if kernel is None else Steady(kernel)
@@ -179,12 +118,12 @@ def _stiffness(sliding: AbstractSliding, adjoint: LinearSolver, softness: float 
         return penalty * jax.jvp(partial(_lift_at, sliding), at, (pressure, gap / penalty))[1]
 
     by_load = opening_by_load(
-        operator.scaled(penalty), s, adjoint, rtol, follow if follows else None
+        operator.scaled(penalty), s, LinearSplitting(), rtol, follow if follows else None
     )
     return -penalty / by_load
 
 
-def _lift_at(sliding: AbstractSliding, pressure, gap):
+def _lift_at(sliding: Found, pressure, gap):
     """The displacement under the traction that lags, at another pressure and gap."""
     contact = dataclasses.replace(sliding.contact, pressure=pressure, gap=gap)
     return lift(dataclasses.replace(sliding, contact=contact))

@@ -49,7 +49,7 @@ class CyclicSliding(AbstractSliding):
     load_work, load_work_error = cycle.load_work, cycle.load_work_error
     dissipated_power, dissipated_power_error = cycle.dissipated_power, cycle.dissipated_power_error
     counterface_power, interface_power = cycle.counterface_power, tractions.interface_power
-    phase, surface_rise = cycle.phase, cycle.surface_rise
+    surface_rise = cycle.surface_rise
     contact_area, contact_area_error = area.contact_area, area.area_error_of_cycle
     contact_area_pixels, mean_gap = area.contact_area_pixels, area.mean_gap
     energy_imbalance = checks.energy_imbalance

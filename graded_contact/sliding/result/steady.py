@@ -45,7 +45,7 @@ class Sliding(AbstractSliding):
     kind: ClassVar[str] = STEADY
 
     mean_pressure, mean_pressure_error = load.mean_pressure, load.mean_pressure_error
-    approach, approach_error, moment = load.approach, load.approach_error, load.moment
+    approach, approach_error = load.approach, load.approach_error
     friction, friction_error = of_friction.friction, of_friction.friction_error
     pressure_friction = of_friction.pressure_friction
     shear_friction = of_friction.shear_friction
@@ -59,7 +59,8 @@ class Sliding(AbstractSliding):
     flow_along_x, flow_along_y = gap_flow.flow_along_x, gap_flow.flow_along_y
     flow_along_x_error = flow_along_x.error(gap_flow.flow_errors(0, "solver", "grid"))
     flow_along_y_error = flow_along_y.error(gap_flow.flow_errors(1, "solver", "grid"))
-    contact_stiffness, contact_stiffness_error = stiffness.stiffness, stiffness.stiffness_error
+    contact_stiffness = stiffness.contact_stiffness
+    contact_stiffness_error = stiffness.contact_stiffness_error
     specific_conductance = stiffness.specific_conductance
     specific_conductance_error = stiffness.specific_conductance_error
     energy_imbalance = checks.energy_imbalance
@@ -81,11 +82,6 @@ class Sliding(AbstractSliding):
     def directions(self) -> list[float]:
         """The unit vector of the traction, by its components: one, along the velocity."""
         return [1.0]
-
-    @property
-    def at_approach(self) -> bool:
-        """Whether the approach was given, not the load."""
-        return self.problem.prescribed == "approach"
 
     @property
     def speed(self) -> Float[Array, ""]:

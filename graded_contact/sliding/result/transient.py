@@ -15,9 +15,9 @@ from ..errors import neighbours
 from ..number import AbstractSliding
 from ..numbers import area, checks, cycle, gap_flow
 from ..numbers import friction as of_friction
-from ..problem import TransientProblem
 from ..transient import errors as of_steps
 from ..transient import numbers as transient
+from ..transient_problem import TransientProblem
 
 
 @shown("contact", "failed", "warnings")
@@ -49,7 +49,7 @@ class TransientSliding(AbstractSliding):
     kind: ClassVar[str] = TRANSIENT
 
     friction, friction_error = of_friction.friction, of_steps.friction_error
-    shear_friction = of_friction.shear_friction
+    shear_friction, mean_shear_friction = of_friction.shear_friction, cycle.mean_shear_friction
     mean_friction, mean_friction_error = cycle.mean_friction, of_steps.mean_friction_error
     peak_friction, peak_friction_error = cycle.peak_friction, of_steps.peak_friction_error
     time_to_peak, time_since_change = transient.time_to_peak, transient.time_since_change

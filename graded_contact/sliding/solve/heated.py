@@ -29,7 +29,7 @@ from ...blocks.stack import Stack
 from ...contacts.area import area_in_doubt
 from ...contacts.solution import RESULTS, ended
 from ...core.checks import Numbers, is_concrete
-from ...core.compilation import compiled
+from ...core.compilation import compiled, say_compiling
 from ...core.derivative import derivative_apart, still
 from ...core.fixed_point import attach_fixed_point, find_fixed_point, has_reached
 from ...fields.devices import required
@@ -59,6 +59,7 @@ def solve_heated(
     """Returns the contact of a `Case` at the temperatures that it causes; see `slide`."""
     grid, dtype = case.rough.grid, case.rough.grid.size.dtype
     temperature = _bulk_of(case)
+    say_compiling("a heated contact: minutes on large grids")
     edges, padded, finer = _cells(grid, NUM_CELLS)
     given = dataclasses.replace(case, temperature=temperature)
     fixed = still(given)
@@ -125,7 +126,11 @@ def solve_heated(
         found, _, bodies, _ = contact(x, given, edges, solutions=known)
     reached, hottest = point.error <= rtol, has_reached(x, most)
     ends = (reached | hottest, RESULTS.not_settled), (reached | ~hottest, RESULTS.too_hot)
-    solution = _with_ends(found.contact, ends, x[0], point.error, numerics.throw)
+    solution = found.contact
+    for good, end in ends:
+        if numerics.throw:
+            solution = required(solution, good, end.error_if)
+        solution = ended(solution, good, end)
     own = bodies[0], x[0], x[1 : NUM_CELLS + 1]
     of_counterface = (bodies[1], x[NUM_CELLS + 2 :]) if bodies[1:] else (None, None)
     return dataclasses.replace(
@@ -152,21 +157,6 @@ def _bulk_of(case: Case) -> Array:
     for body in case.bodies:
         body.at(temperature)  # refuses what a material cannot have
     return temperature
-
-
-def _with_ends(solution, ends, rise, change, throw: bool):
-    """The solution with how the search of temperatures ended; raises if it failed and `throw`."""
-    for good, end in ends:
-        solution = ended(solution, good, end)
-        if not throw:
-            continue
-        if is_concrete(good) and not good:
-            raise RuntimeError(
-                f"{RESULTS[end]} The last contact is {float(rise):.4g} K above the bulk; its heat "
-                f"changes temperatures by {float(change):.2g} of the largest rise."
-            )
-        solution = required(solution, good, end.error_if)
-    return solution
 
 
 def _of_mean(case: Case, cycle: CyclicSliding) -> tuple[Case, Array]:

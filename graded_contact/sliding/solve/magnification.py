@@ -28,7 +28,7 @@ from ...fields.grid import Grid, to_field, to_spectrum, wavenumber
 from ...surfaces.spectrum import CutoffCurve
 from ...surfaces.surface import Surface, check_periodic
 from ..case import Case
-from ..numerics import numerics_of
+from ..numerics import Numerics
 from .isothermal import solve_posed
 from .steady import steady_problem
 
@@ -71,8 +71,7 @@ def area_against_cutoff(
         law=law,
         counterface=counterface,
     )
-    how, _ = numerics_of("area_against_cutoff", numerics)
-    how = how.of(case.bodies, surface)
+    how = Numerics(**numerics).of(case.bodies, surface)
     posed = steady_problem(case, how)  # its kernel is that of all cut-offs
 
     def solve(start, cutoff):

@@ -6,16 +6,13 @@ the block at the frequency ω = -q·v, and the counterface at rest.
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from ...blocks.stack import Rigid, Stack, interface_depths
-from ...contacts.inputs import LEAST_GAP
-from ...contacts.law import AbstractLaw, HardWall
 from ...contacts.operators.window import operator_of
 from ...contacts.solution import RESULTS
-from ...core.checks import Numbers, as_float, check_values, is_concrete, within
+from ...core.checks import is_concrete, within
 from ...core.compilation import compiled
 from ...core.memory import SLIDING, check_memory
 from ...fields.devices import num_devices, required
@@ -68,8 +65,6 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
         facts=facts_of(case),
     )  # fmt: skip
     load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)
-    if case.approach is not None:
-        load["approach"] = check_approach(case.approach, surface, case.law)
     return Posed(problem, load, reached)
 
 
@@ -153,24 +148,3 @@ def _response(
     kernel = kernel + coefficient * coupling.lift[0]
     error = None if error is None or lift_error is None else error + coefficient * lift_error
     return _Response(kernel, error, coupling, reached)
-
-
-def check_approach(approach: Numbers, surface: Surface, law: AbstractLaw) -> Array:
-    """Returns an approach; refuses one of more than a window's length: of another unit.
-
-    It is NaN if tracing hides that. At a hard wall, one that rounding hides is refused, too.
-    """
-    approach, heights = as_float(approach, "approach"), surface.heights
-    if is_concrete(surface.grid.size):
-        most = float(np.max(np.asarray(surface.grid.size)))
-        allowed = f"it must be finite, in metres, and at most the window's length of {most:g} m"
-        check_values("approach", approach, allowed, at_most=most)
-    if isinstance(law, HardWall) and is_concrete(approach) and is_concrete(heights):
-        least, known = LEAST_GAP * float(np.std(np.asarray(heights))), np.asarray(approach)
-        hidden = known[(known > 0) & (known < least)]
-        if hidden.size:
-            raise ValueError(
-                f"`approach={hidden[0]:g}` is refused: below {least:.2g} m rounding decides what "
-                "touches. At an approach of 0 or less nothing does."
-            )
-    return jnp.where(approach <= jnp.max(surface.grid.size), approach, jnp.nan)

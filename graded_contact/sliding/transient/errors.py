@@ -26,6 +26,7 @@ from .pose import on_grid
 
 _LEAST_STEPS = 2  # of the transient solve in half as many
 _KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many steps
+_OF_FIRST_STEP = 0.5  # of the work of the load: half of it is what a block of fluid loses more
 
 
 def neighbours_of(found: Found) -> Neighbours:
@@ -60,6 +61,11 @@ def _by_steps(name: str):
         return _KEPT_BY_TIMES * moved + _MEAN_BY_TIMES * jnp.mean(change, axis=0)
 
     return error
+
+
+def _of_first_step(found: Found) -> Array:
+    """The error of the work of a load that begins at once: how its pressures rise is not known."""
+    return _OF_FIRST_STEP * jnp.abs(found.recorded["load_work_done"][0])
 
 
 @shared
@@ -143,8 +149,8 @@ def _parts_of(name: str, scale: Formula, by: Formula, solver: str = "step_error"
     }
 
 
-def _of_friction(name: str, scale: Formula):
-    return _parts_of(name, scale, friction_by_grid(name))
+def _of_friction(name: str, scale: Formula, shear: str = "mean_shear_friction"):
+    return _parts_of(name, scale, friction_by_grid(name, shear=shear))
 
 
 def _with_its_step(cause: str, own: Formula) -> Formula:
@@ -162,7 +168,7 @@ def _with_its_step(cause: str, own: Formula) -> Formula:
 
 
 CAUSES = "solver", "grid", "time", "memory"
-FRICTION_ERRORS = _of_friction("friction", _forces)
+FRICTION_ERRORS = _of_friction("friction", _forces, "shear_friction")
 _PEAK_ERRORS = {
     cause: _with_its_step(cause, own)
     for cause, own in _of_friction("peak_friction", _mean_forces).items()
@@ -170,9 +176,12 @@ _PEAK_ERRORS = {
 friction_error = friction.error(FRICTION_ERRORS)
 mean_friction_error = mean_friction.error(_of_friction("mean_friction", _mean_forces))
 peak_friction_error = peak_friction.error(_PEAK_ERRORS)
-work_done_error = work_done.error(_parts_of("work_done", _works, by_grid("work_done", OF_FORCE)))
+work_done_error = work_done.error(
+    _parts_of("work_done", _works, by_grid("work_done", OF_FORCE, shear="shear_work_done"))
+)
 load_work_done_error = load_work_done.error(
     _parts_of("load_work_done", _work_of_load, by_grid("load_work_done", OF_FORCE))
+    | {"time": lambda found: _by_steps("load_work_done")(found) + _of_first_step(found)}
 )
 contact_area_error = contact_area.error(
     _parts_of("contact_area", _area, area_by_grid), over=over_number

@@ -43,7 +43,8 @@ def time_since_change(found: Found) -> Array:
 
 @observable("time from the last start or stop to the largest friction", r"t_\mathrm{max}", "s")
 def time_to_peak(found: Found) -> Array:
-    """Time from the last start or stop of the surface to the largest friction [s]."""
+    """Time from the last start or stop of the surface to the largest friction [s]; NaN at rest."""
     sizes = lengths(found.recorded["friction"].reshape(len(found.times), -1))
     peak = jnp.argmax(jnp.where(found.recorded["load"] > 0, sizes, -1))
-    return time_since_change(found)[peak]
+    moves = jnp.any(found.problem.steps[1] != 0)
+    return jnp.where(moves, time_since_change(found)[peak], jnp.nan)

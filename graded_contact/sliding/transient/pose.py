@@ -24,8 +24,8 @@ from ..errors.neighbours import NEIGHBOURS_RTOL
 from ..motion.over_period import components
 from ..number import Found
 from ..numerics import Numerics
-from ..problem import TransientProblem, steps_of
 from ..shear import is_coupled, shear_stress, unless_negative
+from ..transient_problem import TransientProblem, steps_of
 from .run import run_transient
 from .steps import OF_STEPS, TransientState
 

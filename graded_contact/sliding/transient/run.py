@@ -16,7 +16,7 @@ from ...core.compilation import compiled_loop
 from ...core.derivative import largest
 from ..formulas import lengths
 from ..numerics import Numerics
-from ..problem import TransientProblem
+from ..transient_problem import TransientProblem
 from .steps import STEP_CONTACT, Advance, TransientState, steps_given
 from .waves import TransientWaves
 
@@ -59,19 +59,20 @@ def _of_whole(problem: TransientProblem, numbers: dict[str, Array]) -> dict[str,
     """The numbers of all steps, with those over the load and those of the whole."""
     load = numbers["load"]
 
-    def over(traction):
-        return jnp.where(load > 0, traction.T / jnp.where(load > 0, load, 1), jnp.nan).T
+    def over(traction, without):
+        return jnp.where(load > 0, traction.T / jnp.where(load > 0, load, 1), without).T
 
     # Load and tractions grow linearly in each step.
     loads = (load + jnp.append(0, load[:-1])) / 2
     shape, way = problem.displacement.shape, lengths(problem.steps[1])
-    friction, path = over(numbers["traction"]), jnp.sum(loads * way)
+    friction, path = over(numbers["traction"], jnp.nan), jnp.sum(loads * way)
     return numbers | dict(
         traction=numbers["traction"].reshape(shape),
         friction=friction.reshape(shape),
-        shear_friction=over(numbers["shear_traction"]).reshape(shape),
+        shear_friction=over(numbers["shear_traction"], 0).reshape(shape),
         # Without a way, or without a load on it, there is none.
         mean_friction=jnp.where(path > 0, numbers["work_done"][-1] / nonzero(path), jnp.nan),
+        mean_shear_friction=numbers["shear_work_done"][-1] / nonzero(path),
         peak_friction=largest(jnp.where(load > 0, lengths(friction), 0)),
         slope_in_contact=largest(numbers["slope"]),
     )

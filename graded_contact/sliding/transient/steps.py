@@ -41,8 +41,9 @@ from ..formulas import edges_of, indicator_of, touching_at, weighted_slope
 from ..number import AbstractSliding
 from ..numbers.area import contact_area, contact_area_pixels
 from ..numerics import Numerics
-from ..problem import SteadyProblem, TransientProblem
+from ..problem import SteadyProblem
 from ..shear import Coulomb, shear_over_load, shear_parts
+from ..transient_problem import TransientProblem
 from .waves import TransientWaves
 
 

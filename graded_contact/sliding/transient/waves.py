@@ -14,7 +14,7 @@ from jaxtyping import Array, Complex, Float
 
 from ...fields.grid import Grid, both_signs, mode_numbers, multiplicity, to_field, wavevector
 from ...kernels.periodic import quadrant
-from ..problem import TransientProblem, on_half
+from ..transient_problem import TransientProblem, on_half
 
 
 class TransientWaves(eqx.Module):
