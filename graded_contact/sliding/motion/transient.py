@@ -145,7 +145,7 @@ def table_of(times: Numbers, displacement: Numbers) -> Motion:
     return table
 
 
-def known(name: str, number: Array) -> np.ndarray:
+def known(name: str, number: Array | int) -> np.ndarray:
     """Returns what a number of times follows from, which must be known."""
     if not is_concrete(number):
         raise ValueError(
