@@ -276,7 +276,12 @@ MEASURED = [
     ("sur-2.sur", {}, (563, 484), 1.670e-8),
     ("hfm-1.hfm", {}, (9600,), 3.419e-7),
     ("mi-1.mi", {"channel": "Topography"}, (256, 256), 3.284e-9),
-    ("belgian_block_open.npz", {"size": (5.0, 3.08), "unit": "m"}, (500, 308), 2.22e-2),
+    (
+        "belgian_block_open.npz",
+        {"channel": "heights", "size": (5.0, 3.08), "unit": "m"},
+        (500, 308),
+        2.22e-2,
+    ),
 ]
 
 
