@@ -18,8 +18,6 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import (
     Numbers,
-    as_float,
-    as_numbers,
     as_scalar,
     check_increasing,
     check_positive,
@@ -61,25 +59,6 @@ class StrainSoftening(AbstractMaterial):
             check_positive(name, getattr(self, name), "[1]")
         check_increasing("strain", self.strain)
         check_values("amplitude", self.amplitude, "a strain [1] is 0 or positive", at_least=0)
-
-    @classmethod
-    def from_sweep(
-        cls, material: AbstractMaterial, strain: Numbers, modulus: Numbers
-    ) -> "StrainSoftening":
-        """Returns the material with f and g of a strain sweep, relative to its first row.
-
-        **Arguments:**
-
-        - `material`: at the smallest strain of the sweep.
-        - `strain`: amplitudes [1], shape `(points,)`, increasing.
-        - `modulus`: E' + iE'' (or G' + iG'') [Pa] at one frequency, shape `(points,)`.
-        """
-        modulus = as_numbers(modulus, "modulus")
-        check_positive("modulus.real", modulus.real, "[Pa]")
-        check_positive("modulus.imag", modulus.imag, "[Pa] (the loss modulus)")
-        check_rows(2, modulus=modulus, strain=as_float(strain, "strain"))
-        storage, loss = (part / part[:1] for part in (modulus.real, modulus.imag))
-        return cls(material=material, strain=strain, storage=storage, loss=loss)
 
     def factors(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns f and g [1] at the amplitude."""

@@ -2,7 +2,6 @@
 
 from functools import partial
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -72,12 +71,6 @@ def test_factors_follow_the_sweep_and_end_with_it():
     assert at_strain(on(SOFT), 0.1).base.material.amplitude == 0.1
     elastic = StrainSoftening(gc.Elastic(1e6), STRAIN, STORAGE, LOSS, 0.1)
     np.testing.assert_allclose(elastic.modulus(omega), 4.5e5)
-
-
-def test_a_sweep_is_relative_to_its_first_row():
-    sweep = 2e6 * np.array(STORAGE) + 3e5j * np.array(LOSS)
-    made = StrainSoftening.from_sweep(RUBBER, STRAIN, sweep)
-    assert eqx.tree_equal(made, SOFT, rtol=1e-14)
 
 
 @pytest.mark.parametrize("factors", [(0.6, 0.6), (0.5, 1.3)])
