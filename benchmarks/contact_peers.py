@@ -34,7 +34,7 @@ class Tamaas:
     def __init__(self, heights, kernel=None):
         self.peer = tamaas = imported("tamaas")
         tamaas.set_log_level(tamaas.LogLevel.error)
-        self.heights = np.array(heights)
+        self.heights = np.array(heights, order="C")  # it takes no other order
         self.model = tamaas.Model(
             tamaas.model_type.basic_2d, [CELL, CELL], list(self.heights.shape)
         )

@@ -10,10 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
-from scipy.special import gamma, j1, kve
+from scipy.special import gamma, j1
 
 import graded_contact as gc
 
@@ -218,38 +217,6 @@ def dugdale_pull_off(transition: float) -> float:
         return radius**3 - transition * radius**2 * (edge + ratio**2 * angle)
 
     return -float(minimize_scalar(lambda x: load(1 + np.exp(x)), bounds=(-12, 7)).fun)
-
-
-def moving_band(peclet: float, half: int = 32, points: int = 2**19) -> float:
-    """Highest temperature under a uniform band of half-width b, over q b/κ, at a Péclet number.
-
-    The number is v b/(2 D). A flat punch in one dimension slides under a constant shear stress; the
-    temperature is that above the place far ahead.
-    """
-    x = np.arange(points) - points // 2
-    heights = np.where(np.abs(x) <= half, 0.0, -1.0)
-    # The punch ends half way between its last points and their neighbours.
-    surface = gc.Surface(heights, gc.Grid(points, points / (half + 0.5)))
-    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, POISSON)))
-    shear = gc.sliding.ConstantShear(1.0)
-    found = gc.slide(block, surface, pressure=1e-6, velocity=1.0, shear=shear, rtol=1e-3)
-    heating = gc.sliding.Heating(conductivity=1.0, diffusivity=0.5 / peclet)
-    rise = gc.sliding.flash_temperature(found, block, heating, jnp.zeros(1))[0]
-    ahead = int(half * (1 + min(1000, 30 / peclet)))
-    return float(jnp.max(rise) - rise[points // 2 + ahead])
-
-
-def jaeger_band(peclet: float) -> float:
-    """The same by the integral of J. C. Jaeger (1942), of line sources moving with the band."""
-
-    def rise(x):
-        def source(s):
-            u = peclet * (x - s)
-            return kve(0, abs(u)) * np.exp(-u - abs(u))
-
-        return quad(source, -1, 1, points=[x], epsabs=1e-12)[0] / np.pi
-
-    return -float(minimize_scalar(lambda x: -rise(x), bounds=(-1, 1)).fun)
 
 
 def closing_area(seed: int, points: int = 256, halvings: int = 7) -> float:

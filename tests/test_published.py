@@ -41,9 +41,16 @@ def check_errors(found, exact, most):
     assert np.all(np.abs(np.divide(found, exact) - 1) < most), (found, exact)
 
 
-def test_a_sphere_on_a_coat_is_that_of_the_integral():
-    found = published.layers_under_hertz(*ONE_COAT[0], 64)
-    check_errors(found, integral(*ONE_COAT[0]), (5e-4, 1e-2))
+@pytest.mark.parametrize(("layers", "curvature"), [ONE_COAT[0], ONE_COAT[-1], *TWO_LAYERS])
+def test_spheres_on_coats_are_those_of_the_integral(layers, curvature):
+    found = published.layers_under_hertz(layers, curvature, 64)
+    check_errors(found, integral(layers, curvature), (5e-4, 1e-2))
+
+
+def test_the_integral_on_two_layers_is_that_of_yu_wang_and_wang():
+    """Mech. Mater. 76 (2014) 102, fig. 6, of which three digits were read."""
+    soft, stiff = (integral(*scene) for scene in TWO_LAYERS)
+    np.testing.assert_allclose((*soft, stiff[1]), (0.582, 1.373, 0.695), rtol=3e-3)
 
 
 def test_adhesion_with_a_constant_tension_has_both_limits():
@@ -94,53 +101,35 @@ def test_a_load_that_moves_deflects_a_viscoelastic_road_as_ellva_vd():
         np.testing.assert_allclose(np.max(found), 0.791, rtol=0.009)
 
 
-@pytest.mark.slow
 def test_an_adhesive_wave_tends_to_that_of_johnson_as_the_range_falls():
-    """Int. J. Solids Struct. 32 (1995) 423, α = 0.2: the range falls from 4 % to 2 % of h."""
+    """Int. J. Solids Struct. 32 (1995) 423, α = 0.2."""
     exact = np.array(published.WIDTHS)
     loads = [published.wavy_load(width) for width in published.WIDTHS]
     np.testing.assert_allclose(loads, (0, 0.1, 0.3, 0.5), atol=2e-5)
     far, near = (
         np.array([float(published.wavy_contact(p, n)[1].contact_area) for p in loads])
-        for n in (256, 1024)
+        for n in (64, 256)
     )
-    np.testing.assert_allclose(far, exact, rtol=0.06)
-    np.testing.assert_allclose(near, exact, rtol=0.015)
+    np.testing.assert_allclose(near, exact, rtol=0.06)
     assert np.all(np.abs(near - exact) < np.abs(far - exact))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("layers", "curvature"), ONE_COAT + TWO_LAYERS)
-def test_spheres_on_coats_are_those_of_the_integral(layers, curvature):
-    found = published.layers_under_hertz(layers, curvature, 128)
-    check_errors(found, integral(layers, curvature), (1e-4, 3e-3))
-
-
-@pytest.mark.slow
-def test_a_sphere_on_two_layers_is_that_of_yu_wang_and_wang():
-    """Mech. Mater. 76 (2014) 102, fig. 6, of which three digits were read."""
-    soft, stiff = (published.layers_under_hertz(*scene, 128) for scene in TWO_LAYERS)
-    np.testing.assert_allclose((*soft, stiff[1]), (0.582, 1.373, 0.695), rtol=3e-3)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("poisson", "series"), [(0.3, 7.464), (0.45, 9.263), (0.49, 10.130)])
 def test_a_bonded_layer_is_that_of_the_integral_and_of_a_series(poisson, series):
     """The series of arXiv:1807.01885, cut off, is 0.3 to 0.5 % below the integral."""
     layer = [(1e10, poisson, 2e-3)]
     exact = axisymmetric.paraboloid(layer, None, 1.0, approach=0.5e-6).load
-    found = published.bonded_layer(poisson, 128)
+    found = published.bonded_layer(poisson, 64)
     np.testing.assert_allclose(found, exact, rtol=1e-4)
     np.testing.assert_allclose(found, series, rtol=6e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("velocity", "friction"), [(0.0107135, 0.00851), (0.117818, 0.04028), (0.800539, 0.01587)]
 )
 def test_a_sphere_slides_as_that_of_carbone_and_putignano(velocity, friction):
     """J. Mech. Phys. Solids 61 (2013) 1822, fig. 12, read to 5 to 8 %."""
-    found = published.sliding_sphere(velocity, 128)
+    found = published.sliding_sphere(velocity, 64)
     np.testing.assert_allclose(found.friction, friction, rtol=0.08)
 
 
@@ -165,17 +154,6 @@ def test_an_adhesive_sphere_is_that_of_rings_between_dmt_and_jkr(tabor, points, 
     np.testing.assert_allclose(pull_off, limit, rtol=0.06)
     if limit == 1.5:
         np.testing.assert_allclose(radius, 1, rtol=0.05)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("peclet", [0.01, 1.0, 100.0])
-def test_a_moving_band_is_that_of_jaeger(peclet):
-    exact = published.jaeger_band(peclet)
-    # The ends of the band lie between points.
-    np.testing.assert_allclose(published.moving_band(peclet), exact, rtol=6e-3)
-    slow = 2 / np.pi * (1 - np.euler_gamma - np.log(peclet / 2))
-    limit = {0.01: slow, 100.0: 2 / np.sqrt(np.pi * peclet)}.get(peclet, exact)
-    np.testing.assert_allclose(limit, exact, rtol=5e-3)
 
 
 @pytest.mark.slow

@@ -26,9 +26,8 @@ from .tolerance import AbstractGradedSolver
 
 LIQUID = (
     "is a liquid (its equilibrium modulus is 0), which flows forever under waves that stand still, "
-    "such as waves across a motion. Give it an equilibrium modulus (`--equilibrium` of `fit` and "
-    "`new`). Steady sliding in one dimension at velocities other than 0, and the mean field of a "
-    "spectrum (`table --method mean_field`), need none."
+    "such as waves across a motion. Give it an equilibrium modulus (`equilibrium`). Steady sliding "
+    "in one dimension at velocities other than 0 and the mean field of a spectrum need none."
 )
 
 

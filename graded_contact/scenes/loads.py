@@ -89,8 +89,8 @@ def load_over_time(
     if path is None and ratios is None and times is None:
         return None, None
     with in_table("load"):
-        if motion is None:
-            raise ValueError("a load over time needs a [motion].")
+        if motion is None or "approach" in load:
+            raise ValueError("a load over time needs a [motion] and a pressure.")
         if path is not None:
             path = builder.entry("load", "pressure_path", path)
             times, pressures = read_over_time(path, "pressures")

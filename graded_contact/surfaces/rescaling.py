@@ -1,5 +1,6 @@
 """The same surface with other heights, or on another number of points."""
 
+import dataclasses
 import math
 from functools import partial
 
@@ -10,7 +11,7 @@ from jaxtyping import ScalarLike
 
 from ..core.checks import check_positive
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
-from .spectrum import check_square, one_of_height_and_slope
+from .spectrum import one_of_height_and_slope
 from .statistics import statistics
 from .surface import Surface, check_periodic
 
@@ -28,11 +29,12 @@ def rescale(
     **Returns:** the surface of other heights.
     """
     name, target = one_of_height_and_slope(rms_height, rms_slope)
-    check_square(name, target)
     actual = getattr(statistics(surface), name)
     check_positive(f"statistics(surface).{name}", actual, "(a flat surface cannot be rescaled)")
-    heights, note = surface.heights * (target / actual), f"Multiplied to prescribe the {name}."
-    return _changed(surface, note, heights, surface.grid, surface.measured)
+    history = (*surface.history, f"Multiplied to prescribe the {name}.")
+    return dataclasses.replace(
+        surface, heights=surface.heights * (target / actual), history=history
+    )
 
 
 def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
@@ -60,16 +62,10 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     measured = None if surface.measured is None else surface.measured[nearest]
     note = f"Resampled from {old} to {grid.shape} points by Fourier modes."
     heights = _resampled(surface.heights, grid.shape)
-    return _changed(surface, note, heights, grid, measured)
+    return Surface(heights, grid, (*surface.history, note), measured, warnings=surface.warnings)
 
 
 @partial(jax.jit, static_argnums=1)
 def _resampled(heights: Array, shape: tuple[int, ...]) -> Array:
     modes = resample_spectrum(to_spectrum(heights), heights.shape, shape)
     return to_field(modes, shape) * (math.prod(shape) / heights.size)
-
-
-def _changed(surface: Surface, note: str, heights, grid: Grid, measured) -> Surface:
-    """The surface with other heights, and a sentence in its history."""
-    history = (*surface.history, note)
-    return Surface(heights, grid, history, measured, surface.periodic, surface.warnings)

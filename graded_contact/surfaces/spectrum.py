@@ -8,16 +8,13 @@ C depends on the stretched wavenumber k² = q_across² + γ² q_along² in place
 of the band remain circles: they belong to the cell and to the resolution.
 
 The shape of the spectrum is that of B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006) 7789,
-doi:10.1088/0953-8984/18/32/025; Nayak's parameter is that of P. R. Nayak, J. Lubr. Technol. 93
-(1971) 398, doi:10.1115/1.3451608, for an isotropic surface.
+doi:10.1088/0953-8984/18/32/025.
 """
 
 import functools
-from collections.abc import Sequence
 from typing import Any, Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
@@ -33,8 +30,6 @@ from ..core.checks import (
     short,
 )
 from ..core.display import shown
-
-_STATISTIC_UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 
 
 @shown(units=False)
@@ -106,8 +101,6 @@ class SelfAffine(eqx.Module):
         if is_concrete(self.q_low):  # one of the two steps must be wide
             allowed = f"it must exceed `q_low={float(self.q_low):g}` [rad/m]"
             check_values("q_high", self.q_high, allowed, above=float(self.q_low))
-        if all(map(is_concrete, jax.tree.leaves(self))):
-            check_square(self.prescribed, self.amplitude, _squares(self))
 
     @property
     def rms_height(self) -> Float[Array, ""]:
@@ -118,25 +111,6 @@ class SelfAffine(eqx.Module):
     def rms_slope(self) -> Float[Array, ""]:
         """Root mean square length of the gradient of the surface [1]."""
         return jnp.sqrt(self.moment(2))
-
-    @property
-    def rms_curvature(self) -> Float[Array, ""]:
-        """Root mean square of the mean curvature ∇²h/2 [1/m]."""
-        return jnp.sqrt(self.moment(4)) / 2
-
-    @property
-    def nayak_parameter(self) -> Float[Array, ""]:
-        """Nayak's bandwidth parameter α = (3/2) m0 m4/m2² [1], 3/2 for a narrow band."""
-        m0, m2, m4 = (_relative_moment(self, order, 2) for order in (0, 2, 4))
-        return 1.5 * m0 / m2 * (m4 / m2)
-
-    @property
-    def slope_ratio(self) -> Float[Array, ""]:
-        """Rms slope across the lay over that along the lay [1]; γ for H = 1, less for smaller H."""
-        if self.anisotropy is None:
-            return jnp.ones_like(self.hurst)
-        squares = [_relative_moment(self, 2, 2, along=along) for along in (False, True)]
-        return jnp.sqrt(squares[0] / squares[1])
 
     def density(
         self, q: Float[Array, "*q"], ndim: int = 2, direction: Numbers | None = None
@@ -208,51 +182,26 @@ def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float
         raise ValueError(f"Exactly one of `rms_height` and `rms_slope` is needed, not {given}.")
     name = "rms_slope" if rms_height is None else "rms_height"
     value = as_scalar(rms_slope if rms_height is None else rms_height, name)
-    check_positive(name, value, _STATISTIC_UNITS[name])
+    check_positive(name, value, "[1]" if rms_height is None else "[m]")
     return name, value
 
 
-def check_square(name: str, value: Array, logarithms: Sequence[float] = (0.0,)) -> None:
-    """Refuses an amplitude whose square, times what has these logarithms, is beyond its dtype."""
-    if not is_concrete(value):
-        return
-    kind = jnp.finfo(value.dtype)
-    ends = np.log(float(kind.tiny)) - min(logarithms), np.log(float(kind.max)) - max(logarithms)
-    least, most = np.exp(np.array(ends) / 2)
-    limits = f"it must be from {least:.2g} to {most:.2g} {_STATISTIC_UNITS[name]}"
-    allowed = f"{limits}, so that squares and the spectrum stay in the range of {value.dtype}"
-    check_values(name, value, allowed, at_least=least, at_most=most)
-
-
-def _squares(spectrum: SelfAffine) -> list[float]:
-    """Logarithms of the squares of rms height and slope and of C on the plateau, of amplitude 1."""
-    # By NumPy in double precision: the moments themselves may leave the range of the dtype.
-    known = jax.tree.map(lambda leaf: np.asarray(leaf, float), spectrum)
-    height, slope = (np.log(_relative_moment(known, order, 2, np)) for order in (0, 2))
-    units = 2 * np.log(known.q_roll)
-    found = [height, slope + units, -units]
-    return [each - found[spectrum.prescribed == "rms_slope"] for each in found]
-
-
-def power_integral(exponent: Any, length: Any, lib: Any) -> Any:
+def power_integral(exponent: Array, length: Array) -> Array:
     """Returns ∫_0^length exp(exponent y) dy, smooth where the exponent passes through zero."""
     # The quotient loses its digits near zero, where a series takes its place. Both get harmless
     # arguments where the other counts, so that no derivative is NaN.
     t = exponent * length
-    small = lib.abs(t) < 0.5
-    safe = lib.where(small, 1, t)
-    near = lib.where(small, t, 0)
-    series = lib.ones_like(near)
+    small = jnp.abs(t) < 0.5
+    safe = jnp.where(small, 1, t)
+    near = jnp.where(small, t, 0)
+    series = jnp.ones_like(near)
     for n in range(16, 1, -1):
         series = 1 + near / n * series
-    return length * lib.where(small, series, lib.expm1(safe) / safe)
+    return length * jnp.where(small, series, jnp.expm1(safe) / safe)
 
 
-def _relative_moment(spectrum: SelfAffine, order, ndim: int, lib: Any = jnp, along=None) -> Any:
-    """The moment of the spectrum in units of q_roll whose plateau is 1, by JAX or by NumPy.
-
-    With `along` that of the component of q^order along the lay, or across it, of order 2.
-    """
+def _relative_moment(spectrum: SelfAffine, order: int | float, ndim: int) -> Array:
+    """The moment of the spectrum in units of q_roll whose plateau is 1."""
     if ndim not in (1, 2):
         raise ValueError(f"`ndim={ndim}` is refused: it must be 1 or 2.")
     if ndim == 1 and spectrum.anisotropy is not None:
@@ -261,25 +210,24 @@ def _relative_moment(spectrum: SelfAffine, order, ndim: int, lib: Any = jnp, alo
     unit = 2 * np.pi if ndim == 2 else 2
     if spectrum.roll_off == "smooth":
         node, weight = _nodes()
-        low, high = (lib.log(q / spectrum.q_roll) for q in (spectrum.q_low, spectrum.q_high))
-        y = (low + high) / 2 + (high - low) / 2 * lib.asarray(node, low.dtype)
+        low, high = (jnp.log(q / spectrum.q_roll) for q in (spectrum.q_low, spectrum.q_high))
+        y = (low + high) / 2 + (high - low) / 2 * jnp.asarray(node, low.dtype)
         # In logarithms: q^order alone may leave the range of float32.
         power = -(ndim / 2 + spectrum.hurst)
-        exponent = (order + ndim) * y + power * lib.logaddexp(0.0, 2 * y)
+        exponent = (order + ndim) * y + power * jnp.logaddexp(0.0, 2 * y)
         if spectrum.anisotropy is not None:
             fraction, _, share = between_ends(NUM_DIRECTIONS)
             offset = np.pi / 2 * fraction
-            part = {None: 1.0, True: np.sin(offset) ** 2, False: np.cos(offset) ** 2}[along]
-            share = lib.asarray(share * part, y.dtype)
-            stretch = lib.log(across_lay(spectrum.anisotropy, lib.asarray(offset, y.dtype), lib))
-            narrow = lib.logaddexp(0.0, 2 * (y[:, None] + stretch))
-            narrow = narrow - lib.logaddexp(0.0, 2 * y)[:, None]
-            exponent = exponent + lib.log(lib.exp(power * narrow) @ share)
-        return unit * (high - low) / 2 * lib.sum(lib.asarray(weight, y.dtype) * lib.exp(exponent))
-    falls = -lib.asarray(order + ndim, spectrum.q_low.dtype), order - 2 * spectrum.hurst
+            share = jnp.asarray(share, y.dtype)
+            stretch = jnp.log(across_lay(spectrum.anisotropy, jnp.asarray(offset, y.dtype)))
+            narrow = jnp.logaddexp(0.0, 2 * (y[:, None] + stretch))
+            narrow = narrow - jnp.logaddexp(0.0, 2 * y)[:, None]
+            exponent = exponent + jnp.log(jnp.exp(power * narrow) @ share)
+        return unit * (high - low) / 2 * jnp.sum(jnp.asarray(weight, y.dtype) * jnp.exp(exponent))
+    falls = -jnp.asarray(order + ndim, spectrum.q_low.dtype), order - 2 * spectrum.hurst
     lengths = (spectrum.q_roll / spectrum.q_low, spectrum.q_high / spectrum.q_roll)
     pairs = zip(falls, lengths, strict=True)
-    return unit * sum(power_integral(power, lib.log(length), lib) for power, length in pairs)
+    return unit * sum(power_integral(power, jnp.log(length)) for power, length in pairs)
 
 
 @functools.cache
@@ -308,9 +256,9 @@ _LAST = 16.0  # logarithm of the distance of the last node from its end
 NUM_DIRECTIONS = 128  # of moments and of the mean over directions, good to rounding
 
 
-def across_lay(anisotropy: Any, offset: Any, lib: Any = jnp) -> Any:
+def across_lay(anisotropy: Array, offset: Array) -> Array:
     """Returns k/q [1] at angles [rad] from the direction across the lay."""
-    return lib.sqrt(lib.cos(offset) ** 2 + (anisotropy * lib.sin(offset)) ** 2)
+    return jnp.sqrt(jnp.cos(offset) ** 2 + (anisotropy * jnp.sin(offset)) ** 2)
 
 
 def narrowing(spectrum: SelfAffine, x: Array, offset: Array) -> Array:

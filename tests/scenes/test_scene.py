@@ -348,6 +348,7 @@ REFUSED = [
     (("[0.01, 1.0]", "{from=0.1, to=1.0, points=2.5}"), "[load]", "float"),
     (("velocity = [0.01, 1.0]", ""), "[load]", "velocity"),
     (("velocity = [0.01", "pressure_ratio = [1, 2]\nvelocity = [0.01"), "[load]", "motion"),
+    (("pressure = [2e5, 4e5]", "approach = 1e-6\npressure_ratio = [1, 2]"), "[load]", "pressure."),
     (("[solver]", "temperature = 100\n[solver]"), "[load]", "temperature"),
     (("rtol = 1e-6", "rtol = 1e-16"), "[solver]", "rtol"),
     (("rtol = 1e-6", "rtoll = 1e-6"), "[solver]", "rtoll"),

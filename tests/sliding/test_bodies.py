@@ -158,7 +158,6 @@ def test_exchanged_bodies_have_the_same_friction(shear):
     np.testing.assert_allclose(moved, found.pressure, atol=1e-6 * largest)
 
 
-@pytest.mark.slow
 def test_roughness_on_the_block_alone_is_that_of_a_counterface_that_moves_backwards():
     n = 15
     flat = dataclasses.replace(rough(n), heights=jnp.zeros(n))

@@ -43,9 +43,7 @@ def sliding():
     return gc.slide(COATED, sphere(64), pressure=0.02, velocity=1.0)
 
 
-@pytest.mark.parametrize(
-    "radius", [0.2, *(pytest.param(radius, marks=pytest.mark.slow) for radius in (0.1, 0.4))]
-)
+@pytest.mark.parametrize("radius", [0.1, 0.2, 0.4])
 def test_sphere_is_that_of_hertz(radius):
     """Radius, peak and approach a²/R; the stiffness 2E*a is that of the counted radius.
 
@@ -104,9 +102,7 @@ def test_energy_is_balanced_on_a_window(sliding):
     np.testing.assert_allclose(jnp.mean(sliding.gap), sliding.mean_gap)
 
 
-@pytest.mark.parametrize(
-    "heights", [cylinder(64).heights, pytest.param(np.zeros(64), marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("heights", [cylinder(64).heights, np.zeros(64)])
 def test_before_the_first_touch_there_is_no_load(heights):
     """Nor at it, where rounding would decide; the derivative is that from before it."""
     surface = gc.Surface(heights, gc.Grid((64,), 1.0), periodic=False)
@@ -237,7 +233,6 @@ def attraction(tabor):
     return gc.AdhesiveLJ((1e-16) ** (1 / 3) / tabor, 1e-8)
 
 
-@pytest.mark.slow
 def test_stiff_sphere_is_pulled_off_by_two_pi_w_r():
     """The limit of Derjaguin, with the tail of the attraction beyond the window."""
     law, size = attraction(0.01), 0.4
