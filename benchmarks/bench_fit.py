@@ -125,4 +125,7 @@ def fitted_to_shifted(isotherms, log10_shifts):
 if __name__ == "__main__":
     if peers.pyvisco is None:
         print("# pyvisco is left out: pip install pyvisco==2.1.3")
-    run(__doc__, errors)
+    if peers.FOLDER.is_dir():
+        run(__doc__, errors)
+    else:
+        print(f"# skipped: the measured moduli are not there ({peers.FOLDER})")

@@ -7,7 +7,7 @@ determine f_θθ is nearly singular: single terms then have no useful derivative
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, get_args
+from typing import get_args
 
 import equinox as eqx
 import jax
@@ -15,11 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core.checks import check_type, is_concrete
+from ..core.checks import check_type
 from ..core.compilation import compiled, one_thread_of_lapack
 from .lengths import Length
-from .observations import Loss, Observations, Unknowns
-from .series import SeriesProblem, problem_of, robust_deviation
+from .observations import Loss, Observations, Unknowns, concrete
+from .series import SeriesProblem, problem_of
 
 SOFTENINGS = 5  # at most: the first scales have the bad values' pull on the fit in them
 SETTLED = 0.9  # times the scale before
@@ -28,50 +28,49 @@ RIDGE = 1e-13  # relative to the diagonal of the Hessian: far below what data de
 
 def optimum(
     find: Callable[..., tuple[np.ndarray, SeriesProblem, tuple[Length, ...]]],
-    num_unknowns: int | None,
+    terms: int | None,
     loss: Loss,
     data: Observations,
-    *others: Any,
 ) -> tuple[Unknowns, Observations, tuple[Length, ...]]:
     """Returns the unknowns of a fit with their derivatives, the data, and all lengths tried.
 
     **Arguments:**
 
-    - `find`: the search in NumPy: of the data and `others`, it returns the unknowns, the problem
-      that they solve, and all lengths tried.
-    - `num_unknowns`: needed under `jit` and `grad`.
+    - `find`: the search in NumPy: of the data, it returns the unknowns, the problem that they
+      solve, and all lengths tried.
+    - `terms`: needed under `jit` and `grad`.
     - `loss`: as in `fit_prony`.
-    - `data`, `others`: pytrees of arrays. The data that are returned hold the scale of the loss,
-      and what the search expected of shifts.
+    - `data`: those that are returned hold the scale of the loss, and what the search expected of
+      shifts.
     """
     check_type("loss", loss, *get_args(Loss))
     path = ()
 
-    def searched(data, *others):
+    def searched(data):
         nonlocal path
         # On matrices of this size more threads gain nothing; on a busy machine they cost much.
         with one_thread_of_lapack:
-            theta, series, path = find(data, *others)
+            theta, series, path = find(data)
             for _ in range(0 if loss == "linear" else SOFTENINGS):
                 before = np.inf if series.scale is None else float(series.scale)
-                scale = robust_deviation(series, theta)
+                scale = series.median_deviation(theta)
                 data = dataclasses.replace(data, scale=jnp.asarray(scale))
-                theta, series, path = find(data, *others)
+                theta, series, path = find(data)
                 if scale > SETTLED * before:
                     break
         expected = np.zeros(2) if series.isotherms is None else series.isotherms.penalty
         scale = np.inf if series.scale is None else series.scale
         return theta, series.within_bounds(theta), np.asarray(expected), np.asarray(scale)
 
-    arguments = jax.lax.stop_gradient((data, *others))
-    if all(is_concrete(leaf) for leaf in jax.tree.leaves(arguments)):
-        found = map(jnp.asarray, searched(*arguments))
+    fixed = jax.lax.stop_gradient(data)
+    if concrete(fixed):
+        found = map(jnp.asarray, searched(fixed))
     else:
-        unknowns = jax.ShapeDtypeStruct((num_unknowns,), np.float64)
-        free = jax.ShapeDtypeStruct((num_unknowns,), np.bool_)
-        expected, scale = (jax.ShapeDtypeStruct(shape, np.float64) for shape in ((2,), ()))
-        shapes = (unknowns, free, expected, scale)
-        found = jax.pure_callback(searched, shapes, *arguments, vmap_method="sequential")
+        assert terms is not None
+        count = 2 * terms + data.num_extras + data.num_shifts
+        sizes = ((count,), float), ((count,), bool), ((2,), float), ((), float)
+        shapes = tuple(jax.ShapeDtypeStruct(*size) for size in sizes)
+        found = jax.pure_callback(searched, shapes, fixed, vmap_method="sequential")
     theta, free, expected, scale = found
     if data.isotherms is not None:
         data = eqx.tree_at(lambda data: data.isotherms.penalty, data, expected)

@@ -93,9 +93,8 @@ def criterion(series: SeriesProblem, unknowns: int, cost: float) -> float:
 # The best series --------------------------------------------------------------------------------
 
 
-def best_spectrum(series: SeriesProblem) -> Fitted:
-    """Returns the positive spectrum nearest to the data, which no series is nearer to."""
-    few = thinned(series)
+def _best_spectrum(few):
+    """The positive spectrum nearest to the data, which no series is nearer to."""
     theta, cost = few.minimise(_dense_start(few), rtol=SEARCH)
     for _ in range(MOST_ADDED):
         gain, longer = _with_branch(few, _without_faint(few, theta))
@@ -106,7 +105,7 @@ def best_spectrum(series: SeriesProblem) -> Fitted:
             break
         theta, cost = longer, lower
     theta = _without_faint(few, theta)
-    return theta, float(series.total_cost(theta))
+    return theta, few.total_cost(theta)
 
 
 def best_of_length(series: SeriesProblem, terms: int) -> np.ndarray:
@@ -135,7 +134,7 @@ def best_of_length(series: SeriesProblem, terms: int) -> np.ndarray:
 def best_path(series: SeriesProblem, most: int) -> dict[int, Fitted]:
     """Returns the best series found of each length, up to `most` or to that of the floor."""
     few = thinned(series)
-    theta, cost = best_spectrum(few)
+    theta, cost = _best_spectrum(few)
     # The path ends at the shortest series that is within 0.05 % of the floor: no data show less.
     while (terms := few.terms(theta)) > 1:
         shorter = few.minimise(_one_fewer(few, theta)[0], rtol=WALK)

@@ -68,10 +68,6 @@ class Observations(eqx.Module):
         """The number of unknowns of shifts, the last ones."""
         return sum(self.isotherms.counts) if self.isotherms else 0
 
-    def num_unknowns(self, terms: int) -> int:
-        """Returns the number of unknowns of a series of `terms` branches, and of its shifts."""
-        return 2 * terms + self.num_extras + self.num_shifts
-
 
 def observe(
     kind: Any,
@@ -180,7 +176,7 @@ def joined_curves(
     if reference is not None:
         as_scalar(reference, "reference")
         measured = f"isotherms are from {coldest:g} to {hottest:g} K"
-        allowed = f'{measured}. With `law="wlf"` take `exported().at(temperature)` of the result'
+        allowed = f"{measured}. With `shift_std=0` take `material.at(temperature)` of the result"
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
     data = observe(kinds[0], jnp.concatenate(x), jnp.concatenate(values), weights, equilibrium)

@@ -74,10 +74,6 @@ class AbstractFit(eqx.Module):
         """Returns sentences on what makes the fit doubtful, such as values far from it."""
         return far_values(*self._problem())
 
-    def with_unknowns(self, theta: Unknowns) -> "AbstractFit":
-        """Returns the fit with another `theta`."""
-        return dataclasses.replace(self, theta=theta)
-
     def confidence(
         self, omega: Numbers, temperature: Numbers | None = None, *, level: float = 0.95
     ) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
@@ -103,7 +99,7 @@ class AbstractFit(eqx.Module):
         kelvin = None if temperature is None else as_float(temperature, "temperature")
 
         def material(theta):
-            found = self.with_unknowns(theta).material
+            found = dataclasses.replace(self, theta=theta).material
             return found if kelvin is None else found.at(kelvin)
 
         def logs(theta):
@@ -209,8 +205,7 @@ def fit_prony(
         theta, path = choose(series, terms)
         return theta, series, path
 
-    num_unknowns = None if terms is None else data.num_unknowns(terms)
-    theta, data, path = optimum(find, num_unknowns, loss, data)
+    theta, data, path = optimum(find, terms, loss, data)
     return PronyFit(theta=theta, data=data, poisson=poisson, path=path)
 
 

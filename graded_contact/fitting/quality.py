@@ -171,8 +171,7 @@ class FitErrors(NamedTuple):
 
 def fit_errors(series: SeriesProblem, theta: np.ndarray) -> FitErrors:
     """Returns the errors of the fit `theta`."""
-    weights = np.where(series.measured, series.weights, 0)
-    storage = np.arange(len(weights)) < len(series.x)
+    weights, storage = series.weights, np.arange(len(series.weights)) < len(series.x)
     misfit = series.misfit(theta) ** 2
     total, *parts = (
         float(np.sqrt(np.average(misfit, weights=some))) if np.any(some) else None

@@ -209,9 +209,13 @@ class SeriesProblem:
         rows = self.measured
         return float(np.sqrt(np.average(self.misfit(theta)[rows] ** 2, weights=self.weights[rows])))
 
+    def median_deviation(self, theta: np.ndarray) -> float:
+        """Returns the standard deviation of the log residuals by their median, at least 1e-6."""
+        return max(1.4826 * float(np.median(np.abs(self.misfit(theta)[self.measured]))), 1e-6)
+
     def noise(self, theta: np.ndarray) -> float:
         """Returns the usual log residual: by the median where bad values count less."""
-        return self.rms(theta) if self.scale is None else robust_deviation(self, theta)
+        return self.rms(theta) if self.scale is None else self.median_deviation(theta)
 
     # The search ---------------------------------------------------------------------------------
 
@@ -251,11 +255,6 @@ class SeriesProblem:
             reach = self._reach(residual)
             jacobian *= np.sqrt((1 + reach) / 2) / reach
         return self.softened(residual), jacobian
-
-
-def robust_deviation(series: SeriesProblem, theta: np.ndarray) -> float:
-    """Returns the standard deviation of the log residuals by their median, at least 1e-6."""
-    return max(1.4826 * float(np.median(np.abs(series.misfit(theta)[series.measured]))), 1e-6)
 
 
 def branches(xp: Any, kind: ModuliKind, x: Any, times: Any) -> tuple[Any, Any]:

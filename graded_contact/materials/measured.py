@@ -47,8 +47,7 @@ class Measured:
     def table(self) -> tuple[Float[np.ndarray, " points"], Complex[np.ndarray, " points"]]:
         """Returns `(omega, modulus)` [rad/s], [Pa], the arguments of `Tabulated`.
 
-        Raises `ValueError` unless these are Young's moduli at one temperature, each frequency
-        once.
+        Raises `ValueError` unless these are Young's moduli at one temperature.
         """
         count = np.max(self.isotherm) + 1
         if self.kind != "frequency" or self.deformation != "tension" or count > 1:
@@ -56,14 +55,6 @@ class Measured:
                 f"`path={self.path}` holds {count} isotherm(s) of kind {self.kind!r} in "
                 f"{self.deformation}; a table needs one, of kind 'frequency' in tension (shear is "
                 "converted with `poisson`). Fit others: `graded-contact fit FILE`."
-            )
-        # Points are sorted, so equal frequencies are neighbours.
-        twice = np.flatnonzero(np.diff(self.abscissa) == 0)
-        if len(twice):
-            first, second = self.lines[twice[0] : twice[0] + 2]
-            raise ValueError(
-                f"`path={self.path}`, lines {first} and {second}: both have the frequency "
-                f"{self.abscissa[twice[0]]:g} rad/s. Keep one of them."
             )
         return self.abscissa, self.values
 

@@ -30,6 +30,7 @@ M. Scaraggi, B. N. J. Persson, arXiv:1506.06955. Signs, factors and the stack's 
 half space's are derived from complete contact.
 """
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -69,7 +70,6 @@ from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
 from .quadrature import FieldInputs, Rules, integrate
-from .refinement import NODES, Nodes, misses, solve_refined
 from .roughness import edges_of
 
 RTOL = 1e-4
@@ -113,12 +113,6 @@ class MeanField(eqx.Module):
     error: Float[Array, ""]
     heated: HeatedScales | None = None
 
-    @property
-    def magnification(self) -> Float[Array, " n"]:
-        """ζ [1], cut-offs over the lowest one."""
-        cutoff = self.against_cutoff.cutoff
-        return cutoff / cutoff[0]
-
 
 def mean_field_friction(
     stack: Stack,
@@ -129,8 +123,8 @@ def mean_field_friction(
     own_roughness: Spectrum | None = None,
     strain_per_slope: ScalarLike | None = None,
     correction: Correction = "yang_persson",
-    num_wavenumbers: int = NODES.num_wavenumbers,
-    num_angles: int = NODES.num_angles,
+    num_wavenumbers: int = 80,
+    num_angles: int = 20,
     rtol: float = RTOL,
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
@@ -177,22 +171,22 @@ def mean_field_friction(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
     check_tolerance("rtol", rtol, as_scalar(pressure, "pressure"))
-    temperature = None if temperature is None else as_temperature(temperature)
-    ratio = (
-        None
-        if strain_per_slope is None
-        else as_strain_per_slope(strain_per_slope, (stack, counterface))
+    if temperature is not None:
+        temperature = as_temperature(temperature)
+    if strain_per_slope is not None:
+        strain_per_slope = as_strain_per_slope(strain_per_slope, (stack, counterface))
+    load, acting = as_scalar(pressure, "pressure"), (shear, temperature, heating)
+    field = FieldInputs(
+        stack, spectrum, own_roughness, load, as_velocity(velocity), strain_per_slope, counterface
     )
-    field = _inputs(
-        (stack, counterface), (spectrum, own_roughness), pressure, as_velocity(velocity), ratio,
-        (shear, temperature, heating),
-    )  # fmt: skip
-
-    def solve(nodes):
-        solution = _field(field, correction, nodes, (shear, temperature, heating))
-        return solution, misses(solution.error, rtol)
-
-    solution, _ = solve_refined(solve, Nodes(num_wavenumbers, num_angles))
+    field = _checked(field, acting)
+    for factor in (1, 2, 4, 8):
+        rules = _rules(field, correction, factor * num_wavenumbers, factor * num_angles)
+        solution = _field(field, rules, acting)
+        # Inside `jit` this is not known. An error that is not finite is of no quadrature.
+        missed = (solution.error > rtol) & (solution.error < np.inf)
+        if not (is_concrete(missed) and np.any(missed)):
+            break
     return reached(solution, rtol) if throw else solution
 
 
@@ -220,40 +214,38 @@ def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) 
     return mean_field_friction(case.stack, waves, **given)
 
 
-def _inputs(bodies, spectra, pressure, velocity, ratio, acting) -> FieldInputs:
-    """What a mean field is integrated from, checked; `acting` are shear, temperature and heat."""
-    (stack, counterface), (spectrum, own_roughness) = bodies, spectra
+def _checked(field: FieldInputs, acting) -> FieldInputs:
+    """What a mean field is integrated from; `acting` are shear, temperature and heat."""
     shear, temperature, heating = acting
-    if counterface is not None:
+    stack, pressure = field.stack, field.pressure
+    if field.counterface is not None:
         with within("`counterface`:"):
-            check_at_rest(counterface)
-    pressure = as_scalar(pressure, "pressure")
+            check_at_rest(field.counterface)
     check_positive("pressure", pressure, "[Pa]")
     # Early, so that a bad law is named before anything is compiled.
-    stress = shear_stress(shear, velocity, temperature)
+    stress = shear_stress(shear, field.velocity, temperature)
     # On input the value is unknown if the pressure is traced.
     load = unless_negative(jnp.where(pressure > 0, pressure, jnp.nan), stress)
-    check_type("spectrum", spectrum, SelfAffine, SpectrumTable)
-    check_type("own_roughness", own_roughness, SelfAffine, SpectrumTable, type(None))
+    check_type("spectrum", field.spectrum, SelfAffine, SpectrumTable)
+    check_type("own_roughness", field.own, SelfAffine, SpectrumTable, type(None))
     if heating is not None:
         if any(jnp.ndim(number) for number in vars(heating).values()):
             raise ValueError(
                 "`heating` has numbers for each layer; in the mean field both bodies are half "
                 "spaces: give one `conductivity`, `diffusivity` and `counterface_conductivity`."
             )
-        if counterface is not None and own_roughness is not None:
+        if field.counterface is not None and field.own is not None:
             raise ValueError(
                 "`heating` is refused with `own_roughness` and a `counterface`, which then "
                 "takes a part of the heat, which is not followed."
             )
         stack = stack.at(check_bulk(temperature))
-    return FieldInputs(stack, spectrum, own_roughness, load, velocity, ratio, counterface)
+    return dataclasses.replace(field, stack=stack, pressure=load)
 
 
-def _field(field: FieldInputs, correction: Correction, nodes: Nodes, acting) -> MeanField:
-    """The mean field, by so many nodes."""
+def _field(field: FieldInputs, rules: Rules, acting) -> MeanField:
+    """The mean field by a quadrature."""
     shear, temperature, heating = acting
-    rules = _rules(field, correction, nodes)
     found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
     q, x, friction, error, share, sheared = found
     load = field.pressure
@@ -279,15 +271,15 @@ def reached(solution: MeanField, rtol: float = RTOL) -> MeanField:
     return eqx.error_if(solution, failed, _NOT_REACHED)
 
 
-def _rules(field: FieldInputs, correction: Correction, nodes: Nodes) -> Rules:
-    for name, count in nodes._asdict().items():
-        check_whole(name, count, 4)
-    if nodes.num_angles % 2:
-        raise ValueError(f"`num_angles={nodes.num_angles}` must be even.")
+def _rules(field, correction, num_wavenumbers, num_angles) -> Rules:
+    check_whole("num_wavenumbers", num_wavenumbers, 4)
+    check_whole("num_angles", num_angles, 4)
+    if num_angles % 2:
+        raise ValueError(f"`num_angles={num_angles}` must be even.")
     num_pieces = len(edges_of(field.spectrum)) - 1
     num_pieces += 0 if field.own is None else len(edges_of(field.own))
-    per_piece = 4 * -(-nodes.num_wavenumbers // (4 * num_pieces))
-    return Rules(correction, per_piece, nodes.num_angles)
+    per_piece = 4 * -(-num_wavenumbers // (4 * num_pieces))
+    return Rules(correction, per_piece, num_angles)
 
 
 def _by_quadrature(rules: Rules, given, heating: Heating | None):

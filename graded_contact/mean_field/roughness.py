@@ -28,36 +28,29 @@ def joined_edges(track: Spectrum, own: Spectrum | None) -> Float[Array, " points
     return jnp.sort(jnp.concatenate([jnp.stack(ends), *(each[1:-1] for each in edges)]))
 
 
-def lay_of(spectrum: Spectrum) -> Float[Array, ""] | None:
-    """Returns the angle of the lay from the x axis [rad], or None."""
-    return spectrum.angle if isinstance(spectrum, SelfAffine) else None
-
-
 def turn_of(spectrum: Spectrum, direction: Float[Array, " components"]) -> Array | None:
     """Returns the angle from the lay to a direction, from 0 to π [rad], or None."""
-    lay = lay_of(spectrum)
-    if lay is None:
+    if spectrum.angle is None:
         return None
     # A profile has one component.
     x, y = direction if len(direction) == 2 else (direction[0], jnp.zeros_like(direction[0]))
-    return jnp.mod(jnp.arctan2(y, x) - lay, np.pi)
+    return jnp.mod(jnp.arctan2(y, x) - spectrum.angle, np.pi)
 
 
 def root_density(
     spectrum: Spectrum, q: Float[Array, "*n"], *, mean: bool = False
 ) -> Float[Array, "*n"]:
     """Returns √C [m²] across the lay, or that of the `mean` over directions; 0 outside."""
-    if isinstance(spectrum, SelfAffine):
-        lay = lay_of(spectrum)
-        density = spectrum.density(q, 2, None if mean or lay is None else lay + np.pi / 2)
-    else:
+    if mean or spectrum.angle is None:
         density = spectrum.density(q)
+    else:
+        density = spectrum.density(q, 2, spectrum.angle + np.pi / 2)
     # The derivative of the root at 0 is infinite.
     return jnp.where(density > 0, jnp.sqrt(jnp.where(density > 0, density, 1)), 0)
 
 
 def root_narrowing(spectrum: Spectrum, q: Array, offset: Array) -> Array:
     """Returns the ratio of √C at angles from the direction across the lay to √C across [1]."""
-    if not isinstance(spectrum, SelfAffine) or spectrum.angle is None:
+    if spectrum.angle is None:
         return jnp.ones((), q.dtype)
     return jnp.sqrt(narrowing(spectrum, q / spectrum.q_roll, offset))

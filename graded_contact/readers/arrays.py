@@ -49,29 +49,14 @@ def step_of(values: np.ndarray, name: str) -> float:
 
 
 def read_array(source: Source) -> Heights:
-    """Returns the array in a `.npy`, or one of a `.npz`.
-
-    A plain `.npz` has `heights`, and perhaps `size` [m] and the `unit` of the heights; of another
-    one `channel` names the array.
-    """
+    """Returns the array in a `.npy`, or the one of a `.npz` that `channel` names."""
     loaded: Any = np.load(io.BytesIO(read_file(source.path)), allow_pickle=False)
     if isinstance(loaded, np.ndarray):
         return Heights(_numbers(loaded), "an array")
-    names = list(loaded.files)
-    plain = "heights" in names and "channel" not in source.options
-    name = "heights" if plain else _chosen(source, names)
-    check_fits(source.path, loaded.zip.getinfo(f"{name}.npy").file_size)
-    heights = _numbers(loaded[name])
-    if not plain:
-        return Heights(heights, f"array {name!r}")
-    size = np.asarray(loaded["size"], float) if "size" in names else None
-    return Heights(
-        heights,
-        f"array {name!r}",
-        size=None if size is None else np.broadcast_to(size, heights.ndim),
-        unit=str(loaded["unit"]) if "unit" in names else None,
-        lateral_unit=None if size is None else "m",
-    )
+    check_fits(source.path, sum(member.file_size for member in loaded.zip.infolist()))
+    arrays = {name: loaded[name] for name in loaded.files}
+    name = _chosen(source, [name for name in arrays if _are_heights(arrays[name])])
+    return Heights(_numbers(arrays[name]), f"array {name!r}")
 
 
 def read_hdf5(source: Source) -> Heights:

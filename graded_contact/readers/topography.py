@@ -35,7 +35,7 @@ def read_surface(
     missing: float | None = None,
     channel: str | int | None = None,
     layout: Layout | None = None,
-    periodic: Periodic | None = "harmonic",
+    periodic: Periodic = "harmonic",
     shape: int | tuple[int, ...] | None = None,
 ) -> Surface:
     """Returns a measured surface, or a profile from a line scan, made periodic.

@@ -5,6 +5,7 @@ the variance gᵀ C g to first order. The derivatives of a quantity by the modul
 which frequencies of a master curve it depends.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -81,7 +82,7 @@ def propagate(
     if isinstance(known, AbstractFit):
         unknowns = known.theta
         spread = jnp.asarray(known.covariance())
-        made = lambda unknowns: known.with_unknowns(unknowns).material  # noqa: E731
+        made = lambda unknowns: dataclasses.replace(known, theta=unknowns).material  # noqa: E731
     elif isinstance(known, Mapping):
         deviations = {path: as_float(value, path) for path, value in known.items()}
         found = paths(tree)

@@ -32,14 +32,14 @@ def surface_from_heights(
     heights: ArrayLike,
     size: Numbers,
     *,
-    periodic: Periodic | None = "harmonic",
+    periodic: Periodic = "harmonic",
     shape: int | tuple[int, ...] | None = None,
     history: tuple[str, ...] = (),
 ) -> Surface:
     """Returns measured heights as a periodic surface of zero mean.
 
     In this order: a least-squares plane through the measured points is subtracted (not with
-    `periodic` None, where it would open a seam, or "open"); missing points sink; the edges are made
+    `periodic="open"`); missing points sink; the edges are made
     to meet; the surface is resampled. Holes sink from the heights around them towards the lowest
     measured ones, somewhat steeper than the surface is rough, which keeps them out of contact;
     `Surface.measured` marks them.
@@ -51,8 +51,8 @@ def surface_from_heights(
     - `periodic`: `"harmonic"` subtracts the smooth function that has the jumps between opposite
       edges, and restores the rms slope; `"mirror"` reflects, which doubles each axis: all heights
       remain, with kinks at the seams; `"open"` keeps heights and tilt, and the body ends at the
-      edges (`Surface.periodic` is False), such as an indenter; None uses the heights unchanged and
-      refuses them if the edges do not meet.
+      edges (`Surface.periodic` is False), such as an indenter. Heights that are periodic already
+      are a `Surface(heights, Grid(shape, size))`.
     - `shape`: number of points of the result; None uses that of the data.
     - `history`: begins that of the surface.
 
@@ -60,7 +60,7 @@ def surface_from_heights(
 
     **Raises:** `ValueError` for a refused argument.
     """
-    check_type("periodic", periodic, "harmonic", "mirror", "open", type(None))
+    check_type("periodic", periodic, "harmonic", "mirror", "open")
     values = np.ma.filled(np.ma.asarray(heights, float), np.nan)
     missing = ~np.isfinite(values)
     edges = np.asarray(Grid(values.shape, size).size, float)  # refuses a wrong number of axes
@@ -69,7 +69,7 @@ def surface_from_heights(
     spacing, notes = edges / np.array(values.shape), list(history)
     plane, rise = _plane(values, missing)
     warnings = mark_warnings(values) or _spike_warnings((values - plane)[~missing])
-    if periodic in (None, "open"):
+    if periodic == "open":
         values = values - np.mean(values[~missing])
     else:
         values = values - plane
@@ -86,11 +86,8 @@ def surface_from_heights(
         width = [(0, n) for n in values.shape]
         values, missing = (np.pad(field, width, "symmetric") for field in (values, missing))
         notes.append("Reflected about the end of each axis, doubling it.")
-    elif periodic == "open":
-        notes.append("Taken as a body that ends at the edges.")
     else:
-        _check_seams(values)
-        notes.append("Taken as periodic.")
+        notes.append("Taken as a body that ends at the edges.")
     surface = Surface(
         values - np.mean(values),
         Grid(values.shape, spacing * np.array(values.shape)),
@@ -166,17 +163,3 @@ def _joined(values: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, str]:
         f"Joined opposite edges by subtracting a harmonic function of rms height {rms}, and "
         f"multiplied the heights by {factor:.4g} to restore the rms slope."
     )
-
-
-def _check_seams(values: np.ndarray) -> None:
-    """Refuses heights whose step across the seam is unlike the steps inside."""
-    for axis, name in zip(range(values.ndim), "xy", strict=False):
-        steps = np.diff(values, axis=axis)
-        seam = np.take(values, 0, axis) - np.take(values, -1, axis)
-        inside, across = np.sqrt(np.mean(steps**2)), np.sqrt(np.mean(seam**2))
-        # Twice is beyond chance for a rough edge; a profile has one seam step, which scatters.
-        if across > (2 + 3 / np.sqrt(seam.size)) * inside:
-            raise ValueError(
-                f"`periodic=None` is not supported: along {name} the heights jump by {across:.3g} "
-                "m from the last point to the first. Leave out `periodic`, or pass 'mirror'."
-            )

@@ -19,15 +19,6 @@ ROUNDED = 1e-5  # relative: a point this near to an end is the end
 _CORRECTIONS = 3  # of C from a line: more blow up noise, fewer miss a roll-off
 
 
-def check_table(**rows: Array) -> None:
-    """Refuses what is no table of wavenumbers and C, by their names."""
-    check_rows(2, **rows)
-    (of_q, q), (of_values, values) = rows.items()
-    check_positive(of_q, q, "[rad/m]")
-    check_positive(of_values, values, "[m⁴]")
-    check_increasing(of_q, q)
-
-
 @shown("q_low", "q_high", "rms_height", "rms_slope", "history", "warnings", units=False)
 class SpectrumTable(eqx.Module):
     """The spectrum C(q) of an isotropic surface: a power of q between neighbours, 0 outside.
@@ -46,6 +37,7 @@ class SpectrumTable(eqx.Module):
     values: Float[Array, " points"]
     history: tuple[str, ...] = eqx.field(static=True)
     warnings: tuple[str, ...] = eqx.field(static=True)
+    angle = None  # without a lay
 
     def __init__(
         self,
@@ -55,7 +47,10 @@ class SpectrumTable(eqx.Module):
         warnings: tuple[str, ...] = (),
     ):
         self.q, self.values = as_float(q, "q"), as_float(values, "values")
-        check_table(q=self.q, values=self.values)
+        check_rows(2, q=self.q, values=self.values)
+        check_positive("q", self.q, "[rad/m]")
+        check_increasing("q", self.q)
+        check_positive("values", self.values, "[m⁴]")
         self.history, self.warnings = history, warnings
 
     @classmethod
@@ -70,9 +65,9 @@ class SpectrumTable(eqx.Module):
         - `line`: C of a line [m³], two-sided: <h²> is its integral over positive and negative q.
         - `said`: `history` and `warnings`.
         """
-        rows = {"q": as_float(q, "q"), "line": as_float(line, "line")}
-        check_table(**rows)
-        return cls(q, _isotropic(*map(np.asarray, rows.values())), **said)
+        line = as_float(line, "line")
+        check_positive("line", line, "[m³]")
+        return cls(q, _isotropic(np.asarray(q, float), np.asarray(line)), **said)
 
     @property
     def q_low(self) -> Float[Array, ""]:

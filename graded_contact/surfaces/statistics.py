@@ -13,7 +13,6 @@ from jaxtyping import Float
 
 from ..core.checks import check_whole
 from ..core.compilation import compiled
-from ..core.derivative import largest
 from ..core.display import shown
 from ..fields.devices import binned
 from ..fields.grid import (
@@ -42,8 +41,6 @@ class Statistics(eqx.Module):
     - `lay`: the direction of the smallest rms slope [rad], from the x axis, between -π/2 and π/2;
       0 where all directions are equal, None for a profile.
     - `rms_curvature`: of ∇²h/2 on a surface and h'' on a profile [1/m].
-    - `peak_to_valley`: from the highest point to the lowest [m].
-    - `skewness`, `kurtosis`: of the heights [1], 0 and 3 for Gaussian ones.
     """
 
     rms_height: Float[Array, ""]
@@ -52,9 +49,6 @@ class Statistics(eqx.Module):
     slope_ratio: Float[Array, ""] | None
     lay: Float[Array, ""] | None
     rms_curvature: Float[Array, ""]
-    peak_to_valley: Float[Array, ""]
-    skewness: Float[Array, ""]
-    kurtosis: Float[Array, ""]
 
 
 @compiled
@@ -73,22 +67,16 @@ def statistics(surface: Surface) -> Statistics:
     slopes = [component / unit for component in odd_wavevector(grid)]
     along = jnp.stack([jnp.sum(slope**2 * power) for slope in slopes])
     bent = jnp.sum((wavenumber(grid) / unit) ** 4 * power)
-    height = _root(jnp.sum(power))
     ratio, lay = None, None
     if grid.ndim == 2:
         ratio, lay = _principal(along, jnp.sum(slopes[0] * slopes[1] * power))
-    relative = (surface.heights - jnp.mean(surface.heights)) / scale
-    standard = relative / jnp.where(height == 0, 1, height)
     return Statistics(
-        rms_height=scale * height,
+        rms_height=scale * _root(jnp.sum(power)),
         rms_slope=scale * unit * _root(jnp.sum(along)),
         rms_slope_along=scale * unit * _root(along),
         slope_ratio=ratio,
         lay=lay,
         rms_curvature=scale * unit * unit * _root(bent) / grid.ndim,
-        peak_to_valley=largest(surface.heights) + largest(-surface.heights),
-        skewness=jnp.mean(standard**3),
-        kurtosis=jnp.mean(standard**4),
     )
 
 

@@ -31,14 +31,15 @@ def test_slow_sliding_and_good_conductors_stay_cold():
     np.testing.assert_allclose(slow.friction, cold(1e-8).friction, rtol=1e-6)
     metal = friction(1.0, Heating(2.5e5, 0.11, 0.0))
     assert 0 < metal.heated.surface_rise < 2e-3
-    np.testing.assert_allclose(metal.friction, cold(1.0).friction, rtol=1e-4)
-    assert cold(1.0).heated is None
+    same = cold(1.0)
+    np.testing.assert_allclose(metal.friction, same.friction, rtol=1e-4)
+    assert same.heated is None
 
 
 @pytest.mark.parametrize("shear", [None, SHEAR])
 def test_heat_lowers_the_friction_of_the_tread_at_high_speed(shear):
     """Hysteresis at 20 °C grows with speed; heat stops that, and with shear friction falls."""
-    speeds = (0.01, 0.1, 1.0, 10.0)
+    speeds = (0.1, 1.0, 10.0)
     warm = np.array([friction(v, shear=shear).friction for v in speeds])
     same = np.array([cold(v, shear=shear).friction for v in speeds])
     if shear is None:
@@ -46,7 +47,7 @@ def test_heat_lowers_the_friction_of_the_tread_at_high_speed(shear):
         growth = [np.diff(np.log(a)) for a in (same, warm)]
         assert np.all(growth[1] < growth[0]) and growth[1][-1] < 0.2 * growth[0][-1]
     else:
-        assert same[-1] > same[1] and np.all(np.diff(warm) < 0) and warm[-1] < 0.7 * warm[1]
+        assert same[-1] > same[0] and np.all(np.diff(warm) < 0) and warm[-1] < 0.7 * warm[0]
 
 
 def test_the_temperature_of_one_wave_is_the_integral_of_its_green_function():

@@ -185,7 +185,6 @@ def test_passive_stacks_lose_energy_and_contact_with_magnification(
 @pytest.mark.parametrize("correction", ["none", "yang_persson"])
 def test_pressure_distribution_integrates_to_area_load_and_spread(correction):
     solution = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05, correction=correction)
-    np.testing.assert_allclose(solution.magnification[0], 1)
     for i in (30, -1):
         spread = float(np.sqrt(solution.stress_variance[i]))
 

@@ -60,15 +60,6 @@ def test_joined_edges_meet_and_keep_slope_and_interior(shape):
         assert np.sqrt(np.mean(seam**2)) < 2 * np.sqrt(np.mean(inside**2))
 
 
-def test_a_periodic_surface_is_unchanged_even_if_a_plane_fits_it_and_a_tilt_refused():
-    x = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-    values = np.sin(x)[:, None] + 0.3 * np.cos(3 * x)[None, :] + 5.0
-    surface = surface_from_heights(values, 1.0, periodic=None)
-    np.testing.assert_allclose(surface.heights, values - 5.0, atol=1e-14)
-    with pytest.raises(ValueError, match="periodic=None"):
-        surface_from_heights(values + 2 * x, 1.0, periodic=None)
-
-
 def test_holes_sink_below_the_heights_around_them():
     x, y = np.meshgrid(np.arange(40.0), np.arange(50.0), indexing="ij")
     hole = (x - 20) ** 2 + (y - 25) ** 2 < 100
