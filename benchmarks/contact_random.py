@@ -88,7 +88,8 @@ def outcomes(scene):
             # In full contact no load follows from the gap.
             if best is None or abs(best.mean_gap) < 1e-6 * np.std(scene.surface.heights):
                 return
-            given = {"mean_gap": jnp.asarray(best.mean_gap, scene.surface.heights.dtype)}
+            # Below 0 where the body flows, other than in `mean_gap` of the result.
+            given = {"mean_gap": jnp.mean(best.gap)}
         best = exact(scene, given)
         found = scene.solve(given, rtol=scene.rtol)
         if found.result != gc.contacts.RESULTS.successful:

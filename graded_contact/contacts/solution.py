@@ -113,8 +113,8 @@ class ContactSolution(eqx.Module):
       the error of σ in the soft waves, which would magnify it.
     - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
     - `mean_pressure`: mean of σ [Pa].
-    - `mean_gap`: mean of the gap ū [m], 0 where the body flows (`hardness`); of a periodic motion
-      one for each time.
+    - `mean_gap`: mean of the gap ū [m], counted as 0 where the body flows (`hardness`); prescribe
+      the mean of `gap`, which is below 0 there. Of a periodic motion one for each time.
     - `correction`: estimated change of the pressure to that of the exact contact [Pa], see
       `contacts/estimates.py`. Without a derivative.
     - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no

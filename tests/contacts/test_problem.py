@@ -217,8 +217,8 @@ def test_mean_gap_gives_the_same_contact_as_the_load_that_has_it(law):
     kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
     law = LAWS[law]
     by_load = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9)
-    by_gap = gc.solve_contact(kernel, heights, mean_gap=by_load.mean_gap, law=law, rtol=1e-9)
-    assert by_gap.mean_gap == by_load.mean_gap
+    by_gap = gc.solve_contact(kernel, heights, mean_gap=jnp.mean(by_load.gap), law=law, rtol=1e-9)
+    np.testing.assert_allclose(by_gap.mean_gap, by_load.mean_gap, rtol=1e-7)
     np.testing.assert_allclose(by_gap.mean_pressure, 0.05, rtol=1e-6)
     scale = np.max(by_load.pressure)
     np.testing.assert_allclose(by_gap.pressure, by_load.pressure, atol=1e-6 * scale)
@@ -251,7 +251,7 @@ def test_full_contact_is_found_at_once():
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_nearly_full_contact_of_ridges_does_not_stall(seed):
-    """Accelerated steps of the full length wandered without end, or took three times as many."""
+    """With a penalty for the shorter period, steps wandered without end."""
     n = 15
     q = np.hypot(20 * np.fft.fftfreq(n, 1 / n)[:, None], np.arange(n // 2 + 1))
     q[0, 0] = np.inf

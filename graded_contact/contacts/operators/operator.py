@@ -66,8 +66,8 @@ class AbstractOperator(eqx.Module):
 
     @property
     def long_wave(self) -> Scalar:
-        """|M| of the long waves: at three times the lowest wavenumber along x, the softest."""
-        return jnp.abs(third_mode(self.kernel))
+        """|M| of the long waves, see `long_wave_of`."""
+        return long_wave_of(self.kernel)
 
     @property
     def least(self) -> Scalar:
@@ -215,14 +215,17 @@ def positions(shape: tuple[int, ...]) -> list[Int[Array, "*shape"]]:
     return [jax.lax.broadcasted_iota(jnp.int32, shape, axis) for axis in range(len(shape))]
 
 
-def third_mode(kernel: Waves) -> Inexact[Array, ""]:
-    """Returns the kernel of the long waves: at three times the lowest wavenumber along x.
+def long_wave_of(kernel: Waves) -> Scalar:
+    """Returns |M| of the long waves: at three times the lowest wavenumber along the longer period.
 
-    Along y if the grid has only one row.
+    The kernel tells which period is longer: that along y, if three periods along y hardly stiffen a
+    wave of one period along x. In a square along x, where losses stiffen a block that slides.
     """
-    if kernel.ndim == 2 and len(kernel) == 1:
-        kernel = kernel[0]
-    return kernel[(3,) + (0,) * (kernel.ndim - 1)]
+    size = jnp.abs(kernel)
+    if len(kernel) == 1 or kernel.ndim == 1:
+        return size.ravel()[3]
+    y_is_longer = size[1, 3] > size[1, 0] / 2
+    return jnp.where(y_is_longer, size[0, 3], size[3, 0])
 
 
 def stiffness_bound(operator: AbstractOperator, gap: Field, s: Field) -> Float[Array, "..."]:

@@ -29,7 +29,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact
 
 from ...fields.grid import Grid, mode_numbers, resample_spectrum, to_field, to_spectrum, wavevector
-from .operator import AbstractOperator, first_mode, nonzero, third_mode
+from .operator import AbstractOperator, first_mode, long_wave_of, nonzero
 
 # The share of a wave from which on a frequency counts at the edges of contact. What a motion or a
 # load excites for a moment has a small share; rounding, and what a solver leaves, a smaller one.
@@ -106,7 +106,7 @@ class SpaceTime(AbstractOperator):
     @property
     def long_wave(self):
         # The softest, of the slowest times: with the median of all it takes 2 to 4 times the pairs.
-        return jnp.max(jnp.abs(jax.vmap(third_mode)(self.kernel)))
+        return jnp.max(jax.vmap(long_wave_of)(self.kernel))
 
 
 def in_motion(

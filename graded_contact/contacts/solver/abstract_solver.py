@@ -135,7 +135,7 @@ def iterates_for(length: int, free_mean: bool) -> int:
 
 
 def penalty_for(operator: AbstractOperator, participation: Scalar, law: AbstractLaw) -> Scalar:
-    """Returns ρ = 1.8 s^0.4/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
+    """Returns ρ = 1.8 s^0.4/√(|M| of the long waves × least |M|) [Pa/m].
 
     It balances the softest modes, which carry the displacement, against the stiffest, which carry
     the edges of the contact; s is ⟨|σ|⟩²/⟨σ²⟩. Factor and power are within

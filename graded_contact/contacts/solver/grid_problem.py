@@ -82,7 +82,7 @@ class GridProblem(eqx.Module):
     def splitting(self, state: "SolveState", settings: GridSettings) -> Splitting:
         return Splitting(
             self.solid_at(state.factor), state.shift, self.law_at(state.factor).proximal,
-            settings.rtol, relaxation=state.relaxation, history_length=settings.history_length,
+            settings.rtol, relaxation=settings.relaxation, history_length=settings.history_length,
         )  # fmt: skip
 
     def at_load(self, pressure):
@@ -110,7 +110,6 @@ class SolveState(NamedTuple):
     z: Array
     shift: Array  # of the splitting
     factor: Array  # the penalty over the first
-    relaxation: Array
     error: Array
     converged: Array
     next: Array  # an epoch, Newton steps, or nothing

@@ -57,11 +57,7 @@ _SMALL = 0.125  # share of points in contact along an axis, up to which Newton s
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
 _STEPS, _MOST = 4000, 64_000  # default `max_steps`, on grids of `_POINTS` and smaller ones
 _POINTS = 2**16
-# Relaxation under an attraction, where at 0.95 some soft bodies did not converge, and of a stalled
-# solve. Accelerated steps may wander without end if most points touch: the error is then above
-# `_UNKNOWN` after this many steps. With a hardness 0.5 is mostly slower.
-_CAREFUL, _UNKNOWN = 0.5, 0.1
-_PATIENCE, _PATIENCE_WITH_HARDNESS = 50, 800
+_MOST_ATTRACTED = 0.5  # relaxation under an attraction; at 0.95 some soft bodies did not converge
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ without a start
 
 _NOTHING, _EPOCH_NEXT, _NEWTON_NEXT = 0, 1, 2  # next action on a grid
@@ -129,7 +125,7 @@ class DouglasRachford(AbstractContactSolver):
         few = most if not hard or (finest and not newton) else min(_FEW, most)
         return GridSettings(
             share=share, newton=newton, draft_steps=few, max_steps=most if newton else few,
-            relaxation=min(self.relaxation, _CAREFUL) if law.attracts else self.relaxation,
+            relaxation=min(self.relaxation, _MOST_ATTRACTED) if law.attracts else self.relaxation,
             history_length=iterates_for(self.history_length, loading.pressure is None),
             rtol=rtol if finest else jnp.asarray(rtol.dtype.type(_COARSE_ERROR)),
         )  # fmt: skip
@@ -190,7 +186,7 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
         pairs = pairs + share * taken
     one, none, no = jnp.ones((), rough.dtype), jnp.asarray(0), jnp.asarray(False)
     state = SolveState(
-        z=z, shift=problem.shift(one), factor=one, relaxation=settings.relaxation * one,
+        z=z, shift=problem.shift(one), factor=one,
         error=one * jnp.inf, converged=no, next=jnp.asarray(_EPOCH_NEXT), confirming=no,
         coat=0 * one, drafted=none, steps=none, newton_pairs=none, pairs=one * pairs,
     )  # fmt: skip
@@ -226,11 +222,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
         change = penalty_for(solid, participation(y), law)
         factor = state.factor * change
         z, shift, pairs = y + change * gap, problem.shift(factor), state.pairs + share
-        patience = _PATIENCE if takes_newton_steps(problem.law) else _PATIENCE_WITH_HARDNESS
-        stalls = (state.error > _UNKNOWN) & (state.steps >= patience) & (jnp.mean(y > 0) > 0.5)
-        stalls &= not problem.free_mean
-        relaxation = jnp.where(stalls, jnp.minimum(state.relaxation, _CAREFUL), state.relaxation)
-        state = state._replace(z=z, shift=shift, factor=factor, relaxation=relaxation, pairs=pairs)
+        state = state._replace(z=z, shift=shift, factor=factor, pairs=pairs)
         if not settings.newton:
             return state
         # At its present rate the splitting needs more than as many steps again; few points are

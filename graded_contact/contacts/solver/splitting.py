@@ -57,8 +57,7 @@ class Splitting(eqx.Module):
     - `rtol`: relative error of the pressure at which the iteration ends.
     - `share`: of points under load [1], or None for the participation of the current pressure.
     - `least`: residuals that rounding alone causes, at which a draft ends; else None.
-    - `relaxation`: α.
-    - `history_length`: the number of iterates that are combined. Static.
+    - `relaxation`, `history_length`: α, and the number of iterates that are combined. Static.
     """
 
     solid: Solid
@@ -67,7 +66,7 @@ class Splitting(eqx.Module):
     rtol: Scalar
     share: Scalar | None = None
     least: Float[Array, "2"] | None = None
-    relaxation: float | Scalar = 0.95
+    relaxation: float = eqx.field(default=0.95, static=True)
     history_length: int = eqx.field(default=5, static=True)
 
     def init(self, start: Field) -> Iterates:
