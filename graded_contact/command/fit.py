@@ -21,11 +21,8 @@ def fit(
     terms: Annotated[int | None, typer.Option(help="Number (default: lowest BIC).")] = None,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio.")] = 0.5,
     law: Annotated[
-        Literal["wlf", "arrhenius"], typer.Option(help="Of the shifts of isotherms.")
+        Literal["wlf", "arrhenius", "table"], typer.Option(help="Of the shifts of isotherms.")
     ] = "wlf",
-    shift_std: Annotated[
-        float, typer.Option(help="Expected departures from the law [decades]; 0: the law alone.")
-    ] = 0.3,
     deformation: Annotated[
         Literal["tension", "shear"] | None, typer.Option(help="Where the files do not say it.")
     ] = None,
@@ -65,8 +62,8 @@ def fit(
             found = fit_prony(x, values, kind=measured.kind, **given)
             material, figure = found.material, plot_fit(found)
         else:
-            found = master_curve(isotherms, law=law, shift_std=shift_std, **given)
-            material, figure = found.material, plot_master_curve(found)
+            found = master_curve(isotherms, law=law, **given)
+            material, figure = found.exported(), plot_master_curve(found)
         name = moduli_files[0].stem
         table = toml_table(material, name)
         folder = output or Path(f"{name}-fit")

@@ -30,10 +30,10 @@ from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
 from .alignment import at_reference, shifts_and_series
 from .implicit import optimum
-from .lengths import check_terms
+from .lengths import check_terms, criterion
 from .observations import Isotherm, Loss, joined_curves
 from .prony import AbstractFit, PronyFit, deviation
-from .quality import percent, report_of
+from .quality import report_of
 from .shifts import LAW_LIMITS, LN10, Isotherms, law_shifts, log_shifts, split_shifts
 
 AT_BOUND = 1e-3  # of the logarithm of a constant of a law
@@ -86,20 +86,47 @@ class MasterCurve(AbstractFit):
     def material(self) -> Prony:
         """The material at the reference temperature, with the fitted shifts.
 
-        `material.at(T)` is that at another temperature. A table of shifts ends with the isotherms;
-        `law` holds beyond: `dataclasses.replace(curve.material, shift=curve.law)`.
+        `material.at(T)` is that at another temperature.
         """
+        return self._with_shift(self.shift)
+
+    def _with_shift(self, shift: AbstractShift) -> Prony:
         material = self.fit.material
         assert material.measured is not None
         measured = MeasuredRange(material.measured.omega, self.temperatures[np.array([0, -1])])
-        return dataclasses.replace(material, shift=self.shift, measured=measured)
+        return dataclasses.replace(material, shift=shift, measured=measured)
 
     def law_error(self) -> float:
         """Returns the rms log error on all isotherms of the series shifted by the law alone."""
+        alone, few = self._by_law_alone()
+        return alone.rms(few)
+
+    def law_serves(self) -> bool:
+        """Returns whether the law alone describes the data as well, for its few constants (BIC).
+
+        It does not with a constant at the end of its range.
+        """
+        series, theta = self._problem()
+        alone, few = self._by_law_alone()
+        _, departures, lifts = self.isotherms.counts
+        by_law = criterion(alone, len(theta) - departures - lifts, alone.total_cost(few))
+        free = criterion(series, len(theta), series.cost(series.misfit(theta)))
+        return bool(by_law <= free) and not self._law_at_bound()
+
+    def _by_law_alone(self):
+        """The problem of the data shifted by the law alone, and the unknowns of the series."""
         series, theta = self._problem()
         by_law = law_shifts(self.isotherms, split_shifts(self.isotherms, theta)[0])
-        alone = series.shifted(by_law, np.zeros_like(by_law))
-        return alone.rms(theta[: len(theta) - series.num_shifts])
+        few = theta[: len(theta) - series.num_shifts]
+        return series.shifted(by_law, np.zeros_like(by_law)), few
+
+    def exported(self) -> Prony:
+        """Returns the material for export: with the law alone if it serves, else with a table.
+
+        With `law="table"` always with a table.
+        """
+        by_law = self.isotherms.law != "table" and self.law_serves()
+        return self._with_shift(self.law if by_law else self.shift)
 
     @property
     def temperatures(self) -> Float[Array, " isotherms"]:
@@ -136,17 +163,26 @@ class MasterCurve(AbstractFit):
             header=["T [K]", "log10 a_T", "+-", "b_T", "+-"],
             formatters=[f"{{:.{digits}f}}".format for digits in (2, 3, 3, 4, 4)],
         )
-        law = f"{self.law}; rms of ln(fit/measured) by this law alone {percent(self.law_error())}"
-        return "\n".join([law, "", table, "", report_of(self.fit, self.warnings())])
+        return "\n".join([str(self.law), "", table, "", report_of(self.fit, self.warnings())])
 
     def warnings(self) -> tuple[str, ...]:
         """Returns sentences on what makes the fit doubtful, such as values far from it."""
+        said = super().warnings()
+        if self.isotherms.law == "table":
+            return said
+        if self._law_at_bound():
+            said += (f"{self.law} has a constant at the end of its range: no such law holds.",)
+        elif any(self.isotherms.stds) and not self.law_serves():
+            said += (
+                f"With {self.law} alone the error is {self.law_error():.2g}: the export has a "
+                "table of shifts, which ends at the temperatures that were measured.",
+            )
+        return said
+
+    def _law_at_bound(self) -> bool:
         p = np.asarray(split_shifts(self.isotherms, self.theta)[0])
         lower, upper = np.log(LAW_LIMITS[self.isotherms.law]).T
-        if np.all((p >= lower + AT_BOUND) & (p <= upper - AT_BOUND)):
-            return super().warnings()
-        at_bound = f"{self.law} has a constant at the end of its range: no such law holds."
-        return (*super().warnings(), at_bound)
+        return bool(np.any((p < lower + AT_BOUND) | (p > upper - AT_BOUND)))
 
 
 @compiled
@@ -176,10 +212,10 @@ def master_curve(
     - `isotherms`: at least two, each `(temperature [K], x, values)` with frequencies or times `x`
       and moduli or compliances `values` as in `fit_prony`; or what `read_moduli(path)` returned.
     - `kind`: "frequency", "relaxation" or "creep"; files know their own.
-    - `law`: "wlf" or "arrhenius".
+    - `law`: "wlf" or "arrhenius", which an exported material has if it describes the data as well,
+      also beyond their temperatures; or "table" for the shifts of the isotherms.
     - `shift_std`: expected standard deviation of log10 a_T from the law [decades]; with 0 the
-      shifts follow the law, also beyond the measured temperatures, with 3 they are practically
-      free. Unless it is 0 the material has a table of shifts.
+      shifts follow the law, with 3 they are practically free.
     - `vertical_shift_std`: expected standard deviation of ln b_T [1], such as 0.1; 0 for no
       vertical shifts.
     - `reference`: the isotherm nearest to this temperature [K] stays in place; by default the

@@ -21,10 +21,11 @@ from ..core.display import shown
 from ..materials.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
 
 LN10 = float(np.log(10))
-LawKind = Literal["wlf", "arrhenius"]
+LawKind = Literal["wlf", "arrhenius", "table"]  # a table is searched about a WLF law
 # Limits of exp(p), far beyond those of any material, and values of a usual polymer.
-LAW_LIMITS = {"wlf": [(1e-4, 10), (1, 1e4)], "arrhenius": [(1e2, 1e6)]}
-LAW_TYPICAL = {"wlf": [0.1, 60.0], "arrhenius": [1e4]}
+_WLF, _ARRHENIUS = [(1e-4, 10), (1, 1e4)], [(1e2, 1e6)]
+LAW_LIMITS = {"wlf": _WLF, "table": _WLF, "arrhenius": _ARRHENIUS}
+LAW_TYPICAL = {"wlf": [0.1, 60.0], "table": [0.1, 60.0], "arrhenius": [1e4]}
 
 
 @shown()

@@ -155,6 +155,18 @@ class Prony(AbstractMaterial):
         equilibrium, strengths, times = _relaxation_from_creep(glassy, compliances, times)
         return cls(equilibrium, strengths, times, poisson, shift, measured)
 
+    def creep(
+        self,
+    ) -> tuple[Float[Array, ""], Float[Array, " branches"], Float[Array, " branches"]]:
+        """Returns the creep form `(glassy [Pa], compliances [1/Pa], times [s])` of the material.
+
+        The inverse of `from_creep`. A liquid (`equilibrium` 0) flows and has no such form.
+        """
+        allowed = "[Pa] to have a creep form (a liquid flows)"
+        check_positive("equilibrium", self.equilibrium, allowed)
+        _check_distinct(self.times)
+        return _creep_from_relaxation(self.equilibrium, self.strengths, self.times)
+
     @property
     def glassy(self) -> Float[Array, ""]:
         """Instantaneous modulus E_inf = E_eq + Σ E_k [Pa]."""
@@ -264,6 +276,21 @@ def _relaxation_from_creep(glassy: Array, compliances: Array, times: Array):
     slope = jnp.sum(weights / gaps / gaps, axis=-1)
     equilibrium = glassy / (1 + glassy * jnp.sum(compliances))
     return equilibrium, glassy / (roots * slope), 1 / roots
+
+
+@jax.jit
+def _creep_from_relaxation(equilibrium: Array, strengths: Array, times: Array):
+    """`(glassy [Pa], compliances [1/Pa], retardation times [s])`, longest time first."""
+    order = jnp.argsort(-times)
+    rates, strengths = 1 / times[order], strengths[order]
+    ratios = strengths / equilibrium
+    # E(s) = 0 at s = -r: one root below each rate, the first above r_1/(1 + Σ E_k/E_eq).
+    lower = jnp.append(rates[:1] / (1 + 2 * jnp.sum(ratios)), rates[:-1])
+    roots, gaps = _increasing_roots(
+        lambda root, gaps: jnp.sum(ratios * root[:, None] / gaps, axis=-1) - 1, rates, lower, rates
+    )
+    slope = jnp.sum(strengths * rates / gaps / gaps, axis=-1)
+    return equilibrium + jnp.sum(strengths), 1 / (roots * slope), 1 / roots
 
 
 def _increasing_roots(value: Callable, poles: Array, lower: Array, upper: Array):

@@ -245,7 +245,7 @@ class TabulatedShift(AbstractShift):
             # By NumPy: known temperatures stay known inside `jit`.
             coldest, hottest = map(float, np.asarray(self.temperatures)[[0, -1]])
             covered = f"the table of shifts covers {coldest:.2f} to {hottest:.2f} K"
-            allowed = f"{covered}. Beyond, use a law: `WLF`, or `shift_std=0` of `master_curve`"
+            allowed = f'{covered}. Beyond, use a law: `WLF`, or `law="wlf"` of `master_curve`'
             low, high = coldest - NEAR, hottest + NEAR
             check_values(name, temperature, allowed, at_least=low, at_most=high)
 

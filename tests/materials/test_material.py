@@ -31,6 +31,7 @@ OMEGA = st.floats(-20, 20).map(lambda power: 10.0**power)
 
 modulus_of = jax.jit(lambda material, omega: material.modulus(omega))
 from_creep = jax.jit(Prony.from_creep)
+creep_of = jax.jit(lambda material: material.creep())
 
 
 def exact_sum(branch, first, values, times, omega):
@@ -122,17 +123,36 @@ def test_from_creep_modulus_times_creep_compliance_is_one(glassy, ratios, times,
         assert abs(product - 1) < 3e-15
 
 
+@EXAMPLES
+@given(GLASSY, POWERS, TIMES)
+def test_from_creep_undoes_creep(equilibrium, ratios, times):
+    strengths = 1e3 * equilibrium * ratios
+    back = from_creep(*creep_of(Prony(equilibrium, strengths, times)))
+    order = np.argsort(-times)
+    np.testing.assert_allclose(back.equilibrium, equilibrium, rtol=1e-12)
+    np.testing.assert_allclose(back.strengths, strengths[order], rtol=1e-12)
+    np.testing.assert_allclose(back.times, times[order], rtol=1e-12)
+
+
 @pytest.mark.parametrize("weak", [1e-8, 1e-16, 1e-30, 1e-100])
 @pytest.mark.parametrize("times", [[1.0, 1e-3], [1e-3, 1.0], [1.0, 1 + 1e-9]])
 def test_negligible_branches_stay_negligible(weak, times):
     """Their zeros coincide with poles to rounding; they must not become strong branches."""
     values, times = jnp.array([1.0, weak]), jnp.array(times)
     material = from_creep(1.0, values, times)
+    glassy, compliances, _ = creep_of(Prony(1.0, values, times))
     with mp.workdps(150):
         for omega in (0.3, 1.0, 1e3):
             compliance = exact_compliance(1.0, [1.0, weak], times, omega)
             value = mp.mpc(complex(modulus_of(material, jnp.array(omega))))
             assert abs(value * compliance - 1) < 3e-15
+    assert glassy == 2 + weak
+    assert jnp.min(compliances) < 2 * weak
+
+
+def numbers_of_creep(*prony):
+    glassy, compliances, times = Prony(*prony).creep()
+    return jnp.log(glassy) + jnp.log(compliances) @ jnp.array([1.0, 2.0]) + times[0]
 
 
 @pytest.mark.parametrize(
@@ -142,6 +162,7 @@ def test_negligible_branches_stay_negligible(weak, times):
         (lambda *x: Prony(*x).modulus(1.2).imag, [0.1, 1.0, 2.0, -0.5, 0.8]),
         (lambda *x: Prony.from_creep(*x).modulus(0.7).real / 5, [1.0, 0.3, -0.5, -1.5, 1.8]),
         (lambda *x: Prony.from_creep(*x).modulus(0.7).imag / 5, [1.0, 0.3, -0.5, -1.5, 1.8]),
+        (numbers_of_creep, [0.2, 0.5, 1.0, -1.0, 1.0]),
     ],
 )
 def test_gradients_of_moduli_and_creep_match_differences(function, point):
