@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import jax
 import numpy as np
@@ -156,7 +156,7 @@ def figures_of(scene: Scene, results: "Dataset") -> "Iterator[tuple[str, Figure]
     fields = last[["contact_pressure", "gap"]].drop_vars("pressure", errors="ignore")
     fields = fields.rename(contact_pressure="pressure")
     if scene.motion is None:
-        found = SimpleNamespace(pressure=fields.pressure, gap=fields.gap, law=case.law)
+        found: Any = SimpleNamespace(pressure=fields.pressure, gap=fields.gap, law=case.law)
         yield "contact", plot.plot_sliding(found, case.rough, case.velocity)
     else:
         yield "film", plot.plot_film(fields, case.rough)

@@ -41,7 +41,7 @@ def root_density(
     spectrum: Spectrum, q: Float[Array, "*n"], *, mean: bool = False
 ) -> Float[Array, "*n"]:
     """Returns √C [m²] across the lay, or that of the `mean` over directions; 0 outside."""
-    if mean or spectrum.angle is None:
+    if mean or not isinstance(spectrum, SelfAffine) or spectrum.angle is None:
         density = spectrum.density(q)
     else:
         density = spectrum.density(q, 2, spectrum.angle + np.pi / 2)
@@ -51,6 +51,6 @@ def root_density(
 
 def root_narrowing(spectrum: Spectrum, q: Array, offset: Array) -> Array:
     """Returns the ratio of √C at angles from the direction across the lay to √C across [1]."""
-    if spectrum.angle is None:
+    if not isinstance(spectrum, SelfAffine) or spectrum.angle is None:
         return jnp.ones((), q.dtype)
     return jnp.sqrt(narrowing(spectrum, q / spectrum.q_roll, offset))

@@ -223,7 +223,7 @@ class Page(pn.viewable.Viewer):
         self.numbers = {name: (number, np.nan) for name, number in found.items()}
         self._drawn = [] if self._maps else pictures_of(self.curves, self.contact)
 
-    def _compute_errors(self, _: dict[str, float]) -> None:
+    def _compute_errors(self, values: dict[str, float]) -> None:
         errors = self.curves.shown(self.contact, "_error")
         self.numbers = {name: (at, errors[name]) for name, (at, _) in self.numbers.items()}
         self.warnings = cast(Any, self.contact).warnings

@@ -149,7 +149,7 @@ def level_of(found: Any) -> np.ndarray:
     """Returns how far points are inside contact by its law, outside negative; 0 at the edge."""
     pressure, gap = np.asarray(found.pressure), np.asarray(found.gap)
     # Gaps are scaled as the pressure is, so that an outline lies between the points.
-    scale = np.std(pressure) / (np.std(gap) or 1)
+    scale = float(np.std(pressure) / (np.std(gap) or 1))
     law = getattr(found, "law", HardWall())
     return np.asarray(law.contact_indicator(jnp.asarray(pressure), jnp.asarray(gap), scale))
 

@@ -216,7 +216,7 @@ def _missed(part: GradedPart, place: Callable[[Array], Array]) -> Array:
             for count in (8, 4)
         )
         missed += jnp.maximum(2 * wrong - rough, 0)
-    return missed
+    return jnp.asarray(missed)
 
 
 def _to_ends(count: int, dtype: Any) -> Array:

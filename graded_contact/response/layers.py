@@ -10,6 +10,7 @@ and the derivative of M_zz by any property is that of Φ at fixed v and w: a sum
 costs a second sweep, downwards, for v and w.
 """
 
+import functools
 from typing import Any
 
 import jax
@@ -74,7 +75,8 @@ def _of_layers_jvp(primals, tangents):
 
     v, slopes = jax.lax.scan(down, (jnp.zeros_like(value), jnp.ones_like(value)), (faces, rows))
     changes = (q * d_layers[0] + d * d_q, *d_layers[1:])
-    change = sum(jnp.sum(a * b, axis=0) for a, b in zip(slopes, changes, strict=True))
+    parts = [jnp.sum(a * b, axis=0) for a, b in zip(slopes, changes, strict=True)]
+    change = functools.reduce(jnp.add, parts)
     if isinstance(base, tuple):
 
         def of_base(base):

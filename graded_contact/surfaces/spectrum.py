@@ -227,7 +227,8 @@ def _relative_moment(spectrum: SelfAffine, order: int | float, ndim: int) -> Arr
     falls = -jnp.asarray(order + ndim, spectrum.q_low.dtype), order - 2 * spectrum.hurst
     lengths = (spectrum.q_roll / spectrum.q_low, spectrum.q_high / spectrum.q_roll)
     pairs = zip(falls, lengths, strict=True)
-    return unit * sum(power_integral(power, jnp.log(length)) for power, length in pairs)
+    below, above = (power_integral(power, jnp.log(length)) for power, length in pairs)
+    return unit * (below + above)
 
 
 @functools.cache
@@ -263,6 +264,7 @@ def across_lay(anisotropy: Array, offset: Array) -> Array:
 
 def narrowing(spectrum: SelfAffine, x: Array, offset: Array) -> Array:
     """Returns C at x = q/q_roll and angles from the direction across the lay, over C across [1]."""
+    assert spectrum.anisotropy is not None
     narrow = jnp.log1p((x * across_lay(spectrum.anisotropy, offset)) ** 2) - jnp.log1p(x**2)
     return jnp.exp(-(1 + spectrum.hurst) * narrow)
 

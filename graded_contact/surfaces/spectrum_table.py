@@ -111,7 +111,7 @@ class SpectrumTable(eqx.Module):
         A random surface takes the part from 2π/L to the Nyquist wavenumber of its grid.
         """
         known = np.asarray(self.q)
-        first, last = np.clip([q_low, q_high], known[0], known[-1])
+        first, last = np.clip(np.asarray([q_low, q_high]), known[0], known[-1])
         inner = known[(known > first * (1 + ROUNDED)) & (known < last * (1 - ROUNDED))]
         q = jnp.asarray([first, *inner, last], self.q.dtype)
         return SpectrumTable(q, self.density(q), self.history, self.warnings)

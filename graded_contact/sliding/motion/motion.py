@@ -101,7 +101,7 @@ def check_resolved(given: str, displacement: Array | np.ndarray, grid: Grid | No
     """
     if grid is None or not (is_concrete(displacement) and is_concrete(grid.size)):
         return
-    step = largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape)
+    step = float(largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
     if step > LARGEST_STEP:
         enough = fast(len(displacement) * step / CHOSEN_STEP)
         raise ValueError(

@@ -38,10 +38,10 @@ def _count(num_times: int | None, grid: Grid | None, dash: Array, least: Array |
     """
     if num_times is not None:
         return num_times
-    least = float(known("num_times", least))
+    fewest = float(known("num_times", least))
     if grid is None:
-        return fast(max(_USUAL, least))
-    return fast(max(least, float(known("num_times", dash / grid.spacing[0])) / CHOSEN_STEP))
+        return fast(max(_USUAL, fewest))
+    return fast(max(fewest, float(known("num_times", dash / grid.spacing[0])) / CHOSEN_STEP))
 
 
 def sinusoidal(

@@ -116,7 +116,7 @@ def _response(case: Case, stack: Stack, velocity: Any, strain, opposite: bool = 
     if not surface.periodic:
         # Cells of two sizes give the kernel of a window without the images of its load.
         grounded = all(has_ground(body, grid) for body in case.bodies)
-        kernel, error = without_images(*kernels, grid, grounded)
+        kernel, error = without_images(kernels[0], kernels[1], grid, grounded)
     if not is_coupled(case.shear):
         return _Response(kernel, error, None, reached)
     coupling, lift_error, good = steady_coupling(case, stack, velocity, cells, strain)
