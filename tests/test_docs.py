@@ -93,7 +93,7 @@ def write_files(folder: Path) -> None:
 def test_code_on_measured_files_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     # Fits have tests of their own.
-    fitted = SimpleNamespace(material=gc.tyre_tread())
+    fitted = SimpleNamespace(material=gc.tyre_tread(), exported=gc.tyre_tread)
     monkeypatch.setattr(gc, "master_curve", lambda isotherms: fitted)
     write_files(tmp_path)
     found: dict = {}

@@ -211,8 +211,9 @@ class Case(eqx.Module):
             whole = np.concatenate([np.zeros_like(known[:1]), known])  # it begins at 0
             check_resolved(f"`displacement` in {len(known)} steps", whole, grid)
         if is_concrete(times):
-            steps: Any = np.diff(np.asarray(times), prepend=0)
-            last, least = float(times[-1]), float(np.min(steps))
+            known = np.asarray(times)
+            steps: Any = np.diff(known, prepend=0)
+            last, least = float(known[-1]), float(np.min(steps))
             if last > LONGEST * least:
                 raise ValueError(
                     f"`times` up to {last:.3g} s with a step of {least:.3g} s are refused: the "
