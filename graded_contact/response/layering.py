@@ -288,7 +288,9 @@ def _mass(profile, x, s, omega):
     depth = 1 - middle
     # A change of ln E over a length l weighs at a distance r as over l + r.
     length = step / jnp.maximum(change, tiny)
-    change = step / jnp.min(length + _GROWTH * jnp.abs(middle[:, None] - middle), axis=1)
+    near = jnp.min(length + _GROWTH * jnp.abs(middle[:, None] - middle), axis=1)
+    # What a wave does not see has no thickness.
+    change = step / jnp.maximum(near, tiny)
     # Decay rates and weights measured on the reference cases; they only shape the mesh.
     seen = jnp.exp(-0.2 * x * depth)
     return (jnp.sqrt(change**2 + step**2) + 1.5 * x * step) * seen + step + tiny
