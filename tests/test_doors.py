@@ -1,6 +1,6 @@
 """Public calls, four ways: nonsense, single precision, `jit` and `vmap`.
 
-Nonsense is refused at the door by the name of the argument, whatever kind of nonsense it is.
+A wrong argument is refused by its name before anything is computed.
 """
 
 import warnings

@@ -132,7 +132,7 @@ def best_of_length(series: SeriesProblem, terms: int) -> np.ndarray:
 
 
 def best_path(series: SeriesProblem, most: int) -> dict[int, Fitted]:
-    """Returns the best series found of each length, up to `most` or to that of the floor."""
+    """Returns the best series found of each length, up to `most` terms or to the floor."""
     few = thinned(series)
     theta, cost = _best_spectrum(few)
     # The path ends at the shortest series that is within 0.05 % of the floor: no data show less.

@@ -10,7 +10,7 @@ same weight; in absolute squares the rubbery loss, which friction needs, has non
 positive by construction, hence every fit is passive. Times are free within a decade of the data.
 
 The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are the same functions:
-the best of one kind is the best of the other.
+the best of one kind is the best of the other, and `fit.material.creep()` is exact.
 """
 
 import abc

@@ -116,7 +116,7 @@ def test_a_motion_has_friction_over_time():
     np.testing.assert_allclose(results["load"].squeeze(), 2e5 * np.array(ratio), rtol=1e-6)
     moved = results.surface_displacement.values
     np.testing.assert_array_equal(moved, scene.motion.displacement)
-    # The work is that of the traction along the path, whose rate has no highest frequency.
+    # The traction does the work along the path, whose rate has no highest frequency.
     speed = np.fft.irfft(2j * np.pi * np.arange(5) / 0.05 * np.fft.rfft(moved))
     work = 0.05 * np.mean(results.traction.values.squeeze() * speed)
     np.testing.assert_allclose(results.work.values.squeeze(), work, rtol=1e-9)

@@ -35,7 +35,7 @@ from ..shear import shear_over_load
 from .checks import APART, NEVER_LOADED
 
 _BY_SLOPES = 0.08  # weight of the difference of `friction` and `geometric_friction`
-# Of the friction: that of a nearly elastic block is far less than the error of the surface's slope.
+# Of the friction: a nearly elastic block has far less than the error of the surface's slope.
 _MOST_BY_SLOPES = 0.1
 
 

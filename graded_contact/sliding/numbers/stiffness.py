@@ -48,7 +48,7 @@ _LACKING = 8.0  # times the share of the squared slope in waves that half the gr
 def contact_stiffness(found: Found) -> Float[Array, ""]:
     """-dp/dū [Pa/m], by which the mean pressure rises as the mean gap closes.
 
-    That of the whole surface per area; infinite in full contact. The block acts as at the given
+    It belongs to the whole surface, per area; infinite in full contact. The block acts as at the given
     velocity, at rest with its relaxed moduli; a traction that moves the surface follows the
     pressure. Laws other than the hard wall enter by their contact area.
     """
@@ -82,7 +82,7 @@ def _error_by_grid(found: Found) -> Float[Array, ""]:
 
 
 def _conductance_by_grid(found: Found) -> Float[Array, ""]:
-    """The same part of the conductance as that of the stiffness."""
+    """The conductance has the same relative error as the stiffness."""
     return _error_by_grid(found) / contact_stiffness(found) * specific_conductance(found)
 
 

@@ -146,7 +146,7 @@ def _of_friction(name: str, scale: Formula, shear: str = "mean_shear_friction"):
 
 
 def _with_its_step(cause: str, own: Formula) -> Formula:
-    """The part of the error of the peak, at least that of the friction at its step."""
+    """The part of the peak's error: at least the friction's error at its step."""
 
     def error(found):
         count = len(found.times)
