@@ -66,7 +66,7 @@ def met(face: Face, reduced: Array) -> tuple[Array, Compliance]:
 
 
 def _add(face: Face, x: Array, reduced: Array, e: Array, known: Any = None) -> Face:
-    """The state of a slab's upper face from the state of its lower face; `known` as in `factors`."""
+    """The state of the upper face from the state of the lower one; `known` as in `factors`."""
     above, s = face_in(None, reduced, e), factors(x, e, known)
     n, c = met(face, reduced)
     _, _, n_t, c_t = face.state

@@ -48,7 +48,7 @@ _LACKING = 8.0  # times the share of the squared slope in waves that half the gr
 def contact_stiffness(found: Found) -> Float[Array, ""]:
     """-dp/dū [Pa/m], by which the mean pressure rises as the mean gap closes.
 
-    It belongs to the whole surface, per area; infinite in full contact. The block acts as at the given
+    It is per area of the whole surface; infinite in full contact. The block acts as at the given
     velocity, at rest with its relaxed moduli; a traction that moves the surface follows the
     pressure. Laws other than the hard wall enter by their contact area.
     """
