@@ -31,7 +31,8 @@ def test_main_job_gives_friction_and_area_of_a_coated_tread():
     assert 0 < s.contact_area < 1
     np.testing.assert_allclose(np.mean(s.pressure), 4e5, rtol=1e-13)
     np.testing.assert_allclose(s.contact_area_pixels, np.mean(s.pressure > 0))
-    np.testing.assert_allclose(s.contact_area, s.contact_area_pixels, atol=0.02)
+    # Points count at the rim as a whole: 0.02 with 64² points.
+    assert s.contact_area < s.contact_area_pixels < s.contact_area + 0.05
     assert s.energy_imbalance <= 1e-13
     assert abs(s.geometric_friction / s.friction - 1) <= 0.1
     assert s.error <= RTOL and s.num_fft_pairs > 0
