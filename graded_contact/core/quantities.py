@@ -136,8 +136,6 @@ OF_RESULTS = _table([
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),
     ("rms_slope_along", "", "1", "rms slope along each axis"),
-    ("slope_ratio", "", "1", "rms slope across the lay over that along the lay"),
-    ("lay", "", "rad", "angle of the lay from the x axis"),
     ("rms_curvature", "", "1/m", "rms curvature"),
     ("ContactSolution.pressure", r"\sigma", "Pa", "contact pressure"),
     ("measured_range", r"\omega", "rad/s", "frequencies at which all materials were measured"),
