@@ -149,11 +149,6 @@ OF_RESULTS = _table([
     ("cutoff", "q", "rad/m", "cut-off of the roughness"),
     ("offset", "", "m", "offset of the middle of the contact"),
     ("elasticities", "", "1", "relative change of the objective over that of the parameter"),
-    ("weights", "", "1", "weights of the measurements"),
-    ("bic", "", "1", "Bayesian information criterion"),
-    ("storage", "", "1", "relative error of the storage modulus"),
-    ("loss", "", "1", "relative error of the loss modulus"),
-    ("total", "", "1", "relative error of the modulus"),
 ])  # fmt: skip
 
 
