@@ -45,7 +45,7 @@ def test_values_that_constructors_refuse_are_refused():
 
 
 def test_an_unknown_path_is_refused_with_the_nearest():
-    with pytest.raises(ValueError, match=r"nearest is 'layers\[0\].thickness'"):
+    with pytest.raises(ValueError, match=r"did you mean `layers\[0\].thickness`"):
         with_values(COATED, {"layers[0].thicknes": 1e-4})
     with pytest.raises(ValueError, match=r"`base.material.times` has shape \(1,\)"):
         with_values(COATED, {"base.material.times": [1.0]})
