@@ -59,5 +59,5 @@ def test_a_check_holds_also_where_only_a_derivative_is_computed():
 
     slope = jax.jit(jax.grad(checked))
     assert slope(3.0) == 6
-    with pytest.raises(jax.errors.JaxRuntimeError, match="pressure"):
+    with pytest.raises((RuntimeError, ValueError), match="pressure"):
         slope(-3.0)
