@@ -59,5 +59,5 @@ def test_a_modulus_is_called_as_in_the_constructor():
     assert changed.layers[0].material.young == 3e7
     slope = jax.grad(lambda e: with_values(gc.Elastic(1e6), {"modulus": e}).modulus(0.0))(2e6)
     assert slope == 1
-    with pytest.raises(ValueError, match=r"nearest is 'layers\[0\].material.modulus'"):
+    with pytest.raises(ValueError, match=r"did you mean `layers\[0\].material.modulus`"):
         with_values(stack, {"layers[0].material.moduli": 1e6})
