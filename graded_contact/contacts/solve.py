@@ -27,6 +27,7 @@ from .adjoint import LinearSolver, LinearSplitting, attach_gradient
 from .estimates import assess, contact_state, penalty_at
 from .inputs import as_start, check_heights, check_kernel, loading_on
 from .law import AbstractLaw, HardWall, check_one_law, never_overlaps
+from .operators.operator import nonzero
 from .operators.window import Window, operator_of
 from .solution import RESULTS, ContactSolution, if_known
 from .solver.abstract_solver import (
@@ -207,7 +208,7 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
         v = pressure - penalty * gap
         gap = (law.in_units(1.0, 1 / penalty).proximal(v) - v) / penalty
     return SolverOutput(
-        pressure=pressure, gap=gap, mismatch=solution.correction,
+        pressure=pressure, gap=gap,
         displacement=solution.displacement, error=solution.error / softness(law),
         ended=jnp.asarray(True), num_steps=jnp.asarray(0),
         num_fft_pairs=jnp.zeros((), pressure.dtype),
@@ -243,19 +244,13 @@ def _solution(
     heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
     flown = jnp.where(pressure < inputs.law.bounds[1], 0, gap)  # below 0, by its depth
-    # Errors have no derivative: that of a norm or of a maximum may be 0/0.
-    known, opened = jax.lax.stop_gradient((pressure, gap))
-    rms, mean = jnp.std(jax.lax.stop_gradient(heights)), jnp.mean(jnp.abs(known))
-    unit, load = jnp.where(rms > 0, rms, 1), jnp.where(mean > 0, mean, 1)
-    gap_error = gap_error / unit
+    # Errors have no derivative: that of a norm may be 0/0.
+    gap_error = gap_error / nonzero(jnp.std(jax.lax.stop_gradient(heights)))
     result = _how_it_ended(inputs, finds_unstable, found, reached, gap_error)
     solution = ContactSolution(
         pressure=pressure, displacement=displacement, gap=gap,
         mean_pressure=jnp.mean(pressure), mean_gap=mean_gap - operator.mean(flown),
         correction=correction, error=error, gap_error=gap_error,
-        load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
-        complementarity_error=jnp.mean(jnp.abs(known * (opened - found.gap))) / (load * unit),
-        penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - opened, 0)) / unit,
         num_steps=found.num_steps, num_fft_pairs=found.num_fft_pairs, result=result,
     )  # fmt: skip
     return solution, result == RESULTS.successful

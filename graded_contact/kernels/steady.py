@@ -38,19 +38,12 @@ from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero_mode
 from ..materials.softening import at_strain, softens
 from ..response.compliance import compliance_or_nan
-from ..response.grading import checked_velocity, graded_tolerance
+from ..response.grading import NOT_REACHED, checked_velocity, graded_tolerance
 from .table import log_compliance, tabulate
 
 _BLOCK_ROWS = 16
 # With so few layers, or points of the grid, direct evaluation is faster than a table.
 _FEW_LAYERS, _FEW_POINTS = 6, 192**2
-
-
-_NOT_REACHED = (
-    "The tolerance was not reached in a kernel: the profile of a graded layer varies too sharply. "
-    "Put boundaries at its jumps, list its kinks in `breaks`, take `graded_solver=Riccati()`, or "
-    "pass a larger `rtol`."
-)
 
 
 def stack_kernel(
@@ -84,7 +77,7 @@ def stack_kernel(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
     kernel, reached = attempted_kernel(stack, grid, velocity, rtol=rtol, strain=strain)
-    return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
+    return required(kernel, reached, partial(eqx.error_if, msg=NOT_REACHED))
 
 
 def attempted_kernel(

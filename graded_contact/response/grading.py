@@ -26,10 +26,10 @@ from ..fields.frequency import as_velocity
 from ..fields.grid import Grid
 from .layering import Layering
 
-_NOT_REACHED = (
+NOT_REACHED = (
     "The tolerance was not reached in a graded layer: its profile varies too sharply. Put "
     "boundaries between layers at its jumps and list its kinks in `breaks`, take "
-    "`graded_solver=Riccati()`, pass a larger `rtol`, or read `error=True`."
+    "`graded_solver=Riccati()`, or pass a larger `rtol`."
 )
 
 
@@ -106,5 +106,5 @@ def solve_graded(climb, measure, stack, q, omega, rtol, throw):
     # Without a number, as where the steps of `Riccati` do not suffice, the error has no limit.
     error = jax.lax.stop_gradient(jnp.where(jnp.isnan(error), jnp.inf, error))
     if throw:
-        values = eqx.error_if(values, jnp.any(error > rtol), _NOT_REACHED)
+        values = eqx.error_if(values, jnp.any(error > rtol), NOT_REACHED)
     return values, error

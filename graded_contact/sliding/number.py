@@ -43,7 +43,7 @@ REMEDIES = {
     "memory": "a shorter motion",
     "kernel": "on a window a larger one",
 }
-_OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)} - {"load_error"}
+_OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
 
 
 class Observable(property):

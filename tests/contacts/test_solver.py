@@ -46,7 +46,7 @@ class ProjectedGradient(gc.contacts.AbstractContactSolver):
         p, _, n, error = jax.lax.while_loop(running, descend, state)
         gap = displace(p) - heights
         gap = jnp.where(p > 0, 0, gap - jnp.sum(p * gap) / jnp.sum(p))
-        return SolverOutput(p, gap, 0 * p, displace(p), error, error <= rtol, n, 1.0 * n)
+        return SolverOutput(p, gap, displace(p), error, error <= rtol, n, 1.0 * n)
 
 
 def test_a_custom_solver_finds_contacts_and_their_derivatives():

@@ -27,7 +27,6 @@ class GridSettings(NamedTuple):
     draft_steps: int
     max_steps: int
     relaxation: float
-    history_length: int
     rtol: Scalar
 
 
@@ -82,7 +81,7 @@ class GridProblem(eqx.Module):
     def splitting(self, state: "SolveState", settings: GridSettings) -> Splitting:
         return Splitting(
             self.solid_at(state.factor), state.shift, self.law_at(state.factor).proximal,
-            settings.rtol, relaxation=settings.relaxation, history_length=settings.history_length,
+            settings.rtol, relaxation=settings.relaxation,
         )  # fmt: skip
 
     def at_load(self, pressure):

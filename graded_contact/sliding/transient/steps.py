@@ -305,10 +305,7 @@ def _direction(way: Array) -> tuple[Array, Array]:
 
 
 STEP_CONTACT = "contact"  # what a derivative keeps of each step
-OF_STEPS = (
-    "error", "gap_error", "load_error", "complementarity_error", "penetration", "num_steps",
-    "num_fft_pairs",
-)  # fmt: skip
+OF_STEPS = "error", "gap_error", "num_steps", "num_fft_pairs"
 
 
 def steps_given(problem: TransientProblem, kept: tuple[int, ...]) -> _Step:
