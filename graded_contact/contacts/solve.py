@@ -12,13 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ScalarLike
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    as_numbers,
-    check_tolerance,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_float, as_numbers, check_tolerance, is_concrete
 from ..core.compilation import compiled, compiled_loop, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import CONTACT, check_memory

@@ -23,14 +23,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Inexact
 
 from ..blocks.stack import Stack, is_graded
-from ..core.checks import (
-    Numbers,
-    as_float,
-    check_increasing,
-    check_rows,
-    check_values,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_float, check_increasing, check_rows, check_values, is_concrete
 from ..core.compilation import compiled_loop
 from ..core.derivative import derivative_apart
 from ..fields.devices import required, spread, whole_along

@@ -40,11 +40,7 @@ _WINDOWS = {1: 1024, 2: 32}
 _POINTS = 32
 
 
-def window_kernel(
-    stack: Stack,
-    grid: Grid,
-    velocity: Numbers = 0.0,
-) -> Inexact[Array, "*half"]:
+def window_kernel(stack: Stack, grid: Grid, velocity: Numbers = 0.0) -> Inexact[Array, "*half"]:
     """Returns M_zz [m/Pa] of a stack for pressures on a window, with no load around it.
 
     **Arguments:**

@@ -23,17 +23,7 @@ from ..blocks.stack import (
     concatenated,
     interface_depths,
 )
-from .column import (
-    AddGraded,
-    Column,
-    Face,
-    Rule,
-    Run,
-    climb_through,
-    column_of,
-    face_in,
-    in_rows,
-)
+from .column import AddGraded, Column, Face, Rule, Run, climb_through, column_of, face_in, in_rows
 from .slab import Compliance, Slab, factors, in_units, lower_face, reciprocal, release, upwards
 from .upwards import FULL, base_face
 

@@ -21,7 +21,6 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..core.compilation import compiled
 from ..fields.frequency import as_velocity
 from ..fields.grid import Grid
 from .layering import Layering
@@ -65,19 +64,10 @@ def checked_velocity(stack: Stack, grid: Grid, velocity: Numbers) -> Float[Array
     velocity = as_velocity(velocity, grid)
     if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
         check_at_rest(stack)
-    if is_graded(stack):
-        check_profiles(stack, _extreme_frequencies(grid, velocity))
+    if is_graded(stack):  # waves across the velocity are at rest
+        highest = jnp.sqrt(jnp.sum(velocity**2)) * jnp.pi / grid.spacing[0]
+        check_profiles(stack, jnp.stack([0 * highest, highest]))
     return velocity
-
-
-@compiled
-def _extreme_frequencies(grid, velocity):
-    """|ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
-    along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
-    numbers = np.array([1, grid.shape[0] // 2]).astype(grid.size.dtype)
-    lowest, highest = (2 * np.pi / grid.size[0]) * numbers
-    # Waves across the velocity are at rest.
-    return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
 
 
 def solver_of(stack: Stack) -> AbstractGradedSolver:

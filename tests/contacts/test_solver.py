@@ -1,7 +1,5 @@
 """A custom contact solver is accepted everywhere."""
 
-from typing import ClassVar
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -18,8 +16,6 @@ LOAD = 0.05
 
 class ProjectedGradient(gc.contacts.AbstractContactSolver):
     """Least energy of an elastic block under pressures >= 0 of the given mean, by FISTA."""
-
-    finds_unstable: ClassVar[bool] = False
 
     def solve(self, operator, heights, law, loading, *, rtol, start):
         load, heights = loading.pressure, heights - jnp.mean(heights)

@@ -6,7 +6,7 @@ derivatives afterwards (`adjoint.py`), so a contact solver is never differentiat
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -78,7 +78,7 @@ class AbstractContactSolver(eqx.Module):
       not resolve the attraction, the contact then ends with `RESULTS.unresolved`.
     """
 
-    finds_unstable: eqx.AbstractClassVar[bool]
+    finds_unstable: ClassVar[bool] = False
 
     @abstractmethod
     def solve(

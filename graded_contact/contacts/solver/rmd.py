@@ -23,7 +23,7 @@ one FFT pair a step. The law must be smooth. No rule for mass and damping is giv
   twice as stiff as the attraction rises.
 """
 
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -62,7 +62,6 @@ class ResidualDynamics(AbstractContactSolver):
     """
 
     max_steps: int = eqx.field(default=100_000, static=True)
-    finds_unstable: ClassVar[bool] = False
 
     def __check_init__(self):
         check_whole("max_steps", self.max_steps, 1)

@@ -15,14 +15,7 @@ from ...fields.grid import to_field, to_spectrum, wavenumber
 from ...materials.coverage import coverage, is_unknown, unknown_share
 from ..case import PERIODIC, WINDOW
 from ..energy import exchange, frequencies, losses, powers_of_traction
-from ..formulas import (
-    along_motion,
-    counterface_displacement,
-    displaced,
-    loaded,
-    shared,
-    slopes,
-)
+from ..formulas import along_motion, counterface_displacement, displaced, loaded, shared, slopes
 from ..motion import motion
 from ..number import Found, observable
 from ..transient_problem import TransientProblem, steps_of

@@ -105,16 +105,10 @@ def _of_frictions(name: str, index: int):
 mean_friction_error = mean_friction.error(_of_frictions("mean_friction", 0), over=over_friction)
 peak_friction_error = peak_friction.error(_of_frictions("peak_friction", 1))
 work_error = work.error(
-    {
-        "grid": by_grid("work", OF_FORCE, _beside_work),
-        "time": by_times("work", _work_over_time),
-    }
+    {"grid": by_grid("work", OF_FORCE, _beside_work), "time": by_times("work", _work_over_time)}
 )
 load_work_error = load_work.error(
-    {
-        "grid": by_grid("load_work", OF_FORCE),
-        "time": by_times("load_work", _work_over_time),
-    }
+    {"grid": by_grid("load_work", OF_FORCE), "time": by_times("load_work", _work_over_time)}
 )
 dissipated_power_error = dissipated_power.error(
     {

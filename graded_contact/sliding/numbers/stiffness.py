@@ -91,7 +91,8 @@ def _periodic(found: Found) -> Found:
     steady = isinstance(found.problem, SteadyProblem) and WINDOW not in found.facts
     if not steady or lags(found.coupling):
         raise ValueError(
-            "A stiffness needs steady sliding on a periodic surface; coupled shear must be `Coulomb`."
+            "A stiffness needs steady sliding on a periodic surface. Coupled shear must be "
+            "`Coulomb`."
         )
     return found
 
