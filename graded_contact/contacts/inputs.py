@@ -72,24 +72,18 @@ def as_start(start: Numbers | None, heights: Array, law: AbstractLaw) -> Array |
 
 
 def loading_on(
-    operator: AbstractOperator,
-    law: AbstractLaw,
-    heights: Field,
-    *,
-    pressure: ScalarLike | None,
-    mean_gap: ScalarLike | None,
-    approach: ScalarLike | None,
+    operator: AbstractOperator, law: AbstractLaw, heights: Field, **given: ScalarLike | None
 ) -> Loading:
     """Returns the loading in a periodic cell, or on a window.
 
-    **Raises:** `ValueError` unless one of the two that the operator allows is given.
+    `given` are `pressure`, `mean_gap` and `approach`.
+
+    **Raises:** `ValueError` unless one of the two that the operator allows is not None.
     """
     # Not by JAX: a loop would trace it.
-    known = approach is not None and is_concrete(operator.kernel)
+    known = given["approach"] is not None and is_concrete(operator.kernel)
     ground = not known or bool(np.asarray(operator.kernel).flat[0] != 0)
-    on_window = isinstance(operator, Window)
-    given = check_gap(on_window, ground, pressure, mean_gap=mean_gap, approach=approach)
-    return loading_of(law, heights, None, **given)
+    return loading_of(law, heights, **check_gap(isinstance(operator, Window), ground, **given))
 
 
 def check_gap(

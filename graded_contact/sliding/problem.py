@@ -7,7 +7,7 @@ another grid of the cell, by `on`, they have the waves of block and traction tha
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -231,17 +231,3 @@ class CycleProblem(AbstractProblem):
 
 
 Problem = SteadyProblem | CycleProblem
-
-
-class Posed(NamedTuple):
-    """A problem with its load.
-
-    **Fields:**
-
-    - `problem`, `load`: what is solved.
-    - `reached`: whether the kernel is good; True if a bad one raises.
-    """
-
-    problem: Problem
-    load: Prescribed
-    reached: Array | bool = True
