@@ -25,7 +25,6 @@ from jaxtyping import Array
 from ..blocks.profile import moduli_at
 from ..blocks.shapes import breaks_of
 from ..blocks.tolerance import AbstractGradedSolver, as_tolerance, rounding
-from ..core.checks import check_type
 from .column import Face, face_in
 from .layering import add_layered, build_mesh
 from .slab import Compliance, in_units
@@ -57,11 +56,6 @@ class Riccati(AbstractGradedSolver):
 
     solver: Any = None
     rtol: float | None = eqx.field(static=True, default=None, converter=as_tolerance)
-
-    def __check_init__(self):
-        import diffrax
-
-        check_type("solver", self.solver, diffrax.AbstractSolver, type(None))
 
     def solve(self, climb, measure, stack, q, omega, rtol):
         def found(step):

@@ -66,7 +66,6 @@ class Coulomb(AbstractShear):
 
     def __check_init__(self):
         check_values("coefficient", self.coefficient, "f [1] is zero or positive", at_least=0)
-        check_type("coupled", self.coupled, bool)
 
     def __call__(self, pressure, speed, temperature):
         return self.coefficient * pressure
@@ -85,7 +84,6 @@ class ConstantShear(AbstractShear):
     coupled: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
-        check_type("coupled", self.coupled, bool)
         check_values("stress", self.stress, "a shear stress [Pa] is zero or positive", at_least=0)
 
     def __call__(self, pressure, speed, temperature):
@@ -115,7 +113,6 @@ class PeakedShear(AbstractShear):
     coupled: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
-        check_type("coupled", self.coupled, bool)
         check_values("peak", self.peak, "a shear stress [Pa] is zero or positive", at_least=0)
         check_positive("velocity", self.velocity, "[m/s]")
         check_positive("steepness", self.steepness, "[1]")
