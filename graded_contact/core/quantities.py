@@ -136,8 +136,6 @@ OF_RESULTS = _table([
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),
     ("rms_slope_along", "", "1", "rms slope along each axis"),
-    ("slope_ratio", "", "1", "rms slope across the lay over that along the lay"),
-    ("lay", "", "rad", "angle of the lay from the x axis"),
     ("rms_curvature", "", "1/m", "rms curvature"),
     ("ContactSolution.pressure", r"\sigma", "Pa", "contact pressure"),
     ("measured_range", r"\omega", "rad/s", "frequencies at which all materials were measured"),
@@ -148,11 +146,6 @@ OF_RESULTS = _table([
     ("cutoff", "q", "rad/m", "cut-off of the roughness"),
     ("offset", "", "m", "offset of the middle of the contact"),
     ("elasticities", "", "1", "relative change of the objective over that of the parameter"),
-    ("weights", "", "1", "weights of the measurements"),
-    ("bic", "", "1", "Bayesian information criterion"),
-    ("storage", "", "1", "relative error of the storage modulus"),
-    ("loss", "", "1", "relative error of the loss modulus"),
-    ("total", "", "1", "relative error of the modulus"),
 ])  # fmt: skip
 
 
