@@ -164,7 +164,7 @@ def _attached_jvp(primals, tangents):
 
 
 def _or_fail(adjoint: LinearSolver) -> LinearSolver:
-    """The solver, which fails at run time if what it finds is not a number."""
+    """The solver, which fails at run time if its result is not a number."""
 
     def solve(*system, **how):
         tau = adjoint(*system, **how)

@@ -27,7 +27,7 @@ def area_in_doubt(indicator: Field, correction: Field) -> Scalar:
 
 
 class Edges(eqx.Module):
-    """What is known of the edges of contact beside pressures and gaps.
+    """The edges of contact, beside pressures and gaps.
 
     **Fields:**
 

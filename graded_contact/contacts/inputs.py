@@ -1,4 +1,4 @@
-"""What a contact is computed from: heights, kernel, start and loading, checked."""
+"""Inputs of a contact, checked: heights, kernel, start and loading."""
 
 import functools
 

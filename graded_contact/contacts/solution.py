@@ -94,7 +94,7 @@ def if_known(result: RESULTS, numbers: Any) -> Any:
 
 
 def ended(contact: "ContactSolution", good: Any, end: RESULTS) -> "ContactSolution":
-    """Returns a contact with another end unless it is `good`; what failed does not just stop."""
+    """Returns a contact with another end unless it is `good`; a failure stays a failure."""
     fails = end in FAILURES
     stays = good if fails else good | has_failed(contact.result)
     result = RESULTS.where(stays, contact.result, end)

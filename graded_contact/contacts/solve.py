@@ -191,7 +191,7 @@ def _known_to_have_a_solution(inputs: Inputs) -> Inputs:
 
 @compiled
 def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
-    """What a solver would return for a solution: the gap is that of the law."""
+    """The output of a solver for a known solution, with the gap of the law."""
     law, pressure, gap = inputs.law, solution.pressure, solution.gap
     if isinstance(law, HardWall):
         low, high = law.bounds

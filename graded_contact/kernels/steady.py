@@ -221,7 +221,7 @@ def _responses(response, stack, qx, qy, velocity, strain):
 
 
 def _rules(kernel, grid):
-    """By the rules of the half spectrum, and laid as what leaves a compiled program is."""
+    """A kernel by the rules of the half spectrum, spread over the devices."""
     # The mean displacement belongs to the mean gap.
     kernel = jnp.where(zero_mode(grid.shape), 0, kernel)
     if jnp.iscomplexobj(kernel):

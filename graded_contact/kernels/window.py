@@ -102,7 +102,7 @@ def without_images(near: Array, far: Array, grid: Grid, ground: bool) -> tuple[A
 
 
 def _images(far, grid: Grid, points: int, length: int):
-    """What loads `length` windows away, and multiples of that, add to the kernel of a window.
+    """The part of a kernel by loads `length` windows away, and multiples of it.
 
     `far` is a kernel of the long cell with so many points to a window.
     """

@@ -1,4 +1,4 @@
-"""What all waves must pass, and graded layers by the solver of their stack.
+"""Input checks for waves; error control of graded layers.
 
 An error above the tolerance is raised.
 """

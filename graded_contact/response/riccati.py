@@ -34,7 +34,7 @@ _MAX_STEPS = 4096
 
 
 class Numbers(NamedTuple):
-    """What is integrated: a symmetric matrix with its determinant, in plane, and antiplane."""
+    """The numbers that are integrated: a symmetric matrix with its determinant, and antiplane."""
 
     plane: Compliance
     antiplane: Any = None
@@ -194,7 +194,7 @@ def _rates(numbers, modulus, poisson, reference, inverse):
 
 
 def _sizes(rough):
-    """What tolerances are relative to: sizes of a rough result, never nothing."""
+    """The scales of tolerances: sizes of a rough result, never 0."""
 
     def plane(c):
         mean = jnp.sqrt(jnp.abs(c.c11)) * jnp.sqrt(jnp.abs(c.c22))

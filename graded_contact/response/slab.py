@@ -169,7 +169,7 @@ def lower_face(c: Compliance, slab: Slab, one: Array | int = 1) -> tuple[Any, Ar
 
 
 def upwards(c: Compliance, h: Sequence[Array], s: Slab) -> Compliance:
-    """Returns what P H Pᵀ adds to Q; and to the determinant of Q what c adds, but for 1/m."""
+    """Returns P H Pᵀ, which adds to Q, and the part of c in the determinant of Q, but for 1/m."""
     h11, h12, h22 = h
     a11, a12 = times(s.p11, h11) + times(s.p12, h12), times(s.p11, h12) + times(s.p12, h22)
     a21, a22 = times(s.p21, h11) + times(s.p22, h12), times(s.p21, h12) + times(s.p22, h22)

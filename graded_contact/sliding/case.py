@@ -222,7 +222,7 @@ class Case(eqx.Module):
 
     @property
     def prescribed(self) -> str:
-        """What is given: "pressure", "mean_gap" or "approach"."""
+        """The name of the load: "pressure", "mean_gap" or "approach"."""
         return next((name for name, value in self.load.items() if value is not None), "pressure")
 
     @property

@@ -1,4 +1,4 @@
-"""What decides a contact under sliding on one grid: both bodies as an operator, surface, and law.
+"""The problem of a contact under sliding on one grid: both bodies as an operator, surface, law.
 
 A `SteadyProblem` is solved once, a `CycleProblem` at all times of a period together, and that of
 `transient_problem.py` step by step. The first two give the contact at a load, by `contact`; on
@@ -35,7 +35,7 @@ Prescribed = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m];
 
 
 class AbstractProblem(eqx.Module):
-    """What decides each contact under sliding.
+    """The fields of all problems.
 
     **Fields:**
 

@@ -195,7 +195,7 @@ def shear_stress(
 
 
 def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Returns the shear stress without pressure and what the pressure adds to it [Pa]."""
+    """Returns the shear stress without pressure, and the part that the pressure adds [Pa]."""
     least = stress(jnp.zeros((), pressure.dtype))
     pressed = pressure != 0  # elsewhere a power of the pressure may have no derivative
     return least, jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - least, 0)

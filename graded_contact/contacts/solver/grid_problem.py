@@ -31,7 +31,7 @@ class GridSettings(NamedTuple):
 
 
 class OneGrid(NamedTuple):
-    """What is given on one grid."""
+    """The inputs on one grid."""
 
     operator: AbstractOperator
     heights: Field
@@ -72,7 +72,7 @@ class GridProblem(eqx.Module):
         return Solid(self.grid.operator, factor * self.penalty, self.free_mean)
 
     def shift(self, factor) -> Field:
-        """What heights and mean add to x of the splitting."""
+        """The part of x in the splitting by heights and mean."""
         heights, solid = self.scaled_heights(factor), self.solid_at(factor)
         if self.free_mean:
             return solid.resolve(heights - factor * self.mean)
@@ -174,7 +174,7 @@ def closed_or(problem: GridProblem, z):
 
 
 def start_of(problem: GridProblem, guess):
-    """Returns z to begin from: that of a guessed pressure, or without one of points on springs."""
+    """Returns z of a guessed pressure to begin from; without a guess, of points on springs."""
     heights, law, mean = problem.scaled_heights(), problem.law, problem.mean
     average = problem.grid.operator.mean
     if guess is None:

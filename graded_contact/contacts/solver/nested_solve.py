@@ -127,7 +127,7 @@ class DouglasRachford(AbstractContactSolver):
 
 @compiled
 def _coarser(operator, heights, loading: Loading, shapes):
-    """What is given on coarser grids of these shapes."""
+    """The inputs on coarser grids of these shapes."""
     shape, coarse = heights.shape, []
     spectrum = to_spectrum(heights - jnp.mean(heights))
     for level in shapes:

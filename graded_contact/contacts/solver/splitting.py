@@ -141,7 +141,7 @@ class Splitting(eqx.Module):
         return self.solid.operator.kernel.size >= DRAFTED_FROM // 2
 
     def _recomputed(self, cycles: Array) -> Solid:
-        """The solid. On a large grid what follows from its kernel is computed in every step."""
+        """The solid. On a large grid its filter is computed in every step."""
         solid = self.solid
         if not self._is_large:
             return solid
@@ -172,7 +172,7 @@ def check_relaxation(relaxation: float) -> None:
 
 
 def _weight_of_modes(field: Field) -> Float[Array, "#half"]:
-    """What a squared mode of the half spectrum adds to a field's sum of squares."""
+    """The weight of each squared mode of the half spectrum in a field's sum of squares."""
     return jnp.asarray(multiplicity(field.shape) / field.size, field.dtype)
 
 

@@ -70,7 +70,7 @@ def flash_temperature(
 
 
 class Heat(NamedTuple):
-    """What heats both bodies.
+    """The heat in both bodies.
 
     **Fields:**
 

@@ -1,4 +1,4 @@
-"""What presses a body on the block: load and approach."""
+"""Load and approach."""
 
 import jax.numpy as jnp
 from jaxtyping import Array

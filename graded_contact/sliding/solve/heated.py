@@ -128,7 +128,7 @@ class _Warm(NamedTuple):
 
     @property
     def pressures(self) -> tuple[Array, Array]:
-        """What the next contacts start from."""
+        """The pressures that the next contacts start from."""
         return self.found.pressure, self.steady.pressure
 
 
@@ -212,7 +212,7 @@ def _in_doubt(s: Sliding | CyclicSliding, change: Array) -> Array:
 
 @compiled
 def _cells(grid: Grid, number: int) -> tuple[Array, ...]:
-    """The edges of the cells, these once more, and those of twice as many cells [m].
+    """The edges of the cells, padded, and the edges of twice as many cells [m].
 
     In the second the last edge is repeated: one program serves both numbers of cells.
     """

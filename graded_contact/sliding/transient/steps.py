@@ -48,7 +48,7 @@ from .waves import TransientWaves
 
 
 class Past(NamedTuple):
-    """What a force on a body carries from step to step.
+    """The past of a force on a body, from step to step.
 
     The memory of the nodes, real and imaginary parts for those of the waves; the waves of the
     force (of a traction times i) at the end of the step and before it, and of the displacement.
@@ -61,7 +61,7 @@ class Past(NamedTuple):
 
 
 class TransientState(NamedTuple):
-    """What a transient solve carries from step to step.
+    """The state of a transient solve, from step to step.
 
     The past of each force; the pressure, and how fast it rises; the share of contact at each point;
     the traction of slopes, and that of shear at the speed of the next step; works; the kept fields;
@@ -81,7 +81,7 @@ class TransientState(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """What a step is given."""
+    """The inputs of a step."""
 
     length: Array
     shift: Array  # s [m], along each component
@@ -108,7 +108,7 @@ class _OfStep(AbstractSliding):
 
 
 class Advance(eqx.Module):
-    """What does not change from step to step: `init`, and `step` for `lax.scan`."""
+    """The fixed part of all steps: `init`, and `step` for `lax.scan`."""
 
     problem: TransientProblem
     waves: TransientWaves
@@ -317,7 +317,7 @@ OF_STEPS = "error", "gap_error", "num_steps", "num_fft_pairs"
 
 
 def steps_given(problem: TransientProblem, kept: tuple[int, ...]) -> _Step:
-    """What each step is given."""
+    """The inputs of all steps."""
     count = len(problem.times)
     lengths, way = problem.steps
     tables = tuple(
