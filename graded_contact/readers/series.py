@@ -8,14 +8,14 @@ from jaxtyping import Float, ScalarLike
 from ..fields.grid import Grid
 from ..sliding.motion.motion import Motion
 from ..sliding.motion.periodic import recorded
-from .columns import Quantity, understood
+from .columns import Heading, understood
 from .source import NotPlain, source_of
 from .tables import read_table
 
 _OVER_TIME = {
-    "time": Quantity("time", r"t|times?"),
-    "displacements": Quantity("length", r"s|x|displacements?|position|way"),
-    "pressures": Quantity("pressure", r"p|pressures?|load"),
+    "time": Heading("time", r"t|times?"),
+    "displacements": Heading("length", r"s|x|displacements?|position|way"),
+    "pressures": Heading("pressure", r"p|pressures?|load"),
 }
 _HEADS = {
     "displacements": "time [ms], displacement [mm]",

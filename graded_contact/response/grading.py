@@ -16,7 +16,6 @@ from ..core.checks import (
     Numbers,
     as_float,
     as_numbers,
-    check_together,
     check_tolerance,
     check_values,
     is_concrete,
@@ -51,11 +50,10 @@ def as_waves(stack: Stack, **arrays: Numbers) -> tuple[Array, ...]:
     }
     for name, value in waves.items():
         check_values(name, value, "wavenumbers and frequencies must be finite")
-    check_together(**waves)
     if is_concrete(waves["omega"]) and np.any(np.asarray(waves["omega"]) == 0):
         check_at_rest(stack)
     check_profiles(stack, waves["omega"])
-    rank = max(value.ndim for value in waves.values())
+    rank = len(jnp.broadcast_shapes(*(value.shape for value in waves.values())))
     return tuple(x.reshape((1,) * (rank - x.ndim) + x.shape) for x in waves.values())
 
 

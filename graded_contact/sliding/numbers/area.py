@@ -13,7 +13,7 @@ from ..number import Found, observable
 from ..problem import CycleProblem
 
 
-@observable("contact area fraction", "A/A_0")
+@observable("contact area fraction")
 def contact_area(found: Found) -> Array:
     """Fraction of the surface in contact [1], with edges between the points."""
 
@@ -27,13 +27,13 @@ def contact_area(found: Found) -> Array:
     return share_of(found, share, indicator_of(found), found.pressure)
 
 
-@observable("share of points in contact", "A/A_0")
+@observable("share of points in contact")
 def contact_area_pixels(found: Found) -> Array:
     """Fraction of the points in contact [1]: 4 to 20 % more than the area, without a derivative."""
     return share_of(found, jnp.mean, touching(found))
 
 
-@observable("mean gap", r"\bar u", "m")
+@observable("mean gap", "m")
 def mean_gap(found: Found) -> Array:
     """Mean of the gap [m]."""
     gap = found.contact.mean_gap

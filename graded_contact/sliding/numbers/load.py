@@ -12,13 +12,13 @@ from ..formulas import moved_where_loaded
 from ..number import Found, observable
 
 
-@observable("mean contact pressure", r"\bar\sigma", "Pa", needs=[LOAD_FOLLOWS])
+@observable("mean contact pressure", "Pa", needs=[LOAD_FOLLOWS])
 def mean_pressure(found: Found) -> Array:
     """Mean pressure [Pa]."""
     return found.contact.mean_pressure
 
 
-@observable("approach", r"\delta", "m", needs=[GROUND])
+@observable("approach", "m", needs=[GROUND])
 def approach(found: Found) -> Array:
     """How far a body on a window moved into the block after its first touch [m].
 

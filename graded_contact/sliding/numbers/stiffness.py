@@ -40,7 +40,7 @@ _FROM_HALF, _SOFTER = 0.75, 1.25
 _LACKING = 8.0  # times the share of the squared slope in waves that half the grid lacks
 
 
-@observable("contact stiffness", "k", "Pa/m", needs=[STIFFNESS])
+@observable("contact stiffness", "Pa/m", needs=[STIFFNESS])
 def contact_stiffness(found: Found) -> Float[Array, ""]:
     """-dp/dū [Pa/m], by which the mean pressure rises as the mean gap closes.
 
@@ -51,7 +51,7 @@ def contact_stiffness(found: Found) -> Float[Array, ""]:
     return _stiffness(_periodic(found))
 
 
-@observable("contact conductance times both resistivities", r"G\varrho", "1/m", needs=[CONDUCTANCE])
+@observable("contact conductance times both resistivities", "1/m", needs=[CONDUCTANCE])
 def specific_conductance(found: Found) -> Float[Array, ""]:
     """Contact conductance of two half spaces times the sum of their resistivities [1/m].
 

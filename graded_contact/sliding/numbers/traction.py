@@ -82,13 +82,13 @@ def slip(found: Found) -> Array:
     return 1 + found.operator.to_field(1j * along * moved, shape) * math.prod(shape)
 
 
-@observable("friction lost in the block", r"\mu_\mathrm{block}", needs=[COUPLED])
+@observable("friction lost in the block", needs=[COUPLED])
 def block_friction(found: Found) -> Array:
     """The part of the friction that is dissipated in the block [1], by pressure and traction."""
     return friction(found) - interface_friction(found)
 
 
-@observable("friction that heats the interface", r"\mu_\mathrm{int}", needs=[COUPLED])
+@observable("friction that heats the interface", needs=[COUPLED])
 def interface_friction(found: Found) -> Array:
     """The part of the friction that heats the interface [1]; without coupling `shear_friction`."""
     if found.coupling is None:
@@ -97,7 +97,7 @@ def interface_friction(found: Found) -> Array:
     return jnp.mean(stress * slip(found)) / mean_load(found)
 
 
-@observable("mean power that heats the interface", r"P_\mathrm{int}", "W/m²", needs=[COUPLED])
+@observable("mean power that heats the interface", "W/m²", needs=[COUPLED])
 def interface_power(found: Found) -> Array:
     """Mean power that heats the interface per area [W/m²].
 
