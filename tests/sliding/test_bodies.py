@@ -13,7 +13,6 @@ from graded_contact.fields.grid import wavevector
 from graded_contact.mean_field import mean_field_friction
 from graded_contact.sliding import ConstantShear, Coulomb, contact_stress, slide_cycle
 from graded_contact.sliding.case import Case
-from graded_contact.sliding.numerics import Numerics
 from graded_contact.sliding.solve.steady import steady_problem
 
 Q0, LOAD = 2 * np.pi, 0.2
@@ -99,7 +98,7 @@ def test_traction_acts_on_the_counterface_in_the_opposite_direction(velocity):
         stack=rubber(), surface=ROUGH, pressure=LOAD, velocity=velocity, counterface=COATED,
         shear=Coulomb(0.4),
     )  # fmt: skip
-    problem = steady_problem(case, Numerics().of(case.bodies)).problem
+    problem = steady_problem(case)[0]
     along = np.sign(velocity) * 0.4
     expected = steady_kernels(rubber(), COATED, along, case.rough.grid, velocity)
     np.testing.assert_allclose(problem.operator.kernel, expected, rtol=1e-10)

@@ -53,8 +53,9 @@ def test_along_an_oblique_velocity_a_solve_keeps_its_promise():
     """An operator that is not that of its half spectrum left penetrations of 4e-5 at 1e-10."""
     velocity = jnp.array([0.1, 0.05])
     s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=velocity, rtol=1e-11)
-    assert s.contact.complementarity_error <= 1e-11
-    assert s.contact.penetration <= 1e-11
+    rms = np.std(SURFACE.heights)
+    assert np.min(s.gap) >= -1e-11 * rms
+    assert np.mean(np.abs(s.pressure * s.gap)) <= 1e-11 * 4e5 * rms
     assert s.energy_imbalance <= 1e-13
     shares = gc.sliding.cumulative_friction(s.pressure, s.displacement, GRID, velocity).friction
     np.testing.assert_allclose(shares[-1], s.friction, rtol=1e-12)
