@@ -26,7 +26,7 @@ def observe(kernel, heights, target, law, control):
     return jnp.mean(WEIGHTS * field) + 3 * s.mean_gap + s.mean_pressure / LOAD
 
 
-@pytest.mark.parametrize("law, control", [("hardness", "pressure"), ("exponential", "mean_gap")])
+@pytest.mark.parametrize("law, control", [("hardness", "pressure"), ("repulsive", "mean_gap")])
 def test_derivatives_match_central_differences(law, control):
     """By kernel, heights, pressure or mean gap, and every parameter of the law."""
     kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
@@ -49,8 +49,14 @@ def test_derivatives_match_central_differences(law, control):
     step = 1e-6
     for i, change in enumerate(changes):
         only = [d * (i == j) for j, d in enumerate(changes)]
-        ends = [value(*(x + s * step * d for x, d in zip(leaves, only))) for s in (1, -1)]
+        ends = [
+            value(*(x + s * step * d for x, d in zip(leaves, only, strict=True))) for s in (1, -1)
+        ]
         difference = float(ends[0] - ends[1]) / (2 * step)
+        if (law, i) == ("repulsive", 5):
+            assert difference == 0  # where contact is said to begin moves nothing
+            assert np.all(gradient[i] == 0)
+            continue
         assert difference != 0
         # JAX's cotangent of a complex input is the conjugate gradient.
         reverse = float(jnp.sum((gradient[i] * change).real))
