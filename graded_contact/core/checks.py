@@ -185,18 +185,6 @@ def check_positive(name: str, value: ArrayLike, unit: str) -> None:
     check_values(name, value, f"it must be a positive number {unit}", at_least=least)
 
 
-def check_together(**arrays: Array) -> None:
-    """Raises `ValueError` unless the arrays hold numbers and broadcast against each other."""
-    for name, array in arrays.items():
-        if array.size == 0:
-            raise ValueError(f"`{name}` has shape {array.shape}; at least one number is needed.")
-    try:
-        jnp.broadcast_shapes(*(array.shape for array in arrays.values()))
-    except ValueError:
-        text = ", ".join(f"`{name}` {array.shape}" for name, array in arrays.items())
-        raise ValueError(f"Incompatible shapes: {text}; they must broadcast.") from None
-
-
 def check_rows(least: int, **arrays: Array) -> None:
     """Raises `ValueError` unless these are one-dimensional, of equal length, at least `least`."""
     first, *others = (array.shape for array in arrays.values())

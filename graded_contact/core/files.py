@@ -1,22 +1,7 @@
-"""Paths and files from the user. One that is larger than the memory is refused by its size."""
+"""Files from the user. One that is larger than the memory is refused by its size."""
 
 import os
 from pathlib import Path
-
-_HDF5 = b"\x89HDF\r\n\x1a\n"
-
-
-def full_path(text: str, beside: str | os.PathLike = ".") -> Path:
-    """Returns the path that a text names: `~` is the user's, other paths are relative to `beside`.
-
-    **Raises:** `ValueError` for one that no file system has.
-    """
-    if not text or not text.isprintable():
-        raise ValueError(f"the path {text!r} is refused: it needs printable characters.")
-    try:
-        return Path(beside) / Path(text).expanduser()
-    except RuntimeError as error:
-        raise ValueError(f"the path {text!r} is refused: {error}") from error
 
 
 def read_file(path: str | os.PathLike, at_most: float | None = None) -> bytes:
@@ -53,14 +38,6 @@ def _memory() -> float:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, OSError, ValueError):
         return float("inf")
-
-
-def is_hdf5(path: str | os.PathLike) -> bool:
-    """Returns whether there is a file that begins as HDF5 does."""
-    if not Path(path).is_file():
-        return False
-    with open(path, "rb") as file:
-        return file.read(len(_HDF5)) == _HDF5
 
 
 def _megabytes(size: float) -> str:

@@ -5,14 +5,13 @@ A path names what the constructor's arguments name. A field with another name ha
 """
 
 import dataclasses
-import difflib
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
 
-from .checks import Numbers, as_float, check_shape, short
+from .checks import Numbers, as_float, check_shape, nearest, short
 
 T = TypeVar("T")
 
@@ -53,18 +52,14 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
 
     **Returns:** the tree, checked as its constructors do.
 
-    **Raises:** `ValueError` for a path that is not there, naming the nearest, for a value of
-    another shape, and for what the constructors refuse.
+    **Raises:** `ValueError` for a path that is not there, a value of another shape, and what the
+    constructors refuse.
     """
     known = paths(tree)
     leaves = {}
     for path, value in values.items():
         if path not in known:
-            near = difflib.get_close_matches(str(path), known, n=1, cutoff=0.0) or ["none"]
-            raise ValueError(
-                f"`tree` has no number {short(path)}, as `values` names it; "
-                f"the nearest is {near[0]!r}."
-            )
+            raise ValueError(f"`tree` has no number {short(path)}; {nearest(path, known)}")
         value = as_float(value, path).astype(known[path].dtype)
         check_shape(path, value, known[path].shape)
         # Several entries of one array are set one after the other.

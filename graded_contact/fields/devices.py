@@ -99,14 +99,15 @@ def required(tree: T, good: Array | bool, check: Callable[[Array, Array], Array]
     """
     if is_concrete(good) and good:
         return tree
-    # XLA takes what a check is put on to one device, whole: a number, which all fields then add.
+    # XLA takes what a check is put on to one device, whole: a number, by which all fields are
+    # multiplied, as are then their derivatives: these fail also where only they are computed.
     try:
-        nothing = check(jnp.asarray(-0.0), jnp.logical_not(good))
+        one = check(jnp.asarray(1.0), jnp.logical_not(good))
     except RuntimeError as error:
         raise RuntimeError(reason_of(error)) from None
-    if is_concrete(nothing):
+    if is_concrete(one):
         return tree
-    return jax.tree.map(lambda a: a if a.dtype == bool else a + nothing.astype(a.dtype), tree)
+    return jax.tree.map(lambda a: a if a.dtype == bool else a * one.astype(a.dtype), tree)
 
 
 def padded(array: Array, axis: int, parts: int) -> Array:

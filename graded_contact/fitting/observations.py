@@ -21,6 +21,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
     short,
+    within,
 )
 from ..core.display import shown
 from ..materials.measured import Measured
@@ -195,26 +196,21 @@ def joined_curves(
 
 def _curve(number, isotherm, kind) -> tuple[Any, ...]:
     """Kind, temperature, x and values of an isotherm."""
+    name = f"isotherms[{number}]"
     if isinstance(isotherm, Measured):
-        missing = ["`poisson`"] if isotherm.deformation != "tension" else []
-        missing += ["`temperature`"] if isotherm.temperature is None else []
-        if isotherm.temperature is None or missing:
+        if isotherm.deformation != "tension" or isotherm.temperature is None:
             raise ValueError(
-                f"`isotherms[{number}]` from {isotherm.path} must be in tension and have a "
-                f"temperature: read the file with {' and '.join(missing)}."
+                f"`{name}` from {isotherm.path} must be in tension and have a temperature: read "
+                "the file with `poisson` and `temperature`."
             )
         kind = isotherm.kind
         isotherm = (np.mean(isotherm.temperature), isotherm.abscissa, isotherm.values)
     if not isinstance(isotherm, Sequence) or len(isotherm) != 3:
-        needed = "`(temperature, x, values)` is needed"
-        raise ValueError(f"`isotherms[{number}]={short(isotherm)}` is refused: {needed}.")
+        raise ValueError(f"`{name}={short(isotherm)}` must be `(temperature, x, values)`.")
     temperature, x, values = isotherm
     if not is_concrete(temperature):
-        raise ValueError(f"`isotherms[{number}]` must have a concrete temperature.")
+        raise ValueError(f"`{name}` must have a concrete temperature.")
     x, values = as_float(x, "x"), as_numbers(values, "values")
-    if x.ndim != 1 or x.shape != values.shape:
-        raise ValueError(
-            f"`isotherms[{number}]` has x of shape {x.shape} and values of {values.shape}; two "
-            "one-dimensional arrays of equal length are needed."
-        )
+    with within(f"`{name}`:"):
+        check_rows(1, x=x, values=values)
     return kind, float(temperature), x, values

@@ -70,7 +70,7 @@ from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
 from .quadrature import FieldInputs, Rules, integrate
-from .roughness import edges_of
+from .roughness import smooth_edges
 
 RTOL = 1e-4
 NO_FIELD = (
@@ -276,8 +276,8 @@ def _rules(field, correction, num_wavenumbers, num_angles) -> Rules:
     check_whole("num_angles", num_angles, 4)
     if num_angles % 2:
         raise ValueError(f"`num_angles={num_angles}` must be even.")
-    num_pieces = len(edges_of(field.spectrum)) - 1
-    num_pieces += 0 if field.own is None else len(edges_of(field.own))
+    num_pieces = len(smooth_edges(field.spectrum)) - 1
+    num_pieces += 0 if field.own is None else len(smooth_edges(field.own))
     per_piece = 4 * -(-num_wavenumbers // (4 * num_pieces))
     return Rules(correction, per_piece, num_angles)
 
@@ -287,7 +287,7 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
     # The lowest frequency is that of the longest wave at the last angle.
-    edges, speed = edges_of(field.spectrum), direction_and_speed(field.velocity)[1]
+    edges, speed = smooth_edges(field.spectrum), direction_and_speed(field.velocity)[1]
     if is_concrete(speed) and np.asarray(speed) == 0:
         check_at_rest(field.stack)
     ends = speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]])

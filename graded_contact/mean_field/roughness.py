@@ -8,7 +8,7 @@ from ..surfaces.spectrum import SelfAffine, narrowing
 from ..surfaces.spectrum_table import Spectrum
 
 
-def edges_of(spectrum: Spectrum) -> Float[Array, " points"]:
+def smooth_edges(spectrum: Spectrum) -> Float[Array, " points"]:
     """Returns wavenumbers [rad/m], increasing, between which C(q) is smooth."""
     if isinstance(spectrum, SelfAffine):
         return jnp.stack([spectrum.q_low, spectrum.q_roll, spectrum.q_high])
@@ -21,8 +21,8 @@ def joined_edges(track: Spectrum, own: Spectrum | None) -> Float[Array, " points
     The ends of each are two edges, closely below and above: C jumps there.
     """
     if own is None:
-        return edges_of(track)
-    edges = edges_of(track), edges_of(own)
+        return smooth_edges(track)
+    edges = smooth_edges(track), smooth_edges(own)
     away = 64 * float(jnp.finfo(edges[0].dtype).eps)
     ends = [each[i] * by for each in edges for i in (0, -1) for by in (1 - away, 1 + away)]
     return jnp.sort(jnp.concatenate([jnp.stack(ends), *(each[1:-1] for each in edges)]))

@@ -3,6 +3,7 @@
 import io
 from typing import Any, NamedTuple
 
+import h5py
 import numpy as np
 
 from ..core.files import check_fits, read_file
@@ -61,8 +62,6 @@ def read_array(source: Source) -> Heights:
 
 def read_hdf5(source: Source) -> Heights:
     """Returns the dataset of an HDF5 file that `channel` names."""
-    import h5py
-
     names: list[str] = []
 
     def visit(name: str, node: Any) -> None:

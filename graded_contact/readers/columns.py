@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .tables import Column, Table
+from .tables import DataColumn, DataTable
 from .units import UNITS
 
 _DEFORMATIONS = {"E": "tension", "D": "tension", "G": "shear", "J": "shear"}
 _WORDS = {"shear": "shear", "tens": "tension", "young": "tension"}
 
 
-class Quantity(NamedTuple):
-    """A quantity of a table.
+class Heading(NamedTuple):
+    """The headings of a quantity, and its dimension.
 
     **Fields:**
 
@@ -43,9 +43,9 @@ class Understood(NamedTuple):
     - `told`: how the columns were understood.
     """
 
-    table: Table
+    table: DataTable
     way: tuple[str, ...]
-    columns: dict[str, Column]
+    columns: dict[str, DataColumn]
     units: dict[str, str]
     numbers: dict[str, np.ndarray]
     deformation: str | None
@@ -53,8 +53,8 @@ class Understood(NamedTuple):
 
 
 def understood(
-    table: Table,
-    quantities: Mapping[str, Quantity],
+    table: DataTable,
+    quantities: Mapping[str, Heading],
     ways: Sequence[tuple[str, ...]],
     *,
     also: Sequence[str] = (),
@@ -99,14 +99,14 @@ def understood(
 class _Search:
     """What is not clear of a table, and the options that would make it clear."""
 
-    table: Table
-    quantities: Mapping[str, Quantity]
+    table: DataTable
+    quantities: Mapping[str, Heading]
     reasons: list[str] = dataclasses.field(default_factory=list)
     options: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     def columns_of(
         self, ways: Sequence[tuple[str, ...]], also: Sequence[str]
-    ) -> tuple[tuple[str, ...], dict[str, Column]]:
+    ) -> tuple[tuple[str, ...], dict[str, DataColumn]]:
         """The way that is used, and the column of each quantity."""
         given = self.table.source.options.get("columns", {})
         places = self._places(given)
@@ -134,9 +134,9 @@ class _Search:
             self.options["columns"] = dict.fromkeys(missing, "...")
         return way, found
 
-    def _places(self, given: Mapping[str, str | int]) -> dict[str, list[Column]]:
+    def _places(self, given: Mapping[str, str | int]) -> dict[str, list[DataColumn]]:
         """The columns that may be each quantity: those that are given, others by their names."""
-        places: dict[str, list[Column]] = {}
+        places: dict[str, list[DataColumn]] = {}
         for name, column in given.items():
             if name not in self.quantities:
                 raise ValueError(f"`columns` names {name!r}: use one of {list(self.quantities)}.")
@@ -148,12 +148,12 @@ class _Search:
                 raise self.table.not_plain([reason], columns={name: "..."})
         taken = {column.place for columns in places.values() for column in columns}
         for column in self.table.columns:
-            name = quantity_of(column.name, self.quantities)
+            name = quantity_named(column.name, self.quantities)
             if name is not None and name not in given and column.place not in taken:
                 places.setdefault(name, []).append(column)
         return places
 
-    def units_of(self, found: Mapping[str, Column]) -> dict[str, str]:
+    def units_of(self, found: Mapping[str, DataColumn]) -> dict[str, str]:
         """The unit of each column; a given one counts where the file states none that is known."""
         given = self.table.source.options.get("units", {})
         self._check_units(given, found)
@@ -178,7 +178,7 @@ class _Search:
             self.options["units"] = lacking
         return units
 
-    def _check_units(self, given: Mapping[str, str], found: Mapping[str, Column]) -> None:
+    def _check_units(self, given: Mapping[str, str], found: Mapping[str, DataColumn]) -> None:
         used = {self.quantities[name].dimension for name in found}
         known = {quantity.dimension for quantity in self.quantities.values()}
         for dimension, unit in given.items():
@@ -189,7 +189,7 @@ class _Search:
                 self.reasons.append(f"no column needs the unit of the {dimension}: leave it out")
 
     def deformation_of(
-        self, way: tuple[str, ...], found: Mapping[str, Column], given: str | None
+        self, way: tuple[str, ...], found: Mapping[str, DataColumn], given: str | None
     ) -> str | None:
         """Tension or shear of moduli, by the names of the columns or as it is given."""
         if given not in (None, "tension", "shear"):
@@ -206,7 +206,7 @@ class _Search:
         return next(iter(stated), given)
 
 
-def quantity_of(name: str, quantities: Mapping[str, Quantity]) -> str | None:
+def quantity_named(name: str, quantities: Mapping[str, Heading]) -> str | None:
     """Returns the quantity that a heading names, None for another one."""
     bare = _bare(name)
     found = (

@@ -1,6 +1,6 @@
 """Measured moduli and compliances from tables.
 
-a file ──> Table (names, units, cells) ──> the column of each quantity ──> Measured
+a file ──> DataTable (names, units, cells) ──> the column of each quantity ──> Measured
 """
 
 import os
@@ -12,28 +12,28 @@ from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
 from ..materials.measured import Measured, grouped, joined
-from .columns import Quantity, Understood, understood
+from .columns import Heading, Understood, understood
 from .source import Layout, source_of
-from .tables import Table, read_table
+from .tables import DataTable, read_table
 
 HUGE = 1e30  # in SI units; instruments write 9.9e37 where they measured nothing
 _REPEATED = 0.1  # part of the lines that may repeat a frequency without being an isotherm
 _RISE = 1.1  # of a relaxation modulus over time, by noise
 _OF_E = r"(shear|tensile|young's)?"
 QUANTITIES = {
-    "frequency": Quantity("frequency", r"f|w|ω|omega|freq(uency)?|ang(ular)?freq(uency)?"),
-    "time": Quantity("time", r"t|time"),
-    "temperature": Quantity("temperature", r"T|temp(erature)?"),
-    "storage": Quantity("modulus", rf"[EG]('|stor(age)?)|{_OF_E}storage(modulus)?"),
-    "loss": Quantity("modulus", rf"[EG](''|loss)|{_OF_E}loss(modulus)?"),
-    "magnitude": Quantity("modulus", rf"\|?[EG]\*\|?|{_OF_E}complexmodulus"),
-    "tan_delta": Quantity("ratio", r"tan\(?(delta|δ|d)\)?|lossfactor", "1"),
-    "phase": Quantity("angle", r"phase(angle)?|delta|δ"),
-    "modulus": Quantity("modulus", rf"[EG](\(t\)|relax(ation)?)?|{_OF_E}(relax(ation)?)?modulus"),
-    "storage_compliance": Quantity("compliance", r"[DJ]'|storagecompliance"),
-    "loss_compliance": Quantity("compliance", r"[DJ]''|losscompliance"),
-    "compliance": Quantity("compliance", r"[DJ](\(t\))?|(creep)?compliance"),
-    "strain": Quantity("ratio", r"strain|strainamplitude|strain(dyn)?|γ|ε|oscillationstrain"),
+    "frequency": Heading("frequency", r"f|w|ω|omega|freq(uency)?|ang(ular)?freq(uency)?"),
+    "time": Heading("time", r"t|time"),
+    "temperature": Heading("temperature", r"T|temp(erature)?"),
+    "storage": Heading("modulus", rf"[EG]('|stor(age)?)|{_OF_E}storage(modulus)?"),
+    "loss": Heading("modulus", rf"[EG](''|loss)|{_OF_E}loss(modulus)?"),
+    "magnitude": Heading("modulus", rf"\|?[EG]\*\|?|{_OF_E}complexmodulus"),
+    "tan_delta": Heading("ratio", r"tan\(?(delta|δ|d)\)?|lossfactor", "1"),
+    "phase": Heading("angle", r"phase(angle)?|delta|δ"),
+    "modulus": Heading("modulus", rf"[EG](\(t\)|relax(ation)?)?|{_OF_E}(relax(ation)?)?modulus"),
+    "storage_compliance": Heading("compliance", r"[DJ]'|storagecompliance"),
+    "loss_compliance": Heading("compliance", r"[DJ]''|losscompliance"),
+    "compliance": Heading("compliance", r"[DJ](\(t\))?|(creep)?compliance"),
+    "strain": Heading("ratio", r"strain|strainamplitude|strain(dyn)?|γ|ε|oscillationstrain"),
 }
 # The complex modulus by the quantities that are measured, the most direct first.
 _COMPLEX: dict[tuple[str, ...], Callable[..., Any]] = {
@@ -151,7 +151,7 @@ def _kelvins(temperature: Numbers | None, count: int) -> list[float | None]:
     return np.broadcast_to(kelvins, count).tolist()
 
 
-def _understood(table: Table, deformation: str | None, kelvin: float | None) -> Understood:
+def _understood(table: DataTable, deformation: str | None, kelvin: float | None) -> Understood:
     also = ["temperature"]
     found = understood(table, QUANTITIES, list(_WAYS), also=also, deformation=deformation)
     if kelvin is not None and "temperature" in found.numbers:
@@ -198,7 +198,7 @@ def _measured(found: Understood, poisson: Numbers | None, kelvin: float | None) 
     return measured
 
 
-def _check_sweep(table: Table, name: str, measured: Measured) -> None:
+def _check_sweep(table: DataTable, name: str, measured: Measured) -> None:
     """Refuses numbers at one frequency, isotherms without temperatures, and E(t) that rises."""
     first = measured.isotherms()[0]
     ends = np.abs(first.values[[0, -1] if first.kind == "relaxation" else [-1, 0]])

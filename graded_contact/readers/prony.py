@@ -7,14 +7,14 @@ import numpy as np
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
 from ..materials.material import Prony
-from .columns import Quantity, understood
+from .columns import Heading, understood
 from .source import Layout, source_of
-from .tables import Table, read_table
+from .tables import DataTable, read_table
 
 _SERIES = {
-    "time": Quantity("time", r"(tau|τ)[ijk]?|t[ijk]|(relaxation|rel)times?"),
-    "modulus": Quantity("modulus", r"[EG][ijk]?|modulus|(mode|branch)modulus|strengths?"),
-    "ratio": Quantity("ratio", r"[ge][ijk]|ratio|weights?|(rel|relative)mod(ulus)?", "1"),
+    "time": Heading("time", r"(tau|τ)[ijk]?|t[ijk]|(relaxation|rel)times?"),
+    "modulus": Heading("modulus", r"[EG][ijk]?|modulus|(mode|branch)modulus|strengths?"),
+    "ratio": Heading("ratio", r"[ge][ijk]|ratio|weights?|(rel|relative)mod(ulus)?", "1"),
 }
 _WAYS = [("time", "modulus"), ("time", "ratio")]
 _ROUNDED = 1e-3  # how far rounded ratios may add up to more than 1
@@ -72,7 +72,7 @@ def read_prony(
 
 
 def _of_ratios(
-    table: Table, ratios: np.ndarray, known: Mapping[str, float]
+    table: DataTable, ratios: np.ndarray, known: Mapping[str, float]
 ) -> tuple[float, np.ndarray]:
     """The long-time modulus, and the moduli of ratios of the instantaneous one."""
     total = float(np.sum(ratios))
@@ -87,7 +87,7 @@ def _of_ratios(
 
 
 def _of_moduli(
-    table: Table, moduli: np.ndarray, known: Mapping[str, float]
+    table: DataTable, moduli: np.ndarray, known: Mapping[str, float]
 ) -> tuple[float, np.ndarray]:
     """The long-time modulus, and the moduli of the branches."""
     if len(known) != 1:

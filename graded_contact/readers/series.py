@@ -12,20 +12,20 @@ from ..core.display import shown
 from ..fields.grid import Grid
 from ..sliding.motion.motion import Motion
 from ..sliding.motion.periodic import recorded
-from .columns import Quantity, understood
+from .columns import Heading, understood
 from .source import Layout, NotPlain, source_of
 from .tables import read_table
 
 _FRICTION = {
-    "velocity": Quantity("velocity", r"v|velocity|speed|slidingvelocity|slidingspeed"),
-    "friction": Quantity("ratio", r"µ|μ|mu|cof|friction(coefficient)?|coefficientoffriction", "1"),
-    "error": Quantity("ratio", r"error|std|sd|uncertainty|errorof(friction|µ|μ|mu)", "1"),
-    "temperature": Quantity("temperature", r"T|temp(erature)?"),
+    "velocity": Heading("velocity", r"v|velocity|speed|slidingvelocity|slidingspeed"),
+    "friction": Heading("ratio", r"µ|μ|mu|cof|friction(coefficient)?|coefficientoffriction", "1"),
+    "error": Heading("ratio", r"error|std|sd|uncertainty|errorof(friction|µ|μ|mu)", "1"),
+    "temperature": Heading("temperature", r"T|temp(erature)?"),
 }
 _OVER_TIME = {
-    "time": Quantity("time", r"t|times?"),
-    "displacements": Quantity("length", r"s|x|displacements?|position|way"),
-    "pressures": Quantity("pressure", r"p|pressures?|load"),
+    "time": Heading("time", r"t|times?"),
+    "displacements": Heading("length", r"s|x|displacements?|position|way"),
+    "pressures": Heading("pressure", r"p|pressures?|load"),
 }
 _HEADS = {
     "displacements": "time [ms], displacement [mm]",

@@ -40,7 +40,7 @@ _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}\.\d{3}")
 LAYOUT = ("header", "end", "section", "sheet", "separator", "decimal")
 
 
-class Column(NamedTuple):
+class DataColumn(NamedTuple):
     """A column: its place from 0, its name (may be empty), and its unit, None if there is none."""
 
     place: int
@@ -53,7 +53,7 @@ class Column(NamedTuple):
         return f"column {self.place + 1}" + f" ({self.name})" * bool(self.name)
 
 
-class Table(NamedTuple):
+class DataTable(NamedTuple):
     """A table as it was read.
 
     **Fields:**
@@ -64,7 +64,7 @@ class Table(NamedTuple):
     """
 
     source: Source
-    columns: list[Column]
+    columns: list[DataColumn]
     rows: dict[int, list[str]]
 
     @property
@@ -80,7 +80,7 @@ class Table(NamedTuple):
         shown += [f"line {number}: {' | '.join(row)}" for number, row in first]
         return self.source.not_plain(reasons, shown, **options)
 
-    def numbers(self, column: Column, dimension: str, unit: str) -> np.ndarray:
+    def numbers(self, column: DataColumn, dimension: str, unit: str) -> np.ndarray:
         """Returns the numbers of a column in SI units, NaN for empty cells."""
         cells = [row[column.place] for row in self.rows.values()]
         values = [number_in(cell) for cell in cells]
@@ -94,7 +94,7 @@ class Table(NamedTuple):
         numbers = np.array([np.nan if value is None else value for value in values], float)
         return UNITS[dimension][unit] * numbers + OFFSETS.get(unit, 0.0)
 
-    def _check_points(self, column: Column, cells: list[str]) -> None:
+    def _check_points(self, column: DataColumn, cells: list[str]) -> None:
         """Refuses 250 beside 3.250, which may be 3250."""
         pointed = [cell for cell in cells if "." in cell]
         thousands = [cell for cell in pointed if _THOUSANDS.fullmatch(cell)]
@@ -105,7 +105,7 @@ class Table(NamedTuple):
             raise self.not_plain([reason], layout={"decimal": "..."})
 
 
-def read_table(source: Source) -> Table:
+def read_table(source: Source) -> DataTable:
     """Returns the table of a text or a workbook.
 
     The option `layout` of the source has:
@@ -142,7 +142,7 @@ def read_table(source: Source) -> Table:
         raise _uneven(source, [*odd[:1], f"its last line has {width}"], lines)
     names = names if len(names) == width else [""] * width
     units = units if len(units) == width else [""] * width
-    return Table(source, [_column(i, names[i], units[i]) for i in range(width)], rows)
+    return DataTable(source, [_column(i, names[i], units[i]) for i in range(width)], rows)
 
 
 def _chosen_lines(source: Source, lines: dict[int, str], layout: Layout) -> tuple[int, dict]:
@@ -226,11 +226,11 @@ def _are_words(cells: Sequence[str]) -> bool:
     return not any(_NUMBER.fullmatch(cell) and not parse_unit(cell) for cell in cells)
 
 
-def _column(place: int, name: str, unit_below: str) -> Column:
+def _column(place: int, name: str, unit_below: str) -> DataColumn:
     bare, unit = split_heading(name)
     if below := unit_below.strip("[]() "):
         bare, unit = name, parse_unit(below) or below
-    return Column(place, bare.strip(), unit)
+    return DataColumn(place, bare.strip(), unit)
 
 
 def _uneven(source: Source, reasons: Sequence[str], lines: Mapping[int, str]) -> NotPlain:

@@ -3,15 +3,15 @@
 import numpy as np
 
 from .arrays import Heights, from_lines, step_of
-from .columns import Quantity, quantity_of, understood
+from .columns import Heading, quantity_named, understood
 from .layouts import number_in, text_lines
 from .source import NotPlain, Source
-from .tables import Table, read_table
+from .tables import DataTable, read_table
 
 _POINTS = {
-    "x": Quantity("length", r"x|xposition|position|distance"),
-    "y": Quantity("length", r"y|yposition"),
-    "z": Quantity("length", r"z|heights?"),
+    "x": Heading("length", r"x|xposition|position|distance"),
+    "y": Heading("length", r"y|yposition"),
+    "z": Heading("length", r"z|heights?"),
 }
 _WAYS = [("x", "y", "z"), ("x", "z")]
 _AXIS = 0.2  # of a step: how far positions beside heights are rounded
@@ -27,7 +27,7 @@ def read_points(source: Source) -> Heights | None:
         if given:
             raise
         return None
-    named = {quantity_of(column.name, _POINTS) for column in table.columns}
+    named = {quantity_named(column.name, _POINTS) for column in table.columns}
     if not given and not {"x", "z"} <= named:
         return None
     try:
@@ -66,7 +66,7 @@ def words_above(content: bytes) -> dict[int, str]:
     return above
 
 
-def _check_no_axis(table: Table, lines: np.ndarray) -> None:
+def _check_no_axis(table: DataTable, lines: np.ndarray) -> None:
     """Refuses positions in the first line or column, in equal steps but for their rounding."""
     for edge in (lines[0, 1:], lines[1:, 0]) if min(lines.shape) > 3 else ():
         even = np.linspace(edge[0], edge[-1], len(edge))

@@ -8,11 +8,12 @@ state, unit and size, the caller gives.
 import contextlib
 import os
 
+import h5py
 import numpy as np
 
 from ..core.checks import Numbers, check_positive
 from ..core.display import with_unit
-from ..core.files import is_hdf5, read_file
+from ..core.files import read_file
 from ..surfaces.preparation import Periodic, surface_from_heights
 from ..surfaces.surface import Surface
 from .arrays import Heights, read_array, read_hdf5
@@ -96,7 +97,7 @@ def _heights_in(source: Source, unit: str | None) -> tuple[Heights, str | None]:
     suffix = source.path.suffix.lower()
     if suffix in (".npy", ".npz"):
         return read_array(source), unit
-    if is_hdf5(source.path) and suffix not in _INSTRUMENTS:
+    if h5py.is_hdf5(source.path) and suffix not in _INSTRUMENTS:
         return read_hdf5(source), unit
     content = read_file(source.path)
     if is_road(content):

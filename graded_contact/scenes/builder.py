@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..core.checks import nearest, short, within
-from ..core.files import full_path
 from ..materials import AbstractMaterial
 
 F = TypeVar("F", bound=Callable)
@@ -68,8 +67,7 @@ class Builder:
                 raise ValueError(f"[{place}] {value!r} is not a material above; {hint}")
             return self.materials[value]
         if isinstance(value, str) and (key == "path" or key.endswith("_path")):
-            with in_table(place):
-                return full_path(value, self.folder)
+            return self.folder / Path(value).expanduser()
         if isinstance(value, list):
             return tuple(value)
         return None if value == "none" else value

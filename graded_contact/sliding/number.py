@@ -1,6 +1,6 @@
 """Numbers of results: attributes that are computed when they are read, and then kept.
 
-    @observable("friction coefficient", r"\\mu")
+    @observable("friction coefficient")
     def friction(found): ...
 
     class Sliding(AbstractSliding):
@@ -43,7 +43,7 @@ REMEDIES = {
     "memory": "a shorter motion",
     "kernel": "on a window a larger one",
 }
-_OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)} - {"load_error"}
+_OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
 
 
 class Observable(property):
@@ -52,8 +52,7 @@ class Observable(property):
     **Arguments:**
 
     - `formula`: of a result; its docstring is that of the attribute.
-    - `meaning`, `symbol`, `unit`: see `Quantity`. Several surfaces have the mean of a number with a
-      symbol, and the largest of an error or of a check without one.
+    - `meaning`, `unit`: see `Quantity`.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
     - `warns`: when it is warned of, if there is a limit.
@@ -63,7 +62,6 @@ class Observable(property):
         self,
         formula: Formula,
         meaning: str,
-        symbol: str = "",
         unit: str = "1",
         *,
         stored: bool = True,
@@ -72,7 +70,7 @@ class Observable(property):
     ):
         super().__init__(formula)
         self.formula, self.stored, self.needs, self.warns = formula, stored, needs, warns
-        self.quantity = Quantity("", symbol, unit, meaning)
+        self.quantity = Quantity("", unit, meaning)
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.quantity = self.quantity._replace(name=name)
@@ -120,7 +118,7 @@ class Observable(property):
             known = (cause for cause in parts if {*NEEDED.get(cause, ())} <= found.facts)
             return {cause: parts[cause](found) for cause in known}
 
-        symbol, unit, meaning = self.quantity[1:4]
+        unit, meaning = self.quantity.unit, self.quantity.meaning
         errors.__doc__ = f"Estimated error of the {meaning} [{unit}]: the sum of its parts."
         warns = None
         if over is not None:
@@ -130,9 +128,9 @@ class Observable(property):
                 f"{', or '.join(remedies)}. `error_parts` returns the causes."
             )
             warns = Above(WARN_ABOVE, sentence, lambda n: over(self.quantity.name, n))
-        words, symbol = f"estimated error of the {meaning}", rf"\delta {symbol}"
+        words = f"estimated error of the {meaning}"
         more: Any = {"needs": [*self.needs, *needs], "warns": warns}
-        return Observable(errors, words, symbol, unit, stored=self.stored, **more)
+        return Observable(errors, words, unit, stored=self.stored, **more)
 
 
 def observable(*words: str, **more: Any) -> Callable[[Formula], Observable]:
@@ -164,7 +162,7 @@ def value_of(name: str, found: Found) -> Any:
 
 @dataclasses.dataclass
 class Kept:
-    """What a result keeps of what it computed.
+    """The numbers that a result has computed.
 
     It is no field of the result: a copy, such as JAX makes, starts with nothing.
 
@@ -182,7 +180,7 @@ class Kept:
 
 
 class AbstractSliding(eqx.Module):
-    """What the results of sliding have in common: how numbers are computed, and of what.
+    """The common part of the results of sliding: how numbers are computed.
 
     A number is computed when it is first read, and kept unless it is traced, see `Kept`. Under
     `jit` XLA drops what nothing uses.
@@ -195,11 +193,11 @@ class AbstractSliding(eqx.Module):
 
     @functools.cached_property
     def kept(self) -> Kept:
-        """What was computed before."""
+        """The numbers that are known."""
         return Kept()
 
     def neighbours(self) -> Any:
-        """Solves the contacts that show what the grid and the times change, see `Neighbours`."""
+        """Solves the contacts on coarser grids and with fewer times, see `Neighbours`."""
         raise NotImplementedError
 
     @property
@@ -258,7 +256,7 @@ class AbstractSliding(eqx.Module):
         return kept | found
 
     def before_display(self) -> tuple[str, ...]:
-        """Computes all numbers; returns the names of those that the contact does not show."""
+        """Computes all numbers; returns the names of the numbers that the contact does not show."""
         self.compute(*self.numbers)
         return beyond_contact(self)
 

@@ -3,9 +3,11 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import graded_contact as gc
 from graded_contact.contacts.solution import RESULTS
+from graded_contact.fields.devices import required
 from graded_contact.sliding.number import numbers_in
 
 GRID = gc.Grid((16,), 1e-3)
@@ -49,3 +51,13 @@ def test_a_failed_solve_has_no_derivatives_and_a_sound_one_keeps_its_own():
     number, slope = area(1e5)
     np.testing.assert_allclose(slope, (area(1.001e5)[0] - area(0.999e5)[0]) / 200, rtol=1e-2)
     assert 0 < number < 1
+
+
+def test_a_check_holds_also_where_only_a_derivative_is_computed():
+    def checked(x):
+        return required(x**2, x > 0, RESULTS.bad_pressure.error_if)
+
+    slope = jax.jit(jax.grad(checked))
+    assert slope(3.0) == 6
+    with pytest.raises((RuntimeError, ValueError), match="pressure"):
+        slope(-3.0)

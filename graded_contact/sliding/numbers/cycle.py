@@ -24,7 +24,7 @@ from ..number import Found, observable
 from .friction import friction
 
 
-@observable("work of friction over load and path", r"\bar\mu")
+@observable("work of friction over load and path")
 def mean_friction(found: Found) -> Array:
     """Work over ∮ load |v| dt [1]; under steady sliding the friction.
 
@@ -33,25 +33,25 @@ def mean_friction(found: Found) -> Array:
     return frictions(found, loaded(found)[0], indicator_of(found))[0]
 
 
-@observable("mean friction by shear in the contact", r"\bar\mu_\mathrm{shear}", needs=[SHEARED])
+@observable("mean friction by shear in the contact", needs=[SHEARED])
 def mean_shear_friction(found: Found) -> Array:
     """The part of `mean_friction` from shear in the contact area, with `shear` [1]."""
     return over_path(found, shear_power(found), mean_load(found))
 
 
-@observable("largest friction coefficient of a cycle", r"\mu_\mathrm{max}")
+@observable("largest friction coefficient of a cycle")
 def peak_friction(found: Found) -> Array:
     """The largest |friction|, also between the times [1]."""
     return frictions(found, loaded(found)[0], indicator_of(found))[1]
 
 
-@observable("work of friction in a cycle", "W", "J/m²")
+@observable("work of friction in a cycle", "J/m²")
 def work(found: Found) -> Array:
-    """Work of friction per area and cycle, that of shear included [J/m²]."""
+    """Work of friction per area and cycle, with the work of shear [J/m²]."""
     return (power_of(found, own_tractions(found)) + shear_power(found)) * found.period
 
 
-@observable("work of the load in a cycle", r"W_\sigma", "J/m²")
+@observable("work of the load in a cycle", "J/m²")
 def load_work(found: Found) -> Array:
     """Work of the load on the block, and on the counterface, per area and cycle [J/m²].
 
@@ -60,13 +60,13 @@ def load_work(found: Found) -> Array:
     return (exchange(found)[0] - power_of(found, own_tractions(found))) * found.period
 
 
-@observable("mean power that the block dissipates", "P", "W/m²")
+@observable("mean power that the block dissipates", "W/m²")
 def dissipated_power(found: Found) -> Array:
     """Mean power lost in the block per area [W/m²]."""
     return jnp.sum(losses(found)[0])
 
 
-@observable("mean power lost in the counterface", r"P_\mathrm{c}", "W/m²", needs=[COUNTERFACE])
+@observable("mean power lost in the counterface", "W/m²", needs=[COUNTERFACE])
 def counterface_power(found: Found) -> Array:
     """Mean power lost in the counterface per area [W/m²]; 0 if it is rigid."""
     return sum(map(jnp.sum, losses(found)[1:]), jnp.zeros((), found.pressure.dtype))
@@ -82,7 +82,7 @@ def _power_over_time(found: Found) -> Array:
 
 
 def _by_temperature(found: Found, index: int) -> Array:
-    """The error of mean or peak friction by the temperatures; known is that of the mean."""
+    """The error of mean or peak friction by the temperatures; both have the same relative error."""
     both = frictions(found, loaded(found)[0], indicator_of(found))
     assert found.heated is not None
     return found.heated.friction_error * jnp.abs(both[index]) / nonzero(jnp.abs(both[0]))
@@ -105,16 +105,10 @@ def _of_frictions(name: str, index: int):
 mean_friction_error = mean_friction.error(_of_frictions("mean_friction", 0), over=over_friction)
 peak_friction_error = peak_friction.error(_of_frictions("peak_friction", 1))
 work_error = work.error(
-    {
-        "grid": by_grid("work", OF_FORCE, _beside_work),
-        "time": by_times("work", _work_over_time),
-    }
+    {"grid": by_grid("work", OF_FORCE, _beside_work), "time": by_times("work", _work_over_time)}
 )
 load_work_error = load_work.error(
-    {
-        "grid": by_grid("load_work", OF_FORCE),
-        "time": by_times("load_work", _work_over_time),
-    }
+    {"grid": by_grid("load_work", OF_FORCE), "time": by_times("load_work", _work_over_time)}
 )
 dissipated_power_error = dissipated_power.error(
     {

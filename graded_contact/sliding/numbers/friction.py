@@ -39,7 +39,7 @@ _BY_SLOPES = 0.08  # weight of the difference of `friction` and `geometric_frict
 _MOST_BY_SLOPES = 0.1
 
 
-@observable("friction coefficient", r"\mu")
+@observable("friction coefficient")
 def friction(found: Found) -> Array:
     """Force opposing the motion over the load [1], hysteresis and shear together.
 
@@ -51,7 +51,7 @@ def friction(found: Found) -> Array:
     return pressure_friction(found) + shear_friction(found)
 
 
-@observable("part of the friction by the pressure on slopes", r"\mu_\sigma", warns=APART)
+@observable("part of the friction by the pressure on slopes", warns=APART)
 def pressure_friction(found: Found) -> Array:
     """The part of the friction that the pressure exerts on slopes [1].
 
@@ -61,7 +61,7 @@ def pressure_friction(found: Found) -> Array:
     return over_load(found, own_tractions(found))
 
 
-@observable("friction coefficient of shear in the contact", r"\mu_\mathrm{shear}")
+@observable("friction coefficient of shear in the contact")
 def shear_friction(found: Found) -> Array:
     """The part from shear in the contact area [1]; 0 without `shear`."""
     if isinstance(found.problem, CycleProblem):
@@ -69,14 +69,14 @@ def shear_friction(found: Found) -> Array:
     return shear_over_load(found.pressure, indicator_of(found), edges_of(found), found.shear)
 
 
-@observable("temperature of the contact above the bulk", r"\Delta T", "K", needs=[HEATED])
+@observable("temperature of the contact above the bulk", "K", needs=[HEATED])
 def surface_rise(found: Found) -> Array:
     """Temperature of the contact above the bulk, with heating [K]; the mean over a cycle."""
     assert found.heated is not None
     return found.heated.surface_rise
 
 
-@observable("friction coefficient from the surface slope", r"\mu_\mathrm{geo}", stored=False)
+@observable("friction coefficient from the surface slope", stored=False)
 def geometric_friction(found: Found) -> Array:
     """Friction with hysteresis from the surface's slope instead of the block's [1].
 
@@ -91,20 +91,20 @@ def geometric_friction(found: Found) -> Array:
     return over_load(found, tractions_of(found, pressure, heights)) + shear_friction(found)
 
 
-@observable("shear stress that opposes the motion", r"\tau", "Pa")
+@observable("shear stress that opposes the motion", "Pa")
 def traction(found: Found) -> Array:
     """τ [Pa], the shear stress on the whole area, of hysteresis and shear together."""
     return all_tractions(found).reshape(found.displacement.shape)
 
 
-@observable("mean pressure at each time", r"\sigma_0", "Pa", warns=NEVER_LOADED)
+@observable("mean pressure at each time", "Pa", warns=NEVER_LOADED)
 def load(found: Found) -> Array:
     """Mean pressure [Pa]."""
     return mean_load(found)
 
 
 def _image_error(found: Found) -> Array:
-    """What the errors of a window's kernel change in friction, under this pressure and by the load.
+    """The change of friction by the errors of a window's kernel: at this pressure, and by the load.
 
     Contributions of single points may cancel in the estimate by chance: so twice their root sum of
     squares is added (`docs/theory/contact.md`).

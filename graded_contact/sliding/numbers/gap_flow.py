@@ -132,7 +132,7 @@ def _conductance(found: Found, wider: Any = 0.0) -> Float[Array, "*times 2"]:
 _flow = shared(_conductance)
 
 
-@observable("conductance of the gap for a fluid along x", "K_x", "m³", needs=[FLOW])
+@observable("conductance of the gap for a fluid along x", "m³", needs=[FLOW])
 def flow_along_x(found: Found) -> Float[Array, "..."]:
     """Conductance of the gap along x [m³]; for a profile, across its grooves. See `gap_flow`.
 
@@ -141,7 +141,7 @@ def flow_along_x(found: Found) -> Float[Array, "..."]:
     return _flow(found)[..., 0]
 
 
-@observable("conductance of the gap for a fluid along y", "K_y", "m³", needs=[FLOW])
+@observable("conductance of the gap for a fluid along y", "m³", needs=[FLOW])
 def flow_along_y(found: Found) -> Float[Array, "..."]:
     """Conductance of the gap along y [m³]; for a profile, along its grooves. See `gap_flow`.
 
@@ -151,7 +151,7 @@ def flow_along_y(found: Found) -> Float[Array, "..."]:
 
 
 def _by_gap(cause: str) -> Callable[[Found], Array]:
-    """The formula of the error by that of the mean gap: what passes if the gap is so much wider."""
+    """The formula of the error by the mean gap: the flow through a gap wider by its error."""
 
     @shared
     def error(found):

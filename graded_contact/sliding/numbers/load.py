@@ -1,4 +1,4 @@
-"""What presses a body on the block: load and approach."""
+"""Load and approach."""
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -12,13 +12,13 @@ from ..formulas import moved_where_loaded
 from ..number import Found, observable
 
 
-@observable("mean contact pressure", r"\bar\sigma", "Pa", needs=[LOAD_FOLLOWS])
+@observable("mean contact pressure", "Pa", needs=[LOAD_FOLLOWS])
 def mean_pressure(found: Found) -> Array:
     """Mean pressure [Pa]."""
     return found.contact.mean_pressure
 
 
-@observable("approach", r"\delta", "m", needs=[GROUND])
+@observable("approach", "m", needs=[GROUND])
 def approach(found: Found) -> Array:
     """How far a body on a window moved into the block after its first touch [m].
 
@@ -59,10 +59,6 @@ mean_pressure_error = mean_pressure.error(
     }
 )
 approach_error = approach.error(
-    {
-        "solver": gap_by_solver,
-        "grid": by_grid("approach", OF_PLACE),
-        "kernel": _approach_by_kernel,
-    },
+    {"solver": gap_by_solver, "grid": by_grid("approach", OF_PLACE), "kernel": _approach_by_kernel},
     needs=[GIVEN_LOAD],
 )

@@ -9,13 +9,13 @@ from ..formulas import lengths
 from ..number import Found, observable
 
 
-@observable("work of friction so far", "W", "J/m²")
+@observable("work of friction so far", "J/m²")
 def work_done(found: Found) -> Array:
-    """Work of friction per area since t = 0 [J/m²], that of shear included."""
+    """Work of friction per area since t = 0 [J/m²], with the work of shear."""
     return found.recorded["work_done"]
 
 
-@observable("work of the load so far", r"W_\sigma", "J/m²")
+@observable("work of the load so far", "J/m²")
 def load_work_done(found: Found) -> Array:
     """Work of the load on the block per area since t = 0 [J/m²].
 
@@ -26,13 +26,13 @@ def load_work_done(found: Found) -> Array:
     return found.recorded["load_work_done"]
 
 
-@observable("work of shear in the contact so far", r"W_\mathrm{shear}", "J/m²", needs=[SHEARED])
+@observable("work of shear in the contact so far", "J/m²", needs=[SHEARED])
 def shear_work_done(found: Found) -> Array:
     """The part of `work_done` by shear in the contact [J/m²]."""
     return found.recorded["shear_work_done"]
 
 
-@observable("time since the last start or stop", "t - t_0", "s")
+@observable("time since the last start or stop", "s")
 def time_since_change(found: Found) -> Array:
     """Time since the surface last started or stopped [s]; before that since t = 0."""
     steps, way = found.problem.steps
@@ -41,7 +41,7 @@ def time_since_change(found: Found) -> Array:
     return ends - jax.lax.cummax(jnp.where(changes, ends - steps, 0))
 
 
-@observable("time from the last start or stop to the largest friction", r"t_\mathrm{max}", "s")
+@observable("time from the last start or stop to the largest friction", "s")
 def time_to_peak(found: Found) -> Array:
     """Time from the last start or stop of the surface to the largest friction [s]; NaN at rest."""
     sizes = lengths(found.recorded["friction"].reshape(len(found.times), -1))
