@@ -31,10 +31,17 @@ def traced(text):
     return jax.eval_shape(lambda point: numbers_at(scene, point), scene.first)
 
 
+def only(patch, *names):
+    """Few numbers of a contact: all of them take a program of a minute."""
+    patch.setattr("graded_contact.scenes.run.numbers_of", lambda *_: names)
+
+
 @pytest.fixture(scope="module")
 def varied():
     scene = parse_scene(VARIED)
-    return scene, run_scene(scene)
+    with pytest.MonkeyPatch.context() as patch:
+        only(patch, "friction", "mean_gap")
+        return scene, run_scene(scene)
 
 
 def test_all_axes_are_those_of_slide(varied):
@@ -103,6 +110,7 @@ num_times = 8
 
 def test_a_motion_has_numbers_over_time_and_every_solve_may_keep_its_fields(monkeypatch):
     text = STILL.replace("pressure = 2e5", "pressure = [2e5, 3e5]\ndirection = 0.5") + CYCLE
+    only(monkeypatch, "friction", "traction")
     results = dry_run(monkeypatch, text + "[output]\nfields = 'every'\n")
     assert results.traction.dims == ("direction", "pressure", "time")
     assert results.gap.dims == ("direction", "pressure", "time", "x", "y")
@@ -133,9 +141,7 @@ FLUID = "[fluid]\nviscosity = 2e-3\npressure_difference = 1e4\n"
 
 
 def test_a_transient_is_over_time_with_fields_at_its_frames(monkeypatch):
-    """Of few numbers: all of them take a program of a minute."""
-    few = ["friction", "load", "traction", "work_done"]
-    monkeypatch.setattr("graded_contact.scenes.run.numbers_of", lambda *_: few)
+    only(monkeypatch, "friction", "load", "traction", "work_done")
     text = STILL.replace('kind = "tyre_tread"', RUBBER).replace("[16, 16]", "[16]")
     ratio = "ratio_times = [0.0, 2e-3]\npressure_ratio = [1.0, 1.5]"
     text = text.replace("pressure = 2e5", f"pressure = 2e5\n{ratio}") + BRAKE
