@@ -77,8 +77,6 @@ def write_files(folder: Path) -> None:
     np.savetxt(folder / "creep.csv", creep, delimiter=",", header=f"a\n{names}", comments="")
     (folder / "sweep.json").write_text(json.dumps({"Results": {"Processed": {"Rows": [{"f": 1}]}}}))
     (folder / "logarithms.csv").write_text("f,E1,E2\n0,1,0.2\n1,1.1,0.3\n")
-    (folder / "series.csv").write_text("tau [s],E_i [MPa]\n0.1,2\n1,1\n")
-    (folder / "ratios.csv").write_text("tau [s],g_i\n0.1,0.4\n1,0.2\n")
     (folder / "terms.mpl").write_text("TBDATA,1,0.2,0.1\nTBDATA,3,0.3,1.0\n")
     heights = np.random.default_rng(0).normal(size=(64, 64))
     np.savetxt(folder / "road.txt", heights)

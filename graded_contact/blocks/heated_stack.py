@@ -1,4 +1,4 @@
-"""A block whose temperature varies with depth, and what heats it."""
+"""A block whose temperature varies with depth."""
 
 import dataclasses
 from typing import Any

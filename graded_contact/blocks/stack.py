@@ -11,14 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import (
-    as_scalar,
-    check_type,
-    check_values,
-    is_concrete,
-    short,
-    within,
-)
+from ..core.checks import as_scalar, check_type, check_values, is_concrete, short, within
 from ..core.display import shown
 from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
@@ -117,21 +110,11 @@ class Free(eqx.Module):
 
 
 def _as_layers(layers: Any) -> tuple[Layer | GradedLayer, ...]:
-    if isinstance(layers, Layer | GradedLayer):
-        raise ValueError("`layers` is a single layer: write `layers=(layer,)`.")
     if not isinstance(layers, Sequence):
-        raise ValueError(f"`layers={short(layers)}` must be a tuple of layers.")
-    layers = tuple(layers)
+        raise ValueError(f"`layers={short(layers)}` must be a tuple of layers: `layers=(layer,)`.")
     for i, layer in enumerate(layers):
-        if not isinstance(layer, Layer | GradedLayer):
-            raise ValueError(f"`layers[{i}]={short(layer)}` must be a `Layer` or a `GradedLayer`.")
-    return layers
-
-
-def _as_base(base: Any) -> HalfSpace | Rigid | Free:
-    if not isinstance(base, HalfSpace | Rigid | Free):
-        raise ValueError(f"`base={short(base)}` must be `HalfSpace(...)`, `Rigid()` or `Free()`.")
-    return base
+        check_type(f"layers[{i}]", layer, Layer, GradedLayer)
+    return tuple(layers)
 
 
 @shown(units=False)
@@ -149,10 +132,11 @@ class Stack(eqx.Module):
     layers: tuple[Layer | GradedLayer, ...] = eqx.field(
         converter=_as_layers, default=(), kw_only=True
     )
-    base: HalfSpace | Rigid | Free = eqx.field(converter=_as_base, kw_only=True)
+    base: HalfSpace | Rigid | Free = eqx.field(kw_only=True)
     graded_solver: AbstractGradedSolver | None = eqx.field(default=None, kw_only=True)
 
     def __check_init__(self):
+        check_type("base", self.base, HalfSpace, Rigid, Free)
         check_type("graded_solver", self.graded_solver, AbstractGradedSolver, type(None))
         if not self.layers and not isinstance(self.base, HalfSpace):
             raise ValueError(

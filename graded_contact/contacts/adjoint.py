@@ -32,11 +32,10 @@ from jaxtyping import Array, Float
 
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one, varying
-from ..core.fixed_point import solve_lagged
 from .operators.operator import AbstractOperator, Field, Scalar, Solid, nonzero
-from .solver.abstract_solver import Inputs, iterates_for, run_steps, slope
+from .solver.abstract_solver import Inputs, run_steps, slope
 from .solver.active_set import green_of, most_eliminated, solve_on_few
-from .solver.splitting import Splitting, check_relaxation, draft
+from .solver.splitting import Splitting, draft
 
 # Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`
 # and `free_mean`, it returns τ, or NaN if it does not converge: `solve_contact` then fails.
@@ -50,62 +49,49 @@ class LinearSplitting(eqx.Module):
 
     - `rtol`: requested relative error of the derivative of the pressure [1]; None for twenty times
       that of the contact, at most 1e-3.
-    - `max_steps`, `relaxation`, `history_length`: as those of `DouglasRachford`.
+    - `max_steps`: largest number of steps.
     """
 
     rtol: float | None = eqx.field(default=None, static=True)
     max_steps: int = eqx.field(default=20_000, static=True)
-    relaxation: float = eqx.field(default=0.95, static=True)
-    history_length: int = eqx.field(default=5, static=True)
 
     def __check_init__(self):
         if self.rtol is not None:
             check_tolerance("rtol", self.rtol, np.zeros(()))
         check_whole("max_steps", self.max_steps, 1)
-        check_whole("history_length", self.history_length, 1)
-        check_relaxation(self.relaxation)
 
-    def __call__(self, *system, rtol, free_mean=False):
-        """Returns the τ of `solve` to the own `rtol`, if any; NaN if that did not converge."""
-        if self.rtol is not None:
-            check_tolerance("rtol", self.rtol, rtol)
-            rtol = jnp.asarray(self.rtol, rtol.dtype)
-        tau, found, _, _ = self.solve(*system, rtol=rtol, free_mean=free_mean)
-        return jnp.where(found, tau, jnp.nan)
-
-    def solve(
+    def __call__(
         self, operator: AbstractOperator, weights: Field, rhs: Field, *, rtol, free_mean=False
-    ):
-        """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s, and more.
+    ) -> Field:
+        """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s.
 
         **Arguments:**
 
         - `operator`: ρM, or its adjoint.
         - `weights`: s, the slope of the law's proximal map at each point.
         - `rhs`: the right side.
-        - `rtol`: relative error that ends it.
+        - `rtol`: relative error that ends it, unless the solver has its own.
         - `free_mean`: whether the mean of √|s| τ is free; else it is 0, and `rhs` has no part along
           √|s|.
 
-        **Returns:** τ, whether it converged, its estimated relative error [1] (0 of a system that
-        was eliminated), and FFT pairs without those of a draft.
+        **Returns:** τ, NaN if it did not converge.
         """
+        if self.rtol is not None:
+            check_tolerance("rtol", self.rtol, rtol)
+            rtol = jnp.asarray(self.rtol, rtol.dtype)
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
         few, eliminated = _on_few(operator, weights, root, sign, rhs, free_mean)
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
         solid = Solid(operator, jnp.ones((), rhs.dtype), free_mean)
         proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
-        history = iterates_for(self.history_length, free_mean)
-        splitting = Splitting(
-            solid, jnp.zeros_like(share), proximal, rtol, share, None, self.relaxation, history
-        )
+        splitting = Splitting(solid, jnp.zeros_like(share), proximal, rtol, share)
         max_steps = jnp.where(few, 0, self.max_steps)  # no steps if the system was eliminated
         z, _ = draft(splitting, root * rhs, max_steps=max_steps)
         last = run_steps(splitting, z, max_steps)
         x = splitting.solid.resolve(last.z)
         tau = jnp.where(few, eliminated, sign * (rhs + root * (2 * x - last.z)))
         found = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
-        return tau, found, jnp.where(few, 0, last.error), last.num_steps
+        return jnp.where(found, tau, jnp.nan)
 
 
 def _on_few(operator: AbstractOperator, weights, root, sign, rhs, free_mean: bool):
@@ -178,7 +164,7 @@ def _attached_jvp(primals, tangents):
 
 
 def _or_fail(adjoint: LinearSolver) -> LinearSolver:
-    """The solver, which fails at run time if what it finds is not a number."""
+    """The solver, which fails at run time if its result is not a number."""
 
     def solve(*system, **how):
         tau = adjoint(*system, **how)
@@ -264,29 +250,12 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
     )
 
 
-def opening_by_load(
-    operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol, follow: Callable | None
-) -> Array:
-    """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM.
-
-    What the operator lacks `follow` returns: the displacement times ρ that follows from changes of
-    the pressure, and of the gap times ρ. It is linear.
-    """
-    total = nonzero(operator.mean(s))
-
-    def changes(load, moved):
-        """The changes of pressure, gap and mean gap under a load and a displacement, all by ρ."""
-        change = response(operator, s, jnp.zeros_like(s), -moved, load, adjoint, rtol)
-        moved = operator.displace(change) + moved
-        opening = -operator.mean((1 - s) * change + s * moved) / total
-        return change, moved + opening, opening
-
-    one, nothing = jnp.ones((), s.dtype), jnp.zeros_like(s)
-    if follow is None:
-        return changes(one, nothing)[2]
-    first = follow(*changes(one, nothing)[:2])
-    moved = solve_lagged(lambda v: follow(*changes(jnp.zeros_like(one), v)[:2]), first)
-    return changes(one, moved)[2]
+def opening_by_load(operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol) -> Array:
+    """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM."""
+    nothing, one = jnp.zeros_like(s), jnp.ones((), s.dtype)
+    change = response(operator, s, nothing, nothing, one, adjoint, rtol)
+    left = (1 - s) * change + s * operator.displace(change)
+    return -operator.mean(left) / nonzero(operator.mean(s))
 
 
 def _fill_with_zeros(tangents, primals):

@@ -1,4 +1,4 @@
-"""The contact area: counted, and with the edges of contact between the points."""
+"""The contact area, with the edges of contact between the points."""
 
 from collections.abc import Callable
 
@@ -6,18 +6,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from ..fields.grid import Grid, Waves, mode_numbers, multiplicity, wavenumber
 from .operators.operator import Field, Scalar, nonzero, positions
 
 # Directions of waves that `edge_stiffness` tells apart.
 _SECTORS = 8
-
-
-def counted_area(contact: Bool[Array, "*shape"]) -> Scalar:
-    """Returns the fraction of points in contact [1]. Piecewise constant: it has no derivative."""
-    return jnp.mean(contact, dtype=jnp.result_type(float))
 
 
 def area_in_doubt(indicator: Field, correction: Field) -> Scalar:
@@ -32,7 +27,7 @@ def area_in_doubt(indicator: Field, correction: Field) -> Scalar:
 
 
 class Edges(eqx.Module):
-    """What is known of the edges of contact beside pressures and gaps.
+    """The edges of contact, beside pressures and gaps.
 
     **Fields:**
 

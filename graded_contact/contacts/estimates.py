@@ -105,7 +105,7 @@ def _response_of(inputs: Inputs, found: SolverOutput):
 
 
 def _offset(operator, s, solid_gap, otherwise):
-    """What makes the mean of `solid_gap` zero where the law fixes the gap; else `otherwise`."""
+    """The offset for a mean of 0 of `solid_gap` where the law fixes the gap; else `otherwise`."""
     fixed = operator.mean(s)
     return jnp.where(fixed > 0, -operator.mean(s * solid_gap) / nonzero(fixed), otherwise)
 

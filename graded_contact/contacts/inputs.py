@@ -1,4 +1,4 @@
-"""What a contact is computed from: heights, kernel, start and loading, checked."""
+"""Inputs of a contact, checked: heights, kernel, start and loading."""
 
 import functools
 
@@ -7,14 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ScalarLike
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    check_positive,
-    check_shape,
-    check_values,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, is_concrete
 from ..core.derivative import largest
 from ..fields.grid import half_shape
 from .law import AbstractLaw, HardWall, check_pressure, never_overlaps
@@ -79,24 +72,18 @@ def as_start(start: Numbers | None, heights: Array, law: AbstractLaw) -> Array |
 
 
 def loading_on(
-    operator: AbstractOperator,
-    law: AbstractLaw,
-    heights: Field,
-    *,
-    pressure: ScalarLike | None,
-    mean_gap: ScalarLike | None,
-    approach: ScalarLike | None,
+    operator: AbstractOperator, law: AbstractLaw, heights: Field, **given: ScalarLike | None
 ) -> Loading:
     """Returns the loading in a periodic cell, or on a window.
 
-    **Raises:** `ValueError` unless one of the two that the operator allows is given.
+    `given` are `pressure`, `mean_gap` and `approach`.
+
+    **Raises:** `ValueError` unless one of the two that the operator allows is not None.
     """
     # Not by JAX: a loop would trace it.
-    known = approach is not None and is_concrete(operator.kernel)
+    known = given["approach"] is not None and is_concrete(operator.kernel)
     ground = not known or bool(np.asarray(operator.kernel).flat[0] != 0)
-    on_window = isinstance(operator, Window)
-    given = check_gap(on_window, ground, pressure, mean_gap=mean_gap, approach=approach)
-    return loading_of(law, heights, None, **given)
+    return loading_of(law, heights, **check_gap(isinstance(operator, Window), ground, **given))
 
 
 def check_gap(
@@ -149,17 +136,11 @@ def loading_of(
     check_values(name, value, f"the {name.replace('_', ' ')} [m] must be finite")
     if name == "approach":
         return Loading(None, _undeformed_gap(value, law, heights))
-    if never_overlaps(law) and is_concrete(heights) and is_concrete(value):
-        least = -LEAST_GAP * float(jnp.std(heights))  # a mean of zeros, but for rounding
-        for gap in np.ravel(value):
-            if gap < least:
-                raise ValueError(
-                    f"`mean_gap={gap:g}` is refused: at a hard wall it must be at least 0. There "
-                    "the contact is full, under the least pressure that closes it; for a higher "
-                    "one prescribe `pressure`."
-                )
     if never_overlaps(law):  # one point stays open: else nothing limits the pressure
         least = LEAST_GAP * jnp.std(heights)
+        if is_concrete(least):  # a mean of zeros, but for rounding
+            allowed = "at a hard wall it must be at least 0; in full contact prescribe `pressure`"
+            check_values(name, value, allowed, at_least=-float(least))
         hidden = jax.lax.stop_gradient(jnp.where(jnp.abs(spread) < least, least - spread, 0))
         spread = spread + hidden
     return Loading(None, spread)

@@ -94,7 +94,7 @@ def if_known(result: RESULTS, numbers: Any) -> Any:
 
 
 def ended(contact: "ContactSolution", good: Any, end: RESULTS) -> "ContactSolution":
-    """Returns a contact with another end unless it is `good`; what failed does not just stop."""
+    """Returns a contact with another end unless it is `good`; a failure stays a failure."""
     fails = end in FAILURES
     stays = good if fails else good | has_failed(contact.result)
     result = RESULTS.where(stays, contact.result, end)
@@ -119,13 +119,8 @@ class ContactSolution(eqx.Module):
       `contacts/estimates.py`. Without a derivative.
     - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
       pressure. Under a law that attracts it may exceed `rtol` two or three times, near a jump more.
-    - `load_error`: difference of the mean pressures of solid and law, where the iteration stopped,
-      over that of |σ| [1]. At a given approach see `Sliding.mean_pressure_error`.
     - `gap_error`: estimated error of the gap (root mean square) over the rms height [1]; those of
       `displacement` and `mean_gap` are no larger.
-    - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
-      the gap at which the law has the pressure σ, in hard contact 0.
-    - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
     - `num_steps`: iterations on the full grid.
     - `num_fft_pairs`: transforms spent, forward and back [1]; coarse grids counted by their size.
     - `result`: a member of `RESULTS`.
@@ -138,10 +133,7 @@ class ContactSolution(eqx.Module):
     mean_gap: Float[Array, "..."]
     correction: Field
     error: Scalar
-    load_error: Scalar
     gap_error: Scalar
-    complementarity_error: Scalar
-    penetration: Scalar
     num_steps: Array
     num_fft_pairs: Scalar
     result: RESULTS

@@ -12,13 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ScalarLike
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    as_numbers,
-    check_tolerance,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_float, as_numbers, check_tolerance, is_concrete
 from ..core.compilation import compiled, compiled_loop, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import CONTACT, check_memory
@@ -27,6 +21,7 @@ from .adjoint import LinearSolver, LinearSplitting, attach_gradient
 from .estimates import assess, contact_state, penalty_at
 from .inputs import as_start, check_heights, check_kernel, loading_on
 from .law import AbstractLaw, HardWall, check_one_law, never_overlaps
+from .operators.operator import nonzero
 from .operators.window import Window, operator_of
 from .solution import RESULTS, ContactSolution, if_known
 from .solver.abstract_solver import (
@@ -196,7 +191,7 @@ def _known_to_have_a_solution(inputs: Inputs) -> Inputs:
 
 @compiled
 def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
-    """What a solver would return for a solution: the gap is that of the law."""
+    """The output of a solver for a known solution, with the gap of the law."""
     law, pressure, gap = inputs.law, solution.pressure, solution.gap
     if isinstance(law, HardWall):
         low, high = law.bounds
@@ -207,7 +202,7 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
         v = pressure - penalty * gap
         gap = (law.in_units(1.0, 1 / penalty).proximal(v) - v) / penalty
     return SolverOutput(
-        pressure=pressure, gap=gap, mismatch=solution.correction,
+        pressure=pressure, gap=gap,
         displacement=solution.displacement, error=solution.error / softness(law),
         ended=jnp.asarray(True), num_steps=jnp.asarray(0),
         num_fft_pairs=jnp.zeros((), pressure.dtype),
@@ -243,19 +238,13 @@ def _solution(
     heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
     flown = jnp.where(pressure < inputs.law.bounds[1], 0, gap)  # below 0, by its depth
-    # Errors have no derivative: that of a norm or of a maximum may be 0/0.
-    known, opened = jax.lax.stop_gradient((pressure, gap))
-    rms, mean = jnp.std(jax.lax.stop_gradient(heights)), jnp.mean(jnp.abs(known))
-    unit, load = jnp.where(rms > 0, rms, 1), jnp.where(mean > 0, mean, 1)
-    gap_error = gap_error / unit
+    # Errors have no derivative: that of a norm may be 0/0.
+    gap_error = gap_error / nonzero(jnp.std(jax.lax.stop_gradient(heights)))
     result = _how_it_ended(inputs, finds_unstable, found, reached, gap_error)
     solution = ContactSolution(
         pressure=pressure, displacement=displacement, gap=gap,
         mean_pressure=jnp.mean(pressure), mean_gap=mean_gap - operator.mean(flown),
         correction=correction, error=error, gap_error=gap_error,
-        load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
-        complementarity_error=jnp.mean(jnp.abs(known * (opened - found.gap))) / (load * unit),
-        penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - opened, 0)) / unit,
         num_steps=found.num_steps, num_fft_pairs=found.num_fft_pairs, result=result,
     )  # fmt: skip
     return solution, result == RESULTS.successful

@@ -102,7 +102,7 @@ class Creep(eqx.Module):
     error: Float[Array, ""]
 
     def shares(self, q: Float[Array, " points"]) -> Float[Array, "waves points"]:
-        """Returns what a table is multiplied with: its response at wavenumbers [m/Pa, rad/m]."""
+        """Returns the factors of a table for its response [m/Pa] at wavenumbers [rad/m]."""
         low, high = self.log_q
         share = barycentric((2 * jnp.log(q) - low - high) / (high - low), _WAVES).T
         return share * (jnp.exp(jnp.log(self.longest) @ share) / q)

@@ -59,11 +59,11 @@ def period_frequencies(num_times: int, period: Float[Array, ""]) -> Float[Array,
 def _kernel(stack, grid: Grid, num_times: int, period, rtol):
     """The kernel and the error of its table."""
     points = (num_times // 2 + 1) * int(np.prod([n // 2 + 1 for n in grid.shape]))
-    make = _interpolated if is_dear(stack, points) else _direct
-    q, has_wave = quadrant(grid)
-    # One vector of wavenumbers for both ways; the entry at q = 0 is a placeholder.
-    found, error = make(stack, q, num_times, period, rtol)
-    return _whole(found, has_wave, num_times, grid), error
+    if is_dear(stack, points):
+        return _interpolated(stack, grid, num_times, period, rtol)
+    response = lambda q, omega: [compliance_or_nan(stack, q, omega, rtol)]  # noqa: E731
+    [found] = of_period(response, grid, num_times, period)
+    return found, jnp.where(jnp.all(jnp.isfinite(found)), 0.0, jnp.nan)
 
 
 def of_period(
@@ -74,7 +74,8 @@ def of_period(
     `response(q, omega)` returns its parts at these waves, functions of |q| and ω.
     """
     q, has_wave = quadrant(grid)
-    found = _at_frequencies(lambda omega: response(q, omega), num_times, period)
+    row = jax.checkpoint(lambda omega: response(q, omega[None]))
+    found = jax.lax.map(row, period_frequencies(num_times, period), batch_size=_BLOCK)
     return [_whole(part, has_wave, num_times, grid) for part in found]
 
 
@@ -102,20 +103,8 @@ def _whole(found: Array, has_wave: Array, num_times: int, grid: Grid) -> Array:
     return jnp.concatenate([kernel, jnp.conj(others)])
 
 
-def _at_frequencies(response, num_times: int, period):
-    row = jax.checkpoint(lambda omega: response(omega[None]))
-    return jax.lax.map(row, period_frequencies(num_times, period), batch_size=_BLOCK)
-
-
-def _direct(stack, q, num_times: int, period, rtol):
-    def response(omega):
-        return compliance_or_nan(stack, q, omega, rtol)
-
-    found = _at_frequencies(response, num_times, period)
-    return found, jnp.where(jnp.all(jnp.isfinite(found)), 0.0, jnp.nan)
-
-
-def _interpolated(stack, q, num_times: int, period, rtol):
+def _interpolated(stack, grid: Grid, num_times: int, period, rtol):
+    q, has_wave = quadrant(grid)  # the entry at q = 0 is a placeholder
     # Mode numbers of the table: along q so that both ends of the wavenumbers are its ends.
     lowest, highest = q[0], q[-1]
     top = max(len(q), 4)
@@ -129,4 +118,4 @@ def _interpolated(stack, q, num_times: int, period, rtol):
     table = tabulate(logarithm, (top, num_times // 2), q.dtype)
     places = (q / lowest) ** (1 / power)
     rows = table.along_x(places, table.along_y(np.arange(num_times // 2 + 1)))
-    return jnp.exp(rows.T) / q, table.error
+    return _whole(jnp.exp(rows.T) / q, has_wave, num_times, grid), table.error

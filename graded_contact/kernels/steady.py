@@ -23,14 +23,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Inexact
 
 from ..blocks.stack import Stack, is_graded
-from ..core.checks import (
-    Numbers,
-    as_float,
-    check_increasing,
-    check_rows,
-    check_values,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_float, check_increasing, check_rows, check_values, is_concrete
 from ..core.compilation import compiled_loop
 from ..core.derivative import derivative_apart
 from ..fields.devices import required, spread, whole_along
@@ -38,19 +31,12 @@ from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero_mode
 from ..materials.softening import at_strain, softens
 from ..response.compliance import compliance_or_nan
-from ..response.grading import checked_velocity, graded_tolerance
+from ..response.grading import NOT_REACHED, checked_velocity, graded_tolerance
 from .table import log_compliance, tabulate
 
 _BLOCK_ROWS = 16
 # With so few layers, or points of the grid, direct evaluation is faster than a table.
 _FEW_LAYERS, _FEW_POINTS = 6, 192**2
-
-
-_NOT_REACHED = (
-    "The tolerance was not reached in a kernel: the profile of a graded layer varies too sharply. "
-    "Put boundaries at its jumps, list its kinks in `breaks`, take `graded_solver=Riccati()`, or "
-    "pass a larger `rtol`."
-)
 
 
 def stack_kernel(
@@ -84,7 +70,7 @@ def stack_kernel(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
     kernel, reached = attempted_kernel(stack, grid, velocity, rtol=rtol, strain=strain)
-    return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
+    return required(kernel, reached, partial(eqx.error_if, msg=NOT_REACHED))
 
 
 def attempted_kernel(
@@ -235,7 +221,7 @@ def _responses(response, stack, qx, qy, velocity, strain):
 
 
 def _rules(kernel, grid):
-    """By the rules of the half spectrum, and laid as what leaves a compiled program is."""
+    """A kernel by the rules of the half spectrum, spread over the devices."""
     # The mean displacement belongs to the mean gap.
     kernel = jnp.where(zero_mode(grid.shape), 0, kernel)
     if jnp.iscomplexobj(kernel):

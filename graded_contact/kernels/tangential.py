@@ -23,10 +23,12 @@ from ..response.grading import check_profiles, graded_tolerance
 from .periodic import of_period, period_frequencies
 from .steady import of_waves
 
+Kernels = tuple[tuple[Waves, ...], tuple[tuple[Waves, ...], ...], Bool[Array, ""]]
+
 
 def tangential_kernels(
-    stack: Stack, grid: Grid, velocity: Array, direction: Array, strain=None,
-) -> tuple[Waves, Waves, Bool[Array, ""]]:  # fmt: skip
+    stack: Stack, grid: Grid, velocity: Array, direction: Array, strain=None
+) -> Kernels:
     """Returns M_ze and M_ee [m/Pa] on the half spectrum of a grid, and whether they are good.
 
     **Arguments:**
@@ -36,12 +38,12 @@ def tangential_kernels(
     """
     rtol = graded_tolerance(stack, None, grid.size)
     parts = _steady_parts(stack, grid, velocity, rtol, strain)
-    return *_along(parts, grid, direction), _good(stack, parts)
+    return *_along(parts, grid, direction[None]), _good(stack, parts)
 
 
 def periodic_tangential_kernels(
     stack: Stack, grid: Grid, num_times: int, period: Array, axes: int
-) -> tuple[tuple[Waves, ...], tuple[tuple[Waves, ...], ...], Bool[Array, ""]]:  # fmt: skip
+) -> Kernels:
     """Returns M_zi and M_ij [m/Pa] along the first `axes`, and whether they are good.
 
     Arguments and shapes as in `periodic_kernel`.
@@ -50,7 +52,8 @@ def periodic_tangential_kernels(
     check_at_rest(stack)
     check_profiles(stack, period_frequencies(num_times, period))
     parts = _periodic_parts(stack, grid, num_times, period, rtol)
-    return *_over_axes(parts, grid, axes), _good(stack, parts)
+    units = jnp.eye(axes, dtype=grid.size.dtype)
+    return *_along(parts, grid, units), _good(stack, parts)
 
 
 def _good(stack: Stack, parts) -> Array:
@@ -62,8 +65,8 @@ def _good(stack: Stack, parts) -> Array:
 def _response(rtol, block, q, omega):
     (c11, c12, _, c_t), error = compliance_parts(block, q, omega, rtol, throw=False)
     shape = jnp.broadcast_shapes(q.shape, omega.shape)
-    bad = error > rtol if is_graded(block) else jnp.asarray(False)
-    return [jnp.broadcast_to(jnp.where(bad, jnp.nan, part), shape) for part in (c11, c12, c_t)]
+    good = error <= rtol
+    return [jnp.broadcast_to(jnp.where(good, part, jnp.nan), shape) for part in (c11, c12, c_t)]
 
 
 @derivative_apart
@@ -83,27 +86,20 @@ def _periodic_parts(stack, grid, num_times: int, period, rtol):
 
 
 @compiled_loop
-def _along(parts, grid: Grid, direction):
+def _along(parts, grid: Grid, directions: Array):
+    """M_zi and M_ij along unit vectors, the rows of an array."""
     c11, c12, c_t = parts
-    a = sum(e * n for e, n in zip(direction, _directions(grid), strict=False))
+    q = wavenumber(grid)
+    unit = [component / jnp.where(q == 0, 1, q) for component in wavevector(grid)]
+    parallel = [sum(e * n for e, n in zip(row, unit, strict=False)) for row in directions]
     kept = ~(nyquist_lines(grid.shape) | zero_mode(grid.shape))
-    return jnp.where(kept, 1j * c12 * a, 0), jnp.where(kept, c11 * a**2 + c_t * (1 - a**2), 0)
-
-
-@compiled_loop
-def _over_axes(parts, grid: Grid, axes: int):
-    c11, c12, c_t = parts
-    n = _directions(grid)[:axes]
-    kept = ~(nyquist_lines(grid.shape) | zero_mode(grid.shape))
-    lift = tuple(jnp.where(kept, 1j * c12 * a, 0) for a in n)
+    lift = tuple(jnp.where(kept, 1j * c12 * a, 0) for a in parallel)
+    cosines = directions @ directions.T
     along = tuple(
-        tuple(jnp.where(kept, (c11 - c_t) * a * b + c_t * (i == j), 0) for j, b in enumerate(n))
-        for i, a in enumerate(n)
+        tuple(
+            jnp.where(kept, (c11 - c_t) * a * b + c_t * cosines[i, j], 0)
+            for j, b in enumerate(parallel)
+        )
+        for i, a in enumerate(parallel)
     )
     return lift, along
-
-
-def _directions(grid: Grid):
-    """The components of q/|q|, 0 at q = 0."""
-    q = wavenumber(grid)
-    return [component / jnp.where(q == 0, 1, q) for component in wavevector(grid)]

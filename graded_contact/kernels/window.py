@@ -40,11 +40,7 @@ _WINDOWS = {1: 1024, 2: 32}
 _POINTS = 32
 
 
-def window_kernel(
-    stack: Stack,
-    grid: Grid,
-    velocity: Numbers = 0.0,
-) -> Inexact[Array, "*half"]:
+def window_kernel(stack: Stack, grid: Grid, velocity: Numbers = 0.0) -> Inexact[Array, "*half"]:
     """Returns M_zz [m/Pa] of a stack for pressures on a window, with no load around it.
 
     **Arguments:**
@@ -106,7 +102,7 @@ def without_images(near: Array, far: Array, grid: Grid, ground: bool) -> tuple[A
 
 
 def _images(far, grid: Grid, points: int, length: int):
-    """What loads `length` windows away, and multiples of that, add to the kernel of a window.
+    """The part of a kernel by loads `length` windows away, and multiples of it.
 
     `far` is a kernel of the long cell with so many points to a window.
     """

@@ -59,6 +59,7 @@ def understood(
     *,
     also: Sequence[str] = (),
     deformation: str | None = None,
+    deformed: bool = True,
 ) -> Understood:
     """Returns the numbers of the first way whose quantities the table has.
 
@@ -69,14 +70,14 @@ def understood(
     - `quantities`: that a table may hold.
     - `ways`: quantities that are enough, the best first.
     - `also`: quantities that are read if they are there.
-    - `deformation`: "tension" or "shear" of moduli; asked for if no name says it.
+    - `deformation`: "tension" or "shear"; asked for if moduli are `deformed` and no name says it.
 
     **Raises:** `NotPlain`, with all that is missing.
     """
     search = _Search(table, quantities)
     way, found = search.columns_of(ways, also)
     units = search.units_of(found)
-    whose = search.deformation_of(way, found, deformation)
+    whose = search.deformation_of(way, found, deformation) if deformed else None
     if logarithms := [c.label for c in found.values() if re.match(r"(?i)log|ln\b", c.name)]:
         search.reasons.append(f"{' and '.join(logarithms)} hold logarithms: write the numbers")
     if search.reasons:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
 from ..materials.measured import Measured, grouped, joined
@@ -32,23 +33,23 @@ QUANTITIES = {
     "storage_compliance": Heading("compliance", r"[DJ]'|storagecompliance"),
     "loss_compliance": Heading("compliance", r"[DJ]''|losscompliance"),
     "compliance": Heading("compliance", r"[DJ](\(t\))?|(creep)?compliance"),
+    "strain": Heading("ratio", r"strain|strainamplitude|strain(dyn)?|γ|ε|oscillationstrain"),
 }
-# The ways to give a modulus, the most direct first: the kind of measurement, and the values.
+# The complex modulus by the quantities that are measured, the most direct first.
+_COMPLEX: dict[tuple[str, ...], Callable[..., Any]] = {
+    ("storage", "loss"): lambda storage, loss: storage + 1j * loss,
+    ("storage", "tan_delta"): lambda storage, tangent: storage * (1 + 1j * tangent),
+    ("magnitude", "tan_delta"): lambda size, tangent: size * np.exp(1j * np.arctan(tangent)),
+    ("magnitude", "phase"): lambda size, phase: size * np.exp(1j * phase),
+    ("storage_compliance", "loss_compliance"): lambda real, loss: 1 / (real - 1j * loss),
+}
+# By the quantities of a table, the kind of measurement and the values.
 _WAYS: dict[tuple[str, ...], tuple[str, Callable[..., Any]]] = {
-    ("frequency", "storage", "loss"): ("frequency", lambda e, loss: e + 1j * loss),
-    ("frequency", "storage", "tan_delta"): ("frequency", lambda e, tan: e * (1 + 1j * tan)),
-    ("frequency", "magnitude", "tan_delta"): (
-        "frequency",
-        lambda size, tan: size * np.exp(1j * np.arctan(tan)),
-    ),
-    ("frequency", "magnitude", "phase"): ("frequency", lambda size, at: size * np.exp(1j * at)),
-    ("frequency", "storage_compliance", "loss_compliance"): (
-        "frequency",
-        lambda d, loss: 1 / (d - 1j * loss),
-    ),
+    **{("frequency", *names): ("frequency", value) for names, value in _COMPLEX.items()},
     ("time", "modulus"): ("relaxation", lambda modulus: modulus),
     ("time", "compliance"): ("creep", lambda compliance: compliance),
 }
+_SWEEPS = {("strain", *names): ("strain", value) for names, value in _COMPLEX.items()}
 
 
 def read_moduli(
@@ -104,6 +105,33 @@ def read_moduli(
     return parts[0] if len(parts) == 1 else joined(parts)
 
 
+def read_strain_sweep(
+    path: str | os.PathLike,
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+    layout: Layout | None = None,
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Returns strain amplitudes ε [1] and the factors f of E' and g of E'' [1] in a strain sweep.
+
+    They are what `materials.StrainSoftening` takes: `StrainSoftening(rubber, *read_strain_sweep(
+    "sweep.csv"))`. The factors are relative to the smallest strain. Strains are those of the file:
+    halve a peak-to-peak amplitude.
+
+    **Arguments:** as in `read_moduli`; columns of strain (% or 1), moduli in tension or shear.
+
+    **Returns:** ε, f and g, in order of ε.
+    """
+    options = {"columns": columns, "units": units, "layout": layout}
+    table = read_table(source_of(path, "read_strain_sweep", **options))
+    found = understood(table, QUANTITIES, list(_SWEEPS), deformed=False)
+    sweep = _measured(found, None, None)
+    if np.any(np.diff(np.sign(np.diff(sweep.abscissa[np.argsort(sweep.lines)])))):
+        raise table.not_plain(["its strains go up and down: it is not one sweep"])
+    parts = np.real(sweep.values), np.imag(sweep.values)
+    return sweep.abscissa, *(part / part[0] for part in parts)
+
+
 def _layouts(layout: Layout | None) -> list[Layout | None]:
     """The layout of each table of a file: a list of sections has several."""
     sections = (layout or {}).get("section")
@@ -142,10 +170,9 @@ def _measured(found: Understood, poisson: Numbers | None, kelvin: float | None) 
         lines = ", ".join(map(str, table.lines[~good]))
         history.append(f"Left out lines without positive numbers: {lines}.")
     numbers = {name: each[good] for name, each in found.numbers.items()}
-    kind, value = _WAYS[way]
+    kind, value = {**_WAYS, **_SWEEPS}[way]
     abscissa, values = numbers[way[0]], value(*(numbers[name] for name in way[1:]))
-    deformation = found.deformation
-    assert deformation is not None  # of moduli
+    deformation = found.deformation or "tension"
     if deformation == "shear" and poisson is not None:
         factor = 2 * (1 + float(as_scalar(poisson, "poisson")))
         values = values / factor if kind == "creep" else factor * values
@@ -179,7 +206,8 @@ def _check_sweep(table: DataTable, name: str, measured: Measured) -> None:
         wrong = "rise" if first.kind == "relaxation" else "fall"
         raise table.not_plain([f"its values {wrong} over time: they are no {first.kind}"])
     if np.ptp(measured.abscissa) == 0:
-        raise table.not_plain([f"the {name} is the same in every line: it is no sweep"])
+        hint = " (`read_strain_sweep` reads a sweep of strain)" * (name == "frequency")
+        raise table.not_plain([f"the {name} is the same in every line: it is no sweep{hint}"])
     repeated = (np.diff(measured.abscissa) == 0) & (np.diff(measured.isotherm) == 0)
     if measured.temperature is None and np.sum(repeated) > _REPEATED * len(measured.abscissa):
         reason = f"{np.sum(repeated)} lines repeat the {name} of others, as isotherms do"

@@ -43,6 +43,7 @@ UNITS: dict[str, dict[str, float]] = {
     "ratio": {"1": 1.0, "%": 0.01},
     "angle": {"rad": 1.0, "deg": np.pi / 180},
     "length": _LENGTHS,
+    "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "km/h": 1 / 3.6},
 }
 OFFSETS = {"K": 0.0, "C": 273.15, "F": 459.67 * 5 / 9}
 _ALL = {unit for units in UNITS.values() for unit in units}

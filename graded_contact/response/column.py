@@ -14,13 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
 from ..blocks.profile import moduli_at
-from ..blocks.stack import (
-    GradedLayer,
-    HalfSpace,
-    Stack,
-    materials_of,
-    moduli_of_all,
-)
+from ..blocks.stack import GradedLayer, HalfSpace, Stack, materials_of, moduli_of_all
 from .slab import plane_strain
 
 
@@ -198,12 +192,7 @@ def scan_layers(step, face: Any, layers: tuple[Any, ...], *, reverse: bool) -> A
     like = stable_shape(lambda face: step(face, jax.tree.map(lambda part: part[0], layers)), face)
     # A derivative computes a step again: to store and load its numbers takes longer.
     add = jax.checkpoint(lambda *given: (cast_like(step(*given), like), None), prevent_cse=False)
-    return jax.lax.scan(
-        add,
-        cast_like(face, like),
-        layers,
-        reverse=reverse,
-    )[0]
+    return jax.lax.scan(add, cast_like(face, like), layers, reverse=reverse)[0]
 
 
 def stable_shape(step: Callable[[Any], Any], face: Any) -> Any:

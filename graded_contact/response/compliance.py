@@ -35,12 +35,7 @@ from .upwards import FULL, PLANE, base_face, in_plane
 
 
 def surface_compliance(
-    stack: Stack,
-    q: Numbers,
-    omega: Numbers,
-    *,
-    rtol: float | None = None,
-    error: bool = False,
+    stack: Stack, q: Numbers, omega: Numbers, *, rtol: float | None = None, error: bool = False
 ) -> Any:
     """Returns the surface compliance M_zz [m/Pa] of a stack.
 
@@ -67,11 +62,7 @@ def surface_compliance(
 
 
 def effective_modulus(
-    stack: Stack,
-    q: Numbers,
-    omega: Numbers,
-    *,
-    rtol: float | None = None,
+    stack: Stack, q: Numbers, omega: Numbers, *, rtol: float | None = None
 ) -> Inexact[Array, "*w"]:
     """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space with the same response.
 

@@ -23,17 +23,7 @@ from ..blocks.stack import (
     concatenated,
     interface_depths,
 )
-from .column import (
-    AddGraded,
-    Column,
-    Face,
-    Rule,
-    Run,
-    climb_through,
-    column_of,
-    face_in,
-    in_rows,
-)
+from .column import AddGraded, Column, Face, Rule, Run, climb_through, column_of, face_in, in_rows
 from .slab import Compliance, Slab, factors, in_units, lower_face, reciprocal, release, upwards
 from .upwards import FULL, base_face
 
@@ -86,7 +76,7 @@ def depth_climb(
 
 
 def _cut(stack, depth, side):
-    """What lies above a depth of each layer [m], and at the end of the base.
+    """The thickness of each layer above a depth [m], and last of the base.
 
     And the place of the layer that the depth lies in.
     """
@@ -119,7 +109,7 @@ def _with_base(column: Column) -> Column:
 
 
 def _material(column, heights, place):
-    """E_r and e at the depth: those of the layer in this place, or of the base."""
+    """E_r and e at the depth, of the layer in this place or of the base."""
     parts = [
         run[2:4] if isinstance(run, Run) else [one[None] for one in run.moduli(heights[run.number])]
         for run in column.runs
@@ -132,7 +122,7 @@ def _material(column, heights, place):
 
 
 def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
-    """The state of a slab's lower face from that of its upper face."""
+    """The state of a slab's lower face from the state of its upper face."""
     lower, s = face_in(None, reduced, e), factors(x, e)
     g, g_t, (t, n, across) = face.state
     g, g_t = in_units(g, face.reduced / reduced), g_t * face.shear / lower.shear

@@ -1,4 +1,4 @@
-"""What all waves must pass, and graded layers by the solver of their stack.
+"""Input checks for waves; error control of graded layers.
 
 An error above the tolerance is raised.
 """
@@ -20,15 +20,14 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..core.compilation import compiled
 from ..fields.frequency import as_velocity
 from ..fields.grid import Grid
 from .layering import Layering
 
-_NOT_REACHED = (
+NOT_REACHED = (
     "The tolerance was not reached in a graded layer: its profile varies too sharply. Put "
     "boundaries between layers at its jumps and list its kinks in `breaks`, take "
-    "`graded_solver=Riccati()`, pass a larger `rtol`, or read `error=True`."
+    "`graded_solver=Riccati()`, or pass a larger `rtol`."
 )
 
 
@@ -63,19 +62,10 @@ def checked_velocity(stack: Stack, grid: Grid, velocity: Numbers) -> Float[Array
     velocity = as_velocity(velocity, grid)
     if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
         check_at_rest(stack)
-    if is_graded(stack):
-        check_profiles(stack, _extreme_frequencies(grid, velocity))
+    if is_graded(stack):  # waves across the velocity are at rest
+        highest = jnp.sqrt(jnp.sum(velocity**2)) * jnp.pi / grid.spacing[0]
+        check_profiles(stack, jnp.stack([0 * highest, highest]))
     return velocity
-
-
-@compiled
-def _extreme_frequencies(grid, velocity):
-    """|ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
-    along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
-    numbers = np.array([1, grid.shape[0] // 2]).astype(grid.size.dtype)
-    lowest, highest = (2 * np.pi / grid.size[0]) * numbers
-    # Waves across the velocity are at rest.
-    return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
 
 
 def solver_of(stack: Stack) -> AbstractGradedSolver:
@@ -104,5 +94,5 @@ def solve_graded(climb, measure, stack, q, omega, rtol, throw):
     # Without a number, as where the steps of `Riccati` do not suffice, the error has no limit.
     error = jax.lax.stop_gradient(jnp.where(jnp.isnan(error), jnp.inf, error))
     if throw:
-        values = eqx.error_if(values, jnp.any(error > rtol), _NOT_REACHED)
+        values = eqx.error_if(values, jnp.any(error > rtol), NOT_REACHED)
     return values, error

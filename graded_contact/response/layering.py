@@ -278,7 +278,7 @@ def _position(mesh, x):
 
 
 def _mass(profile, x, s, omega):
-    """What each interval of heights weighs: changes of ln E and ν, decay lengths, a little."""
+    """The weight of each interval of heights: changes of ln E and ν, decay lengths, a little."""
     modulus, poisson = moduli_at(profile, s[:, None], omega)
     modulus, poisson = (jnp.broadcast_to(a, (s.size, omega.size)) for a in (modulus, poisson))
     step, tiny = jnp.diff(s), jnp.finfo(s.dtype).tiny

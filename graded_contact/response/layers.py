@@ -96,7 +96,7 @@ def _normal(face):
 
 
 def _pushed(slab: Slab, v) -> tuple[Array, Array]:
-    """Pᵀ v: what a traction exerts on a clamped lower face."""
+    """Pᵀ v: the force of a traction on a clamped lower face."""
     return slab.p11 * v[0] + slab.p21 * v[1], slab.p12 * v[0] + slab.p22 * v[1]
 
 

@@ -14,20 +14,17 @@ start decays as e^-2ζ. The integration starts where the wave has decayed
 (`column.visible`), so the equation is not stiff.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from ..blocks.profile import moduli_at
 from ..blocks.shapes import breaks_of
 from ..blocks.tolerance import AbstractGradedSolver, as_tolerance, rounding
-from ..core.checks import check_type
 from .column import Face, face_in
 from .layering import add_layered, build_mesh
 from .slab import Compliance, in_units
@@ -37,7 +34,7 @@ _MAX_STEPS = 4096
 
 
 class Numbers(NamedTuple):
-    """What is integrated: a symmetric matrix with its determinant, in plane, and antiplane."""
+    """The numbers that are integrated: a symmetric matrix with its determinant, and antiplane."""
 
     plane: Compliance
     antiplane: Any = None
@@ -54,33 +51,11 @@ class Riccati(AbstractGradedSolver):
     **Fields:**
 
     - `solver`: a diffrax solver; by default `Dopri8()`.
-    - `controller`: called with `rtol` and `atol` of a step, returns a diffrax controller; by
-      default `PIDController` itself.
-    - `adjoint`: a diffrax adjoint for derivatives in reverse mode; by default
-      `RecursiveCheckpointAdjoint()`. Those in forward mode are by `ForwardMode`.
     - `rtol`: relative tolerance; by default 1e-9, in float32 1e-4. Static.
     """
 
     solver: Any = None
-    controller: Callable[..., Any] | None = eqx.field(static=True, default=None)
-    adjoint: Any = None
     rtol: float | None = eqx.field(static=True, default=None, converter=as_tolerance)
-
-    def __check_init__(self):
-        import diffrax
-
-        check_type("solver", self.solver, diffrax.AbstractSolver, type(None))
-        check_type("adjoint", self.adjoint, diffrax.AbstractAdjoint, type(None))
-        if isinstance(self.adjoint, diffrax.ForwardMode | diffrax.BacksolveAdjoint):
-            raise ValueError(
-                f"`adjoint={type(self.adjoint).__name__}(...)` cannot differentiate by a profile "
-                "in reverse mode. Pass `RecursiveCheckpointAdjoint()` or `DirectAdjoint()`."
-            )
-        if not (self.controller is None or callable(self.controller)):
-            raise ValueError(
-                f"`controller={self.controller!r}` must be called as controller(rtol=..., "
-                "atol=...) and return a diffrax controller, as `diffrax.PIDController` itself is."
-            )
 
     def solve(self, climb, measure, stack, q, omega, rtol):
         def found(step):
@@ -97,8 +72,6 @@ class Riccati(AbstractGradedSolver):
 
     def _add(self, part, face, rule, step):
         """The other face of a graded layer."""
-        import diffrax  # costs a quarter of a second that other scenes need not pay
-
         x = part.x
         mesh = build_mesh(part.profile, x, part.omega, num_cells=4)
         rough, _ = add_layered(part, face, mesh, rule)
@@ -117,24 +90,18 @@ class Riccati(AbstractGradedSolver):
         shape = jnp.broadcast_shapes(*(leaf.shape for leaf in jax.tree.leaves((waves, e))))
         waves = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, shape).ravel(), waves)
 
-        def solve(adjoint, given):
-            profile, waves = given
-            return jax.vmap(lambda wave: self._solve_one(profile, wave, step, adjoint))(waves)
-
-        forward = partial(solve, diffrax.ForwardMode())
-        backward = partial(solve, self.adjoint or diffrax.RecursiveCheckpointAdjoint())
-        top = _in_both_modes(forward, backward, (part.profile, waves))
+        top = jax.vmap(lambda wave: self._solve_one(part.profile, wave, step))(waves)
         top = jax.tree.map(lambda leaf: leaf.reshape(shape), top)
         reference, inverse = (jnp.broadcast_to(part, shape) for part in (reference, inverse))
         return _face_of(top, reference, inverse, e)
 
-    def _solve_one(self, profile, wave, step, adjoint):
+    def _solve_one(self, profile, wave, step):
         """The numbers of one wave at the end; NaN where the steps did not suffice.
 
         A wave has x = q d, ω, the fraction of the layer that is seen, E_ref [Pa], the numbers at
         the start and their sizes, and 1 if they are inverse.
         """
-        import diffrax
+        import diffrax  # costs a quarter of a second that other scenes need not pay
 
         x, omega, seen, reference, start, size, inverse = wave
         leaves, treedef = jax.tree.flatten(start)
@@ -153,7 +120,7 @@ class Riccati(AbstractGradedSolver):
             found = _rates(join(y), *moduli_at(profile, s, omega), reference, inverse)
             return split(found) * (x * seen)
 
-        controller = (self.controller or diffrax.PIDController)(rtol=step, atol=1e-4 * step)
+        controller = diffrax.PIDController(rtol=step, atol=1e-4 * step)
         breaks = breaks_of(profile)
         # A step across a kink would lose the order of the method.
         if len(breaks):
@@ -167,7 +134,7 @@ class Riccati(AbstractGradedSolver):
             dt0=None,
             y0=split(start),
             stepsize_controller=controller,
-            adjoint=adjoint,
+            adjoint=diffrax.DirectAdjoint(),  # of both modes of derivatives
             max_steps=_MAX_STEPS,
             throw=False,
         )
@@ -226,42 +193,8 @@ def _rates(numbers, modulus, poisson, reference, inverse):
     return Numbers(Compliance(*map(either, stiffness, compliance)), antiplane)
 
 
-def _in_both_modes(forward, backward, given):
-    """Returns `backward(given)`, with derivatives by either in the mode that it has.
-
-    The map of tangents is linear, and JAX gets its transpose as that of the solution of a linear
-    system: (b, 0) -> (0, L b), transposed (0, c) -> (Lᵀ c, 0).
-    """
-    given, rest = eqx.partition(given, eqx.is_inexact_array)
-
-    @jax.custom_jvp
-    def value(given):
-        return backward(eqx.combine(given, rest))
-
-    @value.defjvp
-    def _(primals, tangents):
-        (given,), (change,) = primals, tangents
-        found = value(given)
-        none = jax.tree.map(jnp.zeros_like, (given, found))
-        # In one array: JAX wants all of it to depend on what is differentiated.
-        flat, unravel = ravel_pytree((change, none[1]))
-
-        def tangent(_, flat):
-            run = lambda given: forward(eqx.combine(given, rest))  # noqa: E731
-            return ravel_pytree((none[0], jax.jvp(run, (given,), unravel(flat)[:1])[1]))[0]
-
-        def cotangent(_, flat):
-            run = lambda given: backward(eqx.combine(given, rest))  # noqa: E731
-            return ravel_pytree((*jax.vjp(run, given)[1](unravel(flat)[1]), none[1]))[0]
-
-        solved = jax.lax.custom_linear_solve(lambda x: x, flat, tangent, cotangent)
-        return found, unravel(solved)[1]
-
-    return value(given)
-
-
 def _sizes(rough):
-    """What tolerances are relative to: sizes of a rough result, never nothing."""
+    """The scales of tolerances: sizes of a rough result, never 0."""
 
     def plane(c):
         mean = jnp.sqrt(jnp.abs(c.c11)) * jnp.sqrt(jnp.abs(c.c22))

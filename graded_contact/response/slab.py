@@ -17,7 +17,6 @@ The factors are those of the quasi-static Navier equations (the paper's slab mat
 for constant ν, rearranged); `docs/theory/response.md` derives them.
 """
 
-from collections import namedtuple
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -110,27 +109,34 @@ def factors(x: Array, e: Array, known: Hyperbolic | None = None) -> Slab:
 
     `known` is `hyperbolic(x)` if it is at hand.
     """
-    t = _terms(x, e, known)
-    x, e1, e2, om = t.x, t.e1, t.e2, t.om
+    x = jnp.minimum(x, DEEP)
+    e1, om, psi = hyperbolic(x) if known is None else known
+    e2 = e1 * e1
+    # Hyperbolic functions times 4 e^-2x.
+    s2, sc, x1, x2 = om * om, om * (1 + e2), 4 * x * e2, 4 * x * x * e2
+    # 2 e^-2x (sinh 2x - 2x), from sinh 2x - 2x = 2 (sinh x - x) + 2 sinh x (cosh x - 1)
+    f1 = 2 * e1 * psi + om * s2 / (1 + e1) ** 2
+    f2 = psi * (om + 2 * x * e1)
+    delta = 4 * e2 * (1 + e) ** 2 + x2 + (1 + 2 * e) * s2
     b = 1 + e
-    inverse = reciprocal(t.delta)
+    inverse = reciprocal(delta)
     p = 2 * b * e1 * inverse
     # Of thin slabs P is near 1, and rounded there it would drift in a stack of hundreds.
     thin = x < 1
-    even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
+    even = 2 * b * b * e1 * s2 / (1 + e1) ** 2 - x2 - (1 + 2 * e) * s2
     odd = 2 * b * e1 * x * om
     return Slab(
         Compliance(
-            ((1 + 2 * e) * t.sc + t.x1) * inverse,
-            (t.x2 - (1 + 2 * e) * e * t.s2) * inverse / b,
-            (2 * e * t.sc + t.f1) * inverse,
-            (4 * e * b * t.s2 + t.f2) * inverse / b**2,
+            ((1 + 2 * e) * sc + x1) * inverse,
+            (x2 - (1 + 2 * e) * e * s2) * inverse / b,
+            (2 * e * sc + f1) * inverse,
+            (4 * e * b * s2 + f2) * inverse / b**2,
         ),
         Compliance(
-            b**2 * (t.sc + t.x1) * inverse,
-            -b * (t.x2 + e * t.s2) * inverse,
-            b**2 * t.f1 * inverse,
-            b**2 * t.f2 * inverse,
+            b**2 * (sc + x1) * inverse,
+            -b * (x2 + e * s2) * inverse,
+            b**2 * f1 * inverse,
+            b**2 * f2 * inverse,
         ),
         p11=jnp.where(thin, 1 + (even - odd) * inverse, p * (b * (1 + e2) - x * om)),
         p12=-p * (x * (1 + e2) + e * om),
@@ -163,7 +169,7 @@ def lower_face(c: Compliance, slab: Slab, one: Array | int = 1) -> tuple[Any, Ar
 
 
 def upwards(c: Compliance, h: Sequence[Array], s: Slab) -> Compliance:
-    """Returns what P H Pᵀ adds to Q; and to the determinant of Q what c adds, but for 1/m."""
+    """Returns P H Pᵀ, which adds to Q, and the part of c in the determinant of Q, but for 1/m."""
     h11, h12, h22 = h
     a11, a12 = times(s.p11, h11) + times(s.p12, h12), times(s.p11, h12) + times(s.p12, h22)
     a21, a22 = times(s.p21, h11) + times(s.p22, h12), times(s.p21, h12) + times(s.p22, h22)
@@ -188,20 +194,3 @@ def reciprocal(value):
         return 1 / value
     squared = value.real**2 + value.imag**2
     return jax.lax.complex(value.real / squared, -value.imag / squared)
-
-
-# Hyperbolic functions of a slab, all from s2 on times 4 e^-2x.
-_Terms = namedtuple("_Terms", "x e1 e2 om psi s2 sc x1 x2 f1 f2 delta")
-
-
-def _terms(x, e, known) -> _Terms:
-    x = jnp.minimum(x, DEEP)
-    e1, om, psi = hyperbolic(x) if known is None else known
-    e2 = e1 * e1
-    s2 = om * om
-    x2 = 4 * x * x * e2
-    # 2 e^-2x (sinh 2x - 2x), from sinh 2x - 2x = 2 (sinh x - x) + 2 sinh x (cosh x - 1)
-    f1 = 2 * e1 * psi + om * s2 / (1 + e1) ** 2
-    delta = 4 * e2 * (1 + e) ** 2 + x2 + (1 + 2 * e) * s2
-    f2 = psi * (om + 2 * x * e1)
-    return _Terms(x, e1, e2, om, psi, s2, om * (1 + e2), 4 * x * e2, x2, f1, f2, delta)

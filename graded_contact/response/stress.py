@@ -193,7 +193,7 @@ def _fields(stack, qx, qy, omega, traction, depth, side, rtol):
         return functools.reduce(jnp.maximum, map(jnp.abs, parts))
 
     def sizes(t, s, across, u, w, v):
-        """Of stresses and of displacements, each what is largest of its kind."""
+        """The largest stress and the largest displacement."""
         return largest(t, s, across, stiffness * u, stiffness * v), largest(u, w, v)
 
     def measure(differences, values):
@@ -276,14 +276,14 @@ def stress_waves(stack, grid, pressure, traction, depth, velocity, side="below",
 
 
 def _means(axis: int, lateral: Array) -> list:
-    """What a mean load of 1 along an axis causes: (u_x, u_y, u_z, σ_xx, ..., σ_xy) at q = 0."""
+    """The fields by a mean load of 1 along an axis: (u_x, u_y, u_z, σ_xx, ..., σ_xy) at q = 0."""
     if axis == 2:
         return [0, 0, 0, -lateral, -lateral, -1, 0, 0, 0]
     return [0] * 6 + [-(axis == 1), -(axis == 0), 0]
 
 
 def _as_fields(found) -> InteriorFields:
-    """Stacks what `_fields` returns to a vector and a tensor."""
+    """A vector and a tensor of the parts that `_fields` returns."""
     x, y, z, xx, yy, zz, yz, xz, xy = jnp.broadcast_arrays(*found)
     rows = jnp.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], -1)
     return InteriorFields(jnp.stack([x, y, z], -1), rows.reshape(*xx.shape, 3, 3))

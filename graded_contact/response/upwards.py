@@ -1,4 +1,4 @@
-"""The recursion upwards: the compliance of what lies below a face.
+"""The recursion upwards: the compliance of all that lies below a face.
 
 It is stored as homogeneous coordinates (n, c11, c12, c22, det)/n, so that a clamped (n > 0 alone)
 and a free face (det > 0 alone) are ordinary starting points and layers may have no thickness.

@@ -19,7 +19,7 @@ from ..core.quantities import FIELDS, quantity_of
 from ..fields.frequency import velocity_along
 from ..materials.shift import shifts_in
 from ..sliding import slide_case
-from ..sliding.interior.stress import STRESSES
+from ..sliding.interior.stress import STRESSES, largest_stress
 from ..sliding.number import numbers_of
 from ..sliding.solve.transient import solve_transient
 from ..studies.sweep import sweep
@@ -88,8 +88,8 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     names = [n for n in numbers_of(type(contact), contact.facts | asked) if n not in scene.axes]
     found = dict(zip(names, contact.compute(*names), strict=True))
     stack = case.stack if contact.heated is None else contact.heated.stack
-    for name in asked & STRESSES.keys():
-        stress, depth = STRESSES[name](contact, stack, scene.observe.stress_depths)
+    for name in asked.intersection(STRESSES):
+        stress, depth = largest_stress(name, contact, stack, scene.observe.stress_depths)
         found |= {name: stress, f"{name}_depth": depth}
     if scene.motion is not None:
         found = {name: _along_motion(name, number, point) for name, number in found.items()}

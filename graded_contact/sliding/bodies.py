@@ -126,7 +126,7 @@ class Counterface(eqx.Module):
     measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
 
     def beside(self, block: SpaceTime) -> SpaceTime:
-        """Returns the operator of the contact from that of the block."""
+        """Returns the operator of the contact from the operator of the block."""
         return dataclasses.replace(block, kernel=block.kernel + self.in_kernel)
 
     def displace(self, pressure: Field, tractions: Sequence[Field]) -> Field:
@@ -161,7 +161,7 @@ class Counterface(eqx.Module):
 
 
 def of_block(both: AbstractOperator, counterface: Counterface | None) -> AbstractOperator:
-    """Returns the operator of the block from that of the contact."""
+    """Returns the operator of the block from the operator of the contact."""
     return both if counterface is None else both.with_kernel(both.kernel - counterface.in_kernel)
 
 

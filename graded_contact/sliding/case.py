@@ -222,9 +222,13 @@ class Case(eqx.Module):
 
     @property
     def prescribed(self) -> str:
-        """What is given: "pressure", "mean_gap" or "approach"."""
-        given = [n for n in ("mean_gap", "approach") if getattr(self, n) is not None]
-        return given[0] if given else "pressure"
+        """The name of the load: "pressure", "mean_gap" or "approach"."""
+        return next((name for name, value in self.load.items() if value is not None), "pressure")
+
+    @property
+    def load(self) -> dict[str, Any]:
+        """Pressure [Pa], mean gap and approach [m], of which one is not None."""
+        return {"pressure": self.pressure, "mean_gap": self.mean_gap, "approach": self.approach}
 
     @property
     def rough(self) -> Surface:

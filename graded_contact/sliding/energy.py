@@ -25,7 +25,7 @@ from .problem import SteadyProblem
 
 
 class Body(NamedTuple):
-    """A body whose surface moves, and what acts on it.
+    """A body whose surface moves, and the tractions on it.
 
     **Fields:**
 

@@ -1,4 +1,4 @@
-"""What several observables share: fields, tractions and slopes of a contact under sliding.
+"""Common parts of observables: fields, tractions and slopes of a contact under sliding.
 
 The formulas hold for steady sliding, for cycles and on windows: the operator of the contact knows
 its fields (`contacts/operators/operator.py`). Arrays over time are those of a cycle.
@@ -329,7 +329,7 @@ def stiffness_at_edges(found: Found) -> tuple[Array, Array]:
 
 @shared
 def edges_of(found: Found) -> area.Edges:
-    """What is known of the edges of contact beside pressures and gaps."""
+    """The stiffness and the cuts at the edges of contact."""
     softest, stiffest = stiffness_at_edges(found)
     cuts = area.cuts_of(found.heights, WINDOW not in found.facts)
     return area.Edges(softest / stiffest, cuts)

@@ -1,4 +1,4 @@
-"""Heights and fields on half the grid of a surface, and what of the surface it lacks."""
+"""Heights and fields on half the grid of a surface, and the waves that it lacks."""
 
 import functools
 import math
@@ -24,7 +24,7 @@ def halved(shape: tuple[int, ...]) -> tuple[int, ...]:
 def heights_on(
     heights: Array, grid: Grid, half: tuple[int, ...], window: bool
 ) -> tuple[Array, Array, Array]:
-    """Returns heights on half the grid, those without the waves it lacks, and the share of these.
+    """Returns heights on half the grid, on the grid without the waves it lacks, and their share.
 
     The share is of the squared slope [1].
     """
@@ -43,7 +43,7 @@ def heights_on(
 def roughness_on(
     rough: tuple[Array, ...], grid: Grid, half: tuple[int, ...], window: bool
 ) -> tuple[tuple[Array, ...], tuple[Array, ...], Array]:
-    """Returns what `heights_on` does, of all rough bodies; and the largest share."""
+    """Returns `heights_on` of all rough bodies, with the largest share."""
     parts = [heights_on(heights, grid, half, window) for heights in rough]
     on_half, cut, lacking = zip(*parts, strict=True)
     return on_half, cut, functools.reduce(jnp.maximum, lacking)

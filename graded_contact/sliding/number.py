@@ -43,7 +43,7 @@ REMEDIES = {
     "memory": "a shorter motion",
     "kernel": "on a window a larger one",
 }
-_OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)} - {"load_error"}
+_OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
 
 
 class Observable(property):
@@ -162,7 +162,7 @@ def value_of(name: str, found: Found) -> Any:
 
 @dataclasses.dataclass
 class Kept:
-    """What a result keeps of what it computed.
+    """The numbers that a result has computed.
 
     It is no field of the result: a copy, such as JAX makes, starts with nothing.
 
@@ -180,7 +180,7 @@ class Kept:
 
 
 class AbstractSliding(eqx.Module):
-    """What the results of sliding have in common: how numbers are computed, and of what.
+    """The common part of the results of sliding: how numbers are computed.
 
     A number is computed when it is first read, and kept unless it is traced, see `Kept`. Under
     `jit` XLA drops what nothing uses.
@@ -193,11 +193,11 @@ class AbstractSliding(eqx.Module):
 
     @functools.cached_property
     def kept(self) -> Kept:
-        """What was computed before."""
+        """The numbers that are known."""
         return Kept()
 
     def neighbours(self) -> Any:
-        """Solves the contacts that show what the grid and the times change, see `Neighbours`."""
+        """Solves the contacts on coarser grids and with fewer times, see `Neighbours`."""
         raise NotImplementedError
 
     @property
@@ -256,7 +256,7 @@ class AbstractSliding(eqx.Module):
         return kept | found
 
     def before_display(self) -> tuple[str, ...]:
-        """Computes all numbers; returns the names of those that the contact does not show."""
+        """Computes all numbers; returns the names of the numbers that the contact does not show."""
         self.compute(*self.numbers)
         return beyond_contact(self)
 

@@ -1,4 +1,4 @@
-"""How a contact is computed: its tolerance, its solvers, and what happens if they fail."""
+"""Numerics of a contact: tolerance, solvers, and whether a failure raises."""
 
 import dataclasses
 from typing import Any

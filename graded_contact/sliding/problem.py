@@ -1,4 +1,4 @@
-"""What decides a contact under sliding on one grid: both bodies as an operator, surface, and law.
+"""The problem of a contact under sliding on one grid: both bodies as an operator, surface, law.
 
 A `SteadyProblem` is solved once, a `CycleProblem` at all times of a period together, and that of
 `transient_problem.py` step by step. The first two give the contact at a load, by `contact`; on
@@ -7,7 +7,7 @@ another grid of the cell, by `on`, they have the waves of block and traction tha
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -35,7 +35,7 @@ Prescribed = Mapping[str, Any]  # "pressure" [Pa], "mean_gap" or "approach" [m];
 
 
 class AbstractProblem(eqx.Module):
-    """What decides each contact under sliding.
+    """The fields of all problems.
 
     **Fields:**
 
@@ -231,17 +231,3 @@ class CycleProblem(AbstractProblem):
 
 
 Problem = SteadyProblem | CycleProblem
-
-
-class Posed(NamedTuple):
-    """A problem with its load.
-
-    **Fields:**
-
-    - `problem`, `load`: what is solved.
-    - `reached`: whether the kernel is good; True if a bad one raises.
-    """
-
-    problem: Problem
-    load: Prescribed
-    reached: Array | bool = True

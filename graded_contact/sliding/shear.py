@@ -66,7 +66,6 @@ class Coulomb(AbstractShear):
 
     def __check_init__(self):
         check_values("coefficient", self.coefficient, "f [1] is zero or positive", at_least=0)
-        check_type("coupled", self.coupled, bool)
 
     def __call__(self, pressure, speed, temperature):
         return self.coefficient * pressure
@@ -85,7 +84,6 @@ class ConstantShear(AbstractShear):
     coupled: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
-        check_type("coupled", self.coupled, bool)
         check_values("stress", self.stress, "a shear stress [Pa] is zero or positive", at_least=0)
 
     def __call__(self, pressure, speed, temperature):
@@ -115,7 +113,6 @@ class PeakedShear(AbstractShear):
     coupled: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
-        check_type("coupled", self.coupled, bool)
         check_values("peak", self.peak, "a shear stress [Pa] is zero or positive", at_least=0)
         check_positive("velocity", self.velocity, "[m/s]")
         check_positive("steepness", self.steepness, "[1]")
@@ -198,7 +195,7 @@ def shear_stress(
 
 
 def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Returns the shear stress without pressure and what the pressure adds to it [Pa]."""
+    """Returns the shear stress without pressure, and the part that the pressure adds [Pa]."""
     least = stress(jnp.zeros((), pressure.dtype))
     pressed = pressure != 0  # elsewhere a power of the pressure may have no derivative
     return least, jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - least, 0)

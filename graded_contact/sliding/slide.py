@@ -209,8 +209,8 @@ def slide_transient(
         mean_gap=mean_gap, approach=approach, law=law, shear=shear, temperature=temperature,
         counterface=counterface, block_surface=block_surface,
     )  # fmt: skip
-    how = Numerics(**numerics).of(case.bodies, surface, block_surface)
-    return solve_transient(case, how, fields_at)
+    found = slide_case(case, Numerics(**numerics), fields_at=fields_at)
+    return cast(TransientSliding, found)
 
 
 def slide_case(
@@ -218,6 +218,7 @@ def slide_case(
     how: Numerics = Numerics(),  # noqa: B008 (immutable)
     *,
     start: Numbers | None = None,
+    fields_at: Sequence[int] = (-1,),
 ) -> Sliding | CyclicSliding | TransientSliding:
     """Returns the contact of a case: a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
 
@@ -226,6 +227,7 @@ def slide_case(
     - `case`: block, surface, load and motion.
     - `how`: tolerance and solvers.
     - `start`: a pressure field [Pa] to start from, see `solve_contact`.
+    - `fields_at`: steps of a transient motion whose fields are stored, see `slide_transient`.
 
     **Returns:** friction, areas, errors and the contact itself.
 
@@ -233,7 +235,7 @@ def slide_case(
     """
     how = how.of(case.bodies, case.rough, case.block_surface)
     if case.times is not None:
-        return solve_transient(case, how)
+        return solve_transient(case, how, fields_at)
     if case.heating is not None:
         return solve_heated(case, how, start)
     return solve_isothermal(case, how, start)

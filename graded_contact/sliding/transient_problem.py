@@ -1,4 +1,4 @@
-"""What decides a contact in a transient motion: both bodies with their memories, and the path."""
+"""The problem of a contact in a transient motion: both bodies with their memories, and the path."""
 
 import functools
 
@@ -84,7 +84,7 @@ class TransientProblem(AbstractProblem):
 
     @property
     def memory_grid(self) -> Grid:
-        """The cell of what the bodies remember: around a window's path, without its copies."""
+        """The cell of the memory of the bodies: around a window's path, without its copies."""
         return self.grid if self.path is None else doubled(self._all_of_path)
 
     @property

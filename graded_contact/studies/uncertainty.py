@@ -6,18 +6,21 @@ which frequencies of a master curve it depends.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from ..core.checks import Numbers, as_float, check_positive
+from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, short
 from ..core.display import shown
-from ..fitting.prony import AbstractFit, deviation
-from ..materials.material import AbstractMaterial, Prony
+from ..core.parameters import paths, with_values
+from ..fitting.prony import AbstractFit
+from ..materials.material import AbstractMaterial
 from ..materials.table import Tabulated
 
 
@@ -51,27 +54,56 @@ class Sensitivity(eqx.Module):
     loss: Float[Array, " points"]
 
 
-def propagate(function: Callable[[Prony], Float[Array, "*shape"]], fit: AbstractFit) -> Estimate:
-    """Returns a quantity that follows from a fitted material, with its standard error.
+def propagate(
+    function: Callable[[Any], Float[Array, "*shape"]],
+    known: AbstractFit | Mapping[str, Numbers],
+    tree: Any = None,
+) -> Estimate:
+    """Returns a quantity that follows from a fitted material, or a stack, with its standard error.
 
-    To first order in the errors of the unknowns, of a master curve with its shifts. The effect of a
-    misfit of the whole series is not included, see `PronyFit.confidence`.
+    To first order in the errors: of the unknowns of a fit (of a master curve, shifts
+    included), or of numbers of any stack. The effect of a misfit of the whole
+    series is not included, see `PronyFit.confidence`.
 
     **Arguments:**
 
-    - `function`: of the material, differentiable, such as `lambda rubber: slide(...).friction`;
-      returns a number or an array.
-    - `fit`: the result of `fit_prony` or `master_curve`.
+    - `function`: called as function(material), or as function(tree), differentiable, such as
+      `lambda rubber: slide(...).friction`; returns a number or an array.
+    - `known`: the result of `fit_prony` or `master_curve`; or
+      standard deviations of independent errors by the path of the number in `tree`, in its units,
+      such as `{"layers[0].thickness": 5e-6}`, see `with_values`.
+    - `tree`: with `known` by path, such as a `Stack`.
 
     **Returns:** the value and its standard error.
+
+    **Raises:** `ValueError` for another kind of fit, for paths or deviations that `tree` has not,
+    or under `jit`.
     """
+    if isinstance(known, AbstractFit):
+        unknowns = known.theta
+        spread = jnp.asarray(known.covariance())
+        made = lambda unknowns: dataclasses.replace(known, theta=unknowns).material  # noqa: E731
+    elif isinstance(known, Mapping):
+        deviations = {path: as_float(value, path) for path, value in known.items()}
+        found = paths(tree)
+        values = {path: found.get(path, deviation) for path, deviation in deviations.items()}
+        with_values(tree, values)  # refuses a path that is not there
+        for path, deviation in deviations.items():
+            check_shape(path, deviation, values[path].shape)
+            check_values(path, deviation, "a standard deviation is at least 0", at_least=0)
+        unknowns, unravel = ravel_pytree(values)
+        spread = jnp.diag(ravel_pytree(deviations)[0] ** 2)
+        made = lambda unknowns: with_values(tree, unravel(unknowns))  # noqa: E731
+    else:
+        raise ValueError(f"`known={short(known)}` must be a fit, or deviations by path.")
 
     def quantity(unknowns):
-        value = jnp.asarray(function(dataclasses.replace(fit, theta=unknowns).material))
+        value = jnp.asarray(function(made(unknowns)))
         return value, value
 
-    slopes, value = jax.jacrev(quantity, has_aux=True)(fit.theta)
-    return Estimate(value, deviation(slopes, fit.covariance()))
+    slopes, value = jax.jacrev(quantity, has_aux=True)(unknowns)
+    variance = jnp.einsum("...i,ij,...j->...", slopes, spread, slopes)
+    return Estimate(value, jnp.sqrt(variance))
 
 
 def sensitivity(

@@ -36,12 +36,18 @@ class Statistics(eqx.Module):
     - `rms_height`: of the heights [m].
     - `rms_slope`: of the gradient's length [1].
     - `rms_slope_along`: along each axis [1], shape `(ndim,)`.
+    - `slope_ratio`: largest over smallest rms slope of all directions [1], the square root of the
+      ratio of the principal values of <∂ih ∂jh>; None for a profile.
+    - `lay`: the direction of the smallest rms slope [rad], from the x axis, between -π/2 and π/2;
+      0 where all directions are equal, None for a profile.
     - `rms_curvature`: of ∇²h/2 on a surface and h'' on a profile [1/m].
     """
 
     rms_height: Float[Array, ""]
     rms_slope: Float[Array, ""]
     rms_slope_along: Float[Array, " ndim"]
+    slope_ratio: Float[Array, ""] | None
+    lay: Float[Array, ""] | None
     rms_curvature: Float[Array, ""]
 
 
@@ -58,14 +64,33 @@ def statistics(surface: Surface) -> Statistics:
     grid = surface.grid
     power, scale = _modal_power(surface)
     unit = 2 * np.pi / grid.size[0]
-    along = jnp.stack([jnp.sum((q / unit) ** 2 * power) for q in odd_wavevector(grid)])
+    slopes = [component / unit for component in odd_wavevector(grid)]
+    along = jnp.stack([jnp.sum(slope**2 * power) for slope in slopes])
     bent = jnp.sum((wavenumber(grid) / unit) ** 4 * power)
+    ratio, lay = None, None
+    if grid.ndim == 2:
+        ratio, lay = _principal(along, jnp.sum(slopes[0] * slopes[1] * power))
     return Statistics(
         rms_height=scale * _root(jnp.sum(power)),
         rms_slope=scale * unit * _root(jnp.sum(along)),
         rms_slope_along=scale * unit * _root(along),
+        slope_ratio=ratio,
+        lay=lay,
         rms_curvature=scale * unit * unit * _root(bent) / grid.ndim,
     )
+
+
+def _principal(squares: Array, mixed: Array) -> tuple[Array, Array]:
+    """The ratio of the principal rms slopes [1], and the direction of the smaller one [rad]."""
+    mean, half = jnp.sum(squares) / 2, (squares[0] - squares[1]) / 2
+    # The lay of an isotropic surface would be that of rounding.
+    equal = half**2 + mixed**2 <= (8 * jnp.finfo(mean.dtype).eps * mean) ** 2
+    half, mixed = jnp.where(equal, -1, half), jnp.where(equal, 0, mixed)
+    away = jnp.where(equal, 0, jnp.sqrt(half**2 + mixed**2))
+    least = mean - away
+    # A ridged surface has no slope along its lay.
+    ratio = jnp.sqrt((mean + away) / jnp.where(least > 0, least, jnp.finfo(mean.dtype).tiny))
+    return jnp.where(equal, 1, ratio), jnp.arctan2(-mixed, -half) / 2
 
 
 def _modal_power(surface: Surface) -> tuple[Array, Array]:

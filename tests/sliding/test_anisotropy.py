@@ -11,13 +11,13 @@ from oracles import maxwell, persson
 from scipy.integrate import quad
 
 import graded_contact as gc
-from graded_contact.fields.grid import derivative
 
 CELL = 0.01  # m
 Q0 = 2 * np.pi / CELL
 BAND = dict(hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=60 * Q0, roll_off="smooth")
 RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
 BARE = gc.Stack(base=gc.HalfSpace(RUBBER))
+GRID = gc.Grid((64, 64), CELL)
 
 mean_field = jax.jit(
     partial(gc.mean_field_friction, throw=False), static_argnames=("num_angles", "correction")
@@ -79,15 +79,23 @@ def test_a_drawn_surface_has_the_slopes_and_the_lay_of_its_spectrum(angle):
     surface = gc.random_surface(spectrum, gc.Grid((128, 128), CELL), jax.random.key(0))
     found = gc.surfaces.statistics(surface)
     np.testing.assert_allclose(found.rms_slope, 0.2, rtol=0.01)
-    slopes = [derivative(surface.heights, surface.grid, axis).ravel() for axis in (0, 1)]
-    squares, directions = np.linalg.eigh(np.cov(slopes))
-    direction = np.arctan2(*directions[::-1, 0])  # of the smallest slope
     q, angles = np.meshgrid(np.geomspace(Q0, 50 * Q0, 400), np.pi * np.arange(400) / 400)
     rates = q**4 * np.asarray(spectrum.density(jnp.asarray(q), 2, angles))
     along, across = (np.sum(rates * part(angles - angle) ** 2) for part in (np.cos, np.sin))
-    np.testing.assert_allclose(squares[1] / squares[0], across / along, rtol=0.02)
-    np.testing.assert_allclose(np.sin(direction - angle), 0, atol=0.01)
+    np.testing.assert_allclose(found.slope_ratio, np.sqrt(across / along), rtol=0.01)
+    np.testing.assert_allclose(found.lay, angle, atol=0.01)
     np.testing.assert_allclose(found.rms_height, spectrum.rms_height, rtol=0.03)
+
+
+def test_lay_of_crossed_waves_is_the_principal_direction():
+    x, y = (CELL * np.arange(64) / 64)[:, None], (CELL * np.arange(64) / 64)[None]
+    heights = 1e-5 * np.cos(Q0 * (3 * x + y)) + 1e-5 * np.cos(Q0 * (x - 3 * y)) / 6
+    found = gc.surfaces.statistics(gc.Surface(heights, GRID))
+    np.testing.assert_allclose(found.slope_ratio, 6, rtol=1e-12)
+    np.testing.assert_allclose(found.lay, np.arctan2(-3, 1), rtol=1e-12)
+    profile = gc.surfaces.statistics(gc.Surface(heights[:, 0], gc.Grid((64,), CELL)))
+    assert profile.lay is None
+    assert profile.slope_ratio is None
 
 
 # Friction in the mean field

@@ -6,24 +6,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from closed_forms import hertz_line, hertz_pressure, hertz_sphere
+from closed_forms import hertz_sphere
 
 import graded_contact as gc
 from graded_contact.fields.grid import wavevector
 from graded_contact.mean_field import mean_field_friction
-from graded_contact.sliding import ConstantShear, Coulomb, Heating, contact_stress, slide_cycle
+from graded_contact.sliding import ConstantShear, Coulomb, contact_stress, slide_cycle
 from graded_contact.sliding.case import Case
-from graded_contact.sliding.numerics import Numerics
 from graded_contact.sliding.solve.steady import steady_problem
 
 Q0, LOAD = 2 * np.pi, 0.2
-TRACK = {"rms_slope": 0.2, "hurst": 0.8, "q_low": Q0, "q_roll": 2 * Q0, "q_high": 64 * Q0}
 
 
-def rough(n, seed=0, cut=4, slope=0.2):
-    n = (n,) if isinstance(n, int) else n
-    spectrum = gc.SelfAffine(rms_slope=slope, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=cut * Q0)
-    return gc.random_surface(spectrum, gc.Grid(n, 1.0), jax.random.key(seed))
+def rough(n, seed=0, cut=4):
+    spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=cut * Q0)
+    return gc.random_surface(spectrum, gc.Grid((n,), 1.0), jax.random.key(seed))
 
 
 def elastic(modulus, poisson=0.3):
@@ -34,7 +31,8 @@ def rubber(strength=3.0, time=0.05, equilibrium=1.0):
     return gc.Stack(base=gc.HalfSpace(gc.Prony(equilibrium, [strength], [time], 0.3)))
 
 
-ROUGH, OTHER = rough(32), rough(32, seed=3)
+N = 15  # points and times of all lines: they share programs
+ROUGH, OTHER = rough(N), rough(N, seed=3)
 COATED = gc.Stack(layers=(gc.Layer(gc.Elastic(5.0, 0.4), 0.05),), base=rubber(10.0, 0.5).base)
 
 
@@ -45,6 +43,7 @@ def slide(stack, counterface=None, surface=ROUGH, velocity=1.0, **how):
 
 def cycle(stack, surface, displacement, **how):
     how = {"pressure": LOAD, "rtol": 1e-9, "period": 1.0} | how
+    how["pressure"] = np.broadcast_to(how["pressure"], len(displacement)).astype(float)
     return slide_cycle(stack, surface, displacement=displacement, **how)
 
 
@@ -59,10 +58,6 @@ def test_two_elastic_bodies_are_one_with_the_sum_of_compliances(first, second):
     two = slide(elastic(*first), elastic(*second))
     np.testing.assert_allclose(two.pressure, one.pressure, atol=1e-9 * float(one.pressure.max()))
     np.testing.assert_allclose(two.gap, one.gap, atol=1e-9 * float(jnp.std(ROUGH.heights)))
-    s = 0.2 * np.sin(2 * np.pi * np.arange(32) / 32)
-    two = cycle(elastic(*first), ROUGH, s, counterface=elastic(*second))
-    expected = np.broadcast_to(one.pressure, two.pressure.shape)
-    np.testing.assert_allclose(two.pressure, expected, atol=1e-7 * float(one.pressure.max()))
 
 
 def test_a_stiff_counterface_tends_to_a_rigid_one():
@@ -100,10 +95,10 @@ def steady_kernels(stack, counterface, coefficient, grid, velocity):
 @pytest.mark.parametrize("velocity", [1.0, -2.0])
 def test_traction_acts_on_the_counterface_in_the_opposite_direction(velocity):
     case = Case(
-        stack=rubber(), surface=rough(31), pressure=LOAD, velocity=velocity, counterface=COATED,
+        stack=rubber(), surface=ROUGH, pressure=LOAD, velocity=velocity, counterface=COATED,
         shear=Coulomb(0.4),
     )  # fmt: skip
-    problem = steady_problem(case, Numerics().of(case.bodies)).problem
+    problem = steady_problem(case)[0]
     along = np.sign(velocity) * 0.4
     expected = steady_kernels(rubber(), COATED, along, case.rough.grid, velocity)
     np.testing.assert_allclose(problem.operator.kernel, expected, rtol=1e-10)
@@ -122,28 +117,22 @@ def test_traction_does_not_part_two_equal_bodies_at_rest():
 
 @pytest.mark.parametrize("shear", [Coulomb(0.4), ConstantShear(0.05, coupled=True)])
 def test_force_on_two_bodies_is_what_block_and_interface_lose(shear):
-    found = slide(rubber(), COATED, surface=rough(64), shear=shear)
-    names = "friction", "geometric_friction", "block_friction", "energy_imbalance"
-    friction, geometric, block, imbalance = found.compute(*names)
+    found = slide(rubber(), COATED, shear=shear)
+    friction, block, imbalance = found.compute("friction", "block_friction", "energy_imbalance")
     assert imbalance < 1e-10
-    np.testing.assert_allclose(geometric, friction, rtol=1e-2)
     assert 0 < block < friction
 
 
-def whole_steps(n):
-    """A motion by whole spacings, which both frames resolve alike."""
-    there = np.array([0, 1, 2, 3, 3, 2, 1, 1, 0])
-    return there / n
-
-
-@pytest.mark.parametrize("shear", [None, pytest.param(Coulomb(0.3), marks=pytest.mark.slow)])
-def test_exchanged_bodies_have_the_same_friction(shear):
+def test_exchanged_bodies_have_the_same_friction_and_lose_their_works():
     """The frames of counterface and block are equivalent; numbers of points and times are odd."""
-    n = 15
-    own, other, s = rough(n), rough(n, seed=3), whole_steps(n)
-    how = {"shear": shear, "rtol": 1e-10}
-    found = cycle(rubber(), own, s, counterface=COATED, block_surface=other, **how)
-    swapped = cycle(COATED, other, -s, counterface=rubber(), block_surface=own, **how)
+    steps = np.array([0, 1, 2, 3, 4, 5, 5, 4, 3, 3, 2, 1, 1, 0, 0])  # which both frames resolve
+    s, how = steps / N, {"shear": Coulomb(0.3), "rtol": 1e-10}
+    found = cycle(rubber(), ROUGH, s, counterface=COATED, block_surface=OTHER, **how)
+    swapped = cycle(COATED, OTHER, -s, counterface=rubber(), block_surface=ROUGH, **how)
+    works = "work", "load_work", "dissipated_power", "counterface_power", "interface_power"
+    work, load_work, *lost = found.compute(*works, "contact_area_pixels", "friction")[:5]
+    swapped.compute(*works, "contact_area_pixels", "friction")
+    np.testing.assert_allclose(work + load_work, sum(lost), rtol=1e-10)
     for name in ("mean_gap", "work", "load_work", "contact_area_pixels"):
         tiny = 1e-9 * float(jnp.max(jnp.abs(getattr(found, name))))
         same = getattr(swapped, name), getattr(found, name)
@@ -152,18 +141,16 @@ def test_exchanged_bodies_have_the_same_friction(shear):
     np.testing.assert_allclose(swapped.counterface_power, found.dissipated_power, rtol=1e-6)
     np.testing.assert_allclose(swapped.dissipated_power, found.counterface_power, rtol=1e-6)
     # The pressure is the same field, seen from the other body.
-    steps = np.round(s * n).astype(int)
     moved = np.stack([np.roll(p, -k) for p, k in zip(swapped.pressure, steps, strict=True)])
     largest = float(found.pressure.max())
     np.testing.assert_allclose(moved, found.pressure, atol=1e-6 * largest)
 
 
 def test_roughness_on_the_block_alone_is_that_of_a_counterface_that_moves_backwards():
-    n = 15
-    flat = dataclasses.replace(rough(n), heights=jnp.zeros(n))
-    once = np.arange(n) / n  # once through the cell in a period
-    found = cycle(rubber(), flat, once, counterface=COATED, block_surface=rough(n))
-    expected = slide(COATED, rubber(), surface=rough(n), velocity=-1.0)
+    flat = dataclasses.replace(ROUGH, heights=jnp.zeros(N))
+    once = np.arange(N) / N  # once through the period of the surface
+    found = cycle(rubber(), flat, once, counterface=COATED, block_surface=ROUGH)
+    expected = slide(COATED, rubber(), velocity=-1.0)
     found.compute("friction", "mean_friction")
     np.testing.assert_allclose(found.friction, expected.friction, rtol=1e-6)
     np.testing.assert_allclose(found.mean_friction, expected.friction, rtol=1e-6)
@@ -171,13 +158,15 @@ def test_roughness_on_the_block_alone_is_that_of_a_counterface_that_moves_backwa
 
 def test_two_bodies_obey_the_conditions_of_contact_with_a_dense_matrix():
     """By sums over waves and frequencies of both; energy is what friction, load and bodies have."""
-    n, nt = 11, 9
-    t, x = np.arange(nt) / nt, np.arange(n) / n
+    n, nt = N, N
+    t = x = np.arange(N) / N
     s = 0.15 * np.sin(2 * np.pi * t) + 0.05 * np.cos(4 * np.pi * t)
     load = LOAD * (1 + 0.4 * np.sin(2 * np.pi * t))
     own, other = rough(n, cut=3), rough(n, seed=3, cut=3)
     counterface = rubber(8.0, 0.2, 2.0)
     found = cycle(rubber(), own, s, pressure=load, counterface=counterface, block_surface=other)
+    powers = "dissipated_power", "counterface_power"
+    found.compute(*powers, "work", "load_work", "traction", "energy_imbalance")
     q, w = 2 * np.pi * np.fft.fftfreq(n, 1 / n), 2 * np.pi * np.fft.fftfreq(nt, 1 / nt)
     waves, iw = q[q != 0], 1j * w
     moduli = 1 + 3 * iw * 0.05 / (1 + iw * 0.05), 2 + 8 * iw * 0.2 / (1 + iw * 0.2)
@@ -211,21 +200,6 @@ def test_two_bodies_obey_the_conditions_of_contact_with_a_dense_matrix():
     assert found.energy_imbalance < 1e-10 and min(powers) > 0
 
 
-@pytest.mark.slow
-def test_works_and_losses_of_two_bodies_balance_in_the_limit_of_many_points():
-    """The work of the load has another form by the gap: -∮ σ0 dū."""
-    left = []
-    for n in (16, 32, 64):
-        s = 0.2 * np.sin(2 * np.pi * np.arange(n) / n)
-        given = {"counterface": rubber(10.0, 0.5), "block_surface": rough(n, seed=3), "rtol": 1e-7}
-        found = cycle(rubber(), rough(n), s, shear=Coulomb(0.2), **given)
-        lost = found.dissipated_power + found.counterface_power + found.interface_power
-        np.testing.assert_allclose(found.work + found.load_work, lost, rtol=1e-10)
-        rate = np.fft.irfft(2j * np.pi * np.arange(n // 2 + 1) * np.fft.rfft(found.mean_gap), n)
-        left.append(abs(float(found.load_work + np.mean(found.load * rate))) / float(lost))
-    assert left[2] < 2e-3 and left[2] < left[0]
-
-
 def test_a_sphere_on_two_bodies_is_that_of_hertz():
     n, radius = 32, 0.3
     x = (np.arange(n) - n / 2) / n
@@ -240,22 +214,6 @@ def test_a_sphere_on_two_bodies_is_that_of_hertz():
     np.testing.assert_allclose(contact_radius, radius)
     np.testing.assert_allclose(jnp.max(found.pressure), peak, rtol=5e-3)
     np.testing.assert_allclose(found.approach, radius**2, rtol=5e-3)
-    assert found.approach_error < 0.02 * found.approach
-
-
-def test_a_cylinder_on_a_slab_and_a_counterface_is_that_of_the_sum_of_kernels():
-    n = 64
-    x = (np.arange(n) - n / 2) / n
-    line = gc.Surface(-(x**2) / 2, gc.Grid((n,), 1.0), periodic=False)
-    both = 1 / (1 / reduced(1.0, 0.3) + 1 / reduced(3.0, 0.45))
-    load = np.pi * both * 0.2**2 / 4
-    found = slide(elastic(1.0), elastic(3.0, 0.45), surface=line, velocity=0.0, pressure=load)
-    true = hertz_pressure(x, *hertz_line(load, 1.0, both)[:2])
-    assert np.sqrt(np.mean((found.pressure - true) ** 2) / np.mean(true**2)) < 2e-2
-    slab = gc.Stack(layers=(gc.Layer(gc.Elastic(1.0, 0.3), 0.1),), base=gc.Rigid())
-    found = slide(slab, slab, surface=line, velocity=0.0, pressure=None, approach=0.02)
-    alone = slide(slab, surface=line, velocity=0.0, pressure=None, approach=0.02)
-    assert found.contact.mean_pressure < alone.contact.mean_pressure
 
 
 def test_stress_in_the_counterface_is_that_in_the_block_of_exchanged_bodies():
@@ -274,49 +232,9 @@ def test_stress_in_the_counterface_is_that_in_the_block_of_exchanged_bodies():
 
 
 def test_the_mean_field_of_two_elastic_bodies_is_that_of_one():
-    roughness, how = gc.SelfAffine(**TRACK), {"pressure": LOAD, "velocity": 1.0}
-    two = mean_field_friction(elastic(2.0), roughness, counterface=elastic(2.0), **how)
-    one = mean_field_friction(elastic(1.0), roughness, **how)
-    np.testing.assert_allclose(two.contact_area, one.contact_area, rtol=1e-10)
-
-
-@pytest.mark.slow
-def test_heat_of_a_cycle_warms_both_bodies():
-    """Each is in thin layers at temperatures that fall from that of the contact."""
-    q = Q0 / 4e-3
-    spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=q, q_roll=2 * q, q_high=4 * q)
-    surface = gc.random_surface(spectrum, gc.Grid(32, 4e-3), jax.random.key(0))
-    shift = gc.WLF(8.0, 100.0, 293.0)
-    block = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49, shift=shift)))
-    soft = gc.HalfSpace(gc.Prony(1e6, [9e6], [1e-3], 0.4, shift=shift))
-    counterface = gc.Stack(layers=(gc.Layer(gc.Elastic(1e7, 0.4), 1e-4),), base=soft)
-    motion = gc.sliding.sinusoidal(2e-3, 250.0, grid=surface.grid)
-    how = {
-        "displacement": motion.displacement,
-        "period": motion.period,
-        "shear": ConstantShear(3e6),
-    }
-    how |= {"pressure": 3e4, "rtol": 1e-6}
-    heat = {"heating": Heating(0.25, 1.1e-7, [1.0, 0.25]), "temperature": 293.0}
-    found = slide_cycle(block, surface, counterface=counterface, **heat, **how)
-    own, other, at = found.heated.rises, found.heated.counterface_rises, float(found.surface_rise)
-    # The heat stays under the contact of the counterface, and is carried away from that of the
-    # block.
-    assert at > 10 and np.all(np.diff(other) < 0) and 0.9 * at < other[0] < at
-    assert 0 < own[0] < 0.2 * at
-    # The cycle is that of these bodies; of cold ones it is another.
-    names = "mean_friction", "dissipated_power", "counterface_power"
-    warm, cold = (
-        slide_cycle(first, surface, counterface=second, **how).compute(*names)
-        for first, second in ((found.heated.stack, found.heated.counterface), (block, counterface))
-    )
-    np.testing.assert_allclose(found.compute(*names), warm, rtol=1e-4)
-    assert np.all(np.abs(np.divide(cold, warm) - 1) > 0.05)
-    # Under an elastic block without shear nothing is lost at a constant load.
-    for ratio in (0.0, 0.5):
-        load = 3e4 * (1 + ratio * np.sin(2 * np.pi * motion.displacement / 2e-3))
-        given = how | {"shear": None, "pressure": load}
-        rise = slide_cycle(
-            elastic(1e7), surface, counterface=counterface, **heat, **given
-        ).surface_rise
-        assert rise == 0 if ratio == 0 else 0 < rise < at
+    track = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=64 * Q0)
+    how = {"pressure": LOAD, "velocity": 1.0}
+    one, two = (gc.Stack(base=gc.HalfSpace(gc.Elastic(e, 0.4))) for e in (1e7, 2e7))
+    alone = mean_field_friction(one, track, **how)
+    both = mean_field_friction(two, track, counterface=two, **how)
+    np.testing.assert_allclose(both.contact_area, alone.contact_area, rtol=1e-10)

@@ -86,7 +86,7 @@ def test_kernels_are_entries_of_the_matrix():
     velocity = [0.3, -0.2]
     grid, v = gc.Grid((8, 7), CELL), jnp.asarray(velocity)
     direction = direction_and_speed(v)[0]
-    lift, along, good = tangential_kernels(BLOCK, grid, v, direction)
+    (lift,), ((along,),), good = tangential_kernels(BLOCK, grid, v, direction)
     matrix, kept, _ = compliances(grid, velocity)
     e = np.zeros(3)
     e[: len(direction)] = direction

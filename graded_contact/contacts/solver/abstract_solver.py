@@ -6,7 +6,7 @@ derivatives afterwards (`adjoint.py`), so a contact solver is never differentiat
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,7 +18,6 @@ from ...core.compilation import varying
 from ..law import AbstractLaw
 from ..operators.operator import AbstractOperator, Field, Scalar, nonzero, root_mean_square
 
-_HISTORY_AT_GAP = 2  # of given mean gaps; with 5 some loads diverged above an area of 0.99
 # The true error over a solver's estimate under an attraction, whose equilibria are soft: below 4 in
 # 187 random scenes like those of `bench_contact.py attracted`.
 _SOFT = 4.0
@@ -52,7 +51,6 @@ class SolverOutput(eqx.Module):
 
     - `pressure`: of the law [Pa], shape of the heights; its mean is the prescribed one, if any.
     - `gap`: at which the law has this pressure [m].
-    - `mismatch`: pressure of the solid less that of the law [Pa].
     - `displacement`: of the solid under its pressure, up to a mean [m].
     - `error`: estimated relative error of the pressure (root mean square) [1]. Under a law that
       attracts the result claims at least `softness` times as much. All other errors are estimated
@@ -64,7 +62,6 @@ class SolverOutput(eqx.Module):
 
     pressure: Field
     gap: Field
-    mismatch: Field
     displacement: Field
     error: Scalar
     ended: Bool[Array, ""]
@@ -81,7 +78,7 @@ class AbstractContactSolver(eqx.Module):
       not resolve the attraction, the contact then ends with `RESULTS.unresolved`.
     """
 
-    finds_unstable: eqx.AbstractClassVar[bool]
+    finds_unstable: ClassVar[bool] = False
 
     @abstractmethod
     def solve(
@@ -124,14 +121,6 @@ def run_steps(steps: Any, start: Array, max_steps: Array | int) -> Any:
         return ~steps.done(state) & (state.num_steps < max_steps)
 
     return jax.lax.while_loop(running, lambda state: steps.step(state), varying(steps.init(start)))
-
-
-def iterates_for(length: int, free_mean: bool) -> int:
-    """Returns how many iterates to combine: few if the mean pressure is free.
-
-    Near full contact the load drifts, and long histories amplify the drift.
-    """
-    return min(length, _HISTORY_AT_GAP) if free_mean else length
 
 
 def penalty_for(operator: AbstractOperator, participation: Scalar, law: AbstractLaw) -> Scalar:

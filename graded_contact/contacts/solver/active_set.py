@@ -51,7 +51,7 @@ class Coated(NamedTuple):
 
 
 def green_of(operator: AbstractOperator, shape: tuple[int, ...]) -> Field | None:
-    """Returns the displacement around one loaded point, or None if it is not the same for each."""
+    """Returns the displacement around one loaded point, or None if it differs between points."""
     return operator.to_field(operator.compliance + 0j, shape) if operator.of_distance else None
 
 

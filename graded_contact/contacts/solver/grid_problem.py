@@ -27,12 +27,11 @@ class GridSettings(NamedTuple):
     draft_steps: int
     max_steps: int
     relaxation: float
-    history_length: int
     rtol: Scalar
 
 
 class OneGrid(NamedTuple):
-    """What is given on one grid."""
+    """The inputs on one grid."""
 
     operator: AbstractOperator
     heights: Field
@@ -73,7 +72,7 @@ class GridProblem(eqx.Module):
         return Solid(self.grid.operator, factor * self.penalty, self.free_mean)
 
     def shift(self, factor) -> Field:
-        """What heights and mean add to x of the splitting."""
+        """The part of x in the splitting by heights and mean."""
         heights, solid = self.scaled_heights(factor), self.solid_at(factor)
         if self.free_mean:
             return solid.resolve(heights - factor * self.mean)
@@ -82,7 +81,7 @@ class GridProblem(eqx.Module):
     def splitting(self, state: "SolveState", settings: GridSettings) -> Splitting:
         return Splitting(
             self.solid_at(state.factor), state.shift, self.law_at(state.factor).proximal,
-            settings.rtol, relaxation=settings.relaxation, history_length=settings.history_length,
+            settings.rtol, relaxation=settings.relaxation,
         )  # fmt: skip
 
     def at_load(self, pressure):
@@ -175,7 +174,7 @@ def closed_or(problem: GridProblem, z):
 
 
 def start_of(problem: GridProblem, guess):
-    """Returns z to begin from: that of a guessed pressure, or without one of points on springs."""
+    """Returns z of a guessed pressure to begin from; without a guess, of points on springs."""
     heights, law, mean = problem.scaled_heights(), problem.law, problem.mean
     average = problem.grid.operator.mean
     if guess is None:

@@ -26,7 +26,6 @@ from .abstract_solver import (
     AbstractContactSolver,
     Loading,
     SolverOutput,
-    iterates_for,
     participation,
     penalty_for,
     pressure_unit,
@@ -72,8 +71,6 @@ class DouglasRachford(AbstractContactSolver):
       large one. Steps are done in pairs, and a Newton step counts by its FFT pairs. None for 4000;
       on grids of fewer than 2¹⁶ points for as many as cost the same, up to 64,000.
     - `relaxation`: α [1], between 0 and 1; at most 0.5 under a law that attracts.
-    - `history_length`: earlier iterates that the acceleration combines, at a given mean gap two at
-      most; each stores two fields, on a large grid three quarters of one.
     - `coarsest`: nesting starts from the first grid with fewer than twice this many points a side.
     - `newton`: whether Newton steps follow where the splitting is slow. A program without them
       compiles in two thirds of the time.
@@ -81,7 +78,6 @@ class DouglasRachford(AbstractContactSolver):
 
     max_steps: int | None = eqx.field(default=None, static=True)
     relaxation: float = eqx.field(default=0.95, static=True)
-    history_length: int = eqx.field(default=5, static=True)
     coarsest: int = eqx.field(default=64, static=True)
     newton: bool = eqx.field(default=True, static=True)
     finds_unstable: ClassVar[bool] = True
@@ -89,7 +85,6 @@ class DouglasRachford(AbstractContactSolver):
     def __check_init__(self):
         if self.max_steps is not None:
             check_whole("max_steps", self.max_steps, 1)
-        check_whole("history_length", self.history_length, 1)
         check_whole("coarsest", self.coarsest, 4)
         check_relaxation(self.relaxation)
         check_type("newton", self.newton, bool)
@@ -126,14 +121,13 @@ class DouglasRachford(AbstractContactSolver):
         return GridSettings(
             share=share, newton=newton, draft_steps=few, max_steps=most if newton else few,
             relaxation=min(self.relaxation, _MOST_ATTRACTED) if law.attracts else self.relaxation,
-            history_length=iterates_for(self.history_length, loading.pressure is None),
             rtol=rtol if finest else jnp.asarray(rtol.dtype.type(_COARSE_ERROR)),
         )  # fmt: skip
 
 
 @compiled
 def _coarser(operator, heights, loading: Loading, shapes):
-    """What is given on coarser grids of these shapes."""
+    """The inputs on coarser grids of these shapes."""
     shape, coarse = heights.shape, []
     spectrum = to_spectrum(heights - jnp.mean(heights))
     for level in shapes:
@@ -277,7 +271,7 @@ def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
     unit, length = problem.unit, problem.length
     without_mean = problem.scaled_heights() - (problem.mean if problem.free_mean else 0)
     return SolverOutput(
-        pressure=pressure * unit, gap=gap * (length / factor), mismatch=(x - y) * unit,
+        pressure=pressure * unit, gap=gap * (length / factor),
         displacement=(solid_gap + without_mean) * length, error=state.error,
         ended=state.converged, num_steps=state.drafted + state.steps,
         num_fft_pairs=state.pairs + 3,

@@ -23,7 +23,7 @@ one FFT pair a step. The law must be smooth. No rule for mass and damping is giv
   twice as stiff as the attraction rises.
 """
 
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -62,7 +62,6 @@ class ResidualDynamics(AbstractContactSolver):
     """
 
     max_steps: int = eqx.field(default=100_000, static=True)
-    finds_unstable: ClassVar[bool] = False
 
     def __check_init__(self):
         check_whole("max_steps", self.max_steps, 1)
@@ -86,11 +85,10 @@ class ResidualDynamics(AbstractContactSolver):
         gap = last.gap
         pressure = law.pressure_at(gap)
         residual, _ = _residual(problem, gap, pressure, _stiffness(law, gap))
-        mismatch = law.pressure_at(jnp.maximum(gap + residual, _LEAST_RATIO * gap)) - pressure
         if loading.pressure is not None:
             pressure = to_mean(operator, pressure, loading.pressure, law.bounds)
         return SolverOutput(
-            pressure=pressure * unit, gap=gap * length, mismatch=mismatch * unit,
+            pressure=pressure * unit, gap=gap * length,
             displacement=(residual + gap + problem.heights) * length,
             error=last.error, ended=last.error <= rtol, num_steps=last.num_steps,
             num_fft_pairs=last.num_steps + jnp.asarray(1 if start is None else 2, gap.dtype),

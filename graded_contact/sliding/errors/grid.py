@@ -1,4 +1,4 @@
-"""Errors by the grid: from the contact on half of it, and from what no point sees.
+"""Errors by the grid: from the contact on half of it, and from changes between the points.
 
 Let m be the change of a number from the grid to half of it, without the waves that half the grid
 lacks, and l the change by these waves (`resolution.py`). A number converges with the square of the
@@ -36,7 +36,7 @@ from ..transient_problem import TransientProblem
 
 
 class Weights(NamedTuple):
-    """What the error of a number contains: weights of m, of l, and of its size times other errors.
+    """Weights in the error of a number: of m, of l, and of its size times other errors.
 
     **Fields:**
 
@@ -145,7 +145,7 @@ def _area_in_doubt(found: Found) -> Array:
 
 
 def unseen_area(found: Found) -> Array:
-    """The error of the area by what no point shows [1]."""
+    """The error of the area between the points [1]."""
     if isinstance(found.problem, TransientProblem):
         return found.recorded["unseen_area"]
     return (_edges_by_chance if found.law.attracts else _hidden_openings)(found)
@@ -176,7 +176,7 @@ def _changes(name: str, found: Found) -> tuple[Array, Array, Array]:
 
 @shared
 def _hidden_openings(found: Found) -> Array:
-    """The error of the area by what opens between points in contact [1], in a cycle at each time.
+    """The error of the area by openings between points in contact [1], in a cycle at each time.
 
     The pressure between the points is that of its waves. It is computed at all points of twice the
     grid whose neighbours touch. Its lowest value may lie between these, below by about a quarter of
@@ -212,7 +212,7 @@ def openings(pressure: Array, touches: Array) -> Array:
 
 
 def _half_step(shape: tuple[int, ...], axis: int):
-    """What moves a field by half a spacing along an axis, on its half spectrum."""
+    """The factors that move a field by half a spacing along an axis, on its half spectrum."""
     k, n = mode_numbers(shape)[axis], shape[axis]
     phase = jnp.exp(jnp.asarray(1j * math.pi / n * k))
     return jnp.where(2 * abs(k) == n, 0, phase)  # of both directions the mean
@@ -245,7 +245,7 @@ def unseen_power(found: Found) -> Array:
 
 
 def beside_changes(found: Found) -> Array:
-    """What the error of friction contains beside the changes m and l [1]; of a cycle, of its mean.
+    """The error of friction beside the changes m and l [1]; of a cycle, the error of its mean.
 
     It is the friction of waves without a direction, and the error of shear in the contact.
     """

@@ -35,7 +35,7 @@ _LEAST_TIMES = 8  # times that are not halved again
 
 
 class Neighbours(eqx.Module):
-    """Contacts that show what a grid and the times change.
+    """Contacts on a coarser grid and with fewer times, for errors.
 
     **Fields:**
 

@@ -67,7 +67,7 @@ def solver_errors(found: Found) -> Array:
 
 
 def changes_by_kernel(found: Found) -> list[Array]:
-    """What the errors of a window's kernel change in the pressure."""
+    """The changes of the pressure by the errors of a window's kernel."""
     if found.problem.kernel_error is None:
         return []
     assert isinstance(found.operator, Window)

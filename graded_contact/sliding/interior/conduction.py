@@ -70,7 +70,7 @@ def flash_temperature(
 
 
 class Heat(NamedTuple):
-    """What heats both bodies.
+    """The heat in both bodies.
 
     **Fields:**
 
@@ -126,25 +126,23 @@ def temperatures(sliding: Sliding, bodies, heating: Heating, heat: Heat, depths)
 
 
 def of_parts(heating: Heating, stack: Stack, counterface: Stack | None) -> list[Array]:
-    """Returns the conductivity and diffusivity of each layer of the block and of what is below it,
-    and the conductivity of those of the counterface; raises `ValueError` for another number of
-    them.
+    """Returns conductivity and diffusivity of the block, and conductivity of the counterface.
+
+    Each of all layers and of what is below them. Raises `ValueError` for another number of them.
     """
     found = []
-    for body, names in (
-        (stack, ("conductivity", "diffusivity")),
-        (counterface, ("counterface_conductivity",)),
+    for name, body in (
+        ("conductivity", stack),
+        ("diffusivity", stack),
+        ("counterface_conductivity", counterface),
     ):
-        layers = 0 if body is None else len(body.layers)
-        for name in names:
-            value = getattr(heating, name)
-            if value.shape not in ((), (layers + 1,)):
-                whose = "a `counterface`" if body is counterface else "the block"
-                raise ValueError(
-                    f"`{name}` has shape {value.shape}; one number is needed, or {layers + 1}: "
-                    f"one for each of the {layers} layers of {whose} and one for what is below."
-                )
-            found.append(jnp.broadcast_to(value, (layers + 1,)))
+        value, layers = getattr(heating, name), 0 if body is None else len(body.layers)
+        if value.shape not in ((), (layers + 1,)):
+            raise ValueError(
+                f"`{name}` has shape {value.shape}; one number is needed, or {layers + 1}: one for "
+                f"each of the {layers} layers of the body and one for what is below."
+            )
+        found.append(jnp.broadcast_to(value, (layers + 1,)))
     return found
 
 

@@ -102,7 +102,7 @@ def heat_source(sliding: Sliding, stack: Stack, depths: Numbers) -> Float[Array,
 
 
 def as_depths(depths: Numbers) -> Float[Array, " depths"]:
-    """Returns depths [m] as an array; refuses what is no row of depths in the block."""
+    """Returns depths [m] as an array; they must be a row of depths in the block."""
     depths = as_float(depths, "depths")
     check_rows(1, depths=depths)
     check_values("depths", depths, "a depth [m] is zero (the surface) or positive", at_least=0)

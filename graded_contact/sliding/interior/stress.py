@@ -1,7 +1,7 @@
 """The stress in a body under the pressure and the traction of a contact."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -26,7 +26,6 @@ from ..result import Sliding
 from .heat_source import as_depths, shear_traction
 
 _SAME = 1e-3  # relative difference of two kernels of one block, in float32 and of tables
-StressKind = Literal["von_mises", "tension", "shear"]
 Depths = Float[Array, " depths"]
 
 
@@ -143,52 +142,39 @@ def _stress(sliding: Sliding, stack: Stack, depths: Array, side: Side, body: Bod
 _stress_apart = derivative_apart(_stress)
 
 
-# The largest stresses in a block.
+STRESSES = ("tension", "von_mises", "interface_shear")
+
+
+def largest_stress(
+    name: str, found: Sliding, stack: Stack, depths: Sequence[float] | None = None
+) -> tuple[Array, Array]:
+    """Returns the largest stress [Pa] in a block under a contact, and its depth [m].
+
+    **Arguments:**
+
+    - `name`: of `STRESSES`.
+    - `found`, `stack`: the contact, and its block.
+    - `depths`: z [m]; None for the surface, three depths in each layer, and all interfaces. The
+      shear between layers is always at interfaces.
+    """
+    faces = interface_depths(stack)
+    if name == "interface_shear":
+        name, above, below = "shear", faces, faces[:0]
+    elif depths is not None:
+        above = below = as_float(depths, "depths")
+    else:
+        whole = jnp.diff(faces, prepend=0.0)
+        above = jnp.ravel(faces - jnp.array([[0.75], [0.5], [0.0]]) * whole)
+        deep = faces[: None if hasattr(stack.base, "material") else -1]  # else nothing is below
+        below = jnp.append(0.0, deep)
+    sides: tuple[tuple[Depths, Side], ...] = (above, "above"), (below, "below")
+    values = [_at_depths(found, stack, name, at, side) for at, side in sides if at.size]
+    values = jnp.concatenate(values)
+    return jnp.max(values), jnp.append(above, below)[jnp.argmax(values)]
 
 
 @compiled
-def _at_depths(
-    found: Sliding, stack: Stack, kind: StressKind, depths: Depths, side: Side
-) -> Depths:
+def _at_depths(found: Sliding, stack: Stack, name: str, depths: Depths, side: Side) -> Depths:
     # One depth after another, also in the derivative: the stresses of all would fill the memory.
-    of = lambda z: getattr(contact_stress(found, stack, z[None], side=side), kind)  # noqa: E731
-    at = jax.checkpoint(lambda z: largest(of(z)))
-    return jax.lax.map(at, depths)
-
-
-def _in_block(kind: StressKind) -> Callable[..., tuple[Array, Array]]:
-    """The largest stress of a kind on the surface and in the layers, or at depths; its depth."""
-
-    def of_contact(
-        found: Sliding, stack: Stack, depths: Sequence[float] | None
-    ) -> tuple[Array, Array]:
-        faces = interface_depths(stack)
-        if depths is not None:
-            above = below = as_float(depths, "depths")
-        else:
-            whole = jnp.diff(faces, prepend=0.0)
-            above = jnp.ravel(faces - jnp.array([[0.75], [0.5], [0.0]]) * whole)
-            deep = faces[: None if hasattr(stack.base, "material") else -1]  # else nothing is below
-            below = jnp.concatenate([jnp.zeros(1, faces.dtype), deep])
-        sides: tuple[tuple[Side, Depths], ...] = (("above", above), ("below", below))
-        values = [_at_depths(found, stack, kind, at, side) for side, at in sides if at.size]
-        return _with_depth(jnp.concatenate(values), jnp.concatenate([above, below]))
-
-    return of_contact
-
-
-def _between_layers(found: Sliding, stack: Stack, _: Any) -> tuple[Array, Array]:
-    faces = interface_depths(stack)
-    return _with_depth(_at_depths(found, stack, "shear", faces, "above"), faces)
-
-
-def _with_depth(values: Array, depths: Depths) -> tuple[Array, Array]:
-    return jnp.max(values), depths[jnp.argmax(values)]
-
-
-# Each gives the largest stress [Pa] in a block under a contact, and the depth at which it acts [m].
-STRESSES = {
-    "tension": _in_block("tension"),
-    "von_mises": _in_block("von_mises"),
-    "interface_shear": _between_layers,
-}
+    of = lambda z: getattr(contact_stress(found, stack, z[None], side=side), name)  # noqa: E731
+    return jax.lax.map(jax.checkpoint(lambda z: largest(of(z))), depths)

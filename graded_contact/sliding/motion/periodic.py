@@ -70,7 +70,7 @@ def sinusoidal(
     check_values("stroke", stroke, "a stroke [m] must be finite and not negative", at_least=0)
     check_positive("frequency", frequency, "[Hz]")
     count = _count(num_times, grid, np.pi * stroke, _FEWEST)
-    displacement = _sine(stroke, count)
+    displacement = stroke / 2 * jnp.sin(2 * np.pi * _times(count, stroke))
     check_resolved(f"`num_times={count}`", displacement, grid)
     return Motion(displacement, 1 / frequency)
 
@@ -111,11 +111,6 @@ def start_stop(
     displacement = _there_and_back(stroke, moving, dwell, count)
     check_resolved(f"`num_times={count}`", displacement, grid)
     return Motion(displacement, period)
-
-
-@compiled
-def _sine(stroke, count: int):
-    return stroke / 2 * jnp.sin(2 * np.pi * _times(count, stroke))
 
 
 @compiled

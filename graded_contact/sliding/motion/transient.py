@@ -146,7 +146,7 @@ def table_of(times: Numbers, displacement: Numbers) -> Motion:
 
 
 def known(name: str, number: Array | int) -> np.ndarray:
-    """Returns what a number of times follows from, which must be known."""
+    """Returns a number as an array of NumPy; it must be known."""
     if not is_concrete(number):
         raise ValueError(
             f"`{name}` is needed inside of a program (`jit`, `vmap`, `grad`), where the motion is "

@@ -47,7 +47,7 @@ def peak_friction(found: Found) -> Array:
 
 @observable("work of friction in a cycle", "J/m²")
 def work(found: Found) -> Array:
-    """Work of friction per area and cycle, that of shear included [J/m²]."""
+    """Work of friction per area and cycle, with the work of shear [J/m²]."""
     return (power_of(found, own_tractions(found)) + shear_power(found)) * found.period
 
 
@@ -82,7 +82,7 @@ def _power_over_time(found: Found) -> Array:
 
 
 def _by_temperature(found: Found, index: int) -> Array:
-    """The error of mean or peak friction by the temperatures; known is that of the mean."""
+    """The error of mean or peak friction by the temperatures; both have the same relative error."""
     both = frictions(found, loaded(found)[0], indicator_of(found))
     assert found.heated is not None
     return found.heated.friction_error * jnp.abs(both[index]) / nonzero(jnp.abs(both[0]))
@@ -105,16 +105,10 @@ def _of_frictions(name: str, index: int):
 mean_friction_error = mean_friction.error(_of_frictions("mean_friction", 0), over=over_friction)
 peak_friction_error = peak_friction.error(_of_frictions("peak_friction", 1))
 work_error = work.error(
-    {
-        "grid": by_grid("work", OF_FORCE, _beside_work),
-        "time": by_times("work", _work_over_time),
-    }
+    {"grid": by_grid("work", OF_FORCE, _beside_work), "time": by_times("work", _work_over_time)}
 )
 load_work_error = load_work.error(
-    {
-        "grid": by_grid("load_work", OF_FORCE),
-        "time": by_times("load_work", _work_over_time),
-    }
+    {"grid": by_grid("load_work", OF_FORCE), "time": by_times("load_work", _work_over_time)}
 )
 dissipated_power_error = dissipated_power.error(
     {

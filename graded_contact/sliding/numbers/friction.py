@@ -104,7 +104,7 @@ def load(found: Found) -> Array:
 
 
 def _image_error(found: Found) -> Array:
-    """What the errors of a window's kernel change in friction, under this pressure and by the load.
+    """The change of friction by the errors of a window's kernel: at this pressure, and by the load.
 
     Contributions of single points may cancel in the estimate by chance: so twice their root sum of
     squares is added (`docs/theory/contact.md`).

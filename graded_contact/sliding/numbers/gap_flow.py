@@ -151,7 +151,7 @@ def flow_along_y(found: Found) -> Float[Array, "..."]:
 
 
 def _by_gap(cause: str) -> Callable[[Found], Array]:
-    """The formula of the error by that of the mean gap: what passes if the gap is so much wider."""
+    """The formula of the error by the mean gap: the flow through a gap wider by its error."""
 
     @shared
     def error(found):

@@ -1,4 +1,4 @@
-"""What presses a body on the block: load and approach."""
+"""Load and approach."""
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -59,10 +59,6 @@ mean_pressure_error = mean_pressure.error(
     }
 )
 approach_error = approach.error(
-    {
-        "solver": gap_by_solver,
-        "grid": by_grid("approach", OF_PLACE),
-        "kernel": _approach_by_kernel,
-    },
+    {"solver": gap_by_solver, "grid": by_grid("approach", OF_PLACE), "kernel": _approach_by_kernel},
     needs=[GIVEN_LOAD],
 )

@@ -7,7 +7,7 @@ contact. The current between two conductors has the same distribution (J. R. Bar
     M dσ + dū = 0 on the contact A,   dσ = 0 elsewhere,   mean dσ = dp
 
 gives the stiffness -dp/dū with the kernel M of the block, and the conductance with (ϱ₁ + ϱ₂)/q.
-Where a traction moves the surface, its change is part of M, or if it lags it is added to M dσ.
+Where the traction of `Coulomb` moves the surface, it is part of M.
 
 With a set of points as A both numbers would jump whenever a point joins. So a point with the share
 f in contact rests on a spring of compliance c (1 - f)/f times that of the block near half the
@@ -17,10 +17,6 @@ and rough surfaces have the least errors (`bench_contact.py stiffness`). Within 
 error varies: a derivative has a local error of about 30 %, and is right over several spacings.
 """
 
-import dataclasses
-from functools import partial
-
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -32,7 +28,7 @@ from ...core.compilation import compiled
 from ...fields.grid import wavenumber
 from ..bodies import lags
 from ..case import CONDUCTANCE, STIFFNESS, WINDOW
-from ..formulas import edges_of, indicator_of, lift, shared
+from ..formulas import edges_of, indicator_of, shared
 from ..number import Found, observable
 from ..problem import SteadyProblem
 
@@ -91,16 +87,19 @@ specific_conductance_error = specific_conductance.error({"grid": _conductance_by
 
 
 def _periodic(found: Found) -> Found:
-    """The contact itself; raises `ValueError` unless it is steady on a periodic surface."""
-    if WINDOW in found.facts or not isinstance(found.problem, SteadyProblem):
-        raise ValueError("A stiffness needs steady sliding on a periodic surface.")
+    """The contact itself; raises `ValueError` for another kind of contact."""
+    steady = isinstance(found.problem, SteadyProblem) and WINDOW not in found.facts
+    if not steady or lags(found.coupling):
+        raise ValueError(
+            "A stiffness needs steady sliding on a periodic surface. Coupled shear must be "
+            "`Coulomb`."
+        )
     return found
 
 
 @compiled
 def _stiffness(sliding: Found, softness: float = 1.0, kernel=None):
     """The stiffness of the block under its traction, or with a kernel in the place of both."""
-    follows = kernel is None and lags(sliding.coupling)
     operator = sliding.operator if kernel is None else Steady(kernel)
     indicator, edges = indicator_of(sliding), edges_of(sliding)
     share = contact_shares(indicator, edges, lambda ratio, _: 1 / (1 + ratio))
@@ -111,19 +110,4 @@ def _stiffness(sliding: Found, softness: float = 1.0, kernel=None):
     # Points far from contact carry nothing; 0/0 would spoil the derivative.
     s = jnp.where(share > 0, share / jnp.where(share > 0, share + soft, 1), 0)
     rtol = jnp.asarray(_RTOL, share.dtype)
-
-    def follow(pressure, gap):
-        """The displacement under the change of the traction, times the penalty as the gap is."""
-        at = sliding.pressure, sliding.gap
-        return penalty * jax.jvp(partial(_lift_at, sliding), at, (pressure, gap / penalty))[1]
-
-    by_load = opening_by_load(
-        operator.scaled(penalty), s, LinearSplitting(), rtol, follow if follows else None
-    )
-    return -penalty / by_load
-
-
-def _lift_at(sliding: Found, pressure, gap):
-    """The displacement under the traction that lags, at another pressure and gap."""
-    contact = dataclasses.replace(sliding.contact, pressure=pressure, gap=gap)
-    return lift(dataclasses.replace(sliding, contact=contact))
+    return -penalty / opening_by_load(operator.scaled(penalty), s, LinearSplitting(), rtol)

@@ -66,9 +66,9 @@ def steady_coupling(
         )
     direction, velocity = direction_and_speed(case.velocity)[0], as_float(velocity)
     found = [tangential_kernels(stack, cell, velocity, direction, strain) for cell in cells]
-    (lift, along, good), error = found[0], None
+    ((lift,), ((along,),), good), error = found[0], None
     if len(cells) == 2:
-        (far_lift, far_along, far_good), window = found[1], case.rough.grid
+        ((far_lift,), ((far_along,),), far_good), window = found[1], case.rough.grid
         lift, error = without_images(lift, far_lift, window, False)
         along, _ = without_images(along, far_along, window, False)
         good = good & far_good
@@ -76,7 +76,7 @@ def steady_coupling(
 
 
 def slip(found: Found) -> Array:
-    """Returns the speed of slip over that of the surface [1], on the cell of steady sliding."""
+    """Returns the speed of slip over the speed of sliding [1], on the cell of steady sliding."""
     (along,), moved = along_motion(found), waves_of(found)[0][1][1]
     shape = loaded(found)[0].shape
     return 1 + found.operator.to_field(1j * along * moved, shape) * math.prod(shape)
@@ -90,7 +90,7 @@ def block_friction(found: Found) -> Array:
 
 @observable("friction that heats the interface", needs=[COUPLED])
 def interface_friction(found: Found) -> Array:
-    """The part of the friction that heats the interface [1]; without coupling that of shear."""
+    """The part of the friction that heats the interface [1]; without coupling `shear_friction`."""
     if found.coupling is None:
         return shear_friction(found)
     (stress,) = tractions_on(found)

@@ -17,10 +17,4 @@ def result_of(problem: Problem, contact: ContactSolution) -> Sliding | CyclicSli
 RESULTS = {kind.kind: kind for kind in (Sliding, CyclicSliding, TransientSliding)}
 
 
-__all__ = [
-    "RESULTS",
-    "CyclicSliding",
-    "Sliding",
-    "TransientSliding",
-    "result_of",
-]
+__all__ = ["RESULTS", "CyclicSliding", "Sliding", "TransientSliding", "result_of"]

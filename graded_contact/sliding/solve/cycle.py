@@ -17,12 +17,10 @@ from ...blocks.stack import Stack
 from ...contacts.inputs import loading_of
 from ...contacts.law import check_one_law
 from ...contacts.operators.space_time import SpaceTime, at_rest, in_motion
-from ...contacts.solution import RESULTS
 from ...core.checks import within
 from ...core.compilation import compiled
 from ...core.derivative import derivative_apart
 from ...core.memory import CYCLE, CYCLE_COUNTERFACE, check_memory
-from ...fields.devices import required
 from ...fields.grid import Grid
 from ...kernels.periodic import periodic_kernel
 from ...kernels.tangential import periodic_tangential_kernels
@@ -32,13 +30,12 @@ from ...surfaces.surface import check_periodic
 from ..bodies import Counterface, Coupling, middle_of
 from ..case import Case, facts_of
 from ..motion.over_period import components
-from ..numerics import Numerics
-from ..problem import CycleProblem, Posed
+from ..problem import CycleProblem
 from ..shear import is_coupled, shear_stress
 
 
-def cycle_problem(case: Case, how: Numerics) -> Posed:
-    """Returns the problem of a case with a displacement over time, and its load."""
+def cycle_problem(case: Case) -> tuple[CycleProblem, Array]:
+    """Returns the problem of a case with a period, and whether its kernel is good."""
     surface, law = case.rough, case.law
     check_periodic(surface)
     check_one_law(law)
@@ -46,8 +43,8 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
     fields = CYCLE if case.counterface is None else CYCLE + CYCLE_COUNTERFACE
     check_memory("displacement", "a cycle", fields, heights.shape, heights.dtype.itemsize)
-    load = dict(pressure=case.pressure, mean_gap=case.mean_gap)
-    loading_of(law, heights, num_times, **load)  # refuses what is no load
+    # Refuses what is no load.
+    loading_of(law, heights, num_times, pressure=case.pressure, mean_gap=case.mean_gap)
     kernel, coupling, reached = _response(case, case.stack)
     counterface = None
     if case.counterface is not None:
@@ -62,9 +59,6 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
             measured_range=coverage(case.counterface),
         )
     sheared = shear_stress(case.shear, jnp.zeros((), heights.dtype), case.temperature)
-    # Under `jit` only the program itself can raise.
-    if how.throw:
-        kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
     own = None if case.block_surface is None else case.block_surface.heights
     problem = CycleProblem(
         operator=_operator(kernel, counterface, case.displacement, grid),
@@ -73,7 +67,7 @@ def cycle_problem(case: Case, how: Numerics) -> Posed:
         block_heights=own,
         measured_range=coverage(case.stack), prescribed=case.prescribed, facts=facts_of(case),
     )  # fmt: skip
-    return Posed(problem, load, True if how.throw else reached)
+    return problem, reached
 
 
 def _response(case: Case, stack: Stack) -> tuple[Array, Coupling | None, Array]:

@@ -17,7 +17,7 @@ the last one, which is so if the stroke is longer than the spots of contact.
 """
 
 import dataclasses
-from typing import cast
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -27,7 +27,7 @@ from jaxtyping import Array
 from ...blocks.heated_stack import HeatedContact, check_bulk, check_heated, heated
 from ...blocks.stack import Stack
 from ...contacts.area import area_in_doubt
-from ...contacts.solution import RESULTS, ended
+from ...contacts.solution import RESULTS, ContactSolution, ended
 from ...core.checks import Numbers, is_concrete
 from ...core.compilation import compiled, say_compiling
 from ...core.derivative import derivative_apart, still
@@ -63,42 +63,19 @@ def solve_heated(
     edges, padded, finer = _cells(grid, NUM_CELLS)
     given = dataclasses.replace(case, temperature=temperature)
     fixed = still(given)
-    heat = fixed.heating, fixed.bodies
     rtol = 10 * numerics.rtol  # temperatures are as noisy as the contact is inaccurate
-
-    def contact(
-        x, case: Case, edges, starts=(None, None), solutions=(None, None)
-    ) -> tuple[Sliding | CyclicSliding, Sliding, list[Stack], tuple[Array | float, Array | float]]:
-        """The contact at rises of both bodies, the contact with its heat, its bodies, and the
-        factor of the heat and what the counterface loses.
-        """
-        bodies, temperature = _warm(case.bodies, case.temperature, x, edges)
-        warm = dict(zip(("stack", "counterface"), bodies, strict=False))
-        inner = dataclasses.replace(case, **warm, temperature=temperature, heating=None)
-        if case.velocity is None:
-            cycle = cast(CyclicSliding, solve_isothermal(inner, numerics, starts[0], solutions[0]))
-            inner, power = _of_mean(inner, cycle)
-            s = cast(Sliding, solve_isothermal(inner, numerics, starts[1], solutions[1]))
-            own = s.friction * jnp.mean(s.pressure) * s.speed
-            factor = jnp.where(own > 0, power / jnp.where(own > 0, own, 1), 0)
-            return cycle, s, bodies, (factor, cycle.counterface_power)
-        s = cast(Sliding, solve_isothermal(inner, numerics, starts[0], solutions[0]))
-        if (ratio := case.strain_per_slope) is not None:
-            bodies[0] = at_strain(bodies[0], ratio * s.slope_in_contact)
-        return s, s, bodies, (1.0, 0.0)
-
-    def step(x, state):
-        starts, pairs = state
-        found, s, bodies, powers = contact(x, fixed, edges, starts)
-        pairs = pairs + found.num_fft_pairs
-        rises = shorter(_rises(*powers, s, *heat, bodies[0], padded))
-        # Without losses there is rounding, which never settles.
-        rises = jnp.where(temperature + rises == temperature, 0, rises)
-        return rises, ((found.pressure, s.pressure), pairs)
 
     def shorter(rises):
         """Without the cells that repeat the last edge."""
         return rises.reshape(len(case.bodies), -1)[:, : NUM_CELLS + 1].ravel()
+
+    def step(x, state):
+        starts, pairs = state
+        warm = _warm_contact(numerics, x, fixed, edges, starts)
+        rises = shorter(_rises(warm, fixed, padded))
+        # Without losses there is rounding, which never settles.
+        rises = jnp.where(temperature + rises == temperature, 0, rises)
+        return rises, (warm.pressures, pairs + warm.found.num_fft_pairs)
 
     state = (start, None), jnp.zeros((), dtype)
     none = jnp.zeros(len(case.bodies) * (NUM_CELLS + 1), dtype)
@@ -106,39 +83,82 @@ def solve_heated(
     point = find_fixed_point(step, none, state, jnp.asarray(rtol, dtype), most)
     x = jax.lax.stop_gradient(point.x)
     starts, pairs = point.state
-    found, s, bodies, powers = contact(x, fixed, edges, starts)
+    warm = _warm_contact(numerics, x, fixed, edges, starts)
     # One more step with twice the cells has less error, of the iteration and of the depths.
-    rises = _rises(*powers, s, *heat, bodies[0], finer)
+    rises = _rises(warm, fixed, finer)
     # One that did not settle may cause temperatures that no material can have.
     rises = jnp.where(point.error <= rtol, rises, jnp.clip(rises, jnp.min(x), most))
-    closer = contact(rises, fixed, finer, (found.pressure, s.pressure))[0]
-    errors = still(_errors(found, closer))
-    pairs = pairs + found.num_fft_pairs + closer.num_fft_pairs
+    closer = _warm_contact(numerics, rises, fixed, finer, warm.pressures).found
+    errors = still(_errors(warm.found, closer))
+    pairs = pairs + warm.found.num_fft_pairs + closer.num_fft_pairs
     # Derivatives are attached only where something is traced.
     if not all(map(is_concrete, jax.tree.leaves(given))):
-        known = still((found.contact, s.contact))
+        known = still((warm.found.contact, warm.steady.contact))
 
         def image(given, x):
-            _, s, bodies, powers = contact(x, given, edges, solutions=known)
-            return shorter(_rises(*powers, s, given.heating, given.bodies, bodies[0], padded))
+            return shorter(
+                _rises(_warm_contact(numerics, x, given, edges, known=known), given, padded)
+            )
 
         x = attach_fixed_point(image, given, x)
-        found, _, bodies, _ = contact(x, given, edges, solutions=known)
-    reached, hottest = point.error <= rtol, has_reached(x, most)
-    ends = (reached | hottest, RESULTS.not_settled), (reached | ~hottest, RESULTS.too_hot)
-    solution = found.contact
-    for good, end in ends:
-        if numerics.throw:
-            solution = required(solution, good, end.error_if)
-        solution = ended(solution, good, end)
-    own = bodies[0], x[0], x[1 : NUM_CELLS + 1]
-    of_counterface = (bodies[1], x[NUM_CELLS + 2 :]) if bodies[1:] else (None, None)
+        warm = _warm_contact(numerics, x, given, edges, known=known)
+    solution = _ended(warm.found.contact, point.error <= rtol, has_reached(x, most), numerics.throw)
+    own = warm.bodies[0], x[0], x[1 : NUM_CELLS + 1]
+    of_counterface = (warm.bodies[1], x[NUM_CELLS + 2 :]) if warm.bodies[1:] else (None, None)
     return dataclasses.replace(
-        found,
+        warm.found,
         contact=dataclasses.replace(solution, num_fft_pairs=pairs),
-        problem=dataclasses.replace(found.problem, facts=facts_of(case)),
+        problem=dataclasses.replace(warm.found.problem, facts=facts_of(case)),
         heated=HeatedContact(*own, edges, point.error, *errors, *of_counterface),
     )
+
+
+class _Warm(NamedTuple):
+    """A contact at given temperatures, and the heat that it makes.
+
+    `found` is the contact of the case; `steady` the sliding whose heat, times `factor`, warms both
+    `bodies`, the contact itself but for a cycle; `lost` is what the counterface loses [W/m²].
+    """
+
+    found: Sliding | CyclicSliding
+    steady: Sliding
+    bodies: list[Stack]
+    factor: Array | float = 1.0
+    lost: Array | float = 0.0
+
+    @property
+    def pressures(self) -> tuple[Array, Array]:
+        """The pressures that the next contacts start from."""
+        return self.found.pressure, self.steady.pressure
+
+
+def _warm_contact(
+    numerics: Numerics, x, case: Case, edges, starts=(None, None), known=(None, None)
+) -> _Warm:
+    """The contact at rises of both bodies; `known` are solutions of it."""
+    bodies, temperature = _warm(case.bodies, case.temperature, x, edges)
+    warm = dict(zip(("stack", "counterface"), bodies, strict=False))
+    inner = dataclasses.replace(case, **warm, temperature=temperature, heating=None)
+    found: Any = solve_isothermal(inner, numerics, starts[0], known[0])
+    if case.velocity is None:
+        inner, power = _of_mean(inner, found)
+        s = cast(Sliding, solve_isothermal(inner, numerics, starts[1], known[1]))
+        own = s.friction * jnp.mean(s.pressure) * s.speed
+        factor = jnp.where(own > 0, power / jnp.where(own > 0, own, 1), 0)
+        return _Warm(found, s, bodies, factor, found.counterface_power)
+    if (ratio := case.strain_per_slope) is not None:
+        bodies[0] = at_strain(bodies[0], ratio * found.slope_in_contact)
+    return _Warm(found, found, bodies)
+
+
+def _ended(contact: ContactSolution, settled, hottest, throw: bool) -> ContactSolution:
+    """A contact whose temperatures may not have settled, or have no limit."""
+    ends = (settled | hottest, RESULTS.not_settled), (settled | ~hottest, RESULTS.too_hot)
+    for good, end in ends:
+        if throw:
+            contact = required(contact, good, end.error_if)
+        contact = ended(contact, good, end)
+    return contact
 
 
 def _bulk_of(case: Case) -> Array:
@@ -192,7 +212,7 @@ def _in_doubt(s: Sliding | CyclicSliding, change: Array) -> Array:
 
 @compiled
 def _cells(grid: Grid, number: int) -> tuple[Array, ...]:
-    """The edges of the cells, these once more, and those of twice as many cells [m].
+    """The edges of the cells, padded, and the edges of twice as many cells [m].
 
     In the second the last edge is repeated: one program serves both numbers of cells.
     """
@@ -212,14 +232,13 @@ def _warm(bodies: tuple[Stack, ...], temperature, x, edges) -> tuple[list[Stack]
     return warm, temperature + x[0]
 
 
-def _rises(factor, lost, s: Sliding, heating, bodies, block: Stack, edges) -> Array:
-    """The mean rises over the contact of the surface and of the cells of each body [K].
-
-    By the heat of a contact with this block, times a factor, and what the counterface loses [W/m²].
-    """
-    nodes, needed = _nodes(bodies, block, edges)
+def _rises(warm: _Warm, case: Case, edges) -> Array:
+    """The mean rises over the contact of the surface and of the cells of each body [K]."""
+    block, s = warm.bodies[0], warm.steady
+    nodes, needed = _nodes(case.bodies, block, edges)
     source = heat_where(needed, s, block, nodes[0][0])
-    return _risen(factor, lost, s, heating, bodies, nodes, source, edges)
+    given = case.heating, case.bodies, nodes, source, edges
+    return _risen(warm.factor, warm.lost, s, *given)
 
 
 @derivative_apart

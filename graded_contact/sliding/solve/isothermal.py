@@ -39,13 +39,18 @@ def solve_isothermal(
 ) -> Sliding | CyclicSliding:
     """Returns the contact of a case without its heat; arguments as of `solve_contact`."""
     pose = cycle_problem if case.velocity is None else steady_problem
-    problem, load, reached = pose(case, how)
+    problem, reached = pose(case)
+    load = case.load
+    if how.throw:  # under `jit` only the program itself can raise
+        operator = problem.operator
+        kernel = required(operator.kernel, reached, RESULTS.inaccurate_kernel.error_if)
+        problem = dataclasses.replace(problem, operator=operator.with_kernel(kernel))
     counterface = problem.counterface
     if lags(problem.coupling) or (counterface is not None and counterface.lags):
         found = _lagged(problem, load, how, start, solution)
     else:
         found = result_of(problem, problem.contact(load, how, None, start, solution))
-    if reached is True:
+    if how.throw:
         return found
     contact = ended(found.contact, reached, RESULTS.inaccurate_kernel)
     return dataclasses.replace(found, contact=contact)

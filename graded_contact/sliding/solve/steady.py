@@ -13,11 +13,10 @@ from jaxtyping import Array
 
 from ...blocks.stack import Stack
 from ...contacts.operators.window import operator_of
-from ...contacts.solution import RESULTS
 from ...core.checks import is_concrete, within
 from ...core.compilation import compiled
 from ...core.memory import SLIDING, check_memory
-from ...fields.devices import num_devices, required
+from ...fields.devices import num_devices
 from ...kernels.steady import attempted_kernel
 from ...kernels.window import doubled, has_ground, long_cell, without_images
 from ...materials.coverage import coverage
@@ -27,13 +26,12 @@ from ...surfaces.surface import check_periodic
 from ..bodies import Counterface, Coupling
 from ..case import Case, facts_of
 from ..numbers.traction import steady_coupling
-from ..numerics import Numerics
-from ..problem import Posed, SteadyProblem
+from ..problem import SteadyProblem
 from ..shear import is_coupled, shear_stress
 
 
-def steady_problem(case: Case, how: Numerics) -> Posed:
-    """Returns the problem of a case with a velocity, and its load."""
+def steady_problem(case: Case) -> tuple[SteadyProblem, Array | bool]:
+    """Returns the problem of a case with a velocity, and whether its kernel is good."""
     stack, surface, grid = case.stack, case.rough, case.rough.grid
     itemsize = surface.heights.dtype.itemsize
     check_memory("surface", "sliding", SLIDING, grid.shape, itemsize, num_devices(grid.size))
@@ -54,8 +52,6 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
             measured_range=_coverage(case.counterface),
         )
     sheared = shear_stress(case.shear, case.velocity, case.temperature)
-    if how.throw:
-        kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
     problem = SteadyProblem(
         operator=operator_of(kernel, surface.heights.shape), heights=surface.heights,
         measured=surface.measured, grid=surface.grid, velocity=case.velocity, law=case.law,
@@ -64,8 +60,7 @@ def steady_problem(case: Case, how: Numerics) -> Posed:
         kernel_error=kernel_error, prescribed=case.prescribed,
         facts=facts_of(case),
     )  # fmt: skip
-    load = dict(pressure=case.pressure, mean_gap=case.mean_gap, approach=case.approach)
-    return Posed(problem, load, True if how.throw else reached)
+    return problem, reached
 
 
 _coverage = compiled(coverage)

@@ -14,9 +14,7 @@ from ..result import TransientSliding
 from ..transient.pose import solved, transient_problem
 
 
-def solve_transient(
-    case: Case, how: Numerics, fields_at: Sequence[int] = (-1,)
-) -> TransientSliding:
+def solve_transient(case: Case, how: Numerics, fields_at: Sequence[int]) -> TransientSliding:
     """Returns the contact of a case with displacements at times; see `slide_transient`."""
     count = len(case.times)
     kept = tuple(np.arange(count)[np.atleast_1d(fields_at)].tolist())

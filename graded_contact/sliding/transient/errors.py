@@ -89,7 +89,7 @@ def _memory(found: Found) -> Array:
 
 
 def _forces(found: Found) -> Array:
-    """What a relative error of pressures may change in the friction of each step [1]."""
+    """The change of the friction of each step by a relative error of pressures [1], at most."""
     return found.recorded["slope"] * found.recorded["spread"] / nonzero(found.recorded["load"])
 
 

@@ -11,7 +11,7 @@ from ..number import Found, observable
 
 @observable("work of friction so far", "J/m²")
 def work_done(found: Found) -> Array:
-    """Work of friction per area since t = 0 [J/m²], that of shear included."""
+    """Work of friction per area since t = 0 [J/m²], with the work of shear."""
     return found.recorded["work_done"]
 
 

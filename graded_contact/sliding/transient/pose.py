@@ -40,8 +40,7 @@ def transient_problem(case: Case) -> TransientProblem:
     facts = facts_of(case)
     path = None if surface.periodic else _path_of(case)
     stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
-    gaps = {"mean_gap": case.mean_gap, "approach": case.approach}
-    load = check_gap(not surface.periodic, GROUND in facts, case.pressure, **gaps)
+    load = check_gap(not surface.periodic, GROUND in facts, **case.load)
     loading = loading_of(case.law, surface.heights[None], count, **load)
     given = next(value for value in loading if value is not None).reshape(count)
     if case.approach is not None:  # by the lowest place, which half the grid lacks

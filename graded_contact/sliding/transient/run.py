@@ -56,7 +56,7 @@ def _run(
 
 
 def _of_whole(problem: TransientProblem, numbers: dict[str, Array]) -> dict[str, Array]:
-    """The numbers of all steps, with those over the load and those of the whole."""
+    """The numbers of all steps, and of the whole motion."""
     load = numbers["load"]
 
     def over(traction, without):

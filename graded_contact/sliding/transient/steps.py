@@ -43,12 +43,12 @@ from ..numbers.area import contact_area, contact_area_pixels
 from ..numerics import Numerics
 from ..problem import SteadyProblem
 from ..shear import Coulomb, shear_over_load, shear_parts
-from ..transient_problem import TransientProblem
+from ..transient_problem import OneStep, TransientProblem
 from .waves import TransientWaves
 
 
 class Past(NamedTuple):
-    """What a force on a body carries from step to step.
+    """The past of a force on a body, from step to step.
 
     The memory of the nodes, real and imaginary parts for those of the waves; the waves of the
     force (of a traction times i) at the end of the step and before it, and of the displacement.
@@ -61,7 +61,7 @@ class Past(NamedTuple):
 
 
 class TransientState(NamedTuple):
-    """What a transient solve carries from step to step.
+    """The state of a transient solve, from step to step.
 
     The past of each force; the pressure, and how fast it rises; the share of contact at each point;
     the traction of slopes, and that of shear at the speed of the next step; works; the kept fields;
@@ -81,7 +81,7 @@ class TransientState(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """What a step is given."""
+    """The inputs of a step."""
 
     length: Array
     shift: Array  # s [m], along each component
@@ -108,7 +108,7 @@ class _OfStep(AbstractSliding):
 
 
 class Advance(eqx.Module):
-    """What does not change from step to step: `init`, and `step` for `lax.scan`."""
+    """The fixed part of all steps: `init`, and `step` for `lax.scan`."""
 
     problem: TransientProblem
     waves: TransientWaves
@@ -147,18 +147,7 @@ class Advance(eqx.Module):
         heights = problem.heights + passing - left
         together = _sum_of_products(factors, kernels)
         operator = problem.operator_of(together[0], together[1].real)
-        gap = given.given
-        if problem.prescribed == "approach":
-            gap = gap - jnp.mean(heights)
-        loading = (given.given, None) if problem.prescribed == "pressure" else (None, gap)
-        inputs = Inputs(operator, heights, problem.law, Loading(*loading))
-        # As the pressure went on in the step before: two thirds of the FFT pairs.
-        start = jnp.maximum(state.pressure + given.length * state.rise, problem.law.bounds[0])
-        contact = contact_of(
-            inputs, self.how.solver, self.how.adjoint, self.how.rtol,
-            jax.lax.stop_gradient(start), None, False,
-        )  # fmt: skip
-        contact = jax.tree.map(lambda leaf: checkpoint_name(leaf, STEP_CONTACT), contact)
+        contact = self._contact(operator, heights, state, given)
         spectrum = to_spectrum(waves.on_grid(contact.pressure))
         driven = [factor * spectrum for factor in factors] + ahead
         pasts = [
@@ -179,16 +168,7 @@ class Advance(eqx.Module):
         traction, numbers = self._numbers(one, profile, moved)
         sheared = self._sheared(one, given.way, given.length)
         numbers |= dict(traction=traction + sheared, shear_traction=sheared)
-        # Of the pressure on each body, also where traction moves it.
-        pairs = list(zip(pasts, state.pasts, strict=True))
-        loads = [(new.pressed + old.pressed) / 2 for new, old in pairs[:bodies]]
-        work = sum(
-            waves.mean_product(load, new.moved - old.moved) / waves.part
-            for load, (new, old) in zip(itertools.cycle(loads), pairs, strict=False)
-        )
-        by_slopes = jnp.sum((traction + state.traction) / 2 * given.way)
-        by_shear = jnp.sum((sheared + state.sheared) / 2 * given.way)
-        works = state.works + jnp.stack([by_slopes + by_shear, work - by_slopes, by_shear])
+        works = state.works + self._works(state, given, pasts, traction, sheared)
         names = ("work_done", "load_work_done", "shear_work_done")
         numbers |= dict(zip(names, works, strict=True))
         fields = contact.pressure, contact.gap, displacement, contact.correction
@@ -211,6 +191,34 @@ class Advance(eqx.Module):
             result=RESULTS.where(good, contact.result, state.result),
             failed=jnp.where(good & ~ends_well, given.index, state.failed),
         ), numbers
+
+    def _contact(self, operator: OneStep, heights: Field, state: TransientState, given: _Step):
+        """The contact of a step."""
+        problem, how, gap = self.problem, self.how, given.given
+        if problem.prescribed == "approach":
+            gap = gap - jnp.mean(heights)
+        loading = (given.given, None) if problem.prescribed == "pressure" else (None, gap)
+        inputs = Inputs(operator, heights, problem.law, Loading(*loading))
+        # As the pressure went on in the step before: two thirds of the FFT pairs.
+        start = jnp.maximum(state.pressure + given.length * state.rise, problem.law.bounds[0])
+        start = jax.lax.stop_gradient(start)
+        contact = contact_of(inputs, how.solver, how.adjoint, how.rtol, start, None, False)
+        return jax.tree.map(lambda leaf: checkpoint_name(leaf, STEP_CONTACT), contact)
+
+    def _works(self, state: TransientState, given: _Step, pasts: list[Past], traction, sheared):
+        """The works of friction, of the load and of shear in a step [J/m²]."""
+        waves = self.waves
+        # Of the pressure on each body, also where traction moves it.
+        pairs = list(zip(pasts, state.pasts, strict=True))
+        bodies = pairs[: len(self.problem.creeps)]
+        loads = [(new.pressed + old.pressed) / 2 for new, old in bodies]
+        work = sum(
+            waves.mean_product(load, new.moved - old.moved) / waves.part
+            for load, (new, old) in zip(itertools.cycle(loads), pairs, strict=False)
+        )
+        by_slopes = jnp.sum((traction + state.traction) / 2 * given.way)
+        by_shear = jnp.sum((sheared + state.sheared) / 2 * given.way)
+        return jnp.stack([by_slopes + by_shear, work - by_slopes, by_shear])
 
     def _surfaces(self, passing: Field, pasts: list[Past], turns: list[Any]) -> tuple[Array, Array]:
         """The displacement of the block, and the interface, on the cell of the memory [m]."""
@@ -305,14 +313,11 @@ def _direction(way: Array) -> tuple[Array, Array]:
 
 
 STEP_CONTACT = "contact"  # what a derivative keeps of each step
-OF_STEPS = (
-    "error", "gap_error", "load_error", "complementarity_error", "penetration", "num_steps",
-    "num_fft_pairs",
-)  # fmt: skip
+OF_STEPS = "error", "gap_error", "num_steps", "num_fft_pairs"
 
 
 def steps_given(problem: TransientProblem, kept: tuple[int, ...]) -> _Step:
-    """What each step is given."""
+    """The inputs of all steps."""
     count = len(problem.times)
     lengths, way = problem.steps
     tables = tuple(
