@@ -56,8 +56,7 @@ class MasterCurve(AbstractFit):
     def fit(self) -> PronyFit:
         """The series, fitted to all data shifted to the reference temperature.
 
-        Its errors are those of the master curve; its `confidence` takes the shifts as
-        known.
+        It has the errors of the master curve; its `confidence` takes the shifts as known.
         """
         series = self.theta[: len(self.theta) - self.data.num_shifts]
         return PronyFit(series, at_reference(self.theta, self.data), self.poisson, self.path)
@@ -221,7 +220,7 @@ def master_curve(
     - `reference`: the isotherm nearest to this temperature [K] stays in place; by default the
       middle one.
     - `terms`, `equilibrium`, `weights`, `poisson`, `loss`: as in `fit_prony`; the first weight is
-      that of all values in time.
+      also the weight of values in time.
 
     Differentiable if `terms` is given; the weight of `shift_std` and `vertical_shift_std` relative
     to the error of the fit is then a fixed number.

@@ -45,7 +45,7 @@ class Observations(eqx.Module):
       [1/Pa]; shape `(channels, points)`; 1 where nothing was measured.
     - `weights`: of the squared log residuals [1], shape `(channels, points)`.
     - `equilibrium`: E_eq [Pa] where it is known.
-    - `kind`, `flows`: the measurement; whether a compliance is that of a liquid. Static.
+    - `kind`, `flows`: the measurement; whether a compliance is of a liquid. Static.
     - `isotherms`: the temperatures, if shifts are unknown.
     - `scale`: log residual [1] from which on values count linearly, or None.
     """
