@@ -118,15 +118,16 @@ def test_a_constant_profile_is_a_uniform_layer_and_no_thickness_no_layer():
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("solver", [Layering(num_cells=4), Riccati()], ids=["layers", "equation"])
-def test_gradient_by_every_leaf_matches_central_differences(solver):
+def test_gradient_by_every_leaf_matches_central_differences():
     """Of elastic ends, to compile fast: complex moduli go through the same recursion."""
     shape = Table([0.0, 0.4, 1.0], [0.1, 0.5, 0.8])
     profile = Blend(gc.Elastic(2e6, 0.45), gc.Elastic(5e8, 0.3), shape, "logarithmic")
     stack = Stack(layers=(GradedLayer(profile, 3e-4),), base=gc.Rigid())
 
     def value(stack, q):
-        return jnp.log(surface_compliance(by(solver, stack), q, 0.0, rtol=1e-10, error=True)[0])
+        return jnp.log(
+            surface_compliance(by(Layering(num_cells=4), stack), q, 0.0, rtol=1e-10, error=True)[0]
+        )
 
     # The ends of the table are 0 and 1.
     for slope, difference in elasticities(value, (stack, jnp.asarray(2e4)), 1e-4, (0.0, 1.0)):
@@ -149,21 +150,13 @@ def test_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():
 
 
 def test_tolerance_that_is_not_reached_is_an_error():
-    """Known at once, or only when it runs: there a profile may even turn out to be NaN."""
-
     def rough(s, omega):
         return 1e6 * (1 + jnp.abs(jnp.sin(9 * s))), 0.3
-
-    def value(profile):
-        stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=gc.Rigid())
-        return surface_compliance(stack, 3e3, 0.0)
 
     stack = Stack(layers=(GradedLayer(rough, 1e-3),), base=gc.Rigid())
     assert surface_compliance(stack, 3e3, 0.0, error=True)[1] > 1e-9
     with pytest.raises(Exception, match="tolerance was not reached in a graded layer"):
         surface_compliance(stack, 3e3, 0.0).block_until_ready()
-    with pytest.raises(Exception, match="tolerance was not reached"):
-        jax.jit(lambda x: value(lambda s, _: (1e6 * jnp.log(x - s), 0.3)))(0.5).block_until_ready()
 
 
 class Step(eqx.Module):
