@@ -101,20 +101,17 @@ def test_stored_cases_are_met_and_the_estimate_of_the_error_is_honest():
     assert np.max(errors / estimates) <= 10
 
 
-RUBBER = gc.Prony(2e6, [3e7, 4e6], [1e-4, 1e-2], 0.49)
-GLASS = gc.Prony(5e8, [1e9], [1e-3], 0.3)
-
-
 def test_a_constant_profile_is_a_uniform_layer_and_no_thickness_no_layer():
     q = np.geomspace(1e-1, 1e9, 12)  # q d from 1e-4 to 1e6
-    coat, layer = gc.Layer(GLASS, 1e-5), gc.Layer(RUBBER, 1e-3)
+    rubber, glass = gc.Elastic(2e6, 0.49), gc.Elastic(5e8, 0.3)
+    coat, layer = gc.Layer(glass, 1e-5), gc.Layer(rubber, 1e-3)
     none, constant = (
-        GradedLayer(Blend(RUBBER, GLASS), 0.0),
-        GradedLayer(Blend(RUBBER, RUBBER), 1e-3),
+        GradedLayer(Blend(rubber, glass), 0.0),
+        GradedLayer(Blend(rubber, rubber), 1e-3),
     )
     graded = Stack(layers=(coat, none, constant), base=gc.Free())
-    found = surface_compliance(by(FAST, graded), q, 1e3, rtol=1e-7)
-    expected = surface_compliance(Stack(layers=(coat, layer), base=gc.Free()), q, 1e3)
+    found = surface_compliance(by(FAST, graded), q, 0.0, rtol=1e-7)
+    expected = surface_compliance(Stack(layers=(coat, layer), base=gc.Free()), q, 0.0)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 

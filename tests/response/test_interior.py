@@ -125,11 +125,8 @@ def test_half_space_under_a_wave_of_pressure(poisson):
         assert np.max(np.abs(stress[..., [0, 1], [1, 2]])) < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("base", "shape", "velocity"),
-    [("halfspace", (8, 6), np.array([0.4, -0.2])), ("rigid", (16,), 0.4)],
-)
-def test_sliding_surface_moves_as_the_kernel_says(base, shape, velocity):
+def test_sliding_surface_moves_as_the_kernel_says():
+    base, shape, velocity = "halfspace", (8, 6), np.array([0.4, -0.2])
     grid = gc.Grid(shape, 1.0)
     stack = stack_on(base)
     pressure = np.random.default_rng(0).normal(size=shape) + 3
