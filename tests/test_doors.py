@@ -130,7 +130,7 @@ def calls():
         (gc.sliding.cumulative_friction, dict(pressure=sliding.pressure,
          displacement=sliding.displacement, grid=grid, velocity=0.1, num_wavenumbers=5)),
         (gc.mean_field_friction, dict(stack=soft, spectrum=spectrum, pressure=1e5, velocity=0.1,
-         strain_per_slope=1.0, shear=peaked, temperature=300.0,
+         own_roughness=spectrum, strain_per_slope=1.0, shear=peaked, temperature=300.0,
          rtol=0.2)),
         (gc.mean_field_friction, dict(stack=stack, spectrum=spectrum, pressure=1e5, velocity=0.1,
          correction="none", num_wavenumbers=16, num_angles=8, rtol=0.5)),

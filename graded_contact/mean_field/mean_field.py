@@ -7,9 +7,11 @@ grow by
 
     dV = C q dq ∫dφ |1/M|²  =  ¼ C q³ dq ∫dφ |E_eff(q, q v cos φ)|²,
 
-E_eff = 2/(q M) being `effective_modulus`. With a lay C depends on the direction of q. A counterface
-that carries the track adds its M(q, 0) to M. In partial contact the pressure spreads by diffusion
-that ends where it reaches zero (`diffusion.py`), which leaves the contact area
+E_eff = 2/(q M) being `effective_modulus`. With a lay C depends on the direction of q. Roughness
+C_own of the block moves with the block, excites no frequency, and adds C_own q dq ∫dφ |1/M(q, 0)|²
+to dV. A counterface that carries the track adds its M(q, 0) to M, and under C_own its M(q, -q·v),
+whose loss is friction, too. In partial contact the pressure spreads by diffusion that ends where it
+reaches zero (`diffusion.py`), which leaves the contact area
 
     A(q) = erf(σ0/√(2V))          (Persson's erf(1/(2√G)), G = V/(2σ0²)),
 
@@ -44,6 +46,7 @@ from ..core.checks import (
     as_float,
     as_scalar,
     check_positive,
+    check_rows,
     check_tolerance,
     check_type,
     check_values,
@@ -118,6 +121,7 @@ def mean_field_friction(
     *,
     pressure: Numbers,
     velocity: Numbers,
+    own_roughness: Spectrum | None = None,
     strain_per_slope: ScalarLike | None = None,
     correction: Correction = "yang_persson",
     num_wavenumbers: int = 80,
@@ -142,6 +146,9 @@ def mean_field_friction(
       `SpectrumTable`, such as `isotropic_spectrum` of a surface.
     - `pressure`: mean pressure σ0 [Pa].
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
+    - `own_roughness`: roughness of the block itself, which moves with it, as above. It reduces the
+      area like the roughness of a track at rest: it excites no frequency of the block and
+      dissipates nothing there; a counterface dissipates under it.
     - `strain_per_slope`: for a block with `materials.StrainSoftening`. The modulus at each q is
       that at the amplitude ε = `strain_per_slope` times the rms slope of the track up to q, the
       factor [1] being of order 1. None: the amplitude of each material.
@@ -170,7 +177,9 @@ def mean_field_friction(
     if strain_per_slope is not None:
         strain_per_slope = as_strain_per_slope(strain_per_slope, (stack, counterface))
     load, acting = as_scalar(pressure, "pressure"), (shear, temperature, heating)
-    field = FieldInputs(stack, spectrum, load, as_velocity(velocity), strain_per_slope, counterface)
+    field = FieldInputs(
+        stack, spectrum, own_roughness, load, as_velocity(velocity), strain_per_slope, counterface
+    )
     field = _checked(field, acting)
     for factor in (1, 2, 4, 8):
         rules = _rules(field, correction, factor * num_wavenumbers, factor * num_angles)
@@ -190,7 +199,7 @@ def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) 
     - `case`: with a pressure and a velocity.
     - `spectrum`: of `mean_field_friction`; None for the `surface` of the case: a spectrum, or a
       surface, whose spectrum is averaged over directions.
-    - `options`: arguments of `mean_field_friction`, also in place of those of the case.
+    - `options`: arguments of `mean_field_friction`, also in place of numbers of the case.
 
     **Raises:** `ValueError` for a case with another law of contact than a hard wall.
     """
@@ -219,11 +228,17 @@ def _checked(field: FieldInputs, acting) -> FieldInputs:
     # On input the value is unknown if the pressure is traced.
     load = jnp.where(pressure > 0, pressure, jnp.nan)
     check_type("spectrum", field.spectrum, SelfAffine, SpectrumTable)
+    check_type("own_roughness", field.own, SelfAffine, SpectrumTable, type(None))
     if heating is not None:
         if any(jnp.ndim(number) for number in vars(heating).values()):
             raise ValueError(
                 "`heating` has numbers for each layer; in the mean field both bodies are half "
                 "spaces: give one `conductivity`, `diffusivity` and `counterface_conductivity`."
+            )
+        if field.counterface is not None and field.own is not None:
+            raise ValueError(
+                "`heating` is refused with `own_roughness` and a `counterface`, which then "
+                "takes a part of the heat, which is not followed."
             )
         stack = stack.at(check_bulk(temperature))
     return dataclasses.replace(field, stack=stack, pressure=load)
@@ -263,6 +278,7 @@ def _rules(field, correction, num_wavenumbers, num_angles) -> Rules:
     if num_angles % 2:
         raise ValueError(f"`num_angles={num_angles}` must be even.")
     num_pieces = len(smooth_edges(field.spectrum)) - 1
+    num_pieces += 0 if field.own is None else len(smooth_edges(field.own))
     per_piece = 4 * -(-num_wavenumbers // (4 * num_pieces))
     return Rules(correction, per_piece, num_angles)
 
@@ -271,14 +287,16 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     """What `_integrated` returns, and the temperatures of the scales."""
     field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
-    # The lowest frequency is that of the longest wave at the last angle.
+    # The longest wave at the last angle has the lowest frequency.
     edges, speed = smooth_edges(field.spectrum), direction_and_speed(field.velocity)[1]
     if is_concrete(speed) and np.asarray(speed) == 0:
         check_at_rest(field.stack)
     ends = speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]])
     check_profiles(field.stack, ends)
     if field.counterface is not None:
-        check_profiles(field.counterface, 0 * ends)
+        check_profiles(
+            field.counterface, jnp.append(0.0, ends) if field.own is not None else 0 * ends
+        )
     if heating is None:
         return _integrated(rules, given), None
 
@@ -298,7 +316,7 @@ def _integrated(rules: Rules, given, rises=None):
     """Wavenumbers, diffusion, hysteresis, its error and extrapolated share, and shear."""
     (field, shear, temperature), scales = given, None
     if rises is not None:
-        # The first temperature is that of the surface, where shear acts.
+        # The first temperature is at the surface, where shear acts.
         scales, temperature = temperature + rises[1:], temperature + rises[0]
     q, x, *found = integrate(field, rules, scales)
     return q, x, *found, _sheared(field, shear, temperature, x)
@@ -327,8 +345,7 @@ def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array
     all of P lies at σ0, and the row is 0.
     """
     stress = as_float(stress, "stress")
-    if stress.ndim != 1:
-        raise ValueError(f"`stress` has shape {stress.shape}; one axis is needed.")
+    check_rows(1, stress=stress)
     check_values("stress", stress, "a stress [Pa] is zero or positive", at_least=0)
     mean = mean_field.pressure
     # Twice a division: the square of a pressure may leave the range of float32.

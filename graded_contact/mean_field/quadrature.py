@@ -9,12 +9,16 @@ both ends (`between_ends`) resolves either scale in each of them.
 
 M is the sum of the block's M(q, -q·v) and, under a counterface, of the counterface's M(q, 0).
 
+The rubber's own roughness moves with the rubber: its waves excite no frequency there, so that they
+add C_own q dq ∫dφ |1/M(q, 0)|² to the variance and nothing to the loss. Over a counterface they
+move: then the counterface has the frequencies, and adds its loss.
+
 The error is the sum of two changes of friction and area: by every second wavenumber, and by every
 second angle.
 """
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -35,22 +39,28 @@ from ..surfaces.spectrum_table import Spectrum
 from .angles import angles
 from .diffusion import Correction, area, mean_square_growth, slowed
 from .heating_by_scale import between_scales
-from .roughness import root_density, root_narrowing, smooth_edges, turn_of
+from .roughness import joined_edges, root_density, root_narrowing, turn_of
 
 
 class FieldInputs(eqx.Module):
     """What a mean field is integrated from.
 
-    Block, spectrum, pressure, velocity, the strain amplitude per slope or None, and the counterface
-    or None.
+    Block, spectra of the track and of the block itself, pressure, velocity, the strain amplitude
+    per slope or None, and the counterface or None.
     """
 
     stack: Stack
     spectrum: Spectrum
+    own: Spectrum | None
     pressure: Float[Array, ""]
     velocity: Float[Array, "..."]
     strain_per_slope: Float[Array, ""] | None
     counterface: Stack | None = None
+
+    @property
+    def moving(self) -> Any:
+        """The bodies over which some roughness moves, so that they dissipate."""
+        return self.stack if self.own is None else (self.stack, self.counterface)
 
 
 class Rules(NamedTuple):
@@ -73,7 +83,7 @@ def integrate(
     `heating_by_scale.py`.
     """
     num_intervals, num_angles = rules.num_wavenumbers, rules.num_angles
-    edges = smooth_edges(field.spectrum)
+    edges = joined_edges(field.spectrum, field.own)
     lengths = jnp.log(edges[1:] / edges[:-1])
     q = _nodes(edges, lengths, num_intervals)
     direction, speed = direction_and_speed(field.velocity)
@@ -102,7 +112,7 @@ def integrate(
     ]
     x, friction, product = variants[0]
     ends = [jnp.stack([friction[-1], area(x[-1])]) for x, friction, _ in variants]
-    share, known = jnp.zeros_like(q[0]), coverage(field.stack)
+    share, known = jnp.zeros_like(q[0]), coverage(field.moving)
     if known is not None:
         omega = sliding_frequency(q[:, None, None] * along, 0.0, speed)
         lost = _over_angles(jnp.where(is_unknown(omega, known), rates[1], 0), weights)
@@ -130,7 +140,7 @@ def _rates(field, speed, q, state, angle):
     tolerance = graded_tolerance(field.stack, None, q)
     q = q[:, None, None]
 
-    def response(q, omega, state):
+    def response(q, omega, of_counterface, state):
         strain, temperature = state
         block = _softened(field.stack, strain)
         block = block if temperature is None else block.at(temperature)
@@ -139,16 +149,26 @@ def _rates(field, speed, q, state, angle):
             return found
         counterface = _softened(field.counterface, strain)
         tolerance_of = graded_tolerance(counterface, None, q)
-        at_rest = surface_compliance_unchecked(counterface, q, jnp.zeros_like(q), tolerance_of)
-        return found + at_rest
+        return found + surface_compliance_unchecked(counterface, q, of_counterface, tolerance_of)
 
-    # The block is in another state at each q.
-    at = jax.vmap(response) if jax.tree.leaves(state) else response
+    def relative_to(amplitude, omega, of_counterface):
+        # The block is in another state at each q.
+        at = jax.vmap(response) if jax.tree.leaves(state) else response
+        # √C q/(M σ0): squares of its factors may leave the range of float32.
+        relative = amplitude / (field.pressure * at(q, omega, of_counterface, state))
+        return relative.real**2 + relative.imag**2, relative.imag
+
     amplitude = root_density(field.spectrum, q) * q * root_narrowing(field.spectrum, q, offset)
-    # √C q/(M σ0): squares of its factors may leave the range of float32.
-    relative = amplitude / (field.pressure * at(q, sliding_frequency(q * along, 0.0, speed), state))
-    growth = relative.real**2 + relative.imag**2
-    return jnp.stack([growth, -amplitude * q * along * relative.imag])
+    omega, rest = sliding_frequency(q * along, 0.0, speed), jnp.zeros_like(q)
+    growth, lost = relative_to(amplitude, omega, rest)
+    loss = -amplitude * q * along * lost
+    if field.own is not None:
+        own = root_density(field.own, q, mean=True) * q
+        moving = rest if field.counterface is None else omega
+        added, lost = relative_to(own, rest, moving)
+        growth = growth + added
+        loss = loss if field.counterface is None else loss - own * q * along * lost
+    return jnp.stack([growth, loss])
 
 
 def _softened(stack: Stack, strain) -> Stack:

@@ -15,6 +15,19 @@ def smooth_edges(spectrum: Spectrum) -> Float[Array, " points"]:
     return spectrum.q
 
 
+def joined_edges(track: Spectrum, own: Spectrum | None) -> Float[Array, " points"]:
+    """Returns wavenumbers [rad/m] between which both spectra are smooth.
+
+    The ends of each are two edges, closely below and above: C jumps there.
+    """
+    if own is None:
+        return smooth_edges(track)
+    edges = smooth_edges(track), smooth_edges(own)
+    away = 64 * float(jnp.finfo(edges[0].dtype).eps)
+    ends = [each[i] * by for each in edges for i in (0, -1) for by in (1 - away, 1 + away)]
+    return jnp.sort(jnp.concatenate([jnp.stack(ends), *(each[1:-1] for each in edges)]))
+
+
 def turn_of(spectrum: Spectrum, direction: Float[Array, " components"]) -> Array | None:
     """Returns the angle from the lay to a direction, from 0 to π [rad], or None."""
     if spectrum.angle is None:
@@ -27,7 +40,7 @@ def turn_of(spectrum: Spectrum, direction: Float[Array, " components"]) -> Array
 def root_density(
     spectrum: Spectrum, q: Float[Array, "*n"], *, mean: bool = False
 ) -> Float[Array, "*n"]:
-    """Returns √C [m²] across the lay, or that of the `mean` over directions; 0 outside."""
+    """Returns √C [m²] across the lay, or of the `mean` over directions; 0 outside."""
     if mean or not isinstance(spectrum, SelfAffine) or spectrum.angle is None:
         density = spectrum.density(q)
     else:

@@ -1,13 +1,14 @@
-"""Roughness with a lay, in the mean field and in contact."""
+"""Roughness with a lay, and two rough surfaces, in the mean field and in contact."""
 
 from functools import partial
 from itertools import pairwise
 
+import closed_forms
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import maxwell, persson
+from oracles import gauss_over_angles, maxwell, persson
 from scipy.integrate import quad
 
 import graded_contact as gc
@@ -172,3 +173,52 @@ def test_an_endless_lay_has_no_friction_along_it_and_that_of_a_profile_across():
     assert 0 < along.friction < 2e-4 * friction
     rest = solve(long, velocity=0.0)
     np.testing.assert_allclose(along.contact_area, rest.contact_area, rtol=5e-4)
+
+
+# Roughness of the block itself
+
+
+OWN = gc.SelfAffine(rms_slope=0.1, hurst=0.6, q_low=5 * Q0, q_roll=9 * Q0, q_high=300 * Q0)
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_area_of_an_elastic_block_is_that_of_the_sum_of_the_spectra(apart):
+    """Overlapping bands, and bands that are apart."""
+    q = jnp.geomspace(300 * Q0, 900 * Q0, 9)
+    own = gc.surfaces.SpectrumTable(q, OWN.density(q / 30)) if apart else OWN
+    elastic = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.5)))
+    found = mean_field(
+        elastic, ISOTROPIC, pressure=3e5, velocity=0.1, own_roughness=own, correction="none"
+    )
+    if apart:
+        y = np.linspace(np.log(own.q[0]), np.log(own.q[-1]), 4001)
+        density = np.exp(np.interp(y, np.log(own.q), np.log(own.values)))
+        square = np.trapezoid(2 * np.pi * np.exp(4 * y) * density, y)
+    else:
+        square = 0.1**2
+    expected = closed_forms.persson_contact_area(3e5, 1e7 / 0.75, np.sqrt(0.2**2 + square))
+    np.testing.assert_allclose(found.contact_area, expected, rtol=2e-5)
+    assert found.friction == 0
+    assert found.error < 1e-4
+
+
+def test_own_roughness_stays_at_rest_in_the_rubber():
+    """Against the differential equations: its waves see the relaxed modulus and lose nothing."""
+    own = gc.SelfAffine(rms_slope=0.3, hurst=0.5, q_low=Q0, q_roll=Q0, q_high=60 * Q0)
+    densities = jax.jit(lambda q: (ISOTROPIC.density(q), own.density(q)))
+    cosine, weight = gauss_over_angles()
+
+    def sums(q):
+        track, block = map(float, densities(q))
+        modulus = complex_modulus(q * 0.05 * cosine) / (1 - 0.49**2)
+        return (
+            (track * np.sum(weight * abs(modulus) ** 2)
+             + block * 2 * np.pi * (1e6 / (1 - 0.49**2)) ** 2) * q**4 / 4,
+            track * np.sum(weight * cosine * modulus.imag) * q**4 / 2,
+        )  # fmt: skip
+
+    area, friction = integrated(sums, 3e5)
+    found = solve(ISOTROPIC, velocity=0.05, own_roughness=own)
+    np.testing.assert_allclose(found.contact_area, area, rtol=1e-6)
+    np.testing.assert_allclose(found.friction, friction, rtol=1e-6)
+    assert found.friction < 0.97 * solve(ISOTROPIC, velocity=0.05).friction
