@@ -20,7 +20,6 @@ from ..core.checks import (
     as_scalar,
     check_poisson,
     check_values,
-    is_concrete,
 )
 from ..core.compilation import compiled
 from ..core.display import shown
@@ -233,8 +232,6 @@ def master_curve(
     check_poisson("poisson", poisson)
     given: dict[str, Any] = {"shift_std": shift_std, "vertical_shift_std": vertical_shift_std}
     for name, std in given.items():
-        if not is_concrete(std):
-            raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
         as_scalar(std, name)
         check_values(name, std, "it must be zero or positive", at_least=0)
     along, across = map(float, given.values())

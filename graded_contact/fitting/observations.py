@@ -208,8 +208,6 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
     if not isinstance(isotherm, Sequence) or len(isotherm) != 3:
         raise ValueError(f"`{name}={short(isotherm)}` must be `(temperature, x, values)`.")
     temperature, x, values = isotherm
-    if not is_concrete(temperature):
-        raise ValueError(f"`{name}` must have a concrete temperature.")
     x, values = as_float(x, "x"), as_numbers(values, "values")
     with within(f"`{name}`:"):
         check_rows(1, x=x, values=values)

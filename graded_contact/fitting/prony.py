@@ -30,7 +30,7 @@ from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
 from .implicit import optimum
 from .lengths import Length, check_terms, choose
-from .observations import Loss, Observations, Unknowns, concrete, observe
+from .observations import Loss, Observations, Unknowns, observe
 from .quality import FitErrors, covariance, far_values, fit_errors, report_of
 from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, problem_of
 
@@ -60,9 +60,7 @@ class AbstractFit(eqx.Module):
         """The fitted material."""
 
     def _problem(self) -> tuple[SeriesProblem, np.ndarray]:
-        """Returns the least-squares problem, and its unknowns, in NumPy."""
-        if not concrete(self.data):
-            raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
+        """Returns the least-squares problem, and its unknowns, in NumPy: not under `jit`."""
         return problem_of(self.data), np.asarray(self.theta)
 
     def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:

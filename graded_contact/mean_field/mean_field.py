@@ -46,6 +46,7 @@ from ..core.checks import (
     as_float,
     as_scalar,
     check_positive,
+    check_rows,
     check_tolerance,
     check_type,
     check_values,
@@ -344,8 +345,7 @@ def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array
     all of P lies at σ0, and the row is 0.
     """
     stress = as_float(stress, "stress")
-    if stress.ndim != 1:
-        raise ValueError(f"`stress` has shape {stress.shape}; one axis is needed.")
+    check_rows(1, stress=stress)
     check_values("stress", stress, "a stress [Pa] is zero or positive", at_least=0)
     mean = mean_field.pressure
     # Twice a division: the square of a pressure may leave the range of float32.
