@@ -41,7 +41,6 @@ def calls():
     vector = dict(stack=stack, qx=[1e3], qy=[1e3], omega=[1.0])
     sweep = dict(material=solid, strain=[1e-3, 1e-1], storage=[1.0, 0.5], loss=[1.0, 0.7])
     soft = gc.Stack(base=gc.HalfSpace(gc.materials.StrainSoftening(**sweep)))
-    strain = np.array([1e3, 1e4]), np.array([0.1, 0.2])
     job = dict(stack=stack, surface=surface, pressure=1e5, velocity=0.1)
     how = dict(law=gc.HardWall(), solver=gc.contacts.DouglasRachford(), rtol=1e-6, throw=True)
     contact = dict(kernel=kernel, heights=surface.heights)
@@ -101,7 +100,6 @@ def calls():
         (gc.effective_modulus, wave),
         (gc.surface_compliance_matrix, vector),
         (gc.stack_kernel, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
-        (gc.stack_kernel, dict(stack=soft, grid=grid, velocity=0.1, strain=strain)),
         (gc.slide, job | dict(stack=soft, strain_per_slope=1)),
         (gc.blocks.interface_depths, dict(stack=stack)),
         (gc.response.interior_fields, vector | dict(depth=1e-4, traction=[0.0, 0.0, 1.0])),

@@ -32,6 +32,7 @@ from jaxtyping import Array, Float
 
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one, varying
+from ..fields.devices import required
 from .operators.operator import AbstractOperator, Field, Scalar, Solid, nonzero
 from .solver.abstract_solver import Inputs, run_steps, slope
 from .solver.active_set import green_of, most_eliminated, solve_on_few
@@ -163,18 +164,20 @@ def _attached_jvp(primals, tangents):
     return state, State(d_pressure, d_displacement, d_gap)
 
 
+_NOT_A_NUMBER = (
+    "A derivative of the contact is not a number: its linear solve did not converge (raise "
+    "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that is not "
+    "a number. Friction without a load has no derivative."
+)
+
+
 def _or_fail(adjoint: LinearSolver) -> LinearSolver:
     """The solver, which fails at run time if its result is not a number."""
 
     def solve(*system, **how):
         tau = adjoint(*system, **how)
-        return eqx.error_if(
-            tau,
-            jnp.any(jnp.isnan(tau)),
-            "A derivative of the contact is not a number: its linear solve did not converge (raise "
-            "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that "
-            "is not a number. Friction without a load has no derivative.",
-        )
+        good = ~jnp.any(jnp.isnan(jax.lax.stop_gradient(tau)))
+        return required(tau, good, lambda number, bad: eqx.error_if(number, bad, _NOT_A_NUMBER))
 
     return solve
 

@@ -2,7 +2,7 @@
 
 D. G. Anderson, J. ACM 12 (1965) 547, doi:10.1145/321296.321305: the next iterate is the affine
 combination of the last images whose changes nearly cancel. Contacts use it on whole fields, where
-its cost is that of reading memory: images are stored as differences, so that the newest are
+its cost is reading memory: images are stored as differences, so that the newest are
 combined in few passes. On large grids they are stored in single precision, which changes the
 combination by 1e-7 of the residual, and their products are summed over every fourth row.
 """

@@ -5,8 +5,8 @@ would take three times as long. So the programs of the value are those of the va
 derivative is one more, which computes again only what it needs. For JAX it is a linear primitive.
 """
 
-import dataclasses
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar, cast
 
 import equinox as eqx
@@ -68,7 +68,7 @@ def derivative_apart(function: F) -> F:
         given = jax.tree.map(lambda t: t is not None, changes, is_leaf=lambda t: t is None)
         moving, fixed = eqx.partition(args, given)
         if alone(args):
-            ways = _Way(along, moving, fixed), _Way(back, moving, fixed)
+            ways = partial(along, moving, fixed), partial(back, moving, fixed)
             return found, _linear(*ways, changes, eqx.filter(found, eqx.is_inexact_array))
         # Else a derivative in reverse would store what it needs.
         within = jax.checkpoint(lambda m, t: along(m, fixed, t), prevent_cse=False)
@@ -82,19 +82,7 @@ def derivative_apart(function: F) -> F:
     return cast(F, run)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Way:
-    """A linear function of changes at known arguments: the derivative, or its transpose."""
-
-    function: Callable
-    moving: Any
-    fixed: Any
-
-    def __call__(self, changes):
-        return self.function(self.moving, self.fixed, changes)
-
-
-def _linear(along: _Way, back: _Way, changes: Any, like: T) -> T:
+def _linear(along: Callable, back: Callable, changes: Any, like: T) -> T:
     """Returns along(changes), with the tree and the shapes of `like`; `back` is the transpose."""
     (leaves, inner), (returned, outer) = jax.tree.flatten(changes), jax.tree.flatten(like)
     shapes = tuple(map(jax.typeof, leaves)), tuple(map(jax.typeof, returned))

@@ -10,7 +10,7 @@ def read_file(path: str | os.PathLike, at_most: float | None = None) -> bytes:
     **Arguments:**
 
     - `path`: of the file.
-    - `at_most`: bytes that it may have, by default those of the memory.
+    - `at_most`: bytes that it may have, by default as many as the memory has.
 
     **Raises:** `FileNotFoundError`; `ValueError` for a folder or a device, or a larger file.
     """
@@ -24,7 +24,7 @@ def read_file(path: str | os.PathLike, at_most: float | None = None) -> bytes:
 
 
 def check_fits(path: Path, size: float, at_most: float | None = None) -> None:
-    """Raises `ValueError` for more bytes than are allowed, by default those of the memory."""
+    """Raises `ValueError` for more bytes than are allowed, by default as many as the memory has."""
     most = _memory() if at_most is None else at_most
     if size > most:
         raise ValueError(

@@ -126,7 +126,7 @@ def _next(point: FixedPoint, image: Array, rtol: Array, most: Array | None) -> F
     z = jnp.where(fast, history.z, other)
     z = z * jnp.minimum(1, most / jnp.maximum(jnp.max(z), most))
     z = jnp.maximum(z, jnp.minimum(jnp.min(image), -_NEGATIVE * jnp.max(z)))
-    # Twice: at the first time the profile may be that of a much smaller image.
+    # Twice: at the first time the profile may belong to a much smaller image.
     ends = overheats & has_reached(point.low.size, most)
     z = jnp.where(running, jnp.where(ends, x, z), x)
     history = dataclasses.replace(history, z=z, running=history.running & ~ends)

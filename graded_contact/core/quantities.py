@@ -108,6 +108,7 @@ _OF_RESULTS = _by_name(
     ("interface_shear_depth", "m", "depth of the largest shear stress between layers"),
     ("GapFlow.conductance", "m³", "conductance of the gap along x and along y"),
     ("rms_height", "m", "rms height"),
+    ("lay", "rad", "angle of the lay from the x axis"),
     ("rms_curvature", "1/m", "rms curvature"),
     ("ContactSolution.pressure", "Pa", "contact pressure"),
     ("correction", "Pa", "estimated change of the pressure to the converged one"),

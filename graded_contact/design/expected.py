@@ -5,7 +5,7 @@
         return slide(with_values(stack, parameters), surface, ...).friction
 
 A design for a few given surfaces is good on these surfaces only; here every step draws a new one.
-Steps are those of an optimiser of optax (by default Adam: D. P. Kingma, J. Ba, arXiv:1412.6980) on
+Steps come from an optimiser of optax (by default Adam: D. P. Kingma, J. Ba, arXiv:1412.6980) on
 the logarithms of the parameters, projected on the bounds. Constraints enter by an augmented
 Lagrangian whose multipliers move with every step (R. T. Rockafellar, SIAM J. Control 12 (1974) 268,
 doi:10.1137/0312021). The result is the mean of the later steps, which reduces noise (B. T. Polyak,

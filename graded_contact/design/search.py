@@ -260,15 +260,14 @@ class Evaluations:
         return self.known[x.tobytes()]
 
     def _stored(self, x: Flat) -> Evaluation:
-        if self.store is None:
-            return Evaluation(*map(np.asarray, self.run(jnp.asarray(x))))
-        file = Path(self.store, f"{digest(self.name, x.tobytes())}.npz")
-        point = read_point(file, Evaluation._fields)
-        if point is None:
-            found = Evaluation(*map(np.asarray, self.run(jnp.asarray(x))))
+        file = self.store and Path(self.store, f"{digest(self.name, x.tobytes())}.npz")
+        point = read_point(file, Evaluation._fields) if file else None
+        if point is not None:
+            return Evaluation(point["values"], point["slopes"])
+        found = Evaluation(*map(np.asarray, self.run(jnp.asarray(x))))
+        if file:
             write_point(file, {**found._asdict(), "message": np.asarray("")})
-            return found
-        return Evaluation(point["values"], point["slopes"])
+        return found
 
 
 def descend(

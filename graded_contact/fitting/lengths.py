@@ -20,7 +20,7 @@ from .observations import Observations, concrete
 from .series import SeriesProblem
 
 SEARCH = 1e-5  # relative tolerance of the cost
-WALK = 1e-4  # that of each length along a walk: its neighbours follow
+WALK = 1e-4  # of each length along a walk: its neighbours follow
 MOST_POINTS_SEARCHED = 400  # that a search goes through
 TIMES_PER_DECADE = 10
 ROUNDS = 3  # of a branch more and one fewer, to a given length

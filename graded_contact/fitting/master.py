@@ -20,7 +20,6 @@ from ..core.checks import (
     as_scalar,
     check_poisson,
     check_values,
-    is_concrete,
 )
 from ..core.compilation import compiled
 from ..core.display import shown
@@ -56,8 +55,7 @@ class MasterCurve(AbstractFit):
     def fit(self) -> PronyFit:
         """The series, fitted to all data shifted to the reference temperature.
 
-        Its errors are those of the master curve; its `confidence` takes the shifts as
-        known.
+        It has the errors of the master curve; its `confidence` takes the shifts as known.
         """
         series = self.theta[: len(self.theta) - self.data.num_shifts]
         return PronyFit(series, at_reference(self.theta, self.data), self.poisson, self.path)
@@ -221,7 +219,7 @@ def master_curve(
     - `reference`: the isotherm nearest to this temperature [K] stays in place; by default the
       middle one.
     - `terms`, `equilibrium`, `weights`, `poisson`, `loss`: as in `fit_prony`; the first weight is
-      that of all values in time.
+      also the weight of values in time.
 
     Differentiable if `terms` is given; the weight of `shift_std` and `vertical_shift_std` relative
     to the error of the fit is then a fixed number.
@@ -234,8 +232,6 @@ def master_curve(
     check_poisson("poisson", poisson)
     given: dict[str, Any] = {"shift_std": shift_std, "vertical_shift_std": vertical_shift_std}
     for name, std in given.items():
-        if not is_concrete(std):
-            raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
         as_scalar(std, name)
         check_values(name, std, "it must be zero or positive", at_least=0)
     along, across = map(float, given.values())

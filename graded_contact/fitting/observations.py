@@ -45,7 +45,7 @@ class Observations(eqx.Module):
       [1/Pa]; shape `(channels, points)`; 1 where nothing was measured.
     - `weights`: of the squared log residuals [1], shape `(channels, points)`.
     - `equilibrium`: E_eq [Pa] where it is known.
-    - `kind`, `flows`: the measurement; whether a compliance is that of a liquid. Static.
+    - `kind`, `flows`: the measurement; whether a compliance is of a liquid. Static.
     - `isotherms`: the temperatures, if shifts are unknown.
     - `scale`: log residual [1] from which on values count linearly, or None.
     """
@@ -208,8 +208,6 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
     if not isinstance(isotherm, Sequence) or len(isotherm) != 3:
         raise ValueError(f"`{name}={short(isotherm)}` must be `(temperature, x, values)`.")
     temperature, x, values = isotherm
-    if not is_concrete(temperature):
-        raise ValueError(f"`{name}` must have a concrete temperature.")
     x, values = as_float(x, "x"), as_numbers(values, "values")
     with within(f"`{name}`:"):
         check_rows(1, x=x, values=values)

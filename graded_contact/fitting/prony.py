@@ -30,7 +30,7 @@ from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
 from .implicit import optimum
 from .lengths import Length, check_terms, choose
-from .observations import Loss, Observations, Unknowns, concrete, observe
+from .observations import Loss, Observations, Unknowns, observe
 from .quality import FitErrors, covariance, far_values, fit_errors, report_of
 from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, problem_of
 
@@ -43,7 +43,7 @@ class AbstractFit(eqx.Module):
     **Fields:**
 
     - `theta`: the unknowns, shape `(unknowns,)`: logarithms of strengths, times, and strengths
-      without a time (E_eq; of compliances 1/E_inf, and 1/η of a liquid); then those of shifts.
+      without a time (E_eq; of compliances 1/E_inf, and 1/η of a liquid); then shifts.
     - `data`: the fitted observations.
     - `poisson`: Poisson's ratio of the material [1].
     - `path`: the best fits of every number of terms, if they were needed to choose it. Static.
@@ -60,9 +60,7 @@ class AbstractFit(eqx.Module):
         """The fitted material."""
 
     def _problem(self) -> tuple[SeriesProblem, np.ndarray]:
-        """Returns the least-squares problem, and its unknowns, in NumPy."""
-        if not concrete(self.data):
-            raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
+        """Returns the least-squares problem, and its unknowns, in NumPy: not under `jit`."""
         return problem_of(self.data), np.asarray(self.theta)
 
     def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
@@ -170,7 +168,7 @@ def fit_prony(
 ) -> PronyFit:
     """Returns the Prony series nearest to measured moduli or compliances, in logarithms.
 
-    Differentiable by every number given, if `terms` is given; derivatives are those of the optimum
+    Differentiable by every number given, if `terms` is given; derivatives are of the optimum
     (implicit).
 
     **Arguments:**
@@ -182,11 +180,11 @@ def fit_prony(
     - `kind`: "frequency" for E' + iE'' [Pa]; "relaxation" for E(t) [Pa]; or "creep" for the
       compliance J(t) = 1/E_inf + Σ_j H_j (1 - exp(-t/t_j)) [1/Pa], with + t/η for a liquid
       (`equilibrium=0`), whose exact relaxation form is the material.
-    - `terms`: number of terms. By default that of the least Bayes information criterion.
+    - `terms`: number of terms. By default the number with the least Bayes information criterion.
     - `equilibrium`: E_eq [Pa] if known, 0 for a liquid, such as a melt; of creep only 0. By default
       fitted.
     - `weights`: of the squared residuals of storage and of loss [1], each of shape `()` or
-      `(points,)`; the first is that of all values in time. A weight of 0 leaves a value out.
+      `(points,)`; the first is also for values in time. A weight of 0 leaves a value out.
     - `poisson`: Poisson's ratio of the material [1].
     - `loss`: "linear" for least squares, or "soft_l1", by which values far from the others count
       less: such as SciPy's, beyond one standard deviation (by the median).

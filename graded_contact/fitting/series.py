@@ -30,7 +30,7 @@ from .shifts import Isotherms, log_shifts, shift_slopes
 
 FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
 NEGLIGIBLE_STRENGTH = 1e-9  # of the smallest measured value: a strength that changes nothing
-# How far times may lie outside those of the data, before and after. Farther out strengths grow
+# How far times may lie outside the times of the data, before and after. Farther out strengths grow
 # without effect, and a slow branch replaces E_eq, so that a solid melts just below its data.
 TIMES_BEYOND = {"frequency": (3.0, 3.0), "relaxation": (2.5, 5.0), "creep": (10.0, 5.0)}
 REACH_TO_KNOWN = 1e3  # after the data with a known E_eq, which branches have to lead down to
@@ -49,7 +49,7 @@ class SeriesProblem:
     - `log_values`, `weights`, `known`: shape `(rows,)`; a row is an entry of a channel.
     - `static`: columns B, shape `(columns, rows)`.
     - `least`: logarithms of the least strengths of the static columns.
-    - `reach`: factors by which times may lie outside those of the data, before and after.
+    - `reach`: factors by which times may lie outside the times of the data, before and after.
     - `scale`: log residual from which on values count linearly, or None for least squares.
     - `isotherms`: whose shifts are unknowns, or None; `group`: the isotherm of each point.
     """
@@ -196,7 +196,7 @@ class SeriesProblem:
         return self.softened(residual) ** 2 @ self.weights / 2
 
     def total_cost(self, theta: Any) -> Any:
-        """Returns the cost of the series and that of its shifts."""
+        """Returns the cost of the series with its shifts."""
         return self.cost(self.misfit(theta)) + self.penalty(theta) @ theta**2 / 2
 
     def penalty(self, theta: Any) -> Any:

@@ -1,12 +1,12 @@
 """The shifts of isotherms, as unknowns.
 
 An isotherm g measures b_g m(x a_g) at frequencies x (or times x/a_g). Its shift is a law plus a
-departure, ln a_g = L_g(p) + e_g. The unknowns are (p, e, ln b): those of the law, and departures
+departure, ln a_g = L_g(p) + e_g. The unknowns are (p, e, ln b): of the law, and departures
 and vertical shifts of all isotherms but the reference. Departures and ln b may be expected to be
 small; those squares are then part of the cost.
 
 The unknowns p of WLF are the logarithms of its slope c1/c2 [1/K] at the reference and of the
-distance [K] of the coldest isotherm from the Vogel temperature; that of Arrhenius is ln Q/R [K].
+distance [K] of the coldest isotherm from the Vogel temperature; for Arrhenius it is ln Q/R [K].
 """
 
 from typing import Any, Literal
@@ -22,7 +22,7 @@ from ..materials.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
 
 LN10 = float(np.log(10))
 LawKind = Literal["wlf", "arrhenius", "table"]  # a table is searched about a WLF law
-# Limits of exp(p), far beyond those of any material, and values of a usual polymer.
+# Limits of exp(p), far beyond any material, and values of a usual polymer.
 _WLF, _ARRHENIUS = [(1e-4, 10), (1, 1e4)], [(1e2, 1e6)]
 LAW_LIMITS = {"wlf": _WLF, "table": _WLF, "arrhenius": _ARRHENIUS}
 LAW_TYPICAL = {"wlf": [0.1, 60.0], "table": [0.1, 60.0], "arrhenius": [1e4]}
@@ -119,7 +119,7 @@ def log_shifts(isotherms: Isotherms, unknowns: Any) -> tuple[Any, Any]:
 
 
 def shift_slopes(isotherms: Isotherms, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the derivatives of ln a by (p, e), and those of ln b.
+    """Returns the derivatives of ln a by (p, e), and of ln b by itself.
 
     The isotherms are the last axis.
     """

@@ -22,6 +22,7 @@ doi:10.1090/S0025-5718-07-01945-X.
 """
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -30,7 +31,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..blocks.stack import GradedLayer, Stack, moduli_of
+from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, moduli_of
 from ..core.checks import is_concrete
 from ..core.compilation import compiled_loop
 from ..core.derivative import derivative_apart, still
@@ -127,12 +128,12 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
         return
     omega = -1j * contour(jnp.min(steps), jnp.sum(steps), 8).nodes
     for part in (*stack.layers, stack.base):
-        name, own = "material", getattr(part, "material", None)
         if isinstance(part, GradedLayer):
             name, own = "profile", part.profile
-            law = lambda w, p=own: p(jnp.asarray(0.5, steps.dtype), w)  # noqa: E731
-        elif own is not None:
-            law = lambda w, m=own: moduli_of(m, w)  # noqa: E731
+            law = partial(own, jnp.asarray(0.5, steps.dtype))
+        elif isinstance(part, Layer | HalfSpace):
+            name, own = "material", part.material
+            law = partial(moduli_of, own)
         else:
             continue
         # Along the imaginary axis the derivative is i times as large.

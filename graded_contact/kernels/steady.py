@@ -23,13 +23,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Inexact
 
 from ..blocks.stack import Stack, is_graded
-from ..core.checks import Numbers, as_float, check_increasing, check_rows, check_values, is_concrete
+from ..core.checks import Numbers, is_concrete
 from ..core.compilation import compiled_loop
 from ..core.derivative import derivative_apart
 from ..fields.devices import required, spread, whole_along
 from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, nyquist_lines, zero_mode
-from ..materials.softening import at_strain, softens
+from ..materials.softening import at_strain
 from ..response.compliance import compliance_or_nan
 from ..response.grading import NOT_REACHED, checked_velocity, graded_tolerance
 from .table import log_compliance, tabulate
@@ -45,7 +45,6 @@ def stack_kernel(
     velocity: Numbers = 0.0,
     *,
     rtol: float | None = None,
-    strain: tuple[Numbers, Numbers] | None = None,
 ) -> Inexact[Array, "*half"]:
     """Returns M_zz [m/Pa] of a stack on the half spectrum of a grid, for steady sliding.
 
@@ -59,8 +58,6 @@ def stack_kernel(
     - `grid`: the periodic cell.
     - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
     - `rtol`: relative tolerance of graded and long stacks; by default that of the stack.
-    - `strain`: wavenumbers [rad/m], ascending, and amplitudes ε [1] at them, for a block with
-      `materials.StrainSoftening`: each wave has the modulus at its ε, linear in between.
 
     **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
     displacement is part of the mean gap). Nyquist lines have the real part of the mean over both
@@ -69,7 +66,7 @@ def stack_kernel(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    kernel, reached = attempted_kernel(stack, grid, velocity, rtol=rtol, strain=strain)
+    kernel, reached = attempted_kernel(stack, grid, velocity, rtol=rtol)
     return required(kernel, reached, partial(eqx.error_if, msg=NOT_REACHED))
 
 
@@ -78,18 +75,17 @@ def attempted_kernel(
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""] | bool]:
     """Returns the kernel, and whether it reached its tolerance; does not raise.
 
-    Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed.
+    NaN where the tolerance of a graded layer was missed.
+
+    **Arguments:**
+
+    - `stack`, `grid`, `velocity`, `rtol`: as in `stack_kernel`.
+    - `strain`: wavenumbers [rad/m], ascending, and amplitudes ε [1] at them, for a block with
+      `materials.StrainSoftening`: each wave has the modulus at its ε, linear in between.
     """
     velocity = checked_velocity(stack, grid, velocity)
     rtol = graded_tolerance(stack, rtol, grid.size)
     oblique = velocity.ndim > 0
-    if strain is not None:
-        q, amplitude = strain = as_float(strain[0], "strain[0]"), as_float(strain[1], "strain[1]")
-        check_rows(2, **{"strain[0]": q, "strain[1]": amplitude})
-        check_increasing("strain[0]", q)
-        check_values("strain[1]", amplitude, "a strain [1] is 0 or positive", at_least=0)
-        if not softens(stack):
-            raise ValueError("`stack` holds no `StrainSoftening`: `strain` changes nothing.")
 
     def direct():
         kernel = _direct_kernel(stack, grid, velocity, rtol, strain)

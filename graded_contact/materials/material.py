@@ -320,7 +320,7 @@ def _increasing_roots(value: Callable, poles: Array, lower: Array, upper: Array)
     # 80 halvings take a bracket of 700 e-foldings below rounding.
     near, far = jax.lax.stop_gradient(jax.lax.fori_loop(0, 80, halve, (far + reach, far)))
     step = jnp.exp((near + far) / 2)
-    # Bisection has no derivative; one step of Newton has that of the implicit function.
+    # Bisection has no derivative; one step of Newton has the implicit one.
     _, slope = jax.jvp(lambda step: value(*place(step)), (step,), (jnp.ones_like(step),))
     return place(step - value(*place(step)) / jax.lax.stop_gradient(slope))
 

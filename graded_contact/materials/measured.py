@@ -1,4 +1,4 @@
-"""Measured moduli or compliances, and those of several files or sheets together."""
+"""Measured moduli or compliances, of one file or of several together."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -80,7 +80,7 @@ def grouped(kelvin: np.ndarray) -> Int[np.ndarray, " points"]:
 
 
 def joined(parts: Sequence[Measured]) -> Measured:
-    """The isotherms of several files or sheets; those of one temperature become one."""
+    """The isotherms of several files or sheets; isotherms of one temperature become one."""
     for field in ("kind", "deformation"):
         found = {str(part.path.name): getattr(part, field) for part in parts}
         if len(set(found.values())) > 1:
@@ -88,7 +88,8 @@ def joined(parts: Sequence[Measured]) -> Measured:
     lacking = [str(part.path) for part in parts if part.temperature is None]
     if lacking:
         raise ValueError(f"`path` lacks the temperature of {lacking}: pass `temperature` [K].")
-    curves, group = _curves(parts)
+    curves = [curve for part in parts for curve in part.isotherms()]
+    group = grouped(np.array([np.mean(np.asarray(curve.temperature)) for curve in curves]))
     isotherm = np.repeat(group, [len(curve.abscissa) for curve in curves])
 
     def all_of(field: str) -> np.ndarray:
@@ -106,10 +107,3 @@ def joined(parts: Sequence[Measured]) -> Measured:
         isotherm=isotherm[order],
         history=(*(sentence for part in parts for sentence in part.history), note),
     )
-
-
-def _curves(parts: Sequence[Measured]) -> tuple[list[Measured], np.ndarray]:
-    """The isotherms of all parts, and the group of temperature of each."""
-    curves = [curve for part in parts for curve in part.isotherms()]
-    means = [float(np.mean(np.asarray(curve.temperature))) for curve in curves]
-    return curves, grouped(np.array(means))

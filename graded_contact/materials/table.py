@@ -77,7 +77,7 @@ class Tabulated(AbstractMaterial):
             jnp.exp(monotone_cubic(nodes, jnp.log(part), inside))
             for part in (self.storage, self.loss)
         )
-        # Odd in ω; at rest its slope is that of the first point.
+        # Odd in ω; at rest it has the slope at the first point.
         beyond = jnp.sign(omega) * last / jnp.where(above, size, last)
         decay = jnp.where(below, omega / first, beyond)
         return jax.lax.complex(storage, loss * decay)

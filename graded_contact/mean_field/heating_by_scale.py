@@ -66,7 +66,7 @@ def find_rises(
     **Arguments:**
 
     - `power`: of `given` and rises: q [rad/m] and the diffusion x [1], the heat of hysteresis up to
-      each q and that of shear [W/m²], and the speed [m/s].
+      each q and the heat of shear [W/m²], and the speed [m/s].
     - `given`: all that has derivatives.
     - `most`: the highest rise that is sought [K].
     """

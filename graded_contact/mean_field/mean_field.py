@@ -46,6 +46,7 @@ from ..core.checks import (
     as_float,
     as_scalar,
     check_positive,
+    check_rows,
     check_tolerance,
     check_type,
     check_values,
@@ -198,7 +199,7 @@ def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) 
     - `case`: with a pressure and a velocity.
     - `spectrum`: of `mean_field_friction`; None for the `surface` of the case: a spectrum, or a
       surface, whose spectrum is averaged over directions.
-    - `options`: arguments of `mean_field_friction`, also in place of those of the case.
+    - `options`: arguments of `mean_field_friction`, also in place of numbers of the case.
 
     **Raises:** `ValueError` for a case with another law of contact than a hard wall.
     """
@@ -286,7 +287,7 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     """What `_integrated` returns, and the temperatures of the scales."""
     field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
-    # The lowest frequency is that of the longest wave at the last angle.
+    # The longest wave at the last angle has the lowest frequency.
     edges, speed = smooth_edges(field.spectrum), direction_and_speed(field.velocity)[1]
     if is_concrete(speed) and np.asarray(speed) == 0:
         check_at_rest(field.stack)
@@ -315,7 +316,7 @@ def _integrated(rules: Rules, given, rises=None):
     """Wavenumbers, diffusion, hysteresis, its error and extrapolated share, and shear."""
     (field, shear, temperature), scales = given, None
     if rises is not None:
-        # The first temperature is that of the surface, where shear acts.
+        # The first temperature is at the surface, where shear acts.
         scales, temperature = temperature + rises[1:], temperature + rises[0]
     q, x, *found = integrate(field, rules, scales)
     return q, x, *found, _sheared(field, shear, temperature, x)
@@ -344,8 +345,7 @@ def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array
     all of P lies at σ0, and the row is 0.
     """
     stress = as_float(stress, "stress")
-    if stress.ndim != 1:
-        raise ValueError(f"`stress` has shape {stress.shape}; one axis is needed.")
+    check_rows(1, stress=stress)
     check_values("stress", stress, "a stress [Pa] is zero or positive", at_least=0)
     mean = mean_field.pressure
     # Twice a division: the square of a pressure may leave the range of float32.

@@ -40,7 +40,7 @@ def turn_of(spectrum: Spectrum, direction: Float[Array, " components"]) -> Array
 def root_density(
     spectrum: Spectrum, q: Float[Array, "*n"], *, mean: bool = False
 ) -> Float[Array, "*n"]:
-    """Returns √C [m²] across the lay, or that of the `mean` over directions; 0 outside."""
+    """Returns √C [m²] across the lay, or of the `mean` over directions; 0 outside."""
     if mean or not isinstance(spectrum, SelfAffine) or spectrum.angle is None:
         density = spectrum.density(q)
     else:

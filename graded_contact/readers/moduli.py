@@ -82,7 +82,7 @@ def read_moduli(
     - `poisson`: Poisson's ratio ν, to convert shear to tension by E = 2(1 + ν)G.
     - `temperature`: [K] of all tables, or of each, if they have no column of it.
     - `layout`: of a table that is not plain: {"header": 9} for the number of the line of names,
-      "end" for that of the last line, "separator", "decimal" (","), "sheet" of a workbook, and
+      "end" for the last line, "separator", "decimal" (","), "sheet" of a workbook, and
       "section" of a rheometer's text, one name or a list.
 
     **Returns:** isotherms, with a history of the reading, see `Measured`.

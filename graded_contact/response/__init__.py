@@ -1,8 +1,9 @@
 """Response of a block to one wave: M_zz(q, ω), the full matrix, and the stress inside."""
 
 from .compliance import effective_modulus, surface_compliance, surface_compliance_matrix
-from .layering import Layering, sliced
+from .layering import Layering
 from .riccati import Riccati
+from .slices import sliced
 from .stress import interior_fields, stress_field, von_mises
 
 __all__ = [

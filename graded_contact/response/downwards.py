@@ -30,7 +30,7 @@ from .upwards import FULL, base_face
 Side = Literal["above", "below"]
 
 
-class Above(NamedTuple):
+class StateAbove(NamedTuple):
     """Stiffness of the part above a cut, in plane and antiplane, and the force (t, s, T)."""
 
     plane: Compliance
@@ -63,7 +63,7 @@ def depth_climb(
     zero = jnp.zeros(jnp.broadcast_shapes(q.shape, depth.shape), q.dtype)
     one, nothing = jnp.ones_like(zero), Compliance(zero, zero, zero, zero)
     # Nothing lies above the surface: no stiffness, and the traction as it is.
-    surface = Face(Above(nothing, zero, traction), one, one)
+    surface = Face(StateAbove(nothing, zero, traction), one, one)
 
     def climb(add_graded):
         start = base_face(column.base, zero)
@@ -142,7 +142,7 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
         s.p12 * t + s.p22 * n,
         2 * decay / (1 + decay * decay) * across * inverse_t,
     )
-    return lower._replace(state=Above(stiffness, (tanh + g_t) * inverse_t, traction))
+    return lower._replace(state=StateAbove(stiffness, (tanh + g_t) * inverse_t, traction))
 
 
 _ABOVE = Rule(_add, None)

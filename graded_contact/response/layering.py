@@ -19,7 +19,6 @@ fractions of the visible depth, are interpolated in log q. The result does not d
 so the mesh needs no derivative.
 """
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -27,14 +26,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact, ScalarLike
+from jaxtyping import Array, Float
 
 from ..blocks.profile import moduli_at
 from ..blocks.shapes import breaks_of
-from ..blocks.stack import GradedLayer, Layer, Stack
+from ..blocks.stack import GradedLayer
 from ..blocks.tolerance import AbstractGradedSolver, as_tolerance, rounding
-from ..core.checks import Numbers, as_numbers, check_whole
-from ..materials.material import AbstractMaterial
+from ..core.checks import check_whole
 from .column import Face, GradedPart, Rule, cast_like, stable_shape, visible
 
 # Layers per cell of the mesh. Longer rows gain order but lose digits to their weights.
@@ -307,47 +305,3 @@ def _representative(omega):
     spread = jnp.exp(jnp.linspace(jnp.log(low), jnp.log(high), _FREQUENCIES))
     spread = jnp.clip(spread, low, high)
     return jnp.where(jnp.any(size > 0), spread, 0)
-
-
-class _AtHeight(AbstractMaterial):
-    """The material of a graded layer at one height."""
-
-    profile: Any
-    height: Float[Array, ""]
-
-    def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
-        omega = as_numbers(omega, "omega")
-        return jnp.broadcast_to(self.profile(self.height, omega)[0], omega.shape)
-
-    def poisson_ratio(self, omega: Numbers) -> Inexact[Array, "..."]:
-        return jnp.asarray(self.profile(self.height, as_numbers(omega, "omega"))[1])
-
-    def at(self, temperature: ScalarLike) -> "_AtHeight":
-        return _AtHeight(self.profile.at(temperature), self.height)
-
-
-def sliced(stack: Stack, num_slices: int) -> Stack:
-    """Returns the stack with every graded layer cut into equal layers of its middle moduli.
-
-    For export, or as a check: its error is even in 1/n for n slices, so that with values f(n)
-    (4 f(2n) - f(n))/3 is two orders better. Nothing here needs it.
-
-    **Arguments:**
-
-    - `stack`: with graded layers.
-    - `num_slices`: of each graded layer.
-
-    **Returns:** a stack of homogeneous layers.
-
-    **Raises:** `ValueError` if `num_slices` is less than 1.
-    """
-    check_whole("num_slices", num_slices, 1)
-    layers = []
-    for layer in stack.layers:
-        if isinstance(layer, Layer):
-            layers.append(layer)
-            continue
-        thickness = layer.thickness
-        heights = 1 - (jnp.arange(num_slices, dtype=thickness.dtype) + 0.5) / num_slices
-        layers += [Layer(_AtHeight(layer.profile, s), thickness / num_slices) for s in heights]
-    return dataclasses.replace(stack, layers=layers)

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from ..blocks.profile import moduli_at
@@ -72,6 +73,8 @@ class Riccati(AbstractGradedSolver):
 
     def _add(self, part, face, rule, step):
         """The other face of a graded layer."""
+        import diffrax  # costs a quarter of a second that other scenes need not pay
+
         x = part.x
         mesh = build_mesh(part.profile, x, part.omega, num_cells=4)
         rough, _ = add_layered(part, face, mesh, rule)
@@ -90,18 +93,25 @@ class Riccati(AbstractGradedSolver):
         shape = jnp.broadcast_shapes(*(leaf.shape for leaf in jax.tree.leaves((waves, e))))
         waves = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, shape).ravel(), waves)
 
-        top = jax.vmap(lambda wave: self._solve_one(part.profile, wave, step))(waves)
+        def solve(adjoint, given):
+            profile, waves = given
+            return jax.vmap(lambda wave: self._solve_one(profile, wave, step, adjoint))(waves)
+
+        # By `DirectAdjoint`, which has both modes, gradients are off by 2e-6.
+        forward = partial(solve, diffrax.ForwardMode())
+        backward = partial(solve, diffrax.RecursiveCheckpointAdjoint())
+        top = _in_both_modes(forward, backward, (part.profile, waves))
         top = jax.tree.map(lambda leaf: leaf.reshape(shape), top)
         reference, inverse = (jnp.broadcast_to(part, shape) for part in (reference, inverse))
         return _face_of(top, reference, inverse, e)
 
-    def _solve_one(self, profile, wave, step):
+    def _solve_one(self, profile, wave, step, adjoint):
         """The numbers of one wave at the end; NaN where the steps did not suffice.
 
         A wave has x = q d, ω, the fraction of the layer that is seen, E_ref [Pa], the numbers at
         the start and their sizes, and 1 if they are inverse.
         """
-        import diffrax  # costs a quarter of a second that other scenes need not pay
+        import diffrax
 
         x, omega, seen, reference, start, size, inverse = wave
         leaves, treedef = jax.tree.flatten(start)
@@ -134,7 +144,7 @@ class Riccati(AbstractGradedSolver):
             dt0=None,
             y0=split(start),
             stepsize_controller=controller,
-            adjoint=diffrax.DirectAdjoint(),  # of both modes of derivatives
+            adjoint=adjoint,
             max_steps=_MAX_STEPS,
             throw=False,
         )
@@ -191,6 +201,40 @@ def _rates(numbers, modulus, poisson, reference, inverse):
         soft = either(1 / b1, b1)
         antiplane = soft - antiplane * antiplane / soft
     return Numbers(Compliance(*map(either, stiffness, compliance)), antiplane)
+
+
+def _in_both_modes(forward, backward, given):
+    """Returns `backward(given)`, with derivatives by either in the mode that it has.
+
+    The map of tangents is linear, and JAX gets its transpose as that of the solution of a linear
+    system: (b, 0) -> (0, L b), transposed (0, c) -> (Lᵀ c, 0).
+    """
+    given, rest = eqx.partition(given, eqx.is_inexact_array)
+
+    @jax.custom_jvp
+    def value(given):
+        return backward(eqx.combine(given, rest))
+
+    @value.defjvp
+    def _(primals, tangents):
+        (given,), (change,) = primals, tangents
+        found = value(given)
+        none = jax.tree.map(jnp.zeros_like, (given, found))
+        # In one array: JAX wants all of it to depend on what is differentiated.
+        flat, unravel = ravel_pytree((change, none[1]))
+
+        def tangent(_, flat):
+            run = lambda given: forward(eqx.combine(given, rest))  # noqa: E731
+            return ravel_pytree((none[0], jax.jvp(run, (given,), unravel(flat)[:1])[1]))[0]
+
+        def cotangent(_, flat):
+            run = lambda given: backward(eqx.combine(given, rest))  # noqa: E731
+            return ravel_pytree((*jax.vjp(run, given)[1](unravel(flat)[1]), none[1]))[0]
+
+        solved = jax.lax.custom_linear_solve(lambda x: x, flat, tangent, cotangent)
+        return found, unravel(solved)[1]
+
+    return value(given)
 
 
 def _sizes(rough):

@@ -21,7 +21,6 @@ from ..materials.shift import shifts_in
 from ..sliding import slide_case
 from ..sliding.interior.stress import STRESSES, largest_stress
 from ..sliding.number import numbers_of
-from ..sliding.solve.transient import solve_transient
 from ..studies.sweep import sweep
 from .scene import Scene
 
@@ -78,12 +77,10 @@ def frames_of(scene: Scene) -> tuple[int, ...]:
 
 def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     """Returns numbers and fields of the contact of a scene at a point, and how the solve ended."""
-    case = scene.case(point)
-    if scene.motion is not None and not scene.motion.repeats:
-        how = scene.numerics.of(case.bodies, case.rough)
-        contact: Any = solve_transient(case, how, frames_of(scene))
-    else:
-        contact = slide_case(case, scene.numerics)
+    case, motion = scene.case(point), scene.motion
+    transient = None if motion is None or motion.repeats else motion
+    frames = (-1,) if transient is None else frames_of(scene)
+    contact: Any = slide_case(case, scene.numerics, fields_at=frames)
     asked = {*scene.observe.asked, *([] if scene.fluid is None else ["flow"])}
     names = [n for n in numbers_of(type(contact), contact.facts | asked) if n not in scene.axes]
     found = dict(zip(names, contact.compute(*names), strict=True))
@@ -91,14 +88,14 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     for name in asked.intersection(STRESSES):
         stress, depth = largest_stress(name, contact, stack, scene.observe.stress_depths)
         found |= {name: stress, f"{name}_depth": depth}
-    if scene.motion is not None:
+    if motion is not None:
         found = {name: _along_motion(name, number, point) for name, number in found.items()}
-    if scene.motion is not None and scene.motion.repeats:
-        found["period"] = case.period
-    if scene.motion is not None and not scene.motion.repeats and "flow" in asked:
-        frames, unknown = np.array(frames_of(scene)), jnp.full(scene.motion.num_times, jnp.nan)
+        if motion.repeats:
+            found["period"] = case.period
+    if transient is not None and "flow" in asked:
+        unknown = jnp.full(transient.num_times, jnp.nan)
         flows = [name for name in found if name.startswith(FLOWS)]
-        found |= {name: unknown.at[frames].set(found[name]) for name in flows}
+        found |= {name: unknown.at[np.array(frames)].set(found[name]) for name in flows}
     if scene.fluid is not None:
         found |= _leakages(scene, found, case.rough.grid)
     if scene.output.fields is not None:

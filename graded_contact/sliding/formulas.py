@@ -299,20 +299,6 @@ def touching(found: Found) -> Array:
     return indicator_of(found) > 0
 
 
-def share_of(found: Found, formula: Callable[..., Array], *fields: Array) -> Array:
-    """An area at each time, in the dtype of the pressure."""
-    return found.operator.at_each_time(formula, *fields).astype(found.pressure.dtype)
-
-
-def moved_where_loaded(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
-    """How far a window moves where it is loaded, less a field; and the block's mean part of it."""
-    pressure, weight = operator.on_cell(found.pressure), jnp.abs(found.pressure)
-    weight = jax.lax.stop_gradient(jnp.where(jnp.sum(weight) > 0, weight, 1))
-    moved = operator.on_surface(operator.displace(pressure)) - field
-    mean = operator.kernel[(0,) * operator.kernel.ndim].real * jnp.mean(pressure)
-    return jnp.stack([jnp.sum(weight * moved) / jnp.sum(weight), mean])
-
-
 @shared
 def indicator_of(found: Found) -> Array:
     """How far points are inside contact or outside [Pa], see `AbstractLaw.contact_indicator`."""

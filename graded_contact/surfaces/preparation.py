@@ -53,8 +53,8 @@ def surface_from_heights(
       remain, with kinks at the seams; `"open"` keeps heights and tilt, and the body ends at the
       edges (`Surface.periodic` is False), such as an indenter. Heights that are periodic already
       are a `Surface(heights, Grid(shape, size))`.
-    - `shape`: number of points of the result; None uses that of the data.
-    - `history`: begins that of the surface.
+    - `shape`: number of points of the result; None: as many as the data have.
+    - `history`: first sentences of the history of the surface.
 
     **Returns:** the surface, with its history and warnings.
 

@@ -83,7 +83,7 @@ def _check_band(spectrum: Spectrum, grid: Grid) -> None:
     allowed = f"the smallest wavenumber of the cell is 2π/L = {fundamental:g} rad/m"
     check_values("q_low", q_low, allowed, at_least=fundamental * (1 - rounding))
     if not table and spectrum.anisotropy is not None and is_concrete(spectrum.q_roll):
-        # A correlation length along the lay beyond that of the cell has too few modes.
+        # A correlation length along the lay beyond the cell has too few modes.
         longest = max(float(spectrum.q_roll) / fundamental, 1)
         allowed = f"γ/q_roll must be at most L/2π. This cell takes up to {longest:.3g}; for a "
         allowed += "longer lay use a larger cell, for an endless one a profile"
@@ -114,7 +114,7 @@ def _synthesise(spectrum: Spectrum, grid: Grid, key: Array, gaussian: bool) -> A
         density = relative_density(spectrum, x, grid.ndim)
         if spectrum.angle is not None:
             qx, qy = wavevector(grid)
-            # The angle of q = 0, which is empty, is that of an arbitrary other one.
+            # The angle of q = 0, which is empty, is taken from another one.
             direction = jnp.arctan2(qy, jnp.where(zero_mode(grid.shape), 1, qx))
             density *= narrowing(spectrum, x, direction - spectrum.angle - np.pi / 2)
     # What one mode has of <h²>: C times its cell in the plane of wavevectors.

@@ -52,8 +52,6 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     """
     check_periodic(surface)
     old = surface.grid.shape
-    if np.size(shape) != len(old):
-        raise ValueError(f"`shape={shape}` is refused: {len(old)} whole numbers are needed.")
     grid = Grid(shape, surface.grid.size)
     if grid.shape == old:
         return surface

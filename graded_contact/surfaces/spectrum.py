@@ -131,7 +131,7 @@ class SelfAffine(eqx.Module):
     def moment(self, order: int | float, ndim: int = 2) -> Float[Array, ""]:
         """Returns ∫ d²q q^order C(q) [m^(2 - order)], for a profile (`ndim=1`) ∫ dq |q|^order C(q).
 
-        To rounding for every real order: order 0 is the square of the rms height, order 2 that of
+        To rounding for every real order: order 0 is the square of the rms height, order 2 of
         the rms slope.
         """
         ratio = _relative_moment(self, order, ndim) / _relative_moment(self, 0, ndim)
@@ -143,7 +143,7 @@ class CutoffCurve(eqx.Module):
     """Friction and contact area up to each cut-off.
 
     Which waves count depends on the function: `cumulative_friction` adds up the waves of one
-    contact, `mean_field_friction` leaves out those of the surface.
+    contact, `mean_field_friction` leaves out shorter waves of the surface.
 
     **Fields:**
 
@@ -169,7 +169,7 @@ def _lay(anisotropy: Any, angle: Any, roll_off: str) -> tuple[Any, Any]:
         raise ValueError(f'{given} is refused with the sharp roll-off: pass `roll_off="smooth"`.')
     anisotropy = as_scalar(anisotropy, "anisotropy")
     angle = as_scalar(0.0 if angle is None else angle, "angle")
-    words = "Peklenik's number is from 1 to 10,000; `angle` is that of the long direction"
+    words = "Peklenik's number is from 1 to 10,000; `angle` is of the long direction"
     check_values("anisotropy", anisotropy, words, at_least=1, at_most=1e4)
     check_values("angle", angle, "an angle [rad] must be finite")
     return anisotropy, angle

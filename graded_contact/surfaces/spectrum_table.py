@@ -55,7 +55,7 @@ class SpectrumTable(eqx.Module):
 
     @classmethod
     def from_line(cls, q: Numbers, line: Numbers, **said: tuple[str, ...]) -> "SpectrumTable":
-        """Returns the spectrum of an isotropic surface from that of lines on it.
+        """Returns the spectrum of an isotropic surface from the spectrum of lines on it.
 
         Such is the spectrum of several scans that SurfaceTopography's containers join, over 2π.
 

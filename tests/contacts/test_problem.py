@@ -1,4 +1,3 @@
-import closed_forms
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,27 +7,33 @@ from oracles import dense_contact, dense_operator
 
 import graded_contact as gc
 from graded_contact.contacts.operators.operator import Steady
-from graded_contact.fields.grid import half_shape
 from graded_contact.sliding.problem import SteadyProblem
 
-SMALL = gc.Grid((16, 16), 1.0)
-GRID = gc.Grid((64, 64), 1.0)
+# Most contacts are on one plane and one line, with complex kernels: each is one program.
+PLANE, LINE = gc.Grid((15, 10), 1.0), gc.Grid((64,), 1.0)
+
+NESTED = gc.contacts.DouglasRachford(coarsest=16)
 
 
 def half_space(grid):
     return gc.stack_kernel(BODIES["elastic"], grid)
 
 
+def on_plane(name):
+    """Kernel and heights of noise."""
+    kernel = gc.stack_kernel(BODIES[name], PLANE, SPEED) + 0j
+    return kernel, np.random.default_rng(1).normal(size=PLANE.shape) * 0.05
+
+
+def on_line():
+    return gc.stack_kernel(BODIES["coated"], LINE, SPEED), rough(LINE).heights
+
+
 @pytest.mark.parametrize("load", [0.02, 0.2])
-@pytest.mark.parametrize(
-    "name, shape",
-    [("elastic", (12, 12)), ("coated", (12, 12)), ("coated", (15, 10)), ("coated", (1, 24))],
-)
-def test_pressure_matches_a_dense_complementarity_solve(name, load, shape):
-    """Symmetric and, sliding, nonsymmetric; square, odd and of one row."""
-    grid = gc.Grid(tuple(n for n in shape if n > 1), 1.0)
-    heights = np.random.default_rng(1).normal(size=shape) * 0.05
-    kernel = gc.stack_kernel(BODIES[name], grid, SPEED).reshape(half_shape(shape))
+@pytest.mark.parametrize("name", ["elastic", "coated"])
+def test_pressure_matches_a_dense_complementarity_solve(name, load):
+    """Symmetric and, sliding, nonsymmetric."""
+    kernel, heights = on_plane(name)
     expected = dense_contact(np.asarray(kernel), heights, load)
     found = gc.solve_contact(kernel, heights, load, rtol=1e-10)
     np.testing.assert_array_equal(found.pressure > 0, expected > 0)
@@ -41,7 +46,7 @@ def test_pressure_matches_a_dense_complementarity_solve(name, load, shape):
 def sheet(grid, closed):
     """Kernel, heights and load of a free bilayer thin beside the cell, near full contact."""
     layers = gc.Layer(gc.Elastic(1.0, 0.49), 3e-3), gc.Layer(gc.Elastic(30.0, 0.3), 3e-3)
-    kernel = gc.stack_kernel(gc.Stack(layers=layers, base=gc.Free()), grid).real
+    kernel = gc.stack_kernel(gc.Stack(layers=layers, base=gc.Free()), grid) + 0j
     heights = rough(grid).heights
     spectrum = jnp.fft.rfftn(heights) / kernel.at[(0,) * grid.ndim].set(np.inf)
     return kernel, heights, -closed * jnp.fft.irfftn(spectrum, grid.shape).min()
@@ -50,14 +55,9 @@ def sheet(grid, closed):
 @pytest.mark.parametrize("closed", [None, 0.3, 0.5, 0.9])
 def test_gaps_match_a_dense_complementarity_solve_within_their_stated_error(closed):
     """A sheet's contrast is 1e6: M σ of a pressure good to 1e-3 would be off by many heights."""
-    line = gc.Grid((64,), 1.0)
-    if closed is None:
-        kernel, heights = gc.stack_kernel(BODIES["coated"], line, SPEED), rough(line).heights
-        load = 0.1
-    else:
-        kernel, heights, load = sheet(line, closed)
+    kernel, heights, load = (*on_line(), 0.1) if closed is None else sheet(LINE, closed)
     pressure = dense_contact(np.asarray(kernel), np.asarray(heights), load)
-    gap = dense_operator(np.asarray(kernel), line.shape) @ pressure - (heights - heights.mean())
+    gap = dense_operator(np.asarray(kernel), LINE.shape) @ pressure - (heights - heights.mean())
     gap = gap - np.sum(gap * pressure) / np.sum(pressure)
     for rtol in (1e-3, 1e-5):
         found = gc.solve_contact(kernel, heights, load, rtol=rtol)
@@ -69,27 +69,10 @@ def test_gaps_match_a_dense_complementarity_solve_within_their_stated_error(clos
 
 
 def test_solve_whose_gaps_are_worth_nothing_says_so():
-    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
-    with pytest.raises(RuntimeError, match="gaps may be wrong by more than a tenth"):
-        gc.solve_contact(kernel, heights, 0.005, rtol=0.9)
-    found = gc.solve_contact(kernel, heights, 0.005, rtol=0.9, throw=False)
+    found = gc.solve_contact(*sheet(LINE, 0.3), rtol=0.3, throw=False)
     assert found.result == gc.contacts.RESULTS.gap_unresolved
     assert found.gap_error > 0.1
-    assert found.error <= 0.9
-
-
-@pytest.mark.parametrize("fraction", [0.143566, 0.856434])
-def test_wave_matches_westergaard(fraction):
-    """V8; the edge of contact is uncertain by a pixel on each side."""
-    n, amplitude = 512, 1e-3
-    grid = gc.Grid((n,), 1.0)
-    x = np.arange(n) / n
-    full = np.pi * amplitude
-    load = full * np.sin(np.pi * fraction / 2) ** 2
-    s = gc.solve_contact(half_space(grid), amplitude * np.cos(2 * np.pi * x), load)
-    assert abs(np.mean(s.pressure > 0) - fraction) <= 2 / n
-    exact = closed_forms.westergaard_pressure(x, load, amplitude, 1.0, 1.0)
-    assert np.mean(np.abs(s.pressure - exact)) <= 5e-3 * load
+    assert found.error <= 0.3
 
 
 def test_double_sinusoid_meets_its_light_and_heavy_limits():
@@ -113,73 +96,43 @@ def test_double_sinusoid_meets_its_light_and_heavy_limits():
         assert abs(float(area) - expected) <= atol
 
 
-def test_sphere_converges_to_hertz_with_the_grid():
-    """V7 on a cell 12 contact radii wide; peak pressure converges, the image error remains."""
-    radius, cell, contact = 1.0, 1.0, 1 / 12
-    load = 4 / 3 * contact**3 / radius
-    errors = []
-    for n in (64, 128):
-        grid = gc.Grid((n, n), cell)
-        x = (np.arange(n) - n // 2) / n * cell
-        heights = -(x[:, None] ** 2 + x**2) / (2 * radius)
-        s = gc.solve_contact(half_space(grid), heights, load / cell**2)
-        a, peak, _ = closed_forms.hertz_sphere(load, radius, 1.0)
-        pressure = closed_forms.hertz_pressure(np.hypot(x[:, None], x), a, peak)
-        errors.append(np.sqrt(np.mean((s.pressure - pressure) ** 2) / np.mean(pressure**2)))
-    assert errors[1] <= 0.6 * errors[0]
-    assert errors[1] <= 0.03
-
-
 def test_nesting_does_not_change_the_solution_and_counts_the_transforms_of_all_grids():
-    solver = gc.contacts.DouglasRachford(coarsest=16)
-    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
-    heights = rough(GRID).heights
-    nested = gc.solve_contact(kernel, heights, 0.05, solver=solver, rtol=1e-9)
-    flat = gc.solve_contact(kernel, heights, 0.05, rtol=1e-11)  # 64 points: one grid
+    nested = gc.solve_contact(*on_line(), 0.05, solver=NESTED, rtol=1e-9)
+    flat = gc.solve_contact(*on_line(), 0.05, rtol=1e-11)  # 64 points: one grid
     np.testing.assert_allclose(nested.pressure, flat.pressure, atol=1e-7 * np.max(flat.pressure))
     assert nested.num_fft_pairs > nested.num_steps + 4
     assert flat.num_fft_pairs == flat.num_steps + 4
 
 
-def test_error_hidden_by_rounding_is_reported():
-    """In float32, of pressures that are small beside what the gaps are worth."""
-    kernel = half_space(GRID).astype(jnp.float32)
-    heights = rough(GRID).heights.astype(jnp.float32)
-    with pytest.raises(RuntimeError, match="Rounding hides the remaining error"):
-        gc.solve_contact(kernel, heights, 2e-3, rtol=2e-5)
-    found = gc.solve_contact(kernel, heights, 2e-3, rtol=2e-5, throw=False)
-    assert found.result == gc.contacts.RESULTS.rounding
-    assert found.error > 2e-5
-
-
-def test_the_more_precise_field_decides_and_a_load_does_not():
+def test_the_more_precise_field_decides_and_an_error_hidden_by_rounding_is_reported():
     """In two precisions the noise of one would pass for a residual of the other, without end."""
-    heights = np.random.default_rng(1).normal(size=SMALL.shape) * 0.05
-    kernel = gc.stack_kernel(BODIES["bare"], SMALL, SPEED).astype(jnp.complex64)
+    kernel, heights = on_plane("bare")
+    kernel = kernel.astype(jnp.complex64)
     expected = dense_contact(np.asarray(kernel, complex), heights, 0.02)
-    for dtype, rtol in ((jnp.float32, 1e-3), (jnp.float64, 1e-4)):
-        s = gc.solve_contact(kernel, jnp.asarray(heights, dtype), 0.02, rtol=rtol)
+    for dtype, rtol in ((jnp.float32, 1e-3), (jnp.float64, 1e-4), (jnp.float32, 5e-5)):
+        s = gc.solve_contact(kernel, jnp.asarray(heights, dtype), 0.02, rtol=rtol, throw=False)
         assert s.pressure.dtype == s.mean_gap.dtype == s.error.dtype == dtype
-        np.testing.assert_allclose(s.pressure, expected, atol=rtol * expected.max())
+        np.testing.assert_allclose(
+            s.pressure, expected, atol=max(rtol, float(s.error)) * expected.max()
+        )
+        assert (s.result == gc.contacts.RESULTS.rounding) == (rtol == 5e-5) == (s.error > rtol)
 
 
 def test_stopped_solve_reports_it_and_returns_the_partial_result():
-    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
     hasty = gc.contacts.DouglasRachford(max_steps=4)
     with pytest.raises(RuntimeError, match=r"^The contact solver reached `max_steps`"):
-        gc.solve_contact(kernel, heights, 0.05, solver=hasty)
-    partial = gc.solve_contact(kernel, heights, 0.05, solver=hasty, throw=False)
+        gc.solve_contact(*on_line(), 0.05, solver=hasty)
+    partial = gc.solve_contact(*on_line(), 0.05, solver=hasty, throw=False)
     assert partial.result == gc.contacts.RESULTS.max_steps_reached
     assert partial.num_steps == 4
     assert partial.error > 1e-6
     np.testing.assert_allclose(np.mean(partial.pressure), 0.05)
 
 
-@pytest.mark.parametrize("name, shape", [("elastic", (16, 16)), ("coated", (24,))])
-def test_hardness_matches_a_dense_solve_with_both_bounds(name, shape):
+@pytest.mark.parametrize("name", ["elastic", "coated"])
+def test_hardness_matches_a_dense_solve_with_both_bounds(name):
     """The same points flow, touch and stand apart; a third of the load is beyond the hardness."""
-    heights = np.random.default_rng(1).normal(size=shape) * 0.05
-    kernel = gc.stack_kernel(BODIES[name], gc.Grid(shape, 1.0), SPEED)
+    kernel, heights = on_plane(name)
     free = dense_contact(np.asarray(kernel), heights, 0.2)
     hardness = 0.4 * free.max()
     expected = dense_contact(np.asarray(kernel), heights, 0.2, hardness)
@@ -196,7 +149,7 @@ def test_hardness_matches_a_dense_solve_with_both_bounds(name, shape):
 
 def test_repulsive_law_goes_to_the_hard_wall_in_proportion_to_its_range():
     """The mean gap at first order in ε; pressure nearly so."""
-    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    kernel, heights = on_line()
     rms = float(jnp.std(heights))
     hard = gc.solve_contact(kernel, heights, 0.05, rtol=1e-9)
     ranges, rows = np.array([0.1, 0.01, 0.001]), []
@@ -210,12 +163,12 @@ def test_repulsive_law_goes_to_the_hard_wall_in_proportion_to_its_range():
     assert np.all(np.log10(of_pressure[:-1] / of_pressure[1:]) > 0.9)
     assert of_pressure[-1] < 1e-3
     touching = law.contact_indicator(s.pressure, s.gap, 1.0) > 0
-    assert abs(np.mean(touching) - np.mean(hard.pressure > 0)) <= 2 / GRID.shape[0] ** 2
+    assert abs(np.mean(touching) - np.mean(hard.pressure > 0)) <= 2 / LINE.shape[0]
 
 
-@pytest.mark.parametrize("law", ["hard", "hardness", "repulsive"])
+@pytest.mark.parametrize("law", ["hardness", "repulsive"])
 def test_mean_gap_gives_the_same_contact_as_the_load_that_has_it(law):
-    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    kernel, heights = on_line()
     law = LAWS[law]
     by_load = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9)
     by_gap = gc.solve_contact(kernel, heights, mean_gap=jnp.mean(by_load.gap), law=law, rtol=1e-9)
@@ -227,26 +180,21 @@ def test_mean_gap_gives_the_same_contact_as_the_load_that_has_it(law):
 
 
 def test_surfaces_held_apart_do_not_touch():
-    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    kernel, heights = on_line()
     apart = 1.01 * jnp.max(heights - jnp.mean(heights))
-    s = gc.solve_contact(kernel, heights, mean_gap=apart)
+    s = gc.solve_contact(kernel, heights, mean_gap=apart, law=LAWS["hardness"])
     np.testing.assert_array_equal(s.pressure, 0)
     np.testing.assert_allclose(s.gap, apart - (heights - jnp.mean(heights)), rtol=1e-12)
 
 
 def test_full_contact_is_found_at_once():
     """Where everything touches, the pressure flattens the heights: a division mode by mode."""
-    n = 32
-    rng = np.random.default_rng(0)
-    heights = 1e-3 * rng.normal(size=(n, n))
-    kx, ky = np.fft.fftfreq(n, 1 / n)[:, None], np.arange(n // 2 + 1)[None, :]
-    q = np.hypot(kx, ky) + (kx == 0) * (ky == 0)
-    spectrum = np.fft.rfft2(heights) * q
-    spectrum[0, 0] = 0
-    exact = 1 + np.fft.irfft2(spectrum, s=(n, n))
-    assert exact.min() > 0
-    found = gc.solve_contact(1 / q, heights, 1.0, solver=gc.contacts.DouglasRachford(coarsest=8))
-    np.testing.assert_allclose(found.pressure, exact, rtol=1e-12)
+    kernel, heights = on_line()
+    spectrum = np.fft.rfft(heights) / kernel.at[0].set(np.inf)
+    exact = np.fft.irfft(spectrum, 64)
+    exact = exact - 1.1 * exact.min()
+    found = gc.solve_contact(kernel, heights, np.mean(exact), solver=NESTED)
+    np.testing.assert_allclose(found.pressure, exact, atol=1e-12 * exact.max())
     assert found.num_fft_pairs <= 12
 
 

@@ -11,6 +11,7 @@ RELAXED, BRANCH = 0.75, 1.5  # Pa; the branch relaxes in 1 s
 GRID = gc.Grid((64,), 1.0)
 SURFACE = rough(GRID)
 LOAD, SPEED = 0.05, 0.1  # Pa, m/s
+PLAIN = {"solver": gc.contacts.DouglasRachford(newton=False)}
 
 
 @jax.jit
@@ -31,7 +32,9 @@ def friction_by_steps(step, num_steps):
         stretch, start, _ = state
         pushed = jnp.fft.irfft(carried * stretch, 64)
         memory = share * BRANCH / stiff * pushed
-        found = gc.solve_contact(kernel, SURFACE.heights - memory, LOAD, rtol=1e-7, start=start)
+        found = gc.solve_contact(
+            kernel, SURFACE.heights - memory, LOAD, rtol=1e-7, start=start, **PLAIN
+        )
         w = found.displacement + memory
         slope = jnp.fft.irfft(1j * np.where(q < q[-1], q, 0) * jnp.fft.rfft(w), 64)
         stretch = jnp.fft.rfft(share * pushed + (1 - share) * w)

@@ -37,7 +37,6 @@ def found():
     return json.loads(out)
 
 
-@pytest.mark.slow
 def test_four_devices_find_what_one_finds(found):
     """Sums are taken in another order, and so are transforms: steps differ by rounding."""
     distances = found["distances"]
@@ -47,14 +46,12 @@ def test_four_devices_find_what_one_finds(found):
     np.testing.assert_allclose(*found["numbers"], rtol=RTOL, atol=1e-14)
 
 
-@pytest.mark.slow
 def test_each_device_holds_its_rows_and_a_share_of_the_memory(found):
     assert found["shards"] == [[[9, 50]] * 4] * 2
     many, one = found["temporaries"]
     assert many < 0.3 * one
 
 
-@pytest.mark.slow
 def test_only_transforms_exchange_fields(found):
     """Nothing gathers or adds up fields; neighbours pass on less than they hold."""
     largest = found["exchanged"]
@@ -62,7 +59,6 @@ def test_only_transforms_exchange_fields(found):
     assert largest["all-gather"] < 2 * ROW and largest["all-reduce"] < 2 * ROW
 
 
-@pytest.mark.slow
 def test_what_is_refused_is_named_wherever_it_lies(found):
     *grids, heights = found["refused"]
     assert "`heights[20, 3]=nan` is refused" in heights
@@ -76,7 +72,6 @@ def test_what_are_no_devices_is_refused(unchecked_types, devices):
         Grid((8, 8), 1.0, devices)
 
 
-@pytest.mark.slow
 def test_two_processes_find_the_same(found):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))

@@ -132,16 +132,15 @@ def far_off(curve, law=solid_wlf):
     return np.abs(error[others]) / np.asarray(curve.shift_deviations()[0])[others]
 
 
-@pytest.mark.parametrize("law", ["wlf", "arrhenius"])
-def test_exact_glassy_isotherms_end_in_no_false_minimum(law):
+def test_exact_glassy_isotherms_end_in_no_false_minimum():
     """Where neighbours overlap less, branches of their own explain the coldest curve nearly."""
-    found = master_curve(of_solid(FAHRENHEIT), law=law)
+    found = master_curve(of_solid(FAHRENHEIT))
     np.testing.assert_allclose(found.log10_shifts[0], 4.78599, atol=2e-4)
     assert np.all(far_off(found) < 2)
     assert found.fit.errors().total < 1e-4
 
 
-@pytest.mark.parametrize("noise, reference", [(0.0, 255.0), (0.002, 310.0), (0.03, 255.0)])
+@pytest.mark.parametrize("noise, reference", [(0.0, 310.0), (0.03, 255.0)])
 def test_shifts_of_many_isotherms_lie_within_their_errors_about_any_reference(noise, reference):
     temperatures = np.delete(np.arange(253.0, 314.0, 6), 4)
     curves = of_solid(temperatures, 2.0, 12, noise)
@@ -160,8 +159,6 @@ def misfit(material, curves, kind="frequency"):
         if kind == "creep":
             glassy, compliances, times = there.creep()
             model = 1 / glassy - np.expm1(-np.divide.outer(x, times)) @ compliances
-        elif kind == "relaxation":
-            model = there.equilibrium + np.exp(-np.divide.outer(x, there.times)) @ there.strengths
         else:
             model = np.asarray(there.modulus(x))
         both = kind == "frequency"
@@ -177,10 +174,8 @@ def read_back(found):
 
 
 def test_an_exported_material_is_as_near_to_every_isotherm_as_the_fit(bent_curve, curve):
-    table = master_curve(isotherms(), law="table", terms=curve.fit.terms)
     for found, curves, kept in (
         (curve, isotherms(), WLF),
-        (table, isotherms(), TabulatedShift),
         (bent_curve, isotherms(bent, vertical=0.05), TabulatedShift),
     ):
         material = read_back(found)
@@ -193,22 +188,18 @@ def test_an_exported_material_is_as_near_to_every_isotherm_as_the_fit(bent_curve
     np.testing.assert_allclose(bent_curve.law_error(), misfit(by_law, curves), rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["relaxation", "creep"])
-def test_moduli_in_time_are_shifted_and_handed_on_with_their_vertical_shifts(kind):
-    """Each isotherm of compliances is its b_T higher, moduli the reciprocal."""
-    time, curves = np.geomspace(0.01, 10, 12), []
+def test_compliances_in_time_are_shifted_and_handed_on_with_their_vertical_shifts():
+    """Each isotherm is its b_T higher, moduli the reciprocal."""
+    time, curves = np.geomspace(0.01, 10, 8), []
     for temperature in TEMPERATURES:
         ages = np.divide.outer(time / 10 ** wlf(temperature), TIMES)
-        values = (
-            START + np.exp(-ages) @ STRENGTHS
-            if kind == "relaxation"
-            else 1 / 2e8 - np.expm1(-ages) @ (0.1 / STRENGTHS[::-1])
-        )
+        values = 1 / 2e8 - np.expm1(-ages) @ (0.1 / STRENGTHS[::-1])
         curves.append((temperature, time, values * (temperature / REFERENCE)))
-    found = master_curve(curves, kind=kind, vertical_shift_std=0.3, terms=4)
+    found = master_curve(curves, kind="creep", vertical_shift_std=0.3, terms=4)
     error = found.fit.errors().total
     assert error < 1e-4 and np.max(abs(np.asarray(found.vertical_shifts) - 1)) > 0.04
-    np.testing.assert_allclose(misfit(found.material, curves, kind), error, rtol=1e-6, atol=1e-12)
+    misfit_of = misfit(found.material, curves, "creep")
+    np.testing.assert_allclose(misfit_of, error, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(found.log10_shifts, wlf(TEMPERATURES), atol=1e-3)
 
 
@@ -228,8 +219,6 @@ def test_vertical_shifts_are_recovered_within_their_limits():
     assert np.all(np.abs(error) < 0.06) and np.all(np.abs(error) <= 4 * across)
     shift_error = np.asarray(curve.log10_shifts) - wlf(TEMPERATURES)
     assert np.all(np.abs(shift_error) <= 4 * along)
-    without = master_curve(isotherms(vertical=0.05), terms=4)
-    assert without.fit.errors().total > 1.5 * curve.fit.errors().total
 
 
 # Optimum and uncertainty ------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 import graded_contact as gc
 from graded_contact.kernels import table as interpolation
@@ -63,30 +62,23 @@ LONG = gc.Stack(
     layers=[gc.Layer(material, 2e-4 * (1 + i)) for i, material in enumerate(MANY)],
     base=gc.HalfSpace(TREAD),
 )
-GRADED = gc.Stack(
-    layers=(gc.Layer(SOFT, 1e-4), gc.GradedLayer(gc.Blend(SOFT, TREAD), 1e-3)), base=gc.Rigid()
-)
 GRID = gc.Grid((256, 202), (0.1, 0.08))
 SPEED = 0.7
 
 
-def one_by_one(stack, index_x, index_y, rtol=None):
+def one_by_one(stack, index_x, index_y):
     qx = 2 * np.pi * index_x / 0.1
     q = np.hypot(qx, 2 * np.pi * index_y / 0.08)
-    return np.asarray(gc.surface_compliance(stack, q, -qx * SPEED, rtol=rtol))
+    return np.asarray(gc.surface_compliance(stack, q, -qx * SPEED))
 
 
-@pytest.mark.parametrize(
-    "stack, rtol",
-    [(LONG, 1e-9), pytest.param(GRADED, 1e-7, marks=pytest.mark.slow)],
-    ids=["long", "graded"],
-)
-def test_kernel_of_a_dear_stack_is_that_of_single_wavevectors(stack, rtol):
+def test_kernel_of_a_dear_stack_is_that_of_single_wavevectors():
+    stack, rtol = LONG, 1e-9
     kernel = np.asarray(gc.stack_kernel(stack, GRID, SPEED, rtol=rtol))
     index_x, index_y = (
         np.array(k) for k in [(0, 1, 5, 0, 77, 127, 31, 2), (1, 0, 3, 90, 0, 99, 60, 1)]
     )
-    expected = one_by_one(stack, index_x, index_y, rtol / 10 if stack is GRADED else None)
+    expected = one_by_one(stack, index_x, index_y)
     np.testing.assert_allclose(kernel[index_x, index_y], expected, rtol=rtol)
     np.testing.assert_allclose(kernel[-index_x, index_y], np.conj(expected), rtol=rtol)
     assert kernel[0, 0] == 0
@@ -94,13 +86,9 @@ def test_kernel_of_a_dear_stack_is_that_of_single_wavevectors(stack, rtol):
     assert not kernel[:, 101].imag.any()
 
 
-@pytest.mark.slow
 def test_a_table_that_falls_short_gives_way_to_direct_evaluation(monkeypatch):
     rtol = 1e-13
     monkeypatch.setattr(interpolation, "NODES", 32)
     kernel = np.asarray(gc.stack_kernel(LONG, GRID, SPEED, rtol=rtol))
     k = np.arange(1, 100)
     np.testing.assert_allclose(kernel[k, k], one_by_one(LONG, k, k), rtol=3e-14)
-    # Under `jit` the program chooses itself.
-    within = jax.jit(lambda v: gc.stack_kernel(LONG, GRID, v, rtol=rtol))(SPEED)
-    np.testing.assert_allclose(within[k, k], kernel[k, k], rtol=1e-14)

@@ -25,6 +25,7 @@ SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=3.3 * Q0, q_
 RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
 BARE = gc.Stack(base=gc.HalfSpace(RUBBER))
 COATED = gc.Stack(layers=(gc.Layer(gc.Elastic(4e6, 0.4), 1e-4),), base=gc.HalfSpace(RUBBER))
+distribution = jax.jit(pressure_distribution)
 CORRECTIONS = ("none", "yang_persson")
 
 mean_field = jax.jit(partial(mean_field_friction, throw=False), static_argnames=("correction",))
@@ -110,9 +111,7 @@ def integrated(compliance, pressure, velocity, correction):
 rubber_modulus = partial(maxwell, equilibrium=1e6, strengths=[4e6, 2e7], times=[1e-2, 1e-4])
 
 
-@pytest.mark.parametrize(
-    ("stack", "correction"), [(BARE, "none"), (BARE, "yang_persson"), (COATED, "none")]
-)
+@pytest.mark.parametrize(("stack", "correction"), [(BARE, "yang_persson"), (COATED, "none")])
 def test_friction_matches_integration_of_the_differential_equations(stack, correction):
     def compliance(q, omega):
         below = (rubber_modulus(omega), 0.49)
@@ -126,18 +125,15 @@ def test_friction_matches_integration_of_the_differential_equations(stack, corre
     np.testing.assert_allclose(solution.friction, friction, rtol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("stack", "velocity"), [(BARE, 0.03), (COATED, [-0.02, 0.01])], ids=["bare", "coated"]
-)
-def test_complete_contact_has_the_friction_of_the_contact_solver(stack, velocity):
+def test_complete_contact_has_the_friction_of_the_contact_solver():
     """The theory is exact where there is no gap; a smooth C(q) has the same sum and integral."""
     q = np.geomspace(2 * Q0, 31 * Q0, 600)
     spectrum = gc.surfaces.SpectrumTable(q, 1e-16 * np.exp(-((np.log(q / 10 / Q0) / 0.2) ** 2) / 2))
     surface = gc.random_surface(spectrum, gc.Grid((64, 64), CELL), jax.random.key(0))
-    at = {"pressure": 1e8, "velocity": velocity}
-    solved = gc.slide(stack, surface, **at, rtol=1e-10)
+    at = {"pressure": 1e8, "velocity": [-0.02, 0.01]}
+    solved = gc.slide(COATED, surface, **at, rtol=1e-10)
     assert solved.contact_area == 1
-    solution = gc.mean_field_friction(stack, spectrum, **at, num_wavenumbers=160)
+    solution = gc.mean_field_friction(COATED, spectrum, **at, num_wavenumbers=160)
     np.testing.assert_allclose(solution.friction, solved.friction, rtol=1e-5)
     np.testing.assert_allclose(solution.contact_area, 1, rtol=1e-15)
     np.testing.assert_allclose(solution.stress_variance[-1], jnp.var(solved.pressure), rtol=1e-5)
@@ -163,14 +159,13 @@ def test_rest_and_high_speed_have_the_relaxed_and_the_glassy_area_and_no_frictio
     pressure=st.floats(2, 9),
     thickness=st.floats(-7, -2),
     modulus=st.floats(4, 10),
-    correction=st.sampled_from(["none", "yang_persson"]),
 )
 def test_passive_stacks_lose_energy_and_contact_with_magnification(
-    exponent, pressure, thickness, modulus, correction
+    exponent, pressure, thickness, modulus
 ):
     coat = gc.Layer(gc.Elastic(10.0**modulus, 0.4), 10.0**thickness)
     stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(RUBBER))
-    how = {"pressure": 10.0**pressure, "velocity": 10.0**exponent, "correction": correction}
+    how = {"pressure": 10.0**pressure, "velocity": 10.0**exponent}
     solution = mean_field(stack, SPECTRUM, **how)
     assert solution.friction >= 0
     # Between the ends the running integral is as good as the polynomial through the nodes.
@@ -182,14 +177,13 @@ def test_passive_stacks_lose_energy_and_contact_with_magnification(
 # Distribution of the pressure
 
 
-@pytest.mark.parametrize("correction", ["none", "yang_persson"])
-def test_pressure_distribution_integrates_to_area_load_and_spread(correction):
-    solution = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05, correction=correction)
+def test_pressure_distribution_integrates_to_area_load_and_spread():
+    solution = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05)
     for i in (30, -1):
         spread = float(np.sqrt(solution.stress_variance[i]))
 
         def moment(power, i=i, spread=spread):
-            density = lambda s: float(pressure_distribution(solution, jnp.array([s]))[i, 0])  # noqa: E731
+            density = lambda s: float(distribution(solution, jnp.array([s]))[i, 0])  # noqa: E731
             ends = (0, 3e5 + 10 * spread)
             return quad(lambda s: s**power * density(s), *ends, limit=200, points=[3e5])[0]
 

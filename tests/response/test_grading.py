@@ -10,7 +10,7 @@ from stored import Given, cases_of, complex_of
 
 import graded_contact as gc
 from graded_contact.blocks.profile import Blend
-from graded_contact.blocks.shapes import ErrorFunction, PowerLaw, Sinusoidal, Table
+from graded_contact.blocks.shapes import PowerLaw, Table
 from graded_contact.blocks.stack import GradedLayer, Stack
 from graded_contact.response.compliance import surface_compliance
 from graded_contact.response.layering import Layering
@@ -18,7 +18,7 @@ from graded_contact.response.riccati import Riccati
 
 CASES = cases_of("graded")
 # Half of the compilation, where no second attempt is expected.
-FAST, FINE = Layering(num_cells=16), Layering(num_cells=48)
+FAST = Layering(num_cells=16)
 KINDS, BASES = ("linear", "sinusoidal", "exponential"), ("halfspace", "rigid", "free")
 
 
@@ -92,109 +92,43 @@ def errors_and_estimates(solver, rtol):
     return np.concatenate(errors), np.concatenate(estimates)
 
 
-@pytest.mark.parametrize(
-    ("solver", "rtol"),
-    [
-        (FAST, 1e-10),
-        pytest.param(Riccati(), 1e-9, marks=pytest.mark.slow),
-    ],
-)
-def test_stored_cases_are_met_and_the_estimate_of_the_error_is_honest(solver, rtol):
+def test_stored_cases_are_met_and_the_estimate_of_the_error_is_honest():
     """mpmath at 50 digits: linear, sinusoidal and exponential, three bases, ν(s) and lossy E."""
-    errors, estimates = errors_and_estimates(solver, rtol)
+    errors, estimates = errors_and_estimates(FAST, 1e-10)
     assert len(errors) == 32
-    assert np.max(errors) <= rtol
-    assert np.max(estimates) <= rtol
+    assert np.max(errors) <= 1e-10
+    assert np.max(estimates) <= 1e-10
     assert np.max(errors / estimates) <= 10
-
-
-@pytest.mark.slow
-def test_estimate_is_honest_on_meshes_that_are_too_coarse():
-    for num_cells in (2, 5):
-        errors, estimates = errors_and_estimates(Layering(num_cells=num_cells), 1e-3)
-        assert np.max(errors / estimates) <= 10
-
-
-RUBBER = gc.Prony(2e6, [3e7, 4e6], [1e-4, 1e-2], 0.49)
-GLASS = gc.Prony(5e8, [1e9], [1e-3], 0.3)
-BASE = {"halfspace": gc.HalfSpace(gc.Elastic(3e6, 0.45)), "rigid": gc.Rigid(), "free": gc.Free()}
-Q, OMEGA = np.geomspace(1e1, 1e6, 6), np.geomspace(1, 1e6, 6)[::-1].copy()
 
 
 def test_a_constant_profile_is_a_uniform_layer_and_no_thickness_no_layer():
     q = np.geomspace(1e-1, 1e9, 12)  # q d from 1e-4 to 1e6
-    coat, layer = gc.Layer(GLASS, 1e-5), gc.Layer(RUBBER, 1e-3)
+    rubber, glass = gc.Elastic(2e6, 0.49), gc.Elastic(5e8, 0.3)
+    coat, layer = gc.Layer(glass, 1e-5), gc.Layer(rubber, 1e-3)
     none, constant = (
-        GradedLayer(Blend(RUBBER, GLASS), 0.0),
-        GradedLayer(Blend(RUBBER, RUBBER), 1e-3),
+        GradedLayer(Blend(rubber, glass), 0.0),
+        GradedLayer(Blend(rubber, rubber), 1e-3),
     )
     graded = Stack(layers=(coat, none, constant), base=gc.Free())
-    found = surface_compliance(by(FAST, graded), q, 1e3, rtol=1e-7)
-    expected = surface_compliance(Stack(layers=(coat, layer), base=gc.Free()), q, 1e3)
+    found = surface_compliance(by(FAST, graded), q, 0.0, rtol=1e-7)
+    expected = surface_compliance(Stack(layers=(coat, layer), base=gc.Free()), q, 0.0)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-def sandwich(base):
-    """Two graded layers, uniform ones above, between and below, every profile of complex E."""
-    kinked = Table([0.0, 0.3, 0.45, 1.0], [0.0, 0.9, 0.95, 1.0])
-    return Stack(
-        layers=(
-            gc.Layer(GLASS, 2e-5),
-            GradedLayer(Blend(RUBBER, GLASS, ErrorFunction(0.6, 0.2), "logarithmic"), 1e-4),
-            gc.Layer(RUBBER, 5e-5),
-            GradedLayer(Blend(GLASS, RUBBER, kinked), 4e-4),
-            gc.Layer(RUBBER, 1e-4),
-        ),
-        base=BASE[base],
-    )
-
-
-@pytest.mark.parametrize(
-    "base", ["rigid", *(pytest.param(b, marks=pytest.mark.slow) for b in ("halfspace", "free"))]
-)
-def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
-    stack = sandwich(base)
-    layers = surface_compliance(by(FINE, stack), Q, OMEGA, rtol=1e-10)
-    equation = surface_compliance(by(Riccati(), stack), Q, OMEGA, rtol=1e-9)
-    np.testing.assert_allclose(equation, layers, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    "solver",
-    [Layering(num_cells=4), pytest.param(Riccati(), marks=pytest.mark.slow)],
-    ids=["layers", "equation"],
-)
-def test_gradient_by_every_leaf_matches_central_differences(solver):
+def test_gradient_by_every_leaf_matches_central_differences():
+    """Of elastic ends, to compile fast: complex moduli go through the same recursion."""
     shape = Table([0.0, 0.4, 1.0], [0.1, 0.5, 0.8])
-    stack = Stack(
-        layers=(
-            gc.Layer(GLASS, 2e-5),
-            GradedLayer(Blend(RUBBER, GLASS, shape, "logarithmic"), 3e-4),
-        ),
-        base=gc.HalfSpace(RUBBER),
-    )
+    profile = Blend(gc.Elastic(2e6, 0.45), gc.Elastic(5e8, 0.3), shape, "logarithmic")
+    stack = Stack(layers=(GradedLayer(profile, 3e-4),), base=gc.Rigid())
 
-    def value(stack, q, omega):
-        found, _ = surface_compliance(by(solver, stack), q, omega, rtol=1e-10, error=True)
-        return jnp.log(jnp.abs(found.real)) + 3 * jnp.log(-found.imag)
+    def value(stack, q):
+        return jnp.log(
+            surface_compliance(by(Layering(num_cells=4), stack), q, 0.0, rtol=1e-10, error=True)[0]
+        )
 
-    arguments = (stack, jnp.asarray(2e4), jnp.asarray(5e3))
     # The ends of the table are 0 and 1.
-    for slope, difference in elasticities(value, arguments, 1e-4, fixed=(0.0, 1.0)):
+    for slope, difference in elasticities(value, (stack, jnp.asarray(2e4)), 1e-4, (0.0, 1.0)):
         assert abs(difference - slope) <= 1e-6
-
-
-def test_compliance_is_passive_and_hermitian():
-    profile = Blend(RUBBER, GLASS, Sinusoidal(0.05, 1.0))
-    stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=BASE["halfspace"])
-    q, omega = jnp.geomspace(1e1, 1e6, 60)[:, None], jnp.geomspace(1e-1, 1e7, 5)
-    table, conjugate = (
-        surface_compliance(by(FINE, stack), q, w, rtol=1e-6) for w in (omega, -omega)
-    )
-    assert table.shape == (60, 5)
-    np.testing.assert_allclose(conjugate, np.conj(table), rtol=1e-14)
-    assert np.all(table.imag <= 0)
-    assert np.all(table.real > 0)
 
 
 def test_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():
@@ -212,32 +146,14 @@ def test_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():
         assert np.all(error <= 3 * claim + rest)
 
 
-def test_sharp_profile_is_retried_on_a_finer_mesh():
-    sharp = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3), Sinusoidal(0.05, 5.0))
-    stack = Stack(layers=(GradedLayer(sharp, 1e-3),), base=gc.Rigid())
-    coarse, claim = surface_compliance(by(FAST, stack), 3e3, 0.0, error=True)
-    assert claim > 1e-9
-    fine, rest = surface_compliance(stack, 3e3, 0.0, error=True)
-    assert rest <= 1e-9
-    assert abs(coarse / fine - 1) <= 10 * claim
-
-
 def test_tolerance_that_is_not_reached_is_an_error():
-    """Known at once, or only when it runs: there a profile may even turn out to be NaN."""
-
     def rough(s, omega):
         return 1e6 * (1 + jnp.abs(jnp.sin(9 * s))), 0.3
-
-    def value(profile):
-        stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=gc.Rigid())
-        return surface_compliance(stack, 3e3, 0.0)
 
     stack = Stack(layers=(GradedLayer(rough, 1e-3),), base=gc.Rigid())
     assert surface_compliance(stack, 3e3, 0.0, error=True)[1] > 1e-9
     with pytest.raises(Exception, match="tolerance was not reached in a graded layer"):
         surface_compliance(stack, 3e3, 0.0).block_until_ready()
-    with pytest.raises(Exception, match="tolerance was not reached"):
-        jax.jit(lambda x: value(lambda s, _: (1e6 * jnp.log(x - s), 0.3)))(0.5).block_until_ready()
 
 
 class Step(eqx.Module):
@@ -249,12 +165,14 @@ class Step(eqx.Module):
 
 
 def test_narrow_steps_are_met():
-    """Against `Riccati`: nothing of a step hides between the layers of a wide cell."""
+    """Against `Riccati`, between two uniform layers: no part of a step hides in a wide cell."""
     q = np.array([3e3, 1e5])
 
     @jax.jit
     def by_both(height, width):
-        stack = stack_under("halfspace", Step(height, width), 1e-4, gc.Elastic(1e6, 0.45))
+        coat, ground = gc.Layer(gc.Elastic(1e8, 0.3), 1e-5), gc.Layer(gc.Elastic(3e6, 0.4), 1e-4)
+        layers = coat, GradedLayer(Step(height, width), 1e-4), ground
+        stack = Stack(layers=layers, base=gc.HalfSpace(gc.Elastic(1e6, 0.45)))
         return [surface_compliance(by(how, stack), q, 0.0, error=True) for how in (None, Riccati())]
 
     for height, width in ((0.5, 1e-2), (0.884, 1e-4), (0.156, 3e-4), (0.7, 1e-5)):

@@ -125,11 +125,8 @@ def test_half_space_under_a_wave_of_pressure(poisson):
         assert np.max(np.abs(stress[..., [0, 1], [1, 2]])) < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("base", "shape", "velocity"),
-    [("halfspace", (8, 6), np.array([0.4, -0.2])), ("rigid", (16,), 0.4)],
-)
-def test_sliding_surface_moves_as_the_kernel_says(base, shape, velocity):
+def test_sliding_surface_moves_as_the_kernel_says():
+    base, shape, velocity = "halfspace", (8, 6), np.array([0.4, -0.2])
     grid = gc.Grid(shape, 1.0)
     stack = stack_on(base)
     pressure = np.random.default_rng(0).normal(size=shape) + 3
@@ -145,12 +142,11 @@ def test_sliding_surface_moves_as_the_kernel_says(base, shape, velocity):
     np.testing.assert_array_equal(stress, np.swapaxes(stress, -1, -2))
 
 
-@pytest.mark.slow
 def test_gradient_matches_central_differences():
     """Of elastic layers, to compile fast; lossy moduli have theirs in the test of the matrix."""
-    layers = (gc.Layer(gc.Elastic(3.0, 0.5), 0.1), gc.Layer(gc.Elastic(20.0, 0.3), 0.3))
-    stack = gc.Stack(layers=layers, base=gc.HalfSpace(gc.Elastic(2.0, 0.45)))
-    real, imag = np.random.default_rng(2).normal(size=(2, 3, 3, 3))
+    layer = gc.Layer(gc.Elastic(3.0, 0.5), 0.1)
+    stack = gc.Stack(layers=(layer,), base=gc.HalfSpace(gc.Elastic(2.0, 0.45)))
+    real, imag = np.random.default_rng(2).normal(size=(2, 3, 3))
 
     def value(stack, wave, depth):
         displacement, stress = interior_fields(stack, *wave, OMEGA, TRACTION, depth)
@@ -158,9 +154,10 @@ def test_gradient_matches_central_differences():
             real[0] * displacement.real + imag[0] * displacement.imag
         )
 
-    arguments = (stack, jnp.array([3.0, -2.0]), jnp.array([0.05, 0.25, 0.7]))
-    for slope, difference in elasticities(value, arguments):
-        assert abs(difference - slope) <= 1e-7 * abs(slope) + 1e-8
+    for depth in (0.05, 0.25):
+        arguments = (stack, jnp.array([3.0, -2.0]), jnp.array(depth))
+        for slope, difference in elasticities(value, arguments):
+            assert abs(difference - slope) <= 1e-7 * abs(slope) + 1e-8
 
 
 def test_von_mises_of_simple_stresses():

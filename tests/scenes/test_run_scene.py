@@ -4,6 +4,7 @@ from importlib.metadata import version
 
 import h5py
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scene_texts import BARE, changed
@@ -17,8 +18,8 @@ STILL = SMALL.replace("velocity = [0.01, 1.0]\n", "")
 RUBBER = 'kind = "prony"\nequilibrium = 2e6\nstrengths = [4e6]\ntimes = [1e-3]\npoisson = 0.49'
 # Without Newton steps a program compiles in two thirds of the time.
 VARIED = changed(
-    "[32, 32]", "[16, 16]", "8e4", "4e4", "seed = 3", "seed = 3\nseeds = 2", "[2e5, 4e5]", "2e5",
-    "[0.01, 1.0]", "[0.01, 0.1]\ndirection = 1.5707963267948966", "[solver]",
+    "[32, 32]", "[16]", "8e4", "4e4", "seed = 3", "seed = 3\nseeds = 2", "[2e5, 4e5]", "2e5",
+    "[0.01, 1.0]", "[0.01, 0.1]", "[solver]",
     'temperature = [293.15, 273.15]\n[sweep]\n"layers[0].thickness" = [2e-5, 1e-5]\n'
     "[solver]\nnewton = false",
 )  # fmt: skip
@@ -30,31 +31,35 @@ def traced(text):
     return jax.eval_shape(lambda point: numbers_at(scene, point), scene.first)
 
 
+def only(patch, *names):
+    """Few numbers of a contact: all of them take a program of a minute."""
+    patch.setattr("graded_contact.scenes.run.numbers_of", lambda *_: names)
+
+
 @pytest.fixture(scope="module")
 def varied():
     scene = parse_scene(VARIED)
-    return scene, run_scene(scene)
+    with pytest.MonkeyPatch.context() as patch:
+        only(patch, "friction", "mean_gap")
+        return scene, run_scene(scene)
 
 
 def test_all_axes_are_those_of_slide(varied):
     scene, results = varied
-    names = ["layers[0].thickness", "seed", "temperature", "direction", "pressure", "velocity"]
+    names = ["layers[0].thickness", "seed", "temperature", "pressure", "velocity"]
     assert list(results.message.dims) == names and np.all(results.message == "")
-    assert results.friction.shape == (2, 2, 2, 1, 1, 2)
+    assert results.friction.shape == (2, 2, 2, 1, 2)
     assert results["seed"].values.tolist() == [3, 4]
     assert results["layers[0].thickness"].units == "m" and results.mean_gap.units == "m"
     block = gc.with_values(scene.bodies.stack, {"layers[0].thickness": 1e-5}).at(273.15)
     surface = scene.surface(4)
-    given = {"pressure": 2e5, "velocity": [0.0, 0.1], "rtol": 1e-6}
+    given = {"pressure": 2e5, "velocity": 0.1, "rtol": 1e-6}
     sliding = gc.slide(block, surface, solver=scene.numerics.solver, **given)
-    last, compared = (
-        results.isel(dict.fromkeys(names, -1)),
-        ("friction", "contact_area", "mean_gap"),
-    )
-    for name, number in zip(compared, sliding.compute(*compared), strict=True):
-        np.testing.assert_allclose(last[name], number, rtol=1e-6)
+    last = results.isel(dict.fromkeys(names, -1))
+    np.testing.assert_allclose(last.friction, sliding.friction, rtol=1e-6)
+    np.testing.assert_allclose(last.mean_gap, sliding.mean_gap, rtol=1e-6)
     # Only the last solve has fields.
-    assert results.contact_pressure.dims == ("x", "y")
+    assert results.contact_pressure.dims == ("x",)
     np.testing.assert_allclose(results.contact_pressure, sliding.pressure, rtol=1e-3, atol=1)
     np.testing.assert_allclose(results.contact_heights, surface.heights, atol=1e-15)
     np.testing.assert_allclose(results.heights, scene.surface(3).heights, atol=1e-15)
@@ -87,14 +92,12 @@ def test_results_come_back_bit_for_bit_and_damaged_ones_are_refused(varied, tmp_
             read_results(damaged)
 
 
-def test_a_solve_that_does_not_converge_says_so_and_every_solve_may_keep_its_fields():
-    text = SMALL.replace("newton = false", "newton = false\nmax_steps = 2")
-    text = text.replace("[16, 16]", "[32]") + "[output]\nfields = "
-    results = run_scene(parse_scene(f"{text}'every'"))
-    assert np.all(results.message.str.contains("max_steps")) and np.all(results.error > 1e-6)
-    assert results.contact_pressure.dims == ("pressure", "velocity", "x")
-    np.testing.assert_allclose(results.contact_pressure.mean("x"), 2e5, rtol=1e-6)
-    assert not {*CONTACT_FIELDS} & {*traced(f"{text}'none'")}
+def dry_run(monkeypatch, text):
+    """The results of a scene with zeros for all numbers: they are traced, and nothing is solved."""
+    like = traced(text)
+    zeros = lambda *_: jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), like)  # noqa: E731
+    monkeypatch.setattr("graded_contact.scenes.run.numbers_at", zeros)
+    return run_scene(parse_scene(text))
 
 
 CYCLE = """[motion]
@@ -105,22 +108,17 @@ num_times = 8
 """
 
 
-def test_a_motion_has_friction_over_time():
-    text = STILL.replace("pressure = 2e5", "pressure = 2e5\npressure_ratio = [1.0, 1.5]")
-    scene = parse_scene(text.replace("[16, 16]", "[32]") + CYCLE)
-    results = run_scene(scene)
-    assert np.all(results.message == "")
-    assert results.traction.dims == ("pressure", "time") and results.gap.dims == ("time", "x")
+def test_a_motion_has_numbers_over_time_and_every_solve_may_keep_its_fields(monkeypatch):
+    text = STILL.replace("pressure = 2e5", "pressure = [2e5, 3e5]\ndirection = 0.5") + CYCLE
+    only(monkeypatch, "friction", "traction")
+    results = dry_run(monkeypatch, text + "[output]\nfields = 'every'\n")
+    assert results.traction.dims == ("direction", "pressure", "time")
+    assert results.gap.dims == ("direction", "pressure", "time", "x", "y")
     np.testing.assert_array_equal(results.time, np.arange(8) / 8)
-    ratio = [1, 1.125, 1.25, 1.375, 1.5, 1.375, 1.25, 1.125]
-    np.testing.assert_allclose(results["load"].squeeze(), 2e5 * np.array(ratio), rtol=1e-6)
-    moved = results.surface_displacement.values
-    np.testing.assert_array_equal(moved, scene.motion.displacement)
-    # The traction does the work along the path, whose rate has no highest frequency.
-    speed = np.fft.irfft(2j * np.pi * np.arange(5) / 0.05 * np.fft.rfft(moved))
-    work = 0.05 * np.mean(results.traction.values.squeeze() * speed)
-    np.testing.assert_allclose(results.work.values.squeeze(), work, rtol=1e-9)
-    np.testing.assert_allclose(results.period, 0.05)
+    moved = parse_scene(text).motion.displacement
+    np.testing.assert_array_equal(results.surface_displacement, moved)
+    monkeypatch.undo()
+    assert not {*CONTACT_FIELDS} & {*traced(SMALL + "[output]\nfields = 'none'\n")}
 
 
 BRAKE = """[[motion]]
@@ -142,14 +140,15 @@ frames = 3
 FLUID = "[fluid]\nviscosity = 2e-3\npressure_difference = 1e4\n"
 
 
-def test_a_transient_is_over_time_along_its_direction_with_fields_at_its_frames():
-    text = STILL.replace('kind = "tyre_tread"', RUBBER).replace("8e4", "4e4")
-    ratio = "ratio_times = [0.0, 2e-3]\npressure_ratio = [1.0, 1.5]\ndirection = 0.5"
+def test_a_transient_is_over_time_with_fields_at_its_frames(monkeypatch):
+    only(monkeypatch, "friction", "load", "traction", "work_done")
+    text = STILL.replace('kind = "tyre_tread"', RUBBER).replace("[16, 16]", "[16]")
+    ratio = "ratio_times = [0.0, 2e-3]\npressure_ratio = [1.0, 1.5]"
     text = text.replace("pressure = 2e5", f"pressure = 2e5\n{ratio}") + BRAKE
     scene = parse_scene(text)
     times = np.asarray(scene.motion.times)
     results = run_scene(scene)
-    one = results.isel(pressure=0, direction=0)
+    one = results.isel(pressure=0)
     assert np.all(results.message == "") and one.friction.dims == ("time",)
     np.testing.assert_array_equal(one.time, times)
     np.testing.assert_allclose(one["load"], 2e5 * np.interp(times, [0, 2e-3], [1, 1.5]), rtol=1e-8)
@@ -160,16 +159,14 @@ def test_a_transient_is_over_time_along_its_direction_with_fields_at_its_frames(
     frames = [i for i, time in enumerate(times) if time in one.field_time]
     assert len(frames) == 3 and frames[-1] == len(times) - 1
     pressure = one.contact_pressure
-    np.testing.assert_allclose(pressure.mean(["x", "y"]), one["load"][frames], rtol=1e-6)
-    assert traced(text + FLUID)["leakage_along_x"].shape == times.shape
+    np.testing.assert_allclose(pressure.mean("x"), one["load"][frames], rtol=1e-6)
 
 
 def test_optional_outputs_are_there_when_asked_for():
     """Their values are tested in the rooms that compute them."""
     asked = "stiffness = true\nconductance = true\nflow = true\ntension = true\nvon_mises = true\n"
     text = STILL.replace("pressure = 2e5", "pressure = 2e5\nvelocity = 0.1")
-    more = traced(text + f"[observe]\n{asked}{FLUID}").keys() - traced(text).keys()
-    assert more >= {
+    assert traced(text + f"[observe]\n{asked}{FLUID}").keys() >= {
         "contact_stiffness", "specific_conductance", "flow_along_x", "leakage_along_y_error",
         "tension", "tension_depth", "von_mises", "von_mises_depth",
     }  # fmt: skip

@@ -1,5 +1,7 @@
 """Contact area and gap."""
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -8,9 +10,14 @@ from ...contacts.area import area_in_doubt, sub_pixel_area
 from ...contacts.estimates import error_of
 from ..errors.grid import OF_PLACE, area_by_grid, by_grid
 from ..errors.parts import area_by_times, changes_by_kernel, gap_by_solver, over_number, with_chance
-from ..formulas import edges_of, indicator_of, share_of, touching
+from ..formulas import edges_of, indicator_of, touching
 from ..number import Found, observable
 from ..problem import CycleProblem
+
+
+def _share_of(found: Found, formula: Callable[..., Array], *fields: Array) -> Array:
+    """An area at each time, in the dtype of the pressure."""
+    return found.operator.at_each_time(formula, *fields).astype(found.pressure.dtype)
 
 
 @observable("contact area fraction")
@@ -24,13 +31,13 @@ def contact_area(found: Found) -> Array:
         flown = jnp.mean(pressure) / found.law.bounds[1]
         return jnp.maximum(sub_pixel_area(indicator, edges), flown)
 
-    return share_of(found, share, indicator_of(found), found.pressure)
+    return _share_of(found, share, indicator_of(found), found.pressure)
 
 
 @observable("share of points in contact")
 def contact_area_pixels(found: Found) -> Array:
     """Fraction of the points in contact [1]: 4 to 20 % more than the area, without a derivative."""
-    return share_of(found, jnp.mean, touching(found))
+    return _share_of(found, jnp.mean, touching(found))
 
 
 @observable("mean gap", "m")
@@ -51,7 +58,7 @@ def _area_by_solver(found: Found) -> Array:
         # Some points may be on the wrong side.
         return error_of(of, value, change, value)[0] + area_in_doubt(indicator, change)
 
-    return share_of(found, error, indicator_of(found), found.contact.correction)
+    return _share_of(found, error, indicator_of(found), found.contact.correction)
 
 
 def _area_by_kernel(found: Found) -> Array:

@@ -1,5 +1,8 @@
 """Load and approach."""
 
+from typing import Any
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -8,8 +11,16 @@ from ...core.derivative import largest
 from ..case import GIVEN_LOAD, GROUND, LOAD_FOLLOWS, WINDOW
 from ..errors.grid import OF_PLACE, by_grid
 from ..errors.parts import changes_by_kernel, gap_by_solver, with_chance
-from ..formulas import moved_where_loaded
 from ..number import Found, observable
+
+
+def _moved_where_loaded(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
+    """How far a window moves where it is loaded, less a field; and the block's mean part of it."""
+    pressure, weight = operator.on_cell(found.pressure), jnp.abs(found.pressure)
+    weight = jax.lax.stop_gradient(jnp.where(jnp.sum(weight) > 0, weight, 1))
+    moved = operator.on_surface(operator.displace(pressure)) - field
+    mean = operator.kernel[(0,) * operator.kernel.ndim].real * jnp.mean(pressure)
+    return jnp.stack([jnp.sum(weight * moved) / jnp.sum(weight), mean])
 
 
 @observable("mean contact pressure", "Pa", needs=[LOAD_FOLLOWS])
@@ -27,7 +38,7 @@ def approach(found: Found) -> Array:
     """
     if WINDOW not in found.facts:
         raise AttributeError("Only a body on a window has an `approach`; use `mean_gap`.")
-    moved, mean = moved_where_loaded(found, found.operator, found.heights + found.gap)
+    moved, mean = _moved_where_loaded(found, found.operator, found.heights + found.gap)
     ground = found.kernel[(0,) * found.kernel.ndim] != 0
     return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
 
@@ -43,7 +54,7 @@ def _pressure_by_solver(found: Found) -> Array:
 def _approach_by_kernel(found: Found) -> Array:
     assert found.problem.kernel_error is not None
     operators = map(found.operator.with_kernel, found.problem.kernel_error)
-    moved = [moved_where_loaded(found, operator) for operator in operators]
+    moved = [_moved_where_loaded(found, operator) for operator in operators]
     return jnp.sum(jnp.abs(jnp.stack(moved)))
 
 

@@ -45,9 +45,11 @@ def contact_stiffness(found: Found) -> Float[Array, ""]:
     """-dp/dū [Pa/m], by which the mean pressure rises as the mean gap closes.
 
     It is per area of the whole surface; infinite in full contact. The block acts as at the given
-    velocity, at rest with its relaxed moduli; a traction that moves the surface follows the
-    pressure. Laws other than the hard wall enter by their contact area.
+    velocity, at rest with its relaxed moduli; a traction of `Coulomb` that moves the surface
+    follows the pressure. Laws other than the hard wall enter by their contact area.
     """
+    if lags(found.coupling):
+        raise ValueError("A stiffness under coupled shear needs the law of `Coulomb`.")
     return _stiffness(_periodic(found))
 
 
@@ -79,7 +81,7 @@ def _error_by_grid(found: Found) -> Float[Array, ""]:
 
 def _conductance_by_grid(found: Found) -> Float[Array, ""]:
     """The conductance has the same relative error as the stiffness."""
-    return _error_by_grid(found) / contact_stiffness(found) * specific_conductance(found)
+    return _error_by_grid(found) / _stiffness(found) * specific_conductance(found)
 
 
 contact_stiffness_error = contact_stiffness.error({"grid": _error_by_grid})
@@ -87,13 +89,9 @@ specific_conductance_error = specific_conductance.error({"grid": _conductance_by
 
 
 def _periodic(found: Found) -> Found:
-    """The contact itself; raises `ValueError` for another kind of contact."""
-    steady = isinstance(found.problem, SteadyProblem) and WINDOW not in found.facts
-    if not steady or lags(found.coupling):
-        raise ValueError(
-            "A stiffness needs steady sliding on a periodic surface. Coupled shear must be "
-            "`Coulomb`."
-        )
+    """The contact itself; raises `ValueError` unless it is steady on a periodic surface."""
+    if WINDOW in found.facts or not isinstance(found.problem, SteadyProblem):
+        raise ValueError("A stiffness needs steady sliding on a periodic surface.")
     return found
 
 

@@ -56,7 +56,7 @@ class CyclicSliding(AbstractSliding):
     slope_in_contact = checks.slope_in_contact
     shortest_wave, last_octave_friction = checks.shortest_wave, checks.last_octave_friction
     extrapolated_friction = checks.extrapolated_friction
-    largest_step = checks.largest_step
+    largest_step, stroke_over_cell = checks.largest_step, checks.stroke_over_cell
     error, num_fft_pairs = checks.error, checks.num_fft_pairs
 
     displacement = property(attrgetter("problem.displacement"))
