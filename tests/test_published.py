@@ -140,7 +140,7 @@ def test_a_power_law_gradient_is_that_of_booker(k, poisson):
 
 
 def test_an_adhesive_sphere_is_that_of_rings_between_dmt_and_jkr():
-    pull_off = published.adhesive_sphere(0.5, 36)[0]
+    pull_off = published.adhesive_sphere(0.5, 24)[0]
     exact = axisymmetric.adhesive_pull_off(0.5, rings=200)
-    np.testing.assert_allclose(pull_off, exact, rtol=1e-2)  # 5e-3 with 64 points a side
+    np.testing.assert_allclose(pull_off, exact, rtol=2e-2)  # 5e-3 with 64 points a side
     assert 1.5 < pull_off < 2
