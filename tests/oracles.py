@@ -176,18 +176,6 @@ def elasticities(function, arguments, step=1e-5, fixed=(0.0,)):
     return list(zip(slopes, changes, strict=True))
 
 
-def directional(function, arguments, ahead, step=1e-4):
-    """The slope of `function` along `ahead`, by its gradient and by a central difference."""
-    both = jax.jit(jax.value_and_grad(function, tuple(range(len(arguments)))))
-    slopes = both(*arguments)[1]
-    slope = sum(np.sum(a * g) for a, g in zip(ahead, slopes, strict=True))
-    up, down = (
-        both(*(a + sign * step * d for a, d in zip(arguments, ahead, strict=True)))[0]
-        for sign in (1, -1)
-    )
-    return float(slope), float(up - down) / (2 * step)
-
-
 def persson(sums, edges, slowing=lambda area: 0.45 + 0.55 * area**2):
     """Area and friction of Persson's theory from its differential equations, by SciPy.
 

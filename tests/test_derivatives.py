@@ -1,14 +1,12 @@
 """Derivatives of results against central differences: a row for each function.
 
-`directional` moves all numbers of all arguments at once, so a row compiles one program. That of a
-graded layer is in `response/test_grading.py`.
+All numbers of all arguments move at once. That of a graded layer is in `response/test_grading.py`.
 """
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import directional
 
 import graded_contact as gc
 
@@ -18,6 +16,7 @@ HEIGHTS = 1e-5 * np.cos(PLACES) + 3e-6 * np.cos(3 * PLACES + 1)
 RUBBER = gc.Prony(1e6, [9e6], [1e-3], 0.45, gc.WLF(10.0, 50.0, 300.0))
 COAT = gc.Layer(gc.Elastic(8e6, 0.4), 5e-5)
 BLOCK = gc.Stack(layers=(COAT,), base=gc.HalfSpace(RUBBER))
+BARE = gc.Stack(base=gc.HalfSpace(RUBBER))
 SPECTRUM = gc.SelfAffine(
     rms_slope=0.1, hurst=0.8, q_low=LONGEST, q_roll=2 * LONGEST, q_high=32 * LONGEST
 )
@@ -77,7 +76,7 @@ CASES = {
     "without a period": (lambda *given: slide(*given, periodic=False), STEADY),
     "of two bodies under Coulomb's law": (two_bodies, (BLOCK, BLOCK, HEIGHTS, 2e4, 0.3)),
     "of a cycle": (cycle, (BLOCK, HEIGHTS, 2e4, 1e4)),
-    "friction of a transient": (transient, (BLOCK, HEIGHTS, 2e4, STEPS, 1e-2 * STEPS)),
+    "friction of a transient": (transient, (BARE, HEIGHTS, 2e4, STEPS, 1e-2 * STEPS)),
     "mean field": (mean_field, (BLOCK, SPECTRUM, 2e4)),
 }
 
@@ -93,5 +92,10 @@ def test_a_derivative_is_the_difference(name):
     def flat(*leaves):
         return function(*structure.unflatten(leaves))
 
-    slope, change = directional(flat, leaves, way, step=1e-6)
-    assert slope == pytest.approx(change, rel=1e-3)
+    # One of them in a program of its own: others take a third of the time in those of the package.
+    whole = jax.jit(flat) if name == "friction, area and gap" else flat
+    slopes = jax.grad(whole, range(len(leaves)))(*leaves)
+    ends = [[x + sign * 1e-6 * d for x, d in zip(leaves, way, strict=True)] for sign in (1, -1)]
+    change = (flat(*ends[0]) - flat(*ends[1])) / 2e-6
+    slope = sum(jnp.sum(d * g) for d, g in zip(way, slopes, strict=True))
+    assert slope == pytest.approx(float(change), rel=1e-3)
