@@ -103,11 +103,12 @@ def _on_few(operator: AbstractOperator, weights, root, sign, rhs, free_mean: boo
     few = jnp.sum(weights != 0) <= room
     total = None if free_mean else jnp.zeros((), rhs.dtype)
 
-    def eliminate(state):
+    def eliminate(_):
         found = solve_on_few(root, green, sign * (1 - weights), rhs, total, room)
-        return jnp.where(root > 0, found, rhs), ~state[1]
+        return jnp.where(root > 0, found, rhs), varying(jnp.asarray(False))
 
-    # A loop of one turn: under `vmap` both branches of a condition would be computed.
+    # A loop of one turn: under `vmap` both branches of a condition would be computed. Its end is a
+    # constant: XLA takes what it computes out of a loop that might have more turns.
     return few, jax.lax.while_loop(lambda state: state[1], eliminate, varying((rhs, few)))[0]
 
 
