@@ -55,7 +55,7 @@ def check_heated(name: str, stack: Stack) -> None:
     """Raises `ValueError` for a body whose layers cannot be cut."""
     if is_graded(stack):
         raise ValueError(
-            f"`{name}` has a graded layer, which `heating` cannot cut: use `response.sliced` first."
+            f"`{name}` has a graded layer: `heating` needs layers of one material each."
         )
 
 

@@ -83,7 +83,8 @@ def loading_on(
     # Not by JAX: a loop would trace it.
     known = given["approach"] is not None and is_concrete(operator.kernel)
     ground = not known or bool(np.asarray(operator.kernel).flat[0] != 0)
-    return loading_of(law, heights, **check_gap(isinstance(operator, Window), ground, **given))
+    load = check_gap(isinstance(operator, Window), ground, **given)
+    return loading_of(law, heights, None, **load)
 
 
 def check_gap(

@@ -37,7 +37,7 @@ from .solver.nested_solve import DouglasRachford
 from .window import on_part, on_whole
 
 # Default tolerances of the pressure. docs/performance.md has the errors of friction they leave.
-# 5e-5 takes 0.77 of the FFT pairs of 1e-6 (156 contacts, `bench_contact.py observables`).
+# 5e-5 takes 0.77 of the FFT pairs of 1e-6 (156 contacts).
 # In float32 rounding hid errors of 7e-5 (a periodic cell) and 2.4e-4 (a window) on 128² points.
 RTOL, SINGLE_RTOL = 5e-5, 5e-4
 # Slope of an attraction over the stiffness of the shortest wave, up to which all computed
@@ -45,7 +45,7 @@ RTOL, SINGLE_RTOL = 5e-5, 5e-4
 _RESOLVED = 0.3
 # Tolerance of the linear solves of derivatives: its ratio to the tolerance of the pressure, and a
 # limit. True errors were 0.01 to 0.5 of it, with 0.58 of the pairs of the solve at 1e-3 and 0.83 at
-# 5e-5 (medians of 15 contacts, `bench_contact.py linear`).
+# 5e-5 (medians of 15 contacts).
 _OF_PRESSURE, _LOOSEST_DERIVATIVE = 20, 1e-3
 _WORTHLESS = 0.1  # error of gaps over the rms height
 

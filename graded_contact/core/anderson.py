@@ -16,8 +16,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-# Points of a grid whose history exceeds the cache; there every fourth row enters the weights
-# (`bench_contact.py overhead`).
+# Points of a grid whose history exceeds the cache; there every fourth row enters the weights.
 SAMPLED_FROM = 2**16
 _SAMPLE = 4
 STEPS_OF_CYCLE = 2  # steps of a contact between accelerations

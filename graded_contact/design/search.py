@@ -260,7 +260,8 @@ class Evaluations:
         return self.known[x.tobytes()]
 
     def _stored(self, x: Flat) -> Evaluation:
-        file = self.store and Path(self.store, f"{digest(self.name, x.tobytes())}.npz")
+        name = f"{digest(self.name, x.tobytes())}.npz"
+        file = Path(self.store, name) if self.store else None
         point = read_point(file, Evaluation._fields) if file else None
         if point is not None:
             return Evaluation(point["values"], point["slopes"])

@@ -1,6 +1,6 @@
 """Real transforms of whole fields, on one device or several.
 
-Over several devices (see `_devices`) rows are transformed first; then all devices exchange blocks,
+Over several devices (`devices.py`) rows are transformed first; then all devices exchange blocks,
 once, so that each has whole columns to transform. XLA itself would gather the field on each device.
 """
 

@@ -12,7 +12,7 @@ isotherms follow (`shifts`). A known E_eq is not part of θ.
 
 The model takes NumPy arrays in the search and JAX arrays where the optimum is differentiated by the
 data. A search expands the model hundreds of times at every length. With derivatives by JAX each
-length takes 1 to 4 s to compile, and an expansion takes 5 times as long (`bench_fit.py solvers`).
+length takes 1 to 4 s to compile, and an expansion takes 5 times as long.
 The search therefore has closed-form derivatives in NumPy.
 
 The squared logarithm (ln m - y)² is convex in m, hence in the strengths, wherever m < e times the

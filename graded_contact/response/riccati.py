@@ -45,7 +45,7 @@ class Riccati(AbstractGradedSolver):
     """The differential equation of the compliance, integrated by diffrax.
 
     The tolerance of a step is `rtol`/30; a second integration with a tolerance ten times larger
-    estimates the error. `benchmarks/bench_grading.py` compares it with `Layering`: `Riccati` is
+    estimates the error. Compared with `Layering`, `Riccati` is
     slower for an equal error. The two methods share only a rough solution for the sizes. Fields
     at a depth are by `Layering` for any solver.
 

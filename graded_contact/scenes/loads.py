@@ -92,9 +92,12 @@ def load_over_time(
         if motion is None or "approach" in load:
             raise ValueError("a load over time needs a [motion] and a pressure.")
         if path is not None:
+            if motion.repeats:
+                raise ValueError("`pressure_path` is for [[motion]]: a cycle has `pressure_ratio`.")
             path = builder.entry("load", "pressure_path", path)
             times, pressures = read_over_time(path, "pressures")
             check_positive("pressure", pressures, "[Pa]")
+            check_increasing("time", as_float(times))
             highest = float(np.max(pressures))
             return LoadOverTime(as_float(times - times[0]), as_float(pressures / highest)), highest
         ratios = as_float(ratios, "pressure_ratio")

@@ -24,8 +24,19 @@ from ..core.files import read_file
 from ..core.parameters import with_values
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
-from ..sliding import Case, Fluid, Heating, Motion, Numerics
+from ..sliding import (
+    Case,
+    CyclicSliding,
+    Fluid,
+    Heating,
+    Motion,
+    Numerics,
+    Sliding,
+    TransientSliding,
+)
 from ..sliding.bodies import TwoBodies, in_both
+from ..sliding.interior.stress import STRESSES
+from ..sliding.number import numbers_in
 from ..surfaces import Surface
 from .builder import Builder, check_table, in_table, kind_of, tables_of
 from .kinds import (
@@ -248,7 +259,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     block_surface: Any = None
     if "block_surface" in tables:
         own = {"seed": 1, **tables["block_surface"]}  # another surface with the same spectrum
-        block_surface, _ = surface_of(builder, "block_surface", own, first.grid)
+        block_surface, more = surface_of(builder, "block_surface", own, first.grid)
+        if more:
+            raise ValueError("[block_surface] `seeds` must be 1: those of [surface] may vary.")
     bodies = TwoBodies(
         body_of(builder, "", tables, graded_solver),
         body_of(builder, "counterface.", tables.get("counterface"), graded_solver),
@@ -269,6 +282,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         numerics=numerics,
     )
     check_bodies(scene)
+    check_outputs(scene)
     return scene
 
 
@@ -334,6 +348,22 @@ def surface_of(
     with in_table(place):
         first = made(seed)  # refuses waves that no grid resolves
     return (first, {}) if count == 1 else (made, {"seed": seed + np.arange(count)})
+
+
+def check_outputs(scene: Scene) -> None:
+    """Raises `ValueError` for an optional output that contacts of this kind do not have."""
+    motion, surface = scene.motion, scene.surface_at(scene.first)
+    kind = TransientSliding if motion is None or not motion.repeats else CyclicSliding
+    kind = Sliding if motion is None else kind
+    known = {need for number in numbers_in(kind).values() for need in number.needs}
+    if surface.grid.ndim == 1 or not surface.periodic:
+        known -= {"flow"}
+    if scene.fluid is not None and "flow" not in known:
+        raise ValueError("[fluid] is not for this scene: it needs a periodic plane, and no cycle.")
+    with in_table("observe"):
+        for name in scene.observe.asked:
+            if name not in (*STRESSES, *known):
+                raise ValueError(f"`{name}` is not for this motion and this surface.")
 
 
 def check_bodies(scene: Scene) -> None:

@@ -55,7 +55,7 @@ class Observable(property):
     - `meaning`, `unit`: see `Quantity`.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
-    - `warns`: when it is warned of, if there is a limit.
+    - `warns`: limit above which there is a warning, or None.
     """
 
     def __init__(

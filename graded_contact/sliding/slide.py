@@ -194,8 +194,8 @@ def slide_transient(
     - `law`: of contact; it has no history.
     - `shear`, `temperature`: as in `slide`. The law holds at the pressure of each time and the mean
       speed of its step, and the traction has the direction of that step. At rest there is none.
-      What moves the surfaces under a law that is `coupled` is the traction of the step's speed on
-      the contact one step before; of `Coulomb` it is that on the contact itself.
+      Coulomb traction is solved with the contact. Other coupled laws act on the previous contact at
+      the speed of this step.
     - `counterface`, `block_surface`: as in `slide_cycle`; the counterface has its memory, too.
     - `fields_at`: numbers of the steps whose fields are kept, at least one; -1 is the last.
     - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.

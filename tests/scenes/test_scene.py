@@ -314,6 +314,7 @@ def in_table(table, line):
     return "[solver]", f"[{table}]\n{line}\n[solver]"
 
 
+CYCLE = '[motion]\nkind = "sinusoidal"\nstroke = 4e-5\nfrequency = 20.0\nnum_times = 8'
 HALF_SPACE = '[base]\nkind = "half_space"\nmaterial = "tread"'
 # What is changed, each text for the next, and the table and key that the refusal names.
 REFUSED = [
@@ -325,6 +326,8 @@ REFUSED = [
     ((LAYER, GRADED, '"sinusoidal"', '"exponential"'), "[layers[0].shape]", "rate"),
     ((LAYER, GRADED, '"coat"', '"coal"'), "[layers[0].top]", "coat"),
     ((LAYER, GRADED + '\nmaterial = "coat"'), "[layers[0]]", "material"),
+    (in_table("observe", "stiffness = true\n" + CYCLE), "[observe]", "stiffness"),
+    (in_table("fluid", "viscosity = 1.0\npressure_difference = 1.0\n" + CYCLE), "[fluid]", "cycle"),
     (("[[layers]]", "[layers]"), "[layers]", "layers"),
     (('kind = "elastic"', 'kind = "elastik"'), "[materials.coat]", "elastic"),
     (("modulus = 2e7", 'modulus = "2e7"'), "[materials.coat]", "modulus"),

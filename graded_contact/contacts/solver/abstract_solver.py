@@ -19,7 +19,7 @@ from ..law import AbstractLaw
 from ..operators.operator import AbstractOperator, Field, Scalar, nonzero, root_mean_square
 
 # The true error over a solver's estimate under an attraction, whose equilibria are soft: below 4 in
-# 187 random scenes like those of `bench_contact.py attracted`.
+# 187 random scenes.
 _SOFT = 4.0
 # Largest -ρ Re M of a wave: 36 of 36 windows converged at 0.05, 23 without a limit.
 _NEGATIVE = 0.05
@@ -128,7 +128,7 @@ def penalty_for(operator: AbstractOperator, participation: Scalar, law: Abstract
 
     It balances the softest modes, which carry the displacement, against the stiffest, which carry
     the edges of the contact; s is ⟨|σ|⟩²/⟨σ²⟩. Factor and power are within
-    10 % of the fewest FFT pairs of `bench_contact.py viscoelastic`. For a law that attracts, at
+    10 % of the fewest FFT pairs of viscoelastic contacts. For a law that attracts, at
     least twice its steepest rise, so that its proximal map is single-valued. Where Re M is negative
     for some waves, at most `_NEGATIVE` over the largest of them: out of contact a step magnifies
     their errors by (1 - ρM)/(1 + ρM) less the relaxation.

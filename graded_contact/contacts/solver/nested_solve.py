@@ -46,7 +46,7 @@ from .grid_problem import (
 from .semismooth_newton import newton_round, takes_newton_steps
 from .splitting import check_relaxation, draft
 
-# All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.
+# All within 2 % of the fewest FFT pairs of viscoelastic contacts.
 _COARSENING = 4  # from grid to grid; 2 takes more pairs and compiles more programs
 _COARSE_ERROR = 0.02  # tolerance on coarse grids, which only give a start
 _EPOCH = 50  # steps before a new penalty; later epochs double the number of steps

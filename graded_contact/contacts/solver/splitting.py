@@ -37,7 +37,7 @@ from .abstract_solver import in_precision, participation_of, run_steps, slope
 # Earlier iterates that the acceleration combines, each of two fields. At a given mean gap few: near
 # full contact the load drifts, and with 5 some loads diverged above an area of 0.99.
 _HISTORY, _HISTORY_AT_GAP = 5, 2
-DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
+DRAFTED_FROM = 2**18  # points of a grid worth a draft, as measured
 
 
 class Moved(NamedTuple):

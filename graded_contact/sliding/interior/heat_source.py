@@ -213,7 +213,7 @@ def _series_of(part: Layer | GradedLayer | HalfSpace, bottom, depth):
         )
     raise ValueError(
         f"`stack` has a graded layer with the profile {type(profile).__name__}: only "
-        "`Blend` with linear mixing is possible here. Cut the layer by `sliced`."
+        "`Blend` with linear mixing is possible here."
     )
 
 

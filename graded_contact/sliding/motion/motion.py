@@ -19,7 +19,7 @@ from ...core.display import shown, with_unit
 from ...fields.grid import Grid
 
 # At a largest step of 0.5 spacings the mean friction is off by 5e-5 or less, at 1 by 2e-3 or less,
-# at 2 by 1 to 18 %, at 4 by 5 to 72 % (`benchmarks/bench_contact.py cycle_times`).
+# at 2 by 1 to 18 %, at 4 by 5 to 72 %.
 CHOSEN_STEP = 0.5
 LARGEST_STEP = 2.0
 _OPEN = 0.2  # of the extent of a record: a gap that its next row does not close

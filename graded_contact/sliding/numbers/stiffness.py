@@ -13,7 +13,7 @@ With a set of points as A both numbers would jump whenever a point joins. So a p
 f in contact rests on a spring of compliance c (1 - f)/f times that of the block near half the
 Nyquist number (`edge_stiffness`). Here f is cut at 1/(1 + g/p) of the way to the next point, so
 that the spring is a gap over a pressure. With c = 1 on a line and 0.8 on a plane, strips, spheres
-and rough surfaces have the least errors (`bench_contact.py stiffness`). Within each spacing the
+and rough surfaces have the least errors. Within each spacing the
 error varies: a derivative has a local error of about 30 %, and is right over several spacings.
 """
 
@@ -35,7 +35,7 @@ from ..problem import SteadyProblem
 _RTOL = 1e-8
 _YIELDING = {1: 1.0, 2: 0.8}  # compliance of half a point over that of the block, by dimensions
 # Parts of the error: the change from half as many points, and that by softer springs. With them 119
-# of 124 claims held (`bench_contact.py stiffness`).
+# of 124 claims held.
 _FROM_HALF, _SOFTER = 0.75, 1.25
 _LACKING = 8.0  # times the share of the squared slope in waves that half the grid lacks
 
