@@ -131,6 +131,21 @@ def test_gradient_by_every_leaf_matches_central_differences():
         assert abs(difference - slope) <= 1e-6
 
 
+def test_both_solvers_have_the_same_gradient():
+    profile = Blend(gc.Elastic(1.0, 0.3), gc.Elastic(5.0, 0.4))
+
+    def slopes(solver):
+        stack = Stack(
+            layers=(GradedLayer(profile, 0.7),),
+            base=gc.HalfSpace(gc.Elastic(2.0, 0.2)),
+            graded_solver=solver,
+        )
+        return jax.grad(lambda stack: surface_compliance(stack, 2.0, 0.0, rtol=1e-6).real)(stack)
+
+    found, expected = map(jax.tree.leaves, map(slopes, (Riccati(), Layering())))
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
 def test_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():
     q = 2 * jnp.pi / jnp.geomspace(1e-10, 40.0, 48)
     ends = gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3)
