@@ -260,9 +260,10 @@ class Evaluations:
         return self.known[x.tobytes()]
 
     def _stored(self, x: Flat) -> Evaluation:
-        name = f"{digest(self.name, x.tobytes())}.npz"
-        file = Path(self.store, name) if self.store else None
-        point = read_point(file, Evaluation._fields) if file else None
+        file = point = None
+        if self.store is not None:
+            file = Path(self.store, f"{digest(self.name, x.tobytes())}.npz")
+            point = read_point(file, Evaluation._fields)
         if point is not None:
             return Evaluation(point["values"], point["slopes"])
         found = Evaluation(*map(np.asarray, self.run(jnp.asarray(x))))
