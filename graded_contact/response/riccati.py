@@ -45,9 +45,8 @@ class Riccati(AbstractGradedSolver):
     """The differential equation of the compliance, integrated by diffrax.
 
     The tolerance of a step is `rtol`/30; a second integration with a tolerance ten times larger
-    estimates the error. Compared with `Layering`, `Riccati` is
-    slower for an equal error. The two methods share only a rough solution for the sizes. Fields
-    at a depth are by `Layering` for any solver.
+    estimates the error. At an equal error it is slower than `Layering`. The two methods share only
+    a rough solution for the sizes. Fields at a depth are by `Layering` for any solver.
 
     **Fields:**
 
