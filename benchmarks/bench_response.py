@@ -60,7 +60,7 @@ class Given(AbstractMaterial):
     young: jax.Array
     poisson: jax.Array
 
-    def modulus(self, omega):
+    def complex_modulus(self, omega):
         return self.young
 
     def poisson_ratio(self, omega):

@@ -88,11 +88,11 @@ def deviation(truth, fit, pressure, velocity, omega, alike, seed):
         errors = 0.02 * generator.normal(size=(2, len(x)))
         for i in range(1, len(x)):
             errors[:, i] = alike * errors[:, i - 1] + np.sqrt(1 - alike**2) * errors[:, i]
-        modulus = np.asarray(material.modulus(x))
+        modulus = np.asarray(material.complex_modulus(x))
         return modulus.real * np.exp(errors[0]) + 1j * modulus.imag * np.exp(errors[1])
 
     def quantities(material):
-        modulus = material.modulus(jnp.array([omega]))
+        modulus = material.complex_modulus(jnp.array([omega]))
         friction = friction_near(padded(material), pressure, velocity)
         return jnp.log(jnp.concatenate([modulus.real, modulus.imag, friction[None]]))
 

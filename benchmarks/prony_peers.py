@@ -83,7 +83,7 @@ def parts_of(modulus):
 def predicted(material, kind, x):
     """E' and E'' [Pa] one after the other at the frequencies x, or E at the times x."""
     if kind == "frequency":
-        return parts_of(material.modulus(x)).ravel()
+        return parts_of(material.complex_modulus(x)).ravel()
     decay = np.exp(-np.asarray(x)[:, None] / np.asarray(material.times))
     return float(material.equilibrium) + decay @ np.asarray(material.strengths)
 

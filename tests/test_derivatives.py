@@ -64,7 +64,7 @@ def compliance(block, q, omega):
 
 
 def modulus(material, temperature, omega):
-    return jnp.abs(material.at(temperature).modulus(omega))
+    return jnp.abs(material.at(temperature).complex_modulus(omega))
 
 
 STEPS = 1e-3 * np.arange(1, 6)

@@ -66,7 +66,9 @@ def write_files(folder: Path) -> None:
     rows = [
         (kelvin - 273.15, w / (2 * np.pi), moduli.real / 1e6, moduli.imag / 1e6)
         for kelvin in (283.15, 293.15, 303.15)
-        for w, moduli in zip(omega, np.asarray(tread.at(kelvin).modulus(omega)), strict=True)
+        for w, moduli in zip(
+            omega, np.asarray(tread.at(kelvin).complex_modulus(omega)), strict=True
+        )
     ]
     lines = [",".join(map(str, row)) for row in rows]
     (folder / "tread.csv").write_text("\n".join(["T [°C],f [Hz],E' [MPa],E'' [MPa]", *lines]))

@@ -34,7 +34,7 @@ def calls():
     sliding = gc.slide(stack, surface, pressure=1e5, velocity=0.1)
     peaked = gc.sliding.PeakedShear(1e6, 1e-2, 0.1, wlf)
     omega, time = np.geomspace(1e-2, 1e6, 40), np.geomspace(1e-6, 1e1, 40)
-    modulus = np.asarray(solid.modulus(omega))
+    modulus = np.asarray(solid.complex_modulus(omega))
     relaxation = 1e6 + 1e7 * np.exp(-time / 1e-3)
     table = dict(omega=omega, modulus=modulus, poisson=0.3, shift=wlf)
     wave = dict(stack=stack, q=[1e3], omega=[1.0], rtol=1e-8)
@@ -47,7 +47,7 @@ def calls():
     search = dict(num_starts=1, seed=0, rtol=1e-6, max_steps=20)
     bounds = dict(lower={"a": 1.0}, upper={"a": 3.0}, start={"a": 1.5})
     known = gc.materials.MeasuredRange([1.0, 10.0])
-    isotherms = [(t, omega, np.asarray(solid.at(t).modulus(omega))) for t in (290.0, 310.0)]
+    isotherms = [(t, omega, np.asarray(solid.at(t).complex_modulus(omega))) for t in (290.0, 310.0)]
     shifts = dict(law="wlf", shift_std=0.1, vertical_shift_std=0.1, reference=310.0)
     profile, ripple = gc.Surface(surface.heights[0], gc.Grid(8, 1e-3)), 1e-5 * np.sin(np.arange(8))
     draw = dict(spectrum=spectrum, grid=grid, key=jax.random.key(0), amplitudes="exact")

@@ -120,7 +120,7 @@ def real_part():
     """Returns Fig. RealPart: the modulus; the band that sliding excites is shaded."""
     omega = np.geomspace(1e-4, 1e12, 400)
     figure, (pane,) = panels(1, width=5.4)
-    modulus = tread().modulus(jnp.asarray(omega)) / tread().equilibrium
+    modulus = tread().complex_modulus(jnp.asarray(omega)) / tread().equilibrium
     pane.loglog(omega / (2 * np.pi), modulus.real, label="real part")
     pane.loglog(omega / (2 * np.pi), modulus.imag, label="imaginary part")
     pane.axvspan(*(np.array([1, CUTOFFS[-1]]) * Q0 * VELOCITY / (2 * np.pi)), alpha=0.1)

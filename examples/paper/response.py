@@ -139,7 +139,7 @@ class Given(gc.materials.AbstractMaterial):
     values: jax.Array = eqx.field(converter=jnp.asarray)
     poisson: jax.Array = eqx.field(converter=jnp.asarray)
 
-    def modulus(self, omega):
+    def complex_modulus(self, omega):
         return self.values
 
     def poisson_ratio(self, omega):

@@ -200,7 +200,7 @@ def materials_of(stack: Stack) -> list[AbstractMaterial]:
 
 def moduli_of(material: AbstractMaterial, omega: Array) -> tuple[Array, Array]:
     """Returns E [Pa] and ν [1] of a material."""
-    return jnp.asarray(material.modulus(omega)), jnp.asarray(material.poisson_ratio(omega))
+    return jnp.asarray(material.complex_modulus(omega)), jnp.asarray(material.poisson_ratio(omega))
 
 
 def by_kind(function: Callable[[Any], tuple], things: Sequence[Any]) -> tuple[list[tuple], Any]:

@@ -111,8 +111,6 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
         words = declared[name].metadata.get("entries", ()) if name in declared else ()
         if words and np.shape(array) == (len(words),):
             part = ", ".join(f"{_text(n)} {of}" for n, of in zip(array, words, strict=True))
-        if name in declared:  # paths have the names of arguments, see `parameters`
-            name = declared[name].metadata.get("argument", name)
         owner = type(value).__name__
         quantity = quantity_of(name, owner)
         least = noise.get(quantity.unit, 0.0) if noise and quantity else 0.0

@@ -1,12 +1,8 @@
-"""Numbers inside a stack, or any other module, by their path: "layers[0].thickness".
-
-A path names what the constructor's arguments name. A field with another name has metadata:
-`eqx.field(metadata={"argument": "modulus"})`.
-"""
+"""Numbers inside a stack, or any other module, by their path: "layers[0].thickness"."""
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -39,7 +35,7 @@ def paths(tree: object) -> dict[str, jax.Array]:
 def arrays(tree: object) -> dict[str, jax.Array]:
     """Returns all numbers and arrays in `tree` by their path, without single entries."""
     leaves = jax.tree_util.tree_leaves_with_path(eqx.filter(tree, eqx.is_array))
-    return {_name(tree, path): leaf for path, leaf in leaves}
+    return {_name(path): leaf for path, leaf in leaves}
 
 
 def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
@@ -69,7 +65,7 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
         else:
             leaves[path] = value
     changed = jax.tree_util.tree_map_with_path(
-        lambda path, leaf: leaves.get(_name(tree, path), leaf), tree
+        lambda path, leaf: leaves.get(_name(path), leaf), tree
     )
     _check(changed)
     return changed
@@ -78,22 +74,12 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
 def places(tree: object, part: object) -> list[str]:
     """Returns the paths of this very object in `tree`, such as "base.material"."""
     found = jax.tree_util.tree_leaves_with_path(tree, is_leaf=lambda node: node is part)
-    return [_name(tree, path) for path, node in found if node is part]
+    return [_name(path) for path, node in found if node is part]
 
 
-def _name(tree, path):
-    """The path of a leaf as text, in the words of constructors."""
-    words, node = [], tree
-    for key in path:
-        field = getattr(type(node), "__dataclass_fields__", {}).get(getattr(key, "name", None))
-        called = field and field.metadata.get("argument")
-        words.append(jax.tree_util.GetAttrKey(called) if called else key)
-        place: Any = getattr(key, "idx", getattr(key, "key", None))
-        if isinstance(key, jax.tree_util.GetAttrKey):  # of a module or a named tuple
-            node = getattr(node, key.name, None)
-        else:  # what is neither of these nor a list, tuple or dict has no words of its own
-            node = node[place] if isinstance(node, list | tuple | dict) else None
-    return jax.tree_util.keystr(tuple(words)).removeprefix(".")
+def _name(path):
+    """The path of a leaf as text."""
+    return jax.tree_util.keystr(path).removeprefix(".")
 
 
 def _check(tree):

@@ -101,7 +101,7 @@ class AbstractFit(eqx.Module):
             return found if kelvin is None else found.at(kelvin)
 
         def logs(theta):
-            modulus = material(theta).modulus(omega)
+            modulus = material(theta).complex_modulus(omega)
             return jnp.log(jnp.stack([modulus.real, modulus.imag]))
 
         middle = logs(self.theta)

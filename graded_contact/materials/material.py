@@ -46,7 +46,7 @@ class AbstractMaterial(eqx.Module):
     """An isotropic linear viscoelastic solid."""
 
     @abc.abstractmethod
-    def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
+    def complex_modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
         """Returns Young's modulus E(ω) [Pa] at the angular frequencies `omega` [rad/s].
 
         `omega` is real, or complex in transient motion: a law has one analytic form for both.
@@ -71,26 +71,21 @@ class Elastic(AbstractMaterial):
 
     **Fields:**
 
-    - `young`: Young's modulus E [Pa], the constructor's `modulus`, and so in paths; `modulus` of a
-      material is its method.
+    - `modulus`: Young's modulus E [Pa].
     - `poisson`: Poisson's ratio ν [1], -1 < ν <= 1/2.
     """
 
-    young: Float[Array, ""] = eqx.field(metadata={"argument": "modulus"})
-    poisson: Float[Array, ""]
-
-    def __init__(self, modulus: ScalarLike, poisson: ScalarLike = 0.5):
-        self.young = as_scalar(modulus, "modulus")
-        self.poisson = as_scalar(poisson, "poisson")
+    modulus: Float[Array, ""] = eqx.field(converter=scalar("modulus"))
+    poisson: Float[Array, ""] = eqx.field(converter=scalar("poisson"), default=0.5)
 
     def __check_init__(self):
-        check_positive("modulus", self.young, "[Pa]")
+        check_positive("modulus", self.modulus, "[Pa]")
         check_poisson("poisson", self.poisson)
 
-    def modulus(self, omega: Numbers) -> Float[Array, "*w"]:
+    def complex_modulus(self, omega: Numbers) -> Float[Array, "*w"]:
         omega = as_numbers(omega, "omega")
-        dtype = jnp.result_type(self.young, omega.real)
-        return jnp.broadcast_to(self.young.astype(dtype), omega.shape)
+        dtype = jnp.result_type(self.modulus, omega.real)
+        return jnp.broadcast_to(self.modulus.astype(dtype), omega.shape)
 
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:
         return self.poisson
@@ -172,7 +167,7 @@ class Prony(AbstractMaterial):
         """Instantaneous modulus E_inf = E_eq + Σ E_k [Pa]."""
         return self.equilibrium + jnp.sum(self.strengths)
 
-    def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
+    def complex_modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
         omega = as_numbers(omega, "omega")
         # One more axis, over the branches.
         x = omega[..., None] * self.times
@@ -229,7 +224,7 @@ class BulkShear(AbstractMaterial):
 
     **Fields:**
 
-    - `bulk`: material whose `modulus` is read as K(ω) [Pa], not as Young's modulus; its own
+    - `bulk`: material whose complex modulus is read as K(ω) [Pa], not as Young's modulus; its own
       Poisson's ratio is ignored.
     - `shear`: the same for G(ω) [Pa].
     """
@@ -237,7 +232,7 @@ class BulkShear(AbstractMaterial):
     bulk: AbstractMaterial = eqx.field(converter=material_called("bulk"))
     shear: AbstractMaterial = eqx.field(converter=material_called("shear"))
 
-    def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
+    def complex_modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
         shear, ratio = self._shear_and_ratio(omega)
         return 3 * shear / (1 + ratio)
 
@@ -251,7 +246,7 @@ class BulkShear(AbstractMaterial):
 
     def _shear_and_ratio(self, omega):
         """G [Pa] and G/(3K) [1], in units in which the backward pass suits float32."""
-        bulk, shear = self.bulk.modulus(omega), self.shear.modulus(omega)
+        bulk, shear = self.bulk.complex_modulus(omega), self.shear.complex_modulus(omega)
         # Powers of moduli in Pa, of the backward pass of a division, would overflow float32.
         unit = jax.lax.stop_gradient(jnp.max(jnp.abs(bulk)))
         return shear, (shear / unit) / (3 * (bulk / unit))

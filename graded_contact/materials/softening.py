@@ -69,8 +69,8 @@ class StrainSoftening(AbstractMaterial):
         storage, loss = (jnp.exp(monotone_cubic(nodes, jnp.log(row), at)) for row in rows)
         return storage, loss
 
-    def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
-        modulus, (storage, loss) = self.material.modulus(omega), self.factors()
+    def complex_modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
+        modulus, (storage, loss) = self.material.complex_modulus(omega), self.factors()
         if jnp.iscomplexobj(omega):
             return _if_equal(storage, loss) * modulus
         # An elastic material has no loss, and stays real.

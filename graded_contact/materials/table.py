@@ -64,7 +64,7 @@ class Tabulated(AbstractMaterial):
         check_increasing("omega", self.omega)
         check_type("shift", shift, AbstractShift, type(None))
 
-    def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
+    def complex_modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
         omega = as_numbers(omega, "omega")
         if jnp.iscomplexobj(omega):
             raise ValueError("`Tabulated` has no complex frequencies: fit it by `fit_prony`.")

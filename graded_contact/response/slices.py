@@ -17,7 +17,7 @@ class _AtHeight(AbstractMaterial):
     profile: Any
     height: Float[Array, ""]
 
-    def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
+    def complex_modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
         omega = as_numbers(omega, "omega")
         return jnp.broadcast_to(self.profile(self.height, omega)[0], omega.shape)
 

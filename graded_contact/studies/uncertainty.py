@@ -132,7 +132,7 @@ def sensitivity(
             f"`material` has a Poisson's ratio of shape {poisson.shape}, not a number."
         )
     shift = getattr(material, "shift", None)
-    table = Tabulated(omega, material.modulus(omega), poisson, shift=shift)
+    table = Tabulated(omega, material.complex_modulus(omega), poisson, shift=shift)
 
     def quantity(logarithms):
         values = jax.tree.map(jnp.exp, logarithms)

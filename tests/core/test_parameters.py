@@ -56,8 +56,10 @@ def test_a_modulus_is_called_as_in_the_constructor():
     stack = gc.Stack(layers=(layer,), base=gc.HalfSpace(RUBBER))
     assert paths(stack)["layers[0].material.modulus"] == 2e7
     changed = with_values(stack, {"layers[0].material.modulus": 3e7})
-    assert changed.layers[0].material.young == 3e7
-    slope = jax.grad(lambda e: with_values(gc.Elastic(1e6), {"modulus": e}).modulus(0.0))(2e6)
+    assert changed.layers[0].material.modulus == 3e7
+    slope = jax.grad(lambda e: with_values(gc.Elastic(1e6), {"modulus": e}).complex_modulus(0.0))(
+        2e6
+    )
     assert slope == 1
     with pytest.raises(ValueError, match=r"did you mean `layers\[0\].material.modulus`"):
         with_values(stack, {"layers[0].material.moduli": 1e6})

@@ -54,7 +54,7 @@ def channels(values):
 
 def spread(material, log10_shift=0.0, omega=OMEGA):
     """Greatest log distance of storage and loss moduli from the exact ones."""
-    fitted, exact = np.asarray(material.modulus(omega)), modulus(omega, log10_shift)
+    fitted, exact = np.asarray(material.complex_modulus(omega)), modulus(omega, log10_shift)
     return np.max(np.abs(np.log(channels(fitted) / channels(exact))))
 
 
@@ -160,7 +160,7 @@ def misfit(material, curves, kind="frequency"):
             glassy, compliances, times = there.creep()
             model = 1 / glassy - np.expm1(-np.divide.outer(x, times)) @ compliances
         else:
-            model = np.asarray(there.modulus(x))
+            model = np.asarray(there.complex_modulus(x))
         both = kind == "frequency"
         logs.append(np.log(channels(model) / channels(values) if both else model / values))
     return np.sqrt(np.mean(np.concatenate(logs) ** 2))

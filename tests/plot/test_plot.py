@@ -116,7 +116,7 @@ def test_several_results_axes_and_numbers_are_drawn_by_one_function():
 
 def test_a_fit_shows_points_series_limits_and_residuals():
     omega, tread = np.geomspace(1e-2, 1e4, 20), gc.tyre_tread()
-    values = np.asarray(tread.modulus(omega)) * np.exp(0.05 * np.sin(np.arange(20)))
+    values = np.asarray(tread.complex_modulus(omega)) * np.exp(0.05 * np.sin(np.arange(20)))
     values[3] = values[3].real + 1j * np.nan
     fit = gc.fit_prony(omega, values, terms=2)
     figure = gc.plot.plot_fit(fit)
@@ -124,11 +124,13 @@ def test_a_fit_shows_points_series_limits_and_residuals():
     points, line = above.lines[2], above.lines[3]  # of the loss modulus
     assert len(points.get_xdata()) == 19 and line.get_label() == "loss modulus"
     fine = line.get_xdata()
-    np.testing.assert_allclose(line.get_ydata(), fit.material.modulus(fine).imag, rtol=1e-12)
+    np.testing.assert_allclose(
+        line.get_ydata(), fit.material.complex_modulus(fine).imag, rtol=1e-12
+    )
     lower, upper = (np.asarray(limit).imag for limit in fit.confidence(fine))
     band = above.collections[1].get_paths()[0].vertices
     assert np.isclose(band[:, 1].min(), lower.min()) and np.isclose(band[:, 1].max(), upper.max())
-    fitted = np.asarray(fit.material.modulus(omega)).imag
+    fitted = np.asarray(fit.material.complex_modulus(omega)).imag
     residual = 100 * np.delete(np.log(fitted / values.imag), 3)
     np.testing.assert_allclose(below.lines[1].get_ydata(), residual, rtol=1e-9)
 
@@ -211,7 +213,7 @@ MATERIAL = gc.Prony(1e6, [1e7, 5e7], [1e-1, 1e-3], shift=gc.WLF(6.0, 110.0, 300.
 
 @functools.cache
 def moduli():
-    return [t / 300 * np.asarray(MATERIAL.at(t).modulus(OMEGA)) for t in TEMPERATURES]
+    return [t / 300 * np.asarray(MATERIAL.at(t).complex_modulus(OMEGA)) for t in TEMPERATURES]
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ class Given(AbstractMaterial):
     young: jax.Array = eqx.field(converter=jnp.asarray)
     poisson: jax.Array = eqx.field(converter=jnp.asarray)
 
-    def modulus(self, omega):
+    def complex_modulus(self, omega):
         return self.young
 
     def poisson_ratio(self, omega):

@@ -49,10 +49,10 @@ def test_a_master_curve_carries_the_error_of_its_shifts():
     omega, noise = np.geomspace(1, 1e3, 15), np.random.default_rng(1)
     isotherms = []
     for temperature in (290.0, 300.0, 310.0):
-        modulus = np.asarray(law.at(temperature).modulus(omega))
+        modulus = np.asarray(law.at(temperature).complex_modulus(omega))
         isotherms.append((temperature, omega, modulus * noise.lognormal(sigma=0.02, size=15)))
     curve = gc.master_curve(isotherms, law="arrhenius", shift_std=0.0, terms=2, poisson=0.49)
-    at = lambda material: material.at(305.0).modulus(jnp.array([30.0])).imag  # noqa: E731
+    at = lambda material: material.at(305.0).complex_modulus(jnp.array([30.0])).imag  # noqa: E731
     whole = propagate(at, curve)
     lower, upper = curve.confidence([30.0], 305.0, level=0.6827)
     limits = (np.log(upper.imag) - np.log(lower.imag)) / 2
@@ -69,7 +69,7 @@ def test_what_decides_friction_adds_up_to_what_pressure_does():
     omega = np.geomspace(1e-2, 1e8, 61)
     found = sensitivity(friction, TRUTH, omega)
     total = np.trapezoid(found.storage + found.loss, np.log10(omega))
-    table = gc.Tabulated(omega, TRUTH.modulus(omega), 0.49)
+    table = gc.Tabulated(omega, TRUTH.complex_modulus(omega), 0.49)
     by_pressure = jax.grad(lambda p: jnp.log(friction(table, p)))(1e5) * 1e5
     np.testing.assert_allclose(total, -by_pressure, rtol=1e-3)
     assert np.trapezoid(found.loss, np.log10(omega)) > 0.5  # friction is loss

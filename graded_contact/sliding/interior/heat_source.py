@@ -219,8 +219,8 @@ def _series_of(part: Layer | GradedLayer | HalfSpace, bottom, depth):
 
 def _series(material: AbstractMaterial):
     if isinstance(material, Elastic):
-        none = jnp.zeros(0, material.young.dtype)
-        return material.young, none, none, none, material.poisson
+        none = jnp.zeros(0, material.modulus.dtype)
+        return material.modulus, none, none, none, material.poisson
     if isinstance(material, Prony):
         strengths = material.strengths
         return material.equilibrium, strengths, strengths, material.times, material.poisson
