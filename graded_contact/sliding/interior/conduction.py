@@ -64,9 +64,12 @@ def flash_temperature(
     block = stack if sliding.heated is None else sliding.heated.stack
     heat = Heat(heat_source(sliding, block, nodes), thickness, shear_heat(sliding))
     found = temperatures(sliding, (stack, counterface), heating, heat, (depths, depths))
-    return jax.vmap(lambda spectrum: to_field(spectrum, sliding.grid.shape))(
-        found[body == "counterface"]
-    )
+    return _fields(found[body == "counterface"], sliding.grid.shape)
+
+
+@compiled
+def _fields(spectra: Array, shape: tuple[int, ...]) -> Array:
+    return jax.vmap(lambda spectrum: to_field(spectrum, shape))(spectra)
 
 
 class Heat(NamedTuple):

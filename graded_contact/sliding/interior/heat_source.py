@@ -55,6 +55,11 @@ def heat_depths(
     **Returns:** depths and weights; at a bottom above the last interval the weights are 0.
     """
     check_whole("num_intervals", num_intervals, 2)
+    return _heat_depths(stack, grid, num_intervals)
+
+
+@compiled
+def _heat_depths(stack: Stack, grid: Grid, num_intervals: int) -> tuple[Array, Array]:
     # Short waves make their heat near the surface, the longest down to the size of the cell.
     ends = _FIRST * jnp.min(grid.spacing), _LAST * jnp.max(grid.size)
     return gauss_within(stack, intervals(*ends, num_intervals))
@@ -161,6 +166,7 @@ def shear_traction(sliding: Sliding) -> Array | None:
     return stress * direction[0] if len(direction) == 1 else stress[..., None] * direction
 
 
+@compiled
 def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
     """Returns the heat of shear in the contact [W/m²]; its mean is the power of the shear."""
     if sliding.shear is None:

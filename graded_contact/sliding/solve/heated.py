@@ -184,17 +184,25 @@ def _of_mean(case: Case, cycle: CyclicSliding) -> tuple[Case, Array]:
 
     The velocity is along the fastest part of the path, if the path is not straight.
     """
+    mean, power = _mean_of(cycle)
+    steady = dataclasses.replace(
+        case, displacement=None, period=None, velocity=mean.reshape(cycle.displacement.shape[1:]),
+        pressure=cycle.contact.mean_pressure, mean_gap=None,
+    )  # fmt: skip
+    return steady, power
+
+
+@derivative_apart
+@compiled
+def _mean_of(cycle: CyclicSliding) -> tuple[Array, Array]:
+    """The velocity of a cycle whose speed is the mean one, and its mean power."""
     velocity = refined(cycle.motion_of_surface[0])
     speed = lengths(velocity)
     # There and back it is as fast: the first of them, which rounding must not choose.
     top = jnp.argmax(speed >= (1 - 1e-9) * jnp.max(speed))
     mean = jnp.mean(speed) * velocity[top] / speed[top]
-    steady = dataclasses.replace(
-        case, displacement=None, period=None, velocity=mean.reshape(cycle.displacement.shape[1:]),
-        pressure=cycle.contact.mean_pressure, mean_gap=None,
-    )  # fmt: skip
     # With coupling some of the work of shear is lost in the block: it counts once.
-    return steady, cycle.dissipated_power + interface_power(cycle)
+    return mean, cycle.dissipated_power + interface_power(cycle)
 
 
 def _errors(s: Sliding | CyclicSliding, closer: Sliding | CyclicSliding):
