@@ -97,7 +97,7 @@ def run_into(
     with refusing():
         folder.mkdir(parents=True, exist_ok=True)
         check_same_scene(file, scene)
-        typer.echo("\n".join(filter(None, (scene.title, *scene.case(scene.first).rough.history))))
+        typer.echo("\n".join(filter(None, (scene.title, *scene.case(scene.first).surface.history))))
         store = folder / f"{name}.points"
         results = run_scene(scene, store=store, workers=workers, progress=True)
         write_results(file, results)
@@ -157,6 +157,6 @@ def figures_of(scene: Scene, results: "Dataset") -> "Iterator[tuple[str, Figure]
     fields = fields.rename(contact_pressure="pressure")
     if scene.motion is None:
         found: Any = SimpleNamespace(pressure=fields.pressure, gap=fields.gap, law=case.law)
-        yield "contact", plot.plot_sliding(found, case.rough, case.velocity)
+        yield "contact", plot.plot_sliding(found, case.surface, case.velocity)
     else:
-        yield "film", plot.plot_film(fields, case.rough)
+        yield "film", plot.plot_film(fields, case.surface)

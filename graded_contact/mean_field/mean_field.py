@@ -65,8 +65,6 @@ from ..sliding.case import Case, Heating
 from ..sliding.shear import ShearLaw, shear_stress
 from ..surfaces.spectrum import CutoffCurve, SelfAffine
 from ..surfaces.spectrum_table import Spectrum, SpectrumTable
-from ..surfaces.statistics import isotropic_spectrum
-from ..surfaces.surface import Surface
 from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
@@ -191,14 +189,13 @@ def mean_field_friction(
     return reached(solution, rtol) if throw else solution
 
 
-def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) -> MeanField:
+def mean_field_of(case: Case, spectrum: Spectrum, **options: Any) -> MeanField:
     """Returns the mean field of a case of steady sliding.
 
     **Arguments:**
 
     - `case`: with a pressure and a velocity.
-    - `spectrum`: of `mean_field_friction`; None for the `surface` of the case: a spectrum, or a
-      surface, whose spectrum is averaged over directions.
+    - `spectrum`: of its surface, see `mean_field_friction`.
     - `options`: arguments of `mean_field_friction`, also in place of numbers of the case.
 
     **Raises:** `ValueError` for a case with another law of contact than a hard wall.
@@ -210,9 +207,7 @@ def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) 
         "counterface",
     )  # fmt: skip
     given: dict[str, Any] = {name: getattr(case, name) for name in names} | options
-    rough: Any = case.surface if spectrum is None else spectrum
-    waves = isotropic_spectrum(rough) if isinstance(rough, Surface) else rough
-    return mean_field_friction(case.stack, waves, **given)
+    return mean_field_friction(case.stack, spectrum, **given)
 
 
 def _checked(field: FieldInputs, acting) -> FieldInputs:

@@ -56,7 +56,7 @@ class Curves:
     def __init__(self, scene: Scene):
         self.scene, self.numbers = scene, numbers_of(scene)
         first = scene.case(middle_of(scene))
-        self.surface = first.rough
+        self.surface = first.surface
         self.kind = "transient" if first.times is not None else "cycle"
         self.kind = "steady" if scene.motion is None else self.kind
         self.has_curve = self.kind == "steady" and _has_mean_field(first)
@@ -127,7 +127,7 @@ class Curves:
 def _has_mean_field(case: Case) -> bool:
     hard = isinstance(case.law, HardWall) and case.law.hardness is None
     pressed = case.pressure is not None and bool(np.any(case.velocity))
-    rough = case.rough.periodic and case.rough.grid.ndim == 2
+    rough = case.surface.periodic and case.surface.grid.ndim == 2
     return hard and pressed and rough and case.block_surface is None
 
 

@@ -233,7 +233,7 @@ def slide_case(
 
     **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
     """
-    how = how.of(case.bodies, case.rough, case.block_surface)
+    how = how.of(case.bodies, case.surface, case.block_surface)
     if case.times is not None:
         return solve_transient(case, how, fields_at)
     if case.heating is not None:

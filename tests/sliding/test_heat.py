@@ -13,12 +13,14 @@ from graded_contact.sliding import (
     ConstantShear,
     Coulomb,
     Heating,
-    flash_temperature,
-    heat_depths,
-    heat_source,
 )
 from graded_contact.sliding.interior.conduction import Heat, temperatures, thermal_wavenumber
-from graded_contact.sliding.interior.heat_source import shear_heat
+from graded_contact.sliding.interior.heat_source import (
+    gauss_within,
+    heat_source,
+    intervals,
+    shear_heat,
+)
 
 CELL = 4e-3  # m
 Q0 = 2 * np.pi / CELL
@@ -35,6 +37,7 @@ CLAMPED = gc.Stack(
 SOFTENED = gc.Stack(layers=(gc.Layer(SOFT, 2e-4),), base=gc.HalfSpace(RUBBER))
 RUBBER_HEAT = Heating(0.25, 1.1e-7)
 HOW = {"pressure": 4e5, "velocity": 0.5, "rtol": 1e-9}
+EDGES_OF_CELL = intervals(jnp.array(CELL / 640), jnp.array(3 * CELL), 18)  # of depths
 
 
 @pytest.mark.parametrize(
@@ -47,19 +50,19 @@ HOW = {"pressure": 4e5, "velocity": 0.5, "rtol": 1e-9}
 )
 def test_heat_over_the_depth_is_the_work_of_friction(stack, velocity, shear, work):
     s = gc.slide(stack, SURFACE, **HOW | {"velocity": velocity, "shear": shear})
-    depths, weights = heat_depths(stack, SURFACE.grid)
-    source = heat_source(s, stack, depths)
+    depths, weights = gauss_within(stack, EDGES_OF_CELL)
+    source = heat_source(s, depths, weights > 0)
     assert np.min(source) >= 0
     made = np.sum(np.mean(source, (1, 2)) * np.asarray(weights))
     np.testing.assert_allclose(made, getattr(s, work) * 4e5 * 0.5, rtol=1e-3)
 
 
 def test_elastic_blocks_and_blocks_at_rest_make_no_heat():
-    depths, _ = heat_depths(HALF_SPACE, SURFACE.grid, 2)
+    depths = jnp.array([1e-5, 1e-4])
     stiff = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.4)))
     for stack, velocity in ((stiff, 0.5), (HALF_SPACE, 0.0)):
         s = gc.slide(stack, SURFACE, **HOW | {"velocity": velocity})
-        assert np.max(np.abs(heat_source(s, stack, depths))) == 0
+        assert np.max(np.abs(heat_source(s, depths, depths > 0))) == 0
 
 
 def moving_band(peclet):
@@ -198,10 +201,6 @@ def test_heat_divides_between_a_moving_block_and_a_coated_counterface_at_rest(sh
     # Below the surface the coat's waves decay, and are reflected.
     share = (np.exp(-q * 3e-5) + image * np.exp(q * 3e-5)) / (1 + image)
     np.testing.assert_allclose(found[1][1], found[1][0] * share, atol=1e-9)
-    one = flash_temperature(
-        sheared, HALF_SPACE, heating, depths, counterface=counterface, body="counterface"
-    )
-    assert one.shape == (2, *sheared.grid.shape) and 0 < one[1].max() < one[0].max()
 
 
 def test_two_equal_bodies_at_rest_have_equal_temperatures(sheared):
@@ -216,10 +215,13 @@ def test_two_equal_bodies_at_rest_have_equal_temperatures(sheared):
 def test_heat_at_depth_makes_less_of_a_flash_than_at_the_surface():
     """The usual estimates release all heat at the surface."""
     s = gc.slide(HALF_SPACE, SURFACE, **HOW | {"pressure": 3e4})
-    rise = flash_temperature(s, HALF_SPACE, RUBBER_HEAT, [0.0, 1e-3])
+    depths, weights = gauss_within(HALF_SPACE, EDGES_OF_CELL)
+    source = heat_source(s, depths, weights > 0)
+    heat = Heat(source, weights, shear_heat(s))
+    (found,) = temperatures(s, (HALF_SPACE,), RUBBER_HEAT, heat, [jnp.array([0.0, 1e-3])])
+    rise = jnp.stack([to_field(spectrum, s.grid.shape) for spectrum in found])
     np.testing.assert_allclose(jnp.mean(rise, (1, 2)), 0, atol=1e-12)
-    depths, weights = heat_depths(HALF_SPACE, s.grid)
-    flux = jnp.tensordot(weights, heat_source(s, HALF_SPACE, depths), 1)
+    flux = jnp.tensordot(weights, source, 1)
     k = thermal_wavenumber(s.grid, s.velocity, RUBBER_HEAT.diffusivity)
     above = to_field((to_spectrum(flux) / (0.25 * k)).at[0, 0].set(0), s.grid.shape)
     touching = s.pressure > 0

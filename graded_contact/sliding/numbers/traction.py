@@ -68,7 +68,7 @@ def steady_coupling(
     found = [tangential_kernels(stack, cell, velocity, direction, strain) for cell in cells]
     ((lift,), ((along,),), good), error = found[0], None
     if len(cells) == 2:
-        ((far_lift,), ((far_along,),), far_good), window = found[1], case.rough.grid
+        ((far_lift,), ((far_along,),), far_good), window = found[1], case.surface.grid
         lift, error = without_images(lift, far_lift, window, False)
         along, _ = without_images(along, far_along, window, False)
         good = good & far_good

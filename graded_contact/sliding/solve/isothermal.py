@@ -50,10 +50,10 @@ def solve_isothermal(
         found = _lagged(problem, load, how, start, solution)
     else:
         found = result_of(problem, problem.contact(load, how, None, start, solution))
-    if how.throw:
-        return found
-    contact = ended(found.contact, reached, RESULTS.inaccurate_kernel)
-    return dataclasses.replace(found, contact=contact)
+    contact = found.contact
+    if not how.throw:
+        contact = ended(contact, reached, RESULTS.inaccurate_kernel)
+    return dataclasses.replace(found, contact=contact, bodies=case.bodies)
 
 
 def _lagged(

@@ -104,6 +104,7 @@ class _OfStep(AbstractSliding):
     contact: ContactSolution
     problem: SteadyProblem
     heated: None = None
+    bodies: tuple[()] = ()
     kind: ClassVar[str] = TRANSIENT
 
 
