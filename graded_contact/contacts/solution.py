@@ -45,8 +45,7 @@ class RESULTS(eqx.Enumeration):
     )
     inaccurate_kernel = (
         "The kernel of the block did not reach its tolerance: the profile of a graded layer varies "
-        "too sharply. Put boundaries between layers at its jumps and list its kinks in `breaks`, "
-        "or cut it by `sliced`."
+        "too sharply. Put boundaries between layers at its jumps and list its kinks in `breaks`."
     )
     gap_unresolved = (
         "Pressure, friction and contact area have converged, but gaps may be wrong by more than a "

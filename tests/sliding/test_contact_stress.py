@@ -9,7 +9,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.blocks import interface_depths
-from graded_contact.response import stress_field
+from graded_contact.response.stress import stress_field
 from graded_contact.sliding import Coulomb, contact_stress
 from graded_contact.sliding.case import WINDOW
 
@@ -30,7 +30,8 @@ def test_line_contact_has_its_closed_form():
     pressure = np.sqrt(np.maximum(1 - (x / a) ** 2, 0))
     stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
     grid = gc.Grid((num,), size)
-    found = stress_field(stack, grid, pressure, 0.0, traction=f * pressure)
+    zero, pressure = jnp.zeros(()), jnp.asarray(pressure)
+    found = stress_field(stack, grid, pressure, zero, zero, f * pressure)
     along, far = found.stress[:, 0, 0], np.abs(x) > a
     outside = np.sign(x) * np.sqrt(np.where(far, (x / a) ** 2 - 1, 0))
     expected = -pressure - 2 * f * (x / a - outside)
@@ -57,10 +58,11 @@ def derivative(field, axis):
 def test_traction_along_both_axes_is_in_equilibrium():
     """By differences over the depth, in a coat and below; and the surface has the traction."""
     fields = [gc.random_surface(SPECTRUM, GRID, jax.random.key(i)).heights * 1e9 for i in range(3)]
-    pressure, traction = np.asarray(fields[0]), np.stack(fields[1:], axis=-1)
+    pressure, traction = fields[0], jnp.stack(fields[1:], axis=-1)
 
     def at(z):
-        return jax.device_get(stress_field(BLOCK, GRID, pressure, z, traction=traction))
+        depth = jnp.asarray(z)
+        return jax.device_get(stress_field(BLOCK, GRID, pressure, depth, 0 * depth, traction))
 
     top = at(0.0).stress
     np.testing.assert_allclose(top[..., 2, 2], -pressure, atol=1e-6 * np.max(pressure))

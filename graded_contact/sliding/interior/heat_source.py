@@ -26,7 +26,6 @@ from ...fields.frequency import direction_and_speed, wave_frequencies
 from ...fields.grid import to_field
 from ...materials.material import AbstractMaterial, Elastic, Prony
 from ...materials.softening import StrainSoftening
-from ...response.grading import graded_tolerance
 from ...response.stress import stress_waves
 from ..formulas import tractions_on
 from ..numbers.traction import slip
@@ -66,10 +65,9 @@ def heat_source(sliding: Sliding, depths, needed) -> Array:
     grid, velocity, pressure = sliding.grid, sliding.velocity, sliding.pressure
     omega = wave_frequencies(grid, velocity)
     traction = None if sliding.coupling is None else shear_traction(sliding)
-    rtol = graded_tolerance(stack, None, pressure)
 
     def at(depth):
-        waves = stress_waves(stack, grid, pressure, traction, depth, velocity, rtol=rtol)
+        waves = stress_waves(stack, grid, pressure, traction, depth, velocity)
         normal, shear = waves[3:6], waves[6:]
         equilibrium, strengths, losses, times, poisson = _series_at(stack, depth)
         flows = 1j * omega[..., None] * times

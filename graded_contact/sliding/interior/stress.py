@@ -8,12 +8,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...blocks.stack import interface_depths
-from ...core.checks import Numbers, as_float, check_rows, check_values
+from ...core.checks import Numbers, as_float, check_rows
 from ...core.compilation import compiled
 from ...core.derivative import derivative_apart, largest
 from ...core.display import shown
 from ...response.downwards import Side
-from ...response.stress import stress_field, von_mises
+from ...response.stress import checked_depth, stress_field, von_mises
 from ..bodies import BodyName
 from ..case import WINDOW
 from ..result import Sliding
@@ -78,7 +78,7 @@ def contact_stress(
         raise ValueError('`body="counterface"` is refused: the contact has a rigid counterface.')
     depths = as_float(depths, "depths")
     check_rows(1, depths=depths)
-    check_values("depths", depths, "a depth [m] is zero (the surface) or positive", at_least=0)
+    depths = checked_depth(sliding.bodies[body == "counterface"], depths)
     return ContactStress(_stress(sliding, depths, side, body), depths)
 
 
@@ -89,9 +89,8 @@ def _stress(sliding: Sliding, depths: Array, side: Side, body: BodyName):
     if body == "counterface":  # which rests under the surface
         traction = None if traction is None else -traction
         velocity, stack = jnp.zeros_like(velocity), sliding.bodies[1]
-    how = {"side": side, "traction": traction}
-    grid, pressure = sliding.grid, sliding.pressure
-    at = lambda z: stress_field(stack, grid, pressure, z, velocity, **how).stress  # noqa: E731
+    given = stack, sliding.grid, sliding.pressure
+    at = lambda z: stress_field(*given, z, velocity, traction, side).stress  # noqa: E731
     return jax.lax.map(at, depths)
 
 
