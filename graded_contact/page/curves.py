@@ -19,7 +19,7 @@ from ..mean_field.mean_field import mean_field_of
 from ..scenes.scene import Scene
 from ..sliding import Case, slide_case
 from ..surfaces import isotropic_spectrum
-from .numbers import middle_of, numbers_of
+from .numbers import middle_point, varied_numbers
 
 PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
 SPEEDS, DECADES = 25, 3.0  # of a curve, to both sides of the velocity of the scene
@@ -46,7 +46,7 @@ class Curves:
     **Fields:**
 
     - `scene`: as it was read.
-    - `numbers`: that vary, see `numbers_of`.
+    - `numbers`: that vary, see `varied_numbers`.
     - `surface`: of the contacts.
     - `kind`: of the contacts, one of `SHOWN`.
     - `has_curve`: whether there is a mean field: of steady sliding of one periodic surface with a
@@ -54,8 +54,8 @@ class Curves:
     """
 
     def __init__(self, scene: Scene):
-        self.scene, self.numbers = scene, numbers_of(scene)
-        first = scene.case(middle_of(scene))
+        self.scene, self.numbers = scene, varied_numbers(scene)
+        first = scene.case(middle_point(scene))
         self.surface = first.surface
         self.kind = "transient" if first.times is not None else "cycle"
         self.kind = "steady" if scene.motion is None else self.kind
@@ -83,7 +83,7 @@ class Curves:
     def case(self, values: Values) -> Case:
         """Returns the case of values, which JAX may trace, or raises `ValueError`."""
         point = {path: value for name, value in values.items() for path in self.numbers[name].paths}
-        return self.scene.case(middle_of(self.scene) | point)
+        return self.scene.case(middle_point(self.scene) | point)
 
     def curve(self, values: Values) -> Curve | None:
         """Returns the curve of the mean field, if there is one."""
