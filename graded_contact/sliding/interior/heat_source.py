@@ -1,8 +1,8 @@
 """The heat of friction in the block and in the contact.
 
 In a Prony solid branch k is a spring E_k and a dashpot. Under steady sliding its stress is, for
-each wave, that of the solid times g_k(ω) = [E_k iωτ_k/(1 + iωτ_k)]/E(ω), since all branches have
-the same Poisson's ratio ν. Its dashpot turns
+each wave, the solid's times g_k(ω) = [E_k iωτ_k/(1 + iωτ_k)]/E(ω), since all branches have one
+Poisson's ratio ν. Its dashpot turns
 
     W_k = [(1 + ν) s:s - ν (tr s)²]/(τ_k E_k) >= 0   [W/m³],      s = stress of branch k,
 
@@ -95,7 +95,7 @@ def heat_source(sliding: Sliding, depths, needed) -> Array:
 
     def if_needed(place):
         needed, depth = place
-        # A derivative computes the stresses again rather than store those of all depths.
+        # A derivative computes the stresses again rather than store all depths.
         return jax.lax.cond(needed, jax.checkpoint(at), lambda _: none, depth)
 
     return jax.lax.map(if_needed, (needed, depths))
@@ -124,7 +124,7 @@ def check_series(stack: Stack) -> None:
 
 
 def _series_at(stack: Stack, depth):
-    """E_eq, E_k, those of the loss [Pa], τ_k [s] and ν at a depth, with equally many branches."""
+    """E_eq, E_k, E_k of the loss [Pa], τ_k [s] and ν at a depth, with equally many branches."""
     tops = jnp.append(0.0, interface_depths(stack)).astype(depth.dtype)
     materials = materials_of(stack)
     rows, order = by_kind(_series, materials)

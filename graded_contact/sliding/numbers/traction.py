@@ -56,7 +56,7 @@ def steady_coupling(
 ) -> tuple[Coupling, Waves | None, Bool[Array, ""]]:
     """Returns the coupling of a body of a `Case`, errors of M_ze, and whether it is good.
 
-    `velocity` is that of the surface over the body; `cells` are the cell of a periodic surface,
+    `velocity` is the surface's over the body; `cells` are the cell of a periodic surface,
     or the two of a window, which has errors.
     """
     if len(cells) == 2 and not isinstance(case.shear, Coulomb):

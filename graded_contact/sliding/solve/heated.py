@@ -8,8 +8,8 @@ deforms. The fixed point is found in steps of a contact and its temperatures
 materials can have, then by Anderson's acceleration. The derivative is implicit.
 
 With `slide_cycle(..., heating=...)` one temperature of each depth holds for the whole cycle. It is
-that of steady sliding at the mean speed and the mean load of the cycle, times the mean power of the
-cycle over the power of that sliding. The power is that of all forces, friction and load: what the
+found in steady sliding at the mean speed and the mean load of the cycle, times the mean power of
+the cycle over the power of this sliding. The power is of all forces, friction and load: what the
 block loses and what heats the interface. What the counterface loses is made at its surface,
 distributed as the pressure, which overestimates its effect. This is a mean: at the highest speed
 the contact is warmer, and at a turn it cools. And each pass is to meet rubber that has cooled since
@@ -246,7 +246,7 @@ def _rises(warm: _Warm, case: Case, edges) -> Array:
 @derivative_apart
 @compiled
 def _nodes(bodies, block: Stack, edges) -> tuple[list[tuple[Array, Array]], Array]:
-    """Depths and weights [m] of quadratures over each body, and whether those of a block count."""
+    """Depths and weights [m] of quadratures over each body, and whether the block's count."""
     check_series(block)
     nodes = [gauss_within(body, edges) for body in bodies]
     return nodes, nodes[0][1] > 0
