@@ -65,8 +65,7 @@ def distance(many, one) -> float:
 
 
 def curves(surface, found):
-    fields = found.pressure, found.displacement, surface.grid
-    waves = gc.sliding.cumulative_friction(*fields, 0.5)
+    waves = gc.sliding.cumulative_friction(found)
     finer = gc.surfaces.resample(surface, (24, 30))
     return waves.friction, gc.surfaces.radial_spectrum(surface)[1], finer.heights
 

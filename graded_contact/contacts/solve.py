@@ -238,7 +238,7 @@ def _solution(
     heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
     flown = jnp.where(pressure < inputs.law.bounds[1], 0, gap)  # below 0, by its depth
-    # Errors have no derivative: that of a norm may be 0/0.
+    # Errors have no derivative: a norm's may be 0/0.
     gap_error = gap_error / nonzero(jnp.std(jax.lax.stop_gradient(heights)))
     result = _how_it_ended(inputs, finds_unstable, found, reached, gap_error)
     solution = ContactSolution(

@@ -6,7 +6,7 @@ transform is M(q, ω = -is). On a hyperbola around all relaxation rates, for t0 
     K(q, t) = Re Σ_k w_k M(q, -i s_k) exp(s_k t),
 
 whatever the layers and their laws are: a node k is one equation y' = s_k y + p of first order. The
-nodes are those of Weideman & Trefethen in closed form; the angle is the best of a row. 32 of them
+nodes follow Weideman & Trefethen in closed form; the angle is the best of a row. 32 of them
 leave errors of an exponential of any rate, relative to its start, of 1e-8, 6e-7, 1e-5, 8e-5 for
 T/t0 = 1e2, 1e3, 1e4, 1e5. Eight more for each two decades beyond keep them below 3e-4, up to 64
 nodes for 1e12 (`tests/sliding/test_slide_transient.py`). For one time alone 14 are enough for
@@ -43,7 +43,7 @@ _FEWEST, _NODES_OF_STEP = 32, 14
 LONGEST = 1e12  # longest time over shortest: rounding of a double moves the shortest step by 1e-4
 _WAVES = 64  # wavenumbers in the table; five decades of them leave 1e-7
 _ANGLES = np.linspace(np.pi / 4, np.pi / 2, 402)[1:-1]
-_CHECKED = 24  # times at which the memory is compared with that of a single time
+_CHECKED = 24  # times at which the memory is compared with one made for a single time
 
 
 class Contour(NamedTuple):

@@ -7,7 +7,15 @@ import numpy as np
 import graded_contact as gc
 from graded_contact.blocks.heated_stack import heated
 from graded_contact.core.fixed_point import attach_fixed_point, find_fixed_point
+from graded_contact.fields.grid import to_field
 from graded_contact.sliding import Heating, PeakedShear
+from graded_contact.sliding.interior.conduction import Heat, temperatures
+from graded_contact.sliding.interior.heat_source import (
+    gauss_within,
+    heat_source,
+    intervals,
+    shear_heat,
+)
 from graded_contact.sliding.solve import heated as module
 
 CELL, N = 4e-3, 32  # m; points
@@ -55,9 +63,11 @@ def test_the_contact_is_at_the_temperatures_that_it_causes():
     """By the public functions, without the code of the loop."""
     s = warm()
     assert s.heated.surface_rise > 1
-    block = s.heated.stack
-    rise = gc.sliding.flash_temperature(s, block, TISSUE, [0.0])[0]
-    found = jnp.mean(rise * s.pressure) / 3e4
+    (block,) = s.bodies
+    depths, weights = gauss_within(block, intervals(jnp.array(CELL / 640), jnp.array(CELL), 18))
+    heat = Heat(heat_source(s, depths, weights > 0), weights, shear_heat(s))
+    ((rise,),) = temperatures(s, (rubber(),), TISSUE, heat, [jnp.zeros(1)])
+    found = jnp.mean(to_field(rise, GRID.shape) * s.pressure) / 3e4
     np.testing.assert_allclose(found, s.heated.surface_rise, rtol=0.03)
     again = gc.slide(block, surface(), pressure=3e4, velocity=1.0, rtol=1e-8)
     np.testing.assert_allclose(again.friction, s.friction - s.shear_friction, rtol=1e-6)
