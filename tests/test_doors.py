@@ -65,7 +65,6 @@ def calls():
         (gc.Blend, dict(bottom=glass, top=solid, shape=gc.shapes.Linear(), mixing="linear")),
         (gc.BulkShear, dict(bulk=glass, shear=solid)),
         (gc.contacts.DouglasRachford, dict(max_steps=10, relaxation=0.9, coarsest=64)),
-        (gc.contacts.LinearSplitting, dict(max_steps=10, rtol=1e-6)),
         (gc.contacts.ResidualDynamics, dict(max_steps=10)),
         (gc.Elastic, dict(modulus=1e6, poisson=0.3)),
         (gc.Prony, dict(equilibrium=1e6, strengths=[1e6], times=[1e-3], poisson=0.3, shift=wlf,

@@ -201,7 +201,8 @@ class CycleProblem(AbstractProblem):
         loading = loading_of(self.law, heights, self.shape[0], **load)
         heights = heights if shift is None else heights - shift
         inputs = Inputs(self.operator, heights, self.law, loading)
-        return contact_of(inputs, how.solver, how.adjoint, how.rtol, start, solution, how.throw)
+        rtol = how.rtol, how.derivative_rtol
+        return contact_of(inputs, how.solver, *rtol, start, solution, how.throw)
 
     def on(self, shape: tuple[int, ...], num_times: int) -> "CycleProblem":
         """Returns the problem on another grid, with other times and without heights."""

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ...blocks.heated_stack import check_bulk, check_heated, heated
+from ...blocks.heated_stack import check_heated, heated
 from ...blocks.stack import Stack
 from ...contacts.area import area_in_doubt
 from ...contacts.solution import RESULTS, ContactSolution, ended
@@ -174,7 +174,7 @@ def _bulk_of(case: Case) -> Array:
         and not np.any(np.ptp(np.asarray(case.displacement), axis=0))
     ):
         raise ValueError("`heating` is refused: `displacement` does not move.")
-    temperature = as_temperature(check_bulk(case.temperature))
+    temperature = as_temperature(case.temperature)
     temperature = temperature.astype(case.surface.grid.size.dtype)
     for body in case.bodies:
         body.at(temperature)  # refuses what a material cannot have

@@ -203,7 +203,8 @@ class Advance(eqx.Module):
         # As the pressure went on in the step before: two thirds of the FFT pairs.
         start = jnp.maximum(state.pressure + given.length * state.rise, problem.law.bounds[0])
         start = jax.lax.stop_gradient(start)
-        contact = contact_of(inputs, how.solver, how.adjoint, how.rtol, start, None, False)
+        rtol = how.rtol, how.derivative_rtol
+        contact = contact_of(inputs, how.solver, *rtol, start, None, False)
         return jax.tree.map(lambda leaf: checkpoint_name(leaf, STEP_CONTACT), contact)
 
     def _works(self, state: TransientState, given: _Step, pasts: list[Past], traction, sheared):
