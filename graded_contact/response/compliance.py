@@ -61,9 +61,7 @@ def surface_compliance(
     return found if error else found[0]
 
 
-def effective_modulus(
-    stack: Stack, q: Numbers, omega: Numbers, *, rtol: float | None = None
-) -> Inexact[Array, "*w"]:
+def effective_modulus(stack: Stack, q: Numbers, omega: Numbers) -> Inexact[Array, "*w"]:
     """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space with the same response.
 
     Its imaginary over its real part is the loss tangent of the composite.
@@ -72,8 +70,7 @@ def effective_modulus(
 
     **Returns:** the modulus, of the shape to which `q` and `omega` broadcast.
     """
-    found = surface_compliance(stack, q, omega, rtol=rtol)
-    return 2 / (as_float(q, "q") * found)
+    return 2 / (as_float(q, "q") * surface_compliance(stack, q, omega))
 
 
 def surface_compliance_matrix(

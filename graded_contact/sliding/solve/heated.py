@@ -40,7 +40,7 @@ from ...surfaces.surface import check_periodic
 from ..case import Case, Heating, facts_of
 from ..formulas import indicator_of, lengths
 from ..interior.conduction import Heat, over_contact, pressure_weight, temperatures
-from ..interior.heat_source import check_series, gauss_within, heat_source, intervals, shear_heat
+from ..interior.heat_source import gauss_within, heat_source, intervals, shear_heat
 from ..motion.over_period import refined
 from ..numbers.traction import interface_power
 from ..numerics import Numerics
@@ -247,7 +247,6 @@ def _rises(warm: _Warm, case: Case, edges) -> Array:
 @compiled
 def _nodes(bodies, block: Stack, edges) -> tuple[list[tuple[Array, Array]], Array]:
     """Depths and weights [m] of quadratures over each body, and whether those of a block count."""
-    check_series(block)
     nodes = [gauss_within(body, edges) for body in bodies]
     return nodes, nodes[0][1] > 0
 

@@ -25,9 +25,9 @@ from ...surfaces.statistics import slope_up_to
 from ...surfaces.surface import check_periodic
 from ..bodies import Counterface, Coupling
 from ..case import Case, facts_of
-from ..numbers.traction import steady_coupling
 from ..problem import SteadyProblem
-from ..shear import is_coupled, shear_stress
+from ..shear import Coulomb, is_coupled, shear_stress
+from .coupling import steady_coupling, under_coulomb
 
 
 def steady_problem(case: Case) -> tuple[SteadyProblem, Array | bool]:
@@ -115,13 +115,8 @@ def _response(case: Case, stack: Stack, velocity: Any, strain, opposite: bool = 
     if not is_coupled(case.shear):
         return _Response(kernel, error, None, reached)
     coupling, lift_error, good = steady_coupling(case, stack, velocity, cells, strain)
-    reached = reached & good
-    coefficient = getattr(case.shear, "coefficient", None) if coupling.in_kernel else None
-    # Without friction a real kernel stays real.
-    if coefficient is None or (is_concrete(coefficient) and np.asarray(coefficient) == 0):
-        return _Response(kernel, error, coupling, reached)
-    coefficient = coefficient.astype(kernel.real.dtype)
-    coefficient = -coefficient if opposite else coefficient
-    kernel = kernel + coefficient * coupling.lift[0]
-    error = None if error is None or lift_error is None else error + coefficient * lift_error
-    return _Response(kernel, error, coupling, reached)
+    if isinstance(case.shear, Coulomb):
+        coefficient = -case.shear.coefficient if opposite else case.shear.coefficient
+        lifts = coupling.lift[0], lift_error
+        kernel, error = under_coulomb(coefficient, (kernel, error), lifts)
+    return _Response(kernel, error, coupling, reached & good)

@@ -17,7 +17,8 @@ from ...core.derivative import largest
 from ..formulas import lengths
 from ..numerics import Numerics
 from ..transient_problem import TransientProblem
-from .steps import STEP_CONTACT, Advance, TransientState, steps_given
+from .step_inputs import steps_given
+from .steps import STEP_CONTACT, Advance, TransientState
 from .waves import TransientWaves
 
 
