@@ -74,7 +74,7 @@ def _response(case: Case, stack: Stack) -> tuple[Array, Coupling | None, Array]:
     """The kernel of a body, its coupling by traction or None, and whether they are good."""
     grid, num_times, period = case.surface.grid, len(case.displacement), case.period
     kernel, error = periodic_kernel(stack, grid, num_times, period)
-    reached = error <= graded_tolerance(stack, None, grid.size)
+    reached = error <= graded_tolerance(stack, grid.size)
     if not is_coupled(case.shear):
         return kernel, None, reached
     axes = components(case.displacement).shape[1]

@@ -42,7 +42,8 @@ def transient_problem(case: Case) -> TransientProblem:
     stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
     load = check_gap(not surface.periodic, GROUND in facts, **case.load)
     loading = loading_of(case.law, surface.heights[None], count, **load)
-    given = next(value for value in loading if value is not None).reshape(count)
+    given = next(value for value in loading if value is not None)
+    given = jnp.broadcast_to(given.ravel(), count)
     if case.approach is not None:  # by the lowest place, which half the grid lacks
         given = given + jnp.mean(surface.heights)
     problem = TransientProblem(  # pyright: ignore[reportCallIssue] (`operator` is a property)
