@@ -98,7 +98,7 @@ def solve_contact(
       speed-up. With a law that attracts, it chooses among several solutions: along a
       path of gaps pass the last one.
     - `solution`: of an earlier call with the same arguments. Nothing is solved then: the same
-      contact is returned, with derivatives.
+      contact is returned, with derivatives. On a window its pressure is a `start`.
     - `throw`: whether to raise if the solver fails, the kernel is not finite, or the linear solve
       of a derivative fails. With False, check `.result`: the fields are returned as they are, with
       their derivatives; a derivative is NaN if its linear solve failed. A `jit` with `throw=False`
@@ -129,8 +129,8 @@ def contact_of(inputs: Inputs, solver, rtol, derivative_rtol, start, solution, t
     """Returns the contact of checked inputs; see `solve_contact` for the arguments."""
     if not isinstance(inputs.operator, Window):
         return _contact_on_cell(inputs, solver, rtol, derivative_rtol, start, solution, throw)
-    whole, start, solution = on_whole(inputs, start, solution)
-    found = _contact_on_cell(whole, solver, rtol, derivative_rtol, start, solution, throw)
+    whole, start = on_whole(inputs, start if solution is None else solution.pressure)
+    found = _contact_on_cell(whole, solver, rtol, derivative_rtol, start, None, throw)
     return on_part(found, inputs)
 
 

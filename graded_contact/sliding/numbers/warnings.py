@@ -12,7 +12,7 @@ from ...contacts.operators.operator import nonzero
 from ...core.derivative import largest
 from ...core.warnings import WARN_ABOVE, Above, NumberOf
 from ...fields.grid import to_field, to_spectrum, wavenumber
-from ...materials.coverage import coverage, is_unknown, unknown_share
+from ...materials.coverage import is_unknown, unknown_share
 from ..case import PERIODIC, WINDOW
 from ..energy import exchange, frequencies, losses, powers_of_traction
 from ..formulas import along_motion, counterface_displacement, displaced, loaded, shared, slopes
@@ -164,11 +164,7 @@ def extrapolated_friction(found: Found) -> Array:
 
     Its modulus there is an extrapolation. See `coverage`; a material of the body that dissipates.
     """
-    counterface, omega = found.problem.counterface, frequencies(found)
-    ranges = (
-        found.problem.measured_range,
-        None if counterface is None else counterface.measured_range,
-    )
+    omega, ranges = frequencies(found), found.problem.measured_ranges
     # Under steady sliding the counterface is at rest: the block alone dissipates.
     lost = [jnp.abs(body) for body in losses(found)]
     unknown = [
@@ -189,8 +185,8 @@ def extrapolated_times(found: Found) -> Array:
     """
     times = found.problem.times
     rates = 1 / times[-1], 1 / jnp.min(steps_of(times))
-    known = [one for body in found.problem.bodies if (one := coverage(body)) is not None]
-    shares = [unknown_share(*rates, one) for one in known]
+    ranges = found.problem.measured_ranges
+    shares = [unknown_share(*rates, known) for known in ranges if known is not None]
     return jax.lax.stop_gradient(functools.reduce(jnp.maximum, shares, jnp.zeros_like(rates[0])))
 
 

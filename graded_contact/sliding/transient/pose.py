@@ -18,6 +18,7 @@ from ...core.derivative import still
 from ...core.memory import check_memory
 from ...fields.grid import Grid
 from ...kernels.memory import creep_of, node_count
+from ...materials.coverage import coverage
 from ..case import COUPLED, GROUND, Case, facts_of
 from ..errors.neighbours import NEIGHBOURS_RTOL
 from ..motion.over_period import components
@@ -50,6 +51,7 @@ def transient_problem(case: Case) -> TransientProblem:
         bodies=case.bodies, creeps=(), heights=surface.heights, grid=grid, law=case.law,
         times=times, displacement=case.displacement, given=given,
         shear=stress, prescribed=case.prescribed, facts=facts, path=path,
+        measured_ranges=tuple(map(coverage, case.bodies)),
         block_heights=None if case.block_surface is None else case.block_surface.heights,
     )  # fmt: skip
     forces = 1 + components(case.displacement).shape[1] if is_coupled(case.shear) else 1

@@ -27,7 +27,7 @@ def run_transient(
 ) -> tuple[TransientState, dict[str, Array]]:
     """Returns the state after the last step, and the numbers of all steps."""
     # The program is that of all bodies.
-    return _run(dataclasses.replace(problem, bodies=()), how, kept)
+    return _run(dataclasses.replace(problem, bodies=(), measured_ranges=()), how, kept)
 
 
 @compiled_loop
