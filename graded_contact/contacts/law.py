@@ -88,6 +88,12 @@ def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw, hint: str = 
     check_values("pressure", pressure, allowed, above=low, at_most=below)
 
 
+def depth_of_flow(law: AbstractLaw, pressure: Array, gap: Array) -> Array:
+    """Returns the gap, below 0, where the body flows, and 0 elsewhere."""
+    limit = law.bounds[1] * (1 - 8 * jnp.finfo(pressure.dtype).eps)  # known to rounding
+    return jnp.where(pressure < limit, 0, gap)
+
+
 @shown(units=False)
 class HardWall(AbstractLaw):
     """No interpenetration and no attraction: σ >= 0, u >= 0, σ u = 0.

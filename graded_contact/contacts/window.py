@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core.compilation import compiled
-from .law import Windowed
+from .law import Windowed, depth_of_flow
 from .operators.window import inside, with_ground
 from .solution import ContactSolution
 from .solver.abstract_solver import Inputs, Loading
@@ -32,7 +32,7 @@ def on_part(found: ContactSolution, inputs: Inputs) -> ContactSolution:
     """Returns the contact on a window, and its means there, from the contact on the cell."""
     fields = found.pressure, found.gap, found.displacement, found.correction
     pressure, gap, moved, correction = map(inputs.operator.on_surface, fields)
-    opened = jnp.where(pressure < inputs.law.bounds[1], gap, 0)  # 0 where the body flows
+    opened = gap - depth_of_flow(inputs.law, pressure, gap)
     moved = moved - jnp.mean(moved)  # of zero mean on the window
     return dataclasses.replace(
         found, pressure=pressure, gap=gap, displacement=moved, correction=correction,
