@@ -238,7 +238,7 @@ def _solution(
     heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
     flown = depth_of_flow(inputs.law, pressure, gap)
-    # Errors have no derivative: that of a norm may be 0/0.
+    # Errors have no derivative: a norm's may be 0/0.
     gap_error = gap_error / nonzero(jnp.std(jax.lax.stop_gradient(heights)))
     result = _how_it_ended(inputs, finds_unstable, found, reached, gap_error)
     solution = ContactSolution(

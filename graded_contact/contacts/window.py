@@ -15,7 +15,7 @@ from .solver.abstract_solver import Inputs, Loading
 def on_whole(inputs: Inputs, start: Array | None, known: ContactSolution | None):
     """Returns the inputs of the contact on the cell of a window, and its start and solution.
 
-    The gap of the loading is that of the undeformed block.
+    The gap of the loading belongs to the undeformed block.
     """
     operator, heights, law, loading = inputs
     if loading.gap is None:  # the mean over the cell, of which the window is a part

@@ -57,7 +57,7 @@ def stack_kernel(
     - `stack`: the block.
     - `grid`: the periodic cell.
     - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
-    - `rtol`: relative tolerance of graded and long stacks; by default that of the stack.
+    - `rtol`: relative tolerance of graded and long stacks; by default the stack's own.
 
     **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
     displacement is part of the mean gap). Nyquist lines have the real part of the mean over both

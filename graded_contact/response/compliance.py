@@ -7,7 +7,7 @@ Viscoelasticity, Academic Press 1982), so that a Poisson's ratio which varies wi
 more complex modulus. (The paper's p₀ formulas differ there; `docs/theory/response.md` shows why
 they violate equilibrium.)
 
-Axes of C are those of the package: x and y in the surface, z into the solid. Tractions and
+C has the axes of the package: x and y in the surface, z into the solid. Tractions and
 displacements are both counted along these axes. The traction is the force per area that acts on the
 solid, so that its z component is the pressure in compression, and u = C t:
 
@@ -45,7 +45,7 @@ def surface_compliance(
     - `q`: wavenumbers |q| [rad/m], positive.
     - `omega`: angular frequencies ω [rad/s], of either sign; a complex ω = -is stands for fields
       exp(st), see `AbstractMaterial`.
-    - `rtol`: relative tolerance in graded layers; by default that of the stack. If it is not
+    - `rtol`: relative tolerance in graded layers; by default the stack's own. If it is not
       reached, an error is raised. Stacks of homogeneous layers are exact, and ignore it.
     - `error`: whether to return `(M_zz, error)` with the estimated relative error [1], infinite
       where M_zz is NaN. Then a tolerance that is not reached raises nothing.
@@ -96,7 +96,7 @@ def surface_compliance_matrix(
     - `qx`, `qy`: wavevector [rad/m], not both zero.
     - `omega`: angular frequencies ω [rad/s], of either sign.
     - `rtol`: relative tolerance in graded layers, of c11, c22 and c_T each and of c12 over their
-      geometric mean; by default that of the stack. If it is not reached, an error is raised.
+      geometric mean; by default the stack's own. If it is not reached, an error is raised.
     - `error`: as in `surface_compliance`.
 
     **Returns:** C, of the shape to which `qx`, `qy` and `omega` broadcast and two axes of 3.

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..blocks.heated_stack import HeatedContact
+from ..blocks.stack import Stack
 from ..contacts.solution import ContactSolution, if_known
 from ..core.checks import is_concrete
 from ..core.compilation import compiled
@@ -51,7 +51,7 @@ class Observable(property):
 
     **Arguments:**
 
-    - `formula`: of a result; its docstring is that of the attribute.
+    - `formula`: of a result; the attribute has its docstring.
     - `meaning`, `unit`: see `Quantity`.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
@@ -189,7 +189,8 @@ class AbstractSliding(eqx.Module):
     contact: eqx.AbstractVar[ContactSolution]
     problem: eqx.AbstractVar[Problem]
     kind: eqx.AbstractClassVar[str]
-    heated: eqx.AbstractVar[HeatedContact | None]
+    heated: eqx.AbstractVar[Any]
+    bodies: eqx.AbstractVar[tuple[Stack, ...]]
 
     @functools.cached_property
     def kept(self) -> Kept:
@@ -206,10 +207,14 @@ class AbstractSliding(eqx.Module):
         near = self.kept.near
         if near is None:
             # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.
-            near = jax.tree.map(lambda leaf: leaf, self).neighbours()
+            near = self.without_bodies().neighbours()
             if all(map(is_concrete, jax.tree.leaves(near))):
                 self.kept.near = near
         return near
+
+    def without_bodies(self) -> "AbstractSliding":
+        """Returns a copy that the programs of numbers take: they serve contacts of all bodies."""
+        return dataclasses.replace(self, bodies=())
 
     facts = property(attrgetter("problem.facts"))  # see `facts_of`
     operator = property(attrgetter("problem.operator"))
@@ -306,7 +311,7 @@ def _in_programs(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, An
     near = None
     if any(numbers_in(type(found))[name].is_error for name in names):
         near = found.near
-    return _computed(found, near, names)
+    return _computed(found.without_bodies(), near, names)
 
 
 @derivative_apart

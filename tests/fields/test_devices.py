@@ -38,11 +38,10 @@ def friction_over(devices):
         surface = dataclasses.replace(surface, heights=surface.heights * factors)
         solver = gc.contacts.DouglasRachford(coarsest=18, newton=False)
         found = gc.slide(block, surface, pressure=2e5, velocity=0.5, rtol=RTOL, solver=solver)
-        fields = found.pressure, found.displacement, surface.grid
         return found.friction, {
             "surface": surface.heights,
             "pressure": found.pressure,
-            "cumulative": gc.sliding.cumulative_friction(*fields, 0.5).friction,
+            "cumulative": gc.sliding.cumulative_friction(found).friction,
             "spectrum": gc.surfaces.radial_spectrum(surface)[1],
             "resampled": gc.surfaces.resample(surface, (24, 30)).heights,
             "numbers": found.compute(*NUMBERS),

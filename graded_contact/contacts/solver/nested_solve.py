@@ -67,9 +67,9 @@ class DouglasRachford(AbstractContactSolver):
 
     **Fields:**
 
-    - `max_steps`: largest number of steps on each grid, and in single precision before those of a
-      large one. Steps are done in pairs, and a Newton step counts by its FFT pairs. None for 4000;
-      on grids of fewer than 2¹⁶ points for as many as cost the same, up to 64,000.
+    - `max_steps`: largest number of steps on each grid; a large grid has as many more before, in
+      single precision. Steps are done in pairs, and a Newton step counts by its FFT pairs. None
+      for 4000; on grids of fewer than 2¹⁶ points for as many as cost the same, up to 64,000.
     - `relaxation`: α [1], between 0 and 1; at most 0.5 under a law that attracts.
     - `coarsest`: nesting starts from the first grid with fewer than twice this many points a side.
     - `newton`: whether Newton steps follow where the splitting is slow. A program without them

@@ -56,7 +56,7 @@ def steady_coupling(
 ) -> tuple[Coupling, Waves | None, Bool[Array, ""]]:
     """Returns the coupling of a body of a `Case`, errors of M_ze, and whether it is good.
 
-    `velocity` is that of the surface over the body; `cells` are the cell of a periodic surface,
+    `velocity` is the surface's over the body; `cells` are the cell of a periodic surface,
     or the two of a window, which has errors.
     """
     if len(cells) == 2 and not isinstance(case.shear, Coulomb):
@@ -68,7 +68,7 @@ def steady_coupling(
     found = [tangential_kernels(stack, cell, velocity, direction, strain) for cell in cells]
     ((lift,), ((along,),), good), error = found[0], None
     if len(cells) == 2:
-        ((far_lift,), ((far_along,),), far_good), window = found[1], case.rough.grid
+        ((far_lift,), ((far_along,),), far_good), window = found[1], case.surface.grid
         lift, error = without_images(lift, far_lift, window, False)
         along, _ = without_images(along, far_along, window, False)
         good = good & far_good

@@ -6,7 +6,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...blocks.heated_stack import HeatedContact
+from ...blocks.stack import Stack
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import CYCLE
@@ -16,6 +16,7 @@ from ..numbers import area, checks, cycle
 from ..numbers import friction as of_friction
 from ..numbers import traction as tractions
 from ..problem import CycleProblem
+from .temperatures import HeatedContact
 
 
 @shown("contact", "warnings")
@@ -33,11 +34,14 @@ class CyclicSliding(AbstractSliding):
     - `problem`: what was solved, see `CycleProblem`; its `operator`, `heights`, `grid`, `law`,
       `displacement`, `period`, `shear`, `coupling` and others are also reached directly.
     - `heated`: temperatures of the contact, see `HeatedContact`, or None.
+    - `bodies`: the block, and the counterface if it deforms; with heating in thin layers, each at
+      its temperature.
     """
 
     contact: ContactSolution
     problem: CycleProblem
     heated: HeatedContact | None = None
+    bodies: tuple[Stack, ...] = ()
     kind: ClassVar[str] = CYCLE
 
     friction = of_friction.friction

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from jaxtyping import Array, Float
 
-from ...blocks.heated_stack import HeatedContact
+from ...blocks.stack import Stack
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import STEADY
@@ -16,6 +16,7 @@ from ..numbers import area, checks, gap_flow, load, stiffness
 from ..numbers import friction as of_friction
 from ..numbers import traction as tractions
 from ..problem import SteadyProblem
+from .temperatures import HeatedContact
 
 
 @shown("contact", "warnings")
@@ -37,11 +38,14 @@ class Sliding(AbstractSliding):
       `velocity`, `shear`, `coupling` and others are also reached directly. `.kernel` is the M of
       the block [m/Pa], see `stack_kernel` and `window_kernel`.
     - `heated`: temperatures of the contact, see `HeatedContact`, or None.
+    - `bodies`: the block, and the counterface if it deforms; with heating in thin layers, each at
+      its temperature.
     """
 
     contact: ContactSolution
     problem: SteadyProblem
     heated: HeatedContact | None = None
+    bodies: tuple[Stack, ...] = ()
     kind: ClassVar[str] = STEADY
 
     mean_pressure, mean_pressure_error = load.mean_pressure, load.mean_pressure_error

@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...blocks.heated_stack import HeatedContact
+from ...blocks.stack import Stack
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import TRANSIENT
@@ -18,6 +18,7 @@ from ..numbers import friction as of_friction
 from ..transient import errors as of_steps
 from ..transient import numbers as transient
 from ..transient_problem import TransientProblem
+from .temperatures import HeatedContact
 
 
 @shown("contact", "failed", "warnings")
@@ -38,6 +39,7 @@ class TransientSliding(AbstractSliding):
     - `recorded`: numbers of the steps by their names, each with the times on its first axis.
     - `failed`: number of the first step that did not succeed, or -1.
     - `kept_steps`: numbers of the steps whose fields are kept. Static.
+    - `bodies`: the block, and the counterface if it deforms.
     """
 
     contact: ContactSolution
@@ -46,6 +48,7 @@ class TransientSliding(AbstractSliding):
     failed: Array
     kept_steps: tuple[int, ...] = eqx.field(static=True)
     heated: HeatedContact | None = None
+    bodies: tuple[Stack, ...] = ()
     kind: ClassVar[str] = TRANSIENT
 
     friction, friction_error = of_friction.friction, of_steps.friction_error

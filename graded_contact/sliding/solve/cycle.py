@@ -7,7 +7,7 @@ at once (`contacts/operators/space_time.py`), without steps in time.
 Per cycle and area, friction does the work ∮ τ·v dt, with the traction τ = -⟨σ ∇w⟩ that opposes the
 motion, and the load does the work ∮ ⟨σ ∂w/∂t⟩ dt, at a fixed point of the surface. The block turns
 their sum to heat: T Σ -ω Im M |σ_qω|². Shear in the contact acts along the motion at each time; the
-coupling of its traction is that of `isothermal.py`.
+traction is coupled as in `isothermal.py`.
 """
 
 import jax.numpy as jnp
@@ -36,7 +36,7 @@ from ..shear import is_coupled, shear_stress
 
 def cycle_problem(case: Case) -> tuple[CycleProblem, Array]:
     """Returns the problem of a case with a period, and whether its kernel is good."""
-    surface, law = case.rough, case.law
+    surface, law = case.surface, case.law
     check_periodic(surface)
     check_one_law(law)
     grid, num_times = surface.grid, len(case.displacement)
@@ -72,7 +72,7 @@ def cycle_problem(case: Case) -> tuple[CycleProblem, Array]:
 
 def _response(case: Case, stack: Stack) -> tuple[Array, Coupling | None, Array]:
     """The kernel of a body, its coupling by traction or None, and whether they are good."""
-    grid, num_times, period = case.rough.grid, len(case.displacement), case.period
+    grid, num_times, period = case.surface.grid, len(case.displacement), case.period
     kernel, error = periodic_kernel(stack, grid, num_times, period)
     reached = error <= graded_tolerance(stack, None, grid.size)
     if not is_coupled(case.shear):

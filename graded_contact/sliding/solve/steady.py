@@ -32,7 +32,7 @@ from ..shear import is_coupled, shear_stress
 
 def steady_problem(case: Case) -> tuple[SteadyProblem, Array | bool]:
     """Returns the problem of a case with a velocity, and whether its kernel is good."""
-    stack, surface, grid = case.stack, case.rough, case.rough.grid
+    stack, surface, grid = case.stack, case.surface, case.surface.grid
     itemsize = surface.heights.dtype.itemsize
     check_memory("surface", "sliding", SLIDING, grid.shape, itemsize, num_devices(grid.size))
     strain = _strain_of(case)
@@ -70,9 +70,9 @@ def _strain_of(case: Case) -> tuple[Array, Array] | None:
     """The strain amplitudes of the waves, by their wavenumbers, or None."""
     if case.strain_per_slope is None:
         return None
-    check_periodic(case.rough)
+    check_periodic(case.surface)
     ratio = as_strain_per_slope(case.strain_per_slope, case.bodies)
-    q, slope = slope_up_to(case.rough)
+    q, slope = slope_up_to(case.surface)
     return q, ratio * slope
 
 
@@ -98,7 +98,7 @@ def _response(case: Case, stack: Stack, velocity: Any, strain, opposite: bool = 
 
     `opposite` if the traction on the body is opposite to that on the block.
     """
-    surface, grid = case.rough, case.rough.grid
+    surface, grid = case.surface, case.surface.grid
     strain = strain if softens(stack) else None
     # If the velocity is known to be 0, the kernel is real.
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))

@@ -34,7 +34,7 @@ _WINDOW = 1.4  # times these on a window, for the responses of its table
 
 def transient_problem(case: Case) -> TransientProblem:
     """Returns the problem of a case with displacements at times."""
-    surface, times = case.rough, case.times
+    surface, times = case.surface, case.times
     check_one_law(case.law)
     grid, count = surface.grid, len(times)
     facts = facts_of(case)
@@ -65,14 +65,14 @@ def _path_of(case: Case) -> tuple[int, ...]:
     # Inside of a program what is known stays known only if nothing of JAX's touches it.
     moved, size = (
         given if is_concrete(given) else still(given)
-        for given in (case.displacement, case.rough.grid.size)
+        for given in (case.displacement, case.surface.grid.size)
     )
     if not (is_concrete(moved) and is_concrete(size)):
         raise ValueError(
             "`displacement` must be known on a window, outside of `jit` and `vmap`: the bodies "
             "remember all of its path. Derivatives are allowed."
         )
-    path = np.array(case.rough.grid.shape)
+    path = np.array(case.surface.grid.shape)
     steps = np.asarray(size) / path
     for axis, column in enumerate(np.asarray(moved).reshape(len(moved), -1).T):
         far = math.ceil(np.ptp([0, *column]) / steps[axis] - 1e-6)
@@ -108,8 +108,8 @@ def on_grid(
     )  # fmt: skip
     if path is not None or len(chosen) < len(found.times):
         problem = _with_creeps(problem)
-    solver = DouglasRachford(newton=is_concrete(problem.given))
-    how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
+    # Newton steps, which take long to compile, are not needed: each step starts close to its end.
+    how = Numerics(rtol=NEIGHBOURS_RTOL, solver=DouglasRachford(newton=False), throw=False)
     kept = found.kept_steps if len(chosen) == len(found.times) else (len(chosen) - 1,)
     return dataclasses.replace(found, **solved(problem, how, kept))
 
@@ -131,5 +131,6 @@ def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> d
         result=state.result, **of_steps,
     )  # fmt: skip
     return dict(
-        contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept
-    )
+        contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept,
+        bodies=problem.bodies,
+    )  # fmt: skip

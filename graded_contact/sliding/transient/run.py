@@ -1,6 +1,6 @@
 """The steps of a transient solve one after the other, in segments of about √n.
 
-A derivative is that of the contact of each step. It keeps the contacts, and computes the memory
+A derivative differentiates the contact of each step. It keeps the contacts, and computes the memory
 once more from the first step of each segment on.
 """
 
@@ -25,7 +25,7 @@ def run_transient(
     problem: TransientProblem, how: Numerics, kept: tuple[int, ...]
 ) -> tuple[TransientState, dict[str, Array]]:
     """Returns the state after the last step, and the numbers of all steps."""
-    # The program is that of all bodies.
+    # All bodies have one program.
     return _run(dataclasses.replace(problem, bodies=()), how, kept)
 
 

@@ -50,7 +50,7 @@ from .waves import TransientWaves
 class Past(NamedTuple):
     """The past of a force on a body, from step to step.
 
-    The memory of the nodes, real and imaginary parts for those of the waves; the waves of the
+    The memory of the nodes, real and imaginary parts as of the waves; the waves of the
     force (of a traction times i) at the end of the step and before it, and of the displacement.
     """
 
@@ -64,7 +64,7 @@ class TransientState(NamedTuple):
     """The state of a transient solve, from step to step.
 
     The past of each force; the pressure, and how fast it rises; the share of contact at each point;
-    the traction of slopes, and that of shear at the speed of the next step; works; the kept fields;
+    the traction of slopes, and of shear at the speed of the next step; works; the kept fields;
     the first failure.
     """
 
@@ -104,6 +104,7 @@ class _OfStep(AbstractSliding):
     contact: ContactSolution
     problem: SteadyProblem
     heated: None = None
+    bodies: tuple[()] = ()
     kind: ClassVar[str] = TRANSIENT
 
 
@@ -235,9 +236,9 @@ class Advance(eqx.Module):
     def _forces(self, state: TransientState, given: _Step) -> tuple[list[Any], list[Array]]:
         """Each force over the pressure, and half spectra of those that do not follow its step.
 
-        First pressures, then tractions; that on a counterface is opposite. Coulomb's is in
-        proportion to the pressure. Others lag: they are those of the contact before at the speed of
-        the step.
+        First pressures, then tractions, opposite on a counterface. Coulomb's traction is in
+        proportion to the pressure. Other laws lag: their traction belongs to the contact before, at
+        the speed of the step.
         """
         bodies, count = len(self.problem.creeps), len(state.pasts)
         factors: list[Any] = [1.0] * bodies
@@ -325,7 +326,7 @@ def steps_given(problem: TransientProblem, kept: tuple[int, ...]) -> _Step:
         for kind in [0, *[1] * (way.shape[1] if len(problem.creeps[0].kernels) > 1 else 0)]
         for creep in problem.creeps
     )
-    # The nodes follow from the times: those of all bodies are equal.
+    # The nodes follow from the times: all bodies have equal ones.
     z = problem.creeps[0].nodes * lengths[:, None]
     twice = _rest_of_exponential(z)
     once = 1 + z * twice  # (exp(z) - 1)/z
