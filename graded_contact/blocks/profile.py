@@ -94,7 +94,7 @@ def moduli_at(profile: Any, s: Array, omega: Array) -> tuple[Array, Array]:
 
 
 def check_profile(name: str, profile: Any, omega: Inexact[Array, "..."]) -> None:
-    """Raises `ValueError` if the moduli of a profile are not those of a solid, if they are known.
+    """Raises `ValueError` if no solid has the moduli of a profile, if they are known.
 
     At 65 heights, at the lowest and the highest of the frequencies.
     """

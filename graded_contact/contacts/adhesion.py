@@ -25,8 +25,8 @@ class AdhesiveLJ(SmoothLaw):
     """The Lennard-Jones potential integrated over two half spaces: σ = (8w/3ε) [(ε/u)⁹ - (ε/u)³].
 
     The work against it from u = ε to infinity is w; its greatest tension, 1.03 w/ε, is at
-    u = 1.20 ε. A point is in contact where u < `contact_gap` ε; with 1, where it is compressed. The
-    contact of Johnson, Kendall & Roberts, with tension inside its edge, is that of 1.2.
+    u = 1.20 ε. A point is in contact where u < `contact_gap` ε; with 1, where it is compressed;
+    with 1.2 as Johnson, Kendall & Roberts have it, with tension inside its edge.
 
     **Fields:**
 
@@ -66,7 +66,7 @@ class AdhesiveLJ(SmoothLaw):
         return self._scale * (near - far), self._scale * (d_near - d_far)
 
     def proximal(self, v):
-        # t⁻³ <= t⁻⁹/2 + (2/3)^(3/2), so the root lies right of that of half the repulsion.
+        # t⁻³ <= t⁻⁹/2 + (2/3)^(3/2), so the root lies right of the root for half the repulsion.
         shifted = v + (2 / 3) ** 1.5 * self._scale
         low, _ = repulsive_bracket(shifted, self._scale / 2, self.range)
         _, high = repulsive_bracket(v, self._scale, self.range)
@@ -113,7 +113,7 @@ class ExponentialAdhesion(AbstractLaw):
             pull = tension * jnp.exp(-t)
             return -pull, pull
 
-        # Where the gap is closed the root is not needed; that of another v serves.
+        # Where the gap is closed the root is not needed; the root of another v serves.
         pulled = jnp.where(closed, -tension - self.range, v)
         low, high = -(pulled + tension) / self.range, -pulled / self.range
         y = proximal_root(pressure_and_slope, self.range, pulled, low, high, 12)

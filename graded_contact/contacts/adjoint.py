@@ -6,13 +6,13 @@ smooth law: k/(k + ρ), k = -dσ/du) and its change R = ∂P/∂θ dθ with the 
 
     (1 - s) dσ + ρ s (M dσ + dū) = R - ρ s (dM σ - dh),
 
-with the change of the mean pressure or that of the mean gap ū prescribed. Points join or leave the
+with the change of the mean pressure or of the mean gap ū prescribed. Points join or leave the
 contact of a hard wall with σ = 0, so to first order the set of contact is fixed; where a point has
-σ = 0 and u = 0 at once the derivative is one-sided, that of the computed set. The same holds where
+σ = 0 and u = 0 at once the derivative is one-sided and belongs to the computed set, as where
 the pressure just reaches a hardness.
 
 With dσ = e + √|s| τ, where e has the right mean, the unknown τ obeys A τ = b with
-A = ε(1 - s) + √|s| ρM √|s| and ε the sign of s: the adjoint of A is that of the kernel conj(M), so
+A = ε(1 - s) + √|s| ρM √|s| and ε the sign of s: the adjoint of A has the kernel conj(M), so
 the solver of the contact also solves for derivatives in forward and in reverse mode.
 
 The iteration takes 24 to 70 FFT pairs. GMRES and BiCGStab, preconditioned by the inverse kernel on

@@ -160,7 +160,7 @@ def _changed_gap(inputs: Inputs, found: SolverOutput, change: Field):
     """The gap [m] after a change of the pressure.
 
     The approximate inverse makes long waves of the change too large. So springs support the solid
-    between the points of contact. Their stiffness is that of the solid in the shape of the gap,
+    between the points of contact. They are as stiff as the solid in the shape of the gap,
     times the share of points in contact.
     """
     operator, law, penalty = _scaled(inputs, found)
@@ -170,7 +170,7 @@ def _changed_gap(inputs: Inputs, found: SolverOutput, change: Field):
     bent = jnp.mean(operator.bending_energy(law_gap))
     fixed = jnp.mean(s) * bent / nonzero(jnp.mean(law_gap**2))
     free = jnp.where(operator.is_mean, 0, 1 / (1 + fixed * jnp.abs(operator.kernel)))
-    # The waves of the pressure before the change are those of its displacement, computed above.
+    # The waves of the pressure before the change follow from its displacement, computed above.
     waves = operator.to_waves(found.pressure) + operator.to_waves(change)
     waves = operator.compliance * waves - operator.to_waves(before)
     moved = operator.to_field(free * waves, before.shape)

@@ -58,7 +58,7 @@ class AbstractLaw(eqx.Module):
     def contact_indicator(self, pressure: Field, gap: Field, stiffness: Bound) -> Field:
         """Returns how far points are inside contact (> 0) or outside (< 0) [Pa], 0 at the edge.
 
-        Outside, `stiffness` [Pa/m] turns gaps beyond that of the edge to pressures.
+        Outside, `stiffness` [Pa/m] turns gaps beyond the edge's to pressures.
         """
 
 
@@ -86,6 +86,12 @@ def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw, hint: str = 
     allowed = f"the law allows mean pressures between {low:g} and {high:g} Pa"
     below = float(np.nextafter(high, 0, dtype=pressure.dtype)) if high < np.inf else None
     check_values("pressure", pressure, allowed, above=low, at_most=below)
+
+
+def depth_of_flow(law: AbstractLaw, pressure: Array, gap: Array) -> Array:
+    """Returns the gap, below 0, where the body flows, and 0 elsewhere."""
+    limit = law.bounds[1] * (1 - 8 * jnp.finfo(pressure.dtype).eps)  # known to rounding
+    return jnp.where(pressure < limit, 0, gap)
 
 
 @shown(units=False)
@@ -195,7 +201,7 @@ def power(t, n: int):
 
 
 def repulsive_bracket(v, pressure, range):
-    """Bounds of t in p t⁻⁹ - εt = v, within a factor of 2: those of v = 0, v << 0, v >> 0."""
+    """Bounds of t in p t⁻⁹ - εt = v, within a factor of 2, from v = 0, v << 0, v >> 0."""
     rest = (pressure / range) ** 0.1  # t at v = 0
     pressed = v > 0
     force = jnp.where(pressed, v, 0)  # each branch must be finite where the other one holds
@@ -209,7 +215,7 @@ def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
     """The pressure y = f at the gap u = `unit` t with y - v = u, t in [low, high].
 
     Newton's method from `low`, bisecting where it would leave the bracket, except in the last two
-    steps. Derivatives of every order are those of the root.
+    steps. Derivatives of every order belong to the root.
     """
 
     def newton(t):

@@ -20,7 +20,7 @@ from ..fields.devices import num_devices, required
 from .adjoint import attach_gradient
 from .estimates import assess, contact_state, penalty_at
 from .inputs import as_start, check_heights, check_kernel, loading_on
-from .law import AbstractLaw, HardWall, check_one_law, never_overlaps
+from .law import AbstractLaw, HardWall, check_one_law, depth_of_flow, never_overlaps
 from .operators.operator import nonzero
 from .operators.window import Window, operator_of
 from .solution import RESULTS, ContactSolution, if_known
@@ -238,8 +238,8 @@ def _solution(
         mean_gap = mean_gap + jax.lax.stop_gradient(jnp.maximum(-mean_gap, 0))
     heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
-    flown = jnp.where(pressure < inputs.law.bounds[1], 0, gap)  # below 0, by its depth
-    # Errors have no derivative: that of a norm may be 0/0.
+    flown = depth_of_flow(inputs.law, pressure, gap)
+    # Errors have no derivative: a norm's may be 0/0.
     gap_error = gap_error / nonzero(jnp.std(jax.lax.stop_gradient(heights)))
     result = _how_it_ended(inputs, finds_unstable, found, reached, gap_error)
     solution = ContactSolution(

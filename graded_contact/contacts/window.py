@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core.compilation import compiled
-from .law import Windowed
+from .law import Windowed, depth_of_flow
 from .operators.window import with_ground
 from .solution import ContactSolution
 from .solver.abstract_solver import Inputs, Loading
@@ -15,7 +15,7 @@ from .solver.abstract_solver import Inputs, Loading
 def on_whole(inputs: Inputs, start: Array | None) -> tuple[Inputs, Array | None]:
     """Returns the inputs of the contact on the cell of a window, and its start.
 
-    The gap of the loading is that of the undeformed block.
+    The gap of the loading belongs to the undeformed block.
     """
     operator, heights, law, loading = inputs
     if loading.gap is None:  # the mean over the cell, of which the window is a part
@@ -31,7 +31,7 @@ def on_part(found: ContactSolution, inputs: Inputs) -> ContactSolution:
     """Returns the contact on a window, and its means there, from the contact on the cell."""
     fields = found.pressure, found.gap, found.displacement, found.correction
     pressure, gap, moved, correction = map(inputs.operator.on_surface, fields)
-    opened = jnp.where(pressure < inputs.law.bounds[1], gap, 0)  # 0 where the body flows
+    opened = gap - depth_of_flow(inputs.law, pressure, gap)
     moved = moved - jnp.mean(moved)  # of zero mean on the window
     return dataclasses.replace(
         found, pressure=pressure, gap=gap, displacement=moved, correction=correction,

@@ -1,6 +1,6 @@
 """How well a series is known: covariance of its unknowns, errors, report (NumPy).
 
-The covariance is that of a Gauss-Newton fit, C = H⁻¹ (Σ_ij g_i w_i V_ij w_j g_jᵀ) H⁻¹ with
+A Gauss-Newton fit has the covariance C = H⁻¹ (Σ_ij g_i w_i V_ij w_j g_jᵀ) H⁻¹ with
 H = Σ_i w_i g_i g_iᵀ and g = ∂ ln m/∂θ. V is the covariance of the errors. Each channel has its own
 size of errors σ, and its own correlation of neighbours ρ: errors at a distance of k points have the
 correlation ρ^k.

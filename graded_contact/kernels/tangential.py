@@ -5,7 +5,7 @@ pressure moves it along e by M_ez = -M_ze. With c11, c12 and c_T of `compliance`
 
     M_ze = i c12 a,      M_ee = c11 a² + c_T (1 - a²).
 
-M_ze is odd in q: on Nyquist lines both are 0. The parts are evaluated at every wave, also those of
+M_ze is odd in q: on Nyquist lines both are 0. The parts are evaluated at every wave, also for
 graded layers on large grids.
 """
 

@@ -210,7 +210,7 @@ def mean_field_of(case: Case, spectrum: Spectrum, **options: Any) -> MeanField:
 
 
 def _checked(field: FieldInputs, acting) -> FieldInputs:
-    """What a mean field is integrated from; `acting` are shear, temperature and heat."""
+    """The inputs of a mean field, checked; `acting` are shear, temperature and heat."""
     shear, temperature, heating = acting
     stack, pressure = field.stack, field.pressure
     if field.counterface is not None:
@@ -278,7 +278,7 @@ def _rules(field, correction, num_wavenumbers, num_angles) -> Rules:
 
 
 def _by_quadrature(rules: Rules, given, heating: Heating | None):
-    """What `_integrated` returns, and the temperatures of the scales."""
+    """The results of `_integrated`, and the temperatures of the scales."""
     field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
     # The longest wave at the last angle has the lowest frequency.

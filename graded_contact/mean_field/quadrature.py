@@ -43,7 +43,7 @@ from .roughness import joined_edges, root_density, root_narrowing, turn_of
 
 
 class FieldInputs(eqx.Module):
-    """What a mean field is integrated from.
+    """The inputs of a mean field.
 
     Block, spectra of the track and of the block itself, pressure, velocity, the strain amplitude
     per slope or None, and the counterface or None.
@@ -183,7 +183,7 @@ def _share(part, friction):
 
 
 def _error(ends, product):
-    """The largest relative error of friction and area; `product` is that of rounding's size."""
+    """The largest relative error of friction and area; `product` has the size of rounding."""
     result, fewer_angles, fewer_wavenumbers = ends
 
     def change(other):

@@ -7,7 +7,7 @@ Viscoelasticity, Academic Press 1982), so that a Poisson's ratio which varies wi
 more complex modulus. (The paper's p₀ formulas differ there; `docs/theory/response.md` shows why
 they violate equilibrium.)
 
-Axes of C are those of the package: x and y in the surface, z into the solid. Tractions and
+C has the axes of the package: x and y in the surface, z into the solid. Tractions and
 displacements are both counted along these axes. The traction is the force per area that acts on the
 solid, so that its z component is the pressure in compression, and u = C t:
 

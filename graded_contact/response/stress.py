@@ -1,6 +1,6 @@
 """Displacement and stress inside a stack under a wave of surface traction.
 
-Axes, signs and the traction are those of `compliance`: z and displacement into the solid, fields
+Axes, signs and the traction are as in `compliance`: z and displacement into the solid, fields
 exp(i(q·x + ωt)), the traction acting on the solid at its surface. Stress is positive in tension,
 so that under a pressure p the surface has σ_zz = -p, and under a traction T it has σ_iz = -T_i.
 
@@ -110,14 +110,14 @@ def stress_field(
     - `pressure`: on the surface [Pa], positive in compression, shape of the grid.
     - `depth`: z [m], one number.
     - `velocity`: of the pressure over the block [m/s], as in `stack_kernel`.
-    - `traction`: tangential force per area that acts on the block's surface [Pa], such as that of
+    - `traction`: tangential force per area that acts on the block's surface [Pa], such as
       friction along the velocity: of the shape of the grid (along x), or with a last axis `(x, y)`.
       None for no traction.
     - `side`: as in `interior_fields`.
 
     **Returns:** real fields, shape `(*grid.shape, 3)` and `(*grid.shape, 3, 3)`. The mean pressure
     compresses the block without lateral strain, σ_xx = σ_yy = ν/(1-ν) σ_zz at ω = 0; the mean
-    displacement, which belongs to the mean gap, is left out, and so is that of the mean traction.
+    displacement, under the mean pressure or traction, belongs to the mean gap and is left out.
     Nyquist lines are treated as in `stack_kernel`, with which the surface's displacement agrees.
     """
     waves = stress_waves(stack, grid, pressure, traction, depth, velocity, side)

@@ -261,7 +261,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         own = {"seed": 1, **tables["block_surface"]}  # another surface with the same spectrum
         block_surface, more = surface_of(builder, "block_surface", own, first.grid)
         if more:
-            raise ValueError("[block_surface] `seeds` must be 1: those of [surface] may vary.")
+            raise ValueError("[block_surface] `seeds` must be 1: only [surface] may have several.")
     bodies = TwoBodies(
         body_of(builder, "", tables, graded_solver),
         body_of(builder, "counterface.", tables.get("counterface"), graded_solver),

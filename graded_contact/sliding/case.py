@@ -91,7 +91,7 @@ class Case(eqx.Module):
     - `pressure` [Pa], `mean_gap` [m] or `approach` [m]: what is prescribed.
     - `law`: of contact.
     - `shear`: law of the shear stress in the contact, or None.
-    - `temperature`: of the contact [K], with `heating` that of the bulk; or None.
+    - `temperature`: of the contact [K], with `heating` of the bulk; or None.
     - `heating`: how the heat of friction flows, or None; of a cycle it is the mean heat.
     - `strain_per_slope`: strain amplitude of each wave over the rms slope [1], or None.
     - `counterface`: the body that carries the surface and moves with it, or None if it is rigid.
@@ -165,7 +165,7 @@ class Case(eqx.Module):
     def _check_block_surface(self, own: Surface) -> None:
         if self.heating is not None:
             raise ValueError(
-                "`heating` is refused with a `block_surface`: the heat of a cycle is that of "
+                "`heating` is refused with a `block_surface`: the heat of a cycle is found in "
                 "steady sliding, which two rough surfaces do not have."
             )
         for surface in (own, self.surface):

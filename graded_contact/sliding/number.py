@@ -51,7 +51,7 @@ class Observable(property):
 
     **Arguments:**
 
-    - `formula`: of a result; its docstring is that of the attribute.
+    - `formula`: of a result; the attribute has its docstring.
     - `meaning`, `unit`: see `Quantity`.
     - `needs`: only contacts with these `facts` print and store it.
     - `warns`: limit above which there is a warning, or None.

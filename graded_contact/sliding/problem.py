@@ -1,6 +1,6 @@
 """The problem of a contact under sliding on one grid: both bodies as an operator, surface, law.
 
-A `SteadyProblem` is solved once, a `CycleProblem` at all times of a period together, and that of
+A `SteadyProblem` is solved once, a `CycleProblem` at all times of a period together, the problem in
 `transient_problem.py` step by step. The first two give the contact at a load, by `contact`; on
 another grid of the cell, by `on`, they have the waves of block and traction that both resolve.
 """
@@ -41,8 +41,8 @@ class AbstractProblem(eqx.Module):
 
     - `heights`: h of the surface [m].
     - `grid`, `law`: of the surface and of the contact.
-    - `shear`: shear stress [Pa] as a function of the pressure, or None; in a motion its speed is
-      that of each time.
+    - `shear`: shear stress [Pa] as a function of the pressure, or None; in a motion each
+      time has its speed.
     - `block_heights`: of the block's own surface [m], out of the block, or None.
     - `coupling`: how the traction moves the surface of the block, or None.
     - `counterface`: how the counterface deforms, or None if it is rigid.

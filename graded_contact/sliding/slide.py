@@ -58,7 +58,7 @@ def slide(
     - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
       temperature), such as `Coulomb`, `ConstantShear` or `PeakedShear`; None for hysteresis alone.
       The traction of a law that is `coupled` moves the surface of the block and so changes the
-      pressure; that of others does not, which is exact for ν = 1/2 on a half space. On a window
+      pressure; other laws leave it, which is exact for ν = 1/2 on a half space. On a window
       only `Coulomb` can be coupled.
     - `temperature`: of the contact [K], for a law of shear that varies with it; with `heating` the
       bulk temperature, to which the block is brought, see `Stack.at`.
@@ -71,8 +71,8 @@ def slide(
       inwards; None for a rigid one. The waves of the pressure rest on it: it has its relaxed moduli
       and loses nothing. It keeps its temperature: pass `counterface.at(...)`; with `heating` it has
       the bulk temperature and is heated, too. If the block is rough and the counterface is smooth,
-      exchange them: `stack` is then the smooth body, `counterface` the rough one, and the velocity
-      that of the rough body over the smooth one.
+      exchange them: `stack` is then the smooth body, `counterface` the rough one, and `velocity`
+      the rough body's over the smooth one.
     - `law`: of contact.
     - `start`: a pressure field [Pa] to start from, see `solve_contact`.
     - `numerics`: `rtol`, `derivative_rtol`, `solver` and `throw`, see `Numerics`.
@@ -136,7 +136,7 @@ def slide_cycle(
     - `counterface`: as in `slide`. Where the pressure under the surface varies, the counterface has
       its moduli at the frequencies of the period, and loses power, `counterface_power`.
     - `block_surface`: the heights of the block itself, which rest on it; heights count out of the
-      block, so that those of both surfaces add up. At s = 0 the points of the two grids coincide.
+      block, so that both heights add up. At s = 0 the points of the two grids coincide.
     - `start`, `numerics`: as in `slide`.
 
     **Returns:** friction and areas over time, works, errors and the contact, see `CyclicSliding`.

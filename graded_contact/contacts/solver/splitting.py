@@ -4,7 +4,7 @@ Douglas-Rachford splitting, with Anderson's acceleration. One real field z = σ 
 pressure σ and gap u at once. One step costs one FFT pair:
 
     x  = (I + ρM)⁻¹ (z + ρh)      in Fourier space; the mean of x is set to the load,
-                                  or that of the gap (z - x)/ρ to the prescribed gap
+                                  or of the gap (z - x)/ρ to the prescribed gap
     y  = proximal map of the law at v = 2x - z
     z⁺ = z + 2α (y - x)
 
@@ -16,7 +16,7 @@ do not have it.
 
 P. L. Lions & B. Mercier, SIAM J. Numer. Anal. 16 (1979) 964, doi:10.1137/0716071.
 
-The unit of length is that of pressure over ρ. On large grids a draft in single precision, which
+The unit of length is the unit of pressure over ρ. On large grids a draft in single precision, which
 moves half as many bytes, computes the first digits. There the filter is computed from the kernel at
 each step and not stored.
 """
@@ -57,7 +57,7 @@ class Splitting(eqx.Module):
 
     - `solid`: gives x.
     - `shift`: part of x from heights and prescribed mean; if the mean is free, of x - z.
-    - `proximal`: that of the law, a pytree.
+    - `proximal`: map of the law, a pytree.
     - `rtol`: relative error of the pressure at which the iteration ends.
     - `share`: of points under load [1], or None for the participation of the current pressure.
     - `least`: residuals that rounding alone causes, at which a draft ends; else None.
@@ -101,7 +101,7 @@ class Splitting(eqx.Module):
         """Returns the estimated relative error of the pressure x, and whether rounding hides it.
 
         The iteration stops where the error is at most `rtol`, or hidden. `first` and `last` are two
-        steps from z; `stiffness` is that of each wave.
+        steps from z; each wave has its `stiffness`.
         """
         between, (image, after, x, y) = first.z, last
         # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).

@@ -111,7 +111,7 @@ def _conduction(
     grid: Grid, velocity, stack: Stack | None, conductivity, diffusivity, heat, bottoms, depths
 ):
     """The admittance of a body, the flux into it at a cold surface, and what gives the spectra of
-    the temperature at `depths` from that of the surface.
+    the temperature at `depths` from the temperature of the surface.
 
     `heat` has the spectra of slices that end at `bottoms`; there is none below.
     """

@@ -1,8 +1,8 @@
 """The heat of friction in the block and in the contact.
 
 In a Prony solid branch k is a spring E_k and a dashpot. Under steady sliding its stress is, for
-each wave, that of the solid times g_k(ω) = [E_k iωτ_k/(1 + iωτ_k)]/E(ω), since all branches have
-the same Poisson's ratio ν. Its dashpot turns
+each wave, the solid's times g_k(ω) = [E_k iωτ_k/(1 + iωτ_k)]/E(ω), since all branches have one
+Poisson's ratio ν. Its dashpot turns
 
     W_k = [(1 + ν) s:s - ν (tr s)²]/(τ_k E_k) >= 0   [W/m³],      s = stress of branch k,
 
@@ -94,7 +94,7 @@ def heat_source(sliding: Sliding, depths, needed) -> Array:
 
     def if_needed(place):
         needed, depth = place
-        # A derivative computes the stresses again rather than store those of all depths.
+        # A derivative computes the stresses again rather than store all depths.
         return jax.lax.cond(needed, jax.checkpoint(at), lambda _: none, depth)
 
     return jax.lax.map(if_needed, (needed, depths))
@@ -108,6 +108,7 @@ def shear_traction(sliding: Sliding) -> Array | None:
     return stress * direction[0] if len(direction) == 1 else stress[..., None] * direction
 
 
+@compiled
 def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
     """Returns the heat of shear in the contact [W/m²]; its mean is the power of the shear."""
     if sliding.shear is None:
@@ -118,7 +119,7 @@ def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
 
 
 def _series_at(stack: Stack, depth):
-    """E_eq, E_k, those of the loss [Pa], τ_k [s] and ν at a depth, with equally many branches."""
+    """E_eq, E_k, E_k of the loss [Pa], τ_k [s] and ν at a depth, with equally many branches."""
     tops = jnp.append(0.0, interface_depths(stack)).astype(depth.dtype)
     materials = materials_of(stack)
     rows, order = by_kind(_series, materials)

@@ -57,7 +57,7 @@ def contact_stress(
 ) -> ContactStress:
     """Returns the stress in a body under the pressure and the traction of a contact.
 
-    The traction is that of the law of `shear`, coupled or not. Differentiable in the contact, with
+    The traction follows the law of `shear`, coupled or not. Differentiable in the contact, with
     the body that it keeps, and in `depths`.
 
     **Arguments:**
@@ -65,8 +65,8 @@ def contact_stress(
     - `sliding`: a result of `slide` on a periodic surface.
     - `depths`: z [m], shape `(depths,)`; 0 is the surface. See `interface_depths`.
     - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump.
-    - `body`: "block" or "counterface". The z axis is into the body: that of the counterface is
-      opposite.
+    - `body`: "block" or "counterface". The z axis is into the body, opposite for the
+      counterface.
 
     **Returns:** stresses, see `ContactStress`.
 

@@ -135,8 +135,9 @@ def recorded(
 ) -> Motion:
     """Returns a measured motion, from a table that is interpolated linearly.
 
-    With a period it has equally spaced times, without the frequencies that these alias: those above
-    that of `num_times` are cut, and with them most of the noise. The table must end where it began.
+    With a period it has equally spaced times, without the frequencies that these alias: all
+    above the highest that `num_times` resolve are cut, and with them most of the noise. The table
+    must end where it began.
 
     Without a period the motion is transient and need not close. Each interval of the table is cut
     into equal steps, in which the surface moves by at most half a spacing.
@@ -182,7 +183,7 @@ def recorded(
 @compiled
 def _resampled(times, table, period, count: int) -> Float[Array, "nt ..."]:
     """A table of displacements at equally spaced times."""
-    # Finer times first: those of the result would alias what lies between them.
+    # Finer times first: the few of the result would alias what lies between them.
     fine = times[0] + period * _times(_FINE * count, table)
     # Its first row, a period later, closes the table.
     ends = jnp.append(times, times[0] + period)

@@ -18,7 +18,7 @@ class HeatedContact(eqx.Module):
     - `error`: change of the temperatures in the last step over the largest rise [1].
     - `friction_error`, `area_error`: estimated errors of friction and contact area [1], by `error`
       and by the finite number of cells.
-    - `counterface_rises`: the rises of the counterface as those of the block, or None if it is
+    - `counterface_rises`: the rises of the counterface in the same form, or None if it is
       rigid.
     """
 

@@ -7,7 +7,7 @@ at once (`contacts/operators/space_time.py`), without steps in time.
 Per cycle and area, friction does the work ∮ τ·v dt, with the traction τ = -⟨σ ∇w⟩ that opposes the
 motion, and the load does the work ∮ ⟨σ ∂w/∂t⟩ dt, at a fixed point of the surface. The block turns
 their sum to heat: T Σ -ω Im M |σ_qω|². Shear in the contact acts along the motion at each time; the
-coupling of its traction is that of `isothermal.py`.
+traction is coupled as in `isothermal.py`.
 """
 
 import jax.numpy as jnp

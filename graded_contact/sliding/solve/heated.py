@@ -8,8 +8,8 @@ deforms. The fixed point is found in steps of a contact and its temperatures
 materials can have, then by Anderson's acceleration. The derivative is implicit.
 
 With `slide_cycle(..., heating=...)` one temperature of each depth holds for the whole cycle. It is
-that of steady sliding at the mean speed and the mean load of the cycle, times the mean power of the
-cycle over the power of that sliding. The power is that of all forces, friction and load: what the
+found in steady sliding at the mean speed and the mean load of the cycle, times the mean power of
+the cycle over the power of this sliding. The power is of all forces, friction and load: what the
 block loses and what heats the interface. What the counterface loses is made at its surface,
 distributed as the pressure, which overestimates its effect. This is a mean: at the highest speed
 the contact is warmer, and at a turn it cools. And each pass is to meet rubber that has cooled since
@@ -186,17 +186,25 @@ def _of_mean(case: Case, cycle: CyclicSliding) -> tuple[Case, Array]:
 
     The velocity is along the fastest part of the path, if the path is not straight.
     """
+    mean, power = _mean_of(cycle)
+    steady = dataclasses.replace(
+        case, displacement=None, period=None, velocity=mean.reshape(cycle.displacement.shape[1:]),
+        pressure=cycle.contact.mean_pressure, mean_gap=None,
+    )  # fmt: skip
+    return steady, power
+
+
+@derivative_apart
+@compiled
+def _mean_of(cycle: CyclicSliding) -> tuple[Array, Array]:
+    """The velocity of a cycle whose speed is the mean one, and its mean power."""
     velocity = refined(cycle.motion_of_surface[0])
     speed = lengths(velocity)
     # There and back it is as fast: the first of them, which rounding must not choose.
     top = jnp.argmax(speed >= (1 - 1e-9) * jnp.max(speed))
     mean = jnp.mean(speed) * velocity[top] / speed[top]
-    steady = dataclasses.replace(
-        case, displacement=None, period=None, velocity=mean.reshape(cycle.displacement.shape[1:]),
-        pressure=cycle.contact.mean_pressure, mean_gap=None,
-    )  # fmt: skip
     # With coupling some of the work of shear is lost in the block: it counts once.
-    return steady, cycle.dissipated_power + interface_power(cycle)
+    return mean, cycle.dissipated_power + interface_power(cycle)
 
 
 def _errors(s: Sliding | CyclicSliding, closer: Sliding | CyclicSliding):

@@ -8,7 +8,7 @@ d is the displacement that is no part of the kernel, else 0: M_ze τ under a tra
 what the counterface lacks of its relaxed displacement (`bodies.py`). It lags: it is that under the
 pressure before. Anderson's acceleration ends the loop, and the derivative is implicit. In a cycle
 the traction has the direction in which the surface moves at each time. While the surface rests
-there is none: the law is that of gross sliding.
+there is none: the law is for gross sliding.
 """
 
 import dataclasses
@@ -32,7 +32,7 @@ from ..result import CyclicSliding, Sliding, result_of
 from .cycle import cycle_problem
 from .steady import steady_problem
 
-_LOOSER = 10  # tolerance of the traction over that of the pressure, whose noise it has
+_LOOSER = 10  # tolerance of the traction over the pressure's, whose noise it has
 
 
 def solve_isothermal(

@@ -111,8 +111,8 @@ def on_grid(
     )  # fmt: skip
     if path is not None or len(chosen) < len(found.times):
         problem = _with_creeps(problem)
-    solver = DouglasRachford(newton=is_concrete(problem.given))
-    how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
+    # Newton steps, which take long to compile, are not needed: each step starts close to its end.
+    how = Numerics(rtol=NEIGHBOURS_RTOL, solver=DouglasRachford(newton=False), throw=False)
     kept = found.kept_steps if len(chosen) == len(found.times) else (len(chosen) - 1,)
     return dataclasses.replace(found, **solved(problem, how, kept))
 

@@ -1,6 +1,6 @@
 """The steps of a transient solve one after the other, in segments of about √n.
 
-A derivative is that of the contact of each step. It keeps the contacts, and computes the memory
+A derivative differentiates the contact of each step. It keeps the contacts, and computes the memory
 once more from the first step of each segment on.
 """
 

@@ -50,7 +50,7 @@ from .waves import TransientWaves
 class Past(NamedTuple):
     """The past of a force on a body, from step to step.
 
-    The memory of the nodes, real and imaginary parts for those of the waves; the waves of the
+    The memory of the nodes, real and imaginary parts as of the waves; the waves of the
     force (of a traction times i) at the end of the step and before it, and of the displacement.
     """
 
@@ -64,7 +64,7 @@ class TransientState(NamedTuple):
     """The state of a transient solve, from step to step.
 
     The past of each force; the pressure, and how fast it rises; the share of contact at each point;
-    the traction of slopes, and that of shear at the speed of the next step; works; the kept fields;
+    the traction of slopes, and of shear at the speed of the next step; works; the kept fields;
     the first failure.
     """
 
@@ -223,9 +223,9 @@ class Advance(eqx.Module):
     def _forces(self, state: TransientState, given: StepInputs) -> tuple[list[Any], list[Array]]:
         """Each force over the pressure, and half spectra of those that do not follow its step.
 
-        First pressures, then tractions; that on a counterface is opposite. Coulomb's is in
-        proportion to the pressure. Others lag: they are those of the contact before at the speed of
-        the step.
+        First pressures, then tractions, opposite on a counterface. Coulomb's traction is in
+        proportion to the pressure. Other laws lag: their traction belongs to the contact before, at
+        the speed of the step.
         """
         bodies, count = len(self.problem.creeps), len(state.pasts)
         factors: list[Any] = [1.0] * bodies
