@@ -90,7 +90,7 @@ def interior_fields(
     if traction.shape[-1:] != (3,):
         raise ValueError(f"`traction` has shape {traction.shape}; its last axis must be (x, y, z).")
     check_values("traction", traction, "a traction [Pa] must be finite")
-    depth = checked_depth(stack, depth)
+    depth = checked_depth("depth", stack, depth)
     return _interior_fields(stack, qx, qy, omega, traction, depth, side)
 
 
@@ -134,9 +134,9 @@ def von_mises(stress: Float[Array, "*w 3 3"]) -> Float[Array, "*w"]:
     return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared)))
 
 
-def checked_depth(stack: Stack, depth: Array) -> Array:
+def checked_depth(name: str, stack: Stack, depth: Array) -> Array:
     """Returns `depth`, refused above the surface and below the bottom."""
-    check_values("depth", depth, "a depth [m] is zero (the surface) or positive", at_least=0)
+    check_values(name, depth, "a depth [m] is zero (the surface) or positive", at_least=0)
     if isinstance(stack.base, HalfSpace):
         return depth
     bottom = interface_depths(stack)[-1]
@@ -144,10 +144,10 @@ def checked_depth(stack: Stack, depth: Array) -> Array:
     bottom = bottom * (1 + 16 * jnp.finfo(depth.dtype).eps)
     if is_concrete(bottom):
         allowed = f"the block ends at {float(bottom):g} m, below which there is nothing"
-        check_values("depth", depth, allowed, at_most=float(bottom))
+        check_values(name, depth, allowed, at_most=float(bottom))
         if is_concrete(depth):
             return depth
-    return eqx.error_if(depth, depth > bottom, "A `depth` lies below the bottom of the block.")
+    return eqx.error_if(depth, depth > bottom, f"`{name}` lies below the bottom of the block.")
 
 
 def _fields(stack, qx, qy, omega, traction, depth, side):
