@@ -118,7 +118,7 @@ def creep_of(
     """
     check_profiles(stack, -1j * jnp.ones(1, ends.dtype))
     _check_analytic(stack, steps)
-    tolerance = graded_tolerance(stack, None, ends)
+    tolerance = graded_tolerance(stack, ends)
     return _creep(stack, ends, steps, tolerance, coupled, node_count(steps))
 
 

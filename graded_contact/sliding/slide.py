@@ -75,7 +75,7 @@ def slide(
       the rough body's over the smooth one.
     - `law`: of contact.
     - `start`: a pressure field [Pa] to start from, see `solve_contact`.
-    - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
+    - `numerics`: `rtol`, `derivative_rtol`, `solver` and `throw`, see `Numerics`.
 
     With `throw=False`, `.result` also reports a graded layer whose kernel misses its tolerance; all
     numbers are then NaN.
@@ -198,7 +198,7 @@ def slide_transient(
       the speed of this step.
     - `counterface`, `block_surface`: as in `slide_cycle`; the counterface has its memory, too.
     - `fields_at`: numbers of the steps whose fields are kept, at least one; -1 is the last.
-    - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
+    - `numerics`: `rtol`, `derivative_rtol`, `solver` and `throw`, see `Numerics`.
 
     **Returns:** friction, areas and works over time, errors, and fields, see `TransientSliding`.
 
