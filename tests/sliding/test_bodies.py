@@ -206,9 +206,8 @@ def test_a_sphere_on_two_bodies_is_that_of_hertz():
     first, second = (1.0, 0.3), (3.0, 0.45)
     both = 1 / (1 / reduced(*first) + 1 / reduced(*second))
     load = 4 / 3 * both * radius**3
-    found = slide(
-        elastic(*first), elastic(*second), surface=sphere, velocity=0.0, pressure=load, rtol=1e-6
-    )
+    how = dict(counterface=elastic(*second), velocity=1.0, pressure=load, rtol=1e-6)
+    found = gc.slide(elastic(*first), sphere, **how)
     contact_radius, peak = hertz_sphere(load, 1.0, both)[:2]
     np.testing.assert_allclose(contact_radius, radius)
     np.testing.assert_allclose(jnp.max(found.pressure), peak, rtol=5e-3)
