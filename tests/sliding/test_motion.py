@@ -4,16 +4,9 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.sliding import sinusoidal, slide_cycle, start_stop
+from graded_contact.sliding import sinusoidal, start_stop
 
 GRID = gc.Grid((32,), 1.0)
-WAVES = gc.Surface(0.02 * np.cos(2 * np.pi * np.arange(32) / 32), GRID)
-RUBBER = gc.Stack(base=gc.HalfSpace(gc.Prony(1.0, [3.0], [0.01], 0.3)))
-
-
-def cycle(displacement, surface=WAVES, **options):
-    job = {"pressure": 0.05, "period": 1.0, "rtol": 1e-5} | options
-    return slide_cycle(RUBBER, surface, displacement=displacement, **job)
 
 
 def is_fast(count):
