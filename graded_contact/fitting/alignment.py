@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from ..core.compilation import compiled
-from .lengths import SEARCH, Length, best_of_length, choose, criterion, non_negative
+from .terms import SEARCH, Length, best_of_length, choose, criterion, non_negative
 from .observations import Observations, Unknowns
 from .series import SeriesProblem, problem_of
 from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, law_shifts, log_shifts
@@ -38,7 +38,6 @@ def first_shifts(series: SeriesProblem, isotherms: Isotherms) -> list[np.ndarray
     by_spectra = _nearest_law(isotherms, fitted, np.ones(len(fitted)))
     return [
         _unknowns(isotherms, law, _summed_steps(isotherms, steps)),
-        _unknowns(isotherms, law, law_shifts(isotherms, law)),
         _unknowns(isotherms, by_spectra, _summed_steps(isotherms, fitted)),
     ]
 
@@ -106,7 +105,7 @@ def _by_spectra(series, isotherms):
         for distance in DISTANCES:
             shifts = distance * (np.arange(count) == colder)
             pair = np.isin(series.group, (colder, colder + 1))
-            part = _restricted(series.shifted(shifts, np.zeros(count)), pair)
+            part = series.shifted(shifts, np.zeros(count)).part(pair)
             log_times = part.time_grid(4)
             strengths = non_negative(part, log_times)
             model = part.known + strengths @ part.columns(log_times)
@@ -114,13 +113,6 @@ def _by_spectra(series, isotherms):
             costs.append(part.weights @ relative**2)
         steps.append(DISTANCES[np.argmin(costs)])
     return np.array(steps)
-
-
-def _restricted(series, points):
-    """The problem of some of the points, given as a mask."""
-    rows = np.tile(points, len(series.weights) // len(series.x))
-    parts = {name: getattr(series, name)[rows] for name in ("log_values", "weights", "known")}
-    return dataclasses.replace(series, x=series.x[points], static=series.static[:, rows], **parts)
 
 
 # Shifts and series ------------------------------------------------------------------------------

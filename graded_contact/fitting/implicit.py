@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_type
 from ..core.compilation import compiled, one_thread_of_lapack
-from .lengths import Length
+from .terms import Length
 from .observations import Loss, Observations, Unknowns, concrete
 from .series import SeriesProblem, problem_of
 

@@ -29,7 +29,7 @@ from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
 from .alignment import at_reference, shifts_and_series
 from .implicit import optimum
-from .lengths import check_terms, criterion
+from .terms import check_terms, criterion
 from .observations import Isotherm, Loss, joined_curves
 from .prony import AbstractFit, PronyFit, deviation
 from .quality import report_of

@@ -135,6 +135,12 @@ class SeriesProblem:
         """Returns the problem of a single isotherm that remains once the shifts are known."""
         return self.shifted(*log_shifts(self.isotherms, theta)) if self.isotherms else self
 
+    def part(self, points: np.ndarray) -> "SeriesProblem":
+        """Returns the problem of some of the points, given as a mask."""
+        rows = np.tile(points, len(self.weights) // len(self.x))
+        lines = {name: getattr(self, name)[rows] for name in ("log_values", "weights", "known")}
+        return dataclasses.replace(self, x=self.x[points], static=self.static[:, rows], **lines)
+
     def shifted(self, along: Any, across: Any) -> "SeriesProblem":
         """Returns the problem with ln a and ln b of the isotherms given."""
         along = self._at_rows(along)[: len(self.x)]
@@ -223,15 +229,13 @@ class SeriesProblem:
         """Returns the minimum reached from `theta`; `choices` as in `least_squares`."""
         root, tied = np.sqrt(self.weights), np.sqrt(self.penalty(theta))
 
-        def expand(theta):
-            residual, jacobian = self.derivatives(theta)
-            jacobian *= root
-            if not self.isotherms:
-                return root * residual, jacobian
-            rows = np.append(root * residual, tied * theta)
-            return rows, np.concatenate([jacobian, np.diag(tied)], axis=1)
+        def residual(theta):
+            return np.append(root * self.softened(self.misfit(theta)), tied * theta)
 
-        theta, cost = least_squares(expand, theta, *self.bounds(theta), **choices)
+        def jacobian(theta):
+            return np.concatenate([root * self.derivatives(theta)[1], np.diag(tied)], axis=1).T
+
+        theta, cost = least_squares(residual, jacobian, theta, *self.bounds(theta), **choices)
         s, log_times, _ = self.split(theta)
         order = np.argsort(-log_times)
         return np.concatenate([s[order], log_times[order], theta[2 * len(s) :]]), cost
