@@ -5,7 +5,6 @@ is taken. From a single start one of many isotherms ends decades off now and the
 apart from its neighbours costs nothing, because branches of its own explain it. The starts are
 
 - the shifts where neighbours, as measured, overlap with the least difference,
-- the law that is nearest to the shifts of neighbours that overlap,
 - the shifts where one spectrum fits both neighbours, which knows more where curves do not overlap.
 """
 
@@ -17,10 +16,10 @@ import numpy as np
 import scipy
 
 from ..core.compilation import compiled
-from .terms import SEARCH, Length, best_of_length, choose, criterion, non_negative
 from .observations import Observations, Unknowns
 from .series import SeriesProblem, problem_of
 from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, law_shifts, log_shifts
+from .terms import WALK, Length, best_of_length, choose, criterion, non_negative
 
 OVERLAPS = LN10 * np.arange(-1.0, 8.0, 0.05)  # trial distances of neighbours in ln a
 DISTANCES = LN10 * np.arange(-0.5, 6.0, 0.25)  # the same by spectra, each of which is a fit
@@ -31,7 +30,7 @@ SETTLED = 0.7  # times the error before: the number of terms then shows
 
 
 def first_shifts(series: SeriesProblem, isotherms: Isotherms) -> list[np.ndarray]:
-    """Returns three sets of unknowns of the shifts."""
+    """Returns two sets of unknowns of the shifts."""
     steps, paired = _by_overlap(series, isotherms)
     law = _nearest_law(isotherms, steps, np.where(paired, 1, UNSEEN))
     fitted = _by_spectra(series, isotherms)
@@ -146,7 +145,7 @@ def _end(data, shifts):
     # The residuals' variance is known only once the shifts are: the law holds less and less.
     for _ in range(3):
         series = _expecting(data, series.noise(unknowns))
-        unknowns, cost = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
+        unknowns, cost = series.minimise(unknowns, rtol=WALK, max_steps=150)
     return criterion(series, len(unknowns), cost), unknowns
 
 

@@ -1,6 +1,6 @@
 """Minimum of a sum of squares of a few dozen unknowns between bounds.
 
-    SciPy's trust region -> Newton's steps, for the last digits
+SciPy's trust region -> Newton's steps, for the last digits
 """
 
 from collections.abc import Callable
@@ -10,7 +10,7 @@ import scipy
 
 AT_BOUND = 1e-6  # distance to a bound, which the trust region only approaches
 DIFFERENCE = 1e-5  # of an unknown, for differences of the gradient
-NEWTON_STEPS = 4
+LONGEST_STEP = 0.1  # of Newton; each further one is at most a tenth as long
 SINGULAR = 1e-13  # eigenvalue of a Hessian scaled to a unit diagonal, below which rounding decides
 Function = Callable[[np.ndarray], np.ndarray]
 Fitted = tuple[np.ndarray, float]  # the unknowns of a minimum, and half the sum of squares
@@ -72,9 +72,11 @@ def _last_digits(residual, jacobian, point, lower, upper):
     stiffness, directions = np.linalg.eigh(scaled)
     along = directions[:, stiffness > SINGULAR] * scale[:, None]
     inverse = along / stiffness[stiffness > SINGULAR] @ along.T
-    change = np.zeros(len(moves))
-    for _ in range(NEWTON_STEPS):
-        change = change - inverse @ gradient(change)
-    moved = point.copy()
-    moved[free] += change
+    moved, longest = point.copy(), LONGEST_STEP
+    while np.any(free):
+        step = inverse @ (residual(moved) @ jacobian(moved)[:, free])
+        if not np.max(np.abs(step)) < longest:
+            break
+        moved[free] -= step
+        longest = np.max(np.abs(step)) / 10
     return moved if np.all((moved >= lower) & (moved <= upper)) else point

@@ -166,10 +166,9 @@ class SeriesProblem:
         return self.xp.concatenate([self.branches(log_times), self.static])
 
     def model(self, theta: Any) -> Any:
-        """Returns m at every row, at the shifts in `theta` if there are isotherms."""
+        """Returns m at every row; the shifts in `theta` do not count."""
         s, log_times, c = self.split(theta)
-        parts = self.xp.exp(s) @ self.at(theta).branches(log_times)
-        return self._sum(parts, self.xp.exp(c))
+        return self._sum(self.xp.exp(s) @ self.branches(log_times), self.xp.exp(c))
 
     def _sum(self, branches, static):
         """m, above zero also where every decay has underflowed."""
@@ -182,7 +181,8 @@ class SeriesProblem:
 
     def misfit(self, theta: Any) -> Any:
         """Returns the residual at θ, the shifts in it included."""
-        return self.at(theta).residual(self.model(theta))
+        here = self.at(theta)
+        return here.residual(here.model(theta[: len(theta) - self.num_shifts]))
 
     def softened(self, residual: Any) -> Any:
         """Returns g(r) whose square is SciPy's `soft_l1` of the residual r, or r itself."""

@@ -27,6 +27,7 @@ WALK = 1e-4  # of each length along a walk: its neighbours follow
 MOST_POINTS_SEARCHED = 500  # that a search goes through
 TIMES_PER_DECADE = 10
 ROUNDS = 3  # of a branch more and one fewer, to a given length
+NO_GAIN = 1.001  # of the cost, up to which a series is as good as a longer one
 LEAST_GAIN = 1e-3  # of such a round, to go on
 REWEIGHTED = 3  # times, so that bad values do not lead the start
 RESOLUTION = 1e-6  # of measured values, relative
@@ -71,16 +72,16 @@ def check_terms(data: Observations, terms: int | None) -> None:
 def choose(series: SeriesProblem, terms: int | None) -> tuple[np.ndarray, tuple[Length, ...]]:
     """Returns the unknowns of `terms` branches, or of the least criterion and all lengths tried."""
     few, path = thinned(series), []
-    theta = _dense_start(few)
     if terms is None:
-        fitted = _walk_down(few, theta)
+        fitted = _walk_down(few, _dense_start(few))
         for theta, _ in fitted:
             bic = criterion(series, len(theta), series.total_cost(theta))
             path.append(Length(series.terms(theta), series.rms(theta), bic))
         theta = fitted[np.argmin([length.bic for length in path])][0]
+        theta = _exchanged(few, theta)
     else:
-        theta = _of_length(few, theta, terms)
-    return series.minimise(_exchanged(few, theta), rtol=0)[0], tuple(path)
+        theta = best_of_length(few, terms)
+    return series.minimise(theta, rtol=0)[0], tuple(path)
 
 
 def criterion(series: SeriesProblem, unknowns: int, cost: float) -> float:
@@ -99,7 +100,12 @@ def criterion(series: SeriesProblem, unknowns: int, cost: float) -> float:
 def best_of_length(series: SeriesProblem, terms: int) -> np.ndarray:
     """Returns the best series found of exactly `terms` branches."""
     few = thinned(series)
-    return _exchanged(few, _of_length(few, _dense_start(few), terms))
+    theta = _dense_start(few)
+    while few.terms(theta) > terms:
+        theta = _one_fewer(few, theta)[0]
+    while few.terms(theta) < terms:
+        theta = _with_branch(few, theta)
+    return _exchanged(few, theta, _spaced_start(few, terms))
 
 
 def _walk_down(few, theta) -> list[Fitted]:
@@ -109,23 +115,17 @@ def _walk_down(few, theta) -> list[Fitted]:
     least = int(np.any(static[few.measured] <= 0))
     while few.terms(theta := fitted[-1][0]) > least:
         tried = [few.minimise(start, rtol=WALK) for start in _one_fewer(few, theta)]
-        fitted.append(min(tried, key=lambda fit: fit[1]))
+        shorter = min(tried, key=lambda fit: fit[1])
+        if len(fitted) == 1 and shorter[1] < NO_GAIN * fitted[0][1]:
+            fitted.clear()  # no data show the longest series
+        fitted.append(shorter)
     return fitted[::-1]
 
 
-def _of_length(few, theta, terms):
-    """A series of `terms` branches from another one, before any fit."""
-    while few.terms(theta) > terms:
-        theta = _one_fewer(few, theta)[0]
-    while few.terms(theta) < terms:
-        theta = _with_branch(few, theta)
-    return theta
-
-
-def _exchanged(few, theta):
+def _exchanged(few, *starts):
     """The best series after a branch more and one fewer, as long as that lowers the error."""
-    best = few.minimise(theta, rtol=SEARCH)
-    for _ in range(ROUNDS if few.terms(theta) else 0):
+    best = min((few.minimise(start, rtol=SEARCH) for start in starts), key=lambda fit: fit[1])
+    for _ in range(ROUNDS if few.terms(best[0]) else 0):
         longer, _ = few.minimise(_with_branch(few, best[0]), rtol=SEARCH)
         tried = [few.minimise(start, rtol=SEARCH) for start in _one_fewer(few, longer)]
         before, best = best[1], min([best, *tried], key=lambda fit: fit[1])
@@ -138,6 +138,15 @@ def thinned(series: SeriesProblem) -> SeriesProblem:
     """Returns the problem of at most so many points, evenly chosen: a search costs no more."""
     rank = np.argsort(np.argsort(series.x))
     return series.part(rank % int(np.ceil(len(rank) / MOST_POINTS_SEARCHED)) == 0)
+
+
+def _spaced_start(series, terms):
+    """Times evenly spaced in their logarithm over the data."""
+    shortest, longest = series.time_limits()
+    log_times = shortest + (longest - shortest) * (np.arange(terms) + 0.5) / max(terms, 1)
+    faint = np.exp(series.faintest()) * 1e3
+    strengths = np.log(np.maximum(non_negative(series, log_times), faint))
+    return np.concatenate([strengths[:terms], log_times, strengths[terms:]])
 
 
 def _dense_start(series):
